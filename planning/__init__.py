@@ -1,0 +1,1 @@
+"""Planners that turn beliefs into velocity commands; knows nothing of physics."""

@@ -1,0 +1,132 @@
+"""Scenarios: the one tree of settings, read strictly from TOML and validated once."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta, Struct, field
+
+Positive = Annotated[float, Meta(gt=0)]
+NonNegative = Annotated[float, Meta(ge=0)]
+PositiveInt = Annotated[int, Meta(ge=1)]
+Probability = Annotated[float, Meta(ge=0, le=1)]
+Point = tuple[float, float]
+
+
+class Area(Struct, frozen=True, forbid_unknown_fields=True):
+    """The rectangle of the mission, centred on the origin."""
+
+    width: Positive = 150.0  # m, east-west
+    height: Positive = 100.0  # m, north-south
+
+
+class Trees(Struct, frozen=True, forbid_unknown_fields=True):
+    """A Poisson forest ([Li22] IV-A)."""
+
+    density: NonNegative = 45.0  # expected number of trees in the area, the paper's lambda
+    canopy_radius: Positive = 5.0  # m, the paper's R
+    canopy_base: Positive = 3.0  # m above ground
+    canopy_top: Positive = 6.0  # m above ground
+    trunk_radius: Positive = 0.2  # m
+
+
+# Waypoints [m] of the default four: they come in from the west, cross near the centre, bend, and part.
+DEFAULT_PATHS: tuple[tuple[Point, ...], ...] = (
+    ((-30.0, -18.0), (-8.0, -4.0), (10.0, 9.0), (38.0, 12.0), (65.0, 14.0)),
+    ((-30.0, -6.0), (-8.0, -9.0), (12.0, -6.0), (36.0, 2.0), (65.0, 4.0)),
+    ((-30.0, 6.0), (-10.0, 6.0), (10.0, -2.0), (32.0, -12.0), (60.0, -20.0)),
+    ((-28.0, 18.0), (-6.0, 13.0), (14.0, 10.0), (30.0, 20.0), (55.0, 28.0)),
+)
+
+
+class People(Struct, frozen=True, forbid_unknown_fields=True):
+    """Walking people: Levy walkers along waypoints (or wandering), or recorded trajectories."""
+
+    count: Annotated[int, Meta(ge=0)] = 4
+    paths: tuple[tuple[Point, ...], ...] = DEFAULT_PATHS  # waypoints of the first people; others wander
+    min_speed: Positive = 1.0  # m/s
+    max_speed: Positive = 3.0  # m/s
+    levy_exponent: Annotated[float, Meta(gt=1, le=3)] = 2.0  # density of step lengths ~ length^-exponent
+    trajectories: str = ""  # CSV file `t,id,x,y` that replaces the walkers
+
+
+class Uav(Struct, frozen=True, forbid_unknown_fields=True):
+    """One quadrotor and its camera."""
+
+    start: Point  # m
+    footprint: Positive = 20.0  # edge of the square field of view on the ground, m; gives the altitude
+    alpha: Positive = 0.1  # sensing quality of [Li22] eq. (4)
+    fov_deg: Annotated[float, Meta(gt=0, lt=180)] = 60.0  # full angle
+    pixels: Annotated[int, Meta(ge=16, le=4096)] = 128
+    max_speed: Positive = 5.0  # m/s
+    mount: Literal["gimbal", "body"] = "gimbal"
+
+    @property
+    def altitude(self) -> float:
+        """Height of the camera above ground at which the footprint has its edge [m]."""
+        return self.footprint / (2 * math.tan(math.radians(self.fov_deg) / 2))
+
+
+DEFAULT_FLEET = (
+    Uav(start=(-28.0, -14.0), footprint=20.0, alpha=0.10),
+    Uav(start=(-28.0, 0.0), footprint=25.0, alpha=0.15),
+    Uav(start=(-28.0, 14.0), footprint=22.0, alpha=0.12),
+)
+
+
+class Rates(Struct, frozen=True, forbid_unknown_fields=True):
+    """How often things happen [Hz]; each divides the one before."""
+
+    physics: PositiveInt = 240
+    sensing: PositiveInt = 5
+    planning: PositiveInt = 1
+
+
+class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
+    """From world to measurements."""
+
+    mode: Literal["camera", "ideal"] = "camera"
+    noise: Literal["range_bearing", "camera"] = "range_bearing"
+    occlusion: Literal["line_of_sight", "disc"] = "line_of_sight"  # what tracker and planner assume
+
+
+class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
+    """Parameters of the trackers."""
+
+    sigma_a: Positive = 0.5  # m/s², of the NCV model
+    initial_tracks: Literal["known", "none"] = "known"
+    detection_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.99  # of a person in plain view
+    clutter_density: Positive = 1e-4  # false alarms per m²
+    gate_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.99
+    confirm: tuple[PositiveInt, PositiveInt] = (2, 3)  # m of n scans
+    delete: tuple[PositiveInt, PositiveInt] = (5, 5)  # m of n scans in which the person should have been seen
+
+
+class Network(Struct, frozen=True, forbid_unknown_fields=True):
+    """Who talks to whom, and how often per scan."""
+
+    rounds: Annotated[int, Meta(ge=0)] = 5
+    range: Positive = 1000.0  # m
+
+
+class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
+    """A whole mission, planner and seed aside."""
+
+    version: Literal[1] = 1
+    duration: Positive = 40.0  # s
+    dynamics: Literal["quadrotor", "kinematic"] = "quadrotor"
+    area: Area = field(default_factory=Area)
+    trees: Trees = field(default_factory=Trees)
+    people: People = field(default_factory=People)
+    uavs: Annotated[tuple[Uav, ...], Meta(min_length=1)] = DEFAULT_FLEET
+    rates: Rates = field(default_factory=Rates)
+    sensing: Sensing = field(default_factory=Sensing)
+    tracking: Tracking = field(default_factory=Tracking)
+    network: Network = field(default_factory=Network)
+
+
+def resolved(scenario: Scenario) -> str:
+    """The scenario as JSON with every default written out."""
+    return msgspec.json.encode(scenario).decode()

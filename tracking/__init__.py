@@ -1,0 +1,1 @@
+"""Cameras, detection, multi-target tracking and consensus; knows nothing of physics or planning."""

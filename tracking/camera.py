@@ -1,0 +1,89 @@
+"""Pinhole camera: projection, rays, ground points and footprint."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracking.compiled import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Position and attitude in the world frame (east, north, up).
+
+    For a camera the body axes are: x to the image's right, y to its top, z backwards, away from the scene.
+    So the identity attitude is a nadir camera whose image has north at the top.
+    """
+
+    position: Array  # (3,) m
+    quaternion: Array  # (4,) xyzw, unit
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation matrix from body to world (3, 3)."""
+        x, y, z, w = self.quaternion
+        return np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+
+    @staticmethod
+    def level(x: float, y: float, z: float) -> Pose:
+        """A level pose: a nadir camera with north at the top."""
+        return Pose(np.array([x, y, z], dtype=float), np.array([0.0, 0.0, 0.0, 1.0]))
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A square pinhole image without distortion.
+
+    Pixel coordinates (u, v) run right and down from the top left corner; the centre of the first pixel is (0.5, 0.5).
+    """
+
+    fov: float  # full angle of view, rad
+    pixels: int  # along each edge
+
+    @property
+    def focal(self) -> float:
+        """Focal length [pixel]."""
+        return self.pixels / 2 / math.tan(self.fov / 2)
+
+    def project(self, pose: Pose, points: Array) -> tuple[Array, Array]:
+        """Pixels (N, 2) and depths along the optical axis (N,) m of world points (N, 3) m.
+
+        A point behind the camera has a depth <= 0 and no meaningful pixel.
+        """
+        body = (np.atleast_2d(points) - pose.position) @ pose.rotation
+        depth = -body[:, 2]
+        safe = np.where(depth > 0, depth, np.nan)
+        uv = self.pixels / 2 + self.focal * np.column_stack([body[:, 0], -body[:, 1]]) / safe[:, None]
+        return uv, depth
+
+    def sees(self, pose: Pose, points: Array) -> NDArray[np.bool_]:
+        """Whether world points (N, 3) m fall inside the image, occlusion aside (N,)."""
+        uv, depth = self.project(pose, points)
+        return (depth > 0) & np.all((uv >= 0) & (uv <= self.pixels), axis=1)
+
+    def rays(self, pose: Pose, uv: Array) -> Array:
+        """Directions in the world (N, 3), of unit depth along the optical axis, through pixels (N, 2)."""
+        offset = (np.atleast_2d(uv) - self.pixels / 2) / self.focal
+        body = np.column_stack([offset[:, 0], -offset[:, 1], -np.ones(len(offset))])
+        return body @ pose.rotation.T
+
+    def ground_points(self, pose: Pose, uv: Array, height: float = 0.0) -> Array:
+        """World points (N, 2) m where the pixels' rays meet the horizontal plane at `height` m."""
+        rays = self.rays(pose, uv)
+        scale = (height - pose.position[2]) / rays[:, 2]
+        return pose.position[:2] + scale[:, None] * rays[:, :2]
+
+    def footprint(self, pose: Pose, height: float = 0.0) -> Array:
+        """Corners (4, 2) m of the image on the horizontal plane at `height` m, anticlockwise."""
+        n = float(self.pixels)
+        return self.ground_points(pose, np.array([[0, n], [n, n], [n, 0], [0, 0]]), height)

@@ -1,0 +1,121 @@
+"""Occlusion by trees: exact line of sight, the paper's discs, and the probability of detection."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracking.camera import Camera, Pose
+from tracking.compiled import Array, compiled
+
+# Half of a walking person's 1.7 m: the point that stands for a person wherever one point must.
+TARGET_HEIGHT = 0.85
+
+Occlusion = Literal["line_of_sight", "disc"]
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A trunk from the ground to the canopy's base and a canopy, both vertical cylinders [m]."""
+
+    x: float
+    y: float
+    canopy_radius: float = 5.0
+    canopy_base: float = 3.0
+    canopy_top: float = 6.0
+    trunk_radius: float = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Forest:
+    """The known map of trees and how they hide what stands among them."""
+
+    trees: tuple[Tree, ...]
+    occlusion: Occlusion = "line_of_sight"
+
+    @cached_property
+    def cylinders(self) -> Array:
+        """All trunks and canopies (2 T, 5): x, y, radius, bottom, top [m]."""
+        rows = [(t.x, t.y, t.trunk_radius, 0.0, t.canopy_base) for t in self.trees]
+        rows += [(t.x, t.y, t.canopy_radius, t.canopy_base, t.canopy_top) for t in self.trees]
+        return np.array(rows, dtype=float).reshape(-1, 5)
+
+    @cached_property
+    def blockers(self) -> Array:
+        """What `blocked` takes (B, 5): the cylinders, or, for discs, a column over each canopy.
+
+        Note: [Li22] hides a target whenever it is inside a circle. Its disc is a column without trunk whose top and
+        bottom are at the target's height, where every line of sight ends.
+        """
+        if self.occlusion == "line_of_sight":
+            return self.cylinders
+        rows = [(t.x, t.y, t.canopy_radius, TARGET_HEIGHT, TARGET_HEIGHT) for t in self.trees]
+        return np.array(rows, dtype=float).reshape(-1, 5)
+
+    def visible(self, cameras: Array, points: Array) -> NDArray[np.bool_]:
+        """Whether each camera (C, 3) m has a free line to each point (N, 3) m, field of view aside (C, N)."""
+        return line_of_sight(np.atleast_2d(cameras), np.atleast_2d(points), self.blockers)
+
+
+@compiled
+def blocked(origin: Array, point: Array, cylinder: Array) -> bool:
+    """Whether the segment from origin (3,) to point (3,) touches the solid cylinder (5,)."""
+    dx, dy, dz = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
+    ox, oy = origin[0] - cylinder[0], origin[1] - cylinder[1]
+    start, end = 0.0, 1.0
+    if dz == 0.0:
+        if origin[2] < cylinder[3] or origin[2] > cylinder[4]:
+            return False
+    else:
+        a, b = (cylinder[3] - origin[2]) / dz, (cylinder[4] - origin[2]) / dz
+        start, end = max(start, min(a, b)), min(end, max(a, b))
+        if start > end:
+            return False
+    # Inside the infinite cylinder where |o + s d|² <= r²: nearest point of the remaining piece to the axis.
+    length = dx * dx + dy * dy
+    s = start if length == 0.0 else min(max(-(ox * dx + oy * dy) / length, start), end)
+    x, y = ox + s * dx, oy + s * dy
+    return x * x + y * y <= cylinder[2] * cylinder[2]
+
+
+@compiled
+def line_of_sight(origins: Array, points: Array, cylinders: Array) -> NDArray[np.bool_]:
+    """Whether the segments from origins (C, 3) to points (N, 3) miss all cylinders (B, 5); (C, N)."""
+    free = np.ones((len(origins), len(points)), dtype=np.bool_)
+    for i in range(len(origins)):
+        for j in range(len(points)):
+            for k in range(len(cylinders)):
+                if blocked(origins[i], points[j], cylinders[k]):
+                    free[i, j] = False
+                    break
+    return free
+
+
+# Gauss-Hermite rule of three points per axis: exact for polynomials up to degree five.
+_NODES = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)])
+_WEIGHTS = np.array([1 / 6, 2 / 3, 1 / 6])
+_OFFSETS = np.array([(a, b) for a in _NODES for b in _NODES])
+_OFFSET_WEIGHTS = np.array([a * b for a in _WEIGHTS for b in _WEIGHTS])
+
+
+def probability_of_detection(
+    camera: Camera, pose: Pose, means: Array, covariances: Array, forest: Forest
+) -> Array:
+    """Probability (N,) that people with Gaussian positions are inside the image and not hidden.
+
+    means (N, 2) m, covariances (N, 2, 2) m². The expectation over each belief is taken by a Gauss-Hermite rule of
+    3 x 3 points.
+    """
+    if len(means) == 0:
+        return np.zeros(0)
+    roots = np.linalg.cholesky(covariances)
+    points = means[:, None, :] + np.einsum("nij,kj->nki", roots, _OFFSETS)
+    flat = np.column_stack([points.reshape(-1, 2), np.full(points.shape[0] * points.shape[1], TARGET_HEIGHT)])
+    seen = camera.sees(pose, flat)
+    seen[seen] = forest.visible(pose.position, flat[seen])[0]
+    return np.asarray(seen.reshape(points.shape[:2]) @ _OFFSET_WEIGHTS)
