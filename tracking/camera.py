@@ -69,7 +69,8 @@ class Camera:
     def sees(self, pose: Pose, points: Array) -> NDArray[np.bool_]:
         """Whether world points (N, 3) m fall inside the image, occlusion aside (N,)."""
         uv, depth = self.project(pose, points)
-        return (depth > 0) & np.all((uv >= 0) & (uv <= self.pixels), axis=1)
+        inside = np.all((uv >= 0) & (uv <= self.pixels), axis=1)
+        return np.asarray((depth > 0) & inside)
 
     def rays(self, pose: Pose, uv: Array) -> Array:
         """Directions in the world (N, 3), of unit depth along the optical axis, through pixels (N, 2)."""
@@ -81,7 +82,7 @@ class Camera:
         """World points (N, 2) m where the pixels' rays meet the horizontal plane at `height` m."""
         rays = self.rays(pose, uv)
         scale = (height - pose.position[2]) / rays[:, 2]
-        return pose.position[:2] + scale[:, None] * rays[:, :2]
+        return np.asarray(pose.position[:2] + scale[:, None] * rays[:, :2])
 
     def footprint(self, pose: Pose, height: float = 0.0) -> Array:
         """Corners (4, 2) m of the image on the horizontal plane at `height` m, anticlockwise."""

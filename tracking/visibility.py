@@ -80,7 +80,7 @@ def blocked(origin: Array, point: Array, cylinder: Array) -> bool:
     length = dx * dx + dy * dy
     s = start if length == 0.0 else min(max(-(ox * dx + oy * dy) / length, start), end)
     x, y = ox + s * dx, oy + s * dy
-    return x * x + y * y <= cylinder[2] * cylinder[2]
+    return bool(x * x + y * y <= cylinder[2] * cylinder[2])
 
 
 @compiled
@@ -103,9 +103,7 @@ _OFFSETS = np.array([(a, b) for a in _NODES for b in _NODES])
 _OFFSET_WEIGHTS = np.array([a * b for a in _WEIGHTS for b in _WEIGHTS])
 
 
-def probability_of_detection(
-    camera: Camera, pose: Pose, means: Array, covariances: Array, forest: Forest
-) -> Array:
+def probability_of_detection(camera: Camera, pose: Pose, means: Array, covariances: Array, forest: Forest) -> Array:
     """Probability (N,) that people with Gaussian positions are inside the image and not hidden.
 
     means (N, 2) m, covariances (N, 2, 2) m². The expectation over each belief is taken by a Gauss-Hermite rule of

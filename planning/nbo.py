@@ -1,0 +1,110 @@
+"""The objective of nominal belief-state optimisation (NBO) and its terminal penalty (MWTP), compiled."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.belief import Outlook, adds_information, transition
+from tracking.compiled import Array, compiled
+
+
+def paths(outlook: Outlook, controls: Array) -> Array:
+    """Positions (n, H, 2) m that the fleet's controls (n, H, 2) m/s lead to ([Li22] eq. (5))."""
+    return outlook.positions[:, None, :2] + outlook.step * np.cumsum(controls, axis=1)
+
+
+def team_cost(outlook: Outlook, controls: Array, beta: float) -> float:
+    """Objective of one joint plan (n, H, 2) m/s: `costs` with a single candidate."""
+    return float(costs(outlook, controls, 0, controls[:1], beta)[0])
+
+
+def costs(outlook: Outlook, controls: Array, uav: int, candidates: Array, beta: float) -> Array:
+    """Objective (N,) m² of `candidates` (N, H, 2) m/s for one UAV while the others fly `controls` (n, H, 2).
+
+    Σ over steps and targets of tr P (position block), each P updated with the information of all UAVs that see
+    the nominal target ([Li22] eq. (13) with C̃ of eq. (7)), plus, for beta > 0, the MWTP of Algorithm 2.
+    Candidates of one UAV share what the others contribute, so that is computed once.
+    """
+    fleet = paths(outlook, controls)
+    own = outlook.positions[uav, :2] + outlook.step * np.cumsum(candidates, axis=1)
+    return _costs(outlook, fleet, uav, own, beta)
+
+
+@compiled
+def _costs(outlook: Outlook, fleet: Array, uav: int, own: Array, beta: float) -> Array:
+    steps, targets = outlook.nominal.shape[0], outlook.nominal.shape[1]
+    others = np.zeros((steps * targets, 3))
+    for i in range(len(fleet)):
+        if i != uav:
+            for cell in range(steps * targets):
+                adds_information(outlook, i, fleet[i, cell // targets], cell, others[cell])
+    result = np.zeros(len(own))
+    ends = np.empty((len(fleet), 2))
+    traces = np.empty(targets)
+    information = np.empty(3)
+    for c in range(len(own)):
+        for t in range(targets):
+            P = outlook.covariances[t].copy()
+            for step in range(steps):
+                cell = step * targets + t
+                information[:] = others[cell]
+                adds_information(outlook, uav, own[c, step], cell, information)
+                transition(P, outlook.step, outlook.noise, information)
+                result[c] += P[0, 0] + P[1, 1]
+            traces[t] = P[0, 0] + P[1, 1]
+        if beta > 0.0:
+            ends[:] = fleet[:, -1]
+            ends[uav] = own[c, -1]
+            result[c] += beta * weighted_trace_penalty(outlook.nominal[-1], traces, ends, outlook.reach)
+    return result
+
+
+@compiled
+def weighted_trace_penalty(targets: Array, traces: Array, sensors: Array, reach: Array) -> float:
+    """Multiple weighted trace penalty, [Li22] Algorithm 2 with β = 1 [m³].
+
+    targets (T, 2 or 3) m at the end of the horizon, traces (T,) m² of their position covariance, sensors (n, 2) m,
+    reach (n,) m: half edges of the square fields of view. `sensors` is overwritten with the positions p^MDO.
+
+    Note: T is the set outside all fields of view as geometry; a target in view but hidden is not in it, because
+    p^MDO, the least displacement after which the field of view covers the target, would be where the sensor is.
+    """
+    distance = np.zeros(len(sensors))  # D_i
+    penalty = 0.0
+    seen = _covered(targets, sensors, reach)
+    for t in np.argsort(-traces, kind="mergesort"):
+        if seen[t]:
+            continue
+        nearest, shortest = _nearest(targets[t], sensors, distance)
+        if distance[nearest] == 0.0:
+            penalty += shortest * traces[t]
+        distance[nearest] += shortest
+        for axis in range(2):
+            gap = targets[t, axis] - sensors[nearest, axis]
+            excess = abs(gap) - reach[nearest]
+            if excess > 0.0:
+                sensors[nearest, axis] += math.copysign(excess, gap)
+    return penalty
+
+
+@compiled
+def _covered(targets: Array, sensors: Array, reach: Array) -> NDArray[np.bool_]:
+    covered = np.zeros(len(targets), dtype=np.bool_)
+    for t in range(len(targets)):
+        for i in range(len(sensors)):
+            dx, dy = targets[t, 0] - sensors[i, 0], targets[t, 1] - sensors[i, 1]
+            covered[t] |= abs(dx) <= reach[i] and abs(dy) <= reach[i]
+    return covered
+
+
+@compiled
+def _nearest(target: Array, sensors: Array, distance: Array) -> tuple[int, float]:
+    best, shortest, total = 0, 0.0, np.inf
+    for i in range(len(sensors)):
+        d = math.hypot(target[0] - sensors[i, 0], target[1] - sensors[i, 1])
+        if distance[i] + d < total:
+            best, shortest, total = i, d, distance[i] + d
+    return best, shortest

@@ -1,0 +1,57 @@
+"""Planners by name, or by import string."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+from planning.planner import Planner
+
+
+@dataclass(frozen=True)
+class PlannerSpec:
+    """A planner as text that another process can rebuild."""
+
+    target: str  # "module:Class"
+    options: Mapping[str, Any] = field(default_factory=dict)
+    summary: str = ""
+
+
+PLANNERS = {
+    "sma-nbo-mwtp": PlannerSpec("planning.sma:SMA", {"cost_to_go": "mwtp"}, "SMA-NBO with the MWTP cost-to-go"),
+    "sma-nbo": PlannerSpec("planning.sma:SMA", {"cost_to_go": "none"}, "SMA-NBO, truncated at the horizon"),
+    "greedy": PlannerSpec("planning.baselines:Greedy", {}, "each UAV to the most uncertain track within 40 m"),
+    "hover": PlannerSpec("planning.baselines:Hover", {}, "no UAV moves"),
+}
+
+
+def load_planner(name: str) -> Planner:
+    """The planner called `name`, or anyone's as "package.module:Class"; ValueError says what is wrong."""
+    if name in PLANNERS:
+        spec = PLANNERS[name]
+    elif ":" in name:
+        spec = PlannerSpec(name)
+    else:
+        near = difflib.get_close_matches(name, PLANNERS, n=1, cutoff=0.3)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise ValueError(
+            f"planner: {name!r} is unknown; allowed are {', '.join(PLANNERS)}, or package.module:Class{hint}"
+        )
+    planner = _import(spec.target)(**spec.options)
+    if not callable(getattr(planner, "plan", None)):
+        raise ValueError(f"planner: {name!r} has no method plan(team, rng)")
+    return cast(Planner, planner)
+
+
+def _import(target: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
+    module, _, attribute = target.partition(":")
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ValueError(f"planner: {target!r} cannot be imported: {error}") from error
+    if not callable(found):
+        raise ValueError(f"planner: {target!r} is not a class")
+    return found
