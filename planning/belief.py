@@ -85,27 +85,25 @@ def _near(forest: Forest, nominal: Array, vehicles: Sequence[Vehicle]) -> tuple[
 
 
 @compiled
-def adds_information(outlook: Outlook, uav: int, position: Array, cell: int, information: Array) -> bool:
-    """Add R⁻¹ (3,): xx, xy, yy to `information` if the UAV at `position` (2,) m sees the nominal point `cell`.
+def add_information(outlook: Outlook, uav: int, camera: Array, cell: int, information: Array) -> None:
+    """Add R⁻¹ (3,): xx, xy, yy to `information` if the UAV with its camera at (3,) m sees the nominal point `cell`.
 
     `cell` counts (step, target) pairs. Visibility is that of the nominal point: all or nothing.
     """
     targets = outlook.nominal.shape[1]
     point = outlook.nominal[cell // targets, cell % targets]
-    dx, dy = point[0] - position[0], point[1] - position[1]
+    dx, dy = point[0] - camera[0], point[1] - camera[1]
     reach = outlook.reach[uav]
     if abs(dx) > reach or abs(dy) > reach:
-        return False
-    camera = np.array([position[0], position[1], outlook.positions[uav, 2]])
+        return
     for k in range(outlook.offsets[cell], outlook.offsets[cell + 1]):
         if blocked(camera, point, outlook.blockers[k]):
-            return False
+            return
     xx, xy, yy = ground_covariance(dx, dy, outlook.quality[uav])
     determinant = xx * yy - xy * xy
     information[0] += yy / determinant
     information[1] -= xy / determinant
     information[2] += xx / determinant
-    return True
 
 
 @compiled

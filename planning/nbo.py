@@ -7,13 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from planning.belief import Outlook, adds_information, transition
+from planning.belief import Outlook, add_information, transition
 from tracking.compiled import Array, compiled
-
-
-def paths(outlook: Outlook, controls: Array) -> Array:
-    """Positions (n, H, 2) m that the fleet's controls (n, H, 2) m/s lead to ([Li22] eq. (5))."""
-    return outlook.positions[:, None, :2] + outlook.step * np.cumsum(controls, axis=1)
 
 
 def team_cost(outlook: Outlook, controls: Array, beta: float) -> float:
@@ -28,9 +23,21 @@ def costs(outlook: Outlook, controls: Array, uav: int, candidates: Array, beta: 
     the nominal target ([Li22] eq. (13) with C̃ of eq. (7)), plus, for beta > 0, the MWTP of Algorithm 2.
     Candidates of one UAV share what the others contribute, so that is computed once.
     """
-    fleet = paths(outlook, controls)
-    own = outlook.positions[uav, :2] + outlook.step * np.cumsum(candidates, axis=1)
-    return _costs(outlook, fleet, uav, own, beta)
+    return _costs(
+        outlook,
+        _paths(outlook.positions, controls, outlook.step),
+        uav,
+        _paths(outlook.positions[uav : uav + 1], candidates, outlook.step),
+        beta,
+    )
+
+
+def _paths(positions: Array, controls: Array, step: float) -> Array:
+    """Where cameras (N, H, 3) m get by controls (N, H, 2) m/s from positions (N or 1, 3) m ([Li22] eq. (5))."""
+    path = np.empty((*controls.shape[:2], 3))
+    path[:, :, :2] = positions[:, None, :2] + step * np.cumsum(controls, axis=1)
+    path[:, :, 2] = positions[:, None, 2]
+    return path
 
 
 @compiled
@@ -40,24 +47,25 @@ def _costs(outlook: Outlook, fleet: Array, uav: int, own: Array, beta: float) ->
     for i in range(len(fleet)):
         if i != uav:
             for cell in range(steps * targets):
-                adds_information(outlook, i, fleet[i, cell // targets], cell, others[cell])
+                add_information(outlook, i, fleet[i, cell // targets], cell, others[cell])
     result = np.zeros(len(own))
     ends = np.empty((len(fleet), 2))
     traces = np.empty(targets)
     information = np.empty(3)
+    P = np.empty((4, 4))
     for c in range(len(own)):
         for t in range(targets):
-            P = outlook.covariances[t].copy()
+            P[:] = outlook.covariances[t]
             for step in range(steps):
                 cell = step * targets + t
                 information[:] = others[cell]
-                adds_information(outlook, uav, own[c, step], cell, information)
+                add_information(outlook, uav, own[c, step], cell, information)
                 transition(P, outlook.step, outlook.noise, information)
                 result[c] += P[0, 0] + P[1, 1]
             traces[t] = P[0, 0] + P[1, 1]
         if beta > 0.0:
-            ends[:] = fleet[:, -1]
-            ends[uav] = own[c, -1]
+            ends[:] = fleet[:, -1, :2]
+            ends[uav] = own[c, -1, :2]
             result[c] += beta * weighted_trace_penalty(outlook.nominal[-1], traces, ends, outlook.reach)
     return result
 

@@ -28,6 +28,9 @@ PLANNERS = {
 }
 
 
+DEFAULT_PLANNER = "sma-nbo-mwtp"
+
+
 def load_planner(name: str) -> Planner:
     """The planner called `name`, or anyone's as "package.module:Class"; ValueError says what is wrong."""
     if name in PLANNERS:
@@ -40,7 +43,10 @@ def load_planner(name: str) -> Planner:
         raise ValueError(
             f"planner: {name!r} is unknown; allowed are {', '.join(PLANNERS)}, or package.module:Class{hint}"
         )
-    planner = _import(spec.target)(**spec.options)
+    try:
+        planner = _import(spec.target)(**spec.options)
+    except TypeError as error:
+        raise ValueError(f"planner: {name!r} cannot be made: {error}") from error
     if not callable(getattr(planner, "plan", None)):
         raise ValueError(f"planner: {name!r} has no method plan(team, rng)")
     return cast(Planner, planner)

@@ -13,7 +13,7 @@ import numpy as np
 from planning.belief import Outlook, outlook
 from planning.intent import policy_of_intent
 from planning.nbo import costs
-from planning.optimizers import CrossEntropy
+from planning.optimizers import CrossEntropy, limited
 from planning.planner import Plan, Situation
 from tracking.compiled import Array
 
@@ -46,22 +46,27 @@ class SMA:
         uav = fleet.index(situation.own)
         beta = self.beta if self.cost_to_go == "mwtp" else 0.0
         objective = partial(costs, view, controls, uav, beta=beta)
-        starts = np.concatenate([controls[uav : uav + 1], pursuits(view, uav)])
-        return Plan(self.optimizer.minimise(objective, starts, situation.own.max_speed, rng))
+        speed = situation.own.max_speed
+        starts = np.concatenate([controls[uav : uav + 1], pursuits(view, uav, speed)])
+        return Plan(self.optimizer.minimise(objective, starts, speed, rng))
 
 
 NEAREST = 6  # targets that a UAV considers pursuing
+# Where to keep a pursued target in the field of view, in half edges: the middle, and eight places near the rim, because
+# from aside a UAV sees under a canopy that hides the target from above.
+OFFSETS = 0.85 * np.array([(x, y) for x in (0, -1, 1) for y in (0, -1, 1)])
 
 
-def pursuits(view: Outlook, uav: int) -> Array:
-    """Plans (S, H, 2) m/s, not speed limited, that hover or chase one near target or the middle of two."""
+def pursuits(view: Outlook, uav: int, max_speed: float) -> Array:
+    """Plans (S, H, 2) m/s that hover, or chase one near target or the middle of two at full speed."""
     position, nominal = view.positions[uav, :2], view.nominal[:, :, :2]
     near = np.argsort(np.linalg.norm(nominal[0] - position, axis=1), kind="stable")[:NEAREST]
-    goals = [nominal[:, t] for t in near] + [(nominal[:, a] + nominal[:, b]) / 2 for a, b in combinations(near, 2)]
-    starts = [np.zeros((len(nominal), 2))]
-    for goal in goals:
-        # An equal share of the way each step, and the goal's own motion once above it.
-        ahead = view.step * np.arange(1, len(nominal) + 1)[:, None]
-        starts.append(np.concatenate([(goal[:1] - position) / view.step, np.diff(goal, axis=0) / view.step]))
-        starts.append((goal - position) / ahead)
-    return np.array(starts)
+    goals = [nominal[:, t] + view.reach[uav] * offset for t in near for offset in OFFSETS]
+    goals += [(nominal[:, a] + nominal[:, b]) / 2 for a, b in combinations(near, 2)]
+    goals.append(np.tile(position, (len(nominal), 1)))
+    reached = np.tile(position, (len(goals), 1))
+    plans = np.empty((len(goals), len(nominal), 2))
+    for step, goal in enumerate(np.stack(goals, axis=1)):
+        plans[:, step] = limited((goal - reached) / view.step, max_speed)
+        reached = reached + view.step * plans[:, step]
+    return plans

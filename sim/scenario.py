@@ -31,6 +31,12 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     canopy_top: Positive = 6.0  # m above ground
     trunk_radius: Positive = 0.2  # m
 
+    def __post_init__(self) -> None:
+        if self.canopy_base >= self.canopy_top:
+            raise ValueError(f"canopy_base {self.canopy_base:g} must be below canopy_top {self.canopy_top:g}")
+        if self.trunk_radius > self.canopy_radius:
+            raise ValueError(f"trunk_radius {self.trunk_radius:g} must not exceed canopy_radius {self.canopy_radius:g}")
+
 
 # Waypoints [m] of the default four: they come in from the west, cross near the centre, bend, and part.
 DEFAULT_PATHS: tuple[tuple[Point, ...], ...] = (
@@ -50,6 +56,10 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
     max_speed: Positive = 3.0  # m/s
     levy_exponent: Annotated[float, Meta(gt=1, le=3)] = 2.0  # density of step lengths ~ length^-exponent
     trajectories: str = ""  # CSV file `t,id,x,y` that replaces the walkers
+
+    def __post_init__(self) -> None:
+        if self.min_speed >= self.max_speed:
+            raise ValueError(f"min_speed {self.min_speed:g} must be below max_speed {self.max_speed:g}")
 
 
 class Uav(Struct, frozen=True, forbid_unknown_fields=True):
@@ -83,6 +93,12 @@ class Rates(Struct, frozen=True, forbid_unknown_fields=True):
     sensing: PositiveInt = 5
     planning: PositiveInt = 1
 
+    def __post_init__(self) -> None:
+        if self.physics % self.sensing:
+            raise ValueError(f"physics {self.physics} Hz is no multiple of sensing {self.sensing} Hz")
+        if self.sensing % self.planning:
+            raise ValueError(f"sensing {self.sensing} Hz is no multiple of planning {self.planning} Hz")
+
 
 class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     """From world to measurements."""
@@ -98,10 +114,15 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     sigma_a: Positive = 0.5  # m/s², of the NCV model
     initial_tracks: Literal["known", "none"] = "known"
     detection_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.99  # of a person in plain view
-    clutter_density: Positive = 1e-4  # false alarms per m²
-    gate_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.99
+    clutter_density: Positive = 1e-6  # false alarms per m²
+    gate_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.9999
     confirm: tuple[PositiveInt, PositiveInt] = (2, 3)  # m of n scans
     delete: tuple[PositiveInt, PositiveInt] = (5, 5)  # m of n scans in which the person should have been seen
+
+    def __post_init__(self) -> None:
+        for name, (m, n) in (("confirm", self.confirm), ("delete", self.delete)):
+            if m > n:
+                raise ValueError(f"{name} {m} of {n} can never happen")
 
 
 class Network(Struct, frozen=True, forbid_unknown_fields=True):
@@ -125,6 +146,21 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     sensing: Sensing = field(default_factory=Sensing)
     tracking: Tracking = field(default_factory=Tracking)
     network: Network = field(default_factory=Network)
+
+    def __post_init__(self) -> None:
+        for i, uav in enumerate(self.uavs):
+            if uav.altitude <= self.trees.canopy_top:
+                raise ValueError(
+                    f"uavs.{i}: footprint {uav.footprint:g} m means an altitude of {uav.altitude:.1f} m, "
+                    f"not above trees.canopy_top {self.trees.canopy_top:g} m"
+                )
+            if abs(uav.start[0]) > self.area.width / 2 or abs(uav.start[1]) > self.area.height / 2:
+                raise ValueError(f"uavs.{i}.start: {list(uav.start)} lies outside the area")
+
+    @property
+    def scan_times(self) -> list[float]:
+        """Instants at which the cameras look, the first at zero [s]."""
+        return [k / self.rates.sensing for k in range(int(self.duration * self.rates.sensing + 1e-9) + 1)]
 
 
 def resolved(scenario: Scenario) -> str:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import predict
+from filterpy.kalman import update as filterpy_update
 
 from tracking.compiled import Array
 
@@ -30,14 +31,14 @@ class NearlyConstantVelocity:
     sigma_a: float  # standard deviation of the acceleration, m/s²
 
     @cached_property
-    def F(self) -> Array:  # noqa: N802 - the paper's symbol
+    def F(self) -> Array:
         """State transition (4, 4)."""
         F = np.eye(4)
         F[0, 2] = F[1, 3] = self.dt
         return F
 
     @cached_property
-    def Q(self) -> Array:  # noqa: N802 - the paper's symbol
+    def Q(self) -> Array:
         """Process noise (4, 4)."""
         Q = Q_discrete_white_noise(2, self.dt, self.sigma_a**2, block_size=2, order_by_dim=False)
         return np.asarray(Q, dtype=float)
@@ -45,3 +46,42 @@ class NearlyConstantVelocity:
     def predict(self, belief: Gaussian) -> Gaussian:
         """The belief one step later, without a measurement."""
         return Gaussian(*predict(belief.mean, belief.covariance, self.F, self.Q))
+
+    def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
+        """`predict` for a stack of beliefs: means (T, 4), covariances (T, 4, 4), at the cost of one."""
+        return means @ self.F.T, symmetric(self.F @ covariances @ self.F.T + self.Q)
+
+
+def innovation(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
+    """Residual of a ground measurement and its covariance.
+
+    z (2,) m, R (2, 2) m². Returns ν (2,) and S = H P Hᵀ + R (2, 2).
+    """
+    return Gaussian(z - H @ predicted.mean, H @ predicted.covariance @ H.T + R)
+
+
+def update(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
+    """The belief after a ground measurement z (2,) m with covariance R (2, 2) m², in Joseph's form."""
+    mean, covariance = filterpy_update(predicted.mean, predicted.covariance, z, R, H)
+    return Gaussian(mean, symmetric(covariance))
+
+
+def information_form(means: Array, covariances: Array) -> tuple[Array, Array]:
+    """Information vectors q = Ω ξ (..., 4) and matrices Ω = P⁻¹ (..., 4, 4) of a stack of beliefs."""
+    omega = _inverse(covariances)
+    return (omega @ means[..., None])[..., 0], omega
+
+
+def moment_form(q: Array, omega: Array) -> tuple[Array, Array]:
+    """Means ξ (..., 4) and covariances P (..., 4, 4) of a stack of beliefs in information form."""
+    covariances = _inverse(omega)
+    return (covariances @ q[..., None])[..., 0], covariances
+
+
+def symmetric(matrices: Array) -> Array:
+    """Matrices (..., n, n) without the asymmetry that rounding left in them."""
+    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+
+def _inverse(matrices: Array) -> Array:
+    return symmetric(np.asarray(np.linalg.inv(matrices), dtype=float))

@@ -1,0 +1,70 @@
+"""Between a planner that may fail and UAVs that must fly: checks plans, flies intents instead of faults."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planning.planner import Plan, Planner, Situation
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something a planner did wrong, and to whose harm."""
+
+    time: float  # s
+    uav: int | None  # None: the whole team
+    message: str
+
+
+def decide(
+    planner: Planner, team: Sequence[Situation], last: Mapping[int, Plan], rng: np.random.Generator
+) -> tuple[list[Plan], list[Fault]]:
+    """One valid plan per situation, whatever the planner does.
+
+    A UAV without a valid plan flies on with the rest of its `last` plan, then hovers. Commands beyond the speed limit
+    are shortened to it, and that is a fault too.
+    """
+    time = team[0].time
+    try:
+        proposed = list(planner.plan(team, rng))
+        if len(proposed) != len(team):
+            raise ValueError(f"{len(proposed)} plans for {len(team)} UAVs")
+    except Exception as error:  # a stranger's code may raise anything
+        fault = Fault(time, None, f"{type(error).__name__}: {error}")
+        return [_shifted(last.get(s.own.id)) for s in team], [fault]
+    plans, faults = [], []
+    for situation, plan in zip(team, proposed, strict=True):
+        own = situation.own
+        problem = _problem(plan)
+        if problem:
+            plans.append(_shifted(last.get(own.id)))
+        else:
+            controls = np.array(plan.controls, dtype=float)
+            speed = np.linalg.norm(controls, axis=1, keepdims=True)
+            if np.any(speed > own.max_speed * (1 + 1e-6)):
+                problem = f"speed {speed.max():.3g} m/s exceeds {own.max_speed:g} m/s; clipped"
+            plans.append(Plan(controls * np.minimum(1.0, own.max_speed / np.maximum(speed, 1e-12))))
+        if problem:
+            faults.append(Fault(time, own.id, problem))
+    return plans, faults
+
+
+def _problem(plan: object) -> str:
+    """What is wrong with a plan, or nothing."""
+    try:
+        controls = np.asarray(getattr(plan, "controls", None), dtype=float)
+    except (TypeError, ValueError):
+        return "controls are not numbers"
+    if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
+        return f"controls of shape {controls.shape}, not (H, 2)"
+    if not np.all(np.isfinite(controls)):
+        return "controls are not finite"
+    return ""
+
+
+def _shifted(plan: Plan | None) -> Plan:
+    rest = np.zeros((0, 2)) if plan is None else plan.controls[1:]
+    return Plan(rest if len(rest) else np.zeros((1, 2)))

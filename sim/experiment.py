@@ -1,0 +1,72 @@
+"""Missions side by side: planners on the same forests, people and seeds, on any executor."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.mission import Mission, Trial
+from sim.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a trial came to."""
+
+    planner: str
+    seed: int
+    mean_m: float  # OSPA over all pairs of scan and UAV
+    median_m: float
+    share_under_1m: float
+    planning_s: float  # wall time of all decisions
+    faults: int
+
+
+def fly(trial: Trial) -> Outcome:
+    """Fly one trial, keeping nothing but its outcome."""
+    mission = Mission.of(trial)
+    distance = np.array([snapshot.ospa[:, 0] for snapshot in mission.fly()])
+    return Outcome(
+        planner=trial.planner,
+        seed=trial.seed,
+        mean_m=float(distance.mean()),
+        median_m=float(np.median(distance)),
+        share_under_1m=float(np.mean(distance < 1.0)),
+        planning_s=mission.clock.seconds["planning"],
+        faults=len(mission.faults),
+    )
+
+
+def compare(
+    scenario: Scenario,
+    planners: Sequence[str],
+    seeds: Sequence[int],
+    *,
+    workers: int = 1,
+    progress: Callable[[Outcome], None] = lambda outcome: None,
+) -> list[Outcome]:
+    """Outcomes of every planner on every seed, planner by planner, flown by `workers` processes."""
+    trials = [Trial(scenario, planner, seed) for planner in planners for seed in seeds]
+    # One BLAS thread per worker: the variables are read when a worker imports NumPy.
+    os.environ.update({"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"})
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as executor:
+        return fly_all(trials, executor, progress)
+
+
+def fly_all(
+    trials: Sequence[Trial], executor: Executor, progress: Callable[[Outcome], None] = lambda outcome: None
+) -> list[Outcome]:
+    """Outcomes in the order of the trials; `progress` hears of each as it comes."""
+    futures = [executor.submit(fly, trial) for trial in trials]
+    try:
+        for future in as_completed(futures):
+            progress(future.result())
+    finally:
+        for future in futures:
+            future.cancel()
+    return [future.result() for future in futures]

@@ -1,0 +1,88 @@
+"""Where map and camera tiles stand in a video frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+GAP = 10
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle of pixels."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+    @property
+    def area(self) -> int:
+        """Number of pixels."""
+        return self.width * self.height
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """Index of the rectangle in an image."""
+        return slice(self.y, self.y + self.height), slice(self.x, self.x + self.width)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The map and one square tile per camera."""
+
+    map: Box
+    tiles: tuple[Box, ...]
+
+    @property
+    def merit(self) -> float:
+        """Large when both the map and the tiles are, the map first."""
+        return float(self.map.area * sum(tile.area for tile in self.tiles) ** 0.75)
+
+
+def arrange(panel: Box, aspect: float, tiles: int) -> Layout:
+    """The arrangement of a map (width over height `aspect`) and square tiles that shows both large.
+
+    Tiles stand in columns right of the map or in rows below it; whichever is better, right if equal.
+    """
+    if tiles == 0:
+        return Layout(_fitted(panel, aspect), ())
+    options = [
+        _beside(panel, aspect, (tiles, lines, side), below)
+        for below in (False, True)
+        for lines in range(1, tiles + 1)
+        for side in range(40, (panel.width if below else panel.height) + 1, 4)
+        if _fits(panel, (tiles, lines, side), below)
+    ]
+    return max(options, key=lambda option: option.merit)
+
+
+def _fits(panel: Box, grid: tuple[int, int, int], below: bool) -> bool:
+    """Whether the tiles fit along their lines, and leave the map a third of the panel or more across them."""
+    tiles, lines, side = grid
+    along, across = (panel.width, panel.height) if below else (panel.height, panel.width)
+    per_line = math.ceil(tiles / lines)
+    return per_line * (side + GAP) - GAP <= along and lines * (side + GAP) <= across * 2 / 3
+
+
+def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) -> Layout:
+    tiles, lines, side = grid
+    per_line, pitch = math.ceil(tiles / lines), side + GAP
+    taken = lines * pitch
+    if below:
+        room = Box(panel.x, panel.y, panel.width, panel.height - taken)
+        left, top = panel.x + (panel.width - per_line * pitch + GAP) // 2, panel.y + room.height + GAP
+    else:
+        room = Box(panel.x, panel.y, panel.width - taken, panel.height)
+        left, top = panel.x + room.width + GAP, panel.y + (panel.height - per_line * pitch + GAP) // 2
+    cells = [divmod(i, per_line if below else lines) for i in range(tiles)]
+    boxes = tuple(Box(left + column * pitch, top + row * pitch, side, side) for row, column in cells)
+    return Layout(_fitted(room, aspect), boxes)
+
+
+def _fitted(room: Box, aspect: float) -> Box:
+    """The largest box of the aspect in the middle of the room."""
+    width = min(room.width, max(round(room.height * aspect), 1))
+    height = min(room.height, max(round(width / aspect), 1))
+    return Box(room.x + (room.width - width) // 2, room.y + (room.height - height) // 2, width, height)

@@ -1,0 +1,156 @@
+"""Scenario files: TOML in, a valid `Scenario` or one clear line out."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, get_args
+
+import msgspec
+
+from assets import ASSETS
+from sim.scenario import Scenario, Uav
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.toml"))}
+
+
+def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
+    """The packaged scenario or TOML file `name`, with `key=value` overrides; ValueError says what is wrong."""
+    path = _locate(name)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ValueError(f"scenario {name!r}: {error}") from error
+    for override in overrides:
+        _override(data, override)
+    return _anchored(decode(data), path.parent)
+
+
+def decode(data: Mapping[str, Any]) -> Scenario:
+    """A scenario from plain data, strictly: every key known, every value of its type and range."""
+    _check_keys(data, Scenario, "")
+    _check_finite(data, "")
+    try:
+        return msgspec.convert(data, Scenario)
+    except msgspec.ValidationError as error:
+        raise ValueError(_readable(str(error), data)) from error
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """The end of an error message: what is allowed, and the nearest of it."""
+    names = list(known)
+    near = difflib.get_close_matches(word, names, n=1, cutoff=0.4)
+    return f"allowed are {', '.join(names)}" + (f"; did you mean {near[0]}?" if near else "")
+
+
+def _locate(name: str) -> Path:
+    if name in SCENARIOS:
+        return SCENARIOS[name]
+    path = Path(name)
+    if path.suffix != ".toml":
+        raise ValueError(f"scenario: {name!r} is unknown; {did_you_mean(name, SCENARIOS)} (or a .toml file)")
+    if not path.is_file():
+        raise ValueError(f"scenario: there is no file {name}")
+    return path
+
+
+def _anchored(scenario: Scenario, folder: Path) -> Scenario:
+    """The scenario with its trajectory file found relative to the scenario file."""
+    if not scenario.people.trajectories:
+        return scenario
+    path = str((folder / scenario.people.trajectories).resolve())
+    return msgspec.structs.replace(scenario, people=msgspec.structs.replace(scenario.people, trajectories=path))
+
+
+def _override(data: dict[str, Any], override: str) -> None:
+    key, equals, text = override.partition("=")
+    if not equals or not key.strip():
+        raise ValueError(f"--set: {override!r} is not of the form key=value, for instance trees.density=75")
+    *path, last = key.strip().split(".")
+    node: Any = data
+    for i, part in enumerate(path):
+        if isinstance(node, list):
+            node = node[_index(part, len(node), key)]
+        else:
+            node = node.setdefault(part, _defaults(".".join(path[: i + 1])))
+        if not isinstance(node, dict | list):
+            raise ValueError(f"--set: {key}: {'.'.join(path[: i + 1])} has no keys")
+    if isinstance(node, list):
+        node[_index(last, len(node), key)] = _value(text)
+    else:
+        node[last] = _value(text)
+
+
+def _index(text: str, length: int, key: str) -> int:
+    if not text.isdigit() or int(text) >= length:
+        raise ValueError(f"--set: {key}: {text!r} is not an index; allowed are 0 to {length - 1}")
+    return int(text)
+
+
+def _defaults(key: str) -> Any:  # noqa: ANN401 - plain TOML data
+    """What a table is before the first override reaches into it: the default fleet is a list, the rest are tables."""
+    return list(msgspec.to_builtins(Scenario().uavs)) if key == "uavs" else {}
+
+
+def _value(text: str) -> Any:  # noqa: ANN401 - plain TOML data
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()
+
+
+def _check_keys(data: object, kind: Any, where: str) -> None:  # noqa: ANN401 - a type
+    if not isinstance(data, Mapping) or not isinstance(kind, type) or not issubclass(kind, msgspec.Struct):
+        return
+    fields = {f.name: f.type for f in msgspec.structs.fields(kind)}
+    for key, value in data.items():
+        if key not in fields:
+            raise ValueError(f"{where}{key}: unknown key; {did_you_mean(key, fields)}")
+        _check_keys(value, fields[key], f"{where}{key}.")
+        if key == "uavs" and isinstance(value, list):
+            for i, uav in enumerate(value):
+                _check_keys(uav, Uav, f"{where}uavs.{i}.")
+
+
+def _check_finite(data: object, where: str) -> None:
+    if isinstance(data, Mapping):
+        for key, value in data.items():
+            _check_finite(value, f"{where}.{key}" if where else key)
+    elif isinstance(data, list):
+        for i, value in enumerate(data):
+            _check_finite(value, f"{where}.{i}")
+    elif isinstance(data, float) and not math.isfinite(data):
+        raise ValueError(f"{where}: {data} is not allowed; expected a finite number")
+
+
+def _choices(parts: Sequence[str]) -> tuple[object, ...]:
+    """The allowed values of the field that the parts of a path lead to."""
+    kind: Any = Scenario
+    for part in parts:
+        kind = Uav if part.isdigit() else {f.name: f.type for f in msgspec.structs.fields(kind)}[part]
+        kind = Uav if part == "uavs" else kind
+    return get_args(kind)
+
+
+def _readable(message: str, data: Any) -> str:  # noqa: ANN401 - plain TOML data
+    """The message of msgspec with the field first and the offending value in it."""
+    text, _, path = message.partition(" - at `$")
+    parts = re.findall(r"[^.\[\]`]+", path)
+    value = data
+    for part in parts:
+        value = value[int(part)] if isinstance(value, list) else value.get(part)
+    text = text[0].lower() + text[1:].replace("`", "")
+    if text.startswith("invalid enum value"):
+        text = did_you_mean(str(value), map(str, _choices(parts)))
+    if not parts or isinstance(value, Mapping):
+        return f"{'.'.join(parts)}: {text}" if parts else text
+    return f"{'.'.join(parts)}: {value!r} is not allowed; {text}"

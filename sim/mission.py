@@ -1,0 +1,184 @@
+"""One mission: sense, track, talk, plan, fly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.planner import Plan, Planner, Situation, Vehicle
+from planning.registry import load_planner
+from sim.autopilot import Fault, decide
+from sim.forest import grow
+from sim.recording import Snapshot
+from sim.scenario import Scenario
+from sim.sensing import Look, Sensors, camera_pose
+from sim.stopwatch import Stopwatch
+from sim.streams import stream
+from sim.trajectories import Trajectories, read
+from sim.walkers import walk
+from sim.world import World
+from tracking.compiled import Array
+from tracking.consensus import fuse
+from tracking.kalman import Gaussian, NearlyConstantVelocity
+from tracking.ospa import ospa
+from tracking.tracker import Track, Tracker, TrackerParameters
+from tracking.visibility import Forest
+
+
+@dataclass(frozen=True)
+class Trial:
+    """All that decides how a mission goes, as values that any process can be sent."""
+
+    scenario: Scenario
+    planner: str  # as `planning.registry` knows it
+    seed: int
+
+
+class Mission:
+    """A mission that is ready to fly. The planner's and the sensors' chance leave forest and people untouched."""
+
+    def __init__(self, scenario: Scenario, planner: Planner, seed: int) -> None:
+        """Grow the forest, let the people walk and build the world; ValueError where the scenario cannot be built."""
+        self.scenario = scenario
+        self.clock = Stopwatch()
+        self.faults: list[Fault] = []
+        self.frames: list[NDArray[np.uint8] | None] = []  # of the last scan, one per UAV; None without rendering
+        self.forest = forest_of(scenario, seed)
+        self.people = people_of(scenario, self.forest, seed)
+        self._planner = planner
+        self._chance = stream(seed, "planner")
+        self._world = World(scenario, self.forest, self.people.positions.shape[1])
+        self._sensors = Sensors(scenario, self._world, self.forest, rng=stream(seed, "sensors"), clock=self.clock)
+        self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
+        self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
+        self._intents: dict[int, Plan] = {}
+
+    @staticmethod
+    def of(trial: Trial) -> Mission:
+        """The mission of a trial, its planner loaded."""
+        return Mission(trial.scenario, load_planner(trial.planner), trial.seed)
+
+    def fly(self) -> Iterator[Snapshot]:
+        """The whole mission, one snapshot per scan. Ends early, cleanly, when no further scan is asked for."""
+        rates = self.scenario.rates
+        times = self.scenario.scan_times
+        commands = np.zeros((len(self._trackers), 2))
+        with self._world:
+            for k, time in enumerate(times):
+                snapshot = self._scan(time, commands, decide=k % (rates.sensing // rates.planning) == 0)
+                if snapshot.plans is not None:
+                    commands = np.array([plan.controls[0] for plan in snapshot.plans])
+                yield snapshot
+                if k + 1 < len(times):
+                    with self.clock.measure("physics"):
+                        for _ in range(rates.physics // rates.sensing):
+                            self._world.step(commands)
+
+    def _scan(self, time: float, commands: Array, *, decide: bool) -> Snapshot:
+        people, headings = self.people.at(time)
+        with self.clock.measure("physics"):
+            self._world.place_people(people, headings)
+        bodies = self._world.poses()
+        cameras = [camera_pose(uav, body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
+        looks = [self._sensors.look(i, time, pose, people) for i, pose in enumerate(cameras)]
+        self.frames = [look.image for look in looks]
+        positions = np.array([pose.position for pose in cameras])
+        with self.clock.measure("tracking"):
+            self._track(looks, positions)
+        tracks = [tracker.tracks for tracker in self._trackers]
+        present = people[~np.isnan(people[:, 0])]
+        return Snapshot(
+            time=time,
+            people=people,
+            headings=headings,
+            poses=bodies,
+            cameras=cameras,
+            commands=commands,
+            scans=[look.scan for look in looks],
+            pixels=[look.pixels for look in looks],
+            tracks=tracks,
+            plans=self._plan(time, positions) if decide else None,
+            ospa=np.array([ospa(np.array([t.belief.mean[:2] for t in held]), present) for held in tracks]),
+            visible=np.array([look.visible for look in looks]),
+            matched=np.array([look.matched for look in looks]),
+        )
+
+    def _track(self, looks: list[Look], positions: Array) -> None:
+        for tracker, look in zip(self._trackers, looks, strict=True):
+            tracker.step(look.scan)
+        fuse(self._trackers, self._linked(positions), self.scenario.network.rounds)
+
+    def _linked(self, positions: Array) -> NDArray[np.bool_]:
+        """Who hears whom (n, n)."""
+        gap = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+        return np.asarray((gap <= self.scenario.network.range) & ~np.eye(len(gap), dtype=np.bool_))
+
+    def _plan(self, time: float, positions: Array) -> list[Plan]:
+        with self.clock.measure("planning"):
+            plans, faults = decide(self._planner, self._team(time, positions), self._intents, self._chance)
+        self.faults += faults
+        self._intents = dict(enumerate(plans))
+        return plans
+
+    def _team(self, time: float, positions: Array) -> list[Situation]:
+        """One situation per UAV: itself, the neighbours it hears, its own tracks and the last intents."""
+        linked = self._linked(positions)
+        fleet = [
+            Vehicle(i, positions[i], self._sensors.cameras[i], self._sensors.noises[i], uav.max_speed)
+            for i, uav in enumerate(self.scenario.uavs)
+        ]
+        area = (self.scenario.area.width, self.scenario.area.height)
+        return [
+            Situation(
+                time=time,
+                own=own,
+                neighbours=tuple(other for other in fleet if linked[own.id, other.id]),
+                tracks=self._trackers[own.id].tracks,
+                forest=self.forest,
+                area=area,
+                motion=self._motion,
+                intents={j: plan for j, plan in self._intents.items() if j == own.id or linked[own.id, j]},
+            )
+            for own in fleet
+        ]
+
+    def _tracker(self, uav: int) -> Tracker:
+        settings = self.scenario.tracking
+        parameters = TrackerParameters(
+            motion=NearlyConstantVelocity(1 / self.scenario.rates.sensing, settings.sigma_a),
+            detection_probability=settings.detection_probability,
+            clutter_density=settings.clutter_density,
+            gate_probability=settings.gate_probability,
+            confirm=settings.confirm,
+            delete=settings.delete,
+        )
+        return Tracker(uav, self._sensors.cameras[uav], self.forest, parameters, self._initial_tracks())
+
+    def _initial_tracks(self) -> list[Track]:
+        """With `initial_tracks = "known"`: everyone who is there at the start, with position and velocity."""
+        if self.scenario.tracking.initial_tracks == "none":
+            return []
+        step = 1 / self.scenario.rates.sensing
+        here, _ = self.people.at(0.0)
+        there, _ = self.people.at(step)
+        states = np.hstack([here, (there - here) / step])
+        covariance = np.diag([0.25, 0.25, 0.25, 0.25])
+        return [Track(i, Gaussian(s, covariance)) for i, s in enumerate(states) if np.all(np.isfinite(s))]
+
+
+def forest_of(scenario: Scenario, seed: int) -> Forest:
+    """The forest of a scenario and seed."""
+    forest = grow(scenario.trees, scenario.area, stream(seed, "forest"))
+    return Forest(forest.trees, scenario.sensing.occlusion)
+
+
+def people_of(scenario: Scenario, forest: Forest, seed: int) -> Trajectories:
+    """The people of a scenario and seed, or of the scenario's file."""
+    people, duration = scenario.people, scenario.duration
+    if people.trajectories:
+        return read(Path(people.trajectories), scenario.area, duration=duration)
+    return walk(people, scenario.area, forest, duration=duration, rng=stream(seed, "walkers"))

@@ -1,0 +1,120 @@
+"""One mission from its parts to its folder: recording, summary, video and OSPA curve."""
+
+from __future__ import annotations
+
+import json
+import platform
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from sim.archive import save
+from sim.atomic import unfinished
+from sim.interrupt import stop_request
+from sim.mission import Mission, Trial
+from sim.plots import ospa_figure
+from sim.plots import save as save_figure
+from sim.recording import Recorder, Recording, Snapshot
+from sim.scenario import resolved
+from sim.summary import summarise
+from sim.video import Video
+
+Progress = Callable[[Snapshot, Recorder], None]
+
+
+def run(trial: Trial, out: Path, *, video: bool = True, progress: Progress | None = None) -> dict[str, Any]:
+    """Fly a mission and leave its files in the new folder `out`; returns the summary.
+
+    The folder appears when all is in it. Ctrl-C ends the mission at the next scan, and what was flown is kept, marked
+    as interrupted. ValueError where the input is wrong, KeyboardInterrupt where nothing was flown yet.
+    """
+    start = time.perf_counter()
+    with new_folder(out) as folder, stop_request() as stop:
+        mission = Mission.of(trial)
+        start_up = time.perf_counter() - start
+        recorder = Recorder()
+        with _film(trial, mission, folder / "mission.mp4" if video else None) as film:
+            for snapshot in mission.fly():
+                recorder.add(snapshot)
+                film(snapshot)
+                if progress is not None:
+                    progress(snapshot, recorder)
+                if stop.is_set():
+                    break
+        wall = time.perf_counter() - start
+        recording = recorder.recording(
+            scenario=resolved(trial.scenario),
+            planner=trial.planner,
+            seed=trial.seed,
+            forest=mission.forest,
+            interrupted=len(recorder) < len(trial.scenario.scan_times),
+        )
+        seconds = {**mission.clock.seconds, "start_up": start_up}
+        summary = summarise(recording, seconds=seconds, wall_s=wall, faults=mission.faults, versions=versions())
+        write_results(folder, recording, summary)
+    return summary
+
+
+@contextmanager
+def _film(trial: Trial, mission: Mission, path: Path | None) -> Iterator[Callable[[Snapshot], None]]:
+    """Takes snapshots for the film at `path`, if there is to be one, and counts its time as its own."""
+    if path is None:
+        yield lambda snapshot: None
+        return
+    video = Video(path, trial.scenario, mission.forest, planner=trial.planner, fps=trial.scenario.rates.sensing)
+
+    def add(snapshot: Snapshot) -> None:
+        with mission.clock.measure("video"):
+            video.add(snapshot, mission.frames)
+
+    try:
+        yield add
+    except BaseException:
+        video.discard()
+        raise
+    with mission.clock.measure("video"):
+        video.close()
+
+
+def write_results(folder: Path, recording: Recording, summary: dict[str, Any]) -> None:
+    """The files of a mission, its video aside."""
+    save(recording, folder / "mission.npz")
+    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    save_figure(ospa_figure(recording.times, recording.ospa), folder / "ospa.png")
+
+
+def versions() -> dict[str, str]:
+    """Versions of what a result depends on."""
+    packages = ("understory", "pybullet", "numpy", "scipy", "numba", "opencv-python-headless", "filterpy")
+    return {"python": platform.python_version(), **{name: version(name) for name in packages}}
+
+
+@contextmanager
+def new_folder(out: Path) -> Iterator[Path]:
+    """A folder under a temporary name, which takes its own when the block ends and is removed when it raises."""
+    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        what = "already holds a run" if (out / "summary.json").exists() else "exists and is not an empty folder"
+        raise ValueError(f"--out: {out} {what}; name another")
+    part = unfinished(out)
+    made = _missing(out.parent)
+    try:
+        part.mkdir(parents=True)
+    except OSError as error:
+        raise ValueError(f"--out: {out} cannot be written: {error.strerror}") from error
+    try:
+        yield part
+        part.rename(out)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        for folder in made:
+            folder.rmdir()
+        raise
+
+
+def _missing(folder: Path) -> list[Path]:
+    """The folders that would have to be made for `folder` to exist, innermost first."""
+    return [f for f in (folder, *folder.parents) if not f.exists()]

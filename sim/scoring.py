@@ -1,0 +1,33 @@
+"""Detections against what the renderer really showed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from tracking.compiled import Array
+
+GATE = 3.0  # pixels from a detection to the nearest pixel of the person it may stand for
+
+
+def visible_pixels(people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
+    """Pixels (M,) that each of `count` people has in a segmentation (P, P)."""
+    return np.bincount(people[people >= 0], minlength=count).astype(np.int64)
+
+
+def matched_people(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
+    """Which of `count` people (M,) the detections (N, 2) at pixels (u, v) found, each detection at most one."""
+    found = np.zeros(count, dtype=np.bool_)
+    rows, columns = np.nonzero(people >= 0)
+    if len(rows) == 0 or len(pixels) == 0:
+        return found
+    gap = np.hypot(pixels[:, :1] - (columns + 0.5), pixels[:, 1:] - (rows + 0.5))
+    owners = people[rows, columns]
+    nearest = np.full((len(pixels), count), np.inf)
+    for person in np.unique(owners):
+        nearest[:, person] = gap[:, owners == person].min(axis=1)
+    detections, persons = linear_sum_assignment(np.minimum(nearest, 2 * GATE))
+    close = nearest[detections, persons] <= GATE
+    found[persons[close]] = True
+    return found

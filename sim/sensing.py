@@ -1,0 +1,98 @@
+"""From the world to scans: cameras, images, detections and measurement noise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.renderer import Renderer
+from sim.scenario import Scenario, Uav
+from sim.scoring import matched_people, visible_pixels
+from sim.stopwatch import Stopwatch
+from sim.world import World
+from tracking.camera import Camera, Pose
+from tracking.compiled import Array
+from tracking.detector import Frame, detect
+from tracking.noise import NoiseModel
+from tracking.tracker import Scan
+from tracking.visibility import TARGET_HEIGHT, Forest
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """One UAV's look at the world: its scan, and beside it what only recordings and metrics may know."""
+
+    scan: Scan
+    pixels: Array  # (N, 2) detections in the image
+    image: NDArray[np.uint8] | None  # (P, P, 3) RGB; None in ideal sensing
+    visible: NDArray[np.int64]  # (M,) pixels the renderer shows of each person; in ideal sensing 1 for seen
+    matched: NDArray[np.bool_]  # (M,) people detected
+
+
+def camera_of(uav: Uav) -> Camera:
+    """The camera that a UAV of the scenario carries."""
+    return Camera(math.radians(uav.fov_deg), uav.pixels)
+
+
+def noise_of(uav: Uav, scenario: Scenario) -> NoiseModel:
+    """The measurement noise that the scenario gives a UAV's camera."""
+    if scenario.sensing.noise == "range_bearing":
+        return NoiseModel.range_bearing(uav.alpha)
+    return NoiseModel.camera(camera_of(uav), uav.altitude)
+
+
+def camera_pose(uav: Uav, body: Pose) -> Pose:
+    """Where a UAV's camera is: a gimbal holds it level with north up, else it tilts and turns with the body."""
+    return Pose(body.position, Pose.level(0, 0, 0).quaternion) if uav.mount == "gimbal" else body
+
+
+class Sensors:
+    """The cameras of a fleet in one world."""
+
+    def __init__(
+        self, scenario: Scenario, world: World, forest: Forest, *, rng: np.random.Generator, clock: Stopwatch
+    ) -> None:
+        self._scenario = scenario
+        self._forest = forest
+        self._rng = rng
+        self._clock = clock
+        self._renderer = Renderer(world) if scenario.sensing.mode == "camera" else None
+        self.cameras = [camera_of(uav) for uav in scenario.uavs]
+        self.noises = [noise_of(uav, scenario) for uav in scenario.uavs]
+
+    def look(self, uav: int, time: float, pose: Pose, people: Array) -> Look:
+        """What one camera at `pose` measures; people (M, 2) m, NaN where absent, are those in the world now."""
+        if self._renderer is None:
+            return self._ideal(uav, time, pose, people)
+        camera = self.cameras[uav]
+        with self._clock.measure("rendering"):
+            rendered = self._renderer.render(camera, pose)
+        with self._clock.measure("detection"):
+            found = detect(Frame(uav, time, camera, pose, rendered.image))
+            added = self._scenario.sensing.noise == "range_bearing"
+            scan = self._scan(uav, time, pose, found.ground, added=added)
+        visible = visible_pixels(rendered.people, len(people))
+        matched = matched_people(found.pixels, rendered.people, len(people))
+        return Look(scan, found.pixels, rendered.image, visible, matched)
+
+    def _ideal(self, uav: int, time: float, pose: Pose, people: Array) -> Look:
+        """The paper's Assumption 1: exactly the people in view and not hidden, with the sampled noise."""
+        with self._clock.measure("detection"):
+            points = np.column_stack([people, np.full(len(people), TARGET_HEIGHT)])
+            present = ~np.isnan(people[:, 0])
+            points[~present] = 0.0
+            seen = present & self.cameras[uav].sees(pose, points) & self._forest.visible(pose.position, points)[0]
+            scan = self._scan(uav, time, pose, people[seen], added=True)
+        return Look(scan, np.zeros((0, 2)), None, seen.astype(np.int64), seen)
+
+    def _scan(self, uav: int, time: float, pose: Pose, ground: Array, *, added: bool) -> Scan:
+        """Measurements with their covariances, with a sample of the noise where none is in the data yet."""
+        covariances = [self.noises[uav].covariance(pose.position[:2], z) for z in ground]
+        R = np.array(covariances).reshape(-1, 2, 2)
+        z = np.array(ground, dtype=float).reshape(-1, 2)
+        if added and len(z):
+            z = z + np.einsum("nij,nj->ni", np.linalg.cholesky(R), self._rng.standard_normal(z.shape))
+        return Scan(uav, time, pose, z, R)

@@ -1,0 +1,111 @@
+"""What a mission came to: numbers for a file, and a table for the terminal."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from sim.autopilot import Fault
+from sim.recording import Recording
+from sim.stopwatch import STAGES
+
+HELD = 1.0  # m, from a person to the nearest track that holds them
+
+
+def summarise(
+    recording: Recording,
+    *,
+    seconds: Mapping[str, float],
+    wall_s: float,
+    faults: Sequence[Fault],
+    versions: Mapping[str, str],
+) -> dict[str, Any]:
+    """The content of `summary.json`.
+
+    seconds: wall time per stage, and `start_up` if known; wall_s: wall time of all. Shares and means are over all
+    pairs of scan and UAV; null stands where there was nothing to count.
+    """
+    distance = recording.ospa[:, :, 0]
+    duration = float(recording.times[-1] - recording.times[0])
+    flown = wall_s - seconds.get("video", 0.0) - seconds.get("start_up", 0.0)
+    return {
+        "planner": recording.planner,
+        "seed": recording.seed,
+        "scenario": json.loads(recording.scenario),
+        "versions": dict(versions),
+        "duration_s": duration,
+        "interrupted": recording.interrupted,
+        "ospa": {
+            "mean_m": float(distance.mean()),
+            "median_m": float(np.median(distance)),
+            "share_under_1m": float(np.mean(distance < 1.0)),
+        },
+        "detection": _detection(recording),
+        "people_held": people_held(recording),
+        "real_time_factor": duration / flown if flown > 0 else None,
+        "wall_s": wall_s,
+        "seconds": {stage: float(seconds.get(stage, 0.0)) for stage in (*STAGES, *_others(seconds))},
+        "faults": [asdict(fault) for fault in faults],
+    }
+
+
+def people_held(recording: Recording) -> list[float | None]:
+    """For each person, the share of pairs of scan and UAV, while present, with a track within 1 m."""
+    scans, uavs, count = recording.visible.shape
+    held = np.zeros((scans, uavs, count), dtype=np.bool_)
+    for k in range(scans):
+        for i in range(uavs):
+            tracks = np.array([track.belief.mean[:2] for track in recording.tracks_at(k, i)]).reshape(-1, 1, 2)
+            gaps = np.linalg.norm(tracks - recording.people[k], axis=2)
+            held[k, i] = np.any(gaps < HELD, axis=0)
+    present = ~np.isnan(recording.people[:, :, 0])
+    return [_ratio(held[:, :, m].sum(), uavs * present[:, m].sum()) for m in range(count)]
+
+
+def results_table(summary: Mapping[str, Any]) -> Table:
+    """The summary as it is shown at the end of a run."""
+    ospa, detection = summary["ospa"], summary["detection"]
+    title = f"{summary['planner']}, seed {summary['seed']}, {summary['duration_s']:.1f} s"
+    table = Table(title=title + (" (interrupted)" if summary["interrupted"] else ""), title_justify="left")
+    table.add_column("result")
+    table.add_column("value", justify="right")
+    table.add_row("OSPA mean", f"{ospa['mean_m']:.2f} m")
+    table.add_row("OSPA median", f"{ospa['median_m']:.2f} m")
+    table.add_row("OSPA under 1 m", f"{ospa['share_under_1m']:.1%}", end_section=True)
+    table.add_row("detection recall", _share(detection["recall"]))
+    table.add_row("detection precision", _share(detection["precision"]), end_section=True)
+    factor = summary["real_time_factor"]
+    table.add_row("real-time factor", "-" if factor is None else f"{factor:.1f}", end_section=True)
+    for stage, spent in summary["seconds"].items():
+        table.add_row(stage.replace("_", "-"), f"{spent:.2f} s")
+    table.add_section()
+    faults = len(summary["faults"])
+    table.add_row("planner faults", str(faults), style="bold red" if faults else None)
+    return table
+
+
+def _detection(recording: Recording) -> dict[str, float | None]:
+    """Of the people of whom a camera shows a pixel, how many were detected; of detections, how many were people."""
+    shown = recording.visible > 0
+    detections = np.sum(~np.isnan(recording.pixels[:, 0]))
+    return {
+        "recall": _ratio(np.sum(recording.matched & shown), np.sum(shown)),
+        "precision": _ratio(np.sum(recording.matched), detections),
+    }
+
+
+def _ratio(part: Any, whole: Any) -> float | None:  # noqa: ANN401 - numpy's integers
+    return float(part) / float(whole) if whole else None
+
+
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1%}"
+
+
+def _others(seconds: Mapping[str, float]) -> list[str]:
+    return [stage for stage in seconds if stage not in STAGES]

@@ -1,0 +1,133 @@
+"""Where people are at any time; recorded trajectories from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from sim.scenario import Area
+from tracking.compiled import Array
+
+SAMPLES_PER_SECOND = 60
+COLUMNS = ("t", "id", "x", "y")
+_EXACT = 1e-6  # of a step: nearer than this to a sample is that sample
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectories:
+    """Positions of M people at K uniformly spaced times, straight in between."""
+
+    times: Array  # (K,) s, K >= 2
+    positions: Array  # (K, M, 2) m; NaN while a person is absent
+
+    def at(self, time: float) -> tuple[Array, Array]:
+        """Positions (M, 2) m and headings (M,) rad from east, NaN for people absent at this time."""
+        step = (time - self.times[0]) / (self.times[1] - self.times[0])
+        k = round(step)
+        if abs(step - k) > _EXACT:
+            k = math.floor(step)
+        if not 0 <= k < len(self.times):
+            return np.full(self.positions.shape[1:], np.nan), np.full(self.positions.shape[1], np.nan)
+        here, headings = self.positions[k], self._headings[k]
+        if abs(step - k) <= _EXACT:
+            return here.copy(), headings.copy()
+        if k + 1 == len(self.times):
+            return np.full_like(here, np.nan), np.full_like(headings, np.nan)
+        positions = here + (step - k) * (self.positions[k + 1] - here)
+        return positions, np.where(np.isnan(positions[:, 0]), np.nan, headings)
+
+    @cached_property
+    def _headings(self) -> Array:
+        """Direction of the step that follows each sample (K, M); whoever stands still keeps the last one."""
+        steps = np.diff(self.positions, axis=0)
+        headings = np.arctan2(steps[..., 1], steps[..., 0])
+        headings[np.hypot(steps[..., 0], steps[..., 1]) < 1e-4] = np.nan
+        headings = np.vstack([headings, np.full((1, headings.shape[1]), np.nan)])
+        for k in range(1, len(headings)):
+            headings[k] = np.where(np.isnan(headings[k]), headings[k - 1], headings[k])
+        headings[np.isnan(headings)] = 0.0
+        return np.where(np.isnan(self.positions[..., 0]), np.nan, headings)
+
+
+def read(path: Path, area: Area, *, duration: float) -> Trajectories:
+    """Recorded people from a CSV file with the columns t [s since start], id, x, y [m].
+
+    Rows come in any order. Each person is there from their first to their last row, on a monotone cubic (PCHIP)
+    through their rows, which never overshoots them. People who never appear within `duration` s are left out.
+    Anything wrong is a ValueError that names file, line, column and value.
+    """
+    times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - _EXACT) + 1) / SAMPLES_PER_SECOND
+    tracks = [_resampled(path, person, rows, times) for person, rows in _people(path, area).items()]
+    present = [track for track in tracks if not np.all(np.isnan(track))]
+    if not present:
+        raise ValueError(f"{path}: column t: nobody is there between 0 and {duration:g} s")
+    return Trajectories(times, np.stack(present, axis=1))
+
+
+def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
+    """Position (2,) m by time [s], by person in order of appearance in the file."""
+    people: dict[str, dict[float, Array]] = {}
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: cannot be read as a CSV file: {error}") from error
+    table = csv.reader(text.splitlines())
+    header = [name.strip() for name in next(table, [])]
+    if sorted(header) != sorted(COLUMNS):
+        raise ValueError(f"{path}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
+    for fields in table:
+        if fields:
+            where = f"{path}, line {table.line_num}"
+            if len(fields) > len(header):
+                raise ValueError(f"{where}: {fields[len(header)]!r} stands in a column without a name")
+            person, time, position = _row(where, dict(zip(header, fields, strict=False)), area)
+            rows = people.setdefault(person, {})
+            if time in rows:
+                raise ValueError(f"{where}, column t: id {person} has a second row at {time:g} s")
+            rows[time] = position
+    return people
+
+
+def _row(where: str, row: dict[str, str], area: Area) -> tuple[str, float, Array]:
+    """Person, time [s] and position (2,) m of one line."""
+    number = {}
+    for column in COLUMNS:
+        value = row.get(column, "").strip()
+        if not value:
+            raise ValueError(f"{where}, column {column}: is empty")
+        if column != "id":
+            number[column] = _finite(f"{where}, column {column}", value)
+    for column, size in (("x", area.width), ("y", area.height)):
+        if abs(number[column]) > size / 2:
+            inside = f"{-size / 2:g} to {size / 2:g} m"
+            raise ValueError(f"{where}, column {column}: {number[column]:g} is outside the area, {inside}")
+    return row["id"].strip(), number["t"], np.array([number["x"], number["y"]])
+
+
+def _finite(where: str, value: str) -> float:
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{where}: {value!r} is not a finite number")
+    return number
+
+
+def _resampled(path: Path, person: str, rows: dict[float, Array], times: Array) -> Array:
+    """Positions (K, 2) m of one person at `times` (K,) s, NaN outside their own span."""
+    if len(rows) < 2:
+        raise ValueError(f"{path}: column id: {person} has a single row; a path needs two or more")
+    known = np.array(sorted(rows))
+    curve = PchipInterpolator(known, np.array([rows[t] for t in known]), extrapolate=False)
+    # The first and last of a person's times may differ by rounding from the sample they mean.
+    first, last = np.searchsorted(times, [known[0] - 1e-9, known[-1] + 1e-9])
+    positions = np.full((len(times), 2), np.nan)
+    positions[first:last] = curve(np.clip(times[first:last], known[0], known[-1]))
+    return positions

@@ -1,0 +1,98 @@
+"""Quadrotor: its constants and the controller that turns velocity commands into rotor thrusts."""
+
+import math
+
+import numpy as np
+
+from tracking.compiled import Array, compiled
+
+GRAVITY = 9.81  # m/s²
+MASS = 1.2  # kg
+INERTIA = np.array([0.012, 0.012, 0.02])  # kg m², about the body axes
+ARM = 0.17  # m
+# Body frame, x forward, y left: front left, front right, rear right, rear left.
+ROTORS = ARM * np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]])  # (4, 3) m
+MAX_ROTOR_THRUST = 7.0  # N
+MAX_YAW_TORQUE = 0.3  # N m
+MAX_TILT = math.radians(35.0)
+MAX_ACCELERATION = 6.0  # m/s², horizontal
+MAX_CLIMB_ACCELERATION = 4.0  # m/s²
+
+_VELOCITY_GAIN = 5.0  # 1/s
+_ALTITUDE_GAINS = (9.0, 6.0)  # 1/s², 1/s: critically damped
+_ATTITUDE_GAINS = (400.0, 36.0)  # 1/s², 1/s: 20 rad/s, damping ratio 0.9
+_ATTITUDE_LAG = _ATTITUDE_GAINS[1] / _ATTITUDE_GAINS[0]  # s
+
+
+@compiled
+def rotor_thrusts(state: Array, target: Array) -> Array:
+    """Thrusts of the four rotors [N] and the yaw torque about the body's z [N m] (5,).
+
+    state (13,): position m, quaternion xyzw, velocity m/s and angular velocity rad/s, all in the world frame.
+    target (3,): velocity east and north m/s, altitude m. A cascade, to be run at the physics rate: velocity to
+    acceleration to attitude (yaw 0) to torque to rotors. Its gains assume that air resistance is negligible.
+    Source: attitude control of Lee, Leok and McClamroch, CDC 2010.
+    """
+    R = _rotation(state[3:7])
+    acceleration = _acceleration(state, target, R)
+    # Lift is divided by the cosine of the tilt, so that altitude does not depend on the attitude loop.
+    lift = MASS * (GRAVITY + acceleration[2]) / max(R[2, 2], 0.5)
+    return _mix(lift, _torque(R, state[10:13], acceleration))
+
+
+@compiled
+def _rotation(q: Array) -> Array:
+    """Rotation matrix from body to world (3, 3) of a unit quaternion xyzw (4,)."""
+    x, y, z, w = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+@compiled
+def _acceleration(state: Array, target: Array, R: Array) -> Array:
+    """Commanded acceleration of the body (3,) m/s², within the limits of acceleration and tilt."""
+    climb = _ALTITUDE_GAINS[0] * (target[2] - state[2]) - _ALTITUDE_GAINS[1] * state[9]
+    climb = min(max(climb, -MAX_CLIMB_ACCELERATION), MAX_CLIMB_ACCELERATION)
+    # The present tilt goes on accelerating the body until the attitude has followed: count it as velocity
+    # already gained. Both poles of velocity are then real, so it does not overshoot.
+    coasting = _ATTITUDE_LAG * GRAVITY / max(R[2, 2], 0.5)
+    east = _VELOCITY_GAIN * (target[0] - state[7] - coasting * R[0, 2])
+    north = _VELOCITY_GAIN * (target[1] - state[8] - coasting * R[1, 2])
+    limit = min(MAX_ACCELERATION, math.tan(MAX_TILT) * (GRAVITY + climb))
+    scale = min(1.0, limit / max(math.hypot(east, north), 1e-9))
+    return np.array([scale * east, scale * north, climb])
+
+
+@compiled
+def _torque(R: Array, omega: Array, acceleration: Array) -> Array:
+    """Body torque (3,) N m that turns the body's z to the thrust for this acceleration, its x to the east."""
+    up = acceleration + np.array([0.0, 0.0, GRAVITY])
+    up /= math.sqrt(np.sum(up * up))
+    left = np.array([0.0, up[2], -up[1]])
+    left /= math.sqrt(np.sum(left * left))
+    forward = np.cross(left, up)
+    error = 0.5 * (np.cross(forward, R[:, 0]) + np.cross(left, R[:, 1]) + np.cross(up, R[:, 2]))
+    alpha = -_ATTITUDE_GAINS[0] * error - _ATTITUDE_GAINS[1] * omega
+    body_alpha, body_omega = np.empty(3), np.empty(3)
+    for i in range(3):
+        body_alpha[i] = np.sum(R[:, i] * alpha)
+        body_omega[i] = np.sum(R[:, i] * omega)
+    return INERTIA * body_alpha + np.cross(body_omega, INERTIA * body_omega)
+
+
+@compiled
+def _mix(lift: float, torque: Array) -> Array:
+    """Four thrusts and the yaw torque (5,); where rotors saturate, tilting torque yields and lift is kept."""
+    mean = min(max(lift / 4, 0.0), MAX_ROTOR_THRUST)
+    room = min(mean, MAX_ROTOR_THRUST - mean)
+    difference = (torque[0] / ROTORS[:, 1] - torque[1] / ROTORS[:, 0]) / 4
+    scale = min(1.0, room / max(np.max(np.abs(difference)), 1e-9))
+    out = np.empty(5)
+    out[:4] = np.minimum(np.maximum(mean + scale * difference, 0.0), MAX_ROTOR_THRUST)
+    out[4] = min(max(torque[2], -MAX_YAW_TORQUE), MAX_YAW_TORQUE)
+    return out

@@ -1,0 +1,140 @@
+"""A mission as a film: the map, and each camera's frame with its detections."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+
+import av
+import cv2
+import numpy as np
+from av.container import OutputContainer
+from av.video.stream import VideoStream
+
+from sim.atomic import unfinished
+from sim.layout import GAP, Box, arrange
+from sim.legend import Sparkline, draw_legend
+from sim.lettering import Image, Style, write
+from sim.mapview import MapView, aspect
+from sim.palette import FAINT, PAPER
+from sim.recording import Snapshot
+from sim.scenario import Scenario
+from sim.tiles import draw_tile
+from tracking.camera import Camera
+from tracking.tracker import Track
+from tracking.visibility import Forest
+
+WIDTH, HEIGHT = 1280, 720
+_HEADER, _LEGEND = 48, 40
+_OPTIONS = {"preset": "veryfast", "crf": "23"}
+_BT601 = 6  # the matrix OpenCV converts with; players must be told, they assume another for HD
+
+
+class Film:
+    """Draws snapshots, in order of time, as frames of 1280 x 720.
+
+    Tracks are numbered in the order of their appearance, as their ids are too long to read.
+    """
+
+    def __init__(self, scenario: Scenario, forest: Forest, *, planner: str) -> None:
+        self._cameras = [Camera(math.radians(uav.fov_deg), uav.pixels) for uav in scenario.uavs]
+        renders = scenario.sensing.mode == "camera"
+        panel = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
+        self._layout = arrange(panel, aspect(scenario), len(scenario.uavs) if renders else 0)
+        self._map = MapView(scenario, forest, (self._layout.map.width, self._layout.map.height))
+        self._planner = planner
+        self._numbers: dict[int, int] = {}
+        self._sparkline = Sparkline(scenario.duration)
+        self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
+        draw_legend(self._empty[-_LEGEND:, GAP:-GAP], scale=self._map.scale, camera=renders)
+
+    def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
+        """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
+        snapshot = self._numbered(snapshot)
+        image = self._empty.copy()
+        self._map.draw(image[self._layout.map.slices], snapshot)
+        for i, tile in enumerate(self._layout.tiles):
+            frame = None if frames is None else frames[i]
+            draw_tile(image[tile.slices], snapshot, i, camera=self._cameras[i], frame=frame)
+        self._draw_header(image[:_HEADER, GAP:-GAP], snapshot)
+        return image
+
+    def _numbered(self, snapshot: Snapshot) -> Snapshot:
+        for track in (track for held in snapshot.tracks for track in held):
+            self._numbers.setdefault(track.id, len(self._numbers))
+        tracks = [tuple(Track(self._numbers[track.id], track.belief) for track in held) for held in snapshot.tracks]
+        return replace(snapshot, tracks=tracks)
+
+    def _draw_header(self, image: Image, snapshot: Snapshot) -> None:
+        middle, big = _HEADER / 2, Style(20, bold=True)
+        write(image, f"{snapshot.time:.1f} s", (72, middle), big, align=1.0)
+        write(image, self._planner, (96, middle), Style(18))
+        error = float(np.mean(snapshot.ospa[:, 0]))
+        right = image.shape[1] - 300
+        write(image, f"{error:.2f} m", (right - 14, middle), big, align=1.0)
+        label = Style(13, FAINT)
+        write(image, "OSPA, mean of UAVs", (right - 124, middle), label, align=1.0)
+        self._sparkline.draw(image[6:-4, right:], snapshot.time, error)
+
+
+class Video:
+    """An H.264 file that browsers play, written frame by frame; it appears at `path` when closed.
+
+    As a context manager it closes at the end of the block, and leaves nothing if the block raises.
+    """
+
+    def __init__(
+        self, path: str | os.PathLike[str], scenario: Scenario, forest: Forest, *, planner: str, fps: int
+    ) -> None:
+        self._path = Path(path)
+        self._part = unfinished(self._path)
+        self._film = Film(scenario, forest, planner=planner)
+        self._container = av.open(str(self._part), "w", format="mp4", options={"movflags": "faststart"})
+        self._stream = _stream(self._container, fps)
+        self._frames = 0
+
+    def add(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
+        """Append one snapshot; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
+        image = self._film.draw(snapshot, frames)
+        yuv = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
+        planes = av.VideoFrame.from_ndarray(yuv, format="yuv420p")
+        planes.pts = self._frames
+        self._frames += 1
+        self._container.mux(self._stream.encode(planes))
+
+    def close(self) -> None:
+        """Finish the file, playable however few frames it has; without any there is no file."""
+        if self._frames == 0:
+            self.discard()
+            return
+        self._container.mux(self._stream.encode(None))
+        self._container.close()
+        os.replace(self._part, self._path)
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
+        self._container.close()
+        self._part.unlink(missing_ok=True)
+
+    def __enter__(self) -> Video:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.discard()
+
+
+def _stream(container: OutputContainer, fps: int) -> VideoStream:
+    stream = container.add_stream("libx264", rate=fps, options=_OPTIONS)
+    stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+    stream.codec_context.colorspace = _BT601
+    stream.codec_context.gop_size = 5 * fps
+    return stream

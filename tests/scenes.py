@@ -1,0 +1,51 @@
+"""Trackers and scans to play with."""
+
+import math
+
+import numpy as np
+
+from tracking.camera import Camera, Pose
+from tracking.consensus import fuse
+from tracking.kalman import Gaussian, NearlyConstantVelocity
+from tracking.tracker import Scan, Track, Tracker, TrackerParameters
+from tracking.visibility import Forest
+
+CAMERA = Camera(math.radians(60), 128)
+MOTION = NearlyConstantVelocity(0.2, 0.5)
+OPEN = Forest(())
+R = 0.05 * np.eye(2)
+ABOVE = Pose.level(0.0, 0.0, 20.0)  # sees some 11 m each way
+AWAY = Pose.level(60.0, 0.0, 20.0)
+ALONE = np.zeros((1, 1), bool)
+
+
+def track(id: int, *state: float, variance: float = 0.05) -> Track:
+    return Track(id, Gaussian(np.array(state, float), variance * np.eye(4)))
+
+
+def scan(k: int, *points, uav: int = 0, pose: Pose = ABOVE) -> Scan:
+    z = np.array(points, float).reshape(-1, 2)
+    return Scan(uav, 0.2 * k, pose, z, np.tile(R, (len(z), 1, 1)))
+
+
+def tracker(*initial: Track, uav: int = 0, forest: Forest = OPEN, **settings) -> Tracker:
+    return Tracker(uav, CAMERA, forest, TrackerParameters(MOTION, **settings), initial)
+
+
+def play(subject: Tracker, scans) -> list[tuple[int, ...]]:
+    """Ids after each scan of a UAV on its own; covariances are checked on the way."""
+    out = []
+    for s in scans:
+        subject.step(s)
+        fuse([subject], ALONE, 5)
+        check(subject)
+        out.append(tuple(t.id for t in subject.tracks))
+    return out
+
+
+def check(subject: Tracker) -> None:
+    ids = [t.id for t in subject.tracks]
+    assert ids == sorted(set(ids))
+    for t in subject.tracks:
+        np.testing.assert_array_equal(t.belief.covariance, t.belief.covariance.T)
+        assert np.linalg.eigvalsh(t.belief.covariance).min() > 0

@@ -1,0 +1,90 @@
+"""The pinhole camera: identities between its projections."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from tracking.camera import Camera, Pose
+
+CAMERA = Camera(math.radians(60), 128)
+
+
+def tilted(rng: np.random.Generator) -> Pose:
+    """A camera 10 to 30 m up that looks at most 20 degrees off the nadir, with any heading."""
+    turn = Rotation.from_euler("zyx", [rng.uniform(-np.pi, np.pi), *rng.uniform(-0.35, 0.35, 2)])
+    return Pose(rng.uniform([-70, -50, 10], [70, 50, 30]), turn.as_quat())
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.85, 3.0]))
+def test_projecting_a_ground_point_gives_back_its_pixel(seed, height):
+    rng = np.random.default_rng(seed)
+    pose, uv = tilted(rng), rng.uniform(0, 128, (20, 2))
+    points = np.column_stack([CAMERA.ground_points(pose, uv, height), np.full(20, height)])
+    back, depth = CAMERA.project(pose, points)
+    np.testing.assert_allclose(back, uv, atol=1e-9)
+    assert np.all(depth > 0)
+    assert np.all(CAMERA.sees(pose, points))
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.integers(0, 2**32 - 1))
+def test_points_along_a_ray_share_its_pixel_and_have_its_length_as_depth(seed):
+    rng = np.random.default_rng(seed)
+    pose, uv, depth = tilted(rng), rng.uniform(-50, 200, (20, 2)), rng.uniform(0.1, 40, 20)
+    points = pose.position + depth[:, None] * CAMERA.rays(pose, uv)
+    back, seen_depth = CAMERA.project(pose, points)
+    np.testing.assert_allclose(back, uv, atol=1e-8)
+    np.testing.assert_allclose(seen_depth, depth, rtol=1e-12)
+
+
+def test_rotation_agrees_with_scipy():
+    rng = np.random.default_rng(1)
+    for quaternion in rng.normal(size=(50, 4)):
+        quaternion /= np.linalg.norm(quaternion)
+        rotation = Pose(rng.normal(size=3), quaternion).rotation
+        np.testing.assert_allclose(rotation, Rotation.from_quat(quaternion).as_matrix(), atol=1e-14)
+
+
+def test_a_level_camera_has_north_at_the_top_and_east_on_the_right():
+    uv, depth = CAMERA.project(Pose.level(5.0, -3.0, 20.0), np.array([[5, -3, 0], [6, -3, 0], [5, -2, 0.0]]))
+    focal = 64 / math.tan(math.radians(30))
+    np.testing.assert_allclose(uv, [[64, 64], [64 + focal / 20, 64], [64, 64 - focal / 20]], atol=1e-12)
+    np.testing.assert_array_equal(depth, 20.0)
+
+
+def test_the_default_altitudes_give_the_default_footprints():
+    for edge, altitude in ((20, 17.3), (25, 21.7), (22, 19.1)):
+        corners = CAMERA.footprint(Pose.level(1.0, 2.0, altitude))
+        half = altitude * math.tan(math.radians(30))
+        np.testing.assert_allclose(
+            corners, [[1 - half, 2 - half], [1 + half, 2 - half], [1 + half, 2 + half], [1 - half, 2 + half]]
+        )
+        assert 2 * half == pytest.approx(edge, abs=0.06)
+
+
+def test_a_footprint_runs_anticlockwise_round_what_is_seen():
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        pose = tilted(rng)
+        corners = CAMERA.footprint(pose, 0.85)
+        points = pose.position[:2] + rng.uniform(-40, 40, (500, 2))
+        edges = np.roll(corners, -1, axis=0) - corners
+        offsets = points[:, None] - corners
+        inside = np.all(edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0] >= 0, axis=1)
+        seen = CAMERA.sees(pose, np.column_stack([points, np.full(500, 0.85)]))
+        np.testing.assert_array_equal(seen, inside)
+        assert 0 < seen.sum() < 500
+
+
+def test_nothing_at_or_behind_the_camera_is_seen():
+    pose = Pose.level(0.0, 0.0, 20.0)
+    above = np.array([[0, 0, 20], [0, 0, 21], [3, -2, 35.0]])
+    uv, depth = CAMERA.project(pose, above)
+    assert np.all(depth <= 0)
+    assert np.all(np.isnan(uv))
+    assert not CAMERA.sees(pose, above).any()

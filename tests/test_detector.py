@@ -1,0 +1,259 @@
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+from sim.renderer import Renderer
+from sim.scenario import Scenario, Uav
+from sim.world import World
+from tracking.camera import Camera, Pose
+from tracking.detector import Frame, detect
+from tracking.visibility import TARGET_HEIGHT, Forest, Tree
+
+CAMERA = Camera(math.radians(60), 128)
+ALTITUDES = (17.3, 19.1, 21.7)
+MARGIN = 16  # pixels around the image in which people cut by its edge are seen whole
+WIDE = Camera(2 * math.atan((CAMERA.pixels / 2 + MARGIN) / CAMERA.focal), CAMERA.pixels + 2 * MARGIN)
+SCENARIO = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
+GREEN = (100, 115, 75)
+
+
+def blank():
+    return np.full((128, 128, 3), GREEN, dtype=np.uint8)
+
+
+def frame(image, pose, camera=CAMERA):
+    return Frame(0, 0.0, camera, pose, np.ascontiguousarray(image))
+
+
+def random_forest(rng, count, radius):
+    trees = []
+    while len(trees) < count:
+        x, y = rng.uniform(-40, 40, 2)
+        if all(math.hypot(x - t.x, y - t.y) > 2 * radius for t in trees):
+            trees.append(Tree(x, y, radius))
+    return Forest(tuple(trees))
+
+
+def touching(people, count):
+    """Whether each person's silhouette meets another's, corners included (count,)."""
+    padded = np.pad(people, 1, constant_values=-1)
+    n = len(people)
+    touch = np.zeros(count, dtype=bool)
+    for i, j in np.ndindex(3, 3):
+        other = padded[i : i + n, j : j + n]
+        meet = (people >= 0) & (other >= 0) & (people != other)
+        touch[people[meet]] = True
+    return touch
+
+
+@dataclass
+class Tally:
+    """What became of people of whom half or more was visible and who touched nobody, and of all detections."""
+
+    people: list  # found, off-nadir angle in degrees, radial and tangential error in m
+    detections: list  # whether a person was there
+
+    def count(self, found, places, pose, scene, alone):
+        """Match detections to people; scene and alone are label images with trees, and without and enlarged."""
+        n = len(places)
+        visible = np.bincount(scene[scene >= 0], minlength=n)
+        whole = np.bincount(alone[alone >= 0], minlength=n)
+        touch = touching(alone, n)
+        distance = np.linalg.norm(found.ground[:, None] - places, axis=2)
+        distance[:, visible == 0] = np.inf
+        rows, columns = linear_sum_assignment(np.minimum(distance, 1.0))
+        pairs = {c: r for r, c in zip(rows, columns, strict=True) if distance[r, c] < 1.0}
+        for k in np.flatnonzero((visible > 0) & (2 * visible >= whole) & ~touch):
+            offset = places[k] - pose.position[:2]
+            radial = offset / np.linalg.norm(offset)
+            angle = math.degrees(math.atan2(np.linalg.norm(offset), pose.position[2] - TARGET_HEIGHT))
+            error = found.ground[pairs[k]] - places[k] if k in pairs else np.full(2, np.nan)
+            self.people.append((k in pairs, angle, error @ radial, error @ [-radial[1], radial[0]]))
+        for row in range(len(found.ground)):
+            if np.isinf(distance[row]).all() or not touch[np.argmin(distance[row])]:
+                self.detections.append(row in pairs.values())
+
+
+def fly(tally, rng, *, frames, forest, people):
+    """Detect in random frames over one forest, with people anywhere in the image and across its edges."""
+    with World(SCENARIO, forest, people) as world, World(SCENARIO, Forest(()), people) as bare:
+        full, alone = Renderer(world), Renderer(bare)
+        for _ in range(frames):
+            pose = Pose.level(*rng.uniform(-30, 30, 2), rng.choice(ALTITUDES))
+            half = pose.position[2] * math.tan(CAMERA.fov / 2) + 0.5
+            places = pose.position[:2] + rng.uniform(-half, half, (people, 2))
+            headings = rng.uniform(-math.pi, math.pi, people)
+            for each in (world, bare):
+                each.place_people(places, headings)
+            rendered = full.render(CAMERA, pose)
+            found = detect(frame(rendered.image, pose))
+            tally.count(found, places, pose, rendered.people, alone.render(WIDE, pose).people)
+
+
+def test_a_thousand_frames_find_people_and_only_people_where_they_are():
+    rng = np.random.default_rng(0)
+    tally = Tally([], [])
+    for count, radius in ((20, 5.0), (60, 1.0), (28, 4.0), (20, 5.0)):
+        fly(tally, rng, frames=250, forest=random_forest(rng, count, radius), people=8)
+    people = np.array(tally.people, dtype=float)
+    assert len(people) > 3000
+    assert np.mean(people[:, 0]) >= 0.99
+    assert np.mean(tally.detections) >= 0.99
+    for low in range(0, 40, 5):
+        errors = people[(people[:, 1] >= low) & (people[:, 1] < low + 5) & (people[:, 0] == 1), 2:]
+        assert len(errors) > 50
+        assert np.abs(errors.mean(axis=0)).max() < 0.03, f"{low} degrees: {errors.mean(axis=0)}"
+        assert errors.std(axis=0).max() < 0.12
+
+
+def test_a_camera_that_tilts_with_its_uav_measures_as_well():
+    rng = np.random.default_rng(1)
+    errors = []
+    with World(SCENARIO, Forest(()), 1) as world:
+        renderer = Renderer(world)
+        for _ in range(200):
+            angle, axis = rng.uniform(0, 0.25), rng.uniform(-math.pi, math.pi)
+            turn = [math.cos(axis) * math.sin(angle / 2), math.sin(axis) * math.sin(angle / 2), 0.0]
+            pose = Pose(np.array([5.0, -3.0, 19.0]), np.array([*turn, math.cos(angle / 2)]))
+            place = CAMERA.ground_points(pose, rng.uniform(12, 116, (1, 2)), TARGET_HEIGHT)
+            world.place_people(place, rng.uniform(-math.pi, math.pi, 1))
+            found = detect(frame(renderer.render(CAMERA, pose).image, pose))
+            assert len(found.ground) == 1
+            errors.append(found.ground[0] - place[0])
+    assert np.abs(np.mean(errors, axis=0)).max() < 0.01
+    assert np.linalg.norm(errors, axis=1).max() < 0.25
+
+
+def test_nothing_but_people_has_a_persons_colour():
+    rng = np.random.default_rng(0)
+    uavs = tuple(Uav(start=tuple(rng.uniform(-20, 20, 2)), footprint=10.0) for _ in range(10))
+    with World(Scenario(uavs=uavs), random_forest(rng, 40, 3.0), 0) as world:
+        renderer = Renderer(world)
+        for _ in range(30):
+            pose = Pose.level(*rng.uniform(-30, 30, 2), 21.7)
+            found = detect(frame(renderer.render(CAMERA, pose).image, pose))
+            assert found.pixels.shape == (0, 2)
+            assert found.ground.shape == (0, 2)
+            assert found.boxes.shape == (0, 4)
+
+
+def test_every_pixel_of_a_person_has_a_persons_colour():
+    rng = np.random.default_rng(0)
+    with World(SCENARIO, Forest(()), 1) as world:
+        renderer = Renderer(world)
+        for _ in range(50):
+            world.place_people(rng.uniform(-8, 8, (1, 2)), rng.uniform(-math.pi, math.pi, 1))
+            pose = Pose.level(0.0, 0.0, 19.0)
+            rendered = renderer.render(CAMERA, pose)
+            rows, columns = np.nonzero(rendered.people == 0)
+            found = detect(frame(rendered.image, pose))
+            assert found.areas.tolist() == [len(rows)]
+            box = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
+            assert found.boxes.tolist() == [box]
+            assert found.pixels[0] == pytest.approx([columns.mean() + 0.5, rows.mean() + 0.5])
+
+
+def test_a_single_pixel_is_a_detection():
+    image = blank()
+    image[40, 90] = (230, 62, 0)
+    pose = Pose.level(1.0, 2.0, 19.0)
+    found = detect(frame(image, pose))
+    assert found.pixels.tolist() == [[90.5, 40.5]]
+    assert found.ground == pytest.approx(CAMERA.ground_points(pose, np.array([[90.5, 40.5]]), TARGET_HEIGHT))
+
+
+def test_a_person_whom_a_trunk_cuts_in_two_is_one_person():
+    pose = Pose.level(0.0, 0.0, 19.0)
+    with World(SCENARIO, Forest(()), 1) as world:
+        renderer = Renderer(world)
+        for heading in np.linspace(-math.pi, math.pi, 12):
+            world.place_people(np.array([[8.0, -6.0]]), np.array([heading]))
+            rendered = renderer.render(CAMERA, pose)
+            row = int(np.nonzero(rendered.people == 0)[0].mean())
+            image = rendered.image.copy()
+            image[row] = GREEN
+            mask = (rendered.people == 0).astype(np.uint8)
+            mask[row] = 0
+            assert cv2.connectedComponents(mask)[0] - 1 >= 2
+            found = detect(frame(image, pose))
+            assert len(found.ground) == 1
+            assert found.ground[0] == pytest.approx([8.0, -6.0], abs=0.2)
+
+
+def test_two_who_touch_are_two():
+    rng = np.random.default_rng(0)
+    pose = Pose.level(0.0, 0.0, 19.0)
+    with World(SCENARIO, Forest(()), 2) as world:
+        renderer = Renderer(world)
+        met = 0
+        for _ in range(100):
+            first = rng.uniform(-7, 7, 2)
+            # Side by side as the camera sees them, in step.
+            across = np.array([-first[1], first[0]]) / np.linalg.norm(first)
+            places = np.array([first, first + rng.uniform(0.6, 0.8) * across])
+            world.place_people(places, np.full(2, math.atan2(first[1], first[0])))
+            rendered = renderer.render(CAMERA, pose)
+            if cv2.connectedComponents((rendered.people >= 0).astype(np.uint8))[0] != 2:
+                continue
+            met += 1
+            found = detect(frame(rendered.image, pose)).ground
+            assert len(found) == 2
+            order = np.argsort((found - first) @ across)
+            assert np.linalg.norm(found[order] - places, axis=1).max() < 0.35
+    assert met > 20
+
+
+def test_the_edge_of_the_image_does_not_pull_people_inwards():
+    rng = np.random.default_rng(0)
+    pose = Pose.level(0.0, 0.0, 19.0)
+    half = 19.0 - TARGET_HEIGHT
+    half *= math.tan(CAMERA.fov / 2)
+    errors, raw = [], []
+    with World(SCENARIO, Forest(()), 1) as world:
+        renderer = Renderer(world)
+        for _ in range(300):
+            place = np.array([[half - rng.uniform(0, 0.3), rng.uniform(-7, 7)]])
+            world.place_people(place, rng.uniform(-math.pi, math.pi, 1))
+            rendered = renderer.render(CAMERA, pose)
+            found = detect(frame(rendered.image, pose))
+            assert len(found.ground) == 1
+            errors.append(found.ground[0, 0] - place[0, 0])
+            columns = np.nonzero(rendered.people == 0)[1]
+            raw.append((columns.mean() + 0.5 - 64) * (19.0 - TARGET_HEIGHT) / CAMERA.focal - place[0, 0])
+    assert np.mean(raw) < -0.1
+    assert abs(np.mean(errors)) < 0.03
+
+
+def test_nobody_stands_above_the_horizon():
+    image = blank()
+    image[30:34, 61:63] = image[100:104, 61:63] = (230, 62, 0)
+    level = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]))
+    found = detect(frame(image, level))
+    assert found.pixels == pytest.approx(np.array([[62.0, 102.0]]))
+    assert found.ground[0, 1] > 0
+
+
+def test_any_image_from_any_camera_gives_finite_people():
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        camera = Camera(rng.uniform(0.2, 3.0), int(rng.choice([16, 32])))
+        half, axis = rng.uniform(0, 0.8), rng.uniform(-math.pi, math.pi)
+        turn = [math.cos(axis) * math.sin(half), math.sin(axis) * math.sin(half), 0.0, math.cos(half)]
+        pose = Pose(np.array([1.0, 2.0, rng.uniform(0.9, 20.0)]), np.array(turn))
+        image = np.full((camera.pixels, camera.pixels, 3), GREEN, dtype=np.uint8)
+        image[rng.random(image.shape[:2]) < rng.choice([0.01, 0.1, 0.4])] = (230, 62, 0)
+        assert np.isfinite(detect(frame(image, pose, camera)).ground).all()
+
+
+def test_detection_repeats_exactly_and_leaves_the_image_alone():
+    image = blank()
+    image[20:24, 30:33] = image[80:84, 32:36] = image[80:84, 38:41] = (230, 62, 0)
+    before = image.tobytes()
+    one, other = (detect(frame(image, Pose.level(0.0, 0.0, 19.0))) for _ in range(2))
+    assert one.ground.tobytes() == other.ground.tobytes()
+    assert image.tobytes() == before
+    assert len(one.ground) == 3

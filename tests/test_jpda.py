@@ -1,0 +1,221 @@
+"""Association against enumeration by brute force; gates and the mixture update against their definitions."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from tracking.association import EXACT_SIDE, marginals
+from tracking.jpda import association_probabilities, gated_likelihood, mixture_update
+from tracking.kalman import Gaussian, update
+
+
+def brute_force(likelihood: np.ndarray, detection: np.ndarray, clutter: float) -> np.ndarray:
+    """Every joint event, its weight written out."""
+    T, N = likelihood.shape
+    beta = np.zeros((T, N + 1))
+    for event in itertools.product(range(N + 1), repeat=T):
+        used = [j for j in event if j]
+        if len(set(used)) == len(used):
+            factors = [
+                detection[i] * likelihood[i, j - 1] / clutter if j else 1 - detection[i] for i, j in enumerate(event)
+            ]
+            for i, j in enumerate(event):
+                beta[i, j] += math.prod(factors)
+    return beta / beta.sum(axis=1, keepdims=True)
+
+
+def random_case(rng: np.random.Generator, T: int, N: int, density: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Random gates, likelihoods over four decades, and probabilities of detection of which a third is zero."""
+    likelihood = 10 ** rng.uniform(-4, 0, (T, N)) * (rng.random((T, N)) < density)
+    return likelihood, rng.random(T) * (rng.random(T) < 2 / 3), 10 ** rng.uniform(-5, 0)
+
+
+@pytest.mark.parametrize("density", [0.15, 0.4, 1.0])
+def test_jpda_matches_brute_force_enumeration(density):
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        T, N = rng.integers(0, 5, 2)
+        case = random_case(rng, T, N, density)
+        np.testing.assert_allclose(association_probabilities(*case), brute_force(*case), rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize(("T", "N"), [(5, 5), (4, 6), (6, 3)])
+def test_jpda_matches_brute_force_enumeration_in_large_clusters(T, N):
+    rng = np.random.default_rng(1)
+    for _ in range(2):
+        case = random_case(rng, T, N, 0.8)
+        np.testing.assert_allclose(association_probabilities(*case), brute_force(*case), rtol=1e-9, atol=1e-15)
+
+
+def test_one_track_and_one_measurement_give_the_textbook_ratio():
+    beta = association_probabilities(np.array([[0.5]]), np.array([0.9]), 0.01)
+    hit = 0.9 * 0.5 / 0.01
+    np.testing.assert_allclose(beta, [[0.1 / (0.1 + hit), hit / (0.1 + hit)]], rtol=1e-14)
+
+
+def test_somebody_who_cannot_be_detected_was_not_detected():
+    beta = association_probabilities(np.ones((2, 3)), np.array([0.0, 0.9]), 0.1)
+    np.testing.assert_array_equal(beta[0], [1, 0, 0, 0])
+    assert beta[1, 0] < 0.1
+
+
+def test_detection_that_depends_on_the_measurement_enters_each_pair():
+    rng = np.random.default_rng(2)
+    likelihood, detection, clutter = rng.random((3, 4)), rng.random((3, 5)) * 0.99, 0.05
+    overall = np.full(3, 0.5)
+    # The weights that brute force sees: a miss of 1 - detection[:, 0], pairs of detection[:, 1:].
+    scaled = likelihood * detection[:, 1:] / overall[:, None] * ((1 - overall) / (1 - detection[:, 0]))[:, None]
+    expected = brute_force(scaled, overall, clutter)
+    np.testing.assert_allclose(association_probabilities(likelihood, detection, clutter), expected, rtol=1e-9)
+
+
+def test_the_order_of_measurements_and_tracks_does_not_matter():
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        likelihood, detection, clutter = random_case(rng, 5, 6, 0.5)
+        rows, columns = rng.permutation(5), rng.permutation(6)
+        beta = association_probabilities(likelihood, detection, clutter)
+        permuted = association_probabilities(likelihood[rows][:, columns], detection[rows], clutter)
+        np.testing.assert_allclose(permuted, beta[rows][:, np.r_[0, 1 + columns]], rtol=1e-10, atol=1e-15)
+
+
+def test_probabilities_are_exact_up_to_the_stated_size_and_sum_to_one_beyond():
+    rng = np.random.default_rng(4)
+    for size in (EXACT_SIDE, EXACT_SIDE + 1, 40):
+        beta = association_probabilities(rng.random((size, size)), np.full(size, 0.9), 0.01)
+        np.testing.assert_allclose(beta.sum(axis=1), 1, rtol=1e-12)
+        assert beta.min() >= 0
+        assert beta[:, 1:].sum(axis=0).max() < 1 + (1e-12 if size <= EXACT_SIDE else 0.05)
+    # All tracks alike and all measurements alike: by symmetry each row is the same, exact or not.
+    alike = association_probabilities(np.ones((20, 20)), np.full(20, 0.9), 0.01)
+    np.testing.assert_allclose(alike, np.tile(alike[0], (20, 1)), rtol=1e-9)
+
+
+def weights(likelihood: np.ndarray, detection: np.ndarray, clutter: float) -> tuple[np.ndarray, np.ndarray]:
+    return 1 - detection, detection[:, None] * likelihood / clutter
+
+
+def test_belief_propagation_is_exact_on_trees():
+    rng = np.random.default_rng(5)
+    for _ in range(100):
+        tracks, measurements = 6, 7
+        linked = np.zeros((tracks, measurements), bool)
+        reached_rows, reached_columns = [0], []
+        for node in rng.permutation(np.arange(1, tracks + measurements)).tolist():
+            # Each new node hangs on one node of the other kind, so that no cycle can arise.
+            if node < tracks and reached_columns:
+                linked[node, rng.choice(reached_columns)] = True
+                reached_rows.append(node)
+            elif node >= tracks:
+                linked[rng.choice(reached_rows), node - tracks] = True
+                reached_columns.append(node - tracks)
+        likelihood, detection, clutter = random_case(rng, tracks, measurements, 1.0)
+        misses, pairs = weights(likelihood * linked, detection, clutter)
+        np.testing.assert_allclose(marginals(misses, pairs, 0), marginals(misses, pairs, 12), rtol=1e-8, atol=1e-14)
+
+
+def test_belief_propagation_is_close_to_exact_on_sparse_gates():
+    rng = np.random.default_rng(6)
+    errors = []
+    for _ in range(100):
+        case = random_case(rng, 10, 10, 0.15)
+        errors.append(np.abs(marginals(*weights(*case), 0) - marginals(*weights(*case), 12)).max())
+    assert np.mean(errors) < 0.03
+    assert max(errors) > 1e-6  # cycles occur, so this compares two methods
+
+
+@pytest.mark.parametrize("detection", [[1.0], [-0.1], [math.nan]])
+def test_probabilities_of_detection_outside_their_range_are_refused(detection):
+    with pytest.raises(ValueError, match="detection_probability"):
+        association_probabilities(np.ones((1, 1)), np.array(detection), 0.1)
+
+
+def test_a_clutter_density_of_zero_is_refused():
+    with pytest.raises(ValueError, match="clutter_density must be positive, is 0"):
+        association_probabilities(np.ones((1, 1)), np.array([0.5]), 0.0)
+
+
+def random_scene(rng: np.random.Generator, T: int, N: int):
+    roots, noise = rng.normal(size=(T, 4, 4)), rng.normal(size=(N, 2, 2))
+    covariances = roots @ np.swapaxes(roots, 1, 2) + 0.1 * np.eye(4)
+    return (
+        rng.normal(scale=3, size=(T, 4)),
+        covariances,
+        rng.normal(scale=3, size=(N, 2)),
+        noise @ np.swapaxes(noise, 1, 2) + 0.1 * np.eye(2),
+    )
+
+
+def test_a_gate_keeps_the_stated_share_of_a_persons_measurements():
+    rng = np.random.default_rng(7)
+    means, covariances, _, noise = random_scene(rng, 1, 1)
+    z = rng.multivariate_normal(means[0, :2], covariances[0, :2, :2] + noise[0], 20000)
+    for probability in (0.5, 0.9, 0.99):
+        likelihood = gated_likelihood(means, covariances, z, np.tile(noise, (20000, 1, 1)), probability)
+        spread = math.sqrt(probability * (1 - probability) / 20000)
+        assert abs(np.mean(likelihood > 0) - probability) < 4 * spread
+
+
+def test_likelihoods_integrate_to_one_over_the_gate():
+    step = 0.05
+    x, y = np.meshgrid(np.arange(-9, 9, step), np.arange(-9, 9, step))
+    z = np.column_stack([x.ravel(), y.ravel()])
+    covariance = np.diag([1.0, 0.6, 1, 1])
+    covariance[0, 1] = covariance[1, 0] = 0.4
+    R = np.tile(np.array([[0.5, -0.1], [-0.1, 0.7]]), (len(z), 1, 1))
+    likelihood = gated_likelihood(np.zeros((1, 4)), covariance[None], z, R, 0.9)
+    assert likelihood.sum() * step**2 == pytest.approx(1, abs=1e-3)
+
+
+def test_likelihoods_are_the_innovations_density():
+    rng = np.random.default_rng(8)
+    means, covariances, z, noise = random_scene(rng, 4, 5)
+    likelihood = gated_likelihood(means, covariances, z, noise, 0.95)
+    for i, j in itertools.product(range(4), range(5)):
+        S, nu = covariances[i, :2, :2] + noise[j], z[j] - means[i, :2]
+        d2 = nu @ np.linalg.solve(S, nu)
+        density = math.exp(-d2 / 2) / math.sqrt(np.linalg.det(2 * math.pi * S)) / 0.95
+        assert likelihood[i, j] == pytest.approx(density if d2 <= -2 * math.log(0.05) else 0, rel=1e-10)
+    assert 0 < np.count_nonzero(likelihood) < 20
+
+
+def test_the_mixture_update_has_the_moments_of_the_mixture():
+    rng = np.random.default_rng(9)
+    for _ in range(30):
+        means, covariances, z, noise = random_scene(rng, 3, 4)
+        beta = rng.dirichlet(np.ones(5), 3)
+        new_means, new_covariances = mixture_update(means, covariances, z, noise, beta)
+        for i in range(3):
+            parts = [Gaussian(means[i], covariances[i])]
+            parts += [update(parts[0], z[j], noise[j]) for j in range(4)]
+            mean = sum(b * p.mean for b, p in zip(beta[i], parts, strict=True))
+            second = sum(b * (p.covariance + np.outer(p.mean, p.mean)) for b, p in zip(beta[i], parts, strict=True))
+            np.testing.assert_allclose(new_means[i], mean, rtol=1e-9, atol=1e-11)
+            np.testing.assert_allclose(new_covariances[i], second - np.outer(mean, mean), rtol=1e-8, atol=1e-9)
+            np.testing.assert_array_equal(new_covariances[i], new_covariances[i].T)
+            assert np.linalg.eigvalsh(new_covariances[i]).min() > 0
+
+
+def test_a_certain_association_is_a_kalman_update_and_none_changes_nothing():
+    means, covariances, z, noise = random_scene(np.random.default_rng(10), 2, 2)
+    new_means, new_covariances = mixture_update(means, covariances, z, noise, np.array([[1.0, 0, 0], [0, 0, 1.0]]))
+    np.testing.assert_array_equal(new_means[0], means[0])
+    np.testing.assert_array_equal(new_covariances[0], covariances[0])
+    certain = update(Gaussian(means[1], covariances[1]), z[1], noise[1])
+    np.testing.assert_allclose(new_means[1], certain.mean, rtol=1e-10)
+    np.testing.assert_allclose(new_covariances[1], certain.covariance, rtol=1e-9, atol=1e-11)
+
+
+def test_the_weighted_innovation_form_of_bar_shalom_gives_the_same_moments():
+    rng = np.random.default_rng(11)
+    means, covariances, z, noise = random_scene(rng, 1, 3)
+    R, P, beta = noise[0], covariances[0], np.array([0.2, 0.5, 0.2, 0.1])
+    _, new = mixture_update(means, covariances, z, np.tile(R, (3, 1, 1)), beta[None])
+    S = P[:2, :2] + R
+    K = P[:, :2] @ np.linalg.inv(S)
+    nus = z - means[0, :2]
+    nu = beta[1:] @ nus
+    spread = K @ (np.einsum("j,ja,jb->ab", beta[1:], nus, nus) - np.outer(nu, nu)) @ K.T
+    np.testing.assert_allclose(new[0], beta[0] * P + (1 - beta[0]) * (P - K @ S @ K.T) + spread, rtol=1e-9, atol=1e-11)

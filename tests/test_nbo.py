@@ -1,0 +1,150 @@
+"""The compiled objective against a plain transcription of the paper's equations, and the paper's MWTP figure."""
+
+import math
+
+import numpy as np
+import pytest
+
+from planning.belief import nominal_positions, outlook
+from planning.nbo import costs, team_cost, weighted_trace_penalty
+from tracking.visibility import TARGET_HEIGHT
+
+
+def plain_mwtp(targets, traces, sensors, reach):
+    """Algorithm 2 of [Li22], line by line, with beta = 1."""
+    sensors = [np.array(s, dtype=float) for s in sensors]
+    outside = [
+        t
+        for t in range(len(targets))
+        if not any(np.max(np.abs(targets[t] - s)) <= r for s, r in zip(sensors, reach, strict=True))
+    ]
+    J, D = 0.0, [0.0] * len(sensors)
+    for t in sorted(outside, key=lambda t: -traces[t]):
+        d = [np.linalg.norm(targets[t] - s) for s in sensors]
+        i = min(range(len(sensors)), key=lambda i: D[i] + d[i])
+        if D[i] == 0:
+            J += d[i] * traces[t]
+        D[i] += d[i]
+        gap = targets[t] - sensors[i]
+        sensors[i] = sensors[i] + np.sign(gap) * np.maximum(np.abs(gap) - reach[i], 0)
+    return J
+
+
+def plain_cost(situation, controls, beta):
+    """Eqs. (1), (4), (5), (7), (13), with nominal targets and matrix inverses; also counts who sees what."""
+    fleet, F, Q = situation.vehicles, situation.motion.F, situation.motion.Q
+    H = np.eye(2, 4)
+    means = [t.belief.mean for t in situation.tracks]
+    P = [t.belief.covariance for t in situation.tracks]
+    positions = [v.position[:2].copy() for v in fleet]
+    reach = [(v.position[2] - TARGET_HEIGHT) * math.tan(v.camera.fov / 2) for v in fleet]
+    J, seen = 0.0, []
+    for step in range(controls.shape[1]):
+        positions = [p + u * situation.step for p, u in zip(positions, controls[:, step], strict=True)]
+        means = [F @ m for m in means]
+        for t, m in enumerate(means):
+            information = np.linalg.inv(F @ P[t] @ F.T + Q)
+            count = 0
+            for v, p, r in zip(fleet, positions, reach, strict=True):
+                camera, point = np.array([*p, v.position[2]]), np.array([m[0], m[1], TARGET_HEIGHT])
+                if np.max(np.abs(m[:2] - p)) <= r and situation.forest.visible(camera, point)[0, 0]:
+                    information = information + H.T @ np.linalg.inv(v.noise.covariance(p, m[:2])) @ H
+                    count += 1
+            P[t] = np.linalg.inv(information)
+            J += np.trace(P[t][:2, :2])
+            seen.append(count)
+    if beta:
+        traces = [np.trace(p[:2, :2]) for p in P]
+        J += beta * plain_mwtp([m[:2] for m in means], traces, positions, reach)
+    return J, seen
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.5])
+@pytest.mark.parametrize(("uavs", "targets"), [(3, 4), (1, 3), (4, 2), (2, 6)])
+def test_the_compiled_objective_equals_a_plain_transcription(random_team, uavs, targets, beta):
+    counts = []
+    for seed in range(25):
+        situation = random_team(seed, uavs=uavs, targets=targets, spread=12.0 + seed)[0]
+        controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (uavs, 5, 2))
+        expected, seen = plain_cost(situation, controls, beta)
+        assert team_cost(outlook(situation, 5), controls, beta) == pytest.approx(expected, rel=1e-9)
+        counts += seen
+    assert 0 in counts and 1 in counts and (uavs == 1 or 2 in counts)
+
+
+def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):
+    situation = random_team(3)[0]
+    view = outlook(situation, 4)
+    rng = np.random.default_rng(0)
+    controls, candidates = rng.uniform(-3, 3, (3, 4, 2)), rng.uniform(-3, 3, (6, 4, 2))
+    for uav in range(3):
+        values = costs(view, controls, uav, candidates, 0.5)
+        for value, candidate in zip(values, candidates, strict=True):
+            joint = controls.copy()
+            joint[uav] = candidate
+            assert value == pytest.approx(plain_cost(situation, joint, 0.5)[0], rel=1e-9)
+
+
+def test_trees_matter_to_the_objective(random_team):
+    differing = 0
+    for seed in range(20):
+        controls = np.zeros((3, 5, 2))
+        forest, bare = random_team(seed)[0], random_team(seed, trees=0)[0]
+        bare = type(bare)(**{**vars(forest), "forest": bare.forest})
+        hidden, free = (team_cost(outlook(s, 5), controls, 0.0) for s in (forest, bare))
+        assert hidden >= free - 1e-9
+        differing += hidden > free + 1e-6
+    assert differing >= 5
+
+
+def test_no_target_costs_nothing(random_team):
+    situation = random_team(0, targets=0)[0]
+    assert team_cost(outlook(situation, 5), np.zeros((3, 5, 2)), 0.5) == 0.0
+
+
+def test_nominal_positions_follow_the_velocity(random_team):
+    tracks = random_team(1)[0].tracks
+    points = nominal_positions(tracks, 1.0, 3)
+    for t, track in enumerate(tracks):
+        m = track.belief.mean
+        np.testing.assert_allclose(points[2, t], [m[0] + 3 * m[2], m[1] + 3 * m[3], TARGET_HEIGHT])
+
+
+# End of the horizon in the paper's MWTP figure, in its drawing units, y upwards.
+FIGURE_SENSORS = np.array([[227.0, -168.25], [120.0, -154.25]])
+FIGURE_TARGETS = np.array([[70.0, -104.5], [249.0, -94.5]])
+FIGURE_REACH = np.array([33.0, 33.0])
+
+
+@pytest.mark.parametrize("traces", [(4.0, 9.0), (9.0, 4.0)])
+def test_mwtp_matches_the_sensors_and_targets_of_the_papers_figure(traces):
+    sensors = FIGURE_SENSORS.copy()
+    penalty = weighted_trace_penalty(FIGURE_TARGETS, np.array(traces), sensors, FIGURE_REACH)
+    to_first = math.hypot(120 - 70, 154.25 - 104.5)  # sensor 2 to target 1
+    to_second = math.hypot(249 - 227, 168.25 - 94.5)  # sensor 1 to target 2
+    assert penalty == pytest.approx(to_first * traces[0] + to_second * traces[1], rel=1e-12)
+    # p^MDO: the fields of view just cover the targets.
+    np.testing.assert_allclose(sensors, [[227.0, -94.5 - 33.0], [70.0 + 33.0, -104.5 - 33.0]])
+
+
+def test_mwtp_penalises_each_sensor_for_one_target_only():
+    targets = np.array([[100.0, 0.0], [100.0, 5.0]])
+    sensors = np.array([[0.0, 0.0], [1000.0, 0.0]])
+    penalty = weighted_trace_penalty(targets, np.array([2.0, 1.0]), sensors, np.array([10.0, 10.0]))
+    # The first sensor takes both: D is 100 after the first target, then 100 + |(10, 5)| < 900.
+    assert penalty == pytest.approx(200.0)
+
+
+def test_mwtp_is_zero_when_every_target_is_in_view():
+    targets = np.array([[5.0, -5.0]])
+    assert weighted_trace_penalty(targets, np.array([3.0]), np.zeros((1, 2)), np.array([5.0])) == 0.0
+
+
+def test_mwtp_agrees_with_the_plain_algorithm():
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        n, T = rng.integers(1, 5), rng.integers(1, 8)
+        sensors, targets = rng.uniform(-40, 40, (n, 2)), rng.uniform(-40, 40, (T, 2))
+        traces, reach = rng.uniform(0.1, 9, T), rng.uniform(8, 13, n)
+        expected = plain_mwtp(targets, traces, sensors, reach)
+        assert weighted_trace_penalty(targets, traces, sensors.copy(), reach) == pytest.approx(expected, rel=1e-12)

@@ -1,0 +1,106 @@
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from sim.steering import SEPARATION, _nearest, _to_border, _turn, simulate
+
+HALF = np.array([74.0, 49.0])
+NO_TRUNKS = np.zeros((0, 3))
+SECONDS = 20
+
+
+def steered(starts, speeds, goals, trunks=NO_TRUNKS, half=HALF):
+    """Positions (K, M, 2) of people who walk from starts to goals on straight routes."""
+    starts, goals = np.array(starts, dtype=float), np.array(goals, dtype=float)
+    ahead = goals - starts
+    states = np.column_stack([starts, np.arctan2(ahead[:, 1], ahead[:, 0]), np.zeros(len(starts))])
+    routes = starts[:, None] + np.linspace(0, 1, 100)[:, None] * ahead[:, None]
+    paces = np.tile(np.array(speeds, dtype=float), (SECONDS * 60, 1))
+    return simulate(states, paces, np.zeros_like(paces), routes, np.array(trunks, dtype=float), half)
+
+
+def lateral_acceleration(walk):
+    steps = np.diff(walk, axis=0) * 60
+    headings = np.unwrap(np.arctan2(steps[..., 1], steps[..., 0]), axis=0)
+    return np.abs(np.diff(headings, axis=0)) * 60 * np.hypot(steps[1:, :, 0], steps[1:, :, 1])
+
+
+def test_a_free_way_is_straight_at_the_given_speed():
+    walk = steered([(-30, -20)], [1.5], [(30, 25)])[:, 0]
+    direction = np.array([60, 45]) / 75
+    t = np.arange(len(walk)) / 60
+    assert_allclose(walk, [-30, -20] + 1.5 * t[:, None] * direction, atol=1e-9)
+
+
+@pytest.mark.parametrize("speed", [1.0, 2.0, 3.0])
+@pytest.mark.parametrize("offset", [0.0, 0.3, -0.5])
+def test_a_trunk_in_the_way_is_passed_near_and_smoothly(speed, offset):
+    walk = steered([(-10, 0)], [speed], [(60, 0)], [(0.0, offset, 0.6)])
+    away = np.hypot(walk[:, 0, 0], walk[:, 0, 1] - offset)
+    assert 0.6 <= away.min() < 1.3
+    assert lateral_acceleration(walk).max() < 1.05
+    assert abs(walk[-1, 0, 1]) < 0.25
+
+
+@pytest.mark.parametrize("speeds", [(1, 1), (3, 3), (1, 3)])
+@pytest.mark.parametrize("shift", [0.0, 0.2, -0.4])
+def test_people_who_meet_brush_past_one_another(speeds, shift):
+    walk = steered([(-12, 0), (12, shift)], speeds, [(60, 0), (-60, shift)])
+    away = np.hypot(*(walk[:, 0] - walk[:, 1]).T)
+    assert SEPARATION <= away.min() < 1.5
+    assert lateral_acceleration(walk).max() < 1.05
+
+
+def test_a_fast_walker_overtakes_a_slow_one():
+    walk = steered([(-10, 0), (-4, 0)], [2.5, 1.0], [(70, 0), (70, 0)])
+    assert np.hypot(*(walk[:, 0] - walk[:, 1]).T).min() >= SEPARATION
+    assert walk[-1, 0, 0] > walk[-1, 1, 0] + 15
+
+
+def test_a_route_out_of_the_area_ends_in_a_smooth_turn():
+    walk = steered([(40, 30), (0, 40)], [3.0, 1.5], [(140, 130), (0, 140)])
+    assert np.all(np.abs(walk) <= HALF)
+    assert lateral_acceleration(walk).max() < 1.05
+
+
+def test_a_pocket_of_trunks_catches_nobody():
+    walk = steered([(-10, 0.0)], [2.0], [(60, 0)], [(0.0, 0.55, 0.6), (0.0, -0.55, 0.6), (-0.8, 0.0, 0.6)])
+    for x, y in [(0.0, 0.55), (0.0, -0.55), (-0.8, 0.0)]:
+        assert np.hypot(walk[:, 0, 0] - x, walk[:, 0, 1] - y).min() >= 0.6
+    assert walk[-1, 0, 0] > 20
+
+
+def test_heading_follows_a_decision_like_a_critically_damped_system():
+    state, dt = np.zeros(4), 1e-4
+    for n in range(1, 30_001):
+        _turn(state, 0.1, 1.0, dt)
+        if n % 5000 == 0:
+            t = n * dt
+            assert state[2] == pytest.approx(0.1 * (1 - (1 + 2 * t) * math.exp(-2 * t)), abs=1e-5)
+
+
+def test_turns_take_no_more_than_their_limit():
+    state = np.zeros(4)
+    rates = []
+    for _ in range(300):
+        _turn(state, 3.0, 2.5, 1 / 60)
+        rates.append(state[3])
+    assert max(rates) == 1.0 / 2.5
+
+
+def test_distance_to_a_segment_agrees_with_brute_force():
+    rng = np.random.default_rng(1)
+    for x, y, dx, dy in rng.normal(0, 2, (100, 4)):
+        s = np.linspace(0, 1, 20_001)
+        assert _nearest(x, y, dx, dy) == pytest.approx(np.hypot(x + s * dx, y + s * dy).min(), abs=1e-3)
+    assert _nearest(3.0, 4.0, 0.0, 0.0) == 5.0
+
+
+def test_distance_to_the_border_is_that_to_a_rectangle_with_round_corners():
+    assert _to_border(np.array([0.0, 40.0]), HALF) == pytest.approx(9)
+    assert _to_border(np.array([70.0, 0.0]), HALF) == pytest.approx(4)
+    assert _to_border(np.array([76.0, 0.0]), HALF) == pytest.approx(-2)
+    assert _to_border(HALF - 10, HALF) == pytest.approx(10)
+    assert _to_border(HALF, HALF) == pytest.approx(10 - 10 * math.sqrt(2))

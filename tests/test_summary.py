@@ -1,0 +1,118 @@
+"""The summary counts what a hand-made recording holds."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from sim.autopilot import Fault
+from sim.recording import VERSION, Recording
+from sim.stopwatch import STAGES
+from sim.summary import people_held, results_table, summarise
+
+SECONDS = {"physics": 1.0, "rendering": 2.0, "detection": 0.5, "tracking": 0.25, "planning": 3.0, "video": 4.0}
+
+
+def hand_made():
+    """Two scans, two UAVs, three people; the third arrives at the second scan."""
+    people = np.array([[[0.0, 0.0], [10.0, 0.0], [np.nan, np.nan]], [[1.0, 0.0], [10.0, 1.0], [5.0, 5.0]]])
+    # Per scan and UAV: measurements 2, 1, 0, 2; tracks 1, 2, 0, 1.
+    means = np.array([[0.5, 0.0, 0, 0], [0.0, 0.0, 0, 0], [10.0, 2.0, 0, 0], [5.0, 5.5, 0, 0]])
+    return Recording(
+        version=VERSION,
+        scenario='{"duration": 40.0}',
+        planner="hover",
+        seed=7,
+        interrupted=False,
+        times=np.array([0.0, 0.2]),
+        trees=np.zeros((0, 6)),
+        people=people,
+        headings=np.zeros((2, 3)),
+        poses=np.zeros((2, 2, 7)),
+        cameras=np.zeros((2, 2, 7)),
+        commands=np.zeros((2, 2, 2)),
+        measurement_offsets=np.array([0, 2, 3, 3, 5]),
+        measurements=np.zeros((5, 2)),
+        measurement_covariances=np.tile(np.eye(2), (5, 1, 1)),
+        pixels=np.ones((5, 2)),
+        track_offsets=np.array([0, 1, 3, 3, 4]),
+        track_ids=np.array([0, 0, 1, 2]),
+        track_means=means,
+        track_covariances=np.tile(np.eye(4), (4, 1, 1)),
+        plan_times=np.zeros(0),
+        plans=np.zeros((0, 2, 0, 2)),
+        ospa=np.array([[[0.5, 0.5, 0], [1.0, 1.0, 0]], [[0.25, 0.25, 0], [4.25, 4.25, 0]]]),
+        visible=np.array([[[5, 1, 0], [0, 9, 0]], [[0, 0, 0], [7, 3, 2]]]),
+        matched=np.array([[[1, 1, 0], [0, 1, 0]], [[0, 0, 0], [1, 0, 0]]], dtype=bool),
+    )
+
+
+def summary(recording, **changes):
+    given = {"seconds": SECONDS, "wall_s": 14.0, "faults": [], "versions": {"numpy": "2"}}
+    return summarise(recording, **{**given, **changes})
+
+
+def test_the_summary_matches_the_hand_count():
+    result = summary(hand_made())
+    assert result["ospa"] == {"mean_m": 1.5, "median_m": 0.75, "share_under_1m": 0.5}
+    # Shown with a pixel or more: 6 pairs, 4 of them detected; 5 detections, 4 of them people.
+    assert result["detection"] == {"recall": pytest.approx(4 / 6), "precision": pytest.approx(4 / 5)}
+    assert (result["planner"], result["seed"], result["scenario"]) == ("hover", 7, {"duration": 40.0})
+    assert (result["duration_s"], result["interrupted"], result["faults"]) == (0.2, False, [])
+    assert result["seconds"] == SECONDS
+
+
+def test_people_are_held_while_a_track_is_within_a_metre():
+    # Person 0: held by both UAVs at scan 0, by none at 1. Person 1: a track at 2 m. Person 2: present at scan 1 only.
+    assert people_held(hand_made()) == [0.5, 0.0, 0.5]
+    gone = dataclasses.replace(hand_made(), people=np.full((2, 3, 2), np.nan))
+    assert people_held(gone) == [None, None, None]
+
+
+def test_the_real_time_factor_leaves_video_and_start_up_aside():
+    assert summary(hand_made())["real_time_factor"] == pytest.approx(0.2 / (14 - 4))
+    started = summary(hand_made(), seconds={**SECONDS, "start_up": 5.0})
+    assert started["real_time_factor"] == pytest.approx(0.2 / (14 - 4 - 5))
+    assert started["seconds"]["start_up"] == 5.0
+    assert summary(hand_made(), wall_s=4.0)["real_time_factor"] is None
+
+
+def test_ideal_sensing_has_no_detection_to_count():
+    ideal = dataclasses.replace(
+        hand_made(),
+        pixels=np.full((5, 2), np.nan),
+        visible=np.zeros((2, 2, 3), dtype=int),
+        matched=np.zeros((2, 2, 3), dtype=bool),
+    )
+    assert summary(ideal)["detection"] == {"recall": None, "precision": None}
+
+
+def test_the_summary_is_strict_json():
+    result = summary(hand_made(), faults=[Fault(1.0, 0, "NaN"), Fault(2.0, None, "error")])
+    assert result["faults"][0] == {"time": 1.0, "uav": 0, "message": "NaN"}
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
+    assert list(result["seconds"]) == list(STAGES)
+
+
+def shown(result):
+    console = Console(width=100, record=True, file=open("/dev/null", "w"))
+    console.print(results_table(result))
+    return console.export_text()
+
+
+def test_the_table_shows_every_number():
+    text = shown(summary(hand_made(), wall_s=4.025))
+    for piece in ("hover, seed 7", "1.50 m", "0.75 m", "50.0%", "66.7%", "80.0%", "8.0", *STAGES, "3.00 s"):
+        assert piece in text
+    assert "interrupted" not in text
+
+
+def test_the_table_marks_interruption_and_faults():
+    result = summary(
+        dataclasses.replace(hand_made(), interrupted=True), faults=[Fault(1.0, 0, "NaN"), Fault(2.0, 1, "NaN")]
+    )
+    text = shown({**result, "detection": {"recall": None, "precision": None}})
+    assert "interrupted" in text
+    assert [line for line in text.splitlines() if "faults" in line and " 2 " in line]

@@ -1,0 +1,147 @@
+import math
+import re
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.interpolate import PchipInterpolator
+
+from sim.scenario import Area
+from sim.trajectories import Trajectories, read
+
+AREA = Area()
+
+
+@pytest.fixture
+def csv_file(tmp_path):
+    def write(text):
+        path = tmp_path / "people.csv"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def table(rows, header="t,id,x,y"):
+    return "\n".join([header, *(",".join(map(str, row)) for row in rows)]) + "\n"
+
+
+def walk_of(x, y):
+    """One person who is at these places, one second apart."""
+    return Trajectories(np.arange(len(x), dtype=float), np.stack([x, y], axis=-1)[:, None, :].astype(float))
+
+
+def test_positions_are_straight_between_samples_and_headings_along_the_step():
+    walk = walk_of([0, 3, 3], [0, 4, 8])
+    for time, position, heading in [
+        (0.0, (0, 0), math.atan2(4, 3)),
+        (0.5, (1.5, 2), math.atan2(4, 3)),
+        (1.0, (3, 4), math.pi / 2),
+        (1.25, (3, 5), math.pi / 2),
+        (2.0, (3, 8), math.pi / 2),
+    ]:
+        positions, headings = walk.at(time)
+        assert_allclose(positions, [position], atol=1e-15)
+        assert_allclose(headings, [heading], atol=1e-15)
+
+
+@pytest.mark.parametrize("time", [-0.1, 2.1, 100.0])
+def test_nobody_is_there_before_the_first_and_after_the_last_sample(time):
+    positions, headings = walk_of([0, 3, 3], [0, 4, 8]).at(time)
+    assert np.all(np.isnan(positions))
+    assert np.all(np.isnan(headings))
+
+
+def test_samples_are_met_exactly_at_the_physics_rate():
+    rng = np.random.default_rng(1)
+    walk = Trajectories(np.arange(2401) / 60, rng.normal(size=(2401, 3, 2)))
+    for k in range(2401):
+        assert np.array_equal(walk.at(4 * k * (1 / 240))[0], walk.positions[k])
+
+
+def test_who_stands_still_keeps_the_heading():
+    walk = walk_of([0, 0, 0, 0], [0, -2, -2, -2])
+    assert walk.at(2.5)[1] == pytest.approx(-math.pi / 2)
+
+
+def test_asking_changes_nothing():
+    walk = walk_of([0, 3], [0, 4])
+    walk.at(0.0)[0][:] = 99
+    assert np.array_equal(walk.at(0.0)[0], [[0, 0]])
+
+
+def test_a_recorded_walk_comes_back_at_its_rows_and_on_a_monotone_cubic_between(csv_file):
+    t = np.arange(0, 11, 0.5)
+    x, y = 20 * np.sin(0.3 * t), 3 * t - 20
+    walk = read(csv_file(table(zip(t, [7] * len(t), x, y, strict=True))), AREA, duration=10)
+    for k, time in enumerate(t[t <= 10]):
+        assert_allclose(walk.at(time)[0], [[x[k], y[k]]], atol=1e-12)
+    curve = PchipInterpolator(t, np.column_stack([x, y]))
+    assert_allclose(walk.positions[:, 0], curve(walk.times), atol=1e-12)
+    assert walk.times[-1] == 10
+
+
+def test_a_stop_is_not_overshot(csv_file):
+    rows = [(0, 1, 0, 0), (1, 1, 2, 0), (2, 1, 2, 0), (3, 1, 4, 0)]
+    x = read(csv_file(table(rows)), AREA, duration=3).positions[:, 0, 0]
+    assert np.all(np.diff(x) >= 0)
+    assert_allclose(x[60:121], 2.0)
+
+
+def test_people_appear_and_leave(csv_file):
+    rows = [(0, "ann", 0, 0), (9, "ann", 9, 0), (3.01, "bob", 1, 1), (5, "bob", 2, 1)]
+    walk = read(csv_file(table(rows)), AREA, duration=12)
+    for time, ann, bob in [(0, 1, 0), (3.005, 1, 0), (3.05, 1, 1), (5.0, 1, 1), (5.1, 1, 0), (9, 1, 0), (9.1, 0, 0)]:
+        positions, headings = walk.at(time)
+        assert list(~np.isnan(positions[:, 0])) == [ann, bob]
+        assert list(~np.isnan(headings)) == [ann, bob]
+
+
+def test_rows_and_columns_come_in_any_order_and_people_in_order_of_appearance(csv_file):
+    rows = [(4, 2, 5, 5), (0, 1, 0, 1), (4, 1, 8, 1), (0, 2, 5, -5), (2, 1, 4, 1)]
+    walk = read(csv_file(table([(x, t, y, i) for t, i, x, y in rows], "x,t,y,id")), AREA, duration=4)
+    assert_allclose(walk.at(0)[0], [(5, -5), (0, 1)])
+    assert_allclose(walk.at(4)[0], [(5, 5), (8, 1)])
+
+
+def test_people_who_come_too_late_are_left_out(csv_file):
+    rows = [(0, 1, 0, 0), (9, 1, 9, 0), (50, 2, 0, 0), (60, 2, 1, 0)]
+    assert read(csv_file(table(rows)), AREA, duration=40).positions.shape == (2401, 1, 2)
+
+
+GOOD = [(0, 1, 0, 0), (1, 1, 1, 0)]
+
+
+@pytest.mark.parametrize(
+    "text, complaint",
+    [
+        ("", "line 1: columns are missing, not t,id,x,y"),
+        ("t,id,x\n0,1,0\n", "line 1: columns are t,id,x, not t,id,x,y"),
+        ("t,id,x,y,z\n", "line 1: columns are t,id,x,y,z, not t,id,x,y"),
+        (table([*GOOD, (2, 1, "east", 0)]), "line 4, column x: 'east' is not a finite number"),
+        (table([*GOOD, (2, 1, 0, "nan")]), "line 4, column y: 'nan' is not a finite number"),
+        (table([*GOOD, ("inf", 1, 0, 0)]), "line 4, column t: 'inf' is not a finite number"),
+        (table([*GOOD, (2, 1, 0)]), "line 4, column y: is empty"),
+        (table([*GOOD, (2, "", 0, 0)]), "line 4, column id: is empty"),
+        (table([*GOOD, (2, 1, 0, 0, 5)]), "line 4: '5' stands in a column without a name"),
+        (table([*GOOD, (1.0, 1, 2, 0)]), "line 4, column t: id 1 has a second row at 1 s"),
+        (table([*GOOD, (2, 1, 75.5, 0), (3, 1, 80, 0)]), "line 4, column x: 75.5 is outside the area, -75 to 75 m"),
+        (table([*GOOD, (2, 1, 0, -51)]), "line 4, column y: -51 is outside the area, -50 to 50 m"),
+        (table([*GOOD, (2, 9, 0, 0)]), "column id: 9 has a single row; a path needs two or more"),
+        (table([(90, 1, 0, 0), (95, 1, 1, 0)]), "column t: nobody is there between 0 and 40 s"),
+        (table([]), "column t: nobody is there between 0 and 40 s"),
+    ],
+)
+def test_what_is_wrong_is_named_by_file_line_column_and_value(csv_file, text, complaint):
+    path = csv_file(text)
+    with pytest.raises(ValueError, match=re.escape(complaint)) as error:
+        read(path, AREA, duration=40)
+    assert str(error.value).startswith(str(path))
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"nobody\.csv: cannot be read"):
+        read(tmp_path / "nobody.csv", AREA, duration=40)
+    (tmp_path / "binary.csv").write_bytes(b"t,id,x,y\n\xff\xfe")
+    with pytest.raises(ValueError, match=r"binary\.csv: cannot be read"):
+        read(tmp_path / "binary.csv", AREA, duration=40)

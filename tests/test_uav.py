@@ -1,0 +1,147 @@
+import math
+
+import numpy as np
+import pybullet
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from sim.scenario import Scenario, Uav
+from sim.uav import GRAVITY, INERTIA, MASS, MAX_ROTOR_THRUST, ROTORS, _mix, _rotation, _torque, rotor_thrusts
+from sim.world import World
+from tracking.visibility import Forest
+
+LEVEL = [0.0, 0.0, 0.0, 1.0]
+UAV = Uav(start=(0.0, 0.0))
+RATE = 240
+
+
+def state(position=(0, 0, 20), quaternion=LEVEL, velocity=(0, 0, 0), spin=(0, 0, 0)):
+    return np.array([*position, *quaternion, *velocity, *spin], dtype=float)
+
+
+def test_hovering_takes_the_weight_in_equal_parts():
+    thrusts = rotor_thrusts(state(), np.array([0.0, 0.0, 20.0]))
+    assert_allclose(thrusts, [*[MASS * GRAVITY / 4] * 4, 0.0], rtol=1e-14, atol=1e-14)
+
+
+def test_at_the_commanded_velocity_nothing_is_left_to_do():
+    thrusts = rotor_thrusts(state(velocity=(3, -4, 0)), np.array([3.0, -4.0, 20.0]))
+    assert_allclose(thrusts, [*[MASS * GRAVITY / 4] * 4, 0.0], rtol=1e-14, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "target, stronger, weaker",
+    [((1, 0), (2, 3), (0, 1)), ((-1, 0), (0, 1), (2, 3)), ((0, 1), (1, 2), (0, 3)), ((0, -1), (0, 3), (1, 2))],
+)
+def test_a_command_tilts_towards_its_direction(target, stronger, weaker):
+    thrusts = rotor_thrusts(state(), np.array([*target, 20.0]))
+    assert min(thrusts[list(stronger)]) > max(thrusts[list(weaker)])
+
+
+def test_thrusts_stay_within_their_limits_in_any_state():
+    rng = np.random.default_rng(1)
+    for _ in range(2000):
+        wild = state(rng.normal(0, 50, 3), Rotation.random(random_state=rng).as_quat(), *rng.normal(0, 8, (2, 3)))
+        thrusts = rotor_thrusts(wild, rng.uniform(-20, 40, 3))
+        assert np.all((thrusts[:4] >= 0) & (thrusts[:4] <= MAX_ROTOR_THRUST))
+        assert np.isfinite(thrusts[4])
+
+
+def test_rotors_give_the_lift_and_torque_asked_for():
+    rng = np.random.default_rng(2)
+    for _ in range(200):
+        lift, torque = rng.uniform(8, 16), rng.uniform(-0.25, 0.25, 3)
+        thrusts = _mix(lift, torque)
+        forces = np.column_stack([np.zeros((4, 2)), thrusts[:4]])
+        assert_allclose(forces.sum(axis=0), [0, 0, lift], atol=1e-12)
+        assert_allclose(np.cross(ROTORS, forces).sum(axis=0), [*torque[:2], 0], atol=1e-12)
+        assert thrusts[4] == torque[2]
+
+
+def test_saturated_rotors_keep_the_lift_and_the_direction_of_the_torque():
+    thrusts = _mix(12.0, np.array([30.0, -10.0, 0.0]))
+    x, y, _ = np.cross(ROTORS, np.column_stack([np.zeros((4, 2)), thrusts[:4]])).sum(axis=0)
+    assert thrusts[:4].sum() == pytest.approx(12.0)
+    assert x > 0
+    assert y / x == pytest.approx(-1 / 3)
+
+
+def test_rotation_agrees_with_scipy():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        rotation = Rotation.random(random_state=rng)
+        assert_allclose(_rotation(rotation.as_quat()), rotation.as_matrix(), atol=1e-14)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_torque_against_a_single_tilt_is_proportional_to_its_sine(axis):
+    angle = 0.4
+    R = Rotation.from_rotvec(angle * np.eye(3)[axis]).as_matrix()
+    expected = np.zeros(3)
+    expected[axis] = -400.0 * INERTIA[axis] * math.sin(angle)
+    assert_allclose(_torque(R, np.zeros(3), np.zeros(3)), expected, atol=1e-12)
+
+
+def test_torque_vanishes_in_the_attitude_of_the_thrust():
+    acceleration = np.array([2.0, -3.0, 1.0])
+    up = acceleration + np.array([0, 0, GRAVITY])
+    up /= np.linalg.norm(up)
+    left = np.cross(up, [1.0, 0.0, 0.0])
+    left /= np.linalg.norm(left)
+    R = np.column_stack([np.cross(left, up), left, up])
+    assert_allclose(_torque(R, np.zeros(3), acceleration), 0, atol=1e-12)
+
+
+def fly(commands, seconds, quaternion=LEVEL):
+    """Velocities (K, 3), heights above the commanded one (K,) and tilts (K,) rad in the engine."""
+    with World(Scenario(uavs=(UAV,)), Forest(()), 0) as world:
+        place = [*UAV.start, UAV.altitude]
+        body = world.bodies[-1].id
+        pybullet.resetBasePositionAndOrientation(body, place, list(quaternion), physicsClientId=world.client)
+        rows = []
+        for command in commands:
+            for _ in range(round(seconds * RATE)):
+                world.step(np.array([command], dtype=float))
+                pose = world.poses()[0]
+                rows.append([*world.velocities()[0], pose.position[2] - UAV.altitude, pose.rotation[2, 2]])
+    rows = np.array(rows)
+    return rows[:, :3], rows[:, 3], np.arccos(np.clip(rows[:, 4], -1, 1))
+
+
+def test_reaches_five_metres_per_second_and_stops_briskly_without_overshoot():
+    velocity, height, tilt = fly([(5, 0), (0, 0)], 3.0)
+    going, stopping = np.split(velocity[:, 0], 2)
+    assert np.argmax(going > 0.95 * 5) / RATE < 1.2
+    assert np.argmax(stopping < 0.05 * 5) / RATE < 1.2
+    assert going.max() < 5.01
+    assert stopping.min() > -0.01
+    assert going[-1] == pytest.approx(5, abs=0.01)
+    assert stopping[-1] == pytest.approx(0, abs=0.01)
+    assert np.abs(velocity[:, 1]).max() < 1e-6
+    assert np.abs(height).max() < 0.3
+    assert tilt.max() < math.radians(35)
+
+
+def test_reversals_keep_altitude():
+    velocity, height, tilt = fly([(5, 0), (-5, 0), (5, 0), (0, 5), (0, -5)], 2.5)
+    ends = velocity[round(2.5 * RATE) - 1 :: round(2.5 * RATE), :2]
+    assert_allclose(ends, [(5, 0), (-5, 0), (5, 0), (0, 5), (0, -5)], atol=0.05)
+    assert np.abs(height).max() < 0.3
+    assert tilt.max() < math.radians(35)
+
+
+def test_random_commands_each_second_keep_altitude_and_tilt():
+    rng = np.random.default_rng(4)
+    _, height, tilt = fly(rng.uniform(-3.5, 3.5, (40, 2)), 1.0)
+    assert np.abs(height).max() < 0.3
+    assert tilt.max() < math.radians(35)
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (0.6, 0.8, 0), (0.5, 0.5, 0.7)])
+def test_recovers_from_thirty_degrees(axis):
+    tilted = Rotation.from_rotvec(math.radians(30) * np.array(axis) / np.linalg.norm(axis)).as_quat()
+    velocity, height, tilt = fly([(0, 0)], 2.0, tilted)
+    assert tilt[-1] < math.radians(0.1)
+    assert np.abs(velocity[-1]).max() < 0.02
+    assert np.abs(height).max() < 0.3

@@ -1,0 +1,172 @@
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from sim.forest import grow
+from sim.scenario import Area, People, Trees
+from sim.steering import SEPARATION
+from sim.walkers import MARGIN, TRUNK_CLEARANCE, _smooth_noise, paces, walk
+from tracking.visibility import Forest
+
+AREA = Area()
+BARE = Forest(())
+RATE = 60
+
+
+def walked(seed, *, people=None, trees=None, area=AREA, duration=40.0):
+    """Positions (K, M, 2) and the forest of one seed."""
+    rng = np.random.default_rng(seed)
+    forest = grow(trees or Trees(), area, rng)
+    return walk(people or People(), area, forest, duration=duration, rng=rng).positions, forest
+
+
+def velocities(positions):
+    return np.diff(positions, axis=0) * RATE
+
+
+def levy(exponent, slowest=1.0, fastest=3.0):
+    """Distribution function of the truncated power law."""
+    power = 1 - exponent
+    return lambda v: (np.asarray(v) ** power - slowest**power) / (fastest**power - slowest**power)
+
+
+def separation(positions):
+    pairs = zip(*np.triu_indices(positions.shape[1], 1), strict=True)
+    return min(np.hypot(*(positions[:, i] - positions[:, j]).T).min() for i, j in pairs)
+
+
+def assert_allowed(positions, forest, area=AREA):
+    assert np.all(np.abs(positions) <= np.array([area.width, area.height]) / 2 - MARGIN)
+    speed = np.hypot(*np.moveaxis(velocities(positions), -1, 0))
+    assert speed.min() >= 1.0 - 1e-9
+    assert speed.max() <= 3.0 + 1e-9
+    for tree in forest.trees:
+        away = np.hypot(positions[..., 0] - tree.x, positions[..., 1] - tree.y).min()
+        assert away >= tree.trunk_radius + TRUNK_CLEARANCE
+    assert separation(positions) >= SEPARATION
+
+
+@pytest.mark.parametrize("exponent", [1.2, 2.0, 3.0])
+def test_paces_of_independent_walkers_are_truncated_levy_at_any_instant(exponent):
+    people = People(count=4000, levy_exponent=exponent)
+    speeds = paces(people, 2 * RATE, np.random.default_rng(1))
+    for instant in (0, 2 * RATE - 1):
+        assert stats.kstest(speeds[instant], levy(exponent)).pvalue > 0.01
+
+
+def test_step_lengths_of_walks_are_truncated_levy():
+    people = People(count=20, paths=())
+    walks = [walked(seed, people=people, trees=Trees(density=15), duration=2.0)[0] for seed in range(40)]
+    lengths = np.concatenate([np.hypot(*(p[72] - p[60]).T) for p in walks])
+    assert stats.kstest(lengths / 0.2, levy(2.0)).pvalue > 0.01
+
+
+def test_noise_has_unit_variance_and_the_correlation_asked_for():
+    noise = _smooth_noise(6000, 4 * RATE + 1, 4.0, np.random.default_rng(2))
+    assert noise[0].std() == pytest.approx(1, abs=0.04)
+    for seconds in (1, 2, 4):
+        correlation = np.mean(noise[0] * noise[seconds * RATE])
+        assert correlation == pytest.approx(math.exp(-((seconds / 4) ** 2)), abs=0.05)
+
+
+@pytest.mark.parametrize("density", [45, 75])
+@pytest.mark.parametrize("seeds", [range(20), pytest.param(range(20, 120), marks=pytest.mark.slow)])
+def test_nobody_leaves_the_area_or_touches_a_trunk_or_another(density, seeds):
+    for seed in seeds:
+        assert_allowed(*walked(seed, trees=Trees(density=density)))
+
+
+def test_a_narrow_forest_is_walked_through():
+    for seed in range(5):
+        assert_allowed(*walked(seed, trees=Trees(density=600, canopy_radius=1.0)))
+
+
+def test_a_crowd_keeps_apart():
+    positions, forest = walked(3, people=People(count=30, paths=()), area=Area(80.0, 60.0), duration=20.0)
+    assert_allowed(positions, forest, Area(80.0, 60.0))
+
+
+def test_accelerations_are_those_of_walking_people():
+    accelerations = []
+    for seed in range(20):
+        steps = np.diff(velocities(walked(seed)[0]), axis=0) * RATE
+        accelerations.append(np.hypot(steps[..., 0], steps[..., 1]).ravel())
+    accelerations = np.concatenate(accelerations)
+    assert 0.15 < np.sqrt(np.mean(accelerations**2)) < 0.3
+    assert np.mean(accelerations > 1) < 0.005
+    assert accelerations.max() < 5
+
+
+def cross(p, q):
+    """Whether two paths (K, 2) cross, seen at each second."""
+    a, b = p[::RATE], q[::RATE]
+    da, db = np.diff(a, axis=0), np.diff(b, axis=0)
+
+    def side(points, start, step):
+        return np.sign(
+            step[:, None, 0] * (points[None, :, 1] - start[:, None, 1])
+            - step[:, None, 1] * (points[None, :, 0] - start[:, None, 0])
+        )
+
+    of_b, of_a = side(b, a[:-1], da), side(a, b[:-1], db)
+    return bool(np.any((of_b[:, :-1] * of_b[:, 1:] < 0) & (of_a[:, :-1] * of_a[:, 1:] < 0).T))
+
+
+def test_the_default_four_cross_bend_and_part():
+    for seed in range(10):
+        positions, _ = walked(seed)
+        pairs = [(i, j) for i in range(4) for j in range(i)]
+        assert sum(cross(positions[:, i], positions[:, j]) for i, j in pairs) >= 2
+        way = np.hypot(*np.moveaxis(np.diff(positions, axis=0), -1, 0)).sum(axis=0)
+        assert np.all(np.hypot(*(positions[-1] - positions[0]).T) > 0.8 * way)
+        spread = np.ptp(positions[..., 1], axis=1)
+        assert spread.min() < 0.8 * min(spread[0], spread[-1])
+
+
+def test_three_footprints_can_nearly_always_hold_the_default_four():
+    held = []
+    for seed in range(20):
+        positions, _ = walked(seed)
+        apart = [np.abs(positions[:, i] - positions[:, j]).max(axis=1) for i in range(4) for j in range(i)]
+        held.append(np.min(apart, axis=0) < 18)
+    assert np.mean(held) > 0.97
+
+
+def test_people_without_a_path_wander():
+    positions, forest = walked(5, people=People(count=6, paths=()))
+    assert_allowed(positions, forest)
+    headings = np.unwrap(np.arctan2(*np.moveaxis(velocities(positions), -1, 0)[::-1]), axis=0)
+    assert np.all(np.ptp(headings, axis=0) > 0.2)
+
+
+def test_same_seed_same_walk_and_another_seed_another():
+    assert np.array_equal(walked(6)[0], walked(6)[0])
+    assert not np.array_equal(walked(6)[0], walked(7)[0])
+
+
+def test_a_longer_mission_begins_no_later_and_covers_its_duration():
+    for duration in (0.01, 3.3, 40.0):
+        walks = walk(People(), AREA, BARE, duration=duration, rng=np.random.default_rng(0))
+        assert walks.times[0] == 0
+        assert duration <= walks.times[-1] < duration + 2 / RATE
+        assert not np.any(np.isnan(walks.at(duration)[0]))
+
+
+def test_nobody_is_a_crowd_too():
+    assert walked(0, people=People(count=0))[0].shape == (2401, 0, 2)
+
+
+@pytest.mark.parametrize(
+    "people, area, complaint",
+    [
+        (People(), Area(50.0, 50.0), r"people\.paths\[0\]: \(-30, -18\) is not inside the area"),
+        (People(paths=(((0.0, 0.0),),)), AREA, r"people\.paths\[0\] has 1 points"),
+        (People(count=500, paths=()), Area(20.0, 20.0), r"people\.count = 500: no free place"),
+        (People(paths=()), Area(4.0, 20.0), "area: 4 x 20 m; people need 10 m"),
+    ],
+)
+def test_what_cannot_be_walked_is_named(people, area, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        walk(people, area, BARE, duration=1.0, rng=np.random.default_rng(0))

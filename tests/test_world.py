@@ -1,0 +1,172 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pybullet
+import pytest
+
+from sim.scenario import Scenario, Uav
+from sim.uav import GRAVITY, INERTIA, MASS, ROTORS, rotor_thrusts
+from sim.world import World
+from tracking.visibility import Forest, Tree, line_of_sight
+
+DT = 1 / 240
+ONE = Scenario(uavs=(Uav(start=(1.0, 2.0)),))
+NO_TREES = Forest(())
+
+
+def state(world):
+    body = world.bodies[-1].id
+    pose = pybullet.getBasePositionAndOrientation(body, physicsClientId=world.client)
+    motion = pybullet.getBaseVelocity(body, physicsClientId=world.client)
+    return np.concatenate([*pose, *motion])
+
+
+def put(world, position, quaternion, velocity, spin):
+    body = world.bodies[-1].id
+    pybullet.resetBasePositionAndOrientation(body, position, quaternion, physicsClientId=world.client)
+    pybullet.resetBaseVelocity(body, velocity, spin, physicsClientId=world.client)
+
+
+def test_uavs_start_level_at_their_places_and_altitudes():
+    scenario = Scenario()
+    with World(scenario, NO_TREES, 0) as world:
+        for uav, pose in zip(scenario.uavs, world.poses(), strict=True):
+            assert pose.position == pytest.approx([*uav.start, uav.altitude])
+            assert pose.quaternion == pytest.approx([0, 0, 0, 1])
+        assert np.array_equal(world.velocities(), np.zeros((3, 3)))
+
+
+def test_rotors_move_the_body_as_newton_and_euler_say():
+    rng = np.random.default_rng(0)
+    with World(ONE, NO_TREES, 0) as world:
+        for _ in range(50):
+            quaternion = rng.normal(0, [0.2, 0.2, 0.4, 1.0])
+            quaternion /= np.linalg.norm(quaternion)
+            put(world, [*rng.uniform(-30, 30, 2), 17.0], quaternion.tolist(), *rng.normal(0, 1, (2, 3)).tolist())
+            before, command = state(world), rng.uniform(-3, 3, 2)
+            rotation = world.poses()[0].rotation
+            *thrusts, yaw = rotor_thrusts(before, np.array([*command, ONE.uavs[0].altitude]))
+            world.step(command[None])
+
+            force = rotation @ [0, 0, sum(thrusts)] / MASS - [0, 0, GRAVITY]
+            torque = np.cross(ROTORS, np.outer(thrusts, [0, 0, 1])).sum(axis=0) + np.array([0, 0, yaw])
+            spin = rotation.T @ before[10:13]
+            turning = rotation @ ((torque - np.cross(spin, INERTIA * spin)) / INERTIA)
+            assert state(world)[7:10] == pytest.approx(before[7:10] + DT * force, abs=1e-9)
+            assert state(world)[:3] == pytest.approx(before[:3] + DT * state(world)[7:10], abs=1e-9)
+            # The engine integrates the gyroscopic torque implicitly: a difference of second order in the step.
+            assert state(world)[10:13] == pytest.approx(before[10:13] + DT * turning, abs=2e-3)
+
+
+def test_the_quadrotor_reaches_five_metres_per_second_stops_and_holds_its_altitude():
+    altitude = ONE.uavs[0].altitude
+    with World(ONE, NO_TREES, 0) as world:
+        for command in ([5.0, 0.0], [0.0, 0.0]):
+            heights = []
+            for _ in range(3 * 240):
+                world.step(np.array([command]))
+                heights.append(world.poses()[0].position[2])
+            assert world.velocities()[0] == pytest.approx([*command, 0.0], abs=0.05)
+            assert max(abs(z - altitude) for z in heights) < 0.3
+
+
+def test_kinematic_motion_is_the_papers_equation():
+    scenario = Scenario(dynamics="kinematic")
+    start = np.array([uav.start for uav in scenario.uavs])
+    commands = np.array([[3.0, 4.0], [-1.0, 0.5], [0.0, -2.0]])
+    with World(scenario, NO_TREES, 0) as world:
+        for _ in range(240):
+            world.step(commands)
+        assert np.array_equal(world.velocities()[:, :2], commands)
+        world.step(np.zeros((3, 2)))
+        assert np.array_equal(world.velocities(), np.zeros((3, 3)))
+        for i, pose in enumerate(world.poses()):
+            assert pose.position == pytest.approx([*(start[i] + commands[i]), scenario.uavs[i].altitude], abs=1e-9)
+            forward = [*(commands[i] / np.linalg.norm(commands[i])), 0.0]
+            assert pose.rotation[:, 0] == pytest.approx(forward, abs=1e-9)
+            assert pose.rotation[:, 2] == pytest.approx([0.0, 0.0, 1.0])
+
+
+def test_the_same_commands_give_the_same_bits_in_interleaved_worlds():
+    rng = np.random.default_rng(3)
+    forest = Forest((Tree(0.0, 0.0), Tree(20.0, 5.0)))
+    with World(Scenario(), forest, 2) as one, World(Scenario(), forest, 2) as other:
+        for _ in range(200):
+            commands = rng.uniform(-5, 5, (3, 2))
+            one.step(commands)
+            other.step(commands)
+        for a, b in zip(one.poses(), other.poses(), strict=True):
+            assert a.position.tobytes() == b.position.tobytes()
+            assert a.quaternion.tobytes() == b.quaternion.tobytes()
+        assert one.velocities().tobytes() == other.velocities().tobytes()
+
+
+def test_trees_are_solid_exactly_where_the_forest_says():
+    rng = np.random.default_rng(0)
+    trees = (Tree(-8.0, 0.0), Tree(6.0, 3.0, 2.0, 2.5, 7.0, 0.5), Tree(3.0, -9.0, 4.0, 3.0, 5.0))
+    forest = Forest(trees)
+    origins = np.column_stack([rng.uniform(-15, 15, (2000, 2)), np.full(2000, 15.0)])
+    ends = np.column_stack([rng.uniform(-15, 15, (2000, 2)), rng.uniform(0.1, 2.0, 2000)])
+    grown, shrunk = (
+        Forest(
+            tuple(
+                Tree(t.x, t.y, t.canopy_radius + e, t.canopy_base - e, t.canopy_top + e, t.trunk_radius + e)
+                for t in trees
+            )
+        )
+        for e in (0.05, -0.05)
+    )
+    free = np.array(
+        [line_of_sight(o[None], p[None], forest.cylinders)[0, 0] for o, p in zip(origins, ends, strict=True)]
+    )
+    sure = np.array(
+        [
+            line_of_sight(o[None], p[None], grown.cylinders)[0, 0]
+            == line_of_sight(o[None], p[None], shrunk.cylinders)[0, 0]
+            for o, p in zip(origins, ends, strict=True)
+        ]
+    )
+    with World(ONE, forest, 0) as world:
+        hits = pybullet.rayTestBatch(origins.tolist(), ends.tolist(), physicsClientId=world.client)
+    open_ = np.array([hit[0] == -1 for hit in hits])
+    assert np.array_equal(open_[sure], free[sure])
+    assert 0.2 < free.mean() < 0.8
+    assert sure.mean() > 0.95
+
+
+def test_people_stand_where_they_are_placed_and_the_absent_nowhere():
+    positions = np.array([[3.0, -4.0], [np.nan, np.nan], [0.0, 1.0]])
+    with World(ONE, NO_TREES, 3) as world:
+        assert np.isnan(world.centres[:3]).all()
+        world.place_people(positions, np.array([0.5, np.nan, -2.0]))
+        assert world.centres[:3, :2] == pytest.approx(positions, nan_ok=True)
+        ids = [body.id for body in world.bodies if body.kind == "person"]
+        places = [pybullet.getBasePositionAndOrientation(k, physicsClientId=world.client) for k in ids]
+        assert places[0][0] == (3.0, -4.0, 0.0)
+        assert places[0][1] == pytest.approx((0, 0, math.sin(0.25), math.cos(0.25)))
+        assert places[1][0][2] < -100.0
+        world.place_people(positions[::-1], np.zeros(3))
+        assert world.centres[2, :2] == pytest.approx([3.0, -4.0])
+
+
+def test_centres_and_radii_hold_every_body():
+    trees = (Tree(-8.0, 0.0), Tree(6.0, 3.0, 2.0, 2.5, 7.0, 0.5))
+    with World(Scenario(), Forest(trees), 2) as world:
+        world.place_people(np.array([[1.0, 2.0], [-3.0, 9.0]]), np.array([0.3, 2.0]))
+        assert [b.kind for b in world.bodies] == ["canopy"] * 2 + ["trunk"] * 2 + ["person"] * 2 + ["uav"] * 3
+        for body, centre in zip(world.bodies, world.centres, strict=True):
+            shape = pybullet.getVisualShapeData(body.id, physicsClientId=world.client)[0]
+            lines = Path(shape[4].decode()).read_text().splitlines()
+            points = np.array([line.split()[1:] for line in lines if line.startswith("v ")], dtype=float)
+            origin, turn = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=world.client)
+            rotation = np.array(pybullet.getMatrixFromQuaternion(turn)).reshape(3, 3)
+            points = points * shape[3] @ rotation.T + origin
+            assert np.linalg.norm(points - centre, axis=1).max() <= body.radius
+
+
+def test_closing_frees_the_client_and_may_be_repeated():
+    with World(ONE, NO_TREES, 0) as world:
+        assert pybullet.isConnected(physicsClientId=world.client)
+    assert not pybullet.isConnected(physicsClientId=world.client)
+    world.close()

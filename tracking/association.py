@@ -1,0 +1,182 @@
+"""Marginals of one-to-one matchings between tracks and measurements: exact, or by belief propagation."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracking.compiled import Array, compiled
+
+# Enumeration grows as 2^(smaller side of a cluster); beyond this side loopy belief propagation takes over.
+EXACT_SIDE = 12
+_ITERATIONS = 1000
+_TOLERANCE = 1e-13
+
+
+@compiled
+def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
+    """Probability (T, N + 1) of none, or which, for each track, from weights of misses (T,) and of pairs (T, N).
+
+    A matching weighs the product of its pairs and of the misses of the other tracks. Tracks that share measurements,
+    by whatever chain, form a cluster; a cluster whose smaller side exceeds `exact_side` is approximated.
+    """
+    beta = np.zeros((pairs.shape[0], pairs.shape[1] + 1))
+    done = np.zeros(len(pairs), dtype=np.bool_)
+    for start in range(len(pairs)):
+        if done[start]:
+            continue
+        rows, columns = _cluster(pairs, start)
+        done[rows] = True
+        part = np.empty((len(rows), len(columns)))
+        for i in range(len(rows)):
+            part[i] = pairs[rows[i]][columns]
+        solved = _solve(misses[rows], part, exact_side)
+        for i in range(len(rows)):
+            beta[rows[i], 0] = solved[i, 0]
+            for j in range(len(columns)):
+                beta[rows[i], columns[j] + 1] = solved[i, j + 1]
+    return beta
+
+
+@compiled
+def _cluster(pairs: Array, start: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Tracks and measurements that chains of pairs connect to the track `start`, ascending."""
+    rows = np.zeros(pairs.shape[0], dtype=np.bool_)
+    columns = np.zeros(pairs.shape[1], dtype=np.bool_)
+    rows[start] = True
+    pending = [start]
+    while len(pending) > 0:
+        i = pending.pop()
+        for j in range(len(columns)):
+            if pairs[i, j] > 0.0 and not columns[j]:
+                columns[j] = True
+                for k in range(len(rows)):
+                    if pairs[k, j] > 0.0 and not rows[k]:
+                        rows[k] = True
+                        pending.append(k)
+    return np.nonzero(rows)[0], np.nonzero(columns)[0]
+
+
+@compiled
+def _solve(misses: Array, pairs: Array, exact_side: int) -> Array:
+    """Marginals of one cluster (T, N + 1)."""
+    rows, columns = pairs.shape
+    beta = np.empty((rows, columns + 1))
+    if columns == 0:
+        beta[:, 0] = 1.0
+    elif min(rows, columns) > exact_side:
+        beta[:, 1:], beta[:, 0] = _propagate(pairs, misses)
+    elif columns <= rows:
+        beta[:, 1:], beta[:, 0], _ = _enumerate(pairs, misses, np.ones(columns))
+    else:
+        flipped, _, beta[:, 0] = _enumerate(pairs.T.copy(), np.ones(columns), misses)
+        beta[:, 1:] = flipped.T
+    return beta
+
+
+@compiled
+def _enumerate(pairs: Array, row_free: Array, column_free: Array) -> tuple[Array, Array, Array]:
+    """Exact marginals over all matchings of rows to columns, by dynamic programming over sets of used columns.
+
+    A matching weighs the product of its pairs (R, C), of `row_free` (R,) over the rows and of `column_free` (C,)
+    over the columns that it leaves out. Returns the probabilities of pairs, free rows and free columns. The forward
+    and backward sums of each row are rescaled: only their ratios matter.
+    """
+    rows, columns = pairs.shape
+    forward = np.zeros((rows + 1, 1 << columns))
+    forward[0, 0] = 1.0
+    for r in range(rows):
+        after = row_free[r] * forward[r]
+        for c in range(columns):
+            _join(after, forward[r], c, pairs[r, c])
+        forward[r + 1] = after / after.max()
+    backward = _absences(column_free)
+    last = forward[rows] * backward
+    free_columns = np.array([_without(last, c) for c in range(columns)]) / last.sum()
+    matched, free_rows = np.empty((rows, columns)), np.empty(rows)
+    for r in range(rows - 1, -1, -1):
+        before = row_free[r] * backward
+        free_rows[r] = (forward[r] * before).sum()
+        for c in range(columns):
+            rest = pairs[r, c] * _shifted(backward, c)
+            matched[r, c] = (forward[r] * rest).sum()
+            before += rest
+        total = free_rows[r] + matched[r].sum()
+        free_rows[r] /= total
+        matched[r] /= total
+        backward = before / before.max()
+    return matched, free_rows, free_columns
+
+
+@compiled
+def _join(after: Array, before: Array, c: int, weight: float) -> None:
+    """Add to the sum of each set with column c the weighted one of the set without it."""
+    for used in range(len(before)):
+        if not used >> c & 1:
+            after[used | 1 << c] += weight * before[used]
+
+
+@compiled
+def _absences(column_free: Array) -> Array:
+    """For each set of columns the weight of leaving out all others."""
+    out = np.ones(1 << len(column_free))
+    for c in range(len(column_free)):
+        for used in range(len(out)):
+            if not used >> c & 1:
+                out[used] *= column_free[c]
+    return out
+
+
+@compiled
+def _without(sums: Array, c: int) -> float:
+    """Sum over the sets that do not hold column c."""
+    total = 0.0
+    for used in range(len(sums)):
+        if not used >> c & 1:
+            total += sums[used]
+    return total
+
+
+@compiled
+def _shifted(sums: Array, c: int) -> Array:
+    """What each set without column c becomes when c joins it; zero for sets that hold it."""
+    out = np.zeros_like(sums)
+    for used in range(len(sums)):
+        if not used >> c & 1:
+            out[used] = sums[used | 1 << c]
+    return out
+
+
+@compiled
+def _propagate(pairs: Array, misses: Array) -> tuple[Array, Array]:
+    """Marginals of pairs and free rows by loopy belief propagation: exact without cycles. Source: [Williams14]."""
+    rows, columns = pairs.shape
+    there, back = np.empty((rows, columns)), np.ones((rows, columns))
+    for _ in range(_ITERATIONS):
+        for i in range(rows):
+            there[i] = pairs[i] / _others(pairs[i] * back[i], misses[i])
+        before = back.copy()
+        for j in range(columns):
+            back[:, j] = 1.0 / _others(there[:, j], 1.0)
+        if np.abs(back - before).max() < _TOLERANCE:
+            break
+    matched = pairs * back
+    free = misses.copy()
+    for i in range(rows):
+        total = misses[i] + matched[i].sum()
+        matched[i] /= total
+        free[i] /= total
+    return matched, free
+
+
+@compiled
+def _others(values: Array, base: float) -> Array:
+    """For each value, `base` plus the sum of all other values; no difference, hence no cancellation."""
+    out = np.full(len(values), base)
+    left = right = 0.0
+    for k in range(len(values)):
+        out[k] += left
+        left += values[k]
+        out[-1 - k] += right
+        right += values[-1 - k]
+    return out

@@ -1,0 +1,85 @@
+"""Tentative tracks: from measurements that no track explains to new tracks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from tracking.compiled import Array
+from tracking.kalman import Gaussian, NearlyConstantVelocity, innovation, update
+
+
+@dataclass(frozen=True, eq=False)
+class Tentative:
+    """A track that is not yet believed; its first measurement counts as a hit."""
+
+    belief: Gaussian
+    hits: int = 1
+    scans: int = 1
+
+    def verdict(self, confirm: tuple[int, int]) -> bool | None:
+        """True once it has m hits, False once it cannot reach them within its first n scans."""
+        m, n = confirm
+        if self.hits >= m:
+            return True
+        return False if self.hits + n - self.scans < m else None
+
+
+@dataclass(frozen=True)
+class Initiator:
+    """Confirms a track that got m measurements within its first n scans.
+
+    A track starts at its first measurement with zero velocity and the variance of velocities spread evenly up to
+    `max_speed` m/s in all directions, a quarter of its square along each axis.
+    """
+
+    motion: NearlyConstantVelocity
+    confirm: tuple[int, int]  # m of n
+    gate: float  # largest squared distance between measurement and tentative track
+    max_speed: float  # m/s
+
+    def step(
+        self, tentative: list[Tentative], z: Array, R: Array, *, elapsed: int = 1
+    ) -> tuple[list[Gaussian], list[Tentative]]:
+        """Confirmed beliefs and remaining tentative tracks after a scan, `elapsed` steps of motion later.
+
+        z (N, 2) m, R (N, 2, 2) m².
+        """
+        predicted = [self._predict(t.belief, elapsed) for t in tentative]
+        taken = self._assign(predicted, z, R)
+        grown = []
+        for k, (old, belief) in enumerate(zip(tentative, predicted, strict=True)):
+            j = taken.get(k)
+            updated = belief if j is None else update(belief, z[j], R[j])
+            grown.append(Tentative(updated, old.hits + (j is not None), old.scans + 1))
+        used = set(taken.values())
+        grown += [Tentative(self._birth(z[j], R[j])) for j in range(len(z)) if j not in used]
+        verdicts = [t.verdict(self.confirm) for t in grown]
+        confirmed = [t.belief for t, verdict in zip(grown, verdicts, strict=True) if verdict]
+        return confirmed, [t for t, verdict in zip(grown, verdicts, strict=True) if verdict is None]
+
+    def _predict(self, belief: Gaussian, steps: int) -> Gaussian:
+        for _ in range(steps):
+            belief = self.motion.predict(belief)
+        return belief
+
+    def _assign(self, predicted: list[Gaussian], z: Array, R: Array) -> dict[int, int]:
+        """The measurement of each tentative track that gets one."""
+        if not predicted or len(z) == 0:
+            return {}
+        distance = np.empty((len(predicted), len(z)))
+        for k, belief in enumerate(predicted):
+            for j in range(len(z)):
+                nu = innovation(belief, z[j], R[j])
+                distance[k, j] = nu.mean @ np.linalg.solve(nu.covariance, nu.mean)
+        rows, columns = linear_sum_assignment(np.minimum(distance, self.gate))
+        pairs = zip(rows.tolist(), columns.tolist(), strict=True)
+        return {k: j for k, j in pairs if distance[k, j] <= self.gate}
+
+    def _birth(self, z: Array, R: Array) -> Gaussian:
+        covariance = np.zeros((4, 4))
+        covariance[:2, :2] = R
+        covariance[2, 2] = covariance[3, 3] = self.max_speed**2 / 4
+        return Gaussian(np.array([z[0], z[1], 0.0, 0.0]), covariance)

@@ -1,0 +1,99 @@
+"""Joint probabilistic data association: gates, exact association probabilities, mixture update."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tracking.association import EXACT_SIDE, marginals
+from tracking.compiled import Array, compiled
+
+
+def association_probabilities(likelihood: Array, detection_probability: Array, clutter_density: float) -> Array:
+    """Marginal probabilities that each track gave none, or which, of the measurements.
+
+    likelihood (T, N) 1/m², zero outside the gate; detection_probability (T,), that a track's person gives a
+    measurement inside its gate, below 1, or (T, N + 1) where it depends on where the person is: column 0 over the
+    whole belief, column 1 + j given that measurement j is the person's; clutter_density > 0, 1/m².
+    Returns beta (T, N + 1), column 0 for none; rows sum to one. Exact per cluster up to a smaller side of
+    `EXACT_SIDE`, above that by loopy belief propagation. Source: [BarShalom11] 6.2, [Williams14].
+    """
+    detection = np.asarray(detection_probability, dtype=float)
+    if detection.ndim == 1:
+        detection = np.repeat(detection[:, None], likelihood.shape[1] + 1, axis=1)
+    if detection.size and not (detection.min() >= 0.0 and detection[:, 0].max() < 1.0):
+        raise ValueError("detection_probability must be in [0, 1)")
+    if not clutter_density > 0.0:
+        raise ValueError(f"clutter_density must be positive, is {clutter_density}")
+    pairs = detection[:, 1:] * likelihood / clutter_density
+    # Every joint event has one factor of each track: scaling a track's row keeps products in range.
+    misses = 1.0 - detection[:, 0]
+    scale = np.maximum(misses, pairs.max(axis=1, initial=0.0))
+    return marginals(misses / scale, pairs / scale[:, None], EXACT_SIDE)
+
+
+@compiled
+def gated_likelihood(
+    means: Array, covariances: Array, measurements: Array, noise: Array, gate_probability: float
+) -> Array:
+    """Density (T, N) 1/m² of each measurement given a track and that it is in the track's gate; zero outside.
+
+    means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m². The gate is the ellipse that
+    holds a person's measurement with `gate_probability`.
+    """
+    threshold = -2.0 * math.log(1.0 - gate_probability)
+    out = np.zeros((len(means), len(measurements)))
+    for i in range(len(means)):
+        for j in range(len(measurements)):
+            dx, dy = measurements[j, 0] - means[i, 0], measurements[j, 1] - means[i, 1]
+            xx = covariances[i, 0, 0] + noise[j, 0, 0]
+            xy = covariances[i, 0, 1] + noise[j, 0, 1]
+            yy = covariances[i, 1, 1] + noise[j, 1, 1]
+            det = xx * yy - xy * xy
+            d2 = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / det
+            if d2 <= threshold:
+                out[i, j] = math.exp(-0.5 * d2) / (2.0 * math.pi * math.sqrt(det) * gate_probability)
+    return out
+
+
+@compiled
+def mixture_update(
+    predicted: tuple[Array, Array],
+    undetected: tuple[Array, Array],
+    measurements: Array,
+    noise: Array,
+    beta: Array,
+) -> tuple[Array, Array]:
+    """Moments of the mixture over what each track's measurement was, the spread of the means included.
+
+    predicted and undetected: means (T, 4) and covariances (T, 4, 4) before the scan, and given that the person gave no
+    measurement; measurements (N, 2) m, noise (N, 2, 2) m², beta (T, N + 1). A measurement's component is a Kalman
+    update of the predicted belief in Joseph's form with its own R. Source: [BarShalom11] 6.2.
+    """
+    means, covariances = predicted
+    new_means, new_covariances = means.copy(), np.empty_like(covariances)
+    for i in range(len(means)):
+        P = covariances[i]
+        moves = np.zeros((len(measurements) + 1, 4))
+        moves[0] = undetected[0][i] - means[i]
+        total = beta[i, 0] * undetected[1][i]
+        for j in range(len(measurements)):
+            weight = beta[i, j + 1]
+            if weight == 0.0:
+                continue
+            R = noise[j]
+            K = np.ascontiguousarray(P[:, :2]) @ np.linalg.inv(P[:2, :2] + R)
+            A = np.eye(4)
+            A[:, :2] -= K
+            moves[j + 1] = K @ (measurements[j] - means[i, :2])
+            total += weight * (A @ P @ A.T + K @ R @ K.T)
+        move = np.zeros(4)
+        for j in range(len(moves)):
+            move += beta[i, j] * moves[j]
+        for j in range(len(moves)):
+            spread = moves[j] - move
+            total += beta[i, j] * np.outer(spread, spread)
+        new_means[i] += move
+        new_covariances[i] = 0.5 * (total + total.T)
+    return new_means, new_covariances
