@@ -36,10 +36,11 @@ def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np
         least = 2 * (MARGIN + _ROOM)
         raise ValueError(f"area: {area.width:g} x {area.height:g} m; people need {least:g} m each way to walk in")
     trunks = np.array([(t.x, t.y, t.trunk_radius + TRUNK_CLEARANCE) for t in forest.trees]).reshape(-1, 3)
-    speeds = paces(people, samples, rng)
-    drifts = _DRIFT * _smooth_noise(count, samples, _DRIFT_TIME, rng)
-    paths = [_jittered(i, path, half, rng) for i, path in enumerate(people.paths[:count])]
-    states = _starts(count, paths, trunks, half, rng)
+    pace, drift, start = rng.spawn(3)
+    speeds = paces(people, samples, pace)
+    drifts = _DRIFT * _smooth_noise(count, samples, _DRIFT_TIME, drift)
+    paths = [_jittered(i, path, half, start) for i, path in enumerate(people.paths[:count])]
+    states = _starts(count, paths, trunks, half, start)
     positions = simulate(states, speeds, drifts, _routes(count, paths), trunks, half)
     return Trajectories(np.arange(samples) / SAMPLES_PER_SECOND, positions)
 
@@ -63,8 +64,9 @@ def _smooth_noise(count: int, samples: int, time: float, rng: np.random.Generato
     reach = math.ceil(4 * width)
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
     kernel /= math.sqrt(np.sum(kernel**2))
-    white = rng.standard_normal((count, samples + 2 * reach))
-    smooth = [np.convolve(row, kernel, mode="valid") for row in white]
+    # Drawn instant by instant, so that a longer mission begins as a shorter one.
+    white = rng.standard_normal((samples + 2 * reach, count))
+    smooth = [np.convolve(row, kernel, mode="valid") for row in white.T]
     return np.ascontiguousarray(np.array(smooth).reshape(count, samples).T)
 
 

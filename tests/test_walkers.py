@@ -170,3 +170,9 @@ def test_nobody_is_a_crowd_too():
 def test_what_cannot_be_walked_is_named(people, area, complaint):
     with pytest.raises(ValueError, match=complaint):
         walk(people, area, BARE, duration=1.0, rng=np.random.default_rng(0))
+
+
+def test_a_longer_mission_begins_as_a_shorter_one():
+    forest = grow(Trees(), Area(), np.random.default_rng(1))
+    short, long = (walk(People(), Area(), forest, duration=d, rng=np.random.default_rng(3)) for d in (5.0, 12.0))
+    np.testing.assert_array_equal(short.positions, long.positions[: len(short.positions)])
