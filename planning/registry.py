@@ -6,9 +6,14 @@ import difflib
 import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
-from planning.planner import Planner
+if TYPE_CHECKING:  # naming planners needs none of their code
+    from planning.planner import Planner
+
+
+class PlannerError(ValueError):
+    """What was asked for is no planner; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -26,13 +31,11 @@ PLANNERS = {
     "greedy": PlannerSpec("planning.baselines:Greedy", {}, "each UAV to the most uncertain track within 40 m"),
     "hover": PlannerSpec("planning.baselines:Hover", {}, "no UAV moves"),
 }
-
-
 DEFAULT_PLANNER = "sma-nbo-mwtp"
 
 
 def load_planner(name: str) -> Planner:
-    """The planner called `name`, or anyone's as "package.module:Class"; ValueError says what is wrong."""
+    """The planner called `name`, or anyone's as "package.module:Class"; PlannerError says what is wrong."""
     if name in PLANNERS:
         spec = PLANNERS[name]
     elif ":" in name:
@@ -40,24 +43,26 @@ def load_planner(name: str) -> Planner:
     else:
         near = difflib.get_close_matches(name, PLANNERS, n=1, cutoff=0.3)
         hint = f"; did you mean {near[0]}?" if near else ""
-        raise ValueError(
+        raise PlannerError(
             f"planner: {name!r} is unknown; allowed are {', '.join(PLANNERS)}, or package.module:Class{hint}"
         )
     try:
         planner = _import(spec.target)(**spec.options)
     except TypeError as error:
-        raise ValueError(f"planner: {name!r} cannot be made: {error}") from error
+        raise PlannerError(f"planner: {name!r} cannot be made: {error}") from error
     if not callable(getattr(planner, "plan", None)):
-        raise ValueError(f"planner: {name!r} has no method plan(team, rng)")
-    return cast(Planner, planner)
+        raise PlannerError(f"planner: {name!r} has no method plan(team, rng)")
+    return cast("Planner", planner)
 
 
 def _import(target: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
     module, _, attribute = target.partition(":")
+    if not all(part.isidentifier() for part in module.split(".")):
+        raise PlannerError(f"planner: {target!r} cannot be imported: {module!r} is not the name of a module")
     try:
-        found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise ValueError(f"planner: {target!r} cannot be imported: {error}") from error
+        found = getattr(importlib.import_module(module), attribute, None)
+    except ImportError as error:
+        raise PlannerError(f"planner: {target!r} cannot be imported: {error}") from error
     if not callable(found):
-        raise ValueError(f"planner: {target!r} is not a class")
+        raise PlannerError(f"planner: {target!r} cannot be imported: {module} has no class {attribute!r}")
     return found

@@ -2,42 +2,63 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from planning.registry import DEFAULT_PLANNER, PLANNERS, load_planner
-from sim.console import console, fail, mission_progress, show_comparison, show_run, trial_progress
-from sim.experiment import compare as compare_planners
-from sim.loading import SCENARIOS, load
-from sim.mission import Trial
-from sim.quantity import integers, seconds
-from sim.run import run as run_mission
-from sim.warmup import warm_up
+from planning.registry import DEFAULT_PLANNER, PLANNERS, PlannerError, load_planner
+from sim.console import compiling, console, fail, mission_progress, show_comparison, show_list, show_run, trial_progress
+from sim.errors import InputError
+from sim.loading import SCENARIOS, did_you_mean, load
+from sim.quantity import integer, integers, seconds
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
+# Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
 
 START = """[bold]Understory[/bold]: UAVs that track walking people under trees, on rendered frames.
 
-  [bold]understory run[/bold]                          fly the default mission; leaves a folder under runs/
+Fly the default mission; it leaves a folder under runs/:
+  [bold]understory run[/bold]
+
+Fly another one:
   [bold]understory run --planner greedy --seed 3[/bold]
   [bold]understory run --set trees.density=75 --duration 20[/bold]
+
+Compare planners on the same forests, people and seeds:
   [bold]understory compare --planner sma-nbo-mwtp --planner hover --seeds 0-9[/bold]
-  [bold]understory planners[/bold]                     planners by name; or yours: --planner package.module:Class
-  [bold]understory scenarios[/bold]                    packaged scenarios; or yours: a .toml file
 
-[bold]understory run --help[/bold] tells all options of a command."""
+See what there is; yours are --planner module:Class and a file.toml:
+  [bold]understory planners[/bold]
+  [bold]understory scenarios[/bold]
 
-Scenario = Annotated[str, typer.Argument(help="Packaged scenario (see `understory scenarios`) or a .toml file.")]
-Duration = Annotated[str | None, typer.Option(help="Simulated time: 40, 40s, 1.5min. Default: the scenario's.")]
+All options of a command:
+  [bold]understory run --help[/bold]"""
+
+
+class Commands(TyperGroup):
+    """Commands that answer an unknown name with the nearest one."""
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401 - types that differ between typer's versions
+        """The command of that name; InputError if there is none."""
+        command = super().get_command(ctx, cmd_name)
+        if command is None and not cmd_name.startswith("-"):
+            raise InputError(f"command: {cmd_name!r} is unknown; {did_you_mean(cmd_name, self.list_commands(ctx))}")
+        return command
+
+
+app = typer.Typer(cls=Commands, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
+
+Scenario = Annotated[str, typer.Argument(metavar="SCENARIO", help="Name (see `understory scenarios`) or .toml file.")]
+Duration = Annotated[
+    str | None, typer.Option(metavar="TIME", help="Simulated time: 40, 40s, 1.5min. Default: the scenario's.")
+]
 Overrides = Annotated[
     list[str] | None,
     typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help=("Override a key of the scenario, for instance trees.density=75 or uavs.0.alpha=0.2. May be repeated."),
+        "--set", metavar="KEY=VALUE", help="Change a key of the scenario, such as trees.density=75; repeatable."
     ),
 ]
 
@@ -52,59 +73,73 @@ def start(context: typer.Context) -> None:
 @app.command()
 def run(
     scenario: Scenario = "forest",
-    planner: Annotated[str, typer.Option(help="A name (see `understory planners`) or package.module:Class.")] = (
-        DEFAULT_PLANNER
-    ),
-    seed: Annotated[int, typer.Option(min=0, help="Forest, people, sensors and planner follow from it.")] = 0,
+    planner: Annotated[
+        str, typer.Option(metavar="NAME", help="Name (see `understory planners`) or yours, module:Class.")
+    ] = DEFAULT_PLANNER,
+    seed: Annotated[str, typer.Option(metavar="N", help="Gives forest, people, noise and planner their chance.")] = "0",
     duration: Duration = None,
     overrides: Overrides = None,
-    out: Annotated[Path | None, typer.Option(help="New folder for the results. Default: under runs/.")] = None,
-    video: Annotated[bool, typer.Option(help="Whether to make mission.mp4.")] = True,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")
+    ] = None,
+    video: Annotated[bool, typer.Option(help="Make mission.mp4, or not.")] = True,
 ) -> None:
-    """Fly one mission and leave recording, summary, video and OSPA curve in a new folder."""
+    """Fly one mission; leave recording, summary, video and OSPA curve in a new folder."""
     setting = load(scenario, _with_duration(overrides, duration))
+    number = integer(seed, "--seed", least=0)
     load_planner(planner)
-    folder = out or _unused(Path("runs") / f"{Path(scenario).stem}-{planner.replace(':', '.')}-seed{seed}")
-    _compile()
+    folder = out or _unused(Path("runs") / f"{Path(scenario).stem}-{planner.replace(':', '.')}-seed{number}")
+    from sim.mission import Trial
+    from sim.run import run as fly
+
     with mission_progress(setting) as progress:
-        summary = run_mission(Trial(setting, planner, seed), folder, video=video, progress=progress)
+        summary = fly(Trial(setting, planner, number), folder, video=video, progress=progress)
     show_run(summary, folder)
 
 
 @app.command()
 def compare(
     scenario: Scenario = "forest",
-    planner: Annotated[list[str] | None, typer.Option(help="A planner to compare; repeat for each.")] = None,
-    seeds: Annotated[str, typer.Option(help="Seeds that every planner flies: 0-9 or 0,3,7.")] = "0-9",
+    planner: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="A planner; repeat for each. Default: all by name.")
+    ] = None,
+    seeds: Annotated[str, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7.")] = "0-9",
     duration: Duration = None,
     overrides: Overrides = None,
-    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    workers: Annotated[str, typer.Option(metavar="N", help="Processes to fly in.")] = "2",
 ) -> None:
-    """Fly several planners on the same forests, people and seeds, and show the results side by side."""
+    """Fly planners on the same forests, people and seeds; show the results side by side."""
     setting = load(scenario, _with_duration(overrides, duration))
     names = list(dict.fromkeys(planner or PLANNERS))
     for name in names:
         load_planner(name)
-    chosen = integers(seeds, "--seeds")
-    _compile()
+    chosen, processes = integers(seeds, "--seeds"), integer(workers, "--workers", least=1)
+    from sim.experiment import compare as fly_all
+    from sim.warmup import warm_up
+
+    with compiling():
+        warm_up()
     with trial_progress(len(names) * len(chosen)) as progress:
-        outcomes = compare_planners(setting, names, chosen, workers=workers, progress=progress)
+        outcomes = fly_all(setting, names, chosen, workers=processes, progress=progress)
     show_comparison(names, outcomes)
 
 
 @app.command()
 def planners() -> None:
     """List the planners by name."""
-    for name, spec in PLANNERS.items():
-        console.print(f"[bold]{name:<14}[/bold] {spec.summary}{' (default)' if name == DEFAULT_PLANNER else ''}")
+    show_list(
+        {name: spec.summary + " (default)" * (name == DEFAULT_PLANNER) for name, spec in PLANNERS.items()},
+        "Yours: --planner module:Class, with module.py in the current folder or installed.",
+    )
 
 
 @app.command()
 def scenarios() -> None:
     """List the packaged scenarios."""
-    for name, path in SCENARIOS.items():
-        first = path.read_text(encoding="utf-8").splitlines()[0]
-        console.print(f"[bold]{name:<14}[/bold] {first.lstrip('# ')}")
+    show_list(
+        {name: path.read_text(encoding="utf-8").splitlines()[0].lstrip("# ") for name, path in SCENARIOS.items()},
+        "Yours: a .toml file with the keys that differ. One key: --set key=value.",
+    )
 
 
 def _with_duration(overrides: list[str] | None, duration: str | None) -> list[str]:
@@ -121,24 +156,21 @@ def _unused(folder: Path) -> Path:
     return free
 
 
-def _compile() -> None:
-    with console.status("Loading compiled code; the first time it is compiled, which takes about a minute"):
-        spent = warm_up()
-    if spent > 10:
-        console.print(f"Compiled in {spent:.0f} s; later runs start at once.")
-
-
 def main() -> None:
     """Entry point: exit code 0 done, 2 the input is wrong (one line says what), 1 anything else."""
+    sys.path.append(os.getcwd())  # so that a planner in the current folder can be named; last, so it hides nothing
     try:
-        sys.exit(app(standalone_mode=False) and 1)
-    except ValueError as error:
-        fail(str(error))
+        if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes other than zero
+            fail("interrupted; nothing is kept", code=1)
+    except (InputError, PlannerError) as error:
+        fail(str(error), code=2)
+    except (KeyboardInterrupt, typer.Abort):
+        fail("interrupted; nothing is kept", code=1)
     except Exception as error:
         # Typer's own complaints about arguments; their class differs between its versions.
         if not hasattr(error, "format_message"):
             raise
-        fail(error.format_message())
+        fail(error.format_message(), code=2)
 
 
 if __name__ == "__main__":

@@ -6,46 +6,50 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from statistics import fmean
+from typing import TYPE_CHECKING, Any, NoReturn
 
-import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from sim.experiment import Outcome
-from sim.recording import Recorder, Snapshot
 from sim.scenario import Scenario
-from sim.summary import results_table
+
+if TYPE_CHECKING:  # commands that fly nothing answer without what these import
+    from sim.experiment import Outcome
+    from sim.recording import Recorder, Snapshot
 
 console = Console(highlight=False)
+_START_UP = "starting up; the first time, code is compiled: about a minute"
 
 
-def fail(message: str) -> NoReturn:
-    """Say in one line what is wrong with the input and exit with code 2."""
+def fail(message: str, *, code: int) -> NoReturn:
+    """Say in one line why there is no result, and exit."""
     print(f"understory: {' '.join(message.split())}", file=sys.stderr)
-    sys.exit(2)
+    sys.exit(code)
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Says, while the block runs, what takes so long."""
+    with console.status(_START_UP):
+        yield
 
 
 @contextmanager
 def mission_progress(scenario: Scenario) -> Iterator[Callable[[Snapshot, Recorder], None]]:
     """A bar with the simulated time and the running mean of the OSPA distance."""
     last = scenario.scan_times[-1]
-    columns = (
-        TextColumn("{task.fields[time]:5.1f} s"),
-        BarColumn(bar_width=40),
-        TextColumn("of {task.fields[last]:.0f} s   OSPA {task.fields[ospa]:5.2f} m, mean {task.fields[mean]:5.2f} m"),
-        TimeRemainingColumn(),
-    )
+    columns = (SpinnerColumn(), BarColumn(bar_width=20), TextColumn("{task.description}"), TimeRemainingColumn())
     distances: list[float] = []
     with Progress(*columns, console=console) as progress:
-        task = progress.add_task("", total=len(scenario.scan_times), time=0.0, last=last, ospa=0.0, mean=0.0)
+        task = progress.add_task(_START_UP, total=len(scenario.scan_times))
 
         def show(snapshot: Snapshot, recorder: Recorder) -> None:
             distances.append(float(snapshot.ospa[:, 0].mean()))
-            mean = sum(distances) / len(distances)
-            progress.update(task, completed=len(recorder), time=snapshot.time, ospa=distances[-1], mean=mean)
+            now = f"{snapshot.time:.1f} of {last:g} s, OSPA {distances[-1]:.2f} m, mean {fmean(distances):.2f} m"
+            progress.update(task, completed=len(recorder), description=now)
 
         yield show
 
@@ -67,12 +71,25 @@ def trial_progress(total: int) -> Iterator[Callable[[Outcome], None]]:
 
 def show_run(summary: Mapping[str, Any], folder: Path) -> None:
     """The results of a mission and where its files are."""
+    from sim.summary import results_table  # late, as it needs NumPy
+
     console.print(results_table(summary))
     for fault in summary["faults"][:3]:
         who = "team" if fault["uav"] is None else f"UAV {fault['uav']}"
-        console.print(f"[red]fault[/red] at {fault['time']:.1f} s, {who}: {escape(fault['message'])}")
+        console.print(f"[red]fault[/red] at {fault['time']:.1f} s, {who}: {escape(fault['message'])}", soft_wrap=True)
+    if len(summary["faults"]) > 3:
+        console.print(f"All {len(summary['faults'])} faults are in summary.json.")
     names = ", ".join(sorted(path.name for path in folder.iterdir()))
-    console.print(f"Files in [bold]{escape(str(folder))}[/bold]: {names}")
+    console.print(f"Files in [bold]{escape(str(folder))}[/bold]:\n  {names}", soft_wrap=True)
+
+
+def show_list(items: Mapping[str, str], note: str) -> None:
+    """Names and what they stand for."""
+    table = Table.grid(padding=(0, 3))
+    for name, meaning in items.items():
+        table.add_row(f"[bold]{name}[/bold]", escape(meaning))
+    console.print(table)
+    console.print(f"\n{note}")
 
 
 def show_comparison(names: Sequence[str], outcomes: Sequence[Outcome]) -> None:
@@ -85,10 +102,10 @@ def show_comparison(names: Sequence[str], outcomes: Sequence[Outcome]) -> None:
         rows = [outcome for outcome in outcomes if outcome.planner == name]
         table.add_row(
             name,
-            f"{np.mean([r.share_under_1m for r in rows]):.1%}",
-            f"{np.mean([r.mean_m for r in rows]):.2f} m",
-            f"{np.mean([r.median_m for r in rows]):.2f} m",
-            f"{np.mean([r.planning_s for r in rows]):.2f} s",
+            f"{fmean([r.share_under_1m for r in rows]):.1%}",
+            f"{fmean([r.mean_m for r in rows]):.2f} m",
+            f"{fmean([r.median_m for r in rows]):.2f} m",
+            f"{fmean([r.planning_s for r in rows]):.2f} s",
             str(sum(r.faults for r in rows)),
         )
     console.print(table)

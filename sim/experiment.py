@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -54,7 +55,10 @@ def compare(
     trials = [Trial(scenario, planner, seed) for planner in planners for seed in seeds]
     # One BLAS thread per worker: the variables are read when a worker imports NumPy.
     os.environ.update({"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"})
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as executor:
+    # Ctrl-C reaches the workers too: they end at once and say nothing, as the parent does the talking.
+    end = (signal.SIGINT, signal.SIG_DFL)
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=signal.signal, initargs=end) as executor:
         return fly_all(trials, executor, progress)
 
 

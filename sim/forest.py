@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from sim.errors import InputError
 from sim.scenario import Area, Trees
 from tracking.compiled import Array
 from tracking.visibility import Forest, Tree
@@ -22,7 +23,7 @@ def grow(trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array =
 
     The count is Poisson with expectation `trees.density`. Centres are uniform in the area by random sequential
     addition: each tree in turn is drawn again until its canopy touches no earlier one. keep_clear (n, 2) m: points
-    on which no trunk may stand. A forest that does not fit is a ValueError.
+    on which no trunk may stand. A forest that does not fit is an InputError.
     Source: [Li22] IV-A.
     """
     if trees.density > _most(trees, area):
@@ -42,8 +43,8 @@ def _most(trees: Trees, area: Area) -> float:
     return min(packed / (math.pi * trees.canopy_radius**2), MAX_TREES)
 
 
-def _too_dense(trees: Trees, area: Area, fit: str) -> ValueError:
-    return ValueError(
+def _too_dense(trees: Trees, area: Area, fit: str) -> InputError:
+    return InputError(
         f"trees.density = {trees.density:g}: {fit} trees with canopies of {trees.canopy_radius:g} m radius "
         f"fit into {area.width:g} x {area.height:g} m without overlap; lower the density or the radius"
     )

@@ -11,7 +11,7 @@ from types import FrameType
 
 @contextmanager
 def stop_request() -> Iterator[threading.Event]:
-    """An event that the first Ctrl-C sets; the second one raises KeyboardInterrupt as usual.
+    """An event that the first Ctrl-C sets; the second one raises KeyboardInterrupt, as without this.
 
     Only a main thread can catch signals; elsewhere the event is never set.
     """

@@ -13,6 +13,7 @@ from typing import Any, get_args
 import msgspec
 
 from assets import ASSETS
+from sim.errors import InputError
 from sim.scenario import Scenario, Uav
 
 if sys.version_info >= (3, 11):
@@ -24,15 +25,20 @@ SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.t
 
 
 def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
-    """The packaged scenario or TOML file `name`, with `key=value` overrides; ValueError says what is wrong."""
+    """The packaged scenario or TOML file `name`, with `key=value` overrides; InputError says what is wrong.
+
+    The path of a trajectory file starts at the scenario file's folder, in an override at the current one.
+    """
     path = _locate(name)
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ValueError(f"scenario {name!r}: {error}") from error
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"scenario: {name}: {reason}") from error
     for override in overrides:
         _override(data, override)
-    return _anchored(decode(data), path.parent)
+    named_here = any(o.partition("=")[0].strip() in ("people", "people.trajectories") for o in overrides)
+    return _anchored(decode(data), Path() if named_here else path.parent)
 
 
 def decode(data: Mapping[str, Any]) -> Scenario:
@@ -42,7 +48,7 @@ def decode(data: Mapping[str, Any]) -> Scenario:
     try:
         return msgspec.convert(data, Scenario)
     except msgspec.ValidationError as error:
-        raise ValueError(_readable(str(error), data)) from error
+        raise InputError(_readable(str(error), data)) from error
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -57,9 +63,9 @@ def _locate(name: str) -> Path:
         return SCENARIOS[name]
     path = Path(name)
     if path.suffix != ".toml":
-        raise ValueError(f"scenario: {name!r} is unknown; {did_you_mean(name, SCENARIOS)} (or a .toml file)")
+        raise InputError(f"scenario: {name!r} is unknown; {did_you_mean(name, SCENARIOS)} (or a .toml file)")
     if not path.is_file():
-        raise ValueError(f"scenario: there is no file {name}")
+        raise InputError(f"scenario: there is no file {name}")
     return path
 
 
@@ -74,7 +80,7 @@ def _anchored(scenario: Scenario, folder: Path) -> Scenario:
 def _override(data: dict[str, Any], override: str) -> None:
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
-        raise ValueError(f"--set: {override!r} is not of the form key=value, for instance trees.density=75")
+        raise InputError(f"--set: {override!r} is not of the form key=value, for instance trees.density=75")
     *path, last = key.strip().split(".")
     node: Any = data
     for i, part in enumerate(path):
@@ -83,7 +89,7 @@ def _override(data: dict[str, Any], override: str) -> None:
         else:
             node = node.setdefault(part, _defaults(".".join(path[: i + 1])))
         if not isinstance(node, dict | list):
-            raise ValueError(f"--set: {key}: {'.'.join(path[: i + 1])} has no keys")
+            raise InputError(f"--set: {key}: {'.'.join(path[: i + 1])} has no keys")
     if isinstance(node, list):
         node[_index(last, len(node), key)] = _value(text)
     else:
@@ -92,7 +98,7 @@ def _override(data: dict[str, Any], override: str) -> None:
 
 def _index(text: str, length: int, key: str) -> int:
     if not text.isdigit() or int(text) >= length:
-        raise ValueError(f"--set: {key}: {text!r} is not an index; allowed are 0 to {length - 1}")
+        raise InputError(f"--set: {key}: {text!r} is not an index; allowed are 0 to {length - 1}")
     return int(text)
 
 
@@ -114,7 +120,7 @@ def _check_keys(data: object, kind: Any, where: str) -> None:  # noqa: ANN401 - 
     fields = {f.name: f.type for f in msgspec.structs.fields(kind)}
     for key, value in data.items():
         if key not in fields:
-            raise ValueError(f"{where}{key}: unknown key; {did_you_mean(key, fields)}")
+            raise InputError(f"{where}{key}: unknown key; {did_you_mean(key, fields)}")
         _check_keys(value, fields[key], f"{where}{key}.")
         if key == "uavs" and isinstance(value, list):
             for i, uav in enumerate(value):
@@ -129,7 +135,7 @@ def _check_finite(data: object, where: str) -> None:
         for i, value in enumerate(data):
             _check_finite(value, f"{where}.{i}")
     elif isinstance(data, float) and not math.isfinite(data):
-        raise ValueError(f"{where}: {data} is not allowed; expected a finite number")
+        raise InputError(f"{where}: {data} is not allowed; expected a finite number")
 
 
 def _choices(parts: Sequence[str]) -> tuple[object, ...]:

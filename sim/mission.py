@@ -177,8 +177,8 @@ def forest_of(scenario: Scenario, seed: int) -> Forest:
 
 
 def people_of(scenario: Scenario, forest: Forest, seed: int) -> Trajectories:
-    """The people of a scenario and seed, or of the scenario's file."""
-    people, duration = scenario.people, scenario.duration
+    """The people of a scenario and seed, or of the scenario's file; for two scans at least, which a velocity takes."""
+    people, duration = scenario.people, max(scenario.duration, 1 / scenario.rates.sensing)
     if people.trajectories:
         return read(Path(people.trajectories), scenario.area, duration=duration)
     return walk(people, scenario.area, forest, duration=duration, rng=stream(seed, "walkers"))

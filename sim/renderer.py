@@ -8,10 +8,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from assets import ASSETS
+from sim.engine import pybullet
 from sim.world import World
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array

@@ -7,13 +7,14 @@ import platform
 import shutil
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from sim.archive import save
 from sim.atomic import unfinished
+from sim.errors import InputError
 from sim.interrupt import stop_request
 from sim.mission import Mission, Trial
 from sim.plots import ospa_figure
@@ -22,40 +23,45 @@ from sim.recording import Recorder, Recording, Snapshot
 from sim.scenario import resolved
 from sim.summary import summarise
 from sim.video import Video
+from sim.warmup import warm_up
 
 Progress = Callable[[Snapshot, Recorder], None]
 
 
-def run(trial: Trial, out: Path, *, video: bool = True, progress: Progress | None = None) -> dict[str, Any]:
+def run(
+    trial: Trial, out: Path, *, video: bool = True, progress: Progress = lambda snapshot, recorder: None
+) -> dict[str, Any]:
     """Fly a mission and leave its files in the new folder `out`; returns the summary.
 
-    The folder appears when all is in it. Ctrl-C ends the mission at the next scan, and what was flown is kept, marked
-    as interrupted. ValueError where the input is wrong, KeyboardInterrupt where nothing was flown yet.
+    The folder appears when all is in it. Ctrl-C in flight ends the mission after the present scan, and what was flown
+    is kept, marked as interrupted; a second one, or one before take-off, is a KeyboardInterrupt and leaves nothing.
+    InputError where the input is wrong.
     """
     start = time.perf_counter()
-    with new_folder(out) as folder, stop_request() as stop:
+    with new_folder(out) as folder:
         mission = Mission.of(trial)
+        warm_up()
         start_up = time.perf_counter() - start
         recorder = Recorder()
-        with _film(trial, mission, folder / "mission.mp4" if video else None) as film:
-            for snapshot in mission.fly():
-                recorder.add(snapshot)
-                film(snapshot)
-                if progress is not None:
+        with stop_request() as stop:
+            with _film(trial, mission, folder / "mission.mp4" if video else None) as film:
+                for snapshot in mission.fly():
+                    recorder.add(snapshot)
+                    film(snapshot)
                     progress(snapshot, recorder)
-                if stop.is_set():
-                    break
-        wall = time.perf_counter() - start
-        recording = recorder.recording(
-            scenario=resolved(trial.scenario),
-            planner=trial.planner,
-            seed=trial.seed,
-            forest=mission.forest,
-            interrupted=len(recorder) < len(trial.scenario.scan_times),
-        )
-        seconds = {**mission.clock.seconds, "start_up": start_up}
-        summary = summarise(recording, seconds=seconds, wall_s=wall, faults=mission.faults, versions=versions())
-        write_results(folder, recording, summary)
+                    if stop.is_set():
+                        break
+            wall = time.perf_counter() - start
+            recording = recorder.recording(
+                scenario=resolved(trial.scenario),
+                planner=trial.planner,
+                seed=trial.seed,
+                forest=mission.forest,
+                interrupted=len(recorder) < len(trial.scenario.scan_times),
+            )
+            seconds = {**mission.clock.seconds, "start_up": start_up}
+            summary = summarise(recording, seconds=seconds, wall_s=wall, faults=mission.faults, versions=versions())
+            write_results(folder, recording, summary)
     return summary
 
 
@@ -96,22 +102,26 @@ def versions() -> dict[str, str]:
 @contextmanager
 def new_folder(out: Path) -> Iterator[Path]:
     """A folder under a temporary name, which takes its own when the block ends and is removed when it raises."""
-    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
-        what = "already holds a run" if (out / "summary.json").exists() else "exists and is not an empty folder"
-        raise ValueError(f"--out: {out} {what}; name another")
+    if not out.name:
+        raise InputError(f"--out: {str(out)!r} is no name for a new folder")
     part = unfinished(out)
-    made = _missing(out.parent)
+    made: list[Path] = []
     try:
-        part.mkdir(parents=True)
-    except OSError as error:
-        raise ValueError(f"--out: {out} cannot be written: {error.strerror}") from error
-    try:
+        try:
+            if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+                what = "already holds a run" if (out / "summary.json").exists() else "exists and is not an empty folder"
+                raise InputError(f"--out: {out} {what}; name a new folder")
+            made = _missing(out.parent)
+            part.mkdir(parents=True)
+        except OSError as error:
+            raise InputError(f"--out: {out} cannot be written: {error.strerror}") from error
         yield part
         part.rename(out)
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         for folder in made:
-            folder.rmdir()
+            with suppress(OSError):  # never made, or in use by someone else meanwhile
+                folder.rmdir()
         raise
 
 

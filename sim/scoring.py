@@ -27,7 +27,8 @@ def matched_people(pixels: Array, people: NDArray[np.int32], count: int) -> NDAr
     nearest = np.full((len(pixels), count), np.inf)
     for person in np.unique(owners):
         nearest[:, person] = gap[:, owners == person].min(axis=1)
-    detections, persons = linear_sum_assignment(np.minimum(nearest, 2 * GATE))
+    far = GATE * (len(pixels) + 1)  # dearer than all pairs within the gate: as many pairs as there can be
+    detections, persons = linear_sum_assignment(np.where(nearest <= GATE, nearest, far))
     close = nearest[detections, persons] <= GATE
     found[persons[close]] = True
     return found

@@ -15,7 +15,7 @@ from sim.stopwatch import Stopwatch
 from sim.world import World
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
-from tracking.detector import Frame, detect
+from tracking.detector import Detections, Frame, detect, visible_shares
 from tracking.noise import NoiseModel
 from tracking.tracker import Scan
 from tracking.visibility import TARGET_HEIGHT, Forest
@@ -71,9 +71,12 @@ class Sensors:
         with self._clock.measure("rendering"):
             rendered = self._renderer.render(camera, pose)
         with self._clock.measure("detection"):
-            found = detect(Frame(uav, time, camera, pose, rendered.image))
-            added = self._scenario.sensing.noise == "range_bearing"
-            scan = self._scan(uav, time, pose, found.ground, added=added)
+            frame = Frame(uav, time, camera, pose, rendered.image)
+            found = detect(frame)
+            if self._scenario.sensing.noise == "range_bearing":
+                scan = self._sampled(uav, time, pose, found.ground)
+            else:
+                scan = self._calibrated(uav, frame, found)
         visible = visible_pixels(rendered.people, len(people))
         matched = matched_people(found.pixels, rendered.people, len(people))
         return Look(scan, found.pixels, rendered.image, visible, matched)
@@ -85,14 +88,22 @@ class Sensors:
             present = ~np.isnan(people[:, 0])
             points[~present] = 0.0
             seen = present & self.cameras[uav].sees(pose, points) & self._forest.visible(pose.position, points)[0]
-            scan = self._scan(uav, time, pose, people[seen], added=True)
+            scan = self._sampled(uav, time, pose, people[seen])
         return Look(scan, np.zeros((0, 2)), None, seen.astype(np.int64), seen)
 
-    def _scan(self, uav: int, time: float, pose: Pose, ground: Array, *, added: bool) -> Scan:
-        """Measurements with their covariances, with a sample of the noise where none is in the data yet."""
+    def _sampled(self, uav: int, time: float, pose: Pose, ground: Array) -> Scan:
+        """Ground points (N, 2) m with a sample of the UAV's noise model added, and its covariances."""
         covariances = [self.noises[uav].covariance(pose.position[:2], z) for z in ground]
         R = np.array(covariances).reshape(-1, 2, 2)
         z = np.array(ground, dtype=float).reshape(-1, 2)
-        if added and len(z):
+        if len(z):
             z = z + np.einsum("nij,nj->ni", np.linalg.cholesky(R), self._rng.standard_normal(z.shape))
         return Scan(uav, time, pose, z, R)
+
+    @staticmethod
+    def _calibrated(uav: int, frame: Frame, found: Detections) -> Scan:
+        """Detections as they are, each with the camera's covariance for how much of the person shows."""
+        x, y, altitude = frame.pose.position.tolist()
+        models = [NoiseModel.camera(frame.camera, altitude, share) for share in visible_shares(frame, found)]
+        R = [model.covariance(np.array([x, y]), z) for model, z in zip(models, found.ground, strict=True)]
+        return Scan(uav, frame.time, frame.pose, found.ground, np.array(R).reshape(-1, 2, 2))

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from sim.errors import InputError
 from sim.scenario import Area
 from tracking.compiled import Array
 
@@ -60,13 +61,13 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
 
     Rows come in any order. Each person is there from their first to their last row, on a monotone cubic (PCHIP)
     through their rows, which never overshoots them. People who never appear within `duration` s are left out.
-    Anything wrong is a ValueError that names file, line, column and value.
+    Anything wrong is an InputError that names file, line, column and value.
     """
     times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - _EXACT) + 1) / SAMPLES_PER_SECOND
     tracks = [_resampled(path, person, rows, times) for person, rows in _people(path, area).items()]
     present = [track for track in tracks if not np.all(np.isnan(track))]
     if not present:
-        raise ValueError(f"{path}: column t: nobody is there between 0 and {duration:g} s")
+        raise InputError(f"{path}: column t: nobody is there between 0 and {duration:g} s")
     return Trajectories(times, np.stack(present, axis=1))
 
 
@@ -76,20 +77,21 @@ def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: cannot be read as a CSV file: {error}") from error
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"people.trajectories: {path} cannot be read: {reason}") from error
     table = csv.reader(text.splitlines())
     header = [name.strip() for name in next(table, [])]
     if sorted(header) != sorted(COLUMNS):
-        raise ValueError(f"{path}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
+        raise InputError(f"{path}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
     for fields in table:
         if fields:
             where = f"{path}, line {table.line_num}"
             if len(fields) > len(header):
-                raise ValueError(f"{where}: {fields[len(header)]!r} stands in a column without a name")
+                raise InputError(f"{where}: {fields[len(header)]!r} stands in a column without a name")
             person, time, position = _row(where, dict(zip(header, fields, strict=False)), area)
             rows = people.setdefault(person, {})
             if time in rows:
-                raise ValueError(f"{where}, column t: id {person} has a second row at {time:g} s")
+                raise InputError(f"{where}, column t: id {person} has a second row at {time:g} s")
             rows[time] = position
     return people
 
@@ -100,13 +102,13 @@ def _row(where: str, row: dict[str, str], area: Area) -> tuple[str, float, Array
     for column in COLUMNS:
         value = row.get(column, "").strip()
         if not value:
-            raise ValueError(f"{where}, column {column}: is empty")
+            raise InputError(f"{where}, column {column}: is empty")
         if column != "id":
             number[column] = _finite(f"{where}, column {column}", value)
     for column, size in (("x", area.width), ("y", area.height)):
         if abs(number[column]) > size / 2:
             inside = f"{-size / 2:g} to {size / 2:g} m"
-            raise ValueError(f"{where}, column {column}: {number[column]:g} is outside the area, {inside}")
+            raise InputError(f"{where}, column {column}: {number[column]:g} is outside the area, {inside}")
     return row["id"].strip(), number["t"], np.array([number["x"], number["y"]])
 
 
@@ -116,14 +118,14 @@ def _finite(where: str, value: str) -> float:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise ValueError(f"{where}: {value!r} is not a finite number")
+        raise InputError(f"{where}: {value!r} is not a finite number")
     return number
 
 
 def _resampled(path: Path, person: str, rows: dict[float, Array], times: Array) -> Array:
     """Positions (K, 2) m of one person at `times` (K,) s, NaN outside their own span."""
     if len(rows) < 2:
-        raise ValueError(f"{path}: column id: {person} has a single row; a path needs two or more")
+        raise InputError(f"{path}: column id: {person} has a single row; a path needs two or more")
     known = np.array(sorted(rows))
     curve = PchipInterpolator(known, np.array([rows[t] for t in known]), extrapolate=False)
     # The first and last of a person's times may differ by rounding from the sample they mean.

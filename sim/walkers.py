@@ -7,6 +7,7 @@ import math
 import numpy as np
 from scipy.special import ndtr
 
+from sim.errors import InputError
 from sim.scenario import Area, People, Point
 from sim.steering import SEPARATION, simulate
 from sim.trajectories import SAMPLES_PER_SECOND, Trajectories
@@ -34,7 +35,7 @@ def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np
     half = np.array([area.width, area.height]) / 2 - MARGIN
     if count and min(half) < _ROOM:
         least = 2 * (MARGIN + _ROOM)
-        raise ValueError(f"area: {area.width:g} x {area.height:g} m; people need {least:g} m each way to walk in")
+        raise InputError(f"area: {area.width:g} x {area.height:g} m; people need {least:g} m each way to walk in")
     trunks = np.array([(t.x, t.y, t.trunk_radius + TRUNK_CLEARANCE) for t in forest.trees]).reshape(-1, 3)
     pace, drift, start = rng.spawn(3)
     speeds = paces(people, samples, pace)
@@ -74,11 +75,11 @@ def _jittered(i: int, path: tuple[Point, ...], half: Array, rng: np.random.Gener
     """Start and waypoints (n, 2) m of person i, moved at random but kept inside."""
     points = np.array(path, dtype=float).reshape(-1, 2)
     if len(points) < 2:
-        raise ValueError(f"people.paths[{i}] has {len(points)} points; a path needs two or more")
+        raise InputError(f"people.paths[{i}] has {len(points)} waypoint{'s' * (len(points) != 1)}; a path needs two or more")
     outside = np.any(np.abs(points) > half, axis=1)
     if np.any(outside):
         x, y = points[outside][0]
-        raise ValueError(
+        raise InputError(
             f"people.paths[{i}]: ({x:g}, {y:g}) is not inside the area; "
             f"allowed are |x| <= {half[0]:g} and |y| <= {half[1]:g} m"
         )
@@ -101,7 +102,7 @@ def _starts(count: int, paths: list[Array], trunks: Array, half: Array, rng: np.
             if _clear(drawn, states[:i], trunks, half, room=_ROOM * (1 - 0.9 * attempt / _ATTEMPTS)):
                 break
         else:
-            raise ValueError(f"people.count = {count}: no free place for person {i} to start")
+            raise InputError(f"people.count = {count}: no free place for person {i} to start")
         if i < len(paths):
             paths[i][0] = drawn  # the route begins where the person does
         ahead = paths[i][1] if i < len(paths) else rng.uniform(-half, half)

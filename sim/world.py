@@ -9,9 +9,9 @@ from types import TracebackType
 from typing import Literal
 
 import numpy as np
-import pybullet
 
 from assets import ASSETS
+from sim.engine import pybullet
 from sim.scenario import Scenario
 from sim.uav import GRAVITY, ROTORS, rotor_thrusts
 from tracking.camera import Pose

@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("sim", "planning", "tracking", "assets")
 ALLOWED = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}, "sim": set(PACKAGES)}
-PYBULLET = {"sim/world.py", "sim/renderer.py"}
+ENGINE = {"sim/world.py", "sim/renderer.py"}
 PLANNING = {"sim/autopilot.py", "sim/mission.py", "sim/warmup.py", "sim/__main__.py"}
 MODULES = sorted(p for package in PACKAGES for p in (ROOT / package).glob("*.py"))
 
@@ -29,7 +29,8 @@ def test_imports_go_one_way(path):
     tops = {name.split(".")[0] for name in imported(path)}
     assert tops & set(PACKAGES) <= ALLOWED[path.parent.name]
     name = f"{path.parent.name}/{path.name}"
-    assert ("pybullet" not in tops) or name in PYBULLET
+    assert ("pybullet" in tops) == (name == "sim/engine.py")
+    assert ("sim.engine" in imported(path)) == (name in ENGINE)
     if path.parent.name == "sim" and name not in PLANNING:
         # What a plan is may be known; how plans are made may not.
         assert {n for n in imported(path) if n.startswith("planning")} <= {"planning.planner"}

@@ -186,10 +186,13 @@ def test_the_mixture_update_has_the_moments_of_the_mixture():
     for _ in range(30):
         means, covariances, z, noise = random_scene(rng, 3, 4)
         beta = rng.dirichlet(np.ones(5), 3)
-        new_means, new_covariances = mixture_update(means, covariances, z, noise, beta)
+        undetected = means + rng.normal(0, 0.3, means.shape), 0.7 * covariances
+        new_means, new_covariances = mixture_update((means, covariances), undetected, z, noise, beta)
         for i in range(3):
-            parts = [Gaussian(means[i], covariances[i])]
-            parts += [update(parts[0], z[j], noise[j]) for j in range(4)]
+            predicted = Gaussian(means[i], covariances[i])
+            parts = [Gaussian(undetected[0][i], undetected[1][i])] + [
+                update(predicted, z[j], noise[j]) for j in range(4)
+            ]
             mean = sum(b * p.mean for b, p in zip(beta[i], parts, strict=True))
             second = sum(b * (p.covariance + np.outer(p.mean, p.mean)) for b, p in zip(beta[i], parts, strict=True))
             np.testing.assert_allclose(new_means[i], mean, rtol=1e-9, atol=1e-11)
@@ -198,11 +201,13 @@ def test_the_mixture_update_has_the_moments_of_the_mixture():
             assert np.linalg.eigvalsh(new_covariances[i]).min() > 0
 
 
-def test_a_certain_association_is_a_kalman_update_and_none_changes_nothing():
+def test_a_certain_association_is_a_kalman_update_and_none_is_the_undetected_belief():
     means, covariances, z, noise = random_scene(np.random.default_rng(10), 2, 2)
-    new_means, new_covariances = mixture_update(means, covariances, z, noise, np.array([[1.0, 0, 0], [0, 0, 1.0]]))
-    np.testing.assert_array_equal(new_means[0], means[0])
-    np.testing.assert_array_equal(new_covariances[0], covariances[0])
+    undetected = means + 0.5, 0.5 * covariances
+    beta = np.array([[1.0, 0, 0], [0, 0, 1.0]])
+    new_means, new_covariances = mixture_update((means, covariances), undetected, z, noise, beta)
+    np.testing.assert_allclose(new_means[0], undetected[0][0], rtol=1e-14)
+    np.testing.assert_array_equal(new_covariances[0], undetected[1][0])
     certain = update(Gaussian(means[1], covariances[1]), z[1], noise[1])
     np.testing.assert_allclose(new_means[1], certain.mean, rtol=1e-10)
     np.testing.assert_allclose(new_covariances[1], certain.covariance, rtol=1e-9, atol=1e-11)
@@ -212,7 +217,8 @@ def test_the_weighted_innovation_form_of_bar_shalom_gives_the_same_moments():
     rng = np.random.default_rng(11)
     means, covariances, z, noise = random_scene(rng, 1, 3)
     R, P, beta = noise[0], covariances[0], np.array([0.2, 0.5, 0.2, 0.1])
-    _, new = mixture_update(means, covariances, z, np.tile(R, (3, 1, 1)), beta[None])
+    predicted = means, covariances
+    _, new = mixture_update(predicted, predicted, z, np.tile(R, (3, 1, 1)), beta[None])
     S = P[:2, :2] + R
     K = P[:, :2] @ np.linalg.inv(S)
     nus = z - means[0, :2]

@@ -19,13 +19,39 @@ def test_initial_tracks_hold_at_the_first_scan_and_are_predicted_from_then_on():
 
 
 def test_the_track_of_a_hidden_person_coasts_for_a_hundred_scans():
-    subject = tracker(track(3, -1, 0, 0.1, 0), forest=Forest((Tree(0, 0, 9.0),)))
+    subject = tracker(track(3, -1, 0, 0.1, 0), forest=Forest((Tree(0, 0, 90.0),)))
     assert play(subject, [scan(k) for k in range(101)]) == [(3,)] * 101
     belief = track(3, -1, 0, 0.1, 0).belief
     for _ in range(100):
         belief = MOTION.predict(belief)
     np.testing.assert_allclose(subject.tracks[0].belief.mean, belief.mean, rtol=1e-8)
     np.testing.assert_allclose(subject.tracks[0].belief.covariance, belief.covariance, rtol=1e-8, atol=1e-10)
+
+
+def test_the_belief_in_a_person_who_does_not_come_out_stays_behind_the_tree():
+    """Predicted to leave a canopy of 5 m after 2 s, nobody is seen: whoever it is, is still under it."""
+    subject = tracker(track(3, -1, 0, 1.5, 0), forest=Forest((Tree(0, 0, 5.0),)))
+    assert play(subject, [scan(k) for k in range(16)])[-1] == (3,)
+    assert subject.tracks[0].belief.mean[0] < 4.0
+    assert tracker(track(3, -1, 0, 1.5, 0)).tracks[0].belief.mean[0] + 3.0 * 1.5 == 3.5
+    again = play(subject, [scan(k) for k in range(16, 26)])
+    assert again[-1] == (3,) and np.hypot(*subject.tracks[0].belief.mean[:2]) < 5.0
+
+
+def test_somebody_who_turns_up_where_a_lost_person_can_be_keeps_their_id():
+    """Predicted to go on east under the canopy, the person turned north: far outside the gate, within reach."""
+    subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)))
+    ids = play(subject, [scan(k) for k in range(17)])
+    ids += play(subject, [scan(k, (0.0, 5.4 + 0.3 * (k - 17))) for k in range(17, 22)])
+    assert ids[-1] == (3,)
+    np.testing.assert_allclose(subject.tracks[0].belief.mean[:2], [0.0, 6.6], atol=0.3)
+
+
+def test_somebody_who_turns_up_out_of_reach_is_somebody_else():
+    subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)))
+    play(subject, [scan(k) for k in range(7)])
+    ids = play(subject, [scan(k, (8.0, 8.0)) for k in range(7, 10)])
+    assert len(ids[-1]) == 2 and ids[-1][0] == 3
 
 
 def test_the_track_of_a_person_outside_the_field_of_view_coasts():

@@ -33,5 +33,5 @@ def given_undetected(
     G = np.swapaxes(np.linalg.solve(roots, covariances[:, :2, :]), 1, 2)
     moved = means + (G @ shift[..., None])[..., 0]
     shrunk = symmetric(covariances - G @ (np.eye(2) - spread) @ np.swapaxes(G, 1, 2))
-    partly = seen.any(axis=1) & ~seen.all(axis=1)
+    partly = np.asarray(seen.any(axis=1) & ~seen.all(axis=1))
     return np.where(partly[:, None], moved, means), np.where(partly[:, None, None], shrunk, covariances)

@@ -75,6 +75,11 @@ def detect(frame: Frame) -> Detections:
     )
 
 
+def visible_shares(frame: Frame, found: Detections) -> Array:
+    """Area of each detection over that of the mean silhouette at its place (N,); above one for broad ones."""
+    return found.areas / _sizes(frame, found.pixels).areas
+
+
 def _components(image: NDArray[np.uint8]) -> list[Array]:
     """Pixel centres (K, 2) of each 8-connected component in a person's colour."""
     mask = cv2.inRange(cv2.cvtColor(image, cv2.COLOR_RGB2HSV), _LOWEST, _HIGHEST)

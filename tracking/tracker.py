@@ -19,6 +19,7 @@ from tracking.identity import FIRST_BORN, UAVS, Message, born_id
 from tracking.initiation import Initiator, Tentative
 from tracking.jpda import association_probabilities, gated_likelihood, mixture_update
 from tracking.kalman import Gaussian, NearlyConstantVelocity, information_form
+from tracking.recovery import recovered, sightings
 from tracking.visibility import Forest, visible_samples
 
 # Weights in the average of a UAV that looked where the person may be and saw nobody, and of one that did not look: the
@@ -59,6 +60,7 @@ class TrackerParameters:
     expected: float = 0.9  # share of detection_probability from which on a UAV should see the person
     seen: float = 0.1  # probability that a measurement is the person's from which on the person counts as seen
     double: int = 15  # scans of only shared measurements after which a track that equals another one ends
+    absent: float = 1.0  # s unseen, after which somebody who turns up may be this person
     max_speed: float = 3.0  # of people, m/s
 
     def __post_init__(self) -> None:
@@ -111,6 +113,7 @@ class Tracker:
         self._covariances = np.array([t.belief.covariance for t in known], dtype=float).reshape(-1, 4, 4)
         self._say = np.full(len(ids), _UNSEEN)  # weight of its belief in the fleet's average
         self._evidence = Evidence.at(-math.inf, len(ids))
+        self._sightings = np.column_stack([self._means[:, :2], np.zeros(len(ids))])
         self._deleted: tuple[tuple[int, float], ...] = ()
         self._tentative: list[Tentative] = []
         self._initiator = Initiator(
@@ -153,7 +156,7 @@ class Tracker:
         self._say = np.maximum(1.0 - beta[:, 0], _UNSEEN + _LOOKED * visible)
         self._evidence = self._evidence.observed(scan.time, beta, visible >= p.expected, p.seen)
         born, self._tentative = self._initiator.step(self._tentative, z[unexplained], R[unexplained], elapsed=elapsed)
-        self._append(born)
+        self._append([belief for belief in born if not self._recover(belief)])
 
     def message(self, degree: int) -> Message:
         """What it says in the first round, given how many neighbours hear it."""
@@ -174,9 +177,13 @@ class Tracker:
         ended.update((id, self._time) for id in message.ids[refuted].tolist())
         ended.update((id, math.inf) for id in message.ids[double].tolist())
         self._deleted = tuple(sorted(ended.items()))
+        before = dict(zip(self._ids.tolist(), self._sightings, strict=True))
         self._ids, self._evidence = message.ids[keep], evidence[keep]
         self._means, self._covariances = means[keep], covariances[keep]
         self._say = np.full(len(self._ids), _UNSEEN)
+        here = np.column_stack([self._means[:, :2], np.full(len(self._ids), self._time)])
+        unseen = self._evidence.times[:, 0] < self._time
+        self._sightings = sightings(self._ids.tolist(), here, before, unseen)
 
     def _advance(self, scan: Scan) -> int:
         """Steps of motion since the last scan."""
@@ -200,6 +207,18 @@ class Tracker:
         likelihood = gated_likelihood(self._means, self._covariances, z, R, gate)
         return np.asarray(np.any(p.detection_probability * likelihood > p.clutter_density, axis=0))
 
+    def _recover(self, born: Gaussian) -> bool:
+        """Give a new belief to the lost track that it continues, if there is one."""
+        p = self.parameters
+        lost = (self._say < p.seen) & (self._time - self._sightings[:, 2] >= p.absent)
+        tracks = self._means, self._covariances
+        k = recovered(born, tracks, self._sightings, lost, now=self._time, max_speed=p.max_speed)
+        if k is None:
+            return False
+        self._means[k], self._covariances[k], self._say[k] = born.mean, born.covariance, 1.0
+        self._evidence.times[k] = self._time
+        return True
+
     def _append(self, born: Sequence[Gaussian]) -> None:
         if not born:
             return
@@ -208,4 +227,6 @@ class Tracker:
         self._means = np.concatenate([self._means, [b.mean for b in born]])
         self._covariances = np.concatenate([self._covariances, [b.covariance for b in born]])
         self._say = np.append(self._say, np.ones(len(born)))
+        here = [[*b.mean[:2], self._time] for b in born]
+        self._sightings = np.concatenate([self._sightings, here])
         self._evidence = self._evidence + Evidence.at(self._time, len(born))

@@ -1,0 +1,127 @@
+"""How long the parts of a mission take, beside what each replaces; docs/benchmarks.md says how to run this.
+
+In ordinary test runs each part runs once, as a smoke test.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scenes import CAMERA, MOTION, OPEN, R, track
+from test_nbo import plain_cost
+
+from planning.belief import outlook
+from planning.nbo import costs
+from planning.sma import SMA
+from sim.mission import Mission
+from sim.renderer import Renderer, capture
+from sim.scenario import Scenario, Sensing, Trees
+from sim.world import World
+from tracking.camera import Pose
+from tracking.consensus import fuse
+from tracking.detector import Frame, detect
+from tracking.tracker import Scan, Tracker, TrackerParameters
+from tracking.visibility import Forest, Tree
+
+pytestmark = pytest.mark.benchmark(warmup=True, warmup_iterations=2, min_rounds=20)
+# Seventy-five trees, five by fifteen, and people between them.
+TREES = Forest(tuple(Tree(10.0 * i - 70, 20.0 * j - 40, 4.5) for i in range(15) for j in range(5)))
+PEOPLE = np.array([[3.0, 7.0], [-5.0, 10.0], [6.0, 15.0], [-2.0, 12.0]])
+POSE = Pose.level(0.0, 10.0, 19.0)
+
+
+@pytest.fixture
+def world():
+    with World(Scenario(), TREES, len(PEOPLE)) as world:
+        world.place_people(PEOPLE, np.zeros(len(PEOPLE)))
+        yield world
+
+
+@pytest.mark.benchmark(group="camera frame, 75 trees")
+def test_frame_with_culling(benchmark, world):
+    renderer = Renderer(world)
+    assert benchmark(renderer.render, CAMERA, POSE).image.shape == (128, 128, 3)
+
+
+@pytest.mark.benchmark(group="camera frame, 75 trees")
+def test_frame_of_the_bare_engine(benchmark, world):
+    image, _, _ = benchmark(capture, world.client, CAMERA, POSE)
+    assert image.shape == (128, 128, 3)
+
+
+@pytest.mark.benchmark(group="detection")
+def test_detection(benchmark, world):
+    frame = Frame(0, 0.0, CAMERA, POSE, Renderer(world).render(CAMERA, POSE).image)
+    assert len(benchmark(detect, frame).ground) == len(PEOPLE)
+
+
+@pytest.mark.benchmark(group="scan")
+@pytest.mark.parametrize("targets", [4, 10])
+@pytest.mark.parametrize("uavs", [1, 3])
+def test_scan(benchmark, uavs, targets):
+    """JPDA of UAVs that all see all targets, and the consensus that ends a scan."""
+    places = np.array([[3.5 * (k % 4) - 5.0, 3.5 * (k // 4) - 4.0] for k in range(targets)])
+    known = [track(k, *place, 0.0, 0.0) for k, place in enumerate(places)]
+    seen = places + np.random.default_rng(0).normal(0, 0.1, (uavs, targets, 2))
+    pose = Pose.level(0.0, 0.0, 21.7)
+
+    def ready():
+        trackers = [Tracker(i, CAMERA, OPEN, TrackerParameters(MOTION), known) for i in range(uavs)]
+        return (trackers, [Scan(i, 0.2, pose, z, np.tile(R, (targets, 1, 1))) for i, z in enumerate(seen)]), {}
+
+    def once(trackers, scans):
+        for tracker, scan in zip(trackers, scans, strict=True):
+            tracker.step(scan)
+        fuse(trackers, ~np.eye(uavs, dtype=bool), 5)
+        return trackers
+
+    trackers = benchmark.pedantic(once, setup=ready, rounds=200, warmup_rounds=5)
+    assert [[t.id for t in tracker.tracks] for tracker in trackers] == [list(range(targets))] * uavs
+
+
+@pytest.mark.benchmark(group="decision")
+def test_sma_nbo_decision(benchmark, random_team):
+    """Three UAVs, four targets, 75 trees, five steps."""
+    team = [dataclasses.replace(s, forest=TREES) for s in random_team(0)]
+    plans = benchmark(lambda: SMA(horizon=5).plan(team, np.random.default_rng(0)))
+    assert [p.controls.shape for p in plans] == [(5, 2)] * 3
+
+
+CANDIDATES = 256
+
+
+@pytest.mark.benchmark(group="objective")
+def test_objective_of_256_candidates(benchmark, random_team):
+    situation, joint, candidates = problem(random_team)
+    values = benchmark(costs, outlook(situation, 5), joint, 0, candidates, 0.5)
+    assert values[0] == pytest.approx(plain_cost(situation, joint, 0.5)[0])
+
+
+@pytest.mark.benchmark(group="objective")
+def test_objective_of_one_candidate_in_plain_numpy(benchmark, random_team):
+    situation, joint, _ = problem(random_team)
+    assert math.isfinite(benchmark(plain_cost, situation, joint, 0.5)[0])
+
+
+def problem(random_team):
+    """A situation among 75 trees, the team's plans, and candidates for the first UAV, of which the first is its own."""
+    rng = np.random.default_rng(0)
+    situation = dataclasses.replace(random_team(0)[0], forest=TREES)
+    candidates = rng.uniform(-3, 3, (CANDIDATES, 5, 2))
+    joint = rng.uniform(-3, 3, (3, 5, 2))
+    joint[0] = candidates[0]
+    return situation, joint, candidates
+
+
+@pytest.mark.benchmark(group="mission of 5 s")
+@pytest.mark.parametrize("mode", ["camera", "ideal"])
+def test_mission(benchmark, mode):
+    """All stages but start-up and video, 75 trees expected."""
+    scenario = Scenario(duration=5.0, trees=Trees(density=75.0), sensing=Sensing(mode=mode))
+
+    def ready():
+        return (Mission(scenario, SMA(), 0),), {}
+
+    snapshots = benchmark.pedantic(lambda mission: list(mission.fly()), setup=ready, rounds=5, warmup_rounds=1)
+    assert len(snapshots) == 26

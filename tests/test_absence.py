@@ -1,0 +1,86 @@
+"""Beliefs after a scan without a detection, against closed forms and sampling."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tracking.absence import given_undetected
+from tracking.visibility import SAMPLES
+
+
+def belief(rng):
+    root = rng.normal(size=(4, 4))
+    return rng.normal(0, 5, 4), root @ root.T + 0.1 * np.eye(4)
+
+
+def seen_where(condition, mean, covariance):
+    """At which sample positions a person would be seen, if that is where `condition` holds."""
+    return condition(mean[:2] + SAMPLES @ np.linalg.cholesky(covariance[:2, :2]).T)
+
+
+def test_the_samples_stand_for_a_standard_normal_distribution():
+    np.testing.assert_allclose(SAMPLES.mean(axis=0), 0, atol=1e-15)
+    np.testing.assert_allclose(SAMPLES.T @ SAMPLES / len(SAMPLES), np.eye(2), atol=1e-15)
+
+
+@pytest.mark.parametrize("value", [False, True])
+def test_nothing_is_learnt_where_all_or_nothing_would_have_been_seen(value):
+    mean, covariance = belief(np.random.default_rng(0))
+    seen = np.full((1, len(SAMPLES)), value)
+    means, covariances = given_undetected(mean[None], covariance[None], seen, 0.99)
+    np.testing.assert_array_equal(means[0], mean)
+    np.testing.assert_array_equal(covariances[0], covariance)
+
+
+def test_an_edge_through_the_mean_leaves_the_moments_of_half_a_normal_distribution():
+    covariance = np.diag([4.0, 1.0, 1.0, 1.0])
+    covariance[0, 2] = covariance[2, 0] = 1.2
+    mean = np.array([3.0, 0.0, 1.0, 0.5])
+    seen = seen_where(lambda p: p[:, 0] > 3.0, mean, covariance)
+    means, covariances = given_undetected(mean[None], covariance[None], seen[None], 1 - 1e-12)
+    half = stats.halfnorm()
+    shift = -half.mean()
+    # Six points per axis overrate the shift by 5.7 %, because they are stretched to unit variance.
+    assert means[0, 0] - 3.0 == pytest.approx(2 * shift, rel=0.06)
+    assert covariances[0, 0, 0] == pytest.approx(4 * half.var(), rel=0.15)
+    # What is correlated with the position follows by regression: slope 1.2 / 4.
+    assert means[0, 2] - 1.0 == pytest.approx(0.3 * (means[0, 0] - 3.0), rel=1e-9)
+    assert covariances[0, 2, 2] == pytest.approx(1 - 0.09 * (4 - covariances[0, 0, 0]), rel=1e-9)
+    assert means[0, 1] == pytest.approx(0.0, abs=1e-12) and covariances[0, 1, 1] == pytest.approx(1.0, rel=2e-3)
+
+
+def test_random_half_planes_give_the_moments_of_weighted_samples():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        mean, covariance = belief(rng)
+        angle, offset = rng.uniform(0, 2 * math.pi), rng.uniform(-0.6, 0.6)
+        normal = np.array([math.cos(angle), math.sin(angle)])
+        scale = math.sqrt(normal @ covariance[:2, :2] @ normal)
+
+        def visible(p, mean=mean, normal=normal, limit=offset * scale):
+            return (p - mean[:2]) @ normal > limit
+
+        means, covariances = given_undetected(
+            mean[None], covariance[None], seen_where(visible, mean, covariance)[None], 0.9
+        )
+        states = rng.multivariate_normal(mean, covariance, 100_000)
+        weights = 1 - 0.9 * visible(states[:, :2])
+        expected = np.average(states, axis=0, weights=weights)
+        spread = np.cov(states.T, aweights=weights)
+        sigma = np.sqrt(np.diag(covariance))
+        assert np.all(np.abs(means[0] - expected) < 0.2 * sigma)
+        assert np.all(np.abs(np.sqrt(np.diag(covariances[0])) - np.sqrt(np.diag(spread))) < 0.15 * sigma)
+
+
+def test_covariances_stay_positive_definite_and_never_grow_for_many_scans_of_the_same_empty_place():
+    mean, covariance = np.zeros(4), np.diag([4.0, 4.0, 1.0, 1.0])
+    means, covariances = mean[None], covariance[None]
+    for _ in range(200):
+        seen = seen_where(lambda p: np.hypot(*(p - 1.0).T) > 1.5, means[0], covariances[0])
+        before = np.trace(covariances[0])
+        means, covariances = given_undetected(means, covariances, seen[None], 0.99)
+        assert np.linalg.eigvalsh(covariances[0]).min() > 0
+        assert np.trace(covariances[0]) <= before * (1 + 2e-3)
+    assert np.hypot(*(means[0, :2] - 1.0)) < 1.5

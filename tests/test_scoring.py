@@ -1,0 +1,76 @@
+"""Detections matched to rendered people, against all possible matchings."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from sim.scoring import GATE, matched_people, visible_pixels
+
+
+def segmentation(*blobs, size=24):
+    """Image (size, size) in which the k-th person shows at the pixels (row, column) of the k-th blob."""
+    people = np.full((size, size), -1, dtype=np.int32)
+    for k, pixels in enumerate(blobs):
+        for row, column in pixels:
+            people[row, column] = k
+    return people
+
+
+def brute_force(pixels, people, count):
+    """The people of the matching with most pairs within the gate, and among those of the least total distance."""
+    places = [np.argwhere(people == k)[:, ::-1] + 0.5 for k in range(count)]
+    gap = np.array([[np.min(np.linalg.norm(p - uv, axis=1), initial=np.inf) for p in places] for uv in pixels])
+    slots = [*range(count), *[None] * len(pixels)]
+    best = (0, 0.0, frozenset())
+    for chosen in set(permutations(slots, len(pixels))):
+        pairs = [(gap[i, k], k) for i, k in enumerate(chosen) if k is not None]
+        if all(d <= GATE for d, _ in pairs):
+            candidate = (-len(pairs), sum(d for d, _ in pairs), frozenset(k for _, k in pairs))
+            best = min(best, candidate, key=lambda b: b[:2])
+    return [k in best[2] for k in range(count)]
+
+
+def test_matches_equal_brute_force():
+    rng = np.random.default_rng(0)
+    outcomes = set()
+    for _ in range(400):
+        count, detections = rng.integers(1, 4), rng.integers(1, 4)
+        centres = rng.integers(6, 14, (count, 2))
+        people = segmentation(*[c + rng.integers(-1, 2, (4, 2)) for c in centres])
+        pixels = rng.uniform(4, 16, (detections, 2))
+        found = matched_people(pixels, people, count)
+        assert found.tolist() == brute_force(pixels, people, count)
+        outcomes.add((int(detections), int(found.sum())))
+    assert outcomes == {(n, k) for n in (1, 2, 3) for k in range(n + 1)}
+
+
+def test_one_detection_finds_one_person():
+    people = segmentation([(10, 10)], [(10, 12)])
+    assert matched_people(np.array([[11.4, 10.5]]), people, 2).tolist() == [True, False]
+    assert matched_people(np.array([[11.4, 10.5], [11.4, 10.5]]), people, 2).tolist() == [True, True]
+
+
+def test_a_near_pair_does_not_cost_another_person_the_match():
+    # The first detection is on the upper person, yet only it can reach the lower one.
+    people = segmentation([(10, 10)], [(13, 10)])
+    assert matched_people(np.array([[10.5, 10.5], [8.0, 10.8]]), people, 2).tolist() == [True, True]
+
+
+@pytest.mark.parametrize(("distance", "expected"), [(GATE, True), (GATE + 1e-6, False)])
+def test_the_gate_is_the_distance_to_the_nearest_pixel(distance, expected):
+    people = segmentation([(5, 5), (5, 6), (5, 7)])
+    assert matched_people(np.array([[7.5 + distance, 5.5]]), people, 1).tolist() == [expected]
+    assert matched_people(np.array([[5.5 - distance, 5.5]]), people, 1).tolist() == [expected]
+
+
+def test_nobody_is_found_where_nobody_shows_or_nothing_is_detected():
+    assert matched_people(np.array([[3.0, 3.0]]), segmentation(), 2).tolist() == [False, False]
+    assert matched_people(np.zeros((0, 2)), segmentation([(3, 3)]), 1).tolist() == [False]
+    assert matched_people(np.array([[3.0, 3.0]]), segmentation(), 0).shape == (0,)
+
+
+def test_pixels_are_counted_per_person():
+    people = segmentation([(1, 1), (1, 2)], [], [(4, 4), (4, 5), (9, 9)])
+    assert visible_pixels(people, 4).tolist() == [2, 0, 3, 0]
+    assert visible_pixels(segmentation(), 0).tolist() == []

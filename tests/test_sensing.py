@@ -1,0 +1,215 @@
+"""From world to scans: who is measured, with which error and which covariance."""
+
+import math
+from itertools import pairwise
+
+import msgspec
+import numpy as np
+import pytest
+
+from sim.renderer import Renderer
+from sim.scenario import DEFAULT_FLEET, Scenario, Sensing, Uav
+from sim.sensing import Sensors, camera_of, camera_pose
+from sim.stopwatch import Stopwatch
+from sim.world import World
+from tracking.camera import Pose
+from tracking.detector import Frame, detect
+from tracking.noise import NoiseModel
+from tracking.visibility import TARGET_HEIGHT, Forest, Tree
+
+OPEN = Forest(())
+ALTITUDES = [uav.altitude for uav in DEFAULT_FLEET]
+# The fleet's bodies stay out of each other's sight.
+FLEET = tuple(
+    Uav(start=(74.0, 10.0 * k), footprint=uav.footprint, alpha=uav.alpha) for k, uav in enumerate(DEFAULT_FLEET)
+)
+
+
+def scenario(mode="camera", noise="range_bearing", uavs=FLEET):
+    return Scenario(uavs=uavs, sensing=Sensing(mode=mode, noise=noise))
+
+
+def sensors(setting, world, forest=OPEN, seed=0):
+    return Sensors(setting, world, forest, rng=np.random.default_rng(seed), clock=Stopwatch())
+
+
+def equation_4(alpha, offset):
+    """[Li22] eq. (4) for a target at `offset` (2,) m from the camera."""
+    r, rho = max(np.hypot(*offset), 2.0), math.atan2(offset[1], offset[0])
+    G = np.array([[math.cos(rho), -math.sin(rho)], [math.sin(rho), math.cos(rho)]])
+    return alpha * G @ np.diag([0.1 * r, 0.1 * math.pi * r]) @ G.T
+
+
+def test_ideal_sensing_measures_exactly_the_people_in_view_and_not_hidden():
+    rng = np.random.default_rng(0)
+    exact = Uav(start=(0.0, 0.0), footprint=22.0, alpha=1e-14)
+    setting = scenario("ideal", uavs=(exact,))
+    counts = np.zeros(3, dtype=int)
+    for _ in range(30):
+        forest = Forest(tuple(Tree(*rng.uniform(-12, 12, 2), canopy_radius=2.0) for _ in range(6)))
+        with World(setting, forest, 30) as world:
+            subject = sensors(setting, world, forest)
+            pose = Pose.level(*rng.uniform(-3, 3, 2), exact.altitude)
+            people = rng.uniform(-15, 15, (30, 2))
+            look = subject.look(0, 0.4, pose, people)
+        half = (exact.altitude - TARGET_HEIGHT) * math.tan(math.radians(30))
+        inside = np.all(np.abs(people - pose.position[:2]) <= half, axis=1)
+        points = np.column_stack([people, np.full(30, TARGET_HEIGHT)])
+        free = forest.visible(pose.position, points)[0]
+        np.testing.assert_allclose(look.scan.measurements, people[inside & free], atol=1e-5)
+        assert look.matched.tolist() == look.visible.astype(bool).tolist() == (inside & free).tolist()
+        assert (look.image, look.scan.uav, look.scan.time, len(look.pixels)) == (None, 0, 0.4, 0)
+        counts += [np.sum(inside & free), np.sum(inside & ~free), np.sum(~inside)]
+    assert counts.min() > 50
+
+
+@pytest.mark.parametrize("mode", ["ideal", "camera"])
+@pytest.mark.parametrize("offset", [(7.0, -4.0), (0.5, 1.0)])
+def test_the_noise_that_is_added_has_the_papers_covariance(mode, offset):
+    setting = scenario(mode)
+    uav, pose = 1, Pose.level(3.0, -2.0, ALTITUDES[1])
+    person = pose.position[:2] + np.array(offset)
+    draws = 1500
+    with World(setting, OPEN, 1) as world:
+        world.place_people(person[None], np.zeros(1))
+        subject = sensors(setting, world)
+        scans = [subject.look(uav, 0.0, pose, person[None]).scan for _ in range(draws)]
+        seen = detect(
+            Frame(uav, 0.0, subject.cameras[uav], pose, Renderer(world).render(subject.cameras[uav], pose).image)
+        )
+    mean = person if mode == "ideal" else seen.ground[0]
+    R = equation_4(DEFAULT_FLEET[uav].alpha, mean - pose.position[:2])
+    np.testing.assert_allclose([s.covariances[0] for s in scans], np.broadcast_to(R, (draws, 2, 2)), rtol=1e-12)
+    error = np.array([s.measurements[0] for s in scans]) - mean
+    # Four standard errors of the mean, and of the entries of a Wishart matrix.
+    assert np.all(np.abs(error.mean(axis=0)) < 4 * np.sqrt(np.diag(R) / draws))
+    bound = 4 * np.sqrt((R**2 + np.outer(np.diag(R), np.diag(R))) / draws)
+    assert np.all(np.abs(error.T @ error / draws - R) < bound)
+
+
+def test_nothing_is_added_to_what_the_camera_itself_measures():
+    rng = np.random.default_rng(1)
+    setting = scenario(noise="camera")
+    with World(setting, OPEN, 4) as world:
+        chance = np.random.default_rng(5)
+        subject = Sensors(setting, world, OPEN, rng=chance, clock=Stopwatch())
+        for uav, altitude in enumerate(ALTITUDES):
+            people = np.array([[-6.0, -6.0], [5.0, -4.0], [-3.0, 6.0], [5.0, 5.0]]) + rng.uniform(-1, 1, (4, 2))
+            world.place_people(people, rng.uniform(-3, 3, 4))
+            look = subject.look(uav, 0.0, Pose.level(0.0, 0.0, altitude), people)
+            frame = Frame(uav, 0.0, subject.cameras[uav], look.scan.pose, look.image)
+            assert len(look.scan.measurements) == 4
+            np.testing.assert_array_equal(look.scan.measurements, detect(frame).ground)
+    assert chance.bit_generator.state == np.random.default_rng(5).bit_generator.state
+
+
+def consistency(rng, forest, frames, pixels=128):
+    """Per detected person: off-nadir angle in degrees, NEES, pixels shown, pixels that would show without trees."""
+    fleet = tuple(msgspec.structs.replace(uav, pixels=pixels) for uav in FLEET)
+    setting, count, rows = scenario(noise="camera", uavs=fleet), 8, []
+    with World(setting, forest, count) as world, World(setting, OPEN, count) as bare:
+        full, alone = sensors(setting, world, forest), sensors(setting, bare)
+        for k in range(frames):
+            uav = k % 3
+            pose = Pose.level(*rng.uniform(-30, 30, 2), ALTITUDES[uav])
+            half = (ALTITUDES[uav] - TARGET_HEIGHT) * math.tan(math.radians(30))
+            offsets = spread(rng, count, half)
+            people, headings = pose.position[:2] + offsets, rng.uniform(-math.pi, math.pi, count)
+            for each in (world, bare):
+                each.place_people(people, headings)
+            look, whole = full.look(uav, 0.0, pose, people), alone.look(uav, 0.0, pose, people).visible
+            for z, R in zip(look.scan.measurements, look.scan.covariances, strict=True):
+                gap = np.linalg.norm(people - z, axis=1)
+                person = int(np.argmin(gap))
+                if gap[person] < 1.2:
+                    error, angle = z - people[person], np.hypot(*offsets[person]) / (ALTITUDES[uav] - TARGET_HEIGHT)
+                    nees = error @ np.linalg.solve(R, error)
+                    rows.append((math.degrees(math.atan(angle)), nees, look.visible[person], whole[person]))
+    return np.array(rows)
+
+
+def spread(rng, count, half):
+    """Places (count, 2), all inside the image, at least 2.4 m apart, as often near nadir as far from it."""
+    places = []
+    while len(places) < count:
+        r, bearing = rng.uniform(0, half * math.sqrt(2)), rng.uniform(-math.pi, math.pi)
+        place = r * np.array([math.cos(bearing), math.sin(bearing)])
+        if np.abs(place).max() < half and all(np.linalg.norm(place - p) > 2.4 for p in places):
+            places.append(place)
+    return np.array(places)
+
+
+def test_the_cameras_covariance_is_consistent_at_all_angles():
+    angle, nees, _, _ = consistency(np.random.default_rng(20), OPEN, 300).T
+    # Two degrees of freedom. One formula for all headings and image edges leaves up to a fourth; a mean of 150 has a
+    # standard error of 0.16.
+    edges = (0, 5, 10, 15, 20, 25, 30, 40)
+    for low, high in pairwise(edges):
+        within = nees[(angle >= low) & (angle < high)]
+        assert len(within) > 150
+        assert 1.4 < within.mean() < 2.6, f"{low} to {high} degrees: {within.mean():.2f}"
+    assert 1.75 < nees.mean() < 2.25
+    assert np.quantile(nees, 0.99) < 13  # 9.2 if the errors were Gaussian
+
+
+@pytest.mark.parametrize("pixels", [64, 256])
+def test_the_cameras_covariance_is_consistent_at_other_resolutions(pixels):
+    nees = consistency(np.random.default_rng(22), OPEN, 60, pixels)[:, 1]
+    assert len(nees) > 400  # a standard error of 0.1
+    assert 1.5 < nees.mean() < 2.5
+
+
+def test_the_cameras_covariance_grows_with_what_trees_hide():
+    rng = np.random.default_rng(21)
+    rows = [consistency(rng, scattered(rng), 100) for _ in range(4)]
+    _, nees, shown, whole = np.vstack(rows).T
+    partly, barely = (shown < whole) & (2 * shown >= whole), 2 * shown < whole
+    assert partly.sum() > 100 and barely.sum() > 80
+    assert 1 < nees[partly].mean() < 5
+    assert 0.5 < nees[barely].mean() < 4
+
+
+def scattered(rng):
+    """A hundred slender trees."""
+    return Forest(tuple(Tree(*rng.uniform(-40, 40, 2), canopy_radius=1.5) for _ in range(100)))
+
+
+@pytest.mark.parametrize("mode", ["ideal", "camera"])
+def test_the_absent_are_never_seen(mode):
+    setting = scenario(mode)
+    pose = Pose.level(0.0, 0.0, ALTITUDES[0])
+    people = np.array([[np.nan, np.nan], [2.0, -3.0], [np.nan, np.nan]])
+    with World(setting, OPEN, 3) as world:
+        world.place_people(people, np.zeros(3))
+        look = sensors(setting, world).look(0, 0.0, pose, people)
+        nobody = np.full((3, 2), np.nan)
+        world.place_people(nobody, np.zeros(3))
+        empty = sensors(setting, world).look(0, 0.0, pose, nobody)
+    assert look.matched.tolist() == (look.visible > 0).tolist() == [False, True, False]
+    assert look.scan.measurements.shape == (1, 2)
+    assert np.linalg.norm(look.scan.measurements[0] - people[1]) < 2.0
+    assert empty.scan.measurements.shape == (0, 2) and empty.scan.covariances.shape == (0, 2, 2)
+    assert not empty.matched.any() and not empty.visible.any()
+
+
+def test_a_gimbal_holds_the_camera_level_and_a_body_tilts_it():
+    tilt = Pose(np.array([1.0, 2.0, 19.0]), np.array([0.0, math.sin(0.1), 0.0, math.cos(0.1)]))
+    gimbal, body = (camera_pose(Uav(start=(0.0, 0.0), mount=mount), tilt) for mount in ("gimbal", "body"))
+    np.testing.assert_array_equal(gimbal.position, tilt.position)
+    np.testing.assert_array_equal(gimbal.rotation, np.eye(3))
+    assert body is tilt
+    # Pitched by 0.2 rad about north: what is in the west comes into view, what is in the east leaves it.
+    camera = camera_of(Uav(start=(0.0, 0.0)))
+    points = np.array([[1.0 - 13.0, 2.0, 0.0], [1.0 + 9.0, 2.0, 0.0]])
+    assert camera.sees(gimbal, points).tolist() == [False, True]
+    assert camera.sees(body, points).tolist() == [True, False]
+
+
+def test_noise_models_are_the_scenarios():
+    for noise, expected in (
+        ("range_bearing", [NoiseModel.range_bearing(uav.alpha) for uav in FLEET]),
+        ("camera", [NoiseModel.camera(camera_of(uav), uav.altitude) for uav in FLEET]),
+    ):
+        setting = scenario("ideal", noise)
+        with World(setting, OPEN, 0) as world:
+            assert sensors(setting, world).noises == expected
