@@ -20,7 +20,7 @@ def costs(outlook: Outlook, controls: Array, uav: int, candidates: Array, beta: 
     """Objective (N,) m² of `candidates` (N, H, 2) m/s for one UAV while the others fly `controls` (n, H, 2).
 
     Σ over steps and targets of tr P (position block), each P updated with the information of all UAVs that see
-    the nominal target ([Li22] eq. (13) with C̃ of eq. (7)), plus, for beta > 0, the MWTP of Algorithm 2.
+    the nominal target ([Li22] eq. (11) with C̃ of eq. (7)), plus, for beta > 0, the MWTP of Algorithm 2.
     Candidates of one UAV share what the others contribute, so that is computed once.
     """
     return _costs(

@@ -75,7 +75,7 @@ def _jittered(i: int, path: tuple[Point, ...], half: Array, rng: np.random.Gener
     """Start and waypoints (n, 2) m of person i, moved at random but kept inside."""
     points = np.array(path, dtype=float).reshape(-1, 2)
     if len(points) < 2:
-        raise InputError(f"people.paths[{i}] has {len(points)} waypoint{'s' * (len(points) != 1)}; a path needs two or more")
+        raise InputError(f"people.paths[{i}]: expected two or more waypoints, got {len(points)}")
     outside = np.any(np.abs(points) > half, axis=1)
     if np.any(outside):
         x, y = points[outside][0]

@@ -162,7 +162,7 @@ def test_nobody_is_a_crowd_too():
     "people, area, complaint",
     [
         (People(), Area(50.0, 50.0), r"people\.paths\[0\]: \(-30, -18\) is not inside the area"),
-        (People(paths=(((0.0, 0.0),),)), AREA, r"people\.paths\[0\] has 1 waypoint"),
+        (People(paths=(((0.0, 0.0),),)), AREA, r"people\.paths\[0\]: expected two or more waypoints, got 1"),
         (People(count=500, paths=()), Area(20.0, 20.0), r"people\.count = 500: no free place"),
         (People(paths=()), Area(4.0, 20.0), "area: 4 x 20 m; people need 10 m"),
     ],

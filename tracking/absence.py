@@ -7,10 +7,7 @@ from numpy.typing import NDArray
 
 from tracking.compiled import Array
 from tracking.kalman import symmetric
-from tracking.visibility import SAMPLES
-
-# Variance, as a share of the belief's, that always remains: the samples cannot tell finer.
-_FLOOR = 1e-3
+from tracking.visibility import SAMPLE_VARIANCE, SAMPLES
 
 
 def given_undetected(
@@ -27,7 +24,7 @@ def given_undetected(
     weights /= weights.sum(axis=1, keepdims=True)
     shift = weights @ SAMPLES
     spread = np.einsum("tk,ki,kj->tij", weights, SAMPLES, SAMPLES) - shift[:, :, None] * shift[:, None, :]
-    spread += _FLOOR * np.eye(2)
+    spread += SAMPLE_VARIANCE * np.eye(2)
     # State = mean + G u + what position says nothing of, with u the standardised position.
     roots = np.linalg.cholesky(covariances[:, :2, :2])
     G = np.swapaxes(np.linalg.solve(roots, covariances[:, :2, :]), 1, 2)

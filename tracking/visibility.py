@@ -101,16 +101,19 @@ def line_of_sight(origins: Array, points: Array, cylinders: Array) -> NDArray[np
     return free
 
 
-def _quantiles(count: int) -> Array:
-    """Medians of `count` equally probable parts of a normal distribution, stretched to unit variance (count,)."""
-    nodes = ndtri((np.arange(count) + 0.5) / count)
-    return np.asarray(nodes / np.sqrt(np.mean(nodes**2)))
+def _centroids(count: int) -> Array:
+    """Means of `count` equally probable parts of a standard normal distribution (count,)."""
+    edges = ndtri(np.linspace(0.0, 1.0, count + 1))
+    density = np.exp(-0.5 * edges**2) / np.sqrt(2 * np.pi)
+    return np.asarray(count * (density[:-1] - density[1:]))
 
 
-# Equally probable points that stand for a standard normal distribution of the plane (36, 2). What is averaged jumps
-# from 0 to 1, where rules for smooth functions fail: three Gauss-Hermite points per axis give 1/6 or 5/6 at an edge
-# through the mean. With an even number per axis no point lies on such an edge.
-SAMPLES = np.array([(a, b) for a in _quantiles(6) for b in _quantiles(6)])
+# Equally probable points that stand for a standard normal distribution of the plane (36, 2), and the variance along
+# each axis of the part that each stands for. What is averaged jumps from 0 to 1, where rules for smooth functions
+# fail: three Gauss-Hermite points per axis give 1/6 or 5/6 at an edge through the mean. With an even number per axis
+# no point lies on such an edge, and the moments of either side are exact.
+SAMPLES = np.array([(a, b) for a in _centroids(6) for b in _centroids(6)])
+SAMPLE_VARIANCE = float(1.0 - np.mean(_centroids(6) ** 2))
 
 
 def visible_samples(camera: Camera, pose: Pose, means: Array, covariances: Array, forest: Forest) -> NDArray[np.bool_]:
