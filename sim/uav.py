@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from tracking.camera import rotation
 from tracking.compiled import Array, compiled
 
 GRAVITY = 9.81  # m/s²
@@ -33,24 +34,11 @@ def rotor_thrusts(state: Array, target: Array) -> Array:
     acceleration to attitude (yaw 0) to torque to rotors. Its gains assume that air resistance is negligible.
     Source: attitude control of Lee, Leok and McClamroch, CDC 2010.
     """
-    R = _rotation(state[3:7])
+    R = rotation(state[3:7])
     acceleration = _acceleration(state, target, R)
     # Lift is divided by the cosine of the tilt, so that altitude does not depend on the attitude loop.
     lift = MASS * (GRAVITY + acceleration[2]) / max(R[2, 2], 0.5)
     return _mix(lift, _torque(R, state[10:13], acceleration))
-
-
-@compiled
-def _rotation(q: Array) -> Array:
-    """Rotation matrix from body to world (3, 3) of a unit quaternion xyzw (4,)."""
-    x, y, z, w = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 @compiled

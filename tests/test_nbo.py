@@ -31,7 +31,7 @@ def plain_mwtp(targets, traces, sensors, reach):
 
 
 def plain_cost(situation, controls, beta):
-    """Eqs. (1), (4), (5), (7), (13), with nominal targets and matrix inverses; also counts who sees what."""
+    """Eqs. (1), (4), (5), (7), (11), with nominal targets and matrix inverses; also counts who sees what."""
     fleet, F, Q = situation.vehicles, situation.motion.F, situation.motion.Q
     H = np.eye(2, 4)
     means = [t.belief.mean for t in situation.tracks]

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from sim.scenario import Scenario, Uav
-from sim.uav import GRAVITY, INERTIA, MASS, MAX_ROTOR_THRUST, ROTORS, _mix, _rotation, _torque, rotor_thrusts
+from sim.uav import GRAVITY, INERTIA, MASS, MAX_ROTOR_THRUST, ROTORS, _mix, _torque, rotor_thrusts
 from sim.world import World
 from tracking.visibility import Forest
 
@@ -65,13 +65,6 @@ def test_saturated_rotors_keep_the_lift_and_the_direction_of_the_torque():
     assert thrusts[:4].sum() == pytest.approx(12.0)
     assert x > 0
     assert y / x == pytest.approx(-1 / 3)
-
-
-def test_rotation_agrees_with_scipy():
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        rotation = Rotation.random(random_state=rng)
-        assert_allclose(_rotation(rotation.as_quat()), rotation.as_matrix(), atol=1e-14)
 
 
 @pytest.mark.parametrize("axis", range(3))

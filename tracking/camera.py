@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.compiled import Array
+from tracking.compiled import Array, compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,19 +25,25 @@ class Pose:
     @property
     def rotation(self) -> Array:
         """Rotation matrix from body to world (3, 3)."""
-        x, y, z, w = self.quaternion
-        return np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )
+        return rotation(self.quaternion)
 
     @staticmethod
     def level(x: float, y: float, z: float) -> Pose:
         """A level pose: a nadir camera with north at the top."""
         return Pose(np.array([x, y, z], dtype=float), np.array([0.0, 0.0, 0.0, 1.0]))
+
+
+@compiled
+def rotation(quaternion: Array) -> Array:
+    """Rotation matrix from body to world (3, 3) of a unit quaternion xyzw (4,)."""
+    x, y, z, w = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
 
 @dataclass(frozen=True)
