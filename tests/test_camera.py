@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tracking.camera import Camera, Pose, rotation
+from tracking.camera import Camera, Pose
 
 CAMERA = Camera(math.radians(60), 128)
 
@@ -88,10 +88,3 @@ def test_nothing_at_or_behind_the_camera_is_seen():
     assert np.all(depth <= 0)
     assert np.all(np.isnan(uv))
     assert not CAMERA.sees(pose, above).any()
-
-
-def test_rotation_agrees_with_scipy():
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        expected = Rotation.random(random_state=rng)
-        np.testing.assert_allclose(rotation(expected.as_quat()), expected.as_matrix(), atol=1e-14)
