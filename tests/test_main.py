@@ -147,22 +147,22 @@ def test_planners_and_scenarios_are_listed_with_their_meaning(call):
     assert all(name in out for name in SCENARIOS)
 
 
-SICK = """
-class Sick:
+AILING = """
+class Ailing:
     def plan(self, team, rng):
         raise RuntimeError("[bold]lost")
 """
 
 
 def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path):
-    (tmp_path / "sick.py").write_text(SICK)
-    options = ["--planner", "sick:Sick", "--duration", "4s", "--set", "sensing.mode=ideal", "--no-video"]
+    (tmp_path / "ailing.py").write_text(AILING)
+    options = ["--planner", "ailing:Ailing", "--duration", "4s", "--set", "sensing.mode=ideal", "--no-video"]
     code, out, err = call("run", *options)
     assert (code, err) == (0, "")
-    assert "4.0 of 4 s, OSPA " in out and "sick:Sick, seed 0, 4.0 s" in out
+    assert "4.0 of 4 s, OSPA " in out and "ailing:Ailing, seed 0, 4.0 s" in out
     assert out.count("RuntimeError: [bold]lost") == 3 and "All 5 faults" in out
-    assert "Files in runs/forest-sick.Sick-seed0:\n  mission.npz, ospa.png, summary.json\n" in out
-    assert "Files in runs/forest-sick.Sick-seed0-2:" in call("run", *options)[1]
+    assert "Files in runs/forest-ailing.Ailing-seed0:\n  mission.npz, ospa.png, summary.json\n" in out
+    assert "Files in runs/forest-ailing.Ailing-seed0-2:" in call("run", *options)[1]
 
 
 def test_a_comparison_shows_one_row_per_planner(call):
