@@ -16,8 +16,8 @@ BASE_RANGE = 40.0  # m: the base policy looks no further
 def base_control(vehicle: Vehicle, position: Array, tracks: Sequence[Track], ahead: float, step: float) -> Array:
     """Base policy: fly at full speed towards the track of largest covariance trace within 40 m; (2,) m/s.
 
-    position (2,) m is the vehicle's after `ahead` s; the tracks are taken at their nominal positions then, with
-    the covariances they have now. Arrives rather than overshoots; hovers where no track is near.
+    position (2,) m is the vehicle's after `ahead` s; the tracks are taken at their nominal positions one step later,
+    when it can be there, with the covariances they have now. Arrives rather than overshoots; hovers where none is near.
     """
     best, direction = 0.0, np.zeros(2)
     for track in tracks:

@@ -32,7 +32,7 @@ def decide(
         proposed = list(planner.plan(team, rng))
         if len(proposed) != len(team):
             raise ValueError(f"{len(proposed)} plans for {len(team)} UAVs")
-    except Exception as error:  # a stranger's code may raise anything
+    except (Exception, SystemExit) as error:  # a stranger's code may raise anything
         fault = Fault(time, None, f"{type(error).__name__}: {error}")
         return [_shifted(last.get(s.own.id)) for s in team], [fault]
     plans, faults = [], []

@@ -47,10 +47,11 @@ class Mission:
         self.clock = Stopwatch()
         self.faults: list[Fault] = []
         self.frames: list[NDArray[np.uint8] | None] = []  # of the last scan, one per UAV; None without rendering
-        self.forest = forest_of(scenario, seed)
-        self.people = people_of(scenario, self.forest, seed)
+        self.forest, self.people = forest_and_people(scenario, seed)
         self._planner = planner
         self._chance = stream(seed, "planner")
+        # Planners get a map of their own: whatever they do to it, trees still hide what they hide.
+        self._known_forest = Forest(self.forest.trees, self.forest.occlusion)
         self._world = World(scenario, self.forest, self.people.positions.shape[1])
         self._sensors = Sensors(scenario, self._world, self.forest, rng=stream(seed, "sensors"), clock=self.clock)
         self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
@@ -69,7 +70,7 @@ class Mission:
         commands = np.zeros((len(self._trackers), 2))
         with self._world:
             for k, time in enumerate(times):
-                snapshot = self._scan(time, commands, decide=k % (rates.sensing // rates.planning) == 0)
+                snapshot = self._scan(time, commands, deciding=k % (rates.sensing // rates.planning) == 0)
                 if snapshot.plans is not None:
                     commands = np.array([plan.controls[0] for plan in snapshot.plans])
                 yield snapshot
@@ -78,7 +79,7 @@ class Mission:
                         for _ in range(rates.physics // rates.sensing):
                             self._world.step(commands)
 
-    def _scan(self, time: float, commands: Array, *, decide: bool) -> Snapshot:
+    def _scan(self, time: float, commands: Array, *, deciding: bool) -> Snapshot:
         people, headings = self.people.at(time)
         with self.clock.measure("physics"):
             self._world.place_people(people, headings)
@@ -101,7 +102,7 @@ class Mission:
             scans=[look.scan for look in looks],
             pixels=[look.pixels for look in looks],
             tracks=tracks,
-            plans=self._plan(time, positions) if decide else None,
+            plans=self._plan(time, positions) if deciding else None,
             ospa=np.array([ospa(np.array([t.belief.mean[:2] for t in held]), present) for held in tracks]),
             visible=np.array([look.visible for look in looks]),
             matched=np.array([look.matched for look in looks]),
@@ -138,7 +139,7 @@ class Mission:
                 own=own,
                 neighbours=tuple(other for other in fleet if linked[own.id, other.id]),
                 tracks=self._trackers[own.id].tracks,
-                forest=self.forest,
+                forest=self._known_forest,
                 area=area,
                 motion=self._motion,
                 intents={j: plan for j, plan in self._intents.items() if j == own.id or linked[own.id, j]},
@@ -155,6 +156,10 @@ class Mission:
             gate_probability=settings.gate_probability,
             confirm=settings.confirm,
             delete=settings.delete,
+            absence_weight=settings.absence_weight,
+            recovery_after=settings.recovery_after,
+            max_variance=settings.max_variance,
+            max_speed=settings.max_speed,
         )
         return Tracker(uav, self._sensors.cameras[uav], self.forest, parameters, self._initial_tracks())
 
@@ -170,15 +175,17 @@ class Mission:
         return [Track(i, Gaussian(s, covariance)) for i, s in enumerate(states) if np.all(np.isfinite(s))]
 
 
-def forest_of(scenario: Scenario, seed: int) -> Forest:
-    """The forest of a scenario and seed."""
-    forest = grow(scenario.trees, scenario.area, stream(seed, "forest"))
-    return Forest(forest.trees, scenario.sensing.occlusion)
+def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectories]:
+    """The trees of a scenario and seed, and its people, walking or from the scenario's file.
 
-
-def people_of(scenario: Scenario, forest: Forest, seed: int) -> Trajectories:
-    """The people of a scenario and seed, or of the scenario's file; for two scans at least, which a velocity takes."""
+    Walkers go round trunks; recorded people do not, so trunks keep off their paths. People are there for two scans at
+    least, which a velocity takes.
+    """
     people, duration = scenario.people, max(scenario.duration, 1 / scenario.rates.sensing)
-    if people.trajectories:
-        return read(Path(people.trajectories), scenario.area, duration=duration)
-    return walk(people, scenario.area, forest, duration=duration, rng=stream(seed, "walkers"))
+    recorded = read(Path(people.trajectories), scenario.area, duration=duration) if people.trajectories else None
+    paths = np.zeros((0, 2)) if recorded is None else recorded.positions[~np.isnan(recorded.positions[..., 0])]
+    grown = grow(scenario.trees, scenario.area, stream(seed, "forest"), paths)
+    forest = Forest(grown.trees, scenario.sensing.occlusion)
+    if recorded is not None:
+        return forest, recorded
+    return forest, walk(people, scenario.area, forest, duration=duration, rng=stream(seed, "walkers"))

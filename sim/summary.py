@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from rich.table import Table
+from scipy.optimize import linear_sum_assignment
 
 from sim.autopilot import Fault
 from sim.recording import Recording
@@ -55,14 +56,16 @@ def summarise(
 
 
 def people_held(recording: Recording) -> list[float | None]:
-    """For each person, the share of pairs of scan and UAV, while present, with a track within 1 m."""
+    """For each person, the share of pairs of scan and UAV, while present, with a track of their own within 1 m."""
     scans, uavs, count = recording.visible.shape
     held = np.zeros((scans, uavs, count), dtype=np.bool_)
     for k in range(scans):
         for i in range(uavs):
             tracks = np.array([track.belief.mean[:2] for track in recording.tracks_at(k, i)]).reshape(-1, 1, 2)
             gaps = np.linalg.norm(tracks - recording.people[k], axis=2)
-            held[k, i] = np.any(gaps < HELD, axis=0)
+            near = np.where(gaps < HELD, gaps, HELD)  # NaN, where a person is absent, is not near
+            rows, columns = linear_sum_assignment(near)
+            held[k, i, columns] = near[rows, columns] < HELD
     present = ~np.isnan(recording.people[:, :, 0])
     return [_ratio(held[:, :, m].sum(), uavs * present[:, m].sum()) for m in range(count)]
 

@@ -31,7 +31,7 @@ def test_the_samples_stand_for_a_standard_normal_distribution():
 def test_nothing_is_learnt_where_all_or_nothing_would_have_been_seen(value):
     mean, covariance = belief(np.random.default_rng(0))
     seen = np.full((1, len(SAMPLES)), value)
-    means, covariances = given_undetected(mean[None], covariance[None], seen, 0.99)
+    means, covariances = given_undetected((mean[None], covariance[None]), seen, 0.99, 1.0)
     np.testing.assert_array_equal(means[0], mean)
     np.testing.assert_array_equal(covariances[0], covariance)
 
@@ -41,7 +41,7 @@ def test_an_edge_through_the_mean_leaves_the_moments_of_half_a_normal_distributi
     covariance[0, 2] = covariance[2, 0] = 1.2
     mean = np.array([3.0, 0.0, 1.0, 0.5])
     seen = seen_where(lambda p: p[:, 0] > 3.0, mean, covariance)
-    means, covariances = given_undetected(mean[None], covariance[None], seen[None], 1 - 1e-12)
+    means, covariances = given_undetected((mean[None], covariance[None]), seen[None], 1 - 1e-12, 1.0)
     half = stats.halfnorm()
     shift = -half.mean()
     assert means[0, 0] - 3.0 == pytest.approx(2 * shift, rel=1e-9)
@@ -64,7 +64,7 @@ def test_random_half_planes_give_the_moments_of_weighted_samples():
             return (p - mean[:2]) @ normal > limit
 
         means, covariances = given_undetected(
-            mean[None], covariance[None], seen_where(visible, mean, covariance)[None], 0.9
+            (mean[None], covariance[None]), seen_where(visible, mean, covariance)[None], 0.9, 1.0
         )
         states = rng.multivariate_normal(mean, covariance, 100_000)
         weights = 1 - 0.9 * visible(states[:, :2])
@@ -81,7 +81,18 @@ def test_covariances_stay_positive_definite_and_never_grow_for_many_scans_of_the
     for _ in range(200):
         seen = seen_where(lambda p: np.hypot(*(p - 1.0).T) > 1.5, means[0], covariances[0])
         before = np.trace(covariances[0])
-        means, covariances = given_undetected(means, covariances, seen[None], 0.99)
+        means, covariances = given_undetected((means, covariances), seen[None], 0.99, 1.0)
         assert np.linalg.eigvalsh(covariances[0]).min() > 0
         assert np.trace(covariances[0]) <= before * (1 + 1e-9)
     assert np.hypot(*(means[0, :2] - 1.0)) < 1.5
+
+
+def test_a_weight_tempers_the_likelihood_and_zero_turns_it_off():
+    mean, covariance = belief(np.random.default_rng(4))
+    seen = seen_where(lambda p: p[:, 0] > mean[0], mean, covariance)[None]
+    predicted = mean[None], covariance[None]
+    off, half, full = (given_undetected(predicted, seen, 0.99, w)[0][0, 0] for w in (0.0, 0.5, 1.0))
+    assert off == pytest.approx(mean[0], rel=1e-12)
+    # Half the mass is seen: with the likelihood l there, the mean moves by (1 - l) / (1 + l) of the full shift.
+    tempered, plain = (1 - 0.1) / (1 + 0.1), (1 - 0.01) / (1 + 0.01)
+    assert (half - mean[0]) / (full - mean[0]) == pytest.approx(tempered / plain, rel=1e-9)

@@ -14,7 +14,7 @@ class Fixed:
         self.plans = plans
 
     def plan(self, team, rng):
-        if isinstance(self.plans, Exception):
+        if isinstance(self.plans, BaseException):
             raise self.plans
         return self.plans
 
@@ -23,7 +23,7 @@ def good():
     return Plan(np.array([[3.0, 4.0], [0.0, 1.0]]))
 
 
-@pytest.mark.parametrize("wrong", [RuntimeError("boom"), None, [], [good()]])
+@pytest.mark.parametrize("wrong", [RuntimeError("boom"), SystemExit(3), None, [], [good()]])
 def test_a_team_without_plans_flies_its_last_intents(random_team, wrong):
     plans, faults = decide(Fixed(wrong), random_team(0), LAST, np.random.default_rng(0))
     assert [f.uav for f in faults] == [None]

@@ -3,55 +3,42 @@
 import numpy as np
 import pytest
 
-from tracking.kalman import Gaussian
-from tracking.recovery import recovered, sightings
+from tracking.recovery import recoveries, sightings
 
-TRACKS = np.array([[0.0, 0, 0, 0], [10.0, 0, 0, 0], [0.0, 10, 0, 0]]), np.tile(np.eye(4), (3, 1, 1))
+LOST = np.array([[0.0, 0, 0, 0], [10.0, 0, 0, 0], [0.0, 10, 0, 0]]), np.tile(np.eye(4), (3, 1, 1))
 SEEN = np.array([[0.0, 0, 8.0], [10.0, 0, 8.0], [0.0, 10, 8.0]])
-ALL = np.ones(3, dtype=bool)
 
 
-def born(x, y):
-    return Gaussian(np.array([x, y, 0.0, 0.0]), 0.1 * np.eye(4))
-
-
-def which(x, y, *, lost=ALL, now=10.0, tracks=TRACKS):
-    return recovered(born(x, y), tracks, SEEN, lost, now=now, max_speed=3.0)
+def pairs(*places, lost=LOST, seen=SEEN, now=10.0):
+    means = np.array([[x, y, 0.0, 0.0] for x, y in places]).reshape(-1, 4)
+    born = means, np.tile(0.1 * np.eye(4), (len(means), 1, 1))
+    return recoveries(born, lost, seen, now=now, max_speed=3.0)
 
 
 @pytest.mark.parametrize(("place", "expected"), [((1, 1), 0), ((8, 1), 1), ((1, 7), 2), ((4.9, 0), 0)])
 def test_the_likeliest_lost_track_in_reach_is_taken(place, expected):
-    assert which(*place) == expected
+    assert pairs(place) == [(0, expected)]
 
 
 def test_nobody_is_recovered_who_cannot_have_got_there():
-    assert which(-6.9, 0) == 0  # 2 s at 3 m/s, and 1 m of margin
-    assert which(-7.1, 0) is None
-    assert which(-7.1, 0, now=10.5) == 0
+    assert pairs((-6.9, 0)) == [(0, 0)]  # 2 s at 3 m/s, and 1 m of margin
+    assert pairs((-7.1, 0)) == []
+    assert pairs((-7.1, 0), now=10.5) == [(0, 0)]
 
 
-def test_only_lost_tracks_are_taken():
-    assert which(1, 1, lost=np.array([False, True, True])) is None
-    assert which(5, 1, lost=np.array([False, True, True])) == 1
-    assert (
-        recovered(
-            born(0, 0),
-            (np.zeros((0, 4)), np.zeros((0, 4, 4))),
-            np.zeros((0, 3)),
-            np.zeros(0, bool),
-            now=1.0,
-            max_speed=3.0,
-        )
-        is None
-    )
+def test_two_who_turn_up_are_two_people():
+    assert pairs((4.0, 0), (1.0, 0)) == [(0, 1), (1, 0)]
+    assert pairs((4.0, 0), (1.0, 0), lost=(LOST[0][:1], LOST[1][:1]), seen=SEEN[:1]) == [(1, 0)]
+    # Both are nearest to the first; only the first of them can have reached the second.
+    assert pairs((4.0, 0), (-1.0, 0)) == [(0, 1), (1, 0)]
 
 
 def test_a_vague_belief_pays_for_its_vagueness():
-    covariances = TRACKS[1].copy()
+    covariances = LOST[1].copy()
     covariances[1] *= 400.0
-    # 4 standard deviations from the first, a fifth of one from the second, which might be anywhere.
-    assert which(4.2, 0, tracks=(TRACKS[0], covariances)) == 1
-    assert which(1.5, 0, tracks=(TRACKS[0], covariances)) == 0
+    # 4 standard deviations from the first, a third of one from the second, which might be anywhere.
+    assert pairs((4.2, 0), lost=(LOST[0], covariances)) == [(0, 1)]
+    assert pairs((1.5, 0), lost=(LOST[0], covariances)) == [(0, 0)]
 
 
 def test_sightings_are_kept_while_a_track_is_unseen():

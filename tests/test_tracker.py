@@ -178,11 +178,18 @@ def test_somebody_who_appears_earlier_than_foreseen_is_taken_up_at_once():
 
 
 def test_a_lost_track_does_not_swallow_newcomers():
-    subject = tracker(track(3, 70, 0, 0, 0, variance=2000.0))
+    subject = tracker(track(3, 70, 0, 0, 0, variance=100.0))
     ids = play(subject, [scan(k, (0.2 * k, 0)) for k in range(4)])
     assert len(ids[-1]) == 2
     newcomer = subject.tracks[1].belief
     np.testing.assert_allclose(newcomer.mean, [0.6, 0, 1, 0], atol=0.4)
+
+
+def test_a_track_that_could_be_anywhere_ends():
+    subject = tracker(track(3, 70, 0, 0, 0, variance=150.0))
+    sizes = [len(ids) for ids in play(subject, [scan(k) for k in range(40)])]
+    # tr P = 300 + 300 t² m² and little more reaches 400 m² after 0.58 s, at the third scan after the first.
+    assert sizes == [1] * 3 + [0] * 37
 
 
 @pytest.mark.parametrize(

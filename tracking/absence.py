@@ -11,16 +11,19 @@ from tracking.visibility import SAMPLE_VARIANCE, SAMPLES
 
 
 def given_undetected(
-    means: Array, covariances: Array, seen: NDArray[np.bool_], detection_probability: float
+    predicted: tuple[Array, Array], seen: NDArray[np.bool_], detection_probability: float, weight: float
 ) -> tuple[Array, Array]:
-    """Moments of beliefs after a scan without a detection: Bayes' rule with the likelihood 1 - P_D(position).
+    """Moments of beliefs after a scan without a detection: Bayes' rule with the likelihood (1 - P_D(position))^weight.
 
-    means (T, 4), covariances (T, 4, 4), seen (T, K): at which of the positions `tracking.visibility.SAMPLES` a person
-    would have been detected with `detection_probability`. Somebody who is not where they would be seen is where they
-    would not: the mass moves behind the tree, or out of the field of view, and with it, by correlation, the velocity.
-    The result is the Gaussian of equal moments. Source: [Koch04], with samples where it uses mixtures.
+    predicted: means (T, 4) and covariances (T, 4, 4); seen (T, K): at which of the positions
+    `tracking.visibility.SAMPLES` a person would have been detected with `detection_probability`.
+    Somebody who is not where they would be seen is where they would not: the mass moves behind the tree, or out of the
+    field of view, and with it, by correlation, the velocity. The result is the Gaussian of equal moments.
+    A weight below 1 makes up for what that Gaussian loses: its tails reach into the place just seen empty, and the
+    next scan would count the same absence again. Source: [Koch04], with samples where it uses mixtures.
     """
-    weights = 1.0 - detection_probability * seen
+    means, covariances = predicted
+    weights = (1.0 - detection_probability * seen) ** weight
     weights /= weights.sum(axis=1, keepdims=True)
     shift = weights @ SAMPLES
     spread = np.einsum("tk,ki,kj->tij", weights, SAMPLES, SAMPLES) - shift[:, :, None] * shift[:, None, :]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
-from tracking.kalman import Gaussian
 
 # A person's position may differ by this much from where it was measured last, and from where it is measured now [m].
 _MARGIN = 1.0
@@ -21,21 +21,22 @@ def sightings(ids: list[int], now: Array, before: dict[int, Array], unseen: NDAr
     return np.array(rows).reshape(-1, 3)
 
 
-def recovered(
-    born: Gaussian, tracks: tuple[Array, Array], seen: Array, lost: NDArray[np.bool_], *, now: float, max_speed: float
-) -> int | None:
-    """The track that `born` (a belief at time `now` s) most probably continues, if there is one.
+def recoveries(
+    born: tuple[Array, Array], lost: tuple[Array, Array], seen: Array, *, now: float, max_speed: float
+) -> list[tuple[int, int]]:
+    """Pairs (b, l) of new tracks and the lost ones that they most probably continue.
 
-    tracks: means (T, 4) and covariances (T, 4, 4); seen (T, 3): sightings; lost (T,): which may be taken. A lost
-    person can have got no further from the last sighting than at `max_speed` m/s. Of those who can, the likeliest is
-    taken, however unlikely its belief makes it: somebody who was lost is likelier to turn up than somebody unknown,
-    and a belief that failed to foresee a turn behind a tree is overconfident rather than another person's.
+    born and lost: means (B or L, 4) and covariances (B or L, 4, 4) at time `now` s; seen (L, 3): sightings of the lost.
+    A lost person can have got no further from the last sighting than at `max_speed` m/s. Among those who can, one
+    assignment finds the likeliest, however unlikely the beliefs make it: somebody who was lost is likelier to turn up
+    than somebody unknown, and a belief that failed to foresee a turn behind a tree is wrong rather than another's.
     """
+    nu = lost[0][None, :, :2] - born[0][:, None, :2]
+    S = lost[1][None, :, :2, :2] + born[1][:, None, :2, :2]
+    surprise = (nu * np.linalg.solve(S, nu[..., None])[..., 0]).sum(axis=2) + np.log(np.linalg.det(S))
     reach = max_speed * (now - seen[:, 2]) + _MARGIN
-    able = lost & (np.hypot(*(seen[:, :2] - born.mean[:2]).T) <= reach)
-    if not able.any():
-        return None
-    nu = tracks[0][:, :2] - born.mean[:2]
-    S = tracks[1][:, :2, :2] + born.covariance[:2, :2]
-    surprise = (nu * np.linalg.solve(S, nu[..., None])[..., 0]).sum(axis=1) + np.log(np.linalg.det(S))
-    return int(np.argmin(np.where(able, surprise, np.inf)))
+    able = np.linalg.norm(seen[None, :, :2] - born[0][:, None, :2], axis=2) <= reach
+    # A pair out of reach costs more than all others together, so the assignment makes as many in reach as it can.
+    ceiling = 1.0 + np.sum(np.abs(surprise))
+    rows, columns = linear_sum_assignment(np.where(able, surprise, ceiling))
+    return [(int(b), int(k)) for b, k in zip(rows, columns, strict=True) if able[b, k]]

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from tracking.absence import given_undetected
@@ -19,7 +18,7 @@ from tracking.identity import FIRST_BORN, UAVS, Message, born_id
 from tracking.initiation import Initiator, Tentative
 from tracking.jpda import association_probabilities, gated_likelihood, mixture_update
 from tracking.kalman import Gaussian, NearlyConstantVelocity, information_form
-from tracking.recovery import recovered, sightings
+from tracking.recovery import recoveries, sightings
 from tracking.visibility import Forest, visible_samples
 
 # Weights in the average of a UAV that looked where the person may be and saw nobody, and of one that did not look: the
@@ -52,19 +51,20 @@ class TrackerParameters:
 
     motion: NearlyConstantVelocity  # over one scan
     detection_probability: float = 0.99  # of a person in plain view
-    clutter_density: float = 1e-4  # false alarms per m²
+    clutter_density: float = 1e-6  # false alarms per m²
     gate_probability: float = 0.9999
-    claim_probability: float = 0.9999  # of the gate from within which no new track starts, if that is wider
     confirm: tuple[int, int] = (2, 3)  # m of n scans
     delete: tuple[int, int] = (5, 5)  # m of n scans in which the person should have been seen
-    expected: float = 0.9  # share of detection_probability from which on a UAV should see the person
+    expected: float = 0.9  # probability of being in plain view from which on a UAV should see the person
     seen: float = 0.1  # probability that a measurement is the person's from which on the person counts as seen
     double: int = 15  # scans of only shared measurements after which a track that equals another one ends
-    absent: float = 1.0  # s unseen, after which somebody who turns up may be this person
+    absence_weight: float = 0.3  # exponent of the likelihood of seeing nobody; 0: an empty place is no evidence
+    recovery_after: float = 1.0  # s unseen, after which somebody who turns up may be this person; inf: never
+    max_variance: float = 400.0  # m², trace of the position's covariance beyond which a track says nothing and ends
     max_speed: float = 3.0  # of people, m/s
 
     def __post_init__(self) -> None:
-        for name in ("detection_probability", "gate_probability", "claim_probability", "expected", "seen"):
+        for name in ("detection_probability", "gate_probability", "expected", "seen"):
             if not 0.0 < (value := getattr(self, name)) < 1.0:
                 raise ValueError(f"{name} must be in (0, 1), is {value}")
         if not self.clutter_density > 0.0:
@@ -89,6 +89,11 @@ class Tracker:
     """Tracks people from one UAV's scans; `consensus.fuse` ends each scan, alone or with other UAVs.
 
     `initial` tracks hold at the time of the first scan. Their ids are below one million.
+
+    Note: [Li22] leaves tracks to JPDA with initiation and deletion. Added here, each with a parameter that turns it
+    off: a place seen empty moves the belief (`absence_weight`), somebody who turns up within reach of a lost person
+    gets that person's track (`recovery_after`), tracks that share all measurements merge (`double`), and, as in the
+    paper's code, a track of very large covariance ends (`max_variance`).
     """
 
     def __init__(
@@ -149,14 +154,15 @@ class Tracker:
         detection = np.full((len(likelihood), len(z) + 1), plain)
         detection[:, 0] *= visible
         beta = association_probabilities(likelihood, detection, p.clutter_density)
-        unexplained = ~self._claimed(z, R)
+        # A wide belief far off must not swallow newcomers: it explains only what it makes likelier than clutter.
+        unexplained = ~np.any(p.detection_probability * likelihood > p.clutter_density, axis=0)
         predicted = self._means, self._covariances
-        undetected = given_undetected(*predicted, samples, p.detection_probability)
+        undetected = given_undetected(predicted, samples, p.detection_probability, p.absence_weight)
         self._means, self._covariances = mixture_update(predicted, undetected, z, R, beta)
         self._say = np.maximum(1.0 - beta[:, 0], _UNSEEN + _LOOKED * visible)
         self._evidence = self._evidence.observed(scan.time, beta, visible >= p.expected, p.seen)
         born, self._tentative = self._initiator.step(self._tentative, z[unexplained], R[unexplained], elapsed=elapsed)
-        self._append([belief for belief in born if not self._recover(belief)])
+        self._append(born)
 
     def message(self, degree: int) -> Message:
         """What it says in the first round, given how many neighbours hear it."""
@@ -172,6 +178,7 @@ class Tracker:
         evidence = message.evidence.counted(self._time, p.delete[1])
         refuted = evidence.refuted(p.delete[0])
         double = doubles(means, covariances, evidence.shared >= p.double, p.match_gate)
+        refuted |= np.trace(covariances[:, :2, :2], axis1=1, axis2=2) > p.max_variance
         keep = ~(refuted | double)
         ended = dict(message.deleted)
         ended.update((id, self._time) for id in message.ids[refuted].tolist())
@@ -184,6 +191,7 @@ class Tracker:
         here = np.column_stack([self._means[:, :2], np.full(len(self._ids), self._time)])
         unseen = self._evidence.times[:, 0] < self._time
         self._sightings = sightings(self._ids.tolist(), here, before, unseen)
+        self._recover()
 
     def _advance(self, scan: Scan) -> int:
         """Steps of motion since the last scan."""
@@ -196,28 +204,30 @@ class Tracker:
         self._scans += 1
         return elapsed
 
-    def _claimed(self, z: Array, R: Array) -> NDArray[np.bool_]:
-        """Whether predicted tracks explain each measurement, so that no new track may start from it (N,).
+    def _recover(self) -> None:
+        """Give tracks born in this scan the ids of lost tracks that they continue.
 
-        The gate is at least `claim_probability` wide, else people's own outliers start ghosts beside them. A wide
-        belief far off must not swallow newcomers: it explains only what it makes likelier than clutter.
+        All UAVs do this after they have agreed on tracks and sightings, so they decide alike.
         """
         p = self.parameters
-        gate = max(p.gate_probability, p.claim_probability)
-        likelihood = gated_likelihood(self._means, self._covariances, z, R, gate)
-        return np.asarray(np.any(p.detection_probability * likelihood > p.clutter_density, axis=0))
-
-    def _recover(self, born: Gaussian) -> bool:
-        """Give a new belief to the lost track that it continues, if there is one."""
-        p = self.parameters
-        lost = (self._say < p.seen) & (self._time - self._sightings[:, 2] >= p.absent)
-        tracks = self._means, self._covariances
-        k = recovered(born, tracks, self._sightings, lost, now=self._time, max_speed=p.max_speed)
-        if k is None:
-            return False
-        self._means[k], self._covariances[k], self._say[k] = born.mean, born.covariance, 1.0
-        self._evidence.times[k] = self._time
-        return True
+        born = np.flatnonzero(self._ids >= born_id(self._scans, 0, 0))
+        lost = np.flatnonzero(self._time - self._sightings[:, 2] >= p.recovery_after)
+        if len(born) == 0 or len(lost) == 0:
+            return
+        pairs = recoveries(
+            (self._means[born], self._covariances[born]),
+            (self._means[lost], self._covariances[lost]),
+            self._sightings[lost],
+            now=self._time,
+            max_speed=p.max_speed,
+        )
+        ids = self._ids.copy()
+        for b, k in pairs:
+            ids[born[b]] = self._ids[lost[k]]
+        left = np.setdiff1d(np.arange(len(ids)), [lost[k] for _, k in pairs])
+        order = left[np.argsort(ids[left])]
+        self._ids, self._evidence, self._sightings = ids[order], self._evidence[order], self._sightings[order]
+        self._means, self._covariances, self._say = self._means[order], self._covariances[order], self._say[order]
 
     def _append(self, born: Sequence[Gaussian]) -> None:
         if not born:
