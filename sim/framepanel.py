@@ -81,9 +81,19 @@ def _sections(sight: Sight, notes: list[str]) -> list[Section]:
     return [
         ("mission", [*notes, *error]),
         ("field of view", field_of_view(sight.camera, sight.pose)),
-        ("truth", _shortened([_described(sighting, ideal) for sighting in sight.people])),
+        ("truth", _people(sight, ideal)),
         ("tracks, 95 %", _shortened(tracks)),
     ]
+
+
+def _people(sight: Sight, ideal: bool) -> list[str]:
+    """Those in the view one by one, the rest together."""
+    near = [sighting for sighting in sight.people if sighting.inside or sighting.pixels]
+    lines = _shortened([_described(sighting, ideal) for sighting in near])
+    for status in ("outside the view", "absent"):
+        others = [str(sighting.person) for sighting in sight.people if sighting.status == status]
+        lines += [f"{status}: {', '.join(others)}"] if others else []
+    return lines
 
 
 def _described(sighting: Sighting, ideal: bool) -> str:

@@ -27,6 +27,7 @@ from sim.sight import Sight
 from sim.tiles import BORDER
 from sim.world import World
 
+_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6]  # less than half the size of OpenCV's default
 _SLACK = 1e-6  # s, for times that were typed
 
 
@@ -125,6 +126,7 @@ def write_frames(
     with new_folder(out) as folder, Rerenderer(recording) as again:
         for k in scans:
             name = f"uav{uav}-scan{k:04d}-{recording.times[k]:.1f}s.png"
-            if not cv2.imwrite(str(folder / name), draw(recording, again, k, uav, size=size)[..., ::-1]):
+            page = draw(recording, again, k, uav, size=size)
+            if not cv2.imwrite(str(folder / name), page[..., ::-1], _PNG):
                 raise OSError(f"{folder / name} cannot be written")
             progress(k)

@@ -40,9 +40,8 @@ def draw_detection(image: Image, at: Array, reach: float) -> None:
 
 def draw_measurement(image: Image, at: Array, ring: Array) -> None:
     """The mark of a measurement at a pixel (2,) with its 95 % ellipse, pixels (N, 2), in dashes."""
-    for k in range(0, len(ring), 4):
-        stroke(image, ring[k : k + 3], INK, thickness=3)
-        stroke(image, ring[k : k + 3], DETECTION)
+    for k in range(0, len(ring), 6):
+        outlined(image, ring[k : k + 4], DETECTION, INK)
     disc(image, at, 4.0, INK)
     disc(image, at, 2.5, DETECTION)
 
@@ -74,8 +73,9 @@ def _draw_rims(image: Image, outlines: list[Array], rims: tuple[tuple[Colour, in
         cv2.fillPoly(inside, [np.round((outline - 0.5) * 16).astype(np.int32)], 255, cv2.LINE_AA, 4)
     for colour, reach in rims:
         grown = cv2.dilate(inside, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach)))
-        weight = (grown.astype(np.float32) - inside)[..., None] / 255
-        image[:] = image * (1 - weight) + np.array(colour, dtype=np.float32) * weight + 0.5
+        rim = grown > inside
+        weight = (grown[rim] - inside[rim])[:, None] / np.float32(255)
+        image[rim] = image[rim] * (1 - weight) + np.array(colour, dtype=np.float32) * weight + 0.5
 
 
 def looks_down(camera: Camera, pose: Pose, pixels: Array) -> bool:

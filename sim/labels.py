@@ -29,14 +29,20 @@ class Labels:
         """Write a name where it covers least, with a line to its mark if that is not beside it."""
         size = np.array([width(text, style), style.size + 4.0])
         choices = [(gap, _box(anchor, size, gap, side)) for gap in _GAPS for side in _SIDES]
-        gap, box = min(choices, key=lambda choice: self._covered(choice[1]) + 2.0 * choice[0])
+        gap, box = min(choices, key=lambda choice: 10.0 * self._covered(choice[1]) + choice[0])
         if gap > _GAPS[0]:
-            stroke(self._image, np.array([anchor, np.clip(anchor, box[:2], box[2:])]), style.halo or INK, thickness=3)
-            stroke(self._image, np.array([anchor, np.clip(anchor, box[:2], box[2:])]), style.colour)
+            self._lead(anchor, np.clip(anchor, box[:2], box[2:]), style)
         if style.halo is not None:
             self._shade(box, style.halo)
         write(self._image, text, (float(box[0]), float(box[1] + box[3]) / 2), style)
         self._taken.append(box)
+
+    def _lead(self, mark: Array, end: Array, style: Style) -> None:
+        """A line from beside a mark to its name."""
+        away = (end - mark) / np.hypot(*(end - mark))
+        line = np.array([mark + 0.7 * _GAPS[0] * away, end])
+        stroke(self._image, line, style.halo or INK, thickness=3)
+        stroke(self._image, line, style.colour)
 
     def _shade(self, box: Array, colour: Colour) -> None:
         """Lay a veil of a colour over a box, that letters be legible on it."""
