@@ -14,7 +14,7 @@ from sim import frames as module
 from sim.archive import load, save
 from sim.errors import InputError
 from sim.framepanel import draw_panel, field_of_view
-from sim.frames import Rerenderer, find, rerender, scans_between, write_frames
+from sim.frames import Rerenderer, rerender, scans_between, write_frames
 from sim.frameview import annotated
 from sim.labels import Labels
 from sim.lettering import Style
@@ -119,8 +119,7 @@ def test_each_pixel_of_the_camera_is_a_square_or_the_frame_is_shrunk(pixels, siz
 
 
 def colours_at(view, points):
-    rows = np.floor(points).astype(int)
-    return [tuple(view[y, x].tolist()) for x, y in rows]
+    return [tuple(view[y, x].tolist()) for x, y in np.floor(points).astype(int)]
 
 
 def test_a_track_is_drawn_with_its_ellipse_where_the_camera_would_see_it():
@@ -299,8 +298,3 @@ def test_the_command_writes_one_picture_a_scan_also_of_ideal_sensing(call, tmp_p
     assert cv2.imread(str(first)).shape[1] == 256 + 8 + 340 + 30
     assert call("run", "--uav", "0", "--time", "1", "--out", "deep/new")[0] == 0
     assert [path.name for path in (tmp_path / "deep" / "new").iterdir()] == ["uav0-scan0005-1.0s.png"]
-
-
-def test_a_recording_that_cannot_be_found_is_an_input_error(tmp_path):
-    with pytest.raises(InputError, match="does not exist"):
-        find(tmp_path / "nowhere")
