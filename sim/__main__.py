@@ -1,4 +1,4 @@
-"""The command line: `understory run`, `compare`, `planners`, `scenarios`."""
+"""The command line: `understory run`, `compare`, `frames`, `planners`, `scenarios`."""
 
 from __future__ import annotations
 
@@ -11,10 +11,20 @@ import typer
 from typer.core import TyperGroup
 
 from planning.registry import DEFAULT_PLANNER, PLANNERS, PlannerError, load_planner
-from sim.console import compiling, console, fail, mission_progress, show_comparison, show_list, show_run, trial_progress
+from sim.console import (
+    compiling,
+    console,
+    fail,
+    mission_progress,
+    show_comparison,
+    show_files,
+    show_list,
+    show_run,
+    trial_progress,
+)
 from sim.errors import InputError
 from sim.loading import SCENARIOS, did_you_mean, load
-from sim.quantity import integer, integers, seconds
+from sim.quantity import integer, integers, interval, seconds
 
 # Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
 
@@ -29,6 +39,9 @@ Fly another one:
 
 Compare planners on the same forests, people and seeds:
   [bold]understory compare --planner sma-nbo-mwtp --planner hover --seeds 0-9[/bold]
+
+See what a camera saw in a run, annotated:
+  [bold]understory frames runs/forest-sma-nbo-mwtp-seed0 --uav 1 --time 12:14[/bold]
 
 See what there is; yours are --planner module:Class and a file.toml:
   [bold]understory planners[/bold]
@@ -122,6 +135,29 @@ def compare(
     with trial_progress(len(names) * len(chosen)) as progress:
         outcomes = fly_all(setting, names, chosen, workers=processes, progress=progress)
     show_comparison(names, outcomes)
+
+
+@app.command()
+def frames(
+    recorded: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")],
+    uav: Annotated[str, typer.Option(metavar="I", help="Whose camera, from 0.")],
+    time: Annotated[str, typer.Option(metavar="T[:T2]", help="The scan nearest to T, or all from T to T2.")],
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR.")] = None,
+    size: Annotated[str, typer.Option(metavar="PX", help="Edge of the camera's image, at most.")] = "896",
+) -> None:
+    """Render frames of a recorded mission again; mark detections, tracks, truth, and which tree hides whom."""
+    start, end = interval(time, "--time")
+    edge = integer(size, "--size", least=256, most=4096)
+    from sim.frames import find, scans_between, write_frames
+
+    recording = find(recorded)
+    number = integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
+    scans = scans_between(recording, start, end)
+    span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
+    folder = out or _unused((recorded if recorded.is_dir() else recorded.parent) / f"frames-uav{number}-{span}")
+    with trial_progress(len(scans), "frames") as progress:
+        write_frames(recording, scans, number, folder, size=edge, progress=progress)
+    show_files(folder)
 
 
 @app.command()

@@ -55,13 +55,13 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[Snapshot, Recorde
 
 
 @contextmanager
-def trial_progress(total: int) -> Iterator[Callable[[Outcome], None]]:
-    """A bar with the trials done."""
+def trial_progress(total: int, what: str = "trials") -> Iterator[Callable[[object], None]]:
+    """A bar with the trials, or whatever is counted, done."""
     columns = (
         SpinnerColumn(),
         BarColumn(bar_width=40),
         MofNCompleteColumn(),
-        TextColumn("trials"),
+        TextColumn(what),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console) as progress:
@@ -79,8 +79,14 @@ def show_run(summary: Mapping[str, Any], folder: Path) -> None:
         console.print(f"[red]fault[/red] at {fault['time']:.1f} s, {who}: {escape(fault['message'])}", soft_wrap=True)
     if len(summary["faults"]) > 3:
         console.print(f"All {len(summary['faults'])} faults are in summary.json.")
-    names = ", ".join(sorted(path.name for path in folder.iterdir()))
-    console.print(f"Files in [bold]{escape(str(folder))}[/bold]:\n  {names}", soft_wrap=True)
+    show_files(folder)
+
+
+def show_files(folder: Path) -> None:
+    """What is in a folder that was made; of many files, the first and the last."""
+    names = sorted(path.name for path in folder.iterdir())
+    listed = ", ".join(names) if len(names) < 6 else f"{names[0]} to {names[-1]}, {len(names)} files"
+    console.print(f"Files in [bold]{escape(str(folder))}[/bold]:\n  {listed}", soft_wrap=True)
 
 
 def show_list(items: Mapping[str, str], note: str) -> None:

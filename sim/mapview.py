@@ -41,6 +41,12 @@ _CIRCLE = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0, 2 * math.
 _ARMS = np.array([[(5.0 * x, 5.0 * y), (8.5 * x, 8.5 * y)] for x in (-1, 1) for y in (-1, 1)])
 
 
+def ellipse(mean: Array, covariance: Array) -> Array:
+    """Points (48, 2) m on the curve that holds 95 % of a planar Gaussian: mean (2,) m, covariance (2, 2) m²."""
+    variances, axes = np.linalg.eigh(covariance)
+    return np.asarray(mean + _CIRCLE * (ELLIPSE * np.sqrt(np.maximum(variances, 0.0))) @ axes.T)
+
+
 def aspect(scenario: Scenario) -> float:
     """Width over height of the map, its margin included."""
     return (scenario.area.width + 2 * MARGIN) / (scenario.area.height + 2 * MARGIN)
@@ -178,9 +184,8 @@ class MapView:
 
     def _draw_track(self, image: Image, track: Track) -> None:
         colour, centre = track_colour(track.id), self._pixels(track.belief.mean[:2])
-        variances, axes = np.linalg.eigh(track.belief.covariance[:2, :2])
-        ring = _CIRCLE * (ELLIPSE * np.sqrt(np.maximum(variances, 0.0))) @ axes.T
-        stroke(image, self._pixels(track.belief.mean[:2] + ring), colour, thickness=2, closed=True)
+        ring = ellipse(track.belief.mean[:2], track.belief.covariance[:2, :2])
+        stroke(image, self._pixels(ring), colour, thickness=2, closed=True)
         cross(image, centre, colour)
         write(image, str(track.id), (centre[0] + 10, centre[1] - 11), Style(13, colour, True, PANEL))
 

@@ -13,24 +13,42 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 
 def seconds(text: str, field: str) -> float:
     """A positive duration such as 40, 40s or 1.5 min [s]; InputError names the field."""
+    value = _seconds(text, field)
+    if value <= 0:
+        raise InputError(f"{field}: {text!r} is not allowed; expected more than 0 s")
+    return value
+
+
+def interval(text: str, field: str) -> tuple[float, float | None]:
+    """A time such as 12, or first and last of several such as 12:14.5 [s]; InputError names the field."""
+    first, colon, last = text.partition(":")
+    start = _seconds(first, field)
+    end = _seconds(last, field) if colon else None
+    if start < 0 or (end is not None and end < start):
+        raise InputError(f"{field}: {text!r} is not allowed; expected 0 s or more, and in T:T2 no T2 before T")
+    return start, end
+
+
+def _seconds(text: str, field: str) -> float:
     match = re.fullmatch(r"\s*([-+.\deE]+?)\s*([a-zA-Zµ]*)\s*", text)
     try:
         value = float(match[1]) if match else math.nan
     except ValueError:
         value = math.nan
     if match is None or not math.isfinite(value):
-        raise InputError(f"{field}: {text!r} is not a duration; allowed are forms such as 40, 40s, 1.5min")
+        raise InputError(f"{field}: {text!r} is not a time; allowed are forms such as 40, 40s, 1.5min")
     if match[2] and match[2] not in _SECONDS:
         raise InputError(f"{field}: {text!r} has the unknown unit {match[2]!r}; {did_you_mean(match[2], _SECONDS)}")
-    if value <= 0:
-        raise InputError(f"{field}: {text!r} is not allowed; expected more than 0 s")
     return value * _SECONDS.get(match[2], 1.0)
 
 
-def integer(text: str, field: str, *, least: int) -> int:
-    """One integer, `least` or more; InputError names the field."""
-    if not re.fullmatch(r"\s*[-+]?\d+\s*", text, flags=re.ASCII) or int(text) < least:
-        raise InputError(f"{field}: {text!r} is not allowed; expected an integer, {least} or more")
+def integer(text: str, field: str, *, least: int, most: int | None = None) -> int:
+    """One integer, `least` or more and `most` or less; InputError names the field."""
+    if not re.fullmatch(r"\s*[-+]?\d+\s*", text, flags=re.ASCII) or not least <= int(text) <= (
+        int(text) if most is None else most
+    ):
+        allowed = f"{least} or more" if most is None else f"{least} to {most}"
+        raise InputError(f"{field}: {text!r} is not allowed; expected an integer, {allowed}")
     return int(text)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import colorsys
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Literal
@@ -71,6 +72,13 @@ class World:
         for body, (x, y), heading in zip(self._people, positions.tolist(), headings.tolist(), strict=True):
             place = _AWAY if math.isnan(x) else (x, y, 0.0)
             self._put(body, place, 0.0 if math.isnan(heading) else heading)
+
+    def place_uavs(self, poses: Sequence[Pose]) -> None:
+        """Put each UAV at a pose of its body, where it was once; its velocity stays."""
+        for body, pose in zip(self._uavs, poses, strict=True):
+            pybullet.resetBasePositionAndOrientation(
+                body.id, pose.position.tolist(), pose.quaternion.tolist(), physicsClientId=self.client
+            )
 
     def poses(self) -> list[Pose]:
         """Poses of the UAVs' bodies: x forward, which is east at yaw 0, y left, z up."""

@@ -50,7 +50,7 @@ BROKEN = {
     "other/file": "",
 }
 WRONG = {
-    "unknown command": (["flyy"], ["'flyy'", "run, compare, planners, scenarios"]),
+    "unknown command": (["flyy"], ["'flyy'", "run, compare, frames, planners, scenarios"]),
     "misspelt command": (["rum"], ["'rum'", "did you mean run?"]),
     "unknown option": (["run", "--sead", "3"], ["--sead", "--seed"]),
     "extra argument": (["run", "forest", "grove"], ["grove"]),
@@ -131,7 +131,7 @@ def test_the_bare_command_shows_how_to_start_within_80_columns(call):
     assert max(map(len, out.splitlines())) <= 80
 
 
-@pytest.mark.parametrize("command", [[], ["run"], ["compare"], ["planners"], ["scenarios"]], ids=" ".join)
+@pytest.mark.parametrize("command", [[], ["run"], ["compare"], ["frames"], ["planners"], ["scenarios"]], ids=" ".join)
 def test_every_command_has_help(call, command):
     code, out, err = call(*command, "--help")
     assert (code, err) == (0, "")

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 REFERENCE = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
 INSTALL = ("pip install -e . && understory run", "pip install -e '.[test]' && pytest")
-SHORTER = {"run": ["--duration", "2"], "compare": ["--duration", "1", "--seeds", "0,1"]}
+SHORTER = {"run": ["--duration", "2"], "compare": ["--duration", "1", "--seeds", "0,1"], "frames": ["--time", "1"]}
 
 
 def blocks(text):
@@ -55,6 +55,7 @@ def test_every_block_of_the_readme_runs(understory, tmp_path):
             assert language in ("text", "bibtex")
     assert (tmp_path / "scan7.png").stat().st_size > 10_000
     assert len(list((tmp_path / "runs").glob("*/mission.mp4"))) == 4
+    assert len(list((tmp_path / "runs").glob("*/frames-uav2-1s/*.png"))) == 1
 
 
 def test_the_two_commands_are_those_of_the_checks():

@@ -1,0 +1,132 @@
+"""Frames for the eye: images of a recorded mission, rendered again from its poses and annotated."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+
+import cv2
+import numpy as np
+
+from sim.archive import load
+from sim.errors import InputError
+from sim.framepanel import WIDTH, draw_panel
+from sim.frameview import annotated
+from sim.layout import GAP
+from sim.lettering import Image
+from sim.loading import decode
+from sim.palette import PAPER, uav_colour
+from sim.recording import Recording
+from sim.renderer import Renderer
+from sim.run import new_folder
+from sim.scenario import Scenario
+from sim.sensing import camera_of
+from sim.sight import Sight
+from sim.tiles import BORDER
+from sim.world import World
+
+_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6]  # less than half the size of OpenCV's default
+_SLACK = 1e-6  # s, for times that were typed
+
+
+class Rerenderer:
+    """The world of a recording, in which any of its frames can be rendered again; nothing flies.
+
+    The images are those of the mission, byte for byte: they follow from the poses of cameras, people and UAVs alone.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self.scenario = scenario_of(recording)
+        self._world = World(self.scenario, recording.forest, recording.people.shape[1])
+        self._renderer = Renderer(self._world)
+
+    def image(self, k: int, uav: int) -> Image:
+        """What the UAV's camera showed at scan k (P, P, 3) RGB; in ideal sensing, what it would have shown."""
+        snapshot = self._recording.snapshot(k)
+        self._world.place_people(snapshot.people, snapshot.headings)
+        self._world.place_uavs(snapshot.poses)
+        return self._renderer.render(camera_of(self.scenario.uavs[uav]), snapshot.cameras[uav]).image
+
+    def __enter__(self) -> Rerenderer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._world.close()
+
+
+def rerender(recording: Recording, k: int, uav: int) -> Image:
+    """The image (P, P, 3) RGB of one UAV's camera at scan k; for many, a `Rerenderer` builds its world once."""
+    with Rerenderer(recording) as again:
+        return again.image(k, uav)
+
+
+def scenario_of(recording: Recording) -> Scenario:
+    """The scenario that a recording was flown in; InputError if this program does not know it."""
+    scenario = decode(json.loads(recording.scenario))
+    if len(scenario.uavs) != recording.poses.shape[1]:
+        raise InputError(f"recording: {recording.poses.shape[1]} UAVs flew, but its scenario has {len(scenario.uavs)}")
+    return scenario
+
+
+def find(folder: Path) -> Recording:
+    """The recording in a run's folder, or the file itself; InputError if there is none that can be read."""
+    path = folder / "mission.npz" if folder.is_dir() else folder
+    if not path.is_file():
+        raise InputError(f"DIR: {folder} " + ("holds no mission.npz" if folder.is_dir() else "does not exist"))
+    try:
+        recording = load(path)
+        scenario_of(recording)
+    except (OSError, ValueError) as error:
+        raise InputError(f"DIR: {error}") from error
+    return recording
+
+
+def scans_between(recording: Recording, start: float, end: float | None) -> list[int]:
+    """Scans from `start` to `end` s, or the one nearest to `start`; InputError if a time is not in the recording."""
+    times, last = recording.times, float(recording.times[-1])
+    for time in (start, *([] if end is None else [end])):
+        if time > last + _SLACK:
+            raise InputError(f"--time: {time:g} s is not in the recording; allowed are 0 to {last:g} s")
+    if end is None:
+        return [int(np.argmin(np.abs(times - start)))]
+    found = np.flatnonzero((times >= start - _SLACK) & (times <= end + _SLACK)).tolist()
+    if not found:
+        near = ", ".join(f"{times[k]:g}" for k in sorted(np.argsort(np.abs(times - start))[:2].tolist()))
+        raise InputError(f"--time: no scan lies between {start:g} and {end:g} s; the nearest are at {near} s")
+    return found
+
+
+def draw(recording: Recording, again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
+    """The annotated frame of one UAV at scan k, RGB, with its panel; `size` as in `annotated`."""
+    sight = Sight.of(recording, again.scenario, k, uav)
+    view = annotated(again.image(k, uav), sight, size)
+    side = view.shape[0] + 2 * BORDER
+    mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[again.scenario.uavs[uav].mount]
+    notes = [f"{recording.planner}, seed {recording.seed}", f"scan {k} of {len(recording.times) - 1}, {mount}"]
+    if again.scenario.sensing.mode == "ideal":
+        notes.append("ideal sensing: this image was not used")
+    panel = draw_panel(sight, notes, height=side)
+    page = np.full((panel.shape[0] + 2 * GAP, side + WIDTH + 3 * GAP, 3), PAPER, dtype=np.uint8)
+    page[GAP:-GAP, -GAP - WIDTH : -GAP] = panel
+    framed = page[GAP : GAP + side, GAP : GAP + side]
+    framed[:] = uav_colour(uav)
+    framed[BORDER:-BORDER, BORDER:-BORDER] = view
+    return page
+
+
+def write_frames(
+    recording: Recording, scans: list[int], uav: int, out: Path, *, size: int, progress: Callable[[int], None]
+) -> None:
+    """Annotated frames of one UAV as PNG files in the new folder `out`, all or none; `progress` is told each scan."""
+    with new_folder(out) as folder, Rerenderer(recording) as again:
+        for k in scans:
+            name = f"uav{uav}-scan{k:04d}-{recording.times[k]:.1f}s.png"
+            page = draw(recording, again, k, uav, size=size)
+            if not cv2.imwrite(str(folder / name), page[..., ::-1], _PNG):
+                raise OSError(f"{folder / name} cannot be written")
+            progress(k)
