@@ -51,7 +51,7 @@ class Mission:
         self.people = people_of(scenario, self.forest, seed)
         self._planner = planner
         self._chance = stream(seed, "planner")
-        self._world = World(scenario, self.forest, self.people.positions.shape[1])
+        self._world = World(scenario, self.forest, self.people.positions.shape[1], seed)
         self._sensors = Sensors(scenario, self._world, self.forest, rng=stream(seed, "sensors"), clock=self.clock)
         self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
