@@ -26,7 +26,7 @@ FULL: dict[str, float | bool] = {
     "blur": 0.5,
     "noise": 4.0,
 }
-PERSON_HUE = 16.0  # degrees, of all tones of a person as modelled
+PERSON_HUE = 16.0  # degrees, of all tones of a person as modelled; the detector is made for 10 to 22
 LIGHT = (0.35, 0.25, 1.0)  # towards it
 AMBIENT, DIFFUSE = 0.75, 0.6  # shares of the light, on surfaces that face it
 _TILE = 32.0  # m, edge of the ground's texture

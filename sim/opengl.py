@@ -37,7 +37,7 @@ def connect(pixels: int) -> int:
     """
     if pixels > MOST_PIXELS:
         raise InputError(f"uavs.pixels: {pixels} is not allowed with 'egl'; expected at most {MOST_PIXELS}")
-    reason = _refusal()
+    reason = refusal()
     if reason:
         raise InputError(f"sensing.renderer: 'egl' cannot start here ({reason}); allowed is tiny")
     if _open:
@@ -66,8 +66,8 @@ def disconnect(client: int) -> None:
 
 
 @functools.lru_cache(maxsize=1)
-def _refusal() -> str:
-    """Why the plug-in cannot start, or nothing."""
+def refusal() -> str:
+    """Why the plug-in cannot start here; empty where it can."""
     plugin = _plugin()
     if not plugin:
         return "this PyBullet has no plug-in eglRenderer"

@@ -139,7 +139,7 @@ class Appearance(Struct, frozen=True, forbid_unknown_fields=True):
     randomise: bool = False
     light_deg: Annotated[float, Meta(ge=0, le=75)] | None = None  # the sun's largest angle from the zenith
     ambient: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # of diffuse light, from the mean
-    ground_tint: Annotated[float, Meta(ge=0, le=0.3)] | None = None  # of each of red, green and blue, relative
+    ground_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # of each of red, green and blue, relative
     ground_moved: bool | None = None  # whether the ground's texture is shifted and turned
     canopy_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # of the forest's colour and each tree's shade
     clothing_hue_deg: Annotated[float, Meta(ge=0, le=6)] | None = None  # to either side of the mean hue
