@@ -73,9 +73,10 @@ class Mesh:
         self.uvs += list(np.broadcast_to(uvs, (*vertices.shape[:-1], 2)).reshape(-1, 2))
         return np.arange(start, len(self.vertices))
 
-    def text(self) -> str:
-        """The mesh as OBJ, textured through the material file of the same kind."""
-        lines = [f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in self.vertices]
+    def text(self, texture: str) -> str:
+        """The mesh as OBJ, textured through a material file."""
+        lines = [f"mtllib {texture}.mtl", f"usemtl {texture}"]
+        lines += [f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in self.vertices]
         lines += [f"vt {u:.4f} {v:.4f}" for u, v in self.uvs]
         lines += [f"vn {x:.4f} {y:.4f} {z:.4f}" for x, y, z in self.normals]
         lines += ["f " + " ".join(f"{k + 1}/{k + 1}/{k + 1}" for k in face) for face in self.faces]
@@ -242,8 +243,11 @@ def build(folder: Path) -> None:
     palette = np.array([list(PALETTE.values())], dtype=np.uint8)
     for name, image in {"palette": palette, "leaves": leaves(rng), "ground": ground(rng)}.items():
         cv2.imwrite(str(folder / f"{name}.png"), image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    for texture in ("leaves", "palette"):
+        (folder / f"{texture}.mtl").write_text(f"newmtl {texture}\nKd 1 1 1\nmap_Kd {texture}.png\n")
     for mesh in (canopy, trunk, person, quadrotor):
-        (folder / f"{mesh.__name__}.obj").write_text(mesh().text())
+        texture = "leaves" if mesh is canopy else "palette"
+        (folder / f"{mesh.__name__}.obj").write_text(mesh().text(texture))
 
 
 if __name__ == "__main__":

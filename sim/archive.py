@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import struct
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -17,7 +18,10 @@ from sim.atomic import whole
 from sim.recording import VERSION, Recording
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-_UNREADABLE = (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, struct.error, ValueError)
+_UNREADABLE = (
+    *(zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, struct.error, ValueError),
+    *(SyntaxError, tokenize.TokenError),  # NumPy parses an array's header as Python
+)
 
 
 def save(recording: Recording, path: str | os.PathLike[str]) -> None:

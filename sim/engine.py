@@ -1,14 +1,26 @@
 """PyBullet, without the banner that its C code writes to standard error when it is imported."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-_stderr, _nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-try:
-    os.dup2(_nowhere, 2)
+
+@contextmanager
+def silenced(*descriptors: int) -> Iterator[None]:
+    """Send what is written to file descriptors nowhere within the block."""
+    kept, nowhere = [os.dup(number) for number in descriptors], os.open(os.devnull, os.O_WRONLY)
+    try:
+        for number in descriptors:
+            os.dup2(nowhere, number)
+        yield
+    finally:
+        for number, copy in zip(descriptors, kept, strict=True):
+            os.dup2(copy, number)
+            os.close(copy)
+        os.close(nowhere)
+
+
+with silenced(2):
     import pybullet
-finally:
-    os.dup2(_stderr, 2)
-    os.close(_stderr)
-    os.close(_nowhere)
 
-__all__ = ["pybullet"]
+__all__ = ["pybullet", "silenced"]

@@ -34,13 +34,14 @@ _SLACK = 1e-6  # s, for times that were typed
 class Rerenderer:
     """The world of a recording, in which any of its frames can be rendered again; nothing flies.
 
-    The images are those of the mission, byte for byte: they follow from the poses of cameras, people and UAVs alone.
+    The images are those of the mission, byte for byte: they follow from the scenario, the seed and the poses of
+    cameras, people and UAVs alone.
     """
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
         self.scenario = scenario_of(recording)
-        self._world = World(self.scenario, recording.forest, recording.people.shape[1])
+        self._world = World(self.scenario, recording.forest, recording.people.shape[1], recording.seed)
         self._renderer = Renderer(self._world)
 
     def image(self, k: int, uav: int) -> Image:
@@ -48,7 +49,8 @@ class Rerenderer:
         snapshot = self._recording.snapshot(k)
         self._world.place_people(snapshot.people, snapshot.headings)
         self._world.place_uavs(snapshot.poses)
-        return self._renderer.render(camera_of(self.scenario.uavs[uav]), snapshot.cameras[uav]).image
+        camera = camera_of(self.scenario.uavs[uav])
+        return self._renderer.take(uav, snapshot.time, camera, snapshot.cameras[uav]).image
 
     def __enter__(self) -> Rerenderer:
         return self

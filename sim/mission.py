@@ -52,7 +52,7 @@ class Mission:
         self._chance = stream(seed, "planner")
         # Planners get a map of their own: whatever they do to it, trees still hide what they hide.
         self._known_forest = Forest(self.forest.trees, self.forest.occlusion)
-        self._world = World(scenario, self.forest, self.people.positions.shape[1])
+        self._world = World(scenario, self.forest, self.people.positions.shape[1], seed)
         self._sensors = Sensors(scenario, self._world, self.forest, rng=stream(seed, "sensors"), clock=self.clock)
         self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]

@@ -1,8 +1,9 @@
-"""What a camera sees: images of the world by PyBullet's software rasteriser, on a ground painted underneath."""
+"""What a camera sees: images of the world by one of PyBullet's renderers, on a ground painted underneath."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assets import ASSETS
+from sim.appearance import AMBIENT, DIFFUSE, LIGHT
 from sim.engine import pybullet
 from sim.world import World
 from tracking.camera import Camera, Pose
@@ -21,11 +23,11 @@ _TEXELS = 10.0  # of the ground per m
 _SKY = np.array([186, 208, 226], dtype=np.uint8)
 _HAZE = 0.02  # slope of a downward ray below which the ground is lost in the sky
 _LIGHT: dict[str, Any] = {
-    "lightDirection": (0.35, 0.25, 1.0),
+    "lightDirection": LIGHT,
     "lightColor": (1.0, 1.0, 1.0),
     "lightDistance": 100.0,
-    "lightAmbientCoeff": 0.75,
-    "lightDiffuseCoeff": 0.6,
+    "lightAmbientCoeff": AMBIENT,
+    "lightDiffuseCoeff": DIFFUSE,
     "lightSpecularCoeff": 0.0,
     "shadow": 0,
 }
@@ -44,6 +46,8 @@ class Renderer:
 
     def __init__(self, world: World) -> None:
         self._world = world
+        self._style = world.style
+        self._light = {**_LIGHT, "lightDirection": self._style.light, "lightAmbientCoeff": self._style.ambient}
         self._radii = np.array([body.radius for body in world.bodies])
         self._shown = np.ones(len(world.bodies), dtype=np.bool_)
         # One more element than there are ids: the background's -1 then finds the last one.
@@ -51,13 +55,20 @@ class Renderer:
         people = [body.id for body in world.bodies if body.kind == "person"]
         self._people[people] = np.arange(len(people))
         ground = np.asarray(cv2.imread(str(ASSETS / "meshes" / "ground.png")), dtype=np.uint8)
-        self._ground = np.tile(ground[..., ::-1], (3, 3, 1))
+        tinted = np.clip(np.rint(ground[..., ::-1] * self._style.ground_tint), 0, 255).astype(np.uint8)
+        self._ground = np.tile(tinted, (3, 3, 1))
+
+    def take(self, uav: int, time: float, camera: Camera, pose: Pose) -> Rendered:
+        """The frame that a UAV's camera delivers at a time [s]: the view with the camera's own faults."""
+        view = self.render(camera, pose)
+        return Rendered(self._style.develop(view.image, uav, time), view.people)
 
     def render(self, camera: Camera, pose: Pose) -> Rendered:
         """The view of a camera at a pose."""
-        self._show(self.in_view(camera, pose))
-        image, _, bodies = capture(self._world.client, camera, pose)
-        background = _background(self._ground, camera, pose)
+        if not self._world.opengl:  # which cannot hide single bodies
+            self._show(self.in_view(camera, pose))
+        image, _, bodies = capture(self._world.client, camera, pose, light=self._light, opengl=self._world.opengl)
+        background = _background(self._ground, self._style.ground_place, camera, pose)
         cv2.copyTo(image, (bodies >= 0).astype(np.uint8), background)
         return Rendered(background, self._people[bodies])
 
@@ -79,7 +90,7 @@ class Renderer:
 
 
 def capture(
-    client: int, camera: Camera, pose: Pose
+    client: int, camera: Camera, pose: Pose, *, light: Mapping[str, Any] = _LIGHT, opengl: bool = False
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32]]:
     """Raw view of a client: RGB (P, P, 3), depth buffer (P, P) and body ids (P, P), -1 for the background.
 
@@ -93,28 +104,28 @@ def capture(
         camera.pixels,
         camera.pixels,
         viewMatrix=view.ravel(order="F").tolist(),
-        projectionMatrix=_projection(camera).ravel(order="F").tolist(),
-        renderer=pybullet.ER_TINY_RENDERER,
+        projectionMatrix=_projection(camera, 0.0 if opengl else 0.5).ravel(order="F").tolist(),
+        renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if opengl else pybullet.ER_TINY_RENDERER,
         physicsClientId=client,
-        **_LIGHT,
+        **light,
     )
     return rgba[..., :3], depth, bodies
 
 
-def _projection(camera: Camera) -> Array:
-    """OpenGL projection (4, 4); the rasteriser samples pixels at their corners, hence the shift by half of one."""
+def _projection(camera: Camera, shift: float) -> Array:
+    """OpenGL projection (4, 4), shifted by half a pixel for TinyRenderer, which samples pixels at their corners."""
     scale = 1.0 / math.tan(camera.fov / 2)
     projection = np.zeros((4, 4))
     projection[0, 0] = projection[1, 1] = scale
-    projection[0, 2] = projection[1, 2] = 1.0 / camera.pixels
+    projection[0, 2] = projection[1, 2] = 2.0 * shift / camera.pixels
     projection[2, 2] = -(FAR + NEAR) / (FAR - NEAR)
     projection[2, 3] = -2 * FAR * NEAR / (FAR - NEAR)
     projection[3, 2] = -1.0
     return projection
 
 
-def _background(texture: NDArray[np.uint8], camera: Camera, pose: Pose) -> NDArray[np.uint8]:
-    """Ground plane and sky (P, P, 3) alone."""
+def _background(texture: NDArray[np.uint8], place: Array, camera: Camera, pose: Pose) -> NDArray[np.uint8]:
+    """Ground plane and sky (P, P, 3) alone; place (2, 3) maps the ground to the texture, both in m."""
     n, focal, position = camera.pixels, camera.focal, pose.position
     # Rows: world components of the ray through the pixel of index (column, row, 1).
     offset = 0.5 - n / 2
@@ -122,11 +133,11 @@ def _background(texture: NDArray[np.uint8], camera: Camera, pose: Pose) -> NDArr
     plane = np.stack(
         [position[0] * rays[2] - position[2] * rays[0], position[1] * rays[2] - position[2] * rays[1], rays[2]]
     )
-    plane[:2] *= _TEXELS
+    plane[:2] = _TEXELS * (place[:, :2] @ plane[:2] + np.outer(place[:, 2], plane[2]))
     # The texture is three tiles wide: shift by whole tiles until the camera stands over the middle one, because
     # wrapping round its border is slow.
-    tile = len(texture) // 3
-    plane[:2] -= np.outer(tile * (np.floor(position[:2] * _TEXELS / tile) - 1), plane[2])
+    tile, over = len(texture) // 3, place[:, :2] @ position[:2] + place[:, 2]
+    plane[:2] -= np.outer(tile * (np.floor(over * _TEXELS / tile) - 1), plane[2])
     ground = cv2.warpPerspective(
         texture, plane, (n, n), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_WRAP
     )

@@ -105,9 +105,9 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
 
     mode: Literal["camera", "ideal"] = "camera"
     noise: Literal["range_bearing", "camera"] = "range_bearing"
-    occlusion: Literal["line_of_sight", "disc"] = (
-        "line_of_sight"  # what tracker and planner assume, and what hides in ideal sensing
-    )
+    # What tracker and planner assume, and what hides in ideal sensing.
+    occlusion: Literal["line_of_sight", "disc"] = "line_of_sight"
+    renderer: Literal["tiny", "egl"] = "tiny"  # PyBullet's own on the CPU, or OpenGL without a display
 
 
 class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
@@ -138,6 +138,22 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     range: Positive = 1000.0  # m
 
 
+class Appearance(Struct, frozen=True, forbid_unknown_fields=True):
+    """How strongly chance varies what cameras show; what is left open is off, or full with `randomise`."""
+
+    randomise: bool = False
+    light_deg: Annotated[float, Meta(ge=0, le=75)] | None = None  # the sun's largest angle from the zenith
+    ambient: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # of diffuse light, from the mean
+    ground_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # of each of red, green and blue, relative
+    ground_moved: bool | None = None  # whether the ground's texture is shifted and turned
+    canopy_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # of the forest's colour and each tree's shade
+    clothing_hue_deg: Annotated[float, Meta(ge=0, le=6)] | None = None  # to either side of the mean hue
+    clothing_shade: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # by how much darker some are
+    exposure: Annotated[float, Meta(ge=0, le=1)] | None = None  # gain from 1 / (1 + x) to 1 + x
+    blur: Annotated[float, Meta(ge=0, le=5)] | None = None  # pixels, standard deviation
+    noise: Annotated[float, Meta(ge=0, le=100)] | None = None  # grey levels, standard deviation
+
+
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     """A whole mission, planner and seed aside."""
 
@@ -152,6 +168,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     sensing: Sensing = field(default_factory=Sensing)
     tracking: Tracking = field(default_factory=Tracking)
     network: Network = field(default_factory=Network)
+    appearance: Appearance = field(default_factory=Appearance)
 
     def __post_init__(self) -> None:
         for i, uav in enumerate(self.uavs):

@@ -69,7 +69,7 @@ class Sensors:
             return self._ideal(uav, time, pose, people)
         camera = self.cameras[uav]
         with self._clock.measure("rendering"):
-            rendered = self._renderer.render(camera, pose)
+            rendered = self._renderer.take(uav, time, camera, pose)
         with self._clock.measure("detection"):
             frame = Frame(uav, time, camera, pose, rendered.image)
             found = detect(frame)

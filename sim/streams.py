@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 
 
-def stream(seed: int, component: str) -> np.random.Generator:
-    """The stream of one component; the others' use of chance does not change it."""
+def stream(seed: int, component: str, *index: int) -> np.random.Generator:
+    """The stream of one component, or of its part with an index; the others' use of chance does not change it."""
     key = zlib.crc32(component.encode())
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(key,)))
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(key, *index)))

@@ -12,6 +12,8 @@ from typing import Literal
 import numpy as np
 
 from assets import ASSETS
+from sim import opengl
+from sim.appearance import style_of
 from sim.engine import pybullet
 from sim.scenario import Scenario
 from sim.uav import GRAVITY, ROTORS, rotor_thrusts
@@ -22,6 +24,7 @@ from tracking.visibility import TARGET_HEIGHT, Forest, Tree
 # Where absent people wait: far below everything.
 _AWAY = (0.0, 0.0, -1000.0)
 _PERSON_RADIUS = 0.25  # m, of the solid body
+_WHITE = (1.0, 1.0, 1.0)
 _GOLDEN = (math.sqrt(5.0) - 1) / 2
 
 
@@ -40,15 +43,18 @@ class World:
 
     `bodies` lists canopies, trunks, people and UAVs, each kind in the order of the forest, the people and the
     scenario; `centres` gives their places. Trees stand still, people are placed, UAVs obey velocity commands.
+    The seed gives it its style, which differs from the plain one where the scenario's appearance varies.
     """
 
-    def __init__(self, scenario: Scenario, forest: Forest, people: int) -> None:
-        self.client: int = pybullet.connect(pybullet.DIRECT)
+    def __init__(self, scenario: Scenario, forest: Forest, people: int, seed: int = 0) -> None:
+        self.opengl = scenario.sensing.mode == "camera" and scenario.sensing.renderer == "egl"
+        self.style = style_of(scenario, seed, trees=len(forest.trees), people=people)
         self._scenario = scenario
+        largest = max(uav.pixels for uav in scenario.uavs)
+        self.client: int = opengl.connect(largest) if self.opengl else pybullet.connect(pybullet.DIRECT)
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self.client)
         pybullet.setTimeStep(1.0 / scenario.rates.physics, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=self.client)
-        self._textures = {name: self._texture(name) for name in ("leaves", "palette")}
         self._add_ground()
         trees = self._add_trees(forest.trees)
         self._people = self._add_people(people)
@@ -104,7 +110,7 @@ class World:
     def close(self) -> None:
         """Free the client."""
         if pybullet.isConnected(physicsClientId=self.client):
-            pybullet.disconnect(physicsClientId=self.client)
+            (opengl.disconnect if self.opengl else pybullet.disconnect)(self.client)
 
     def __enter__(self) -> World:
         return self
@@ -141,10 +147,6 @@ class World:
             physicsClientId=self.client,
         )
 
-    def _texture(self, name: str) -> int:
-        path = str(ASSETS / "meshes" / f"{name}.png")
-        return int(pybullet.loadTexture(path, physicsClientId=self.client))
-
     def _mesh(self, name: str, scale: tuple[float, float, float]) -> int:
         path = str(ASSETS / "meshes" / f"{name}.obj")
         return int(
@@ -166,27 +168,23 @@ class World:
     def _fixed(self, solid: int, mesh: int, position: tuple[float, float, float]) -> int:
         return int(pybullet.createMultiBody(0.0, solid, mesh, position, physicsClientId=self.client))
 
-    def _paint(self, body: Body, texture: str) -> Body:
-        pybullet.changeVisualShape(
-            body.id,
-            -1,
-            textureUniqueId=self._textures[texture],
-            rgbaColor=(*body.tint, 1.0),
-            physicsClientId=self.client,
-        )
+    def _paint(self, body: Body) -> Body:
+        pybullet.changeVisualShape(body.id, -1, rgbaColor=(*body.tint, 1.0), physicsClientId=self.client)
         return body
 
     def _add_ground(self) -> None:
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
-        ground = self._fixed(plane, -1, (0.0, 0.0, 0.0))
-        # A plane without a visual shape is given a chequered one.
+        # A plane without a visual shape is given a chequered one, which OpenGL fails at: there, a speck far below.
+        ground = self._fixed(plane, opengl.speck(self.client, _AWAY) if self.opengl else -1, (0.0, 0.0, 0.0))
         pybullet.changeVisualShape(ground, -1, rgbaColor=(0.0, 0.0, 0.0, 0.0), physicsClientId=self.client)
 
     def _add_trees(self, trees: tuple[Tree, ...]) -> list[Body]:
         """Canopies, then trunks; shapes are made once for all trees of equal size."""
         shapes: dict[tuple[str, float, float], tuple[int, int]] = {}
         bodies = []
-        for kind, texture in (("canopy", "leaves"), ("trunk", "palette")):
+        if self.opengl and len({(t.canopy_radius, t.canopy_base, t.canopy_top, t.trunk_radius) for t in trees}) > 1:
+            raise ValueError("EGL draws trees of one size only")
+        for kind in ("canopy", "trunk"):
             for k, tree in enumerate(trees):
                 canopy = kind == "canopy"
                 base = tree.canopy_base if canopy else 0.0
@@ -197,8 +195,8 @@ class World:
                     shapes[key] = (self._cylinder(radius, height), self._mesh(kind, (radius, radius, height)))
                 id_ = self._fixed(*shapes[key], (tree.x, tree.y, base))
                 sphere = math.hypot(1.01 * radius, height / 2)
-                tint = _foliage(k) if canopy else (1.0, 1.0, 1.0)
-                bodies.append(self._paint(Body(id_, "canopy" if canopy else "trunk", tint, sphere), texture))
+                tint = _times(_foliage(k), self.style.canopies[k]) if canopy else _WHITE
+                bodies.append(self._paint(Body(id_, "canopy" if canopy else "trunk", tint, sphere)))
         return bodies
 
     def _add_people(self, count: int) -> list[Body]:
@@ -208,7 +206,10 @@ class World:
         mesh = self._mesh("person", (1.0, 1.0, 1.0))
         solid = self._cylinder(_PERSON_RADIUS, 2 * TARGET_HEIGHT)
         ids = [self._fixed(solid, mesh, _AWAY) for _ in range(count)]
-        return [self._paint(Body(id_, "person", (1.0, 1.0, 1.0), 1.1), "palette") for id_ in ids]
+        return [
+            self._paint(Body(id_, "person", _times(_WHITE, tint), 1.1))
+            for id_, tint in zip(ids, self.style.clothes, strict=True)
+        ]
 
     def _add_uav(self, x: float, y: float, z: float) -> Body:
         id_ = pybullet.loadURDF(
@@ -218,7 +219,7 @@ class World:
             physicsClientId=self.client,
         )
         pybullet.changeDynamics(id_, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=self.client)
-        return self._paint(Body(id_, "uav", (1.0, 1.0, 1.0), 0.45), "palette")
+        return self._paint(Body(id_, "uav", _WHITE, 0.45))
 
 
 _ROTORS: list[list[float]] = ROTORS.tolist()
@@ -228,4 +229,9 @@ def _foliage(k: int) -> tuple[float, float, float]:
     """Tint of the k-th tree: hues and shades spread evenly over the forest, without chance."""
     spread = (k * _GOLDEN) % 1.0
     red, green, blue = colorsys.hsv_to_rgb(0.16 + 0.14 * spread, 0.22, 0.82 + 0.18 * ((7 * spread) % 1.0))
+    return red, green, blue
+
+
+def _times(tint: tuple[float, float, float], factors: Array) -> tuple[float, float, float]:
+    red, green, blue = (np.array(tint) * factors).tolist()
     return red, green, blue

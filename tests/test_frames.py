@@ -45,11 +45,12 @@ def flown(*overrides, seconds=4):
     return recorder.recording(scenario=resolved(setting), planner="greedy", seed=3, forest=mission.forest), images
 
 
-@pytest.fixture(scope="module", params=["gimbal", "body"])
+@pytest.fixture(scope="module", params=[("gimbal", "false"), ("body", "false"), ("body", "true")], ids="-".join)
 def mission(request, tmp_path_factory):
-    """A mission that was saved and loaded again, and its images."""
-    recording, images = flown(FLEET.format(request.param))
-    path = tmp_path_factory.mktemp(request.param) / "mission.npz"
+    """A mission that was saved and loaded again, and its images; with and without randomised appearance."""
+    mount, randomise = request.param
+    recording, images = flown(FLEET.format(mount), f"appearance.randomise={randomise}")
+    path = tmp_path_factory.mktemp(mount) / "mission.npz"
     save(recording, path)
     return load(path), images
 

@@ -14,8 +14,9 @@ from tracking.camera import Camera, Pose
 from tracking.compiled import Array
 from tracking.visibility import TARGET_HEIGHT
 
-# Hi-vis orange in OpenCV's HSV (hue in steps of 2 degrees).
-_LOWEST, _HIGHEST = (4, 140, 30), (15, 255, 255)
+# Hi-vis orange in any light: red exceeds green by half of it, and blue by all of it. What noise makes of darker places
+# looks so too, if faintly: red exceeds green by so many grey levels in all of a component, and surely in some of it.
+_FAINT, _SURE = 20, 40
 
 # A walking person's mean outline over all headings, as three horizontal circles: height above ground, radius [m].
 _CIRCLES = ((0.0, 0.25), (1.4, 0.23), (1.7, 0.08))
@@ -82,10 +83,12 @@ def visible_shares(frame: Frame, found: Detections) -> Array:
 
 def _components(image: NDArray[np.uint8]) -> list[Array]:
     """Pixel centres (K, 2) of each 8-connected component in a person's colour."""
-    mask = cv2.inRange(cv2.cvtColor(image, cv2.COLOR_RGB2HSV), _LOWEST, _HIGHEST)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    red, green, blue = (channel.astype(np.int16) for channel in cv2.split(image))
+    redder = red - green
+    mask = (2 * red > 3 * green) & (red > 2 * blue) & (redder >= _FAINT)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     components = []
-    for k in range(1, count):
+    for k in np.unique(labels[mask & (redder >= _SURE)]).tolist():
         left, top, width, height, _ = stats[k].tolist()
         rows, columns = np.nonzero(labels[top : top + height, left : left + width] == k)
         components.append(np.column_stack([columns + (left + 0.5), rows + (top + 0.5)]))

@@ -1,0 +1,91 @@
+"""PyBullet's OpenGL renderer: it shows what TinyRenderer shows, or is refused with one line."""
+
+import msgspec
+import numpy as np
+import pytest
+from test_detector import CAMERA, SCENARIO, frame
+
+from sim import __main__ as cli
+from sim import opengl
+from sim.errors import InputError
+from sim.renderer import Renderer
+from sim.scenario import Sensing
+from sim.world import World
+from tracking.camera import Pose
+from tracking.detector import detect
+from tracking.visibility import Forest, Tree
+
+EGL = msgspec.structs.replace(SCENARIO, sensing=Sensing(renderer="egl"))
+OPEN = Forest(())
+
+
+@pytest.fixture
+def started():
+    """Skips where there is no OpenGL."""
+    if opengl.refusal():
+        pytest.skip(opengl.refusal())
+
+
+@pytest.fixture
+def absent(monkeypatch):
+    """OpenGL cannot start: the plug-in is told to use a device that does not exist."""
+    monkeypatch.setenv("EGL_VISIBLE_DEVICES", "99")
+    opengl.refusal.cache_clear()
+    yield
+    opengl.refusal.cache_clear()
+
+
+def test_opengl_shows_what_tiny_renderer_shows_and_says_nothing(started, capfd):
+    rng = np.random.default_rng(0)
+    forest = Forest((Tree(0.0, 0.0, 4.0), Tree(9.0, 2.0, 4.0), Tree(-8.0, 5.0, 4.0)))
+    differ, people = 0, 0
+    with World(SCENARIO, forest, 6) as soft, World(EGL, forest, 6) as hard:
+        renderers = Renderer(soft), Renderer(hard)
+        for k in range(20):
+            places, headings = rng.uniform(-10, 10, (6, 2)), rng.uniform(-3, 3, 6)
+            places[: k % 3] = np.nan
+            pose = Pose.level(*rng.uniform(-4, 4, 2), 19.0)
+            for world in (soft, hard):
+                world.place_people(places, headings)
+            one, other = (renderer.render(CAMERA, pose) for renderer in renderers)
+            differ += np.count_nonzero(one.people != other.people)
+            people += np.count_nonzero(one.people >= 0)
+            # Trees look otherwise, as OpenGL filters textures and casts shadows.
+            found = [detect(frame(view.image, pose)).ground for view in (one, other)]
+            assert found[0] == pytest.approx(found[1], abs=0.1)
+        bare = [renderer.render(CAMERA, Pose.level(30.0, 20.0, 19.0)).image for renderer in renderers]
+        assert bare[0].tobytes() == bare[1].tobytes()
+    assert people > 500
+    assert differ < 0.01 * people
+    assert capfd.readouterr() == ("", "")
+
+
+def test_one_world_at_a_time_has_opengl(started):
+    with World(EGL, OPEN, 0), pytest.raises(RuntimeError, match="one world at a time"):
+        World(EGL, OPEN, 0)
+    World(EGL, OPEN, 0).close()
+
+
+def test_where_opengl_cannot_start_the_run_ends_with_one_line(absent, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["understory", "run", "--set", "sensing.renderer=egl"])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == 2
+    said = [line for line in capfd.readouterr().err.splitlines() if "understory:" in line]
+    assert len(said) == 1
+    assert "sensing.renderer: 'egl' cannot start here (" in said[0]
+    assert "allowed is tiny" in said[0]
+    assert not any(tmp_path.iterdir())
+
+
+def test_images_larger_than_its_window_are_refused():
+    large = msgspec.structs.replace(EGL.uavs[0], pixels=1000)
+    with pytest.raises(InputError, match=r"uavs.pixels: 1000 is not allowed with 'egl'; expected at most 768"):
+        World(msgspec.structs.replace(EGL, uavs=(large,)), OPEN, 0)
+
+
+def test_ideal_sensing_needs_no_renderer(absent):
+    ideal = msgspec.structs.replace(EGL, sensing=Sensing(mode="ideal", renderer="egl"))
+    with World(ideal, OPEN, 1) as world:
+        assert not world.opengl
