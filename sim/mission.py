@@ -20,6 +20,7 @@ from sim.stopwatch import Stopwatch
 from sim.streams import stream
 from sim.trajectories import Trajectories, read
 from sim.walkers import walk
+from sim.wind import Air
 from sim.world import World
 from tracking.compiled import Array
 from tracking.consensus import fuse
@@ -56,6 +57,7 @@ class Mission:
         self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
         self._intents: dict[int, Plan] = {}
+        self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, stream(seed, "wind"))
 
     @staticmethod
     def of(trial: Trial) -> Mission:
@@ -75,8 +77,9 @@ class Mission:
                 yield snapshot
                 if k + 1 < len(times):
                     with self.clock.measure("physics"):
-                        for _ in range(rates.physics // rates.sensing):
-                            self._world.step(commands)
+                        steps = rates.physics // rates.sensing
+                        for wind in [None] * steps if self._air is None else self._air.steps(steps):
+                            self._world.step(commands, wind)
 
     def _scan(self, time: float, commands: Array, *, decide: bool) -> Snapshot:
         people, headings = self.people.at(time)

@@ -13,6 +13,7 @@ NonNegative = Annotated[float, Meta(ge=0)]
 PositiveInt = Annotated[int, Meta(ge=1)]
 Probability = Annotated[float, Meta(ge=0, le=1)]
 Point = tuple[float, float]
+_STRONGEST_WIND = 12.0  # m/s, against which a quadrotor still flies at 5 m/s
 
 
 class Area(Struct, frozen=True, forbid_unknown_fields=True):
@@ -132,6 +133,24 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     range: Positive = 1000.0  # m
 
 
+class Wind(Struct, frozen=True, forbid_unknown_fields=True):
+    """Air that moves quadrotors: a mean and first-order Gauss-Markov gusts, the same for the whole fleet."""
+
+    velocity: Point = (0.0, 0.0)  # m/s, the mean, to the east and to the north
+    gust: Annotated[float, Meta(ge=0, le=5)] = 0.0  # m/s, standard deviation of each component
+    gust_time: Positive = 5.0  # s, correlation time
+
+    def __post_init__(self) -> None:
+        if math.hypot(*self.velocity) > _STRONGEST_WIND:
+            speed, allowed = math.hypot(*self.velocity), f"at most {_STRONGEST_WIND:g} m/s is allowed"
+            raise ValueError(f"velocity {list(self.velocity)} is a wind of {speed:.3g} m/s; {allowed}")
+
+    @property
+    def calm(self) -> bool:
+        """Whether there is no wind at all; then air resistance is neglected too."""
+        return self.velocity == (0.0, 0.0) and self.gust == 0.0
+
+
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     """A whole mission, planner and seed aside."""
 
@@ -146,8 +165,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     sensing: Sensing = field(default_factory=Sensing)
     tracking: Tracking = field(default_factory=Tracking)
     network: Network = field(default_factory=Network)
+    wind: Wind = field(default_factory=Wind)
 
     def __post_init__(self) -> None:
+        if self.dynamics == "kinematic" and not self.wind.calm:
+            raise ValueError('wind: moves no UAV of dynamics "kinematic"; allowed with "quadrotor"')
         for i, uav in enumerate(self.uavs):
             if uav.altitude <= self.trees.canopy_top:
                 raise ValueError(

@@ -13,7 +13,7 @@ import numpy as np
 from assets import ASSETS
 from sim.engine import pybullet
 from sim.scenario import Scenario
-from sim.uav import GRAVITY, ROTORS, rotor_thrusts
+from sim.uav import GRAVITY, ROTORS, drag, rotor_thrusts, steady_thrusts
 from tracking.camera import Pose
 from tracking.compiled import Array
 from tracking.visibility import TARGET_HEIGHT, Forest, Tree
@@ -57,6 +57,7 @@ class World:
         centres += [(t.x, t.y, t.canopy_base / 2) for t in forest.trees]
         self._tree_centres = np.array(centres, dtype=float).reshape(-1, 3)
         self._people_centres = np.full((people, 3), np.nan)
+        self._memories = np.zeros((len(self._uavs), 3))  # m/s², of the controllers in wind
 
     @property
     def centres(self) -> Array:
@@ -83,14 +84,17 @@ class World:
         """Velocities of the UAVs (n, 3) m/s."""
         return np.array([pybullet.getBaseVelocity(b.id, physicsClientId=self.client)[0] for b in self._uavs])
 
-    def step(self, commands: Array) -> None:
-        """Advance by one physics step under velocity commands (n, 2) m/s, east and north."""
+    def step(self, commands: Array, wind: Array | None = None) -> None:
+        """Advance by one physics step under velocity commands (n, 2) m/s, east and north.
+
+        wind (2,) m/s, east and north, pushes quadrotors, which then hold against it; None: there is no air.
+        """
         if self._scenario.dynamics == "kinematic":
             for body, (east, north) in zip(self._uavs, commands.tolist(), strict=True):
                 self._glide(body, east, north)
             return
-        for body, uav, (east, north) in zip(self._uavs, self._scenario.uavs, commands.tolist(), strict=True):
-            self._thrust(body, np.array([east, north, uav.altitude]))
+        for k, (east, north) in enumerate(commands.tolist()):
+            self._thrust(k, np.array([east, north, self._scenario.uavs[k].altitude]), wind)
         pybullet.stepSimulation(physicsClientId=self.client)
 
     def close(self) -> None:
@@ -106,11 +110,21 @@ class World:
     ) -> None:
         self.close()
 
-    def _thrust(self, body: Body, target: Array) -> None:
-        """Apply what the rotors give towards a target (3,): velocity east and north m/s, altitude m."""
+    def _thrust(self, uav: int, target: Array, wind: Array | None) -> None:
+        """Apply what rotors, towards a target (3,): velocity east and north m/s, altitude m, and the wind give."""
+        body = self._uavs[uav]
         position, quaternion = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
         velocity, spin = pybullet.getBaseVelocity(body.id, physicsClientId=self.client)
-        *thrusts, yaw = rotor_thrusts(np.array(position + quaternion + velocity + spin), target).tolist()
+        state = np.array(position + quaternion + velocity + spin)
+        if wind is None:
+            given = rotor_thrusts(state, target, _CALM)
+        else:
+            given, self._memories[uav] = steady_thrusts(
+                state, target, self._memories[uav], 1.0 / self._scenario.rates.physics
+            )
+            force = drag(state[7:10], wind).tolist()
+            pybullet.applyExternalForce(body.id, -1, force, position, pybullet.WORLD_FRAME, physicsClientId=self.client)
+        *thrusts, yaw = given.tolist()
         for thrust, rotor in zip(thrusts, _ROTORS, strict=True):
             pybullet.applyExternalForce(
                 body.id, -1, (0.0, 0.0, thrust), rotor, pybullet.LINK_FRAME, physicsClientId=self.client
@@ -214,6 +228,7 @@ class World:
 
 
 _ROTORS: list[list[float]] = ROTORS.tolist()
+_CALM = np.zeros(3)
 
 
 def _foliage(k: int) -> tuple[float, float, float]:
