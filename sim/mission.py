@@ -108,6 +108,7 @@ class Mission:
             ospa=np.array([ospa(np.array([t.belief.mean[:2] for t in held]), present) for held in tracks]),
             visible=np.array([look.visible for look in looks]),
             matched=np.array([look.matched for look in looks]),
+            contacts=self._world.take_contacts(),
         )
 
     def _track(self, looks: list[Look], positions: Array) -> None:

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from assets import ASSETS
+from sim.contacts import Contact
 from sim.engine import pybullet
 from sim.scenario import Scenario
 from sim.uav import GRAVITY, ROTORS, drag, rotor_thrusts, steady_thrusts
@@ -48,7 +49,7 @@ class World:
         pybullet.setTimeStep(1.0 / scenario.rates.physics, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=self.client)
         self._textures = {name: self._texture(name) for name in ("leaves", "palette")}
-        self._add_ground()
+        ground = self._add_ground()
         trees = self._add_trees(forest.trees)
         self._people = self._add_people(people)
         self._uavs = [self._add_uav(*uav.start, uav.altitude) for uav in scenario.uavs]
@@ -58,6 +59,11 @@ class World:
         self._tree_centres = np.array(centres, dtype=float).reshape(-1, 3)
         self._people_centres = np.full((people, 3), np.nan)
         self._memories = np.zeros((len(self._uavs), 3))  # m/s², of the controllers in wind
+        self._names = {ground: ("ground", 0)}  # kind, and index among its kind, of each body
+        for kind in ("canopy", "trunk", "person", "uav"):
+            ids = [body.id for body in self.bodies if body.kind == kind]
+            self._names.update({id_: (kind, k) for k, id_ in enumerate(ids)})
+        self._touched: set[Contact] = set()
 
     @property
     def centres(self) -> Array:
@@ -92,10 +98,18 @@ class World:
         if self._scenario.dynamics == "kinematic":
             for body, (east, north) in zip(self._uavs, commands.tolist(), strict=True):
                 self._glide(body, east, north)
+            pybullet.performCollisionDetection(physicsClientId=self.client)
+            self._touch()
             return
         for k, (east, north) in enumerate(commands.tolist()):
             self._thrust(k, np.array([east, north, self._scenario.uavs[k].altitude]), wind)
         pybullet.stepSimulation(physicsClientId=self.client)
+        self._touch()
+
+    def take_contacts(self) -> tuple[Contact, ...]:
+        """What UAVs touched since the last call, ascending; of two UAVs, the first one's contact."""
+        taken, self._touched = tuple(sorted(self._touched)), set()
+        return taken
 
     def close(self) -> None:
         """Free the client."""
@@ -130,6 +144,12 @@ class World:
                 body.id, -1, (0.0, 0.0, thrust), rotor, pybullet.LINK_FRAME, physicsClientId=self.client
             )
         pybullet.applyExternalTorque(body.id, -1, (0.0, 0.0, yaw), pybullet.LINK_FRAME, physicsClientId=self.client)
+
+    def _touch(self) -> None:
+        """Note what the engine found to touch, or to be within its margin of 2 cm."""
+        for _, a, b, *_ in pybullet.getContactPoints(physicsClientId=self.client):
+            pair = sorted((self._names[a], self._names[b]), key=lambda name: (name[0] != "uav", name[1]))
+            self._touched.add(Contact(pair[0][1], *pair[1]))
 
     def _glide(self, body: Body, east: float, north: float) -> None:
         """Move one UAV as [Li22] eq. (5) says; at zero velocity, where the heading has no meaning, it is kept."""
@@ -182,11 +202,12 @@ class World:
         )
         return body
 
-    def _add_ground(self) -> None:
+    def _add_ground(self) -> int:
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
         ground = self._fixed(plane, -1, (0.0, 0.0, 0.0))
         # A plane without a visual shape is given a chequered one.
         pybullet.changeVisualShape(ground, -1, rgbaColor=(0.0, 0.0, 0.0, 0.0), physicsClientId=self.client)
+        return ground
 
     def _add_trees(self, trees: tuple[Tree, ...]) -> list[Body]:
         """Canopies, then trunks; shapes are made once for all trees of equal size."""
