@@ -89,6 +89,8 @@ class MapView:
         self._size = size
         self.scale = min(size[0] / (self._area[0] + 2 * MARGIN), size[1] / (self._area[1] + 2 * MARGIN))
         self._alert = round(ALERT * scenario.rates.sensing)
+        slowest = min(uav.rate or scenario.rates.sensing for uav in scenario.uavs)
+        self._round = scenario.rates.sensing // slowest  # scans in which every camera takes a frame
         self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * scenario.rates.sensing))
         self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
         self._ground = self._draw_ground(forest)
@@ -169,7 +171,8 @@ class MapView:
             disc(image, path[-1], 4.0, uav_colour(i), 2)
 
     def _draw_people(self, image: Image, snapshot: Snapshot) -> None:
-        hidden = np.all(snapshot.visible == 0, axis=0) & self._renders
+        seen = [old.visible > 0 for old in list(self._past)[-self._round :]]
+        hidden = ~np.any(seen, axis=(0, 1)) & self._renders
         for place, heading, unseen in zip(snapshot.people, snapshot.headings, hidden, strict=True):
             if np.isnan(place[0]):
                 continue

@@ -73,6 +73,13 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     pixels: Annotated[int, Meta(ge=16, le=4096)] = 128
     max_speed: Positive = 5.0  # m/s
     mount: Literal["gimbal", "body"] = "gimbal"
+    rate: Annotated[int, Meta(ge=0)] = 0  # of the camera, Hz; 0: rates.sensing
+    tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0  # of the camera, off nadir, towards the body's front
+
+    def __post_init__(self) -> None:
+        if self.tilt_deg + self.fov_deg / 2 >= 90:
+            limit = f"allowed with fov_deg {self.fov_deg:g} is less than {90 - self.fov_deg / 2:g}"
+            raise ValueError(f"tilt_deg {self.tilt_deg:g} lets the camera look at the horizon; {limit}")
 
     @property
     def altitude(self) -> float:
@@ -178,11 +185,22 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
                 )
             if abs(uav.start[0]) > self.area.width / 2 or abs(uav.start[1]) > self.area.height / 2:
                 raise ValueError(f"uavs.{i}.start: {list(uav.start)} lies outside the area")
+            if uav.rate and self.rates.sensing % uav.rate:
+                allowed = [r for r in range(1, self.rates.sensing + 1) if self.rates.sensing % r == 0]
+                raise ValueError(
+                    f"uavs.{i}.rate: {uav.rate} Hz does not divide rates.sensing {self.rates.sensing} Hz; "
+                    f"allowed are {', '.join(map(str, allowed))}"
+                )
 
     @property
     def scan_times(self) -> list[float]:
         """Instants at which the cameras look, the first at zero [s]."""
         return [k / self.rates.sensing for k in range(int(self.duration * self.rates.sensing + 1e-9) + 1)]
+
+    def has_frame(self, uav: int, k: int) -> bool:
+        """Whether a UAV's camera takes a frame at scan k; all do at the first."""
+        rate = self.uavs[uav].rate or self.rates.sensing
+        return k % (self.rates.sensing // rate) == 0
 
 
 def resolved(scenario: Scenario) -> str:
