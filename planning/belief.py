@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Situation, Vehicle
+from planning.view import inside, quadrangle, reach
 from tracking.compiled import Array, compiled
 from tracking.noise import ground_covariance
 from tracking.tracker import Track
@@ -27,7 +27,7 @@ class Outlook(NamedTuple):
     nominal: Array  # (H, T, 3) m: where the targets are if nothing disturbs them, at the target's height
     covariances: Array  # (T, 4, 4): P now
     positions: Array  # (n, 3) m: UAVs now
-    reach: Array  # (n,) m: half the edge of the field of view at the target's height
+    views: Array  # (n, 5, 3): fields of view at the target's height, see `planning.view.quadrangle`
     quality: Array  # (n, 7): coefficients of each UAV's noise model
     blockers: Array  # (B, 5): cylinders near each nominal point, point after point
     offsets: NDArray[np.int64]  # (H T + 1,): where each point's cylinders begin
@@ -45,16 +45,11 @@ def outlook(situation: Situation, horizon: int) -> Outlook:
         nominal=nominal,
         covariances=np.array(covariances, dtype=float).reshape(-1, 4, 4),
         positions=np.array([v.position for v in vehicles], dtype=float),
-        reach=np.array([field_of_view(v) for v in vehicles]),
+        views=np.array([quadrangle(v) for v in vehicles]),
         quality=np.array([v.noise.coefficients for v in vehicles]),
         blockers=blockers,
         offsets=offsets,
     )
-
-
-def field_of_view(vehicle: Vehicle) -> float:
-    """Half the edge of a vehicle's square field of view at the target's height [m]."""
-    return float(vehicle.position[2] - TARGET_HEIGHT) * math.tan(vehicle.camera.fov / 2)
 
 
 def nominal_positions(tracks: Sequence[Track], step: float, horizon: int) -> Array:
@@ -73,13 +68,13 @@ def _near(forest: Forest, nominal: Array, vehicles: Sequence[Vehicle]) -> tuple[
     """
     cylinders = forest.blockers
     points = nominal.reshape(-1, 3)
-    reach = np.zeros(len(cylinders))
+    farthest = np.zeros(len(cylinders))
     for v in vehicles:
         height = v.position[2] - TARGET_HEIGHT
         share = np.clip((cylinders[:, 4] - TARGET_HEIGHT) / height, 0.0, 1.0)
-        reach = np.maximum(reach, share * math.sqrt(2) * field_of_view(v))
+        farthest = np.maximum(farthest, share * reach(v))
     gap = np.hypot(points[:, None, 0] - cylinders[:, 0], points[:, None, 1] - cylinders[:, 1])
-    rows, columns = np.nonzero(gap <= cylinders[:, 2] + reach)
+    rows, columns = np.nonzero(gap <= cylinders[:, 2] + farthest)
     offsets = np.searchsorted(rows, np.arange(len(points) + 1)).astype(np.int64)
     return np.ascontiguousarray(cylinders[columns]), offsets
 
@@ -93,8 +88,7 @@ def add_information(outlook: Outlook, uav: int, camera: Array, cell: int, inform
     targets = outlook.nominal.shape[1]
     point = outlook.nominal[cell // targets, cell % targets]
     dx, dy = point[0] - camera[0], point[1] - camera[1]
-    reach = outlook.reach[uav]
-    if abs(dx) > reach or abs(dy) > reach:
+    if not inside(outlook.views, uav, dx, dy):
         return
     for k in range(outlook.offsets[cell], outlook.offsets[cell + 1]):
         if blocked(camera, point, outlook.blockers[k]):

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from planning.planner import Plan, Situation, Vehicle
+from planning.view import aim
 from tracking.compiled import Array
 from tracking.tracker import Track
 
@@ -17,11 +18,12 @@ def base_control(vehicle: Vehicle, position: Array, tracks: Sequence[Track], ahe
     """Base policy: fly at full speed towards the track of largest covariance trace within 40 m; (2,) m/s.
 
     position (2,) m is the vehicle's after `ahead` s; the tracks are taken at their nominal positions one step later,
-    when it can be there, with the covariances they have now. Arrives rather than overshoots; hovers where none is near.
+    when it can be there, with the covariances they have now. What flies towards a track is the middle of the image.
+    Arrives rather than overshoots; hovers where no track is near.
     """
-    best, direction = 0.0, np.zeros(2)
+    best, direction, aimed = 0.0, np.zeros(2), position + aim(vehicle)
     for track in tracks:
-        gap = track.belief.mean[:2] + (ahead + step) * track.belief.mean[2:] - position
+        gap = track.belief.mean[:2] + (ahead + step) * track.belief.mean[2:] - aimed
         trace = track.belief.covariance[0, 0] + track.belief.covariance[1, 1]
         if trace > best and np.hypot(*gap) <= BASE_RANGE:
             best, direction = trace, gap

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.belief import Outlook, add_information, transition
+from planning.view import inside, shortest_move
 from tracking.compiled import Array, compiled
 
 
@@ -66,53 +67,54 @@ def _costs(outlook: Outlook, fleet: Array, uav: int, own: Array, beta: float) ->
         if beta > 0.0:
             ends[:] = fleet[:, -1, :2]
             ends[uav] = own[c, -1, :2]
-            result[c] += beta * weighted_trace_penalty(outlook.nominal[-1], traces, ends, outlook.reach)
+            result[c] += beta * weighted_trace_penalty(outlook.nominal[-1], traces, ends, outlook.views)
     return result
 
 
 @compiled
-def weighted_trace_penalty(targets: Array, traces: Array, sensors: Array, reach: Array) -> float:
+def weighted_trace_penalty(targets: Array, traces: Array, sensors: Array, views: Array) -> float:
     """Multiple weighted trace penalty, [Li22] Algorithm 2 with β = 1 [m³].
 
     targets (T, 2 or 3) m at the end of the horizon, traces (T,) m² of their position covariance, sensors (n, 2) m,
-    reach (n,) m: half edges of the square fields of view. `sensors` is overwritten with the positions p^MDO.
+    views (n, 5, 3): their fields of view, see `planning.view.quadrangle`. `sensors` is overwritten with the positions
+    p^MDO.
 
+    Note: distances are counted from where a camera looks, which the paper's cameras do straight down.
     Note: T is the set outside all fields of view as geometry; a target in view but hidden is not in it, because
     p^MDO, the least displacement after which the field of view covers the target, would be where the sensor is.
     """
     distance = np.zeros(len(sensors))  # D_i
     penalty = 0.0
-    seen = _covered(targets, sensors, reach)
+    seen = _covered(targets, sensors, views)
     for t in np.argsort(-traces, kind="mergesort"):
         if seen[t]:
             continue
-        nearest, shortest = _nearest(targets[t], sensors, distance)
+        nearest, shortest = _nearest(targets[t], sensors, views, distance)
         if distance[nearest] == 0.0:
             penalty += shortest * traces[t]
         distance[nearest] += shortest
-        for axis in range(2):
-            gap = targets[t, axis] - sensors[nearest, axis]
-            excess = abs(gap) - reach[nearest]
-            if excess > 0.0:
-                sensors[nearest, axis] += math.copysign(excess, gap)
+        dx, dy = targets[t, 0] - sensors[nearest, 0], targets[t, 1] - sensors[nearest, 1]
+        move_x, move_y = shortest_move(views, nearest, dx, dy)
+        sensors[nearest, 0] += move_x
+        sensors[nearest, 1] += move_y
     return penalty
 
 
 @compiled
-def _covered(targets: Array, sensors: Array, reach: Array) -> NDArray[np.bool_]:
+def _covered(targets: Array, sensors: Array, views: Array) -> NDArray[np.bool_]:
     covered = np.zeros(len(targets), dtype=np.bool_)
     for t in range(len(targets)):
         for i in range(len(sensors)):
             dx, dy = targets[t, 0] - sensors[i, 0], targets[t, 1] - sensors[i, 1]
-            covered[t] |= abs(dx) <= reach[i] and abs(dy) <= reach[i]
+            covered[t] |= inside(views, i, dx, dy)
     return covered
 
 
 @compiled
-def _nearest(target: Array, sensors: Array, distance: Array) -> tuple[int, float]:
+def _nearest(target: Array, sensors: Array, views: Array, distance: Array) -> tuple[int, float]:
     best, shortest, total = 0, 0.0, np.inf
     for i in range(len(sensors)):
-        d = math.hypot(target[0] - sensors[i, 0], target[1] - sensors[i, 1])
+        d = math.hypot(target[0] - sensors[i, 0] - views[i, 4, 0], target[1] - sensors[i, 1] - views[i, 4, 1])
         if distance[i] + d < total:
             best, shortest, total = i, d, distance[i] + d
     return best, shortest

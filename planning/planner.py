@@ -22,9 +22,11 @@ class Vehicle:
 
     id: int
     position: Array  # (3,) m
-    camera: Camera  # level, north at the image's top
+    camera: Camera
     noise: NoiseModel
     max_speed: float  # m/s
+    # Quaternion of the camera, xyzw, as it stays in level flight; by default it looks down, north at the image's top.
+    attitude: Array = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
 
 
 @dataclass(frozen=True, eq=False)

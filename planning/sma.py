@@ -14,7 +14,8 @@ from planning.belief import Outlook, outlook
 from planning.intent import policy_of_intent
 from planning.nbo import costs
 from planning.optimizers import CrossEntropy, limited
-from planning.planner import Plan, Situation
+from planning.planner import Plan, Situation, Vehicle
+from planning.view import MARKS, shown_at
 from tracking.compiled import Array
 
 
@@ -47,26 +48,23 @@ class SMA:
         beta = self.beta if self.cost_to_go == "mwtp" else 0.0
         objective = partial(costs, view, controls, uav, beta=beta)
         speed = situation.own.max_speed
-        starts = np.concatenate([controls[uav : uav + 1], pursuits(view, uav, speed)])
+        starts = np.concatenate([controls[uav : uav + 1], pursuits(view, uav, situation.own)])
         return Plan(self.optimizer.minimise(objective, starts, speed, rng))
 
 
 NEAREST = 6  # targets that a UAV considers pursuing
-# Where to keep a pursued target in the field of view, in half edges: the middle, and eight places near the rim, because
-# from aside a UAV sees under a canopy that hides the target from above.
-OFFSETS = 0.85 * np.array([(x, y) for x in (0, -1, 1) for y in (0, -1, 1)])
 
 
-def pursuits(view: Outlook, uav: int, max_speed: float) -> Array:
+def pursuits(view: Outlook, uav: int, vehicle: Vehicle) -> Array:
     """Plans (S, H, 2) m/s that hover, or chase one near target or the middle of two at full speed."""
-    position, nominal = view.positions[uav, :2], view.nominal[:, :, :2]
-    near = np.argsort(np.linalg.norm(nominal[0] - position, axis=1), kind="stable")[:NEAREST]
-    goals = [nominal[:, t] + view.reach[uav] * offset for t in near for offset in OFFSETS]
-    goals += [(nominal[:, a] + nominal[:, b]) / 2 for a, b in combinations(near, 2)]
+    position, nominal, spots = view.positions[uav, :2], view.nominal[:, :, :2], shown_at(vehicle, MARKS)
+    near = np.argsort(np.linalg.norm(nominal[0] - position - spots[0], axis=1), kind="stable")[:NEAREST]
+    goals = [nominal[:, t] - spot for t in near for spot in spots]
+    goals += [(nominal[:, a] + nominal[:, b]) / 2 - spots[0] for a, b in combinations(near, 2)]
     goals.append(np.tile(position, (len(nominal), 1)))
     reached = np.tile(position, (len(goals), 1))
     plans = np.empty((len(goals), len(nominal), 2))
     for step, goal in enumerate(np.stack(goals, axis=1)):
-        plans[:, step] = limited((goal - reached) / view.step, max_speed)
+        plans[:, step] = limited((goal - reached) / view.step, vehicle.max_speed)
         reached = reached + view.step * plans[:, step]
     return plans

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.atomic import whole
+from sim.contacts import KINDS
 from sim.recording import VERSION, Recording
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -59,6 +60,7 @@ def load(path: str | os.PathLike[str]) -> Recording:
         offsets, rows = values[name], sizes[symbol]
         if offsets[0] != 0 or offsets[-1] != rows or np.any(np.diff(offsets) < 0):
             raise ValueError(f"{path}: field '{name}': does not rise from 0 to {rows}")
+    _check_contacts(values["contacts"], (sizes["K"], sizes["n"], len(KINDS)), path)
     return Recording(**values)
 
 
@@ -92,6 +94,11 @@ def _size(symbol: str, found: int, sizes: dict[str, int]) -> int:
     if symbol == "K*n+1":
         return sizes["K"] * sizes["n"] + 1
     return int(symbol) if symbol.isdigit() else sizes.get(symbol, found)
+
+
+def _check_contacts(contacts: NDArray[Any], limits: tuple[int, int, int], path: str | os.PathLike[str]) -> None:
+    if np.any(contacts < 0) or np.any(contacts[:, :3] >= limits) or np.any(np.diff(contacts[:, 0]) < 0):
+        raise ValueError(f"{path}: field 'contacts': names a scan, UAV or kind that is not there, or not in order")
 
 
 def _check_version(version: int) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from planning.planner import Plan
 from sim.lettering import Image, Style, write
 from sim.palette import (
+    ALARM,
     CANOPY,
     CANOPY_EDGE,
     FAINT,
@@ -33,6 +34,7 @@ from tracking.visibility import Forest
 
 MARGIN = 4.0  # m shown beyond the area
 TRAIL = 3.0  # s of the past that trails show
+ALERT = 1.0  # s for which a contact is marked
 ELLIPSE = math.sqrt(-2 * math.log(1 - 0.95))  # standard deviations that hold 95 % of a planar Gaussian
 
 _SHIFT = 4  # OpenCV's fixed point: sixteenths of a pixel
@@ -92,6 +94,9 @@ class MapView:
         self._renders = scenario.sensing.mode == "camera"
         self._size = size
         self.scale = min(size[0] / (self._area[0] + 2 * MARGIN), size[1] / (self._area[1] + 2 * MARGIN))
+        self._alert = round(ALERT * scenario.rates.sensing)
+        slowest = min(uav.rate or scenario.rates.sensing for uav in scenario.uavs)
+        self._round = scenario.rates.sensing // slowest  # scans in which every camera takes a frame
         self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * scenario.rates.sensing))
         self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
         self._ground = self._draw_ground(forest)
@@ -112,6 +117,7 @@ class MapView:
         for track in snapshot.tracks[0]:
             self._draw_track(image, track)
         self._draw_people(image, snapshot)
+        self._draw_contacts(image, snapshot)
         self._draw_names(image, snapshot)
 
     def _pixels(self, points: Array) -> Array:
@@ -171,7 +177,8 @@ class MapView:
             disc(image, path[-1], 4.0, uav_colour(i), 2)
 
     def _draw_people(self, image: Image, snapshot: Snapshot) -> None:
-        hidden = np.all(snapshot.visible == 0, axis=0) & self._renders
+        seen = [old.visible > 0 for old in list(self._past)[-self._round :]]
+        hidden = ~np.any(seen, axis=(0, 1)) & self._renders
         for place, heading, unseen in zip(snapshot.people, snapshot.headings, hidden, strict=True):
             if np.isnan(place[0]):
                 continue
@@ -188,6 +195,15 @@ class MapView:
         stroke(image, self._pixels(ring), colour, thickness=2, closed=True)
         cross(image, centre, colour)
         write(image, str(track.id), (centre[0] + 10, centre[1] - 11), Style(13, colour, True, PANEL))
+
+    def _draw_contacts(self, image: Image, snapshot: Snapshot) -> None:
+        """A ring round each UAV that has just touched something, and what that was."""
+        latest = {c.uav: c for old in list(self._past)[-self._alert :] for c in old.contacts}
+        for uav, contact in latest.items():
+            centre = self._pixels(snapshot.poses[uav].position[:2])
+            disc(image, centre, 15.0, ALARM, 3)
+            text = f"touched {contact.kind} {contact.other}"
+            write(image, text, (centre[0] + 20, centre[1]), Style(13, ALARM, True, PANEL))
 
     def _draw_names(self, image: Image, snapshot: Snapshot) -> None:
         for i, (camera, pose) in enumerate(zip(self._cameras, snapshot.cameras, strict=True)):

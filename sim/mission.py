@@ -15,12 +15,14 @@ from sim.autopilot import Fault, decide
 from sim.forest import grow
 from sim.recording import Snapshot
 from sim.scenario import Scenario
-from sim.sensing import Look, Sensors, camera_pose
+from sim.sensing import Look, Sensors, camera_pose, planned_attitude
 from sim.stopwatch import Stopwatch
 from sim.streams import stream
 from sim.trajectories import Trajectories, read
 from sim.walkers import walk
+from sim.wind import Air
 from sim.world import World
+from tracking.camera import Pose
 from tracking.compiled import Array
 from tracking.consensus import fuse
 from tracking.kalman import Gaussian, NearlyConstantVelocity
@@ -57,6 +59,7 @@ class Mission:
         self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
         self._intents: dict[int, Plan] = {}
+        self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, stream(seed, "wind"))
 
     @staticmethod
     def of(trial: Trial) -> Mission:
@@ -70,28 +73,33 @@ class Mission:
         commands = np.zeros((len(self._trackers), 2))
         with self._world:
             for k, time in enumerate(times):
-                snapshot = self._scan(time, commands, deciding=k % (rates.sensing // rates.planning) == 0)
+                snapshot = self._scan(k, time, commands)
                 if snapshot.plans is not None:
                     commands = np.array([plan.controls[0] for plan in snapshot.plans])
                 yield snapshot
                 if k + 1 < len(times):
                     with self.clock.measure("physics"):
-                        for _ in range(rates.physics // rates.sensing):
-                            self._world.step(commands)
+                        steps = rates.physics // rates.sensing
+                        for wind in [None] * steps if self._air is None else self._air.steps(steps):
+                            self._world.step(commands, wind)
 
-    def _scan(self, time: float, commands: Array, *, deciding: bool) -> Snapshot:
+    def _scan(self, k: int, time: float, commands: Array) -> Snapshot:
         people, headings = self.people.at(time)
         with self.clock.measure("physics"):
             self._world.place_people(people, headings)
         bodies = self._world.poses()
         cameras = [camera_pose(uav, body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
-        looks = [self._sensors.look(i, time, pose, people) for i, pose in enumerate(cameras)]
+        looks = [
+            (self._sensors.look if self.scenario.has_frame(i, k) else self._sensors.rest)(i, time, pose, people)
+            for i, pose in enumerate(cameras)
+        ]
         self.frames = [look.image for look in looks]
         positions = np.array([pose.position for pose in cameras])
         with self.clock.measure("tracking"):
-            self._track(looks, positions)
+            self._track(time, looks, positions)
         tracks = [tracker.tracks for tracker in self._trackers]
         present = people[~np.isnan(people[:, 0])]
+        rates = self.scenario.rates
         return Snapshot(
             time=time,
             people=people,
@@ -102,15 +110,19 @@ class Mission:
             scans=[look.scan for look in looks],
             pixels=[look.pixels for look in looks],
             tracks=tracks,
-            plans=self._plan(time, positions) if deciding else None,
+            plans=self._plan(time, bodies) if k % (rates.sensing // rates.planning) == 0 else None,
             ospa=np.array([ospa(np.array([t.belief.mean[:2] for t in held]), present) for held in tracks]),
             visible=np.array([look.visible for look in looks]),
             matched=np.array([look.matched for look in looks]),
+            contacts=self._world.take_contacts(),
         )
 
-    def _track(self, looks: list[Look], positions: Array) -> None:
+    def _track(self, time: float, looks: list[Look], positions: Array) -> None:
         for tracker, look in zip(self._trackers, looks, strict=True):
-            tracker.step(look.scan)
+            if look.taken:
+                tracker.step(look.scan)
+            else:
+                tracker.coast(time)
         fuse(self._trackers, self._linked(positions), self.scenario.network.rounds)
 
     def _linked(self, positions: Array) -> NDArray[np.bool_]:
@@ -118,19 +130,26 @@ class Mission:
         gap = np.linalg.norm(positions[:, None] - positions[None], axis=2)
         return np.asarray((gap <= self.scenario.network.range) & ~np.eye(len(gap), dtype=np.bool_))
 
-    def _plan(self, time: float, positions: Array) -> list[Plan]:
+    def _plan(self, time: float, bodies: list[Pose]) -> list[Plan]:
         with self.clock.measure("planning"):
-            plans, faults = decide(self._planner, self._team(time, positions), self._intents, self._chance)
+            plans, faults = decide(self._planner, self._team(time, bodies), self._intents, self._chance)
         self.faults += faults
         self._intents = dict(enumerate(plans))
         return plans
 
-    def _team(self, time: float, positions: Array) -> list[Situation]:
+    def _team(self, time: float, bodies: list[Pose]) -> list[Situation]:
         """One situation per UAV: itself, the neighbours it hears, its own tracks and the last intents."""
-        linked = self._linked(positions)
+        linked = self._linked(np.array([body.position for body in bodies]))
         fleet = [
-            Vehicle(i, positions[i], self._sensors.cameras[i], self._sensors.noises[i], uav.max_speed)
-            for i, uav in enumerate(self.scenario.uavs)
+            Vehicle(
+                id=i,
+                position=body.position,
+                camera=self._sensors.cameras[i],
+                noise=self._sensors.noises[i],
+                max_speed=uav.max_speed,
+                attitude=planned_attitude(uav, body),
+            )
+            for i, (uav, body) in enumerate(zip(self.scenario.uavs, bodies, strict=True))
         ]
         area = (self.scenario.area.width, self.scenario.area.height)
         return [

@@ -12,6 +12,7 @@ LINE: Colour = (222, 216, 204)
 CANOPY: Colour = (120, 171, 112)
 CANOPY_EDGE: Colour = (88, 138, 84)
 TRUNK: Colour = (104, 74, 48)
+ALARM: Colour = (200, 16, 46)
 DETECTION: Colour = (240, 228, 66)
 
 BLUE: Colour = (0, 114, 178)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Plan
+from sim.contacts import KINDS, Contact
 from tracking.camera import Pose
 from tracking.compiled import Array
 from tracking.kalman import Gaussian
@@ -41,6 +42,7 @@ class Snapshot:
     ospa: Array  # (n, 3) m: distance, localisation, cardinality
     visible: Ints  # (n, M) pixels that the renderer shows of each person
     matched: Bools  # (n, M) whether the person was detected in that camera
+    contacts: tuple[Contact, ...] = ()  # since the scan before
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +79,8 @@ class Recording:
     ospa: Annotated[Array, "<f8", "K n 3"]  # m: distance, localisation, cardinality
     visible: Annotated[Ints, "<i8", "K n M"]  # pixels that the renderer shows of each person
     matched: Annotated[Bools, "|b1", "K n M"]  # whether the person was detected
+    # Scan, UAV, kind of what it touched since the scan before (in `KINDS`), and its index among them; by scan.
+    contacts: Annotated[Ints, "<i8", "C 4"] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
 
     @property
     def forest(self) -> Forest:
@@ -116,6 +120,11 @@ class Recording:
             return None
         return [Plan(controls[~np.isnan(controls[:, 0])]) for controls in self.plans[made[0]]]
 
+    def contacts_at(self, k: int) -> tuple[Contact, ...]:
+        """What UAVs touched between scan k - 1 and scan k."""
+        rows = self.contacts[self.contacts[:, 0] == k].tolist()
+        return tuple(Contact(uav, KINDS[kind], other) for _, uav, kind, other in rows)
+
     def snapshot(self, k: int) -> Snapshot:
         """Scan k as the recorder was given it."""
         uavs = range(self.poses.shape[1])
@@ -133,6 +142,7 @@ class Recording:
             ospa=self.ospa[k],
             visible=self.visible[k],
             matched=self.matched[k],
+            contacts=self.contacts_at(k),
         )
 
 
@@ -144,6 +154,7 @@ class Recorder:
         self._scans: list[tuple[Scan, Array]] = []
         self._tracks: list[tuple[Track, ...]] = []
         self._plans: list[tuple[float, list[Plan]]] = []
+        self._contacts: list[tuple[int, int, int, int]] = []
 
     def __len__(self) -> int:
         """Number of scans so far."""
@@ -152,6 +163,7 @@ class Recorder:
     def add(self, snapshot: Snapshot) -> None:
         """Append one scan; ValueError, and nothing appended, unless each detection has its measurement."""
         rows = [_pixel_rows(scan, pixels) for scan, pixels in zip(snapshot.scans, snapshot.pixels, strict=True)]
+        self._contacts.extend((len(self), c.uav, KINDS.index(c.kind), c.other) for c in snapshot.contacts)
         for name, value in {
             "times": snapshot.time,
             "people": snapshot.people,
@@ -190,6 +202,7 @@ class Recorder:
             **self._track_table(),
             plan_times=np.array([time for time, _ in self._plans], dtype=float),
             plans=_padded([plans for _, plans in self._plans], uavs),
+            contacts=np.array(self._contacts, dtype=np.int64).reshape(-1, 4),
         )
 
     def _measurement_table(self) -> dict[str, NDArray[Any]]:

@@ -13,6 +13,7 @@ NonNegative = Annotated[float, Meta(ge=0)]
 PositiveInt = Annotated[int, Meta(ge=1)]
 Probability = Annotated[float, Meta(ge=0, le=1)]
 Point = tuple[float, float]
+_STRONGEST_WIND = 12.0  # m/s, against which a quadrotor still flies at 5 m/s
 
 
 class Area(Struct, frozen=True, forbid_unknown_fields=True):
@@ -72,6 +73,13 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     pixels: Annotated[int, Meta(ge=16, le=4096)] = 128
     max_speed: Positive = 5.0  # m/s
     mount: Literal["gimbal", "body"] = "gimbal"
+    rate: Annotated[int, Meta(ge=0)] = 0  # of the camera, Hz; 0: rates.sensing
+    tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0  # of the camera, off nadir, towards the body's front
+
+    def __post_init__(self) -> None:
+        if self.tilt_deg + self.fov_deg / 2 >= 90:
+            limit = f"allowed with fov_deg {self.fov_deg:g} is less than {90 - self.fov_deg / 2:g}"
+            raise ValueError(f"tilt_deg {self.tilt_deg:g} lets the camera look at the horizon; {limit}")
 
     @property
     def altitude(self) -> float:
@@ -154,6 +162,24 @@ class Appearance(Struct, frozen=True, forbid_unknown_fields=True):
     noise: Annotated[float, Meta(ge=0, le=100)] | None = None  # grey levels, standard deviation
 
 
+class Wind(Struct, frozen=True, forbid_unknown_fields=True):
+    """Air that moves quadrotors: a mean and first-order Gauss-Markov gusts, the same for the whole fleet."""
+
+    velocity: Point = (0.0, 0.0)  # m/s, the mean, to the east and to the north
+    gust: Annotated[float, Meta(ge=0, le=5)] = 0.0  # m/s, standard deviation of each component
+    gust_time: Positive = 5.0  # s, correlation time
+
+    def __post_init__(self) -> None:
+        if math.hypot(*self.velocity) > _STRONGEST_WIND:
+            speed, allowed = math.hypot(*self.velocity), f"at most {_STRONGEST_WIND:g} m/s is allowed"
+            raise ValueError(f"velocity {list(self.velocity)} is a wind of {speed:.3g} m/s; {allowed}")
+
+    @property
+    def calm(self) -> bool:
+        """Whether there is no wind at all; then air resistance is neglected too."""
+        return self.velocity == (0.0, 0.0) and self.gust == 0.0
+
+
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     """A whole mission, planner and seed aside."""
 
@@ -169,8 +195,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     tracking: Tracking = field(default_factory=Tracking)
     network: Network = field(default_factory=Network)
     appearance: Appearance = field(default_factory=Appearance)
+    wind: Wind = field(default_factory=Wind)
 
     def __post_init__(self) -> None:
+        if self.dynamics == "kinematic" and not self.wind.calm:
+            raise ValueError('wind: moves no UAV of dynamics "kinematic"; allowed with "quadrotor"')
         for i, uav in enumerate(self.uavs):
             if uav.altitude <= self.trees.canopy_top:
                 raise ValueError(
@@ -179,11 +208,22 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
                 )
             if abs(uav.start[0]) > self.area.width / 2 or abs(uav.start[1]) > self.area.height / 2:
                 raise ValueError(f"uavs.{i}.start: {list(uav.start)} lies outside the area")
+            if uav.rate and self.rates.sensing % uav.rate:
+                allowed = [r for r in range(1, self.rates.sensing + 1) if self.rates.sensing % r == 0]
+                raise ValueError(
+                    f"uavs.{i}.rate: {uav.rate} Hz does not divide rates.sensing {self.rates.sensing} Hz; "
+                    f"allowed are {', '.join(map(str, allowed))}"
+                )
 
     @property
     def scan_times(self) -> list[float]:
         """Instants at which the cameras look, the first at zero [s]."""
         return [k / self.rates.sensing for k in range(int(self.duration * self.rates.sensing + 1e-9) + 1)]
+
+    def has_frame(self, uav: int, k: int) -> bool:
+        """Whether a UAV's camera takes a frame at scan k; all do at the first."""
+        rate = self.uavs[uav].rate or self.rates.sensing
+        return k % (self.rates.sensing // rate) == 0
 
 
 def resolved(scenario: Scenario) -> str:

@@ -30,6 +30,7 @@ class Look:
     image: NDArray[np.uint8] | None  # (P, P, 3) RGB; None in ideal sensing
     visible: NDArray[np.int64]  # (M,) pixels the renderer shows of each person; in ideal sensing 1 for seen
     matched: NDArray[np.bool_]  # (M,) people detected
+    taken: bool = True  # whether the camera took a frame; without one the scan is empty and says nothing
 
 
 def camera_of(uav: Uav) -> Camera:
@@ -45,8 +46,33 @@ def noise_of(uav: Uav, scenario: Scenario) -> NoiseModel:
 
 
 def camera_pose(uav: Uav, body: Pose) -> Pose:
-    """Where a UAV's camera is: a gimbal holds it level with north up, else it tilts and turns with the body."""
-    return Pose(body.position, Pose.level(0, 0, 0).quaternion) if uav.mount == "gimbal" else body
+    """Where a UAV's camera is: a gimbal holds it as on a level body that faces east, else it moves with the body.
+
+    At a mounting angle of zero it then looks straight down with north up, else it is pitched towards the body's x.
+    """
+    carrier = Pose.level(0, 0, 0).quaternion if uav.mount == "gimbal" else body.quaternion
+    return Pose(body.position, _pitched(carrier, math.radians(uav.tilt_deg)))
+
+
+def planned_attitude(uav: Uav, body: Pose) -> Array:
+    """Quaternion (4,) of the camera in level flight at the present heading: what planners assume from now on.
+
+    Note: a body-fixed camera without mounting angle is taken as level with north up, whatever the heading.
+    """
+    heading = 0.0
+    if uav.mount == "body" and uav.tilt_deg:
+        heading = math.atan2(body.rotation[1, 0], body.rotation[0, 0])
+    level = np.array([0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2)])
+    return _pitched(level, math.radians(uav.tilt_deg))
+
+
+def _pitched(quaternion: Array, angle: float) -> Array:
+    """A carrier's attitude (4,) followed by a turn about its y that lifts a downward view towards its x."""
+    if angle == 0.0:
+        return quaternion
+    x, y, z, w = quaternion.tolist()
+    sin, cos = -math.sin(angle / 2), math.cos(angle / 2)
+    return np.array([cos * x - sin * z, cos * y + sin * w, cos * z + sin * x, cos * w - sin * y])
 
 
 class Sensors:
@@ -80,6 +106,13 @@ class Sensors:
         visible = visible_pixels(rendered.people, len(people))
         matched = matched_people(found.pixels, rendered.people, len(people))
         return Look(scan, found.pixels, rendered.image, visible, matched)
+
+    @staticmethod
+    def rest(uav: int, time: float, pose: Pose, people: Array) -> Look:
+        """What stands for a look at a scan in which a camera, slower than the others, takes no frame."""
+        nothing = Scan(uav, time, pose, np.zeros((0, 2)), np.zeros((0, 2, 2)))
+        unseen = np.zeros(len(people), dtype=np.int64)
+        return Look(nothing, np.zeros((0, 2)), None, unseen, unseen > 0, taken=False)
 
     def _ideal(self, uav: int, time: float, pose: Pose, people: Array) -> Look:
         """The paper's Assumption 1: exactly the people in view and not hidden, with the sampled noise."""

@@ -12,6 +12,7 @@ from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 
 from sim.autopilot import Fault
+from sim.contacts import KINDS
 from sim.recording import Recording
 from sim.stopwatch import STAGES
 
@@ -52,6 +53,7 @@ def summarise(
         "wall_s": wall_s,
         "seconds": {stage: float(seconds.get(stage, 0.0)) for stage in (*STAGES, *_others(seconds))},
         "faults": [asdict(fault) for fault in faults],
+        "contacts": contacts(recording),
     }
 
 
@@ -68,6 +70,21 @@ def people_held(recording: Recording) -> list[float | None]:
             held[k, i, columns] = near[rows, columns] < HELD
     present = ~np.isnan(recording.people[:, :, 0])
     return [_ratio(held[:, :, m].sum(), uavs * present[:, m].sum()) for m in range(count)]
+
+
+def contacts(recording: Recording) -> list[dict[str, Any]]:
+    """Who touched what, and from when to when [s] by scan; one that lasts from scan to scan counts once."""
+    found: list[dict[str, Any]] = []
+    open_: dict[tuple[int, ...], tuple[int, dict[str, Any]]] = {}
+    for k, *pair in recording.contacts.tolist():
+        time, (uav, kind, other) = float(recording.times[k]), pair
+        last, entry = open_.get(tuple(pair), (-2, {}))
+        if last < k - 1:
+            entry = {"time": time, "until": time, "uav": uav, "kind": KINDS[kind], "other": other}
+            found.append(entry)
+        entry["until"] = time
+        open_[tuple(pair)] = (k, entry)
+    return found
 
 
 def results_table(summary: Mapping[str, Any]) -> Table:
@@ -89,6 +106,11 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     table.add_section()
     faults = len(summary["faults"])
     table.add_row("planner faults", str(faults), style="bold red" if faults else None)
+    touched = summary["contacts"]
+    if touched:
+        table.add_row("contacts", str(len(touched)), style="bold red")
+    for contact in touched[:3]:
+        table.add_row(f"  at {contact['time']:.1f} s", f"UAV {contact['uav']}, {contact['kind']} {contact['other']}")
     return table
 
 

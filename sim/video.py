@@ -49,6 +49,7 @@ class Film:
         self._planner = planner
         self._numbers: dict[int, int] = {}
         self._sparkline = Sparkline(scenario.duration)
+        self._last: dict[int, Image] = {}  # tiles as they were when their cameras last took a frame
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
         draw_legend(self._empty[-_LEGEND:, GAP:-GAP], scale=self._map.scale, camera=renders)
 
@@ -59,7 +60,10 @@ class Film:
         self._map.draw(image[self._layout.map.slices], snapshot)
         for i, tile in enumerate(self._layout.tiles):
             frame = None if frames is None else frames[i]
-            draw_tile(image[tile.slices], snapshot, i, camera=self._cameras[i], frame=frame)
+            if frames is None or frame is not None or i not in self._last:
+                draw_tile(image[tile.slices], snapshot, i, camera=self._cameras[i], frame=frame)
+                self._last[i] = image[tile.slices].copy()
+            image[tile.slices] = self._last[i]
         self._draw_header(image[:_HEADER, GAP:-GAP], snapshot)
         return image
 

@@ -14,9 +14,10 @@ import numpy as np
 from assets import ASSETS
 from sim import opengl
 from sim.appearance import style_of
+from sim.contacts import Contact
 from sim.engine import pybullet
 from sim.scenario import Scenario
-from sim.uav import GRAVITY, ROTORS, rotor_thrusts
+from sim.uav import GRAVITY, ROTORS, drag, rotor_thrusts, steady_thrusts
 from tracking.camera import Pose
 from tracking.compiled import Array
 from tracking.visibility import TARGET_HEIGHT, Forest, Tree
@@ -55,7 +56,7 @@ class World:
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self.client)
         pybullet.setTimeStep(1.0 / scenario.rates.physics, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=self.client)
-        self._add_ground()
+        ground = self._add_ground()
         trees = self._add_trees(forest.trees)
         self._people = self._add_people(people)
         self._uavs = [self._add_uav(*uav.start, uav.altitude) for uav in scenario.uavs]
@@ -64,6 +65,12 @@ class World:
         centres += [(t.x, t.y, t.canopy_base / 2) for t in forest.trees]
         self._tree_centres = np.array(centres, dtype=float).reshape(-1, 3)
         self._people_centres = np.full((people, 3), np.nan)
+        self._memories = np.zeros((len(self._uavs), 3))  # m/s², of the controllers in wind
+        self._names = {ground: ("ground", 0)}  # kind, and index among its kind, of each body
+        for kind in ("canopy", "trunk", "person", "uav"):
+            ids = [body.id for body in self.bodies if body.kind == kind]
+            self._names.update({id_: (kind, k) for k, id_ in enumerate(ids)})
+        self._touched: set[Contact] = set()
 
     @property
     def centres(self) -> Array:
@@ -97,15 +104,26 @@ class World:
         """Velocities of the UAVs (n, 3) m/s."""
         return np.array([pybullet.getBaseVelocity(b.id, physicsClientId=self.client)[0] for b in self._uavs])
 
-    def step(self, commands: Array) -> None:
-        """Advance by one physics step under velocity commands (n, 2) m/s, east and north."""
+    def step(self, commands: Array, wind: Array | None = None) -> None:
+        """Advance by one physics step under velocity commands (n, 2) m/s, east and north.
+
+        wind (2,) m/s, east and north, pushes quadrotors, which then hold against it; None: there is no air.
+        """
         if self._scenario.dynamics == "kinematic":
             for body, (east, north) in zip(self._uavs, commands.tolist(), strict=True):
                 self._glide(body, east, north)
+            pybullet.performCollisionDetection(physicsClientId=self.client)
+            self._touch()
             return
-        for body, uav, (east, north) in zip(self._uavs, self._scenario.uavs, commands.tolist(), strict=True):
-            self._thrust(body, np.array([east, north, uav.altitude]))
+        for k, (east, north) in enumerate(commands.tolist()):
+            self._thrust(k, np.array([east, north, self._scenario.uavs[k].altitude]), wind)
         pybullet.stepSimulation(physicsClientId=self.client)
+        self._touch()
+
+    def take_contacts(self) -> tuple[Contact, ...]:
+        """What UAVs touched since the last call, ascending; of two UAVs, the first one's contact."""
+        taken, self._touched = tuple(sorted(self._touched)), set()
+        return taken
 
     def close(self) -> None:
         """Free the client."""
@@ -120,16 +138,32 @@ class World:
     ) -> None:
         self.close()
 
-    def _thrust(self, body: Body, target: Array) -> None:
-        """Apply what the rotors give towards a target (3,): velocity east and north m/s, altitude m."""
+    def _thrust(self, uav: int, target: Array, wind: Array | None) -> None:
+        """Apply what rotors, towards a target (3,): velocity east and north m/s, altitude m, and the wind give."""
+        body = self._uavs[uav]
         position, quaternion = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
         velocity, spin = pybullet.getBaseVelocity(body.id, physicsClientId=self.client)
-        *thrusts, yaw = rotor_thrusts(np.array(position + quaternion + velocity + spin), target).tolist()
+        state = np.array(position + quaternion + velocity + spin)
+        if wind is None:
+            given = rotor_thrusts(state, target, _CALM)
+        else:
+            given, self._memories[uav] = steady_thrusts(
+                state, target, self._memories[uav], 1.0 / self._scenario.rates.physics
+            )
+            force = drag(state[7:10], wind).tolist()
+            pybullet.applyExternalForce(body.id, -1, force, position, pybullet.WORLD_FRAME, physicsClientId=self.client)
+        *thrusts, yaw = given.tolist()
         for thrust, rotor in zip(thrusts, _ROTORS, strict=True):
             pybullet.applyExternalForce(
                 body.id, -1, (0.0, 0.0, thrust), rotor, pybullet.LINK_FRAME, physicsClientId=self.client
             )
         pybullet.applyExternalTorque(body.id, -1, (0.0, 0.0, yaw), pybullet.LINK_FRAME, physicsClientId=self.client)
+
+    def _touch(self) -> None:
+        """Note what the engine found to touch, or to be within its margin of 2 cm."""
+        for _, a, b, *_ in pybullet.getContactPoints(physicsClientId=self.client):
+            pair = sorted((self._names[a], self._names[b]), key=lambda name: (name[0] != "uav", name[1]))
+            self._touched.add(Contact(pair[0][1], *pair[1]))
 
     def _glide(self, body: Body, east: float, north: float) -> None:
         """Move one UAV as [Li22] eq. (5) says; at zero velocity, where the heading has no meaning, it is kept."""
@@ -172,11 +206,12 @@ class World:
         pybullet.changeVisualShape(body.id, -1, rgbaColor=(*body.tint, 1.0), physicsClientId=self.client)
         return body
 
-    def _add_ground(self) -> None:
+    def _add_ground(self) -> int:
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
         # A plane without a visual shape is given a chequered one, which OpenGL fails at: there, a speck far below.
         ground = self._fixed(plane, opengl.speck(self.client, _AWAY) if self.opengl else -1, (0.0, 0.0, 0.0))
         pybullet.changeVisualShape(ground, -1, rgbaColor=(0.0, 0.0, 0.0, 0.0), physicsClientId=self.client)
+        return ground
 
     def _add_trees(self, trees: tuple[Tree, ...]) -> list[Body]:
         """Canopies, then trunks; shapes are made once for all trees of equal size."""
@@ -223,6 +258,7 @@ class World:
 
 
 _ROTORS: list[list[float]] = ROTORS.tolist()
+_CALM = np.zeros(3)
 
 
 def _foliage(k: int) -> tuple[float, float, float]:

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from planning.planner import Plan
+from sim.contacts import Contact
 from sim.recording import Snapshot
 from sim.scenario import Area, People, Rates, Scenario, Sensing, Uav
 from tracking.camera import Camera, Pose
@@ -73,6 +74,7 @@ def _snapshot(setting, trees, k, rng, doubt):
         ospa=np.column_stack([np.hypot(localisation, cardinality), localisation, cardinality]),
         visible=seen.astype(np.int64) * 9,
         matched=seen,
+        contacts=(Contact(0, "canopy", 4), Contact(n - 1, "ground", 0)) if 3 <= k <= 5 else (),
     )
 
 

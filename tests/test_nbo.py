@@ -7,6 +7,7 @@ import pytest
 
 from planning.belief import nominal_positions, outlook
 from planning.nbo import costs, team_cost, weighted_trace_penalty
+from tracking.camera import Pose
 from tracking.visibility import TARGET_HEIGHT
 
 
@@ -45,9 +46,9 @@ def plain_cost(situation, controls, beta):
         for t, m in enumerate(means):
             information = np.linalg.inv(F @ P[t] @ F.T + Q)
             count = 0
-            for v, p, r in zip(fleet, positions, reach, strict=True):
+            for v, p in zip(fleet, positions, strict=True):
                 camera, point = np.array([*p, v.position[2]]), np.array([m[0], m[1], TARGET_HEIGHT])
-                if np.max(np.abs(m[:2] - p)) <= r and situation.forest.visible(camera, point)[0, 0]:
+                if v.camera.sees(Pose(camera, v.attitude), point)[0] and situation.forest.visible(camera, point)[0, 0]:
                     information = information + H.T @ np.linalg.inv(v.noise.covariance(p, m[:2])) @ H
                     count += 1
             P[t] = np.linalg.inv(information)
@@ -57,6 +58,11 @@ def plain_cost(situation, controls, beta):
         traces = [np.trace(p[:2, :2]) for p in P]
         J += beta * plain_mwtp([m[:2] for m in means], traces, positions, reach)
     return J, seen
+
+
+def squares(reach):
+    """Level fields of view with these half edges, as the compiled code takes them (n, 5, 3)."""
+    return np.array([[(1, 0, r), (-1, 0, r), (0, 1, r), (0, -1, r), (0, 0, 0)] for r in reach], dtype=float)
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.5])
@@ -119,7 +125,7 @@ FIGURE_REACH = np.array([33.0, 33.0])
 @pytest.mark.parametrize("traces", [(4.0, 9.0), (9.0, 4.0)])
 def test_mwtp_matches_the_sensors_and_targets_of_the_papers_figure(traces):
     sensors = FIGURE_SENSORS.copy()
-    penalty = weighted_trace_penalty(FIGURE_TARGETS, np.array(traces), sensors, FIGURE_REACH)
+    penalty = weighted_trace_penalty(FIGURE_TARGETS, np.array(traces), sensors, squares(FIGURE_REACH))
     to_first = math.hypot(120 - 70, 154.25 - 104.5)  # sensor 2 to target 1
     to_second = math.hypot(249 - 227, 168.25 - 94.5)  # sensor 1 to target 2
     assert penalty == pytest.approx(to_first * traces[0] + to_second * traces[1], rel=1e-12)
@@ -130,14 +136,14 @@ def test_mwtp_matches_the_sensors_and_targets_of_the_papers_figure(traces):
 def test_mwtp_penalises_each_sensor_for_one_target_only():
     targets = np.array([[100.0, 0.0], [100.0, 5.0]])
     sensors = np.array([[0.0, 0.0], [1000.0, 0.0]])
-    penalty = weighted_trace_penalty(targets, np.array([2.0, 1.0]), sensors, np.array([10.0, 10.0]))
+    penalty = weighted_trace_penalty(targets, np.array([2.0, 1.0]), sensors, squares([10.0, 10.0]))
     # The first sensor takes both: D is 100 after the first target, then 100 + |(10, 5)| < 900.
     assert penalty == pytest.approx(200.0)
 
 
 def test_mwtp_is_zero_when_every_target_is_in_view():
     targets = np.array([[5.0, -5.0]])
-    assert weighted_trace_penalty(targets, np.array([3.0]), np.zeros((1, 2)), np.array([5.0])) == 0.0
+    assert weighted_trace_penalty(targets, np.array([3.0]), np.zeros((1, 2)), squares([5.0])) == 0.0
 
 
 def test_mwtp_agrees_with_the_plain_algorithm():
@@ -147,4 +153,6 @@ def test_mwtp_agrees_with_the_plain_algorithm():
         sensors, targets = rng.uniform(-40, 40, (n, 2)), rng.uniform(-40, 40, (T, 2))
         traces, reach = rng.uniform(0.1, 9, T), rng.uniform(8, 13, n)
         expected = plain_mwtp(targets, traces, sensors, reach)
-        assert weighted_trace_penalty(targets, traces, sensors.copy(), reach) == pytest.approx(expected, rel=1e-12)
+        assert weighted_trace_penalty(targets, traces, sensors.copy(), squares(reach)) == pytest.approx(
+            expected, rel=1e-12
+        )

@@ -20,7 +20,7 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team):
     intent = policy_of_intent(team[0], team[0].own, 3)[None]
     alone = CrossEntropy().minimise(
         lambda c: costs(view, intent, 0, c, 0.5),
-        np.concatenate([intent, pursuits(view, 0, 5.0)]),
+        np.concatenate([intent, pursuits(view, 0, team[0].own)]),
         5.0,
         np.random.default_rng(9),
     )

@@ -14,6 +14,7 @@ from tracking.visibility import Forest
 LEVEL = [0.0, 0.0, 0.0, 1.0]
 UAV = Uav(start=(0.0, 0.0))
 RATE = 240
+CALM = np.zeros(3)
 
 
 def state(position=(0, 0, 20), quaternion=LEVEL, velocity=(0, 0, 0), spin=(0, 0, 0)):
@@ -21,12 +22,12 @@ def state(position=(0, 0, 20), quaternion=LEVEL, velocity=(0, 0, 0), spin=(0, 0,
 
 
 def test_hovering_takes_the_weight_in_equal_parts():
-    thrusts = rotor_thrusts(state(), np.array([0.0, 0.0, 20.0]))
+    thrusts = rotor_thrusts(state(), np.array([0.0, 0.0, 20.0]), CALM)
     assert_allclose(thrusts, [*[MASS * GRAVITY / 4] * 4, 0.0], rtol=1e-14, atol=1e-14)
 
 
 def test_at_the_commanded_velocity_nothing_is_left_to_do():
-    thrusts = rotor_thrusts(state(velocity=(3, -4, 0)), np.array([3.0, -4.0, 20.0]))
+    thrusts = rotor_thrusts(state(velocity=(3, -4, 0)), np.array([3.0, -4.0, 20.0]), CALM)
     assert_allclose(thrusts, [*[MASS * GRAVITY / 4] * 4, 0.0], rtol=1e-14, atol=1e-14)
 
 
@@ -35,7 +36,7 @@ def test_at_the_commanded_velocity_nothing_is_left_to_do():
     [((1, 0), (2, 3), (0, 1)), ((-1, 0), (0, 1), (2, 3)), ((0, 1), (1, 2), (0, 3)), ((0, -1), (0, 3), (1, 2))],
 )
 def test_a_command_tilts_towards_its_direction(target, stronger, weaker):
-    thrusts = rotor_thrusts(state(), np.array([*target, 20.0]))
+    thrusts = rotor_thrusts(state(), np.array([*target, 20.0]), CALM)
     assert min(thrusts[list(stronger)]) > max(thrusts[list(weaker)])
 
 
@@ -43,7 +44,7 @@ def test_thrusts_stay_within_their_limits_in_any_state():
     rng = np.random.default_rng(1)
     for _ in range(2000):
         wild = state(rng.normal(0, 50, 3), Rotation.random(random_state=rng).as_quat(), *rng.normal(0, 8, (2, 3)))
-        thrusts = rotor_thrusts(wild, rng.uniform(-20, 40, 3))
+        thrusts = rotor_thrusts(wild, rng.uniform(-20, 40, 3), rng.normal(0, 5, 3))
         assert np.all((thrusts[:4] >= 0) & (thrusts[:4] <= MAX_ROTOR_THRUST))
         assert np.isfinite(thrusts[4])
 

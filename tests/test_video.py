@@ -49,6 +49,7 @@ def empty(snapshot, **changes):
         "plans": None,
         "visible": np.zeros((n, 0), dtype=np.int64),
         "matched": np.zeros((n, 0), dtype=bool),
+        "contacts": (),
     }
     return dataclasses.replace(snapshot, **{**nothing, **changes})
 

@@ -46,7 +46,7 @@ def test_rotors_move_the_body_as_newton_and_euler_say():
             put(world, [*rng.uniform(-30, 30, 2), 17.0], quaternion.tolist(), *rng.normal(0, 1, (2, 3)).tolist())
             before, command = state(world), rng.uniform(-3, 3, 2)
             rotation = world.poses()[0].rotation
-            *thrusts, yaw = rotor_thrusts(before, np.array([*command, ONE.uavs[0].altitude]))
+            *thrusts, yaw = rotor_thrusts(before, np.array([*command, ONE.uavs[0].altitude]), np.zeros(3))
             world.step(command[None])
 
             force = rotation @ [0, 0, sum(thrusts)] / MASS - [0, 0, GRAVITY]

@@ -121,6 +121,7 @@ class Tracker:
         self._sightings = np.column_stack([self._means[:, :2], np.zeros(len(ids))])
         self._deleted: tuple[tuple[int, float], ...] = ()
         self._tentative: list[Tentative] = []
+        self._waited = 0  # steps of motion since tentative tracks were last predicted
         self._initiator = Initiator(
             parameters.motion, parameters.confirm, parameters.measurement_gate, parameters.max_speed
         )
@@ -139,9 +140,10 @@ class Tracker:
     def step(self, scan: Scan) -> None:
         """Predict to the scan's time, associate, update, initiate."""
         p = self.parameters
-        elapsed = self._advance(scan)
-        for _ in range(elapsed):
-            self._means, self._covariances = p.motion.predict_all(self._means, self._covariances)
+        if scan.uav != self.uav:
+            raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
+        self.coast(scan.time)
+        elapsed, self._waited = self._waited, 0
         z, R = np.ascontiguousarray(scan.measurements), np.ascontiguousarray(scan.covariances)
         likelihood = gated_likelihood(self._means, self._covariances, z, R, p.gate_probability)
         samples = visible_samples(
@@ -163,6 +165,17 @@ class Tracker:
         self._evidence = self._evidence.observed(scan.time, beta, visible >= p.expected, p.seen)
         born, self._tentative = self._initiator.step(self._tentative, z[unexplained], R[unexplained], elapsed=elapsed)
         self._append(born)
+
+    def coast(self, time: float) -> None:
+        """Predict to the time of a scan for which this UAV has no frame: it neither sees nor misses anybody."""
+        if not time > self._time:
+            raise ValueError(f"scan at {time} s is not after the last one at {self._time} s")
+        elapsed = round((time - self._time) / self.parameters.motion.dt) if self._scans else 0
+        self._time = time
+        self._scans += 1
+        self._waited += elapsed
+        for _ in range(elapsed):
+            self._means, self._covariances = self.parameters.motion.predict_all(self._means, self._covariances)
 
     def message(self, degree: int) -> Message:
         """What it says in the first round, given how many neighbours hear it."""
@@ -192,17 +205,6 @@ class Tracker:
         unseen = self._evidence.times[:, 0] < self._time
         self._sightings = sightings(self._ids.tolist(), here, before, unseen)
         self._recover()
-
-    def _advance(self, scan: Scan) -> int:
-        """Steps of motion since the last scan."""
-        if scan.uav != self.uav:
-            raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
-        if not scan.time > self._time:
-            raise ValueError(f"scan at {scan.time} s is not after the last one at {self._time} s")
-        elapsed = round((scan.time - self._time) / self.parameters.motion.dt) if self._scans else 0
-        self._time = scan.time
-        self._scans += 1
-        return elapsed
 
     def _recover(self) -> None:
         """Give tracks born in this scan the ids of lost tracks that they continue.
