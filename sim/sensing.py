@@ -125,13 +125,20 @@ class Sensors:
         return Look(scan, np.zeros((0, 2)), None, seen.astype(np.int64), seen)
 
     def _sampled(self, uav: int, time: float, pose: Pose, ground: Array) -> Scan:
-        """Ground points (N, 2) m with a sample of the UAV's noise model added, and its covariances."""
-        covariances = [self.noises[uav].covariance(pose.position[:2], z) for z in ground]
-        R = np.array(covariances).reshape(-1, 2, 2)
+        """Ground points (N, 2) m with a sample of the UAV's noise model added, and its covariances.
+
+        The sample's covariance is that at the point itself; the scan's is that at the measurement, all that is known.
+        """
         z = np.array(ground, dtype=float).reshape(-1, 2)
         if len(z):
-            z = z + np.einsum("nij,nj->ni", np.linalg.cholesky(R), self._rng.standard_normal(z.shape))
-        return Scan(uav, time, pose, z, R)
+            roots = np.linalg.cholesky(self._covariances(uav, pose, z))
+            z = z + np.einsum("nij,nj->ni", roots, self._rng.standard_normal(z.shape))
+        return Scan(uav, time, pose, z, self._covariances(uav, pose, z))
+
+    def _covariances(self, uav: int, pose: Pose, points: Array) -> Array:
+        """R (N, 2, 2) m² of the UAV's noise model at points (N, 2) m."""
+        R = [self.noises[uav].covariance(pose.position[:2], point) for point in points]
+        return np.array(R).reshape(-1, 2, 2)
 
     @staticmethod
     def _calibrated(uav: int, frame: Frame, found: Detections) -> Scan:

@@ -79,7 +79,9 @@ def test_the_noise_that_is_added_has_the_papers_covariance(mode, offset):
         )
     mean = person if mode == "ideal" else seen.ground[0]
     R = equation_4(DEFAULT_FLEET[uav].alpha, mean - pose.position[:2])
-    np.testing.assert_allclose([s.covariances[0] for s in scans], np.broadcast_to(R, (draws, 2, 2)), rtol=1e-12)
+    # What the tracker is told is the covariance at the measurement: the true place would be the truth itself.
+    told = [equation_4(DEFAULT_FLEET[uav].alpha, s.measurements[0] - pose.position[:2]) for s in scans]
+    np.testing.assert_allclose([s.covariances[0] for s in scans], told, rtol=1e-9)
     error = np.array([s.measurements[0] for s in scans]) - mean
     # Four standard errors of the mean, and of the entries of a Wishart matrix.
     assert np.all(np.abs(error.mean(axis=0)) < 4 * np.sqrt(np.diag(R) / draws))
