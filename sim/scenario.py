@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 from typing import Annotated, Literal
 
 import msgspec
@@ -13,6 +14,7 @@ NonNegative = Annotated[float, Meta(ge=0)]
 PositiveInt = Annotated[int, Meta(ge=1)]
 Probability = Annotated[float, Meta(ge=0, le=1)]
 Point = tuple[float, float]
+_CLEARANCE = 1.0  # m, between UAVs at the start: rotors reach 0.3 m out
 _STRONGEST_WIND = 12.0  # m/s, against which a quadrotor still flies at 5 m/s
 
 
@@ -201,19 +203,26 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         if self.dynamics == "kinematic" and not self.wind.calm:
             raise ValueError('wind: moves no UAV of dynamics "kinematic"; allowed with "quadrotor"')
         for i, uav in enumerate(self.uavs):
-            if uav.altitude <= self.trees.canopy_top:
-                raise ValueError(
-                    f"uavs.{i}: footprint {uav.footprint:g} m means an altitude of {uav.altitude:.1f} m, "
-                    f"not above trees.canopy_top {self.trees.canopy_top:g} m"
-                )
-            if abs(uav.start[0]) > self.area.width / 2 or abs(uav.start[1]) > self.area.height / 2:
-                raise ValueError(f"uavs.{i}.start: {list(uav.start)} lies outside the area")
-            if uav.rate and self.rates.sensing % uav.rate:
-                allowed = [r for r in range(1, self.rates.sensing + 1) if self.rates.sensing % r == 0]
-                raise ValueError(
-                    f"uavs.{i}.rate: {uav.rate} Hz does not divide rates.sensing {self.rates.sensing} Hz; "
-                    f"allowed are {', '.join(map(str, allowed))}"
-                )
+            self._check_uav(i, uav)
+        for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
+            if math.dist((*one.start, one.altitude), (*other.start, other.altitude)) < _CLEARANCE:
+                raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {_CLEARANCE:g} m from uavs.{i}")
+
+    def _check_uav(self, i: int, uav: Uav) -> None:
+        """ValueError if a UAV does not go with the rest of the scenario."""
+        if uav.altitude <= self.trees.canopy_top:
+            raise ValueError(
+                f"uavs.{i}: footprint {uav.footprint:g} m means an altitude of {uav.altitude:.1f} m, "
+                f"not above trees.canopy_top {self.trees.canopy_top:g} m"
+            )
+        if abs(uav.start[0]) > self.area.width / 2 or abs(uav.start[1]) > self.area.height / 2:
+            raise ValueError(f"uavs.{i}.start: {list(uav.start)} lies outside the area")
+        if uav.rate and self.rates.sensing % uav.rate:
+            allowed = [r for r in range(1, self.rates.sensing + 1) if self.rates.sensing % r == 0]
+            raise ValueError(
+                f"uavs.{i}.rate: {uav.rate} Hz does not divide rates.sensing {self.rates.sensing} Hz; "
+                f"allowed are {', '.join(map(str, allowed))}"
+            )
 
     @property
     def scan_times(self) -> list[float]:

@@ -16,7 +16,9 @@ from tracking.visibility import TARGET_HEIGHT, Forest, Tree
 
 
 def scenario(uavs=3, people=4, mode="camera", area=(150.0, 100.0)):
-    fleet = tuple(Uav(start=(0.0, 0.0), footprint=20.0 + 3.0 * (i % 3), alpha=0.1, pixels=128) for i in range(uavs))
+    fleet = tuple(
+        Uav(start=(1.0 * (i // 3), 0.0), footprint=20.0 + 3.0 * (i % 3), alpha=0.1, pixels=128) for i in range(uavs)
+    )
     return Scenario(
         area=Area(*area), people=People(count=people), uavs=fleet, rates=Rates(), sensing=Sensing(mode=mode)
     )

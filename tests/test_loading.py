@@ -47,6 +47,7 @@ def test_a_trajectory_file_is_found_beside_its_scenario(tmp_path):
         ("trees.canopy_base=9", ["canopy_base 9", "canopy_top 6"]),
         ("uavs.0.footprint=4", ["uavs.0", "altitude", "canopy_top"]),
         ("uavs.0.start=[500, 0]", ["uavs.0.start", "outside"]),
+        ("uavs=[{start=[0, 0]}, {start=[0.5, 0]}]", ["uavs.1.start", "[0.5, 0.0]", "1 m from uavs.0"]),
         ("uavs.7.alpha=1", ["'7'", "0 to 2"]),
         ("uavs=[]", ["uavs", "length >= 1"]),
         ("tracking.confirm=[4, 3]", ["confirm", "4 of 3"]),
