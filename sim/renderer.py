@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import cv2
@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assets import ASSETS
+from sim.culling import FAR, NEAR, in_frustum, under_canopy
 from sim.engine import pybullet
 from sim.world import World
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
 
-NEAR, FAR = 0.5, 500.0  # m, along the optical axis; the carrier's own body is nearer than NEAR
 _TEXELS = 10.0  # of the ground per m
 _SKY = np.array([186, 208, 226], dtype=np.uint8)
 _HAZE = 0.02  # slope of a downward ray below which the ground is lost in the sky
@@ -44,6 +44,7 @@ class Renderer:
 
     def __init__(self, world: World) -> None:
         self._world = world
+        self._trees = np.array([astuple(tree) for tree in world.trees], dtype=float).reshape(-1, 6)
         self._radii = np.array([body.radius for body in world.bodies])
         self._shown = np.ones(len(world.bodies), dtype=np.bool_)
         # One more element than there are ids: the background's -1 then finds the last one.
@@ -59,15 +60,14 @@ class Renderer:
         image, _, bodies = capture(self._world.client, camera, pose)
         background = _background(self._ground, camera, pose)
         cv2.copyTo(image, (bodies >= 0).astype(np.uint8), background)
-        return Rendered(background, self._people[bodies])
+        return Rendered(background, np.take(self._people, bodies, mode="wrap"))
 
     def in_view(self, camera: Camera, pose: Pose) -> NDArray[np.bool_]:
         """Which of the world's bodies may show in the image (B,)."""
-        body = (self._world.centres - pose.position) @ pose.rotation
-        depth = -body[:, 2]
-        sin, cos = math.sin(camera.fov / 2), math.cos(camera.fov / 2)
-        outside = np.max(np.abs(body[:, :2]), axis=1) * cos - depth * sin
-        return np.asarray((outside <= self._radii) & (depth + self._radii >= NEAR))
+        seen = in_frustum(self._world.centres, self._radii, pose.position, pose.rotation, camera.fov)
+        trunks = slice(len(self._trees), 2 * len(self._trees))
+        seen[trunks] &= ~under_canopy(self._trees, pose.position, camera.fov)
+        return seen
 
     def _show(self, wanted: NDArray[np.bool_]) -> None:
         """Show or hide bodies; the rasteriser skips, before any work, what is wholly transparent."""
@@ -98,7 +98,7 @@ def capture(
         physicsClientId=client,
         **_LIGHT,
     )
-    return rgba[..., :3], depth, bodies
+    return np.asarray(cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), dtype=np.uint8), depth, bodies
 
 
 def _projection(camera: Camera) -> Array:

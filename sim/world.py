@@ -44,6 +44,7 @@ class World:
     def __init__(self, scenario: Scenario, forest: Forest, people: int) -> None:
         self.client: int = pybullet.connect(pybullet.DIRECT)
         self._scenario = scenario
+        self.trees = forest.trees
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self.client)
         pybullet.setTimeStep(1.0 / scenario.rates.physics, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=self.client)
