@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assets import ASSETS
-from sim.culling import FAR, NEAR, in_frustum, under_canopy
+from sim.culling import FAR, NEAR, in_frustum, people_hidden, trunks_hidden
 from sim.engine import pybullet
 from sim.world import World
 from tracking.camera import Camera, Pose
@@ -64,9 +64,12 @@ class Renderer:
 
     def in_view(self, camera: Camera, pose: Pose) -> NDArray[np.bool_]:
         """Which of the world's bodies may show in the image (B,)."""
-        seen = in_frustum(self._world.centres, self._radii, pose.position, pose.rotation, camera.fov)
-        trunks = slice(len(self._trees), 2 * len(self._trees))
-        seen[trunks] &= ~under_canopy(self._trees, pose.position, camera.fov)
+        centres, position = self._world.centres, pose.position
+        seen = in_frustum(centres, self._radii, position, pose.rotation, camera.fov)
+        trees, people = len(self._trees), np.max(self._people) + 1
+        seen[trees : 2 * trees] &= ~trunks_hidden(self._trees, position, camera.fov)
+        everyone = slice(2 * trees, 2 * trees + people)
+        seen[everyone] &= ~people_hidden(centres[everyone, :2], self._trees, position, camera.fov)
         return seen
 
     def _show(self, wanted: NDArray[np.bool_]) -> None:
