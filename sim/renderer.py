@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import cv2
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from assets import ASSETS
 from sim.appearance import AMBIENT, DIFFUSE, LIGHT
+from sim.culling import FAR, NEAR, in_frustum, people_hidden, trunks_hidden
 from sim.engine import pybullet
 from sim.world import World
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
 
-NEAR, FAR = 0.5, 500.0  # m, along the optical axis; the carrier's own body is nearer than NEAR
 _TEXELS = 10.0  # of the ground per m
 _SKY = np.array([186, 208, 226], dtype=np.uint8)
 _HAZE = 0.02  # slope of a downward ray below which the ground is lost in the sky
@@ -48,6 +48,7 @@ class Renderer:
         self._world = world
         self._style = world.style
         self._light = {**_LIGHT, "lightDirection": self._style.light, "lightAmbientCoeff": self._style.ambient}
+        self._trees = np.array([astuple(tree) for tree in world.trees], dtype=float).reshape(-1, 6)
         self._radii = np.array([body.radius for body in world.bodies])
         self._shown = np.ones(len(world.bodies), dtype=np.bool_)
         # One more element than there are ids: the background's -1 then finds the last one.
@@ -70,15 +71,17 @@ class Renderer:
         image, _, bodies = capture(self._world.client, camera, pose, light=self._light, opengl=self._world.opengl)
         background = _background(self._ground, self._style.ground_place, camera, pose)
         cv2.copyTo(image, (bodies >= 0).astype(np.uint8), background)
-        return Rendered(background, self._people[bodies])
+        return Rendered(background, np.take(self._people, bodies, mode="wrap"))
 
     def in_view(self, camera: Camera, pose: Pose) -> NDArray[np.bool_]:
         """Which of the world's bodies may show in the image (B,)."""
-        body = (self._world.centres - pose.position) @ pose.rotation
-        depth = -body[:, 2]
-        sin, cos = math.sin(camera.fov / 2), math.cos(camera.fov / 2)
-        outside = np.max(np.abs(body[:, :2]), axis=1) * cos - depth * sin
-        return np.asarray((outside <= self._radii) & (depth + self._radii >= NEAR))
+        centres, position = self._world.centres, pose.position
+        seen = in_frustum(centres, self._radii, position, pose.rotation, camera.fov)
+        trees, people = len(self._trees), np.max(self._people) + 1
+        seen[trees : 2 * trees] &= ~trunks_hidden(self._trees, position, camera.fov)
+        everyone = slice(2 * trees, 2 * trees + people)
+        seen[everyone] &= ~people_hidden(centres[everyone, :2], self._trees, position, camera.fov)
+        return seen
 
     def _show(self, wanted: NDArray[np.bool_]) -> None:
         """Show or hide bodies; the rasteriser skips, before any work, what is wholly transparent."""
@@ -109,7 +112,7 @@ def capture(
         physicsClientId=client,
         **light,
     )
-    return rgba[..., :3], depth, bodies
+    return np.asarray(cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), dtype=np.uint8), depth, bodies
 
 
 def _projection(camera: Camera, shift: float) -> Array:

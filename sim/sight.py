@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from sim.culling import NEAR
 from sim.recording import Recording, Snapshot
-from sim.renderer import NEAR
 from sim.scenario import Scenario
 from sim.sensing import camera_of
 from tracking.camera import Camera, Pose

@@ -51,6 +51,7 @@ class World:
         self.opengl = scenario.sensing.mode == "camera" and scenario.sensing.renderer == "egl"
         self.style = style_of(scenario, seed, trees=len(forest.trees), people=people)
         self._scenario = scenario
+        self.trees = forest.trees
         largest = max(uav.pixels for uav in scenario.uavs)
         self.client: int = opengl.connect(largest) if self.opengl else pybullet.connect(pybullet.DIRECT)
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self.client)

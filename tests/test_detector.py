@@ -10,7 +10,7 @@ from sim.renderer import Renderer
 from sim.scenario import Scenario, Uav
 from sim.world import World
 from tracking.camera import Camera, Pose
-from tracking.detector import Frame, detect
+from tracking.detector import Frame, _labelled, detect
 from tracking.visibility import TARGET_HEIGHT, Forest, Tree
 
 CAMERA = Camera(math.radians(60), 128)
@@ -257,3 +257,15 @@ def test_detection_repeats_exactly_and_leaves_the_image_alone():
     assert one.ground.tobytes() == other.ground.tobytes()
     assert image.tobytes() == before
     assert len(one.ground) == 3
+
+
+def test_components_are_those_of_the_whole_image():
+    rng = np.random.default_rng(9)
+    for density in (0.0, 1e-4, 0.003, 0.02, 0.1, 0.4):
+        for _ in range(40):
+            mask = (rng.random((128, 128)) < density).astype(np.uint8) * 255
+            mask[: rng.integers(100), : rng.integers(100)] = 0
+            _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+            found = _labelled(mask)
+            np.testing.assert_array_equal(found[0], labels)
+            np.testing.assert_array_equal(found[1][1:], stats[1:])

@@ -187,7 +187,7 @@ def compare_sight(rng, bare, full, forest, pose):
     rows, columns = np.nonzero(alone >= 0)
     person = np.array([index[k] for k in alone[rows, columns].tolist()], dtype=int)
     shown = scene[rows, columns] == np.array(ids)[person]
-    free = line_of_sight(pose.position[None], surface(pose, depth, rows, columns), forest.cylinders)[0]
+    free = line_of_sight(pose.position, surface(pose, depth, rows, columns), forest)[0]
     return np.column_stack([person, shown, free, near_silhouettes(trees)[rows, columns]])
 
 

@@ -73,6 +73,43 @@ def test_all_above_the_canopies_is_visible_from_above():
     assert forest.visible(cameras, points).all()
 
 
+def moved(forest: Forest, angle: float, shift: np.ndarray, grown: float = 0.0) -> Forest:
+    """The forest turned about the vertical axis through the origin, shifted, its cylinders grown."""
+    trees = []
+    for t in forest.trees:
+        x, y = turned(np.array([t.x, t.y]), angle) + shift
+        size = t.canopy_radius + grown, t.canopy_base - grown, t.canopy_top + grown, t.trunk_radius + grown
+        trees.append(Tree(float(x), float(y), *size))
+    return Forest(tuple(trees))
+
+
+def turned(points: np.ndarray, angle: float) -> np.ndarray:
+    """Points (..., 2 or 3) turned about the vertical axis."""
+    out = points.copy()
+    out[..., 0] = math.cos(angle) * points[..., 0] - math.sin(angle) * points[..., 1]
+    out[..., 1] = math.sin(angle) * points[..., 0] + math.cos(angle) * points[..., 1]
+    return out
+
+
+def test_moving_cameras_and_scene_together_changes_nothing():
+    rng = np.random.default_rng(7)
+    changed = pairs = 0
+    for _ in range(40):
+        forest, angle, shift = random_forest(rng, 30), rng.uniform(-4, 4), rng.uniform(-200, 200, 2)
+        cameras, points = rng.uniform(LOW, HIGH, (10, 3)), rng.uniform(LOW, [30, 30, 6], (200, 3))
+        there = [turned(p, angle) + np.append(shift, 0.0) for p in (cameras, points)]
+        here = forest.visible(cameras, points)
+        # Rounding decides only where a line grazes a cylinder: there a micrometre of growth or shrinkage does too.
+        grazing = moved(forest, 0, 0, 1e-6).visible(cameras, points) != moved(forest, 0, 0, -1e-6).visible(
+            cameras, points
+        )
+        differs = moved(forest, angle, shift).visible(*there) != here
+        assert not np.any(differs & ~grazing)
+        changed, pairs = changed + np.sum(grazing), pairs + here.size
+        assert 0.1 < here.mean() < 0.9
+    assert changed < 1e-4 * pairs
+
+
 def test_straight_down_hides_exactly_what_is_under_the_canopy():
     tree = Forest((Tree(2.0, -1.0, canopy_radius=5.0),))
     for distance, free in ((0.0, False), (4.999, False), (5.001, True)):
@@ -92,11 +129,11 @@ def test_somebody_under_a_canopy_is_visible_from_the_side():
 
 
 def test_level_segments_meet_only_what_is_at_their_height():
-    cylinder = np.array([[0.0, 0.0, 1.0, 3.0, 6.0]])
+    forest = Forest((Tree(0.0, 0.0, canopy_radius=1.0),))
     for z, free in ((2.99, True), (3.0, False), (5.0, False), (6.0, False), (6.01, True)):
-        assert line_of_sight(np.array([[-5.0, 0, z]]), np.array([[5.0, 0, z]]), cylinder)[0, 0] == free
-    inside = np.array([[0.2, 0.1, 5.0]])
-    assert not line_of_sight(inside, inside, cylinder)[0, 0]
+        assert line_of_sight(np.array([-5.0, 0.5, z]), np.array([5.0, 0.5, z]), forest)[0, 0] == free
+    inside = np.array([0.2, 0.1, 5.0])
+    assert not line_of_sight(inside, inside, forest)[0, 0]
 
 
 def test_discs_hide_exactly_what_is_inside_a_circle():

@@ -117,13 +117,10 @@ def test_trees_are_solid_exactly_where_the_forest_says():
         )
         for e in (0.05, -0.05)
     )
-    free = np.array(
-        [line_of_sight(o[None], p[None], forest.cylinders)[0, 0] for o, p in zip(origins, ends, strict=True)]
-    )
+    free = np.array([line_of_sight(o, p, forest)[0, 0] for o, p in zip(origins, ends, strict=True)])
     sure = np.array(
         [
-            line_of_sight(o[None], p[None], grown.cylinders)[0, 0]
-            == line_of_sight(o[None], p[None], shrunk.cylinders)[0, 0]
+            line_of_sight(o, p, grown)[0, 0] == line_of_sight(o, p, shrunk)[0, 0]
             for o, p in zip(origins, ends, strict=True)
         ]
     )

@@ -86,13 +86,30 @@ def _components(image: NDArray[np.uint8]) -> list[Array]:
     red, green, blue = (channel.astype(np.int16) for channel in cv2.split(image))
     redder = red - green
     mask = (2 * red > 3 * green) & (red > 2 * blue) & (redder >= _FAINT)
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    labels, stats = _labelled(mask.astype(np.uint8))
     components = []
     for k in np.unique(labels[mask & (redder >= _SURE)]).tolist():
         left, top, width, height, _ = stats[k].tolist()
         rows, columns = np.nonzero(labels[top : top + height, left : left + width] == k)
         components.append(np.column_stack([columns + (left + 0.5), rows + (top + 0.5)]))
     return components
+
+
+def _labelled(mask: NDArray[np.uint8]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Labels (P, P) of a mask's components, 0 for the background, and by label their boxes and areas.
+
+    Only the box round all of them is searched: most of an image is background, and counting that takes longest. It
+    begins at even pixels, as the search goes over blocks of two by two, so that the labels are those of the whole.
+    """
+    left, top, width, height = cv2.boundingRect(mask)
+    left, top, right, bottom = left // 2 * 2, top // 2 * 2, left + width, top + height
+    labels = np.zeros(mask.shape, dtype=np.int32)
+    if width == 0:
+        return labels, np.zeros((1, 5), dtype=np.int32)
+    _, found, stats, _ = cv2.connectedComponentsWithStats(mask[top:bottom, left:right], connectivity=8)
+    labels[top:bottom, left:right] = found
+    stats[:, :2] += [left, top]
+    return labels, stats
 
 
 @dataclass(frozen=True, eq=False)

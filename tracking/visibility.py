@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -12,11 +13,13 @@ from scipy.special import ndtri
 
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array, compiled
+from tracking.grid import PIECE, Grid, gridded
 
 # Half of a walking person's 1.7 m: the point that stands for a person wherever one point must.
 TARGET_HEIGHT = 0.85
 
 Occlusion = Literal["line_of_sight", "disc"]
+Vector = Array | tuple[float, ...]  # in compiled loops tuples take half the time of rows of an array
 
 
 @dataclass(frozen=True)
@@ -57,13 +60,18 @@ class Forest:
         rows = [(t.x, t.y, t.canopy_radius, TARGET_HEIGHT, TARGET_HEIGHT) for t in self.trees]
         return np.array(rows, dtype=float).reshape(-1, 5)
 
+    @cached_property
+    def grid(self) -> Grid:
+        """Which `blockers` are near a place."""
+        return gridded(self.blockers)
+
     def visible(self, cameras: Array, points: Array) -> NDArray[np.bool_]:
         """Whether each camera (C, 3) m has a free line to each point (N, 3) m, field of view aside (C, N)."""
-        return line_of_sight(np.atleast_2d(cameras), np.atleast_2d(points), self.blockers)
+        return line_of_sight(cameras, points, self)
 
 
 @compiled
-def blocked(origin: Array, point: Array, cylinder: Array) -> bool:
+def blocked(origin: Vector, point: Vector, cylinder: Vector) -> bool:
     """Whether the segment from origin (3,) to point (3,) touches the solid cylinder (5,)."""
     dx, dy, dz = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
     ox, oy = origin[0] - cylinder[0], origin[1] - cylinder[1]
@@ -86,19 +94,68 @@ def blocked(origin: Array, point: Array, cylinder: Array) -> bool:
     return bool(x * x + y * y <= cylinder[2] * cylinder[2])
 
 
+def line_of_sight(cameras: Array, points: Array, forest: Forest) -> NDArray[np.bool_]:
+    """Whether each camera (C, 3) m has a free line to each point (N, 3) m, field of view aside (C, N).
+
+    Whatever the heights of cameras and points, the answer is that of testing every tree.
+    """
+    origins, ends = (np.ascontiguousarray(np.atleast_2d(x), dtype=float) for x in (cameras, points))
+    return _free(origins, ends, forest.blockers, forest.grid)
+
+
 @compiled
-def line_of_sight(origins: Array, points: Array, cylinders: Array) -> NDArray[np.bool_]:
-    """Whether the segments from origins (C, 3) to points (N, 3) miss all cylinders (B, 5); (C, N)."""
-    free = np.ones((len(origins), len(points)), dtype=np.bool_)
-    for i in range(len(origins)):
-        origin = origins[i]
+def _free(cameras: Array, points: Array, cylinders: Array, grid: Grid) -> NDArray[np.bool_]:
+    """Whether the segments from cameras (C, 3) to points (N, 3) miss all cylinders (B, 5); (C, N)."""
+    free = np.empty((len(cameras), len(points)), dtype=np.bool_)
+    for i in range(len(cameras)):
+        camera = cameras[i, 0], cameras[i, 1], cameras[i, 2]
         for j in range(len(points)):
-            point = points[j]
-            for k in range(len(cylinders)):
-                if blocked(origin, point, cylinders[k]):
-                    free[i, j] = False
-                    break
+            point = points[j, 0], points[j, 1], points[j, 2]
+            free[i, j] = _misses(camera, point, cylinders, grid)
     return free
+
+
+@compiled
+def _misses(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> bool:
+    """Whether the segment from origin (3,) to point (3,) misses all cylinders (B, 5)."""
+    start, end = _inside(origin, point, grid.low, grid.high)
+    if start > end:
+        return True
+    dx, dy = point[0] - origin[0], point[1] - origin[1]
+    length = (end - start) * math.sqrt(dx * dx + dy * dy)
+    every = not length <= PIECE * len(cylinders)  # more pieces than cylinders, or not a number
+    pieces = 1 if every else int(length / PIECE) + 1
+    for k in range(pieces):
+        s = start + (end - start) * (k + 0.5) / pieces
+        cell = grid.rows * grid.columns if every else _cell(origin[0] + s * dx, origin[1] + s * dy, grid)
+        for m in range(grid.starts[cell], grid.starts[cell + 1]):
+            row = grid.members[m]
+            cylinder = cylinders[row, 0], cylinders[row, 1], cylinders[row, 2], cylinders[row, 3], cylinders[row, 4]
+            if blocked(origin, point, cylinder):
+                return False
+    return True
+
+
+@compiled
+def _cell(x: float, y: float, grid: Grid) -> int:
+    """Index of the cell at a place, or of the nearest."""
+    row = min(max(int((y - grid.low[1]) / grid.cell), 0), grid.rows - 1)
+    column = min(max(int((x - grid.low[0]) / grid.cell), 0), grid.columns - 1)
+    return row * grid.columns + column
+
+
+@compiled
+def _inside(origin: Vector, point: Vector, low: Vector, high: Vector) -> tuple[float, float]:
+    """The part [start, end] of the segment from origin (3,), 0, to point (3,), 1, in a box; start > end if none is."""
+    start, end = 0.0, 1.0
+    for axis in range(3):
+        o, p, below, above = origin[axis], point[axis], low[axis], high[axis]
+        if (o < below and p < below) or (o > above and p > above):
+            return 1.0, 0.0
+        if o < below or p < below or o > above or p > above:
+            a, b = (below - o) / (p - o), (above - o) / (p - o)
+            start, end = max(start, min(a, b)), min(end, max(a, b))
+    return start, end
 
 
 def _centroids(count: int) -> Array:

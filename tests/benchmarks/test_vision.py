@@ -1,0 +1,172 @@
+"""What rendering, detection and line of sight cost beside their floors; docs/benchmarks.md says how to run this.
+
+What is compared runs in turn, so that the load of the machine falls on all of it; of several times the least counts.
+In ordinary test runs each comparison runs once, on little, and its ratio is not judged.
+"""
+
+import time
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from planning.registry import load_planner
+from sim.culling import in_frustum
+from sim.mission import Mission
+from sim.renderer import Renderer, capture
+from sim.scenario import Scenario, Sensing, Trees, Uav
+from sim.sensing import camera_of
+from sim.world import World
+from tracking.camera import Pose
+from tracking.detector import Frame, detect
+from tracking.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight
+
+SCENARIO = Scenario(trees=Trees(density=75.0), sensing=Sensing(mode="ideal"))
+ALONE = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One look of a camera during a mission."""
+
+    uav: int
+    pose: Pose
+    people: np.ndarray
+    headings: np.ndarray
+
+    @property
+    def camera(self):
+        return camera_of(SCENARIO.uavs[self.uav])
+
+
+@pytest.fixture(scope="module")
+def judged(request):
+    return request.config.getoption("benchmark_enable")
+
+
+@pytest.fixture(scope="module")
+def flown(judged):
+    """The forest of a mission among 75 trees, and views of it by its three cameras, every two seconds."""
+    mission = Mission(SCENARIO, load_planner("sma-nbo-mwtp"), 0)
+    snapshots = list(islice(mission.fly(), 0, 101 if judged else 6, 10 if judged else 5))
+    views = [View(i, pose, s.people, s.headings) for s in snapshots for i, pose in enumerate(s.cameras)]
+    return mission.forest, views
+
+
+def least(*functions, rounds):
+    """The least time of each function [s], which take turns."""
+    times = np.full((rounds, len(functions)), np.inf)
+    for row in times:
+        for k, function in enumerate(functions):
+            start = time.perf_counter()
+            function()
+            row[k] = time.perf_counter() - start
+    return times.min(axis=0)
+
+
+def in_field_of_view(world, view):
+    """Which bodies touch the pyramid that a camera sees."""
+    radii = np.array([body.radius for body in world.bodies])
+    return in_frustum(world.centres, radii, view.pose.position, view.pose.rotation, view.camera.fov)
+
+
+def only(world, bodies):
+    """A renderer that shows these bodies, and hides the others, whatever the view."""
+    renderer = Renderer(world)
+    renderer.in_view = lambda camera, pose: bodies
+    return renderer
+
+
+def report(what, seconds, floor, bound, judged):
+    print(f"\n{what}: {1e3 * seconds:.2f} ms against {1e3 * floor:.2f} ms, ratio {seconds / floor:.2f}, bound {bound}")
+    assert not judged or seconds <= bound * floor
+
+
+def test_camera_step_against_the_bare_engine_on_what_is_in_view(flown, judged):
+    """From rendering to detections, against the engine's call alone in a client with nothing but the bodies in view."""
+    forest, views = flown
+    trees, times = len(forest.trees), []
+    with World(SCENARIO, forest, len(views[0].people)) as world:
+        renderer = Renderer(world)
+        for view in views:
+            world.place_people(view.people, view.headings)
+            seen = in_field_of_view(world, view)
+            near = [tree for k, tree in enumerate(forest.trees) if seen[k] or seen[trees + k]]
+            people = np.flatnonzero(seen[2 * trees : 2 * trees + len(view.people)])
+            with World(ALONE, Forest(tuple(near)), len(people)) as bare:
+                bare.place_people(view.people[people], view.headings[people])
+                only(bare, in_field_of_view(bare, view)).render(view.camera, view.pose)
+                times.append(
+                    least(
+                        lambda v=view: detect(
+                            Frame(v.uav, 0.0, v.camera, v.pose, renderer.render(v.camera, v.pose).image)
+                        ),
+                        lambda v=view, client=bare.client: capture(client, v.camera, v.pose),
+                        rounds=10 if judged else 1,
+                    )
+                )
+    report("camera step", *np.mean(times, axis=0), 1.25, judged)
+
+
+def test_frames_among_750_trees_against_75(judged):
+    """With the same trees in view."""
+    near = [Tree(10.0 * i - 70, 20.0 * j - 40, 4.5) for i in range(15) for j in range(5)]
+    far = [Tree(10.0 * i + 150, 20.0 * j, 4.5) for i in range(27) for j in range(25)]
+    pose, camera = Pose.level(0.0, 10.0, 19.0), camera_of(SCENARIO.uavs[0])
+    with World(SCENARIO, Forest(tuple(near)), 0) as few, World(SCENARIO, Forest((*near, *far)), 0) as many:
+        a, b = Renderer(few), Renderer(many)
+        assert a.render(camera, pose).image.tobytes() == b.render(camera, pose).image.tobytes()
+        rounds = 100 if judged else 1
+        dense, sparse = least(lambda: b.render(camera, pose), lambda: a.render(camera, pose), rounds=rounds)
+    report("frame, 750 trees against 75", dense, sparse, 1.3, judged)
+
+
+def test_mission_views_against_the_same_without_culling(flown, judged):
+    forest, views = flown
+    with (
+        World(SCENARIO, forest, len(views[0].people)) as culled,
+        World(SCENARIO, forest, len(views[0].people)) as whole,
+    ):
+        a, b = Renderer(culled), only(whole, np.ones(len(whole.bodies), dtype=bool))
+        times = []
+        for view in views:
+            for world in (culled, whole):
+                world.place_people(view.people, view.headings)
+            times.append(
+                least(
+                    lambda v=view: a.render(v.camera, v.pose),
+                    lambda v=view: b.render(v.camera, v.pose),
+                    rounds=10 if judged else 1,
+                )
+            )
+    report("mission's views, culled against whole", *np.mean(times, axis=0), 0.5, judged)
+
+
+def lines(trees, judged):
+    """Forest of 75 trees per 150 x 100 m, cameras above it, and 1000 points in view of each."""
+    rng = np.random.default_rng(0)
+    half = np.array([75.0, 50.0]) * np.sqrt(trees / 75)
+    forest = Forest(tuple(Tree(*rng.uniform(-half, half)) for _ in range(trees)))
+    cameras = np.column_stack([rng.uniform(-half, half, (50, 2)), rng.uniform(17, 22, 50)])[: None if judged else 2]
+    offsets = rng.uniform(-12, 12, (len(cameras), 1000, 2))
+    return forest, [
+        (camera, np.column_stack([camera[:2] + o, np.full(1000, TARGET_HEIGHT)]))
+        for camera, o in zip(cameras, offsets, strict=True)
+    ]
+
+
+def test_lines_of_sight_a_second(judged):
+    """At least 5 million among 75 trees; growing slower than the number of trees."""
+    work = {trees: lines(trees, judged) for trees in (75, 300, 1200)}
+
+    def look(trees):
+        forest, pairs = work[trees]
+        for camera, points in pairs:
+            line_of_sight(camera, points, forest)
+
+    look(75)
+    few, some, many = least(*(lambda n=n: look(n) for n in work), rounds=20 if judged else 1)
+    rates = [1e-6 * 1000 * len(work[75][1]) / seconds for seconds in (few, some, many)]
+    print("\nmillion lines of sight a second among 75, 300, 1200 trees: {:.1f}, {:.1f}, {:.1f}".format(*rates))
+    assert not judged or (rates[0] >= 5.0 and many < 2 * few)

@@ -1,0 +1,120 @@
+"""Spatial culling against testing every cylinder."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tracking.compiled import compiled
+from tracking.grid import gridded
+from tracking.visibility import TARGET_HEIGHT, Forest, Tree, blocked, line_of_sight
+
+
+@compiled
+def exhaustive(cameras, points, cylinders):
+    """Line of sight past every cylinder, one after the other."""
+    free = np.ones((len(cameras), len(points)), dtype=np.bool_)
+    for i in range(len(cameras)):
+        for j in range(len(points)):
+            for k in range(len(cylinders)):
+                if blocked(cameras[i], points[j], cylinders[k]):
+                    free[i, j] = False
+                    break
+    return free
+
+
+def scene(rng, trees, span, occlusion="line_of_sight"):
+    """Trees of all sizes and heights, also such that overlap, in a square of 2 `span` m."""
+    bases = rng.uniform(0, 5, trees)
+    return Forest(
+        tuple(
+            Tree(
+                *rng.uniform(-span, span, 2), rng.uniform(0.5, 5), base, base + rng.uniform(0, 4), rng.uniform(0.1, 0.5)
+            )
+            for base in bases
+        ),
+        occlusion,
+    )
+
+
+def segments(rng, kind, span):
+    """Cameras (40, 3) and points (100, 3): from above, from anywhere, far outside, on level and upright lines."""
+    reach = {"outside": 3 * span, "horizon": 1e4 * span}.get(kind, span)
+    lowest = 17.0 if kind == "above" else -1.0
+    cameras = rng.uniform([-reach, -reach, lowest], [reach, reach, 22], (40, 3))
+    points = rng.uniform([-reach, -reach, 0], [reach, reach, 7], (100, 3))
+    if kind == "above":
+        points[:, 2] = TARGET_HEIGHT
+    if kind == "rounded":  # many equal heights, upright segments and segments of length zero
+        cameras, points = np.round(cameras), np.round(points)
+        points[:20], points[20:40, :2] = cameras[:20], cameras[20:, :2]
+    return cameras, points
+
+
+@pytest.mark.parametrize("occlusion", ["line_of_sight", "disc"])
+@pytest.mark.parametrize("trees", [0, 1, 2, 12, 75])
+def test_culling_changes_no_line_of_sight(trees, occlusion):
+    rng = np.random.default_rng(trees)
+    hidden = 0
+    for span in (10.0, 30.0, 75.0):
+        forest = scene(rng, trees, span, occlusion)
+        for kind in ("above", "anywhere", "outside", "horizon", "rounded"):
+            cameras, points = segments(rng, kind, span)
+            free = line_of_sight(cameras, points, forest)
+            np.testing.assert_array_equal(free, exhaustive(cameras, points, forest.blockers))
+            hidden += np.sum(~free)
+    assert (hidden > 20) == (trees > 0)
+
+
+@pytest.mark.slow
+def test_culling_changes_none_of_a_million_lines_of_sight():
+    rng = np.random.default_rng(0)
+    pairs = hidden = 0
+    for _ in range(60):
+        forest = scene(rng, 75, 50.0)
+        for kind in ("above", "anywhere", "outside", "horizon", "rounded"):
+            cameras, points = segments(rng, kind, 50.0)
+            free = line_of_sight(cameras, points, forest)
+            np.testing.assert_array_equal(free, exhaustive(cameras, points, forest.blockers))
+            pairs, hidden = pairs + free.size, hidden + np.sum(~free)
+    assert pairs >= 1_000_000 and hidden > 100_000
+
+
+def test_what_is_not_a_number_is_answered_as_without_culling():
+    forest = scene(np.random.default_rng(1), 20, 20.0)
+    cameras, points = segments(np.random.default_rng(2), "anywhere", 20.0)
+    cameras[:9] = np.where(np.arange(27).reshape(9, 3) % 4 == 0, np.nan, cameras[:9])
+    np.testing.assert_array_equal(line_of_sight(cameras, points, forest), exhaustive(cameras, points, forest.blockers))
+
+
+def test_a_list_holds_every_cylinder_near_its_cell_and_none_far_off():
+    rng = np.random.default_rng(3)
+    cylinders = scene(rng, 40, 40.0).cylinders
+    grid = gridded(cylinders)
+    for cell in range(grid.rows * grid.columns):
+        corner = np.array(grid.low[:2]) + grid.cell * np.array([cell % grid.columns, cell // grid.columns])
+        gap = np.hypot(*np.maximum(np.abs(cylinders[:, :2] - corner - grid.cell / 2) - grid.cell / 2, 0.0).T)
+        listed = np.sort(grid.members[grid.starts[cell] : grid.starts[cell + 1]])
+        np.testing.assert_array_equal(listed, np.flatnonzero(gap <= cylinders[:, 2] + 2.0 + 2e-6))
+
+
+def test_lists_grow_with_the_density_of_a_forest_and_not_with_its_size():
+    def length(trees, span):
+        grid = gridded(scene(np.random.default_rng(4), trees, span).cylinders)
+        return grid.starts[-2] / (len(grid.starts) - 2)
+
+    assert length(1200, 4 * 61.2) == pytest.approx(length(75, 61.2), rel=0.15)
+    assert length(300, 61.2) == pytest.approx(4 * length(75, 61.2), rel=0.15)
+
+
+def test_a_grid_over_trees_far_apart_stays_small_and_exact():
+    forest = Forest((Tree(-5e5, 2e5), Tree(5e5, -2e5), Tree(0.0, 0.0)))
+    assert len(forest.grid.starts) < 600_000
+    for tree in forest.trees:
+        person = np.array([tree.x, tree.y + 1.0, TARGET_HEIGHT])
+        above, aside = np.array([0.0, 2.0, 19.0]), np.array([0.0, 8.0, 0.0])
+        assert not line_of_sight(person + above, person, forest)[0, 0]
+        assert line_of_sight(person + above + aside, person + aside, forest)[0, 0]
+        west, east = np.array([tree.x - 30.0, tree.y, 4.0]), np.array([tree.x + 30.0, tree.y, 4.0])
+        assert not line_of_sight(west, east, forest)[0, 0]
+    assert math.isclose(forest.grid.high[0], 5e5 + 5.0, abs_tol=1e-3)
