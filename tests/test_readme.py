@@ -123,3 +123,7 @@ def test_the_overrides_of_the_reference_are_valid():
     assert list(map(len, overrides)) == [0, 1, 2, 1]
     for given in overrides:
         load("forest", given)
+
+
+def test_no_placeholder_is_left():
+    assert not re.search(r"\b[A-Z]+(_[A-Z]+)+\b|TODO|TBD", README)
