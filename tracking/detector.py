@@ -117,7 +117,7 @@ def _sizes(frame: Frame, pixels: Array) -> _Size:
     cos = np.where(height > 0.0, cos, 1.0)
     return _Size(
         np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1),
-        np.column_stack([0.75 * scale + 0.95 * height, 0.95 * scale]),
+        np.column_stack([np.maximum(0.75 * scale + 0.95 * height, 0.95 * scale), 0.95 * scale]),
         scale * (0.2 * scale + 0.22 * height),
     )
 
