@@ -86,6 +86,7 @@ class Mission:
         cameras = [camera_pose(uav, body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
         looks = [self._sensors.look(i, time, pose, people) for i, pose in enumerate(cameras)]
         self.frames = [look.image for look in looks]
+        self.faults += [Fault(time, look.scan.uav, look.fault) for look in looks if look.fault]
         positions = np.array([pose.position for pose in cameras])
         with self.clock.measure("tracking"):
             self._track(looks, positions)

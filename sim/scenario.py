@@ -106,6 +106,9 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     mode: Literal["camera", "ideal"] = "camera"
     noise: Literal["range_bearing", "camera"] = "range_bearing"
     occlusion: Literal["line_of_sight", "disc"] = "line_of_sight"  # what tracker and planner assume
+    detector: str = "blob"  # "blob", "segmentation" or "package.module:Class"
+    false_alarms: NonNegative = 0.0  # expected number per frame, Poisson
+    miss_probability: Probability = 0.0  # that somebody who would be detected is not
 
 
 class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
