@@ -22,6 +22,7 @@ from sim.console import (
     show_run,
     trial_progress,
 )
+from sim.detectors import check_detector
 from sim.errors import InputError
 from sim.loading import SCENARIOS, did_you_mean, load
 from sim.quantity import integer, integers, interval, seconds
@@ -99,6 +100,7 @@ def run(
 ) -> None:
     """Fly one mission; leave recording, summary, video and OSPA curve in a new folder."""
     setting = load(scenario, _with_duration(overrides, duration))
+    check_detector(setting.sensing.detector)
     number = integer(seed, "--seed", least=0)
     load_planner(planner)
     folder = out or _unused(Path("runs") / f"{Path(scenario).stem}-{planner.replace(':', '.')}-seed{number}")
@@ -123,6 +125,7 @@ def compare(
 ) -> None:
     """Fly planners on the same forests, people and seeds; show the results side by side."""
     setting = load(scenario, _with_duration(overrides, duration))
+    check_detector(setting.sensing.detector)
     names = list(dict.fromkeys(planner or PLANNERS))
     for name in names:
         load_planner(name)

@@ -94,6 +94,7 @@ class Mission:
             for i, pose in enumerate(cameras)
         ]
         self.frames = [look.image for look in looks]
+        self.faults += [Fault(time, look.scan.uav, look.fault) for look in looks if look.fault]
         positions = np.array([pose.position for pose in cameras])
         with self.clock.measure("tracking"):
             self._track(time, looks, positions)

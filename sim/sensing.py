@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.renderer import Renderer
+from sim.clutter import Clutter
+from sim.detectors import load_detector
+from sim.renderer import Rendered, Renderer
 from sim.scenario import Scenario, Uav
 from sim.scoring import matched_people, visible_pixels
+from sim.segmentation import MaskDetector
 from sim.stopwatch import Stopwatch
 from sim.world import World
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
-from tracking.detector import Detections, Frame, detect, visible_shares
+from tracking.detector import Detections, Frame
 from tracking.noise import NoiseModel
 from tracking.tracker import Scan
 from tracking.visibility import TARGET_HEIGHT, Forest
@@ -31,6 +34,7 @@ class Look:
     visible: NDArray[np.int64]  # (M,) pixels the renderer shows of each person; in ideal sensing 1 for seen
     matched: NDArray[np.bool_]  # (M,) people detected
     taken: bool = True  # whether the camera took a frame; without one the scan is empty and says nothing
+    fault: str = ""  # of the detector
 
 
 def camera_of(uav: Uav) -> Camera:
@@ -86,6 +90,10 @@ class Sensors:
         self._rng = rng
         self._clock = clock
         self._renderer = Renderer(world) if scenario.sensing.mode == "camera" else None
+        self._clutter = Clutter(scenario.sensing, rng)
+        # Note: [Li22]'s noise is added to what a camera measures without a map.
+        calibrated = scenario.sensing.noise == "camera"
+        self._detector = load_detector(scenario.sensing.detector, Forest(forest.trees) if calibrated else None)
         self.cameras = [camera_of(uav) for uav in scenario.uavs]
         self.noises = [noise_of(uav, scenario) for uav in scenario.uavs]
 
@@ -93,19 +101,30 @@ class Sensors:
         """What one camera at `pose` measures; people (M, 2) m, NaN where absent, are those in the world now."""
         if self._renderer is None:
             return self._ideal(uav, time, pose, people)
-        camera = self.cameras[uav]
         with self._clock.measure("rendering"):
-            rendered = self._renderer.take(uav, time, camera, pose)
+            rendered = self._renderer.take(uav, time, self.cameras[uav], pose)
         with self._clock.measure("detection"):
-            frame = Frame(uav, time, camera, pose, rendered.image)
-            found = detect(frame)
+            found, fault = self._detected(Frame(uav, time, self.cameras[uav], pose, rendered.image), rendered)
             if self._scenario.sensing.noise == "range_bearing":
                 scan = self._sampled(uav, time, pose, found.ground)
             else:
-                scan = self._calibrated(uav, frame, found)
+                scan = Scan(uav, time, pose, found.ground, found.covariances)
+            kept = self._clutter.kept(len(found.ground))
+            scan, alarms = self._cluttered(scan, kept)
         visible = visible_pixels(rendered.people, len(people))
-        matched = matched_people(found.pixels, rendered.people, len(people))
-        return Look(scan, found.pixels, rendered.image, visible, matched)
+        matched = matched_people(found.pixels[kept], rendered.people, len(people))
+        return Look(scan, np.vstack([found.pixels[kept], alarms]), rendered.image, visible, matched, fault=fault)
+
+    def _detected(self, frame: Frame, rendered: Rendered) -> tuple[Detections, str]:
+        """What the detector finds, and its fault; then nothing is found."""
+        try:
+            if isinstance(self._detector, MaskDetector):
+                return self._detector.detect(frame, rendered.people), ""
+            # What a stranger's code does to its image must not show in recordings and videos.
+            return checked(self._detector.detect(replace(frame, image=frame.image.copy()))), ""
+        except Exception as error:  # a stranger's code may raise anything
+            nothing = Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
+            return nothing, f"detector: {type(error).__name__}: {error}"
 
     @staticmethod
     def rest(uav: int, time: float, pose: Pose, people: Array) -> Look:
@@ -122,7 +141,18 @@ class Sensors:
             points[~present] = 0.0
             seen = present & self.cameras[uav].sees(pose, points) & self._forest.visible(pose.position, points)[0]
             scan = self._sampled(uav, time, pose, people[seen])
-        return Look(scan, np.zeros((0, 2)), None, seen.astype(np.int64), seen)
+            kept = self._clutter.kept(len(scan.measurements))
+            scan, _ = self._cluttered(scan, kept)
+        matched = seen.copy()
+        matched[seen] = kept
+        return Look(scan, np.zeros((0, 2)), None, seen.astype(np.int64), matched)
+
+    def _cluttered(self, scan: Scan, kept: NDArray[np.bool_]) -> tuple[Scan, Array]:
+        """A scan without what is missed and with false alarms after the rest, and the pixels (K, 2) of these."""
+        pixels, ground = self._clutter.false_alarms(self.cameras[scan.uav], scan.pose)
+        z = np.vstack([scan.measurements[kept], ground])
+        R = np.concatenate([scan.covariances[kept], self._covariances(scan.uav, scan.pose, ground)])
+        return replace(scan, measurements=z, covariances=R), pixels
 
     def _sampled(self, uav: int, time: float, pose: Pose, ground: Array) -> Scan:
         """Ground points (N, 2) m with a sample of the UAV's noise model added, and its covariances.
@@ -140,10 +170,16 @@ class Sensors:
         R = [self.noises[uav].covariance(pose.position[:2], point) for point in points]
         return np.array(R).reshape(-1, 2, 2)
 
-    @staticmethod
-    def _calibrated(uav: int, frame: Frame, found: Detections) -> Scan:
-        """Detections as they are, each with the camera's covariance for how much of the person shows."""
-        x, y, altitude = frame.pose.position.tolist()
-        models = [NoiseModel.camera(frame.camera, altitude, share) for share in visible_shares(frame, found)]
-        R = [model.covariance(np.array([x, y]), z) for model, z in zip(models, found.ground, strict=True)]
-        return Scan(uav, frame.time, frame.pose, found.ground, np.array(R).reshape(-1, 2, 2))
+
+def checked(found: Detections) -> Detections:
+    """Detections that trackers can use, as arrays of floats; ValueError says what is wrong with them."""
+    pixels, ground, R = (np.array(a, dtype=float) for a in (found.pixels, found.ground, found.covariances))
+    count = len(ground)
+    for name, array, shape in (("pixels", pixels, (2,)), ("ground", ground, (2,)), ("covariances", R, (2, 2))):
+        if array.shape != (count, *shape):
+            raise ValueError(f"{name} of shape {array.shape}, not {(count, *shape)}")
+        if not np.all(np.isfinite(array)):
+            raise ValueError(f"{name} are not finite")
+    if count and (not np.allclose(R, np.swapaxes(R, 1, 2)) or np.linalg.eigvalsh(R).min() <= 0.0):
+        raise ValueError("covariances are not symmetric and positive definite")
+    return replace(found, pixels=pixels, ground=ground, covariances=R)

@@ -105,7 +105,7 @@ def results_table(summary: Mapping[str, Any]) -> Table:
         table.add_row(stage.replace("_", "-"), f"{spent:.2f} s")
     table.add_section()
     faults = len(summary["faults"])
-    table.add_row("planner faults", str(faults), style="bold red" if faults else None)
+    table.add_row("faults", str(faults), style="bold red" if faults else None)
     touched = summary["contacts"]
     if touched:
         table.add_row("contacts", str(len(touched)), style="bold red")

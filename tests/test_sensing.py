@@ -1,9 +1,7 @@
 """From world to scans: who is measured, with which error and which covariance."""
 
 import math
-from itertools import pairwise
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -103,77 +101,6 @@ def test_nothing_is_added_to_what_the_camera_itself_measures():
             assert len(look.scan.measurements) == 4
             np.testing.assert_array_equal(look.scan.measurements, detect(frame).ground)
     assert chance.bit_generator.state == np.random.default_rng(5).bit_generator.state
-
-
-def consistency(rng, forest, frames, pixels=128):
-    """Per detected person: off-nadir angle in degrees, NEES, pixels shown, pixels that would show without trees."""
-    fleet = tuple(msgspec.structs.replace(uav, pixels=pixels) for uav in FLEET)
-    setting, count, rows = scenario(noise="camera", uavs=fleet), 8, []
-    with World(setting, forest, count) as world, World(setting, OPEN, count) as bare:
-        full, alone = sensors(setting, world, forest), sensors(setting, bare)
-        for k in range(frames):
-            uav = k % 3
-            pose = Pose.level(*rng.uniform(-30, 30, 2), ALTITUDES[uav])
-            half = (ALTITUDES[uav] - TARGET_HEIGHT) * math.tan(math.radians(30))
-            offsets = spread(rng, count, half)
-            people, headings = pose.position[:2] + offsets, rng.uniform(-math.pi, math.pi, count)
-            for each in (world, bare):
-                each.place_people(people, headings)
-            look, whole = full.look(uav, 0.0, pose, people), alone.look(uav, 0.0, pose, people).visible
-            for z, R in zip(look.scan.measurements, look.scan.covariances, strict=True):
-                gap = np.linalg.norm(people - z, axis=1)
-                person = int(np.argmin(gap))
-                if gap[person] < 1.2:
-                    error, angle = z - people[person], np.hypot(*offsets[person]) / (ALTITUDES[uav] - TARGET_HEIGHT)
-                    nees = error @ np.linalg.solve(R, error)
-                    rows.append((math.degrees(math.atan(angle)), nees, look.visible[person], whole[person]))
-    return np.array(rows)
-
-
-def spread(rng, count, half):
-    """Places (count, 2), all inside the image, at least 2.4 m apart, as often near nadir as far from it."""
-    places = []
-    while len(places) < count:
-        r, bearing = rng.uniform(0, half * math.sqrt(2)), rng.uniform(-math.pi, math.pi)
-        place = r * np.array([math.cos(bearing), math.sin(bearing)])
-        if np.abs(place).max() < half and all(np.linalg.norm(place - p) > 2.4 for p in places):
-            places.append(place)
-    return np.array(places)
-
-
-def test_the_cameras_covariance_is_consistent_at_all_angles():
-    angle, nees, _, _ = consistency(np.random.default_rng(20), OPEN, 300).T
-    # Two degrees of freedom. One formula for all headings and image edges leaves up to a fourth; a mean of 150 has a
-    # standard error of 0.16.
-    edges = (0, 5, 10, 15, 20, 25, 30, 40)
-    for low, high in pairwise(edges):
-        within = nees[(angle >= low) & (angle < high)]
-        assert len(within) > 150
-        assert 1.4 < within.mean() < 2.6, f"{low} to {high} degrees: {within.mean():.2f}"
-    assert 1.75 < nees.mean() < 2.25
-    assert np.quantile(nees, 0.99) < 13  # 9.2 if the errors were Gaussian
-
-
-@pytest.mark.parametrize("pixels", [64, 256])
-def test_the_cameras_covariance_is_consistent_at_other_resolutions(pixels):
-    nees = consistency(np.random.default_rng(22), OPEN, 60, pixels)[:, 1]
-    assert len(nees) > 400  # a standard error of 0.1
-    assert 1.5 < nees.mean() < 2.5
-
-
-def test_the_cameras_covariance_grows_with_what_trees_hide():
-    rng = np.random.default_rng(21)
-    rows = [consistency(rng, scattered(rng), 100) for _ in range(4)]
-    _, nees, shown, whole = np.vstack(rows).T
-    partly, barely = (shown < whole) & (2 * shown >= whole), 2 * shown < whole
-    assert partly.sum() > 100 and barely.sum() > 80
-    assert 1 < nees[partly].mean() < 5
-    assert 0.5 < nees[barely].mean() < 4
-
-
-def scattered(rng):
-    """A hundred slender trees."""
-    return Forest(tuple(Tree(*rng.uniform(-40, 40, 2), canopy_radius=1.5) for _ in range(100)))
 
 
 @pytest.mark.parametrize("mode", ["ideal", "camera"])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
+from tracking.noise import WHOLE, NoiseModel
 from tracking.visibility import TARGET_HEIGHT
 
 # Hi-vis orange in any light: red exceeds green by half of it, and blue by all of it. What noise makes of darker places
@@ -44,41 +45,72 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Detections:
-    """People found in one frame, from the image's top to its bottom."""
+    """People found in one frame, from the image's top to its bottom.
 
-    pixels: Array  # (N, 2) where each person's mid-height is in the image
+    What only the drawing of frames wants, areas and boxes, a detector may leave out.
+    """
+
+    pixels: Array  # (N, 2) where each person's mid-height seems to be in the image, hidden parts aside
     ground: Array  # (N, 2) m
-    areas: Array  # (N,) visible, pixels
-    boxes: Array  # (N, 4) left, top, right and bottom edge of what is visible, pixels
+    covariances: Array  # (N, 2, 2) m², of `ground`
+    areas: Array = field(default_factory=lambda: np.zeros(0))  # (N,) visible, pixels
+    boxes: Array = field(default_factory=lambda: np.zeros((0, 4)))  # (N, 4) left, top, right, bottom edge, pixels
+
+
+class Detector(Protocol):
+    """Finds people in frames; "package.module:Class" in a scenario names one, made without arguments."""
+
+    def detect(self, frame: Frame) -> Detections:
+        """The people in one frame, from the image's top to its bottom."""
+
+
+def detect(frame: Frame) -> Detections:
+    """Detect the people in a frame, as if each were seen whole, the image's edge aside."""
+    return measured(frame, blobs_of(frame))
 
 
 # Where the horizon is in view, rays that meet no ground give NaN; such sizes fit nobody, such pixels are no person's.
 @np.errstate(divide="ignore", invalid="ignore")
-def detect(frame: Frame) -> Detections:
-    """Detect the people in a frame.
+def blobs_of(frame: Frame) -> list[Array]:
+    """Pixels (K, 2) of each person in a frame.
 
-    Fragments that one person spans are joined; a component too large for one person is split. A silhouette's
-    centroid stands for the person's mid-height, corrected for what the image's edge cuts off.
+    Fragments that one person spans are joined; a component too large for one person is split.
     """
     blobs = _joined(frame, _components(frame.image))
     if blobs:
-        sizes = _sizes(frame, np.vstack([_middle(blob) for blob in blobs]))
-        blobs = [part for k, blob in enumerate(blobs) for part in _split(blob, sizes, k)]
-        blobs = [blob for blob in blobs if _meets_ground(frame, blob)]
+        size = sizes(frame, np.vstack([_middle(blob) for blob in blobs]))
+        blobs = [part for k, blob in enumerate(blobs) for part in _split(blob, size, k)]
+    return [blob for blob in blobs if _meets_ground(frame, blob)]
+
+
+@np.errstate(divide="ignore", invalid="ignore")
+def measured(frame: Frame, blobs: list[Array]) -> Detections:
+    """Detections of people who show as blobs, each the pixels (K, 2) of one.
+
+    A silhouette's centroid stands for the person's mid-height, corrected for what the image's edge cuts off; the
+    covariance is that of a person who is seen whole.
+    """
     if not blobs:
-        return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros((0, 4)))
+        return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
     pixels = np.array([_centre(frame, blob) for blob in blobs])
+    ground = frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT)
     return Detections(
         pixels,
-        frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT),
+        ground,
+        whole_covariances(frame, ground),
         np.array([float(len(blob)) for blob in blobs]),
         np.array([[*(blob.min(axis=0) - 0.5), *(blob.max(axis=0) + 0.5)] for blob in blobs]),
     )
 
 
-def visible_shares(frame: Frame, found: Detections) -> Array:
-    """Area of each detection over that of the mean silhouette at its place (N,); above one for broad ones."""
-    return found.areas / _sizes(frame, found.pixels).areas
+def whole_covariances(frame: Frame, ground: Array) -> Array:
+    """Covariances (N, 2, 2) m² of people at ground points (N, 2) m who are seen whole."""
+    eye, altitude = frame.pose.position[:2], float(frame.pose.position[2])
+    model = NoiseModel.camera(frame.camera, altitude)
+    tangents = np.linalg.norm(ground - eye, axis=1) / (altitude - TARGET_HEIGHT)
+    excess = np.interp(tangents, WHOLE.tangents, WHOLE.excess)
+    R = np.array([model.covariance(eye, z) for z in ground]).reshape(-1, 2, 2)
+    return np.asarray(excess[:, None, None] * R)
 
 
 def _components(image: NDArray[np.uint8]) -> list[Array]:
@@ -113,7 +145,7 @@ def _labelled(mask: NDArray[np.uint8]) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Size:
+class Size:
     """How large one person is in the image at each of N places."""
 
     axes: Array  # (N, 2, 2) unit vectors in columns: from foot to head, across
@@ -121,7 +153,7 @@ class _Size:
     areas: Array  # (N,) the mean, pixels
 
 
-def _sizes(frame: Frame, pixels: Array) -> _Size:
+def sizes(frame: Frame, pixels: Array) -> Size:
     """Sizes of people whose mid-height is seen at pixels (N, 2).
 
     Fitted to renderings of a walking person at all headings, from nadir to 40 degrees off.
@@ -135,14 +167,14 @@ def _sizes(frame: Frame, pixels: Array) -> _Size:
     height = np.linalg.norm(upright, axis=1)
     cos, sin = (upright / np.maximum(height, 1e-9)[:, None]).T
     cos = np.where(height > 0.0, cos, 1.0)
-    return _Size(
+    return Size(
         np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1),
-        np.column_stack([0.75 * scale + 0.95 * height, 0.95 * scale]),
+        np.column_stack([np.maximum(0.75 * scale + 0.95 * height, 0.95 * scale), 0.95 * scale]),
         scale * (0.2 * scale + 0.22 * height),
     )
 
 
-def _fits_one(blob: Array, size: _Size, k: int) -> bool:
+def _fits_one(blob: Array, size: Size, k: int) -> bool:
     """Whether one person of the k-th size can span all pixels (K, 2) of a blob."""
     small = len(blob) <= _CROWD * size.areas[k] + 1.0
     return bool(small and np.all(np.ptp(blob @ size.axes[k], axis=0) <= size.extents[k]))
@@ -153,13 +185,13 @@ def _joined(frame: Frame, blobs: list[Array]) -> list[Array]:
     blobs = list(blobs)
     while len(blobs) > 1:
         centres = np.array([blob.mean(axis=0) for blob in blobs])
-        reach = np.linalg.norm(_sizes(frame, centres).extents, axis=1)
+        reach = np.linalg.norm(sizes(frame, centres).extents, axis=1)
         distances = np.linalg.norm(centres[:, None] - centres, axis=2)
         near = np.triu(distances < reach, 1)
         pairs = sorted((distances[i, j], i, j) for i, j in np.argwhere(near).tolist())
         for _, i, j in pairs:
             both = np.vstack([blobs[i], blobs[j]])
-            if _fits_one(both, _sizes(frame, _middle(both)), 0):
+            if _fits_one(both, sizes(frame, _middle(both)), 0):
                 blobs[i] = both
                 del blobs[j]
                 break
@@ -172,7 +204,7 @@ def _middle(blob: Array) -> Array:
     return np.asarray((blob.min(axis=0) + blob.max(axis=0))[None] / 2)
 
 
-def _split(blob: Array, size: _Size, k: int) -> list[Array]:
+def _split(blob: Array, size: Size, k: int) -> list[Array]:
     """Parts of a blob, as many as it has areas of the k-th size; k-means from evenly spread starts."""
     if len(blob) == 1 or np.isnan(size.areas[k]) or _fits_one(blob, size, k):
         return [blob]

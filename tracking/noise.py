@@ -11,13 +11,43 @@ from tracking.camera import Camera
 from tracking.compiled import Array, compiled
 from tracking.visibility import TARGET_HEIGHT
 
-# Fitted to rendered people in plain view, at least half of them inside the image, at all headings, from 17 to 22 m, in
-# images of 64, 128 and 256 pixels that see 60 degrees, so that errors squared over variances average one.
-_WIDTH = 0.5  # m, of a person seen from above
-_POSTURE = 0.017  # m: what limbs and stride move a silhouette's centroid by
-_UPRIGHT = 0.04  # m at 45 degrees off nadir: what they and the image's edge move it by along an upright body
-# Silhouettes of this share of the mean one are still whole ones, seen from their slim side.
-_WHOLE = 0.8
+Quadratic = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class WholeError:
+    """What moves the centroid of a whole silhouette: constants of the camera's covariance at nadir, and their growth.
+
+    The growths are factors of t and t², t being the tangent of the angle off nadir.
+    Fitted by `python -m sim.calibration` to rendered people in plain view at all headings, from 12 to 34 m above, in
+    images of 96 to 256 pixels that see 60 degrees, so that errors squared over variances average one.
+    """
+
+    posture: float = 0.021  # m, standard deviation: limbs and stride
+    rounding: float = 1.633  # standard deviations of one pixel's rounding, where pixels are large
+    limb: float = 0.4  # m: pixels smaller than that average over a silhouette
+    radial_posture: tuple[float, float] = (-2.961, 6.517)
+    radial_rounding: tuple[float, float] = (-0.206, 0.973)
+    tangential_posture: tuple[float, float] = (0.282, 0.0)
+    tangential_rounding: tuple[float, float] = (-1.46, 0.561)
+    # Factors of a detection's covariance by t: what polynomials of second degree, which planners use, leave.
+    tangents: tuple[float, ...] = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75)
+    excess: tuple[float, ...] = (0.893, 0.987, 1.045, 1.057, 0.909, 0.906)
+
+    def variances(self, gsd: Array) -> tuple[Array, Array]:
+        """Radial and tangential variance as polynomials in t, (..., 3) m² each, for pixels of edge gsd (...) m."""
+        pixels = np.square(gsd)
+        posture = np.full(np.shape(gsd), self.posture**2)
+        rounding = self.rounding**2 * pixels / 12 * pixels / (self.limb**2 + pixels)
+
+        def polynomial(p: tuple[float, float], q: tuple[float, float]) -> Array:
+            return np.asarray(np.multiply.outer(posture, [1.0, *p]) + np.multiply.outer(rounding, [1.0, *q]))
+
+        radial = polynomial(self.radial_posture, self.radial_rounding)
+        return radial, polynomial(self.tangential_posture, self.tangential_rounding)
+
+
+WHOLE = WholeError()
 
 
 @dataclass(frozen=True)
@@ -28,8 +58,8 @@ class NoiseModel:
     code of tracker and planner needs to know only one.
     """
 
-    radial: tuple[float, float, float]  # m², m, 1
-    tangential: tuple[float, float, float]  # m², m, 1
+    radial: Quadratic  # m², m, 1
+    tangential: Quadratic  # m², m, 1
     minimum_range: float = 0.0  # m
 
     @staticmethod
@@ -38,21 +68,16 @@ class NoiseModel:
         return NoiseModel((0.0, 0.1 * alpha, 0.0), (0.0, 0.1 * math.pi * alpha, 0.0), 2.0)
 
     @staticmethod
-    def camera(camera: Camera, altitude: float, visible: float = 1.0) -> NoiseModel:
-        """The error of a detection itself, for a nadir camera `altitude` m above ground.
+    def camera(camera: Camera, altitude: float) -> NoiseModel:
+        """The error of a detection itself, for a person in plain view of a nadir camera `altitude` m above ground.
 
-        Pixels: a centroid averages the rounding, of variance gsd² / 12, over the width / gsd rows of a silhouette, gsd
-        being a pixel's edge at the target's height. Posture: limbs and stride. Along the line of sight both grow as an
-        upright body's projection does, with r² / height². Occlusion: where the share `visible` of the mean silhouette
-        shows, the centroid is off by up to half the hidden part's extent.
+        Posture: limbs and stride. Rounding: of variance gsd² / 12 for one pixel of edge gsd at the target's height, and
+        smaller by gsd² / limb² for a centroid of many. What only a part shows of has the covariance of
+        `tracking.partial`.
         """
         height = altitude - TARGET_HEIGHT
-        hidden = max(0.0, 1.0 - visible / _WHOLE)
-        pixel = (height / camera.focal) ** 3 / (12 * _WIDTH)
-        across = _POSTURE**2 + pixel + (hidden * _WIDTH / 2) ** 2
-        slope = hidden**2 * _WIDTH * TARGET_HEIGHT / height
-        curve = (_UPRIGHT**2 + pixel + (hidden * TARGET_HEIGHT) ** 2) / height**2
-        return NoiseModel((across, slope, curve), (across, 0.0, 0.0))
+        radial, tangential = WHOLE.variances(np.array(height / camera.focal))
+        return NoiseModel(_in_range(radial, height), _in_range(tangential, height))
 
     @property
     def coefficients(self) -> Array:
@@ -63,6 +88,12 @@ class NoiseModel:
         """R (2, 2) m² for a camera above `camera` (2,) m and a target at `target` (2,) m."""
         xx, xy, yy = ground_covariance(target[0] - camera[0], target[1] - camera[1], self.coefficients)
         return np.array([[xx, xy], [xy, yy]])
+
+
+def _in_range(polynomial: Array, height: float) -> Quadratic:
+    """A polynomial in the tangent of the angle off nadir as one in the planar distance."""
+    constant, slope, curve = (polynomial / [1.0, height, height**2]).tolist()
+    return constant, slope, curve
 
 
 @compiled

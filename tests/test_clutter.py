@@ -1,0 +1,85 @@
+"""False alarms and misses: how many, where, and that nothing else changes."""
+
+import math
+
+import numpy as np
+import pytest
+
+from planning.registry import load_planner
+from sim.clutter import Clutter
+from sim.mission import Mission
+from sim.scenario import People, Scenario, Sensing, Trees, Uav
+from tracking.camera import Camera, Pose
+from tracking.visibility import TARGET_HEIGHT
+
+CAMERA = Camera(math.radians(60), 128)
+
+
+def flown(mode, **sensing):
+    """Scans and matches of a hovering UAV over one person, with initial tracks unknown to none."""
+    setting = Scenario(
+        duration=4.0,
+        trees=Trees(density=0.0),
+        people=People(count=2, paths=(((-28.0, -14.0), (-26.0, -12.0)), ((-30.0, -12.0), (-26.0, -16.0)))),
+        uavs=(Uav(start=(-28.0, -14.0), footprint=30.0),),
+        sensing=Sensing(mode=mode, **sensing),
+    )
+    return list(Mission(setting, load_planner("hover"), 3).fly())
+
+
+def test_false_alarms_are_poisson_and_uniform_over_the_ground_in_view():
+    clutter = Clutter(Sensing(false_alarms=3.0), np.random.default_rng(0))
+    pose = Pose.level(5.0, -7.0, 20.0)
+    frames = [clutter.false_alarms(CAMERA, pose) for _ in range(2000)]
+    counts = np.array([len(pixels) for pixels, _ in frames])
+    assert counts.mean() == pytest.approx(3.0, abs=4 * math.sqrt(3.0 / 2000))
+    assert counts.var() == pytest.approx(3.0, abs=0.45)
+    half = (20.0 - TARGET_HEIGHT) * math.tan(CAMERA.fov / 2)
+    offsets = (np.vstack([ground for _, ground in frames]) - [5.0, -7.0]) / half
+    assert np.abs(offsets).max() <= 1.0
+    cells = np.histogram2d(*offsets.T, bins=4, range=[[-1, 1], [-1, 1]])[0]
+    expected = counts.sum() / 16
+    assert ((cells - expected) ** 2 / expected).sum() < 37.7  # chi-square, 15 degrees of freedom, 0.1 %
+
+
+def test_no_false_alarm_is_above_the_horizon():
+    clutter = Clutter(Sensing(false_alarms=50.0), np.random.default_rng(0))
+    level = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]))
+    pixels, ground = clutter.false_alarms(CAMERA, level)
+    assert 5 < len(pixels) < 45 and pixels[:, 1].min() > 64.0 and ground[:, 1].min() > 0.0
+
+
+@pytest.mark.parametrize("mode", ["camera", "ideal"])
+def test_what_goes_wrong_leaves_what_is_detected_as_it_was(mode):
+    plain = flown(mode)
+    for setting in ({"false_alarms": 2.0}, {"miss_probability": 0.5}, {"false_alarms": 2.0, "miss_probability": 0.5}):
+        added = missed = 0
+        for before, after in zip(plain, flown(mode, **setting), strict=True):
+            was, now = before.scans[0].measurements, after.scans[0].measurements
+            same = (now[:, None] == was[None]).all(axis=2)
+            added += int((~same.any(axis=1)).sum())
+            missed += int((~same.any(axis=0)).sum())
+            assert after.matched.sum() == same.any(axis=0).sum()
+            assert len(after.pixels[0]) == (len(now) if mode == "camera" else 0)
+            assert after.scans[0].covariances.shape == (len(now), 2, 2)
+        assert (added > 0, missed > 0) == ("false_alarms" in setting, "miss_probability" in setting)
+        assert added == 0 or 20 < added < 65  # 21 scans of two each
+        assert missed == 0 or 8 < missed < 34  # 42 detections
+
+
+def test_false_alarms_do_not_depend_on_misses():
+    alone, both = flown("camera", false_alarms=2.0), flown("camera", false_alarms=2.0, miss_probability=1.0)
+    for one, other in zip(alone, both, strict=True):
+        alarms = len(other.scans[0].measurements)
+        np.testing.assert_array_equal(
+            one.scans[0].measurements[-alarms:] if alarms else np.zeros((0, 2)), other.scans[0].measurements
+        )
+        assert not other.matched.any()
+
+
+@pytest.mark.parametrize("noise", ["camera", "range_bearing"])
+def test_false_alarms_have_the_covariance_of_a_person_there(noise):
+    mission = flown("camera", false_alarms=2.0, miss_probability=1.0, noise=noise)
+    R = np.concatenate([snapshot.scans[0].covariances for snapshot in mission])
+    assert len(R) > 20 and np.linalg.eigvalsh(R).min() > 0
+    assert (np.trace(R, axis1=1, axis2=2).max() < 0.1) == (noise == "camera")

@@ -1,0 +1,189 @@
+"""Detectors as plug-ins: by name or import string, what they may do wrong, and the one that reads the mask."""
+
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from planning.registry import load_planner
+from sim.__main__ import main
+from sim.detectors import DETECTORS, check_detector, load_detector
+from sim.errors import InputError
+from sim.mission import Mission
+from sim.renderer import Renderer
+from sim.scenario import People, Scenario, Sensing, Trees, Uav
+from sim.scoring import matched_people
+from sim.segmentation import MaskDetector
+from sim.sensing import checked
+from sim.world import World
+from tracking.blob_detector import BlobDetector
+from tracking.camera import Camera, Pose
+from tracking.detector import Detections, Frame, detect
+from tracking.visibility import Forest, Tree
+
+CAMERA = Camera(math.radians(60), 128)
+POSE = Pose.level(0.0, 0.0, 19.0)
+FAR = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
+OPEN = Forest(())
+
+
+class Fixed:
+    """One person in the middle of the image, whatever it shows; paints the image black."""
+
+    def detect(self, frame):
+        frame.image[:] = 0
+        middle = np.full((1, 2), frame.camera.pixels / 2)
+        return Detections(middle, frame.camera.ground_points(frame.pose, middle), 0.25 * np.eye(2)[None])
+
+
+class Wrong:
+    """Something else that is wrong at each scan of a mission."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def detect(self, frame):
+        self.calls += 1
+        one = np.zeros((1, 2))
+        if self.calls == 1:
+            raise RuntimeError("no network")
+        return [
+            None,
+            Detections(one, one, np.full((1, 2, 2), np.nan)),
+            Detections(one, one, -np.eye(2)[None]),
+            Detections(one, np.zeros((2, 2)), np.zeros((2, 2, 2))),
+        ][self.calls - 2]
+
+
+class Unmakeable:
+    def __init__(self, weights):
+        pass
+
+
+def scenario(detector, **sensing):
+    return Scenario(
+        duration=0.8,
+        trees=Trees(density=0.0),
+        people=People(count=1),
+        uavs=(Uav(start=(-28.0, -14.0)),),
+        sensing=Sensing(detector=detector, **sensing),
+    )
+
+
+def fly(setting, seed=0):
+    mission = Mission(setting, load_planner("hover"), seed)
+    return mission, [(snapshot, mission.frames[0]) for snapshot in mission.fly()]
+
+
+@pytest.mark.parametrize("name", DETECTORS)
+def test_every_detector_has_a_name_that_flies(name):
+    mission, flown = fly(scenario(name, noise="camera"))
+    assert len(flown) == 5 and mission.faults == []
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("blop", "sensing.detector: 'blop' is unknown; allowed are blob, segmentation; did you mean blob?"),
+        ("no.such_module:Net", "'no.such_module:Net' cannot be imported: No module named 'no'"),
+        ("sim.sensing:Net", "sim.sensing has no class 'Net'"),
+        ("../net:Net", "'../net' is not the name of a module"),
+    ],
+)
+def test_a_detector_that_cannot_be_found_is_refused_in_one_line(name, words):
+    with pytest.raises(InputError) as error:
+        check_detector(name)
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+def test_what_is_no_detector_is_refused_before_the_mission():
+    with pytest.raises(InputError, match="cannot be made"):
+        load_detector(f"{__name__}:Unmakeable", None)
+    with pytest.raises(InputError, match=r"has no method detect\(frame\)"):
+        load_detector("builtins:dict", None)
+    with pytest.raises(InputError, match="did you mean segmentation"):
+        Mission(scenario("segmentatoin"), load_planner("hover"), 0)
+
+
+@pytest.mark.parametrize("noise", ["camera", "range_bearing"])
+def test_anyones_detector_measures_and_leaves_the_frame_alone(noise):
+    mission, flown = fly(scenario(f"{__name__}:Fixed", noise=noise))
+    assert mission.faults == []
+    for snapshot, image in flown:
+        scan = snapshot.scans[0]
+        assert scan.measurements.shape == (1, 2) and image.max() > 0
+        assert np.array_equal(scan.covariances[0], 0.25 * np.eye(2)) == (noise == "camera")
+        error = np.linalg.norm(scan.measurements[0] - scan.pose.position[:2])
+        assert error < 1e-6 if noise == "camera" else 0.0 < error < 2.0
+
+
+def test_a_detector_that_fails_is_a_fault_and_a_scan_without_detections():
+    mission, flown = fly(scenario(f"{__name__}:Wrong"))
+    assert [(f.time, f.uav) for f in mission.faults] == [(k / 5, 0) for k in range(5)]
+    words = ("RuntimeError: no network", "AttributeError", "not finite", "positive definite", "not (2, 2)")
+    assert all(w in fault.message for w, fault in zip(words, mission.faults, strict=True))
+    assert all(snapshot.scans[0].measurements.shape == (0, 2) for snapshot, _ in flown)
+
+
+def test_usable_detections_pass_as_floats():
+    found = checked(Detections([[1, 2]], [[3, 4]], [[[2, 1], [1, 2]]]))
+    assert [a.dtype for a in (found.pixels, found.ground, found.covariances)] == [np.float64] * 3
+    assert found.covariances.tolist() == [[[2.0, 1.0], [1.0, 2.0]]]
+
+
+def shown(rng, forest, count):
+    """Frames over a forest with their masks, and the people."""
+    with World(FAR, forest, count) as world:
+        renderer = Renderer(world)
+        for _ in range(40):
+            people = rng.uniform(-10, 10, (count, 2))
+            world.place_people(people, rng.uniform(-math.pi, math.pi, count))
+            rendered = renderer.render(CAMERA, POSE)
+            yield Frame(0, 0.0, CAMERA, POSE, rendered.image), rendered.people, people
+
+
+def test_segmentation_detects_everyone_of_whom_a_pixel_shows_and_nobody_else():
+    rng = np.random.default_rng(0)
+    forest = Forest(tuple(Tree(x, y, 2.0) for x in (-6.0, 0.0, 6.0) for y in (-6.0, 0.0, 6.0)))
+    crowded = 0
+    for frame, mask, people in shown(rng, forest, 12):
+        ids, pixels = np.unique(mask[mask >= 0], return_counts=True)
+        found = MaskDetector(forest).detect(frame, mask)
+        assert matched_people(found.pixels, mask, 12).sum() == len(ids)
+        # Each has its own area and, whatever hides it, lies within a body's length of one person.
+        assert sorted(found.areas.tolist()) == sorted(pixels.tolist())
+        gaps = np.linalg.norm(found.ground[:, None] - people[ids], axis=2)
+        assert gaps.min(axis=1, initial=9.0).max(initial=0.0) < 1.2
+        crowded += len(ids) > len(detect(frame).ground)
+    assert crowded > 0  # some of whom the blobs, touching, are one
+
+
+def test_segmentation_is_the_blob_detector_where_people_stand_apart():
+    rng = np.random.default_rng(1)
+    for frame, mask, _ in shown(rng, OPEN, 1):
+        mine, blobs = MaskDetector(OPEN).detect(frame, mask), BlobDetector(OPEN).detect(frame)
+        if len(blobs.ground) == 1:
+            np.testing.assert_allclose(mine.ground, blobs.ground, atol=1e-9)
+            np.testing.assert_allclose(mine.covariances, blobs.covariances, atol=1e-12)
+
+
+def test_the_masks_numbers_do_not_show_in_the_detections():
+    rng = np.random.default_rng(2)
+    for frame, mask, _ in shown(rng, OPEN, 5):
+        renamed = np.where(mask >= 0, 4 - mask, -1)
+        for name in ("ground", "pixels", "covariances"):
+            one, other = (getattr(MaskDetector(OPEN).detect(frame, m), name) for m in (mask, renamed))
+            np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("command", ["run", "compare"])
+def test_an_unknown_detector_ends_the_command_with_one_line_and_nothing_written(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["understory", command, "--set", "sensing.detector=blobs"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    lines = " ".join(capsys.readouterr().err.split())
+    assert "sensing.detector: 'blobs' is unknown; allowed are blob, segmentation; did you mean blob?" in lines
+    assert list(tmp_path.iterdir()) == []

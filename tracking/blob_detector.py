@@ -1,0 +1,37 @@
+"""The testbed's own detector: people by their colour, placed with the help of the map of trees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from tracking.compiled import Array
+from tracking.detector import Detections, Frame, blobs_of, measured
+from tracking.partial import locate
+from tracking.visibility import Forest
+
+
+class BlobDetector:
+    """Colour segmentation and connected components; one detection per person of whom anything shows.
+
+    With a forest, people whom its trees, or the image's edge, hide in part are placed where such a part would show.
+    """
+
+    def __init__(self, forest: Forest | None = None) -> None:
+        self._forest = forest
+
+    def detect(self, frame: Frame) -> Detections:
+        """The people in one frame, from the image's top to its bottom."""
+        return located(frame, blobs_of(frame), self._forest)
+
+
+def located(frame: Frame, blobs: list[Array], forest: Forest | None) -> Detections:
+    """Detections of people who show as blobs, each the pixels (K, 2) of one; parts are placed if there is a forest."""
+    found = measured(frame, blobs)
+    if forest is None:
+        return found
+    ground, covariances = found.ground.copy(), found.covariances.copy()
+    for k, blob in enumerate(blobs):
+        place = locate(frame, blob, forest)
+        if place is not None:
+            ground[k], covariances[k] = place
+    return replace(found, ground=ground, covariances=covariances)
