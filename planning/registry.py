@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import difflib
-import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
+
+from tracking.plugin import imported
 
 if TYPE_CHECKING:  # naming planners needs none of their code
     from planning.planner import Planner
@@ -56,13 +57,7 @@ def load_planner(name: str) -> Planner:
 
 
 def _import(target: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
-    module, _, attribute = target.partition(":")
-    if not all(part.isidentifier() for part in module.split(".")):
-        raise PlannerError(f"planner: {target!r} cannot be imported: {module!r} is not the name of a module")
     try:
-        found = getattr(importlib.import_module(module), attribute, None)
+        return imported(target)
     except ImportError as error:
         raise PlannerError(f"planner: {target!r} cannot be imported: {error}") from error
-    if not callable(found):
-        raise PlannerError(f"planner: {target!r} cannot be imported: {module} has no class {attribute!r}")
-    return found

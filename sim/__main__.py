@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -198,6 +199,7 @@ def _unused(folder: Path) -> Path:
 def main() -> None:
     """Entry point: exit code 0 done, 2 the input is wrong (one line says what), 1 anything else."""
     sys.path.append(os.getcwd())  # so that a planner in the current folder can be named; last, so it hides nothing
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what schedulers send is Ctrl-C to us
     try:
         if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes other than zero
             fail("interrupted; nothing is kept", code=1)

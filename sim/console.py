@@ -43,15 +43,22 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[Snapshot, Recorde
     last = scenario.scan_times[-1]
     columns = (SpinnerColumn(), BarColumn(bar_width=20), TextColumn("{task.description}"), TimeRemainingColumn())
     distances: list[float] = []
-    with Progress(*columns, console=console) as progress:
-        task = progress.add_task(_START_UP, total=len(scenario.scan_times))
+    progress = Progress(*columns, console=console)
+    task = progress.add_task("", total=len(scenario.scan_times))
+    with console.status(_START_UP) as status:  # which goes away, whether a mission follows or a complaint
 
         def show(snapshot: Snapshot, recorder: Recorder) -> None:
+            if not distances:
+                status.stop()
+                progress.start()
             distances.append(float(snapshot.ospa[:, 0].mean()))
             now = f"{snapshot.time:.1f} of {last:g} s, OSPA {distances[-1]:.2f} m, mean {fmean(distances):.2f} m"
             progress.update(task, completed=len(recorder), description=now)
 
-        yield show
+        try:
+            yield show
+        finally:
+            progress.stop()
 
 
 @contextmanager

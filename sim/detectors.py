@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import TYPE_CHECKING, Any
 
 from sim.errors import InputError
 from sim.loading import did_you_mean
+from tracking.plugin import imported
 
 if TYPE_CHECKING:  # checking a name needs none of their code
     from sim.segmentation import MaskDetector
@@ -50,13 +50,7 @@ def load_detector(name: str, forest: Forest | None) -> Detector | MaskDetector:
 
 
 def _import(target: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
-    module, _, attribute = target.partition(":")
-    if not all(part.isidentifier() for part in module.split(".")):
-        raise InputError(f"{_FIELD}: {target!r} cannot be imported: {module!r} is not the name of a module")
     try:
-        found = getattr(importlib.import_module(module), attribute, None)
+        return imported(target)
     except ImportError as error:
         raise InputError(f"{_FIELD}: {target!r} cannot be imported: {error}") from error
-    if not callable(found):
-        raise InputError(f"{_FIELD}: {target!r} cannot be imported: {module} has no class {attribute!r}")
-    return found

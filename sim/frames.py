@@ -112,6 +112,8 @@ def draw(recording: Recording, again: Rerenderer, k: int, uav: int, *, size: int
     notes = [f"{recording.planner}, seed {recording.seed}", f"scan {k} of {len(recording.times) - 1}, {mount}"]
     if again.scenario.sensing.mode == "ideal":
         notes.append("ideal sensing: this image was not used")
+    elif not again.scenario.has_frame(uav, k):
+        notes.append("the camera took no image at this scan")
     panel = draw_panel(sight, notes, height=side)
     page = np.full((panel.shape[0] + 2 * GAP, side + WIDTH + 3 * GAP, 3), PAPER, dtype=np.uint8)
     page[GAP:-GAP, -GAP - WIDTH : -GAP] = panel

@@ -1,4 +1,4 @@
-"""Ctrl-C as a request to stop at the next scan, so that what is flown is kept whole."""
+"""Ctrl-C and SIGTERM as requests to stop at the next scan, so that what is flown is kept whole."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from types import FrameType
 
 @contextmanager
 def stop_request() -> Iterator[threading.Event]:
-    """An event that the first Ctrl-C sets; the second one raises KeyboardInterrupt, as without this.
+    """An event that the first Ctrl-C or SIGTERM sets; the second one raises KeyboardInterrupt.
 
     Only a main thread can catch signals; elsewhere the event is never set.
     """
@@ -25,8 +25,9 @@ def stop_request() -> Iterator[threading.Event]:
             raise KeyboardInterrupt
         stop.set()
 
-    before = signal.signal(signal.SIGINT, handle)
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stop
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

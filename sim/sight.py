@@ -29,7 +29,7 @@ class Sighting:
     place: tuple[float, float]  # m; NaN where absent
     inside: bool  # whether the mid-height lies inside the image, occlusion aside
     hidden_by: tuple[int, ...]  # trees between the camera and the mid-height, if inside
-    pixels: int  # shown by the renderer; in ideal sensing 1 for seen
+    pixels: int  # shown by the renderer; 1 for seen in ideal sensing and where the camera took no frame
     detected: bool
 
     @property
@@ -71,6 +71,8 @@ class Sight:
         numbers = {id_: n for n, id_ in enumerate(dict.fromkeys(recording.track_ids.tolist()))}
         tracks = [tuple(Track(numbers[t.id], t.belief) for t in held) for held in snapshot.tracks]
         people = _sightings(snapshot, uav, camera_of(scenario.uavs[uav]), forest)
+        if not scenario.has_frame(uav, k):  # nothing was shown to anybody; what would have been, geometry tells
+            people = tuple(replace(p, pixels=int(p.inside and not p.hidden_by)) for p in people)
         return Sight(scenario, forest, replace(snapshot, tracks=tracks), uav, people)
 
 

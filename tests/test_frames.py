@@ -14,7 +14,7 @@ from sim import frames as module
 from sim.archive import load, save
 from sim.errors import InputError
 from sim.framepanel import draw_panel, field_of_view
-from sim.frames import Rerenderer, rerender, scans_between, write_frames
+from sim.frames import Rerenderer, rerender, scans_between, scenario_of, write_frames
 from sim.frameview import annotated
 from sim.labels import Labels
 from sim.lettering import Style
@@ -67,6 +67,14 @@ def test_frames_from_the_recording_alone_are_those_flown_byte_for_byte(mission):
     recording, images = mission
     assert differing(recording, images) == 0
     np.testing.assert_array_equal(rerender(recording, 9, 1), images[9][1])
+
+
+def test_where_a_slow_camera_took_no_image_the_truth_is_what_geometry_tells():
+    recording, _ = flown("uavs.0.rate=1", "trees.density=0", seconds=2)
+    taken, idle = (Sight.of(recording, scenario_of(recording), k, 0) for k in (5, 6))
+    assert any(p.status == "in view" for p in taken.people)
+    assert {p.status for p in idle.people} <= {"in view", "outside the view"}
+    assert any(p.status == "in view" for p in idle.people)
 
 
 def test_other_uavs_in_the_view_are_put_back_too(mission, monkeypatch):

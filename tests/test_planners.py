@@ -71,9 +71,14 @@ def test_a_planner_can_be_anyones_class():
         ("planning.planner:Plan", "planner: 'planning.planner:Plan'"),
         ("collections:OrderedDict", "has no method plan"),
         (":", "cannot be imported"),
+        ("broken_planner:X", "cannot be imported: SyntaxError"),
+        ("leaving_planner:X", "cannot be imported: SystemExit: 3"),
     ],
 )
-def test_a_wrong_planner_is_named_in_one_line(name, message):
+def test_a_wrong_planner_is_named_in_one_line(name, message, tmp_path, monkeypatch):
+    (tmp_path / "broken_planner.py").write_text("class = X\n")
+    (tmp_path / "leaving_planner.py").write_text("raise SystemExit(3)\n")
+    monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(ValueError, match=r"^planner: ") as caught:
         load_planner(name)
     assert message in str(caught.value) and "\n" not in str(caught.value)

@@ -130,14 +130,15 @@ def test_ctrl_c_is_as_before_after_a_run(tmp_path):
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("sign", ["*.part", "*.part/.mission.mp4.*"], ids=["starting", "flying"])
-def test_ctrl_c_in_a_real_process_leaves_a_whole_run_or_nothing(tmp_path, sign):
+def test_ctrl_c_and_sigterm_in_a_real_process_leave_a_whole_run_or_nothing(tmp_path, sign, number):
     command = [sys.executable, "-m", "sim", "run", "--out", str(tmp_path / "out")]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob(f".out.{sign}")) and time.monotonic() < deadline:
         time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, err = process.communicate(timeout=60)
     if process.returncode == 0:
         assert names(tmp_path) == ["out"] and names(tmp_path / "out") == FILES
