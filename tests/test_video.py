@@ -240,4 +240,5 @@ def test_text_is_moved_inside_the_image(at):
     write(free, "UAV 7", (150.0, 20.0), style)
     assert (255.0 - image).sum() == (255.0 - free).sum() > 0
     columns = np.flatnonzero((free < 128).any(axis=(0, 2)))
-    assert abs(columns[-1] + 1 - columns[0] - width("UAV 7", style)) <= 2
+    # Ink and advance differ by the side bearings: 2 pixels with one version of FreeType, 3 with another.
+    assert abs(columns[-1] + 1 - columns[0] - width("UAV 7", style)) <= 3
