@@ -144,7 +144,7 @@ class Mission:
         fleet = [
             Vehicle(
                 id=i,
-                position=body.position,
+                position=body.position.copy(),
                 camera=self._sensors.cameras[i],
                 noise=self._sensors.noises[i],
                 max_speed=uav.max_speed,

@@ -23,6 +23,9 @@ from tracking.noise import NoiseModel
 from tracking.tracker import Scan
 from tracking.visibility import TARGET_HEIGHT, Forest
 
+# Beyond these no detection means anything, and arithmetic suffers.
+_FARTHEST, _SUREST = 1e6, 1e-12  # m, m²
+
 
 @dataclass(frozen=True, eq=False)
 class Look:
@@ -120,8 +123,9 @@ class Sensors:
         try:
             if isinstance(self._detector, MaskDetector):
                 return self._detector.detect(frame, rendered.people), ""
-            # What a stranger's code does to its image must not show in recordings and videos.
-            return checked(self._detector.detect(replace(frame, image=frame.image.copy()))), ""
+            # What a stranger's code does to its frame must not show in scans, recordings and videos.
+            pose = Pose(frame.pose.position.copy(), frame.pose.quaternion.copy())
+            return checked(self._detector.detect(replace(frame, pose=pose, image=frame.image.copy()))), ""
         except Exception as error:  # a stranger's code may raise anything
             nothing = Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
             return nothing, f"detector: {type(error).__name__}: {error}"
@@ -176,10 +180,17 @@ def checked(found: Detections) -> Detections:
     pixels, ground, R = (np.array(a, dtype=float) for a in (found.pixels, found.ground, found.covariances))
     count = len(ground)
     for name, array, shape in (("pixels", pixels, (2,)), ("ground", ground, (2,)), ("covariances", R, (2, 2))):
+        if count == 0 == array.size:
+            continue
         if array.shape != (count, *shape):
             raise ValueError(f"{name} of shape {array.shape}, not {(count, *shape)}")
         if not np.all(np.isfinite(array)):
             raise ValueError(f"{name} are not finite")
-    if count and (not np.allclose(R, np.swapaxes(R, 1, 2)) or np.linalg.eigvalsh(R).min() <= 0.0):
-        raise ValueError("covariances are not symmetric and positive definite")
+    if count == 0:
+        return replace(found, pixels=np.zeros((0, 2)), ground=np.zeros((0, 2)), covariances=np.zeros((0, 2, 2)))
+    if np.abs(ground).max() > _FARTHEST:
+        raise ValueError(f"ground is more than {_FARTHEST:g} m away")
+    eigenvalues = np.linalg.eigvalsh(R)
+    if not np.allclose(R, np.swapaxes(R, 1, 2)) or eigenvalues.min() < _SUREST or eigenvalues.max() > _FARTHEST**2:
+        raise ValueError("covariances are not symmetric and positive definite, from 1e-12 to 1e12 m²")
     return replace(found, pixels=pixels, ground=ground, covariances=R)

@@ -29,12 +29,14 @@ OPEN = Forest(())
 
 
 class Fixed:
-    """One person in the middle of the image, whatever it shows; paints the image black."""
+    """One person in the middle of the image, whatever it shows; paints the image black and moves the camera."""
 
     def detect(self, frame):
         frame.image[:] = 0
         middle = np.full((1, 2), frame.camera.pixels / 2)
-        return Detections(middle, frame.camera.ground_points(frame.pose, middle), 0.25 * np.eye(2)[None])
+        ground = frame.camera.ground_points(frame.pose, middle)
+        frame.pose.position[:] = 1e3
+        return Detections(middle, ground, 0.25 * np.eye(2)[None])
 
 
 class Wrong:
@@ -113,6 +115,7 @@ def test_anyones_detector_measures_and_leaves_the_frame_alone(noise):
     for snapshot, image in flown:
         scan = snapshot.scans[0]
         assert scan.measurements.shape == (1, 2) and image.max() > 0
+        assert np.abs(scan.pose.position).max() < 100 and np.abs(snapshot.poses[0].position).max() < 100
         assert np.array_equal(scan.covariances[0], 0.25 * np.eye(2)) == (noise == "camera")
         error = np.linalg.norm(scan.measurements[0] - scan.pose.position[:2])
         assert error < 1e-6 if noise == "camera" else 0.0 < error < 2.0
@@ -124,6 +127,20 @@ def test_a_detector_that_fails_is_a_fault_and_a_scan_without_detections():
     words = ("RuntimeError: no network", "AttributeError", "not finite", "positive definite", "not (2, 2)")
     assert all(w in fault.message for w, fault in zip(words, mission.faults, strict=True))
     assert all(snapshot.scans[0].measurements.shape == (0, 2) for snapshot, _ in flown)
+
+
+@pytest.mark.parametrize(
+    ("ground", "variance", "words"),
+    [(1e155, 1.0, "more than 1e\\+06 m away"), (1.0, 1e-320, "1e-12 to 1e12"), (1.0, 1e13, "1e-12 to 1e12")],
+)
+def test_detections_beyond_all_measure_are_faults(ground, variance, words):
+    with pytest.raises(ValueError, match=words):
+        checked(Detections([[1.0, 2.0]], [[ground, 0.0]], [variance * np.eye(2)]))
+
+
+def test_an_empty_list_is_nobody():
+    found = checked(Detections([], [], []))
+    assert [a.shape for a in (found.pixels, found.ground, found.covariances)] == [(0, 2), (0, 2), (0, 2, 2)]
 
 
 def test_usable_detections_pass_as_floats():

@@ -196,6 +196,8 @@ def test_a_planner_that_spoils_its_map_spoils_nothing_else():
     for a, b in zip(spoilt, kept, strict=True):
         for one, other in zip(a.scans, b.scans, strict=True):
             np.testing.assert_array_equal(one.measurements, other.measurements)
+        for one, other in zip(a.poses, b.poses, strict=True):
+            np.testing.assert_array_equal(one.position, other.position)
 
 
 def test_no_trunk_stands_in_the_way_of_recorded_people(tmp_path):
