@@ -8,7 +8,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from test_detector import ALTITUDES, CAMERA, SCENARIO, WIDE, Tally, frame, random_forest
+from test_detector import WIDE, Tally, frame
+from views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
 from assets.build import PALETTE
 from sim.appearance import FULL, style_of

@@ -5,19 +5,17 @@ import cv2
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
+from views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
 from sim.renderer import Renderer
 from sim.scenario import Scenario, Uav
 from sim.world import World
 from tracking.camera import Camera, Pose
 from tracking.detector import Frame, _labelled, detect
-from tracking.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.visibility import TARGET_HEIGHT, Forest
 
-CAMERA = Camera(math.radians(60), 128)
-ALTITUDES = (17.3, 19.1, 21.7)
 MARGIN = 16  # pixels around the image in which people cut by its edge are seen whole
 WIDE = Camera(2 * math.atan((CAMERA.pixels / 2 + MARGIN) / CAMERA.focal), CAMERA.pixels + 2 * MARGIN)
-SCENARIO = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
 GREEN = (100, 115, 75)
 
 
@@ -27,15 +25,6 @@ def blank():
 
 def frame(image, pose, camera=CAMERA):
     return Frame(0, 0.0, camera, pose, np.ascontiguousarray(image))
-
-
-def random_forest(rng, count, radius):
-    trees = []
-    while len(trees) < count:
-        x, y = rng.uniform(-40, 40, 2)
-        if all(math.hypot(x - t.x, y - t.y) > 2 * radius for t in trees):
-            trees.append(Tree(x, y, radius))
-    return Forest(tuple(trees))
 
 
 def touching(people, count):

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from test_renderer import ALTITUDES, SCENARIO, random_forest, tilted
+from test_renderer import tilted
+from views import ALTITUDES, SCENARIO, random_forest
 
 from sim.renderer import capture
 from sim.world import World

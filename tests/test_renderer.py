@@ -3,26 +3,13 @@ import math
 import cv2
 import numpy as np
 import pytest
+from views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
 from sim.renderer import FAR, NEAR, Renderer, capture
-from sim.scenario import Scenario, Uav
+from sim.scenario import Scenario
 from sim.world import World
-from tracking.camera import Camera, Pose
+from tracking.camera import Pose
 from tracking.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight
-
-CAMERA = Camera(math.radians(60), 128)
-ALTITUDES = (17.3, 19.1, 21.7)
-# One UAV in a corner, out of the cameras' way.
-SCENARIO = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
-
-
-def random_forest(rng, count, radius):
-    trees = []
-    while len(trees) < count:
-        x, y = rng.uniform(-40, 40, 2)
-        if all(math.hypot(x - t.x, y - t.y) > 2 * radius for t in trees):
-            trees.append(Tree(x, y, radius))
-    return Forest(tuple(trees))
 
 
 def tilted(rng, position, tilt):

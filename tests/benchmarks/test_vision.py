@@ -96,7 +96,9 @@ def test_camera_step_against_the_bare_engine_on_what_is_in_view(flown, judged):
             people = np.flatnonzero(seen[2 * trees : 2 * trees + len(view.people)])
             with World(ALONE, Forest(tuple(near)), len(people)) as bare:
                 bare.place_people(view.people[people], view.headings[people])
-                only(bare, in_field_of_view(bare, view)).render(view.camera, view.pose)
+                alone = only(bare, in_field_of_view(bare, view)).render(view.camera, view.pose)
+                shown = renderer.render(view.camera, view.pose)
+                assert np.array_equal(alone.people >= 0, shown.people >= 0)
                 times.append(
                     least(
                         lambda v=view: detect(
@@ -133,6 +135,7 @@ def test_mission_views_against_the_same_without_culling(flown, judged):
         for view in views:
             for world in (culled, whole):
                 world.place_people(view.people, view.headings)
+            assert np.array_equal(a.render(view.camera, view.pose).people, b.render(view.camera, view.pose).people)
             times.append(
                 least(
                     lambda v=view: a.render(v.camera, v.pose),

@@ -1,0 +1,21 @@
+"""What tests of renderer and detector look at, and from where."""
+
+import math
+
+from sim.scenario import Scenario, Uav
+from tracking.camera import Camera
+from tracking.visibility import Forest, Tree
+
+CAMERA = Camera(math.radians(60), 128)
+ALTITUDES = (17.3, 19.1, 21.7)
+# One UAV in a corner, out of the cameras' way.
+SCENARIO = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
+
+
+def random_forest(rng, count, radius):
+    trees = []
+    while len(trees) < count:
+        x, y = rng.uniform(-40, 40, 2)
+        if all(math.hypot(x - t.x, y - t.y) > 2 * radius for t in trees):
+            trees.append(Tree(x, y, radius))
+    return Forest(tuple(trees))
