@@ -24,6 +24,14 @@ ROOT = Path(__file__).parents[1]
 FILES = ["mission.mp4", "mission.npz", "ospa.png", "summary.json"]
 
 
+@pytest.fixture(autouse=True)
+def heard():
+    """Ctrl-C reaches these tests, and the processes they start, also where the shell that runs them ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def trial(*overrides, duration=2, planner="hover"):
     return Trial(load("forest", [f"duration={duration}", "sensing.mode=ideal", *overrides]), planner, 5)
 
