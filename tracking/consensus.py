@@ -47,17 +47,27 @@ def combine(own: Message, received: Sequence[Message], gate: float) -> Message:
     return replace(own, shares=shares, evidence=replace(own.evidence, times=times))
 
 
-def fuse(members: Sequence[Member], adjacency: NDArray[np.bool_], rounds: int) -> None:
-    """Rounds of messages over the undirected graph `adjacency` (n, n), its diagonal aside.
+def fuse(
+    members: Sequence[Member],
+    adjacency: NDArray[np.bool_],
+    rounds: int,
+    lost: NDArray[np.bool_] | None = None,
+) -> NDArray[np.int64]:
+    """Rounds of messages over the undirected graph `adjacency` (n, n), its diagonal aside; bytes sent by each (n,).
 
+    lost (rounds, n, n): whether what UAV j says in a round is lost on its way to UAV i; nobody knows beforehand.
     Every scan ends with this, also for one UAV: tracks are ended here.
     """
-    neighbours = [[j for j in np.flatnonzero(row).tolist() if j != i] for i, row in enumerate(adjacency)]
-    messages = [m.message(len(n)) for m, n in zip(members, neighbours, strict=True)]
-    for _ in range(rounds):
+    linked = adjacency & ~np.eye(len(members), dtype=np.bool_)
+    messages = [m.message(int(row.sum())) for m, row in zip(members, linked, strict=True)]
+    sent = np.zeros(len(members), dtype=np.int64)
+    for k in range(rounds):
+        sent += [message.size if row.any() else 0 for message, row in zip(messages, linked, strict=True)]
+        heard = linked if lost is None else linked & ~lost[k]
         messages = [
-            combine(messages[i], [messages[j] for j in heard], members[i].match_gate)
-            for i, heard in enumerate(neighbours)
+            combine(messages[i], [messages[j] for j in np.flatnonzero(row).tolist()], members[i].match_gate)
+            for i, row in enumerate(heard)
         ]
     for member, message in zip(members, messages, strict=True):
         member.accept(message)
+    return sent

@@ -32,6 +32,12 @@ class Message:
     evidence: Evidence
     deleted: tuple[tuple[int, float], ...] = ()  # ids and when [s] the fleet gave them up, ascending
 
+    @property
+    def size(self) -> int:
+        """Bytes it takes on the air, each number eight, symmetric matrices by their upper triangles."""
+        numbers_per_track = 1 + (1 + 4 + 10) + (3 + 2)  # id, shares, evidence
+        return 8 * (2 + numbers_per_track * len(self.ids) + 2 * len(self.deleted))
+
     def beliefs(self) -> tuple[Array, Array]:
         """Means (T, 4) and covariances (T, 4, 4) of the tracks."""
         information = self.shares[:, 1:] / self.shares[:, :1]
