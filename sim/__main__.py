@@ -1,4 +1,4 @@
-"""The command line: `understory run`, `compare`, `frames`, `planners`, `scenarios`."""
+"""The command line: `understory run`, `compare`, `frames`, `export`, `planners`, `scenarios`."""
 
 from __future__ import annotations
 
@@ -161,6 +161,24 @@ def frames(
     folder = out or _unused((recorded if recorded.is_dir() else recorded.parent) / f"frames-uav{number}-{span}")
     with trial_progress(len(scans), "frames") as progress:
         write_frames(recording, scans, number, folder, size=edge, progress=progress)
+    show_files(folder)
+
+
+@app.command()
+def export(
+    recorded: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")],
+    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, stonesoup or mot: see docs/tracking.md.")],
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR.")] = None,
+) -> None:
+    """Write a recorded mission's scans, tracks and truth as text for other tools."""
+    from sim.export import export as write
+    from sim.export import writer
+    from sim.frames import find
+
+    writer(to)
+    recording = find(recorded)
+    folder = out or _unused((recorded if recorded.is_dir() else recorded.parent) / f"export-{to}")
+    write(recording, to, folder)
     show_files(folder)
 
 

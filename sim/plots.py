@@ -21,14 +21,15 @@ _TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50)
 def ospa_figure(times: Array, ospa: Array) -> Figure:
     """OSPA over time of each UAV and their mean, on an axis linear below 1 m and logarithmic above.
 
-    times (K,) s; ospa (K, n, 3) m: distance, localisation, cardinality. The area below the mean is parted into
-    what localisation alone would give and what the wrong number of tracks adds.
+    times (K,) s; ospa (K, n, 3) m: distance, localisation, cardinality, NaN while a UAV does not work. The area below
+    the mean is parted into what localisation alone would give and what the wrong number of tracks adds.
     """
     with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": 11}):
         figure = Figure(figsize=(9, 4.5), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.add_subplot()
-        mean = ospa.mean(axis=1)
+        working = np.sum(~np.isnan(ospa), axis=1)
+        mean = np.where(working > 0, np.nansum(ospa, axis=1) / np.maximum(working, 1), np.nan)
         axes.fill_between(times, 0, mean[:, 1], color=_rgb(SKY), alpha=0.45, lw=0, label="localisation")
         axes.fill_between(
             times, mean[:, 1], mean[:, 0], color=_rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
@@ -38,7 +39,7 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
             axes.plot(times, ospa[:, i, 0], color=_rgb(uav_colour(i)), lw=0.9, alpha=0.8, label=label)
         axes.plot(times, mean[:, 0], color=_rgb(INK), lw=1.8, label="mean of UAVs")
         axes.axhline(1.0, color=_rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
-        _dress(axes, times, ospa[:, :, 0])
+        _dress(axes, times, ospa[:, :, 0][~np.isnan(ospa[:, :, 0])])
     return figure
 
 
@@ -50,7 +51,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
 
 
 def _dress(axes: Axes, times: Array, distances: Array) -> None:
-    top = max(1.5, 1.15 * float(distances.max()))
+    top = max(1.5, 1.15 * float(distances.max(initial=0.0)))
     axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
     axes.set_ylim(0, top)
     axes.set_yticks([tick for tick in _TICKS if tick <= top], [f"{tick:g}" for tick in _TICKS if tick <= top])

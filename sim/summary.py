@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 from rich.table import Table
-from scipy.optimize import linear_sum_assignment
 
 from sim.autopilot import Fault
 from sim.contacts import KINDS
+from sim.metrics import mean, metrics, working
 from sim.recording import Recording
 from sim.stopwatch import STAGES
-
-HELD = 1.0  # m, from a person to the nearest track that holds them
 
 
 def summarise(
@@ -30,9 +28,10 @@ def summarise(
     """The content of `summary.json`.
 
     seconds: wall time per stage, and `start_up` if known; wall_s: wall time of all. Shares and means are over all
-    pairs of scan and UAV; null stands where there was nothing to count.
+    pairs of scan and UAV that works; null stands where there was nothing to count. `sim.metrics` says what the figures
+    are that need the tracks.
     """
-    distance = recording.ospa[:, :, 0]
+    distance = recording.ospa[:, :, 0][working(recording)]
     duration = float(recording.times[-1] - recording.times[0])
     flown = wall_s - seconds.get("video", 0.0) - seconds.get("start_up", 0.0)
     return {
@@ -43,33 +42,18 @@ def summarise(
         "duration_s": duration,
         "interrupted": recording.interrupted,
         "ospa": {
-            "mean_m": float(distance.mean()),
-            "median_m": float(np.median(distance)),
-            "share_under_1m": float(np.mean(distance < 1.0)),
+            "mean_m": mean(distance),
+            "median_m": float(np.median(distance)) if len(distance) else None,
+            "share_under_1m": mean(distance < 1.0),
         },
         "detection": _detection(recording),
-        "people_held": people_held(recording),
+        **metrics(recording),
         "real_time_factor": duration / flown if flown > 0 else None,
         "wall_s": wall_s,
         "seconds": {stage: float(seconds.get(stage, 0.0)) for stage in (*STAGES, *_others(seconds))},
         "faults": [asdict(fault) for fault in faults],
         "contacts": contacts(recording),
     }
-
-
-def people_held(recording: Recording) -> list[float | None]:
-    """For each person, the share of pairs of scan and UAV, while present, with a track of their own within 1 m."""
-    scans, uavs, count = recording.visible.shape
-    held = np.zeros((scans, uavs, count), dtype=np.bool_)
-    for k in range(scans):
-        for i in range(uavs):
-            tracks = np.array([track.belief.mean[:2] for track in recording.tracks_at(k, i)]).reshape(-1, 1, 2)
-            gaps = np.linalg.norm(tracks - recording.people[k], axis=2)
-            near = np.where(gaps < HELD, gaps, HELD)  # NaN, where a person is absent, is not near
-            rows, columns = linear_sum_assignment(near)
-            held[k, i, columns] = near[rows, columns] < HELD
-    present = ~np.isnan(recording.people[:, :, 0])
-    return [_ratio(held[:, :, m].sum(), uavs * present[:, m].sum()) for m in range(count)]
 
 
 def contacts(recording: Recording) -> list[dict[str, Any]]:
@@ -94,9 +78,12 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     table = Table(title=title + (" (interrupted)" if summary["interrupted"] else ""), title_justify="left")
     table.add_column("result")
     table.add_column("value", justify="right")
-    table.add_row("OSPA mean", f"{ospa['mean_m']:.2f} m")
-    table.add_row("OSPA median", f"{ospa['median_m']:.2f} m")
-    table.add_row("OSPA under 1 m", f"{ospa['share_under_1m']:.1%}", end_section=True)
+    table.add_row("OSPA mean", _metres(ospa["mean_m"]))
+    table.add_row("OSPA median", _metres(ospa["median_m"]))
+    table.add_row("OSPA under 1 m", _share(ospa["share_under_1m"]))
+    for name, value in _tracks(summary):
+        table.add_row(name, value)
+    table.add_section()
     table.add_row("detection recall", _share(detection["recall"]))
     table.add_row("detection precision", _share(detection["precision"]), end_section=True)
     factor = summary["real_time_factor"]
@@ -114,6 +101,18 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     return table
 
 
+def _tracks(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The rows about tracks that OSPA does not tell."""
+    switched, nees = summary["identity"]["switches"], summary["nees"]["position"]
+    ideal = ", ideal {:.2f}-{:.2f}".format(*nees["interval_95"]) if nees["errors"] else ""
+    return [
+        ("GOSPA mean", _metres(summary["gospa"]["mean_m"])),
+        ("people held", _share(summary["share_held"])),
+        ("identity switches", "-" if switched is None else f"{switched:.3g}"),
+        (f"NEES{ideal}", f"{nees['mean']:.2f}" if nees["errors"] else "-"),
+    ]
+
+
 def _detection(recording: Recording) -> dict[str, float | None]:
     """Of the people of whom a camera shows a pixel, how many were detected; of detections, how many were people."""
     shown = recording.visible > 0
@@ -126,6 +125,10 @@ def _detection(recording: Recording) -> dict[str, float | None]:
 
 def _ratio(part: Any, whole: Any) -> float | None:  # noqa: ANN401 - numpy's integers
     return float(part) / float(whole) if whole else None
+
+
+def _metres(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f} m"
 
 
 def _share(value: float | None) -> str:

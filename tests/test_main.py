@@ -50,7 +50,7 @@ BROKEN = {
     "other/file": "",
 }
 WRONG = {
-    "unknown command": (["flyy"], ["'flyy'", "run, compare, frames, planners, scenarios"]),
+    "unknown command": (["flyy"], ["'flyy'", "run, compare, frames, export, planners, scenarios"]),
     "misspelt command": (["rum"], ["'rum'", "did you mean run?"]),
     "unknown option": (["run", "--sead", "3"], ["--sead", "--seed"]),
     "extra argument": (["run", "forest", "grove"], ["grove"]),
@@ -97,6 +97,8 @@ WRONG = {
     "folder without a name": (["run", "--out", ""], ["--out", "no name"]),
     "seeds out of order": (["compare", "--seeds", "9-0"], ["--seeds", "'9-0'", "0-9 or 0,3,7"]),
     "one wrong planner": (["compare", "--planner", "hover", "--planner", "gredy"], ["'gredy'", "did you mean greedy?"]),
+    "unknown format": (["export", "full", "--to", "cvs"], ["--to", "'cvs'", "did you mean csv?"]),
+    "export of no run": (["export", "full", "--to", "csv"], ["DIR", "full", "holds no mission.npz"]),
     "no worker": (["compare", "--workers", "0"], ["--workers", "'0'", "an integer, 1 or more"]),
 }
 
@@ -131,7 +133,9 @@ def test_the_bare_command_shows_how_to_start_within_80_columns(call):
     assert max(map(len, out.splitlines())) <= 80
 
 
-@pytest.mark.parametrize("command", [[], ["run"], ["compare"], ["frames"], ["planners"], ["scenarios"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "command", [[], ["run"], ["compare"], ["frames"], ["export"], ["planners"], ["scenarios"]], ids=" ".join
+)
 def test_every_command_has_help(call, command):
     code, out, err = call(*command, "--help")
     assert (code, err) == (0, "")

@@ -27,6 +27,16 @@ def test_the_lines_are_the_input():
     assert len({to_rgb(lines[f"UAV {i}"].get_color()) for i in range(3)}) == 3
 
 
+def test_a_uav_that_breaks_down_ends_its_line_and_leaves_the_mean():
+    times, ospa = errors()
+    ospa[20:, 1] = np.nan
+    axes = ospa_figure(times, ospa).axes[0]
+    lines = {line.get_label(): np.asarray(line.get_ydata()) for line in axes.get_lines()}
+    assert np.flatnonzero(np.isnan(lines["UAV 1"])).tolist() == list(range(20, 50))
+    np.testing.assert_allclose(lines["mean of UAVs"][20:], ospa[20:, ::2, 0].mean(axis=1), rtol=1e-15)
+    assert f"mean {np.nanmean(ospa[:, :, 0]):.2f} m" in axes.get_title(loc="left")
+
+
 def test_the_shades_part_localisation_from_cardinality():
     times, ospa = errors()
     shades = {

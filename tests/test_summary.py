@@ -10,7 +10,7 @@ from rich.console import Console
 from sim.autopilot import Fault
 from sim.recording import VERSION, Recording
 from sim.stopwatch import STAGES
-from sim.summary import people_held, results_table, summarise
+from sim.summary import results_table, summarise
 
 SECONDS = {"physics": 1.0, "rendering": 2.0, "detection": 0.5, "tracking": 0.25, "planning": 3.0, "video": 4.0}
 
@@ -66,9 +66,9 @@ def test_the_summary_matches_the_hand_count():
 
 def test_people_are_held_while_a_track_is_within_a_metre():
     # Person 0: held by both UAVs at scan 0, by none at 1. Person 1: a track at 2 m. Person 2: present at scan 1 only.
-    assert people_held(hand_made()) == [0.5, 0.0, 0.5]
+    assert summary(hand_made())["people_held"] == [0.5, 0.0, 0.5]
     gone = dataclasses.replace(hand_made(), people=np.full((2, 3, 2), np.nan))
-    assert people_held(gone) == [None, None, None]
+    assert summary(gone)["people_held"] == [None, None, None]
 
 
 def test_the_real_time_factor_leaves_video_and_start_up_aside():
@@ -104,7 +104,8 @@ def shown(result):
 
 def test_the_table_shows_every_number():
     text = shown(summary(hand_made(), wall_s=4.025))
-    for piece in ("hover, seed 7", "1.50 m", "0.75 m", "50.0%", "66.7%", "80.0%", "8.0", *STAGES, "3.00 s"):
+    pieces = ("hover, seed 7", "1.50 m", "0.75 m", "50.0%", "66.7%", "80.0%", "8.0", *STAGES, "3.00 s")
+    for piece in (*pieces, "GOSPA mean", "people held", "30.0%", "identity switches", "NEES, ideal "):
         assert piece in text
     assert "interrupted" not in text
 

@@ -1,0 +1,120 @@
+"""Correspondence, identity switches and fragmentations, by cases made by hand."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from tracking.clearmot import correspondence, fragmentations, switches
+
+
+def line(*xs):
+    """A path along the x axis; None where it is absent."""
+    return [(math.nan, math.nan) if x is None else (x, 0.0) for x in xs]
+
+
+def paths(*rows):
+    return np.moveaxis(np.array(rows, dtype=float), 0, 1)
+
+
+# People and tracks by their x at each scan; expected matches, switches and fragmentations. The gate is 1 m.
+CASES = {
+    "one track all the time": ([line(0, 1, 2)], [line(0.1, 1.2, 2.3)], [[0], [0], [0]], [0], [0]),
+    "nobody": ([line(0, 1)], [line(5, 6)], [[-1], [-1]], [0], [0]),
+    "another id takes over": ([line(0, 0, 0)], [line(0, None, None), line(None, 0, 0)], [[0], [1], [1]], [1], [0]),
+    "another id after a gap": (
+        [line(0, 0, 0, 0)],
+        [line(0, None, None, None), line(None, None, 0, 0)],
+        [[0], [-1], [1], [1]],
+        [1],
+        [1],
+    ),
+    "the same id after a gap": ([line(0, 0, 0)], [line(0, 3, 0)], [[0], [-1], [0]], [0], [1]),
+    "lost for good": ([line(0, 0, 0)], [line(0, 3, 3)], [[0], [-1], [-1]], [0], [0]),
+    "found late": ([line(0, 0, 0)], [line(3, 0, 0)], [[-1], [0], [0]], [0], [0]),
+    "there and back": (
+        [line(0, 0, 0)],
+        [line(0, None, 0), line(None, 0.5, 0.1)],
+        [[0], [1], [1]],  # a third scan with both: what stands for the person stays
+        [1],
+        [0],
+    ),
+    "an absence is no fragmentation": ([line(0, None, 0)], [line(0, 9, 0)], [[0], [-1], [0]], [0], [0]),
+    # The tracks pass each other 0.4 m from both people; a new assignment would swap them, and none is made.
+    "continuity before distance": (
+        [line(0, 0, 0), line(0.8, 0.8, 0.8)],
+        [line(0, 0.6, 0), line(0.8, 0.2, 0.8)],
+        [[0, 1], [0, 1], [0, 1]],
+        [0, 0],
+        [0, 0],
+    ),
+    "tracks that swap people": (
+        [line(0, 0), line(5, 5)],
+        [line(0, 5), line(5, 0)],
+        [[0, 1], [1, 0]],
+        [1, 1],
+        [0, 0],
+    ),
+    # Nearest first would leave the second person without a track.
+    "as many pairs as can be": ([line(0), line(0.9)], [line(0.8), line(-0.5)], [[1, 0]], [0, 0], [0, 0]),
+    # Both had track 0; the second had it later and keeps it, though the first is nearer.
+    "who had it later": (
+        [line(0, 0, 0), line(5, 0.9, 0.9)],
+        [line(0, None, 0.2), line(9, 9, 9), line(None, 0.9, None)],
+        [[0, -1], [-1, 2], [0, -1]],
+        [0, 0],
+        [1, 0],
+    ),
+}
+
+
+@pytest.mark.parametrize(("people", "tracks", "matches", "switched", "broken"), CASES.values(), ids=CASES)
+def test_cases_by_hand(people, tracks, matches, switched, broken):
+    people = paths(*people)
+    found = correspondence(paths(*tracks), people, 1.0)
+    assert found.tolist() == matches
+    assert switches(found).tolist() == switched
+    assert fragmentations(found, ~np.isnan(people[..., 0])).tolist() == broken
+
+
+def test_of_two_claims_the_later_one_holds():
+    """Track 0 stood for the first person, then for the second, and now both are near it."""
+    people = paths(line(0, 0, 0), line(3, 1.5, 0.6))
+    tracks = paths(line(0.0, 2.0, 0.2))
+    assert correspondence(tracks, people, 1.0).tolist() == [[0, -1], [-1, 0], [-1, 0]]
+
+
+def test_of_one_scan_the_pairs_are_as_many_and_then_as_near_as_can_be():
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        tracks, people = (rng.uniform(0, 4, (1, int(rng.integers(0, 5)), 2)) for _ in range(2))
+        found = correspondence(tracks, people, 1.0)[0]
+        gaps = np.linalg.norm(tracks[0][:, None] - people[0][None], axis=2)
+        best = min(
+            (-sum(g <= 1.0 for g in chosen), sum(g for g in chosen if g <= 1.0))
+            for chosen in (
+                [gaps[a, m] for m, a in enumerate(order) if a >= 0]
+                for order in itertools.product(range(-1, len(tracks[0])), repeat=len(people[0]))
+                if len({a for a in order if a >= 0}) == sum(a >= 0 for a in order)
+            )
+        )
+        held = np.flatnonzero(found >= 0)
+        assert -len(held) == best[0]
+        assert gaps[found[held], held].sum() == pytest.approx(best[1])
+
+
+def test_the_order_of_tracks_and_people_does_not_matter():
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        tracks, people = np.cumsum(rng.normal(0, 0.5, (20, 7, 2)), axis=0), np.cumsum(rng.normal(0, 0.5, (20, 5, 2)), 0)
+        a, b = rng.permutation(7), rng.permutation(5)
+        found, again = correspondence(tracks, people, 1.0), correspondence(tracks[:, a], people[:, b], 1.0)
+        assert np.array_equal(np.where(again >= 0, a[again], -1), found[:, b])
+
+
+def test_what_has_no_meaning_is_refused():
+    with pytest.raises(ValueError, match="within must be positive, is 0"):
+        correspondence(np.zeros((1, 1, 2)), np.zeros((1, 1, 2)), 0.0)
+    with pytest.raises(ValueError, match=r"are \(2, 1, 2\) and \(1, 1, 2\)"):
+        correspondence(np.zeros((2, 1, 2)), np.zeros((1, 1, 2)), 1.0)

@@ -1,0 +1,156 @@
+"""Scans, cameras and trees from CSV files, so that trackers run on anyone's measurements."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from tracking.camera import Camera, Pose
+from tracking.tracker import Scan
+from tracking.visibility import Forest, Tree
+
+MEASUREMENT = ("x", "y", "xx", "xy", "yy")  # m, m²; empty in the row of a scan that measured nothing
+POSE = ("camera_x", "camera_y", "camera_z", "camera_qx", "camera_qy", "camera_qz", "camera_qw")
+SCAN_COLUMNS = ("time", "uav", *MEASUREMENT, *POSE)
+CAMERA_COLUMNS = ("uav", "fov", "pixels")
+TREE_COLUMNS = ("x", "y", "canopy_radius", "canopy_base", "canopy_top", "trunk_radius")
+_UNIT = 1e-6  # how far the norm of a quaternion may be from one
+
+_Path = str | os.PathLike[str]
+
+
+def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
+    """The scans of each instant by ascending UAV, from a CSV file with the columns `SCAN_COLUMNS` and any others.
+
+    A row is one measurement: time [s], UAV, position [m], the entries of its covariance [m²], and the camera's pose,
+    quaternion xyzw. A scan that measured nothing is one row without x, y, xx, xy and yy: that a camera looked and saw
+    nobody is what a tracker must know too. Rows are in the order of time. Anything wrong is a ValueError that names
+    file, line and column, at the row where it stands.
+    """
+    time, looks = -math.inf, dict[int, _Look]()
+    for row in _rows(path, SCAN_COLUMNS):
+        now = row.number("time")
+        if now < time:
+            raise row.wrong("time", f"{now:g} s comes after {time:g} s; times must not go backwards")
+        if now > time:
+            if looks:
+                yield _scans(time, looks)
+            time, looks = now, {}
+        looks.setdefault(row.integer("uav"), _Look(row.pose())).add(row)
+    if not looks:
+        raise ValueError(f"{path}: holds no scan")
+    yield _scans(time, looks)
+
+
+def read_cameras(path: _Path) -> dict[int, Camera]:
+    """The camera of each UAV, from a CSV file with the columns `CAMERA_COLUMNS`: full angle of view [rad], pixels."""
+    cameras: dict[int, Camera] = {}
+    for row in _rows(path, CAMERA_COLUMNS):
+        uav, fov, pixels = row.integer("uav"), row.number("fov"), row.integer("pixels")
+        if uav in cameras:
+            raise row.wrong("uav", f"UAV {uav} has a second row")
+        if not 0 < fov < math.pi:
+            raise row.wrong("fov", f"{fov:g} is not allowed; expected more than 0 and less than pi rad")
+        if pixels < 1:
+            raise row.wrong("pixels", "0 is not allowed; expected 1 or more")
+        cameras[uav] = Camera(fov, pixels)
+    return cameras
+
+
+def read_forest(path: _Path) -> Forest:
+    """The trees from a CSV file with the columns `TREE_COLUMNS`, all in m."""
+    return Forest(tuple(Tree(*(row.number(name) for name in TREE_COLUMNS)) for row in _rows(path, TREE_COLUMNS)))
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A line of a table, and where it stands."""
+
+    where: str
+    values: dict[str, str]
+
+    def wrong(self, column: str, what: str) -> ValueError:
+        return ValueError(f"{self.where}, column {column}: {what}")
+
+    def number(self, column: str) -> float:
+        """A finite number; ValueError names file, line and column."""
+        text = self.values[column]
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise self.wrong(column, f"{text!r} is not a finite number" if text else "is empty")
+        return value
+
+    def integer(self, column: str) -> int:
+        """An integer, 0 or more; ValueError names file, line and column."""
+        text = self.values[column]
+        if not (text.isascii() and text.isdigit()):
+            raise self.wrong(column, f"{text!r} is not an integer, 0 or more" if text else "is empty")
+        return int(text)
+
+    def pose(self) -> tuple[float, ...]:
+        """Position and unit quaternion of the camera."""
+        pose = tuple(self.number(name) for name in POSE)
+        norm = math.hypot(*pose[3:])
+        if abs(norm - 1) > _UNIT:
+            raise self.wrong("camera_qx", f"the quaternion's norm is {norm:g}, not 1")
+        return pose
+
+
+@dataclass
+class _Look:
+    """One scan in the making."""
+
+    pose: tuple[float, ...]
+    rows: list[list[float]] = field(default_factory=list)
+    empty: bool = False
+
+    def add(self, row: _Row) -> None:
+        """Take the measurement of a row, if it has one; ValueError where it does not go with the rows before."""
+        if row.pose() != self.pose:
+            raise row.wrong("camera_x", "the camera has another pose in another row of this scan")
+        if self.empty:
+            raise row.wrong("x", "this scan has another row, without a measurement")
+        if not any(row.values[name] for name in MEASUREMENT):
+            if self.rows:
+                raise row.wrong("x", "is empty, but this scan has measurements")
+            self.empty = True
+            return
+        x, y, xx, xy, yy = (row.number(name) for name in MEASUREMENT)
+        if not (xx > 0 and xx * yy > xy * xy):
+            raise row.wrong("xx", f"xx, xy, yy of {xx:g}, {xy:g}, {yy:g} m² are not positive definite")
+        self.rows.append([x, y, xx, xy, xy, yy])
+
+
+def _scans(time: float, looks: dict[int, _Look]) -> tuple[Scan, ...]:
+    scans = []
+    for uav, look in sorted(looks.items()):
+        table = np.array(look.rows, dtype=float).reshape(-1, 6)
+        pose = Pose(np.array(look.pose[:3]), np.array(look.pose[3:]))
+        scans.append(Scan(uav, time, pose, table[:, :2].copy(), table[:, 2:].reshape(-1, 2, 2)))
+    return tuple(scans)
+
+
+def _rows(path: _Path, columns: Sequence[str]) -> Iterator[_Row]:
+    """The lines of a CSV file that has these columns; empty lines are skipped."""
+    with Path(path).open(encoding="utf-8-sig", newline="") as file:
+        table = csv.reader(file)
+        header = [name.strip() for name in next(table, [])]
+        for name in columns:
+            if header.count(name) != 1:
+                what = "twice" if name in header else "missing"
+                raise ValueError(f"{path}, line 1: column {name} is {what}; columns are {','.join(header) or 'none'}")
+        for fields in table:
+            where = f"{path}, line {table.line_num}"
+            if fields and len(fields) != len(header):
+                raise ValueError(f"{where}: has {len(fields)} fields, not {len(header)} as line 1")
+            if fields:
+                yield _Row(where, dict(zip(header, map(str.strip, fields), strict=True)))

@@ -1,0 +1,37 @@
+"""One instant of a whole fleet of trackers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracking.consensus import fuse
+from tracking.tracker import Scan, Tracker
+
+
+def step(
+    fleet: Sequence[Tracker], scans: Sequence[Scan], adjacency: NDArray[np.bool_] | None = None, *, rounds: int = 5
+) -> None:
+    """Whoever has a scan takes it, the others coast to its time, and all talk.
+
+    The scans, one or more, are of one time and of different UAVs. adjacency (n, n): who hears whom, in the order of
+    the fleet; without it everybody hears everybody. rounds: as in `consensus.fuse`.
+    """
+    given = {scan.uav: scan for scan in scans}
+    times = sorted({scan.time for scan in scans})
+    if len(times) != 1 or len(given) != len(scans):
+        raise ValueError(
+            f"scans must be of one time and of different UAVs, are at {times} s of {[s.uav for s in scans]}"
+        )
+    unknown = set(given) - {tracker.uav for tracker in fleet}
+    if unknown:
+        raise ValueError(f"scans of UAVs {sorted(unknown)}, of which the fleet has no tracker")
+    for tracker in fleet:
+        if tracker.uav in given:
+            tracker.step(given[tracker.uav])
+        else:
+            tracker.coast(times[0])
+    everybody = ~np.eye(len(fleet), dtype=np.bool_)
+    fuse(fleet, everybody if adjacency is None else adjacency, rounds)

@@ -1,0 +1,38 @@
+"""Distance between sets of estimated and true positions that tells who was missed and what was made up."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from tracking.compiled import Array
+
+
+class Gospa(NamedTuple):
+    """GOSPA distance [m] and its parts: localisation^p + missed^p + false^p = distance^p.
+
+    Each missed truth and each false estimate adds c^p / 2 to the p-th power of its part.
+    """
+
+    distance: float
+    localisation: float
+    missed: float
+    false: float
+
+
+def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> Gospa:
+    """Generalised OSPA distance, alpha = 2, between estimates (A, 2) and truths (B, 2), all in m.
+
+    An estimate c > 0 or more from a truth [m] is not of it: one is false, the other missed; p >= 1 is the order. Unlike
+    OSPA it is a sum over targets, not their mean. Source: [Rahmathullah17].
+    """
+    if not (c > 0 and p >= 1):
+        raise ValueError(f"c must be positive and p at least 1, are {c} and {p}")
+    X, Y = np.reshape(estimates, (-1, 2)), np.reshape(truths, (-1, 2))
+    gaps = np.linalg.norm(X[:, None] - Y[None], axis=2)
+    chosen = gaps[linear_sum_assignment(np.minimum(gaps, c) ** p)]
+    near = chosen[chosen < c]
+    parts = (float((near**p).sum()), (len(Y) - len(near)) * c**p / 2, (len(X) - len(near)) * c**p / 2)
+    return Gospa(sum(parts) ** (1 / p), *(part ** (1 / p) for part in parts))
