@@ -90,17 +90,23 @@ def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(call, tmp_path, 
     refused(call, tmp_path, arguments, words)
 
 
+@pytest.mark.parametrize("lacking", ["device", "library"])
 @pytest.mark.parametrize(
     "arguments",
     [["run", SET, "sensing.renderer=egl"], ["frames", "egl.npz", *RECORDED, "1"]],
     ids=["run", "frames"],
 )
-def test_without_opengl_what_needs_it_is_refused(call, tmp_path, monkeypatch, arguments):
-    """The plug-in is told to use a device that does not exist."""
-    monkeypatch.setenv("EGL_VISIBLE_DEVICES", "99")
+def test_without_opengl_what_needs_it_is_refused(call, tmp_path, monkeypatch, arguments, lacking):
+    """The plug-in is told to use a device that does not exist, or finds a library that is none."""
+    if lacking == "device":
+        monkeypatch.setenv("EGL_VISIBLE_DEVICES", "99")
+    else:
+        for name in ("libEGL.so", "libEGL.so.1"):
+            (tmp_path / name).touch()
+        monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
     opengl.refusal.cache_clear()
     try:
-        refused(call, tmp_path, arguments, ["sensing.renderer: 'egl' cannot start here (", "allowed is tiny"])
+        refused(call, tmp_path, arguments, ["sensing.renderer: 'egl' cannot start here (", "); allowed is tiny"])
     finally:
         opengl.refusal.cache_clear()
 
