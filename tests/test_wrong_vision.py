@@ -1,6 +1,6 @@
 """What a user may get wrong about cameras, people and recordings: one clear line, exit code 2, nothing left."""
 
-import dataclasses
+import shutil
 import sys
 
 import msgspec
@@ -24,19 +24,26 @@ RECORDED = ["--uav", "0", "--time"]
 SET = "--set"
 
 
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Files that hold a mission of 2 s, rendered by each renderer."""
+    setting, folder = synthetic.scenario(), tmp_path_factory.mktemp("recordings")
+    recorder, forest = Recorder(), synthetic.forest(setting)
+    for snapshot in synthetic.snapshots(setting, forest, 11):
+        recorder.add(snapshot)
+    for name in ("tiny", "egl"):
+        drawn = msgspec.structs.replace(setting, sensing=Sensing(renderer=name))
+        save(recorder.recording(scenario=resolved(drawn), planner="p", seed=0, forest=forest), folder / f"{name}.npz")
+    return folder
+
+
 @pytest.fixture
-def call(tmp_path, monkeypatch, capfd):
-    """Calls the command line in a folder with a recording of 2 s and trajectories: exit code and standard error."""
+def call(tmp_path, monkeypatch, capfd, recordings):
+    """Calls the command line in a folder with recordings and trajectories: exit code and standard error."""
     for name, text in CSV.items():
         (tmp_path / name).write_text(text)
-    setting = synthetic.scenario()
-    recorder = Recorder()
-    for snapshot in synthetic.snapshots(setting, synthetic.forest(setting), 11):
-        recorder.add(snapshot)
-    recording = recorder.recording(scenario=resolved(setting), planner="p", seed=0, forest=synthetic.forest(setting))
-    save(recording, tmp_path / "tiny.npz")
-    drawn = msgspec.structs.replace(setting, sensing=Sensing(renderer="egl"))
-    save(dataclasses.replace(recording, scenario=resolved(drawn)), tmp_path / "egl.npz")
+    for path in recordings.iterdir():
+        shutil.copy(path, tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
 
