@@ -17,6 +17,7 @@ from sim.console import (
     console,
     fail,
     mission_progress,
+    remark,
     show_comparison,
     show_files,
     show_list,
@@ -25,7 +26,7 @@ from sim.console import (
 )
 from sim.detectors import check_detector
 from sim.errors import InputError
-from sim.loading import SCENARIOS, did_you_mean, load
+from sim.loading import SCENARIOS, did_you_mean, load, remarks
 from sim.quantity import integer, integers, interval, seconds
 
 # Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
@@ -104,6 +105,7 @@ def run(
     check_detector(setting.sensing.detector)
     number = integer(seed, "--seed", least=0)
     load_planner(planner)
+    remark(*remarks(setting))
     folder = out or _unused(Path("runs") / f"{Path(scenario).stem}-{planner.replace(':', '.')}-seed{number}")
     from sim.mission import Trial
     from sim.run import run as fly
@@ -131,6 +133,7 @@ def compare(
     for name in names:
         load_planner(name)
     chosen, processes = integers(seeds, "--seeds"), integer(workers, "--workers", least=1)
+    remark(*remarks(setting))
     from sim.experiment import compare as fly_all
     from sim.warmup import warm_up
 

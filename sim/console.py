@@ -30,6 +30,12 @@ def fail(message: str, *, code: int) -> NoReturn:
     sys.exit(code)
 
 
+def remark(*messages: str) -> None:
+    """Say what the user may not expect, one line each."""
+    for message in messages:
+        print(f"understory: {message}", file=sys.stderr)
+
+
 @contextmanager
 def compiling() -> Iterator[None]:
     """Says, while the block runs, what takes so long."""

@@ -14,13 +14,22 @@ import msgspec
 
 from assets import ASSETS
 from sim.errors import InputError
-from sim.scenario import Scenario, Uav
+from sim.scenario import People, Scenario, Uav
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
 
+# What is asked for beside a scenario, and the options that do.
+_ELSEWHERE = {
+    "seed": "--seed",
+    "seeds": "--seeds",
+    "planner": "--planner",
+    "out": "--out",
+    "video": "--no-video",
+    "workers": "--workers",
+}
 SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.toml"))}
 
 
@@ -49,6 +58,22 @@ def decode(data: Mapping[str, Any]) -> Scenario:
         return msgspec.convert(data, Scenario)
     except msgspec.ValidationError as error:
         raise InputError(_readable(str(error), data)) from error
+
+
+def remarks(scenario: Scenario) -> list[str]:
+    """What a scenario may say although it is not flown so, one line each."""
+    found, last = [], scenario.scan_times[-1]
+    if not math.isclose(last, scenario.duration):
+        scans = f"the last scan is at {last:g} s"
+        interval = f"{1 / scenario.rates.sensing:g} s between scans"
+        found.append(f"duration: {scenario.duration:g} s is no multiple of the {interval}; {scans}")
+    people, default = scenario.people, People()
+    if people.trajectories:
+        given = [name for name in People.__struct_fields__ if getattr(people, name) != getattr(default, name)]
+        unused = ", ".join(f"people.{name}" for name in given if name != "trajectories")
+        if unused:
+            found.append(f"{unused}: not used, as people.trajectories says who walks where")
+    return found
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -120,6 +145,8 @@ def _check_keys(data: object, kind: Any, where: str) -> None:  # noqa: ANN401 - 
     fields = {f.name: f.type for f in msgspec.structs.fields(kind)}
     for key, value in data.items():
         if key not in fields:
+            if not where and key in _ELSEWHERE:
+                raise InputError(f"{key}: unknown key; no part of a scenario, but an option: {_ELSEWHERE[key]}")
             raise InputError(f"{where}{key}: unknown key; {did_you_mean(key, fields)}")
         _check_keys(value, fields[key], f"{where}{key}.")
         if key == "uavs" and isinstance(value, list):

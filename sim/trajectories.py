@@ -74,12 +74,7 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
 def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
     """Position (2,) m by time [s], by person in order of appearance in the file."""
     people: dict[str, dict[float, Array]] = {}
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"people.trajectories: {path} cannot be read: {reason}") from error
-    table = csv.reader(text.splitlines())
+    table = csv.reader(_text(path).splitlines())
     header = [name.strip() for name in next(table, [])]
     if sorted(header) != sorted(COLUMNS):
         raise InputError(f"{path}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
@@ -93,7 +88,21 @@ def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
             if time in rows:
                 raise InputError(f"{where}, column t: id {person} has a second row at {time:g} s")
             rows[time] = position
+    if not people:
+        raise InputError(f"{path}: has no rows below the names of its columns; a path needs two or more")
     return people
+
+
+def _text(path: Path) -> str:
+    """What a file holds, which is not nothing."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"people.trajectories: {path} cannot be read: {reason}") from error
+    if not text.strip():
+        raise InputError(f"{path}: is empty; its first line must name the columns {','.join(COLUMNS)}")
+    return text
 
 
 def _row(where: str, row: dict[str, str], area: Area) -> tuple[str, float, Array]:

@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 from test_detector import CAMERA, SCENARIO, frame
 
-from sim import __main__ as cli
 from sim import opengl
 from sim.errors import InputError
+from sim.frames import Rerenderer
+from sim.mission import Mission, Trial
+from sim.recording import Recorder
 from sim.renderer import Renderer
-from sim.scenario import Sensing
+from sim.scenario import Scenario, Sensing, resolved
 from sim.world import World
 from tracking.camera import Pose
 from tracking.detector import detect
@@ -60,23 +62,22 @@ def test_opengl_shows_what_tiny_renderer_shows_and_says_nothing(started, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_mission_flies_on_opengl_and_its_frames_come_out_again_byte_for_byte(started):
+    trial = Trial(Scenario(duration=0.6, sensing=Sensing(renderer="egl", noise="camera")), "hover", 1)
+    mission, recorder, images = Mission.of(trial), Recorder(), []
+    for snapshot in mission.fly():
+        recorder.add(snapshot)
+        images.append([frame.tobytes() for frame in mission.frames])
+    assert any(len(scan.measurements) for scan in snapshot.scans) and mission.faults == []
+    recording = recorder.recording(scenario=resolved(trial.scenario), planner="hover", seed=1, forest=mission.forest)
+    with Rerenderer(recording) as again:
+        assert [[again.image(k, i).tobytes() for i in range(3)] for k in range(4)] == images
+
+
 def test_one_world_at_a_time_has_opengl(started):
     with World(EGL, OPEN, 0), pytest.raises(RuntimeError, match="one world at a time"):
         World(EGL, OPEN, 0)
     World(EGL, OPEN, 0).close()
-
-
-def test_where_opengl_cannot_start_the_run_ends_with_one_line(absent, tmp_path, monkeypatch, capfd):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["understory", "run", "--set", "sensing.renderer=egl"])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    assert end.value.code == 2
-    said = [line for line in capfd.readouterr().err.splitlines() if "understory:" in line]
-    assert len(said) == 1
-    assert "sensing.renderer: 'egl' cannot start here (" in said[0]
-    assert "allowed is tiny" in said[0]
-    assert not any(tmp_path.iterdir())
 
 
 def test_images_larger_than_its_window_are_refused():

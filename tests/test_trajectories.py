@@ -115,7 +115,7 @@ GOOD = [(0, 1, 0, 0), (1, 1, 1, 0)]
 @pytest.mark.parametrize(
     "text, complaint",
     [
-        ("", "line 1: columns are missing, not t,id,x,y"),
+        ("", "is empty; its first line must name the columns t,id,x,y"),
         ("t,id,x\n0,1,0\n", "line 1: columns are t,id,x, not t,id,x,y"),
         ("t,id,x,y,z\n", "line 1: columns are t,id,x,y,z, not t,id,x,y"),
         (table([*GOOD, (2, 1, "east", 0)]), "line 4, column x: 'east' is not a finite number"),
@@ -129,7 +129,8 @@ GOOD = [(0, 1, 0, 0), (1, 1, 1, 0)]
         (table([*GOOD, (2, 1, 0, -51)]), "line 4, column y: -51 is outside the area, -50 to 50 m"),
         (table([*GOOD, (2, 9, 0, 0)]), "column id: 9 has a single row; a path needs two or more"),
         (table([(90, 1, 0, 0), (95, 1, 1, 0)]), "column t: nobody is there between 0 and 40 s"),
-        (table([]), "column t: nobody is there between 0 and 40 s"),
+        ("\n0,1,0,0\n", "line 1: columns are missing, not t,id,x,y"),
+        (table([]), "has no rows below the names of its columns; a path needs two or more"),
     ],
 )
 def test_what_is_wrong_is_named_by_file_line_column_and_value(csv_file, text, complaint):

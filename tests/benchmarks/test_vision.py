@@ -6,7 +6,7 @@ In ordinary test runs each comparison runs once, on little, and its ratio is not
 
 import time
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, product
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from sim.renderer import Renderer, capture
 from sim.scenario import Scenario, Sensing, Trees, Uav
 from sim.sensing import camera_of
 from sim.world import World
-from tracking.camera import Pose
+from tracking.camera import Camera, Pose
 from tracking.detector import Frame, detect
 from tracking.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight
 
@@ -144,6 +144,25 @@ def test_mission_views_against_the_same_without_culling(flown, judged):
                 )
             )
     report("mission's views, culled against whole", *np.mean(times, axis=0), 0.5, judged)
+
+
+def test_resolutions_in_turn_against_one_at_a_time(flown, judged):
+    """In one client, which makes its buffers anew at each change of size; the same views in the same order."""
+    forest, views = flown
+    views = views[:15]
+    cameras = [Camera(views[0].camera.fov, pixels) for pixels in (96, 128, 256)]
+    times = np.full((2, 3, len(views)), np.inf)  # one at a time, in turn; resolution; view
+    with World(SCENARIO, forest, len(views[0].people)) as world:
+        renderer = Renderer(world)
+        world.place_people(views[0].people, views[0].headings)
+        for _, k, turns in product(range(20 if judged else 1), range(3), range(2)):
+            for i, view in enumerate(views):
+                j = (k + i * turns) % 3
+                start = time.perf_counter()
+                renderer.render(cameras[j], view.pose)
+                times[turns, j, i] = min(times[turns, j, i], time.perf_counter() - start)
+    alone, mixed = times.mean(axis=(1, 2))
+    report("frames of 96, 128 and 256 pixels in turn", mixed, alone, 1.05, judged)
 
 
 def lines(trees, judged):
