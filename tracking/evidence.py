@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.compiled import Array
+from tracking.compiled import Array, compiled
 
 Indices = NDArray[np.int64]
 
@@ -63,6 +63,7 @@ class Evidence:
         return np.array([bin(bits).count("1") >= m for bits in self.misses.tolist()], dtype=np.bool_)
 
 
+@compiled
 def own_measurements(beta: Array, least: float) -> Indices:
     """For each track the measurement it does not share, -1 for none (T,).
 

@@ -73,27 +73,28 @@ def mixture_update(
     """
     means, covariances = predicted
     new_means, new_covariances = means.copy(), np.empty_like(covariances)
+    moves = np.empty((len(measurements) + 1, 4))
     for i in range(len(means)):
         P = covariances[i]
-        moves = np.zeros((len(measurements) + 1, 4))
+        components = np.flatnonzero(beta[i])  # few of all: a track's cost must not grow with who is far away
         moves[0] = undetected[0][i] - means[i]
         total = beta[i, 0] * undetected[1][i]
-        for j in range(len(measurements)):
-            weight = beta[i, j + 1]
-            if weight == 0.0:
+        for c in components:
+            if c == 0:
                 continue
+            j, weight = c - 1, beta[i, c]
             R = noise[j]
             K = np.ascontiguousarray(P[:, :2]) @ np.linalg.inv(P[:2, :2] + R)
             A = np.eye(4)
             A[:, :2] -= K
-            moves[j + 1] = K @ (measurements[j] - means[i, :2])
+            moves[c] = K @ (measurements[j] - means[i, :2])
             total += weight * (A @ P @ A.T + K @ R @ K.T)
         move = np.zeros(4)
-        for j in range(len(moves)):
-            move += beta[i, j] * moves[j]
-        for j in range(len(moves)):
-            spread = moves[j] - move
-            total += beta[i, j] * np.outer(spread, spread)
+        for c in components:
+            move += beta[i, c] * moves[c]
+        for c in components:
+            spread = moves[c] - move
+            total += beta[i, c] * np.outer(spread, spread)
         new_means[i] += move
         new_covariances[i] = 0.5 * (total + total.T)
     return new_means, new_covariances
