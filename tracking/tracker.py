@@ -18,6 +18,7 @@ from tracking.identity import FIRST_BORN, UAVS, Message, born_id
 from tracking.initiation import Initiator, Tentative
 from tracking.jpda import association_probabilities, gated_likelihood, mixture_update
 from tracking.kalman import Gaussian, NearlyConstantVelocity, information_form
+from tracking.malformed import well_formed
 from tracking.recovery import recoveries, sightings
 from tracking.visibility import Forest, visible_samples
 
@@ -142,9 +143,9 @@ class Tracker:
         p = self.parameters
         if scan.uav != self.uav:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
+        z, R = well_formed(scan.time, scan.pose.position, scan.measurements, scan.covariances)
         self.coast(scan.time)
         elapsed, self._waited = self._waited, 0
-        z, R = np.ascontiguousarray(scan.measurements), np.ascontiguousarray(scan.covariances)
         likelihood = gated_likelihood(self._means, self._covariances, z, R, p.gate_probability)
         samples = visible_samples(
             self._camera, scan.pose, self._means[:, :2], self._covariances[:, :2, :2], self._forest

@@ -178,7 +178,8 @@ def visible_samples(camera: Camera, pose: Pose, means: Array, covariances: Array
 
     means (N, 2) m, covariances (N, 2, 2) m²; the points are mean + L `SAMPLES`, with L Lᵀ the covariance.
     """
-    return _seen(means, np.linalg.cholesky(covariances), camera.lens(pose), forest.blockers, forest.grid)
+    roots = np.asarray(np.linalg.cholesky(covariances), dtype=float)
+    return _seen(means, roots, camera.lens(pose), forest.blockers, forest.grid)
 
 
 @compiled
