@@ -1,8 +1,8 @@
 """Stone Soup's JPDA filter on our models and scans.
 
-Conventions, which are the same on both sides: the gate is the ellipse that holds a person's measurement with probability
-P_G; a track misses with 1 - P_D P_G; a measurement in the gate weighs P_D N(z; Hx, S) / clutter density. Here the last
-reads P_D P_G times the density given that the measurement is in the gate, N / P_G, over the clutter density.
+Conventions, which are the same on both sides: the gate is the ellipse that holds a measurement of its person with
+probability P_G; a track misses with 1 - P_D P_G; a measurement in the gate weighs P_D N(z; Hx, S) / clutter density.
+Here the last reads P_D P_G times the density given that it is in the gate, N / P_G, over the clutter density.
 """
 
 import datetime
