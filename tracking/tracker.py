@@ -158,7 +158,7 @@ class Tracker:
         detection[:, 0] *= visible
         beta = association_probabilities(likelihood, detection, p.clutter_density)
         # A wide belief far off must not swallow newcomers: it explains only what it makes likelier than clutter.
-        unexplained = ~np.any(p.detection_probability * likelihood > p.clutter_density, axis=0)
+        unexplained = p.detection_probability * likelihood.max(axis=0, initial=0.0) <= p.clutter_density
         predicted = self._means, self._covariances
         undetected = given_undetected(predicted, samples, p.detection_probability, p.absence_weight)
         self._means, self._covariances = mixture_update(predicted, undetected, z, R, beta)
