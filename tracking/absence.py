@@ -23,6 +23,9 @@ def given_undetected(
     next scan would count the same absence again. Source: [Koch04], with samples where it uses mixtures.
     """
     means, covariances = predicted
+    partly = np.asarray(seen.any(axis=1) & ~seen.all(axis=1))
+    if not partly.any():
+        return means, covariances
     weights = (1.0 - detection_probability * seen) ** weight
     weights /= weights.sum(axis=1, keepdims=True)
     shift = weights @ SAMPLES
@@ -33,5 +36,4 @@ def given_undetected(
     G = np.swapaxes(np.linalg.solve(roots, covariances[:, :2, :]), 1, 2)
     moved = means + (G @ shift[..., None])[..., 0]
     shrunk = symmetric(covariances - G @ (np.eye(2) - spread) @ np.swapaxes(G, 1, 2))
-    partly = np.asarray(seen.any(axis=1) & ~seen.all(axis=1))
     return np.where(partly[:, None], moved, means), np.where(partly[:, None, None], shrunk, covariances)

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from tracking.compiled import Array, compiled
 
+Lens = tuple[Array, Array, float, int]  # position (3,) m, rotation (3, 3), focal length and edge [pixel]
+
 
 @dataclass(frozen=True, eq=False)
 class Pose:
@@ -74,9 +76,11 @@ class Camera:
 
     def sees(self, pose: Pose, points: Array) -> NDArray[np.bool_]:
         """Whether world points (N, 3) m fall inside the image, occlusion aside (N,)."""
-        uv, depth = self.project(pose, points)
-        inside = np.all((uv >= 0) & (uv <= self.pixels), axis=1)
-        return np.asarray((depth > 0) & inside)
+        return _in_image(np.atleast_2d(points), self.lens(pose))
+
+    def lens(self, pose: Pose) -> Lens:
+        """What the compiled `in_image` takes."""
+        return np.ascontiguousarray(pose.position, dtype=float), pose.rotation, self.focal, self.pixels
 
     def rays(self, pose: Pose, uv: Array) -> Array:
         """Directions in the world (N, 3), of unit depth along the optical axis, through pixels (N, 2)."""
@@ -94,3 +98,24 @@ class Camera:
         """Corners (4, 2) m of the image on the horizontal plane at `height` m, anticlockwise."""
         n = float(self.pixels)
         return self.ground_points(pose, np.array([[0, n], [n, n], [n, 0], [0, 0]]), height)
+
+
+@compiled
+def in_image(point: tuple[float, float, float], lens: Lens) -> bool:
+    """Whether a world point (3,) m falls inside the image of `Camera.project`."""
+    position, rotation, focal, pixels = lens
+    dx, dy, dz = point[0] - position[0], point[1] - position[1], point[2] - position[2]
+    depth = -(dx * rotation[0, 2] + dy * rotation[1, 2] + dz * rotation[2, 2])
+    if not depth > 0.0:
+        return False
+    u = pixels / 2 + focal * (dx * rotation[0, 0] + dy * rotation[1, 0] + dz * rotation[2, 0]) / depth
+    v = pixels / 2 - focal * (dx * rotation[0, 1] + dy * rotation[1, 1] + dz * rotation[2, 1]) / depth
+    return bool(0.0 <= u <= pixels and 0.0 <= v <= pixels)
+
+
+@compiled
+def _in_image(points: Array, lens: Lens) -> NDArray[np.bool_]:
+    seen = np.empty(len(points), dtype=np.bool_)
+    for k in range(len(points)):
+        seen[k] = in_image((points[k, 0], points[k, 1], points[k, 2]), lens)
+    return seen

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.compiled import Array
+from tracking.compiled import Array, compiled
 
 Indices = NDArray[np.int64]
 
@@ -63,6 +63,7 @@ class Evidence:
         return np.array([bin(bits).count("1") >= m for bits in self.misses.tolist()], dtype=np.bool_)
 
 
+@compiled
 def own_measurements(beta: Array, least: float) -> Indices:
     """For each track the measurement it does not share, -1 for none (T,).
 
@@ -70,12 +71,16 @@ def own_measurements(beta: Array, least: float) -> Indices:
     is at least `least`.
     """
     own = np.full(len(beta), -1, dtype=np.int64)
-    free = beta[:, 1:].copy()
-    for i in range(len(beta) if free.shape[1] else 0):
-        j = int(free[i].argmax())
-        if free[i, j] >= least:
-            own[i] = j
-            free[:, j] = 0.0
+    taken = np.zeros(beta.shape[1], dtype=np.bool_)
+    for i in range(len(beta)):
+        best = 0.0
+        for j in range(1, beta.shape[1]):
+            if beta[i, j] > best and not taken[j]:
+                own[i], best = j - 1, beta[i, j]
+        if best >= least:
+            taken[own[i] + 1] = True
+        else:
+            own[i] = -1
     return own
 
 

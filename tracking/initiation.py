@@ -69,11 +69,10 @@ class Initiator:
         """The measurement of each tentative track that gets one."""
         if not predicted or len(z) == 0:
             return {}
-        distance = np.empty((len(predicted), len(z)))
-        for k, belief in enumerate(predicted):
-            for j in range(len(z)):
-                nu = innovation(belief, z[j], R[j])
-                distance[k, j] = nu.mean @ np.linalg.solve(nu.covariance, nu.mean)
+        means = np.array([belief.mean for belief in predicted])[:, None]
+        covariances = np.array([belief.covariance for belief in predicted])[:, None]
+        nu = innovation(Gaussian(means, covariances), z, R)
+        distance = (nu.mean * np.linalg.solve(nu.covariance, nu.mean[..., None])[..., 0]).sum(axis=2)
         rows, columns = linear_sum_assignment(np.minimum(distance, self.gate))
         pairs = zip(rows.tolist(), columns.tolist(), strict=True)
         return {k: j for k, j in pairs if distance[k, j] <= self.gate}

@@ -26,11 +26,28 @@ def association_probabilities(likelihood: Array, detection_probability: Array, c
         raise ValueError("detection_probability must be in [0, 1)")
     if not clutter_density > 0.0:
         raise ValueError(f"clutter_density must be positive, is {clutter_density}")
-    pairs = detection[:, 1:] * likelihood / clutter_density
-    # Every joint event has one factor of each track: scaling a track's row keeps products in range.
-    misses = 1.0 - detection[:, 0]
-    scale = np.maximum(misses, pairs.max(axis=1, initial=0.0))
-    return marginals(misses / scale, pairs / scale[:, None], EXACT_SIDE)
+    misses, pairs = _weights(likelihood, detection, clutter_density)
+    return marginals(misses, pairs, EXACT_SIDE)
+
+
+@compiled
+def _weights(likelihood: Array, detection: Array, clutter_density: float) -> tuple[Array, Array]:
+    """Weights of misses (T,) and of pairs (T, N), relative to the largest of their track.
+
+    Every joint event has one factor of each track: scaling a track's row keeps products in range.
+    """
+    misses, pairs = 1.0 - detection[:, 0], np.zeros_like(likelihood)
+    for i in range(len(misses)):
+        scale = misses[i]
+        for j in range(pairs.shape[1]):
+            if likelihood[i, j] > 0.0:
+                pairs[i, j] = detection[i, j + 1] * likelihood[i, j] / clutter_density
+                scale = max(scale, pairs[i, j])
+        misses[i] /= scale
+        for j in range(pairs.shape[1]):
+            if pairs[i, j] > 0.0:
+                pairs[i, j] /= scale
+    return misses, pairs
 
 
 @compiled
@@ -50,6 +67,8 @@ def gated_likelihood(
             xx = covariances[i, 0, 0] + noise[j, 0, 0]
             xy = covariances[i, 0, 1] + noise[j, 0, 1]
             yy = covariances[i, 1, 1] + noise[j, 1, 1]
+            if dx * dx > 2.0 * threshold * xx:
+                continue  # far beyond the gate, as most pairs are where people are many
             det = xx * yy - xy * xy
             d2 = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / det
             if d2 <= threshold:
@@ -73,27 +92,28 @@ def mixture_update(
     """
     means, covariances = predicted
     new_means, new_covariances = means.copy(), np.empty_like(covariances)
+    moves = np.empty((len(measurements) + 1, 4))
     for i in range(len(means)):
         P = covariances[i]
-        moves = np.zeros((len(measurements) + 1, 4))
+        components = np.flatnonzero(beta[i])  # few of all: a track's cost must not grow with who is far away
         moves[0] = undetected[0][i] - means[i]
         total = beta[i, 0] * undetected[1][i]
-        for j in range(len(measurements)):
-            weight = beta[i, j + 1]
-            if weight == 0.0:
+        for c in components:
+            if c == 0:
                 continue
+            j, weight = c - 1, beta[i, c]
             R = noise[j]
             K = np.ascontiguousarray(P[:, :2]) @ np.linalg.inv(P[:2, :2] + R)
             A = np.eye(4)
             A[:, :2] -= K
-            moves[j + 1] = K @ (measurements[j] - means[i, :2])
+            moves[c] = K @ (measurements[j] - means[i, :2])
             total += weight * (A @ P @ A.T + K @ R @ K.T)
         move = np.zeros(4)
-        for j in range(len(moves)):
-            move += beta[i, j] * moves[j]
-        for j in range(len(moves)):
-            spread = moves[j] - move
-            total += beta[i, j] * np.outer(spread, spread)
+        for c in components:
+            move += beta[i, c] * moves[c]
+        for c in components:
+            spread = moves[c] - move
+            total += beta[i, c] * np.outer(spread, spread)
         new_means[i] += move
         new_covariances[i] = 0.5 * (total + total.T)
     return new_means, new_covariances

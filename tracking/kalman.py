@@ -55,9 +55,9 @@ class NearlyConstantVelocity:
 def innovation(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
     """Residual of a ground measurement and its covariance.
 
-    z (2,) m, R (2, 2) m². Returns ν (2,) and S = H P Hᵀ + R (2, 2).
+    z (2,) m, R (2, 2) m². Returns ν (2,) and S = H P Hᵀ + R (2, 2); stacks of all of them broadcast.
     """
-    return Gaussian(z - H @ predicted.mean, H @ predicted.covariance @ H.T + R)
+    return Gaussian(z - predicted.mean[..., :2], predicted.covariance[..., :2, :2] + R)
 
 
 def update(predicted: Gaussian, z: Array, R: Array) -> Gaussian:

@@ -18,6 +18,7 @@ from tracking.identity import FIRST_BORN, UAVS, Message, born_id
 from tracking.initiation import Initiator, Tentative
 from tracking.jpda import association_probabilities, gated_likelihood, mixture_update
 from tracking.kalman import Gaussian, NearlyConstantVelocity, information_form
+from tracking.malformed import well_formed
 from tracking.recovery import recoveries, sightings
 from tracking.visibility import Forest, visible_samples
 
@@ -142,9 +143,9 @@ class Tracker:
         p = self.parameters
         if scan.uav != self.uav:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
+        z, R = well_formed(scan.time, scan.pose.position, scan.measurements, scan.covariances)
         self.coast(scan.time)
         elapsed, self._waited = self._waited, 0
-        z, R = np.ascontiguousarray(scan.measurements), np.ascontiguousarray(scan.covariances)
         likelihood = gated_likelihood(self._means, self._covariances, z, R, p.gate_probability)
         samples = visible_samples(
             self._camera, scan.pose, self._means[:, :2], self._covariances[:, :2, :2], self._forest
@@ -157,7 +158,7 @@ class Tracker:
         detection[:, 0] *= visible
         beta = association_probabilities(likelihood, detection, p.clutter_density)
         # A wide belief far off must not swallow newcomers: it explains only what it makes likelier than clutter.
-        unexplained = ~np.any(p.detection_probability * likelihood > p.clutter_density, axis=0)
+        unexplained = p.detection_probability * likelihood.max(axis=0, initial=0.0) <= p.clutter_density
         predicted = self._means, self._covariances
         undetected = given_undetected(predicted, samples, p.detection_probability, p.absence_weight)
         self._means, self._covariances = mixture_update(predicted, undetected, z, R, beta)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from tracking.camera import Camera, Pose
+from tracking.camera import Camera, Lens, Pose, in_image
 from tracking.compiled import Array, compiled
 from tracking.grid import PIECE, Grid, gridded
 
@@ -178,11 +178,23 @@ def visible_samples(camera: Camera, pose: Pose, means: Array, covariances: Array
 
     means (N, 2) m, covariances (N, 2, 2) m²; the points are mean + L `SAMPLES`, with L Lᵀ the covariance.
     """
-    points = means[:, None, :] + np.einsum("nij,kj->nki", np.linalg.cholesky(covariances), SAMPLES)
-    flat = np.column_stack([points.reshape(-1, 2), np.full(points.shape[0] * points.shape[1], TARGET_HEIGHT)])
-    seen = camera.sees(pose, flat)
-    seen[seen] = forest.visible(pose.position, flat[seen])[0]
-    return seen.reshape(points.shape[:2])
+    roots = np.asarray(np.linalg.cholesky(covariances), dtype=float)
+    return _seen(means, roots, camera.lens(pose), forest.blockers, forest.grid)
+
+
+@compiled
+def _seen(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> NDArray[np.bool_]:
+    """Which of the points mean + root `SAMPLES` are inside the image and not hidden (N, 36)."""
+    origin = lens[0][0], lens[0][1], lens[0][2]
+    seen = np.empty((len(means), len(SAMPLES)), dtype=np.bool_)
+    for i in range(len(means)):
+        for k in range(len(SAMPLES)):
+            x = means[i, 0] + roots[i, 0, 0] * SAMPLES[k, 0]
+            y = means[i, 1] + (roots[i, 1, 0] * SAMPLES[k, 0] + roots[i, 1, 1] * SAMPLES[k, 1])
+            seen[i, k] = in_image((x, y, TARGET_HEIGHT), lens) and _misses(
+                origin, (x, y, TARGET_HEIGHT), cylinders, grid
+            )
+    return seen
 
 
 def probability_of_detection(camera: Camera, pose: Pose, means: Array, covariances: Array, forest: Forest) -> Array:

@@ -41,11 +41,6 @@ class View:
 
 
 @pytest.fixture(scope="module")
-def judged(request):
-    return request.config.getoption("benchmark_enable")
-
-
-@pytest.fixture(scope="module")
 def flown(judged):
     """The forest of a mission among 75 trees, and views of it by its three cameras, every two seconds."""
     mission = Mission(SCENARIO, load_planner("sma-nbo-mwtp"), 0)

@@ -1,0 +1,108 @@
+"""What a scan costs beside Stone Soup's JPDA, and as scenes grow; docs/benchmarks.md says how to run this.
+
+What is compared runs in turn, so that the load of the machine falls on all of it; of several times the least counts.
+In ordinary test runs each comparison runs once, on little, and its times are not judged.
+"""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from peers import StoneSoup
+from scenes import ALONE, CAMERA, MOTION, OPEN, R, track
+from stonesoup.dataassociator.probability import JPDA, JPDAwithEHM2
+
+from tracking.camera import Pose
+from tracking.consensus import fuse
+from tracking.tracker import Scan, Tracker, TrackerParameters
+
+PARAMETERS = TrackerParameters(MOTION)
+
+
+class Scene:
+    """People who stand in a square, all in view, `spacing` m apart: at 3.5 m gates of tracks hardly ever overlap."""
+
+    def __init__(self, people, scans, spacing=3.5):
+        side = math.ceil(math.sqrt(people))
+        places = spacing * (np.array([divmod(k, side) for k in range(people)]) - (side - 1) / 2)
+        self.known = [track(k, *place, 0.0, 0.0) for k, place in enumerate(places)]
+        noise = np.random.default_rng(0).multivariate_normal([0, 0], R, (scans, people))
+        pose = Pose.level(0.0, 0.0, max(20.0, spacing * side))
+        covariances = np.tile(R, (people, 1, 1))
+        self.scans = [Scan(0, 0.2 * k, pose, places + n, covariances) for k, n in enumerate(noise)]
+
+    def run(self, known=True, whole=False):
+        """Seconds of each scan but the first, and the tracker afterwards."""
+        subject, seconds = Tracker(0, CAMERA, OPEN, PARAMETERS, self.known if known else ()), []
+        for scan in self.scans:
+            start = time.perf_counter()
+            subject.step(scan)
+            if whole:
+                fuse([subject], ALONE, 5)
+            seconds.append(time.perf_counter() - start)
+            if not whole:
+                fuse([subject], ALONE, 5)
+        return seconds[1:], subject
+
+    def run_peer(self, associator):
+        """The same of Stone Soup, whose detections are made beforehand, from our tracks after the first scan."""
+        subject = Tracker(0, CAMERA, OPEN, PARAMETERS, self.known)
+        subject.step(self.scans[0])
+        peer, seconds = StoneSoup(PARAMETERS, subject.tracks, R=R, associator=associator), []
+        for detections in [peer.detections(scan) for scan in self.scans[1:]]:
+            start = time.perf_counter()
+            peer.step(*detections)
+            seconds.append(time.perf_counter() - start)
+        return seconds, peer
+
+
+@pytest.mark.parametrize(("people", "bound"), [(4, 20), (10, 50)])
+def test_scan_against_stone_soup(people, bound, judged):
+    """Predict, associate, update on the same scans; ours looks for newcomers besides. EHM2 is its faster associator."""
+    scene, rounds = Scene(people, 15 if judged else 2), 5 if judged else 1
+    runs = [
+        (scene.run()[0], scene.run(whole=True)[0], scene.run_peer(JPDA)[0], scene.run_peer(JPDAwithEHM2)[0])
+        for _ in range(rounds)
+    ]
+    step, whole, jpda, ehm = 1e3 * np.array(runs).min(axis=0).mean(axis=1)  # the least of each scan's times
+    print(f"\n{people} people: {step:.3f} ms, with the end of the scan {whole:.3f} ms; Stone Soup {jpda:.2f} ms,")
+    print(f"with EHM2 {ehm:.2f} ms; ratios {jpda / step:.0f} and {ehm / step:.0f}, bound {bound}")
+    ours, theirs = scene.run()[1].tracks, scene.run_peer(JPDA)[1].beliefs
+    for t, belief in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(t.belief.mean, belief.mean, atol=1e-6)
+    assert not judged or jpda >= bound * step
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_scan_of_fifty_people(known, judged):
+    """The slowest scan of a run; where nobody is known beforehand, those in which fifty tracks begin are among them."""
+    scene = Scene(50, 20 if judged else 3)
+    runs = [scene.run(known) for _ in range(5 if judged else 1)]
+    slowest = 1e3 * np.min([seconds for seconds, _ in runs], axis=0).max()
+    assert len(runs[0][1].tracks) == 50
+    print(f"\n50 people, {'known' if known else 'new'}: slowest scan {slowest:.2f} ms")
+    assert not judged or slowest < 5.0
+
+
+def test_scan_as_clusters_grow_in_number(judged):
+    """Ten to two hundred people, each a cluster: time grows no faster than their number."""
+    counts = [10, 25, 50, 100, 200] if judged else [10, 20]
+    scenes = [Scene(n, 10) for n in counts]
+    runs = [[scene.run()[0] for scene in scenes] for _ in range(10 if judged else 1)]
+    times = 1e3 * np.min(runs, axis=0).mean(axis=1)
+    slope = np.polyfit(np.log(counts), np.log(times), 1)[0]
+    each = np.diff(times) / np.diff(counts)
+    print(f"\nscan of {counts} people: {np.round(times, 3).tolist()} ms, exponent {slope:.2f}")
+    print(f"microseconds of each further person: {np.round(1e3 * each, 1).tolist()}")
+    assert not judged or (slope <= 1.0 and each[-1] <= 1.5 * each[0])
+
+
+def test_scan_of_a_crowd(judged):
+    """Fifty people so close that their gates chain them to one cluster, beyond what is enumerated."""
+    scene = Scene(50, 10 if judged else 2, spacing=1.0)
+    runs = [scene.run() for _ in range(5 if judged else 1)]
+    times = 1e3 * np.min([seconds for seconds, _ in runs], axis=0)
+    print(f"\n50 people 1 m apart: {times.mean():.2f} ms a scan, the slowest {times.max():.2f} ms")
+    assert len(runs[0][1].tracks) >= 45
+    assert not judged or times.max() < 5.0

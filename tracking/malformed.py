@@ -1,0 +1,53 @@
+"""What is wrong with a scan that somebody hands to a tracker."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tracking.compiled import Array, compiled
+
+# Rounding may leave this share of a covariance's trace between its off-diagonal elements.
+_ASYMMETRY = 1e-9
+
+
+def well_formed(time: float, position: Array, measurements: Array, covariances: Array) -> tuple[Array, Array]:
+    """Measurements (N, 2) and covariances (N, 2, 2) as contiguous floats, after a check of all that a scan says.
+
+    `position` is that of the camera (3,) m. What makes no sense raises ValueError: without this it would end as tracks
+    that are not numbers.
+    """
+    z, R = _floats("measurements", measurements), _floats("covariances", covariances)
+    if not math.isfinite(time):
+        raise ValueError(f"time of a scan must be finite, is {time}")
+    if (where := _floats("pose.position", position)).shape != (3,) or not np.isfinite(where).all():
+        raise ValueError(f"pose.position of a scan must be three finite numbers, is {position}")
+    if z.ndim != 2 or z.shape[1] != 2:
+        raise ValueError(f"measurements of a scan must be (N, 2), are {z.shape}")
+    if R.shape != (len(z), 2, 2):
+        raise ValueError(f"covariances of a scan of {len(z)} measurements must be ({len(z)}, 2, 2), are {R.shape}")
+    wrong = _first_wrong(z, R)
+    if wrong < 0:
+        return z, R
+    if not np.isfinite(z[wrong]).all():
+        raise ValueError(f"measurements[{wrong}] must be finite, is {z[wrong].tolist()}")
+    raise ValueError(f"covariances[{wrong}] must be finite, symmetric and positive definite, is {R[wrong].tolist()}")
+
+
+def _floats(name: str, values: Array) -> Array:
+    try:
+        return np.ascontiguousarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} of a scan must be an array of numbers, are {values!r}") from error
+
+
+@compiled
+def _first_wrong(z: Array, R: Array) -> int:
+    """Index of the first measurement or covariance that makes no sense, -1 if there is none."""
+    for j in range(len(z)):
+        xx, xy, yx, yy = R[j, 0, 0], R[j, 0, 1], R[j, 1, 0], R[j, 1, 1]
+        definite = xx > 0.0 and xx * yy - xy * yx > 0.0 and xx + yy < np.inf
+        if not (definite and abs(xy - yx) <= _ASYMMETRY * (xx + yy) and abs(z[j, 0]) + abs(z[j, 1]) < np.inf):
+            return j
+    return -1
