@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scenes import ABOVE, ALONE, AWAY, play, scan, track, tracker
+from scenes import ABOVE, ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
 
 from sim.errors import InputError
 from sim.loading import load
@@ -14,6 +14,8 @@ from tracking.bounded import BoundedSpeed
 from tracking.camera import Pose
 from tracking.consensus import fuse
 from tracking.kalman import NearlyConstantVelocity
+from tracking.parameters import TrackerParameters
+from tracking.tracker import Tracker
 from tracking.visibility import Forest, Tree
 
 BOTH = pytest.mark.parametrize("life", ["m_of_n", "existence"])
@@ -48,12 +50,11 @@ def test_somebody_who_turns_up_out_of_a_lost_persons_reach_is_somebody_else(life
 
 
 @BOTH
-@pytest.mark.parametrize("motion", ["ncv", "bounded"])
-def test_crossing_people_keep_their_ids(life, motion):
+@pytest.mark.parametrize("kind", ["ncv", "bounded"])
+def test_crossing_people_keep_their_ids(life, kind):
     rng = np.random.default_rng(0)
-    setting = Tracking(motion=motion)
-    subject = tracker(track(1, -4.8, 2.8, 1.2, -0.7), track(2, -4.8, -2.8, 1.2, 0.7), life=life)
-    assert motion_of(setting).dt == subject.parameters.motion.dt
+    parameters = TrackerParameters(motion(Tracking(motion=kind), 0.2), life=life)
+    subject = Tracker(0, CAMERA, OPEN, parameters, (track(1, -4.8, 2.8, 1.2, -0.7), track(2, -4.8, -2.8, 1.2, 0.7)))
     for k in range(41):
         people = np.array([[-4.8 + 0.24 * k, 2.8 - 0.14 * k], [-4.8 + 0.24 * k, -2.8 + 0.14 * k]])
         assert play(subject, [scan(k, *(people + rng.normal(scale=0.15, size=(2, 2))))]) == [(1, 2)]
@@ -116,13 +117,9 @@ def test_two_who_miss_a_person_in_one_scan_are_one_miss_and_one_who_hits_makes_i
         assert [len(t.tracks) for t in trackers] == [int(k < 9)] * 2
 
 
-def motion_of(setting: Tracking) -> NearlyConstantVelocity:
-    return motion(setting, 0.2)
-
-
 def test_the_motion_of_a_scenario_is_what_it_says():
-    assert type(motion_of(Tracking())) is NearlyConstantVelocity
-    assert motion_of(Tracking(motion="bounded", sigma_a=0.7, max_speed=2.0)) == BoundedSpeed(0.2, 0.7, 2.0)
+    assert type(motion(Tracking(), 0.2)) is NearlyConstantVelocity
+    assert motion(Tracking(motion="bounded", sigma_a=0.7, max_speed=2.0), 0.2) == BoundedSpeed(0.2, 0.7, 2.0)
 
 
 @pytest.mark.parametrize(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from tracking.compiled import Array
+from tracking.compiled import Array, compiled
 from tracking.kalman import Gaussian, NearlyConstantVelocity, symmetric
 from tracking.visibility import SAMPLES
 
@@ -52,16 +53,38 @@ def _limited(means: Array, covariances: Array, max_speed: float) -> tuple[Array,
     G u + d over the samples u and of this rest, and cannot lose its positive definite position block; that of the
     velocity gets the step's noise before anybody divides by it.
     """
-    roots = np.linalg.cholesky(covariances[:, 2:, 2:])
-    velocities = means[:, None, 2:] + np.einsum("tij,kj->tki", roots, _POINTS)
-    excess = np.maximum(np.linalg.norm(velocities, axis=2) / max_speed, 1.0)
-    d = velocities / excess[..., None] - velocities
-    shift = d.mean(axis=1)
+    roots = np.asarray(np.linalg.cholesky(covariances[:, 2:, 2:]), dtype=float)
+    moments = _shortened(means[:, 2:], roots, max_speed) / len(_POINTS)
+    shift, within, across = moments[:, 0], moments[:, 1:3], moments[:, 3:]
     G = np.swapaxes(np.linalg.solve(roots, covariances[:, 2:, :]), 1, 2)
-    cross = np.zeros_like(covariances)
-    cross[:, :, 2:] = G @ np.einsum("ki,tkj->tij", _POINTS, d) / len(_POINTS)
-    limited = covariances + cross + np.swapaxes(cross, 1, 2)
-    limited[:, 2:, 2:] += np.einsum("tki,tkj->tij", d, d) / len(_POINTS) - shift[:, :, None] * shift[:, None, :]
+    limited = covariances.copy()
+    limited[:, :, 2:] += G @ across
+    limited[:, 2:, :] += np.swapaxes(G @ across, 1, 2)
+    limited[:, 2:, 2:] += within - shift[:, :, None] * shift[:, None, :]
     moved = means.copy()
     moved[:, 2:] += shift
     return moved, symmetric(limited)
+
+
+@compiled
+def _shortened(means: Array, roots: Array, max_speed: float) -> Array:
+    """Sums (T, 5, 2) over the samples u of d, d dᵀ and u dᵀ, one below the other.
+
+    Velocities are mean + L u with means (T, 2) and roots L (T, 2, 2).
+    """
+    sums = np.zeros((len(means), 5, 2))
+    d = np.empty(2)
+    for t in range(len(means)):
+        for k in range(len(_POINTS)):
+            x = means[t, 0] + roots[t, 0, 0] * _POINTS[k, 0]
+            y = means[t, 1] + roots[t, 1, 0] * _POINTS[k, 0] + roots[t, 1, 1] * _POINTS[k, 1]
+            speed = math.sqrt(x * x + y * y)
+            if speed <= max_speed:
+                continue
+            d[0], d[1] = x * (max_speed / speed - 1.0), y * (max_speed / speed - 1.0)
+            for i in range(2):
+                sums[t, 0, i] += d[i]
+                for j in range(2):
+                    sums[t, 1 + j, i] += d[j] * d[i]
+                    sums[t, 3 + j, i] += _POINTS[k, j] * d[i]
+    return sums
