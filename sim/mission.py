@@ -14,7 +14,7 @@ from planning.registry import load_planner
 from sim.autopilot import Fault, decide
 from sim.forest import grow
 from sim.recording import Snapshot
-from sim.scenario import Scenario
+from sim.scenario import Scenario, Tracking
 from sim.sensing import Look, Sensors, camera_pose, planned_attitude
 from sim.stopwatch import Stopwatch
 from sim.streams import stream
@@ -22,6 +22,7 @@ from sim.trajectories import Trajectories, read
 from sim.walkers import walk
 from sim.wind import Air
 from sim.world import World
+from tracking.bounded import BoundedSpeed
 from tracking.camera import Pose
 from tracking.compiled import Array
 from tracking.consensus import fuse
@@ -170,7 +171,7 @@ class Mission:
     def _tracker(self, uav: int) -> Tracker:
         settings = self.scenario.tracking
         parameters = TrackerParameters(
-            motion=NearlyConstantVelocity(1 / self.scenario.rates.sensing, settings.sigma_a),
+            motion=motion(settings, 1 / self.scenario.rates.sensing),
             detection_probability=settings.detection_probability,
             clutter_density=settings.clutter_density,
             gate_probability=settings.gate_probability,
@@ -180,6 +181,11 @@ class Mission:
             recovery_after=settings.recovery_after,
             max_variance=settings.max_variance,
             max_speed=settings.max_speed,
+            life=settings.life,
+            survival=settings.survival,
+            birth_density=settings.birth_density,
+            sure=settings.sure,
+            doubt=settings.doubt,
         )
         return Tracker(uav, self._sensors.cameras[uav], self.forest, parameters, self._initial_tracks())
 
@@ -193,6 +199,13 @@ class Mission:
         states = np.hstack([here, (there - here) / step])
         covariance = np.diag([0.25, 0.25, 0.25, 0.25])
         return [Track(i, Gaussian(s, covariance)) for i, s in enumerate(states) if np.all(np.isfinite(s))]
+
+
+def motion(settings: Tracking, dt: float) -> NearlyConstantVelocity:
+    """How trackers take people to move over `dt` s."""
+    if settings.motion == "bounded":
+        return BoundedSpeed(dt, settings.sigma_a, settings.max_speed)
+    return NearlyConstantVelocity(dt, settings.sigma_a)
 
 
 def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectories]:

@@ -137,11 +137,19 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     recovery_after: NonNegative = 1.0  # s unseen, after which somebody who turns up may be this person
     max_variance: Positive = 400.0  # m², trace of the position's covariance beyond which a track ends
     max_speed: Positive = 3.0  # m/s, of people
+    life: Literal["m_of_n", "existence"] = "m_of_n"  # what begins and ends tracks
+    survival: Annotated[float, Meta(gt=0, le=1)] = 0.999  # probability of a person to be there still after a second
+    birth_density: Positive = 1e-5  # people detected for the first time per m² and scan
+    sure: Annotated[float, Meta(gt=0, lt=1)] = 0.99  # probability of existence that confirms a track
+    doubt: Annotated[float, Meta(gt=0, lt=1)] = 0.001  # probability of existence below which a track ends
+    motion: Literal["ncv", "bounded"] = "ncv"  # of people, to trackers
 
     def __post_init__(self) -> None:
         for name, (m, n) in (("confirm", self.confirm), ("delete", self.delete)):
             if m > n:
                 raise ValueError(f"{name} {m} of {n} can never happen")
+        if self.doubt >= self.sure:
+            raise ValueError(f"doubt {self.doubt:g} must be below sure {self.sure:g}")
 
 
 class Network(Struct, frozen=True, forbid_unknown_fields=True):

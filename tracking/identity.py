@@ -10,11 +10,15 @@ from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
 from tracking.evidence import Evidence, Indices
+from tracking.existence import from_log_odds
 from tracking.kalman import moment_form
 
 BIRTHS = 1_000  # ids one UAV can give in one scan
 UAVS = 1_000
 FIRST_BORN = BIRTHS * UAVS  # ids of tracks known from the start are below
+
+INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
+_SAID_TWICE = 16 - 10  # numbers of a symmetric matrix that its upper triangle makes superfluous
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,29 +27,37 @@ class Message:
 
     The shares hold, in this order, a weight w, w q and w Ω: sums of them over UAVs, divided by the sum of the weights,
     are the Kullback-Leibler average of the UAVs' beliefs. Nothing in it is about third UAVs.
+    One more column, where tracks may be nobody's, is w times the log-odds that there is somebody: the same average of
+    beliefs in existence.
     """
 
     uav: int
     degree: int  # number of neighbours
     ids: Indices  # (T,)
-    shares: Array  # (T, 21)
+    shares: Array  # (T, 1 + INFORMATION or more)
     evidence: Evidence
     deleted: tuple[tuple[int, float], ...] = ()  # ids and when [s] the fleet gave them up, ascending
 
     @property
     def size(self) -> int:
         """Bytes it takes on the air, each number eight, symmetric matrices by their upper triangles."""
-        numbers_per_track = 1 + (1 + 4 + 10) + (3 + 2)  # id, shares, evidence
-        return 8 * (2 + numbers_per_track * len(self.ids) + 2 * len(self.deleted))
+        numbers_per_track = 1 + (self.shares.shape[1] - _SAID_TWICE) + (3 + 2)  # id, shares, evidence
+        return 8 * int(2 + numbers_per_track * len(self.ids) + 2 * len(self.deleted))
 
     def beliefs(self) -> tuple[Array, Array]:
         """Means (T, 4) and covariances (T, 4, 4) of the tracks."""
-        information = self.shares[:, 1:] / self.shares[:, :1]
+        information = self.shares[:, 1 : 1 + INFORMATION] / self.shares[:, :1]
         return moment_form(information[:, :4], information[:, 4:].reshape(-1, 4, 4))
+
+    def existence(self) -> Array:
+        """Probabilities (T,) that there is somebody; 1 where nothing is said of it."""
+        if self.shares.shape[1] == 1 + INFORMATION:
+            return np.ones(len(self.ids))
+        return from_log_odds(self.shares[:, 1 + INFORMATION] / self.shares[:, 0])
 
     def at(self, slots: Indices, ids: Indices) -> Message:
         """The same with its tracks moved to rows `slots` of a table with these ids; zero shares elsewhere."""
-        shares = np.zeros((len(ids), 21))
+        shares = np.zeros((len(ids), self.shares.shape[1]))
         np.add.at(shares, slots, self.shares)
         times = np.full((len(ids), 3), -np.inf)
         np.maximum.at(times, slots, self.evidence.times)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
 from tracking.kalman import Gaussian, NearlyConstantVelocity, innovation, update
+
+# At which of the points that stand for beliefs, means (T, 4) and covariances (T, 4, 4), a person would be seen (T, K).
+VisibleSamples = Callable[[Array, Array], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,6 +23,7 @@ class Tentative:
     belief: Gaussian
     hits: int = 1
     scans: int = 1
+    existence: float = 1.0  # probability
 
     def verdict(self, confirm: tuple[int, int]) -> bool | None:
         """True once it has m hits, False once it cannot reach them within its first n scans."""
@@ -29,11 +35,7 @@ class Tentative:
 
 @dataclass(frozen=True)
 class Initiator:
-    """Confirms a track that got m measurements within its first n scans.
-
-    A track starts at its first measurement with zero velocity and the variance of velocities spread evenly up to
-    `max_speed` m/s in all directions, a quarter of its square along each axis.
-    """
+    """Confirms a track that got m measurements within its first n scans."""
 
     motion: NearlyConstantVelocity
     confirm: tuple[int, int]  # m of n
@@ -41,13 +43,13 @@ class Initiator:
     max_speed: float  # m/s
 
     def step(
-        self, tentative: list[Tentative], z: Array, R: Array, *, elapsed: int = 1
-    ) -> tuple[list[Gaussian], list[Tentative]]:
-        """Confirmed beliefs and remaining tentative tracks after a scan, `elapsed` steps of motion later.
+        self, tentative: list[Tentative], z: Array, R: Array, *, elapsed: int, visible: VisibleSamples
+    ) -> tuple[list[Tentative], list[Tentative]]:
+        """Confirmed and remaining tentative tracks after a scan, `elapsed` steps of motion later.
 
-        z (N, 2) m, R (N, 2, 2) m².
+        z (N, 2) m, R (N, 2, 2) m². Every scan counts, so visible is not asked.
         """
-        predicted = [self._predict(t.belief, elapsed) for t in tentative]
+        predicted = [coasted(self.motion, t.belief, elapsed) for t in tentative]
         taken = self._assign(predicted, z, R)
         grown = []
         for k, (old, belief) in enumerate(zip(tentative, predicted, strict=True)):
@@ -55,15 +57,10 @@ class Initiator:
             updated = belief if j is None else update(belief, z[j], R[j])
             grown.append(Tentative(updated, old.hits + (j is not None), old.scans + 1))
         used = set(taken.values())
-        grown += [Tentative(self._birth(z[j], R[j])) for j in range(len(z)) if j not in used]
+        grown += [newborn(z[j], R[j], self.max_speed) for j in range(len(z)) if j not in used]
         verdicts = [t.verdict(self.confirm) for t in grown]
-        confirmed = [t.belief for t, verdict in zip(grown, verdicts, strict=True) if verdict]
+        confirmed = [t for t, verdict in zip(grown, verdicts, strict=True) if verdict]
         return confirmed, [t for t, verdict in zip(grown, verdicts, strict=True) if verdict is None]
-
-    def _predict(self, belief: Gaussian, steps: int) -> Gaussian:
-        for _ in range(steps):
-            belief = self.motion.predict(belief)
-        return belief
 
     def _assign(self, predicted: list[Gaussian], z: Array, R: Array) -> dict[int, int]:
         """The measurement of each tentative track that gets one."""
@@ -77,8 +74,21 @@ class Initiator:
         pairs = zip(rows.tolist(), columns.tolist(), strict=True)
         return {k: j for k, j in pairs if distance[k, j] <= self.gate}
 
-    def _birth(self, z: Array, R: Array) -> Gaussian:
-        covariance = np.zeros((4, 4))
-        covariance[:2, :2] = R
-        covariance[2, 2] = covariance[3, 3] = self.max_speed**2 / 4
-        return Gaussian(np.array([z[0], z[1], 0.0, 0.0]), covariance)
+
+def coasted(motion: NearlyConstantVelocity, belief: Gaussian, steps: int) -> Gaussian:
+    """The belief some steps of motion later, without a measurement."""
+    for _ in range(steps):
+        belief = motion.predict(belief)
+    return belief
+
+
+def newborn(z: Array, R: Array, max_speed: float) -> Tentative:
+    """A track that starts at a measurement z (2,) m with covariance R (2, 2) m².
+
+    Its velocity is zero with the variance of velocities spread evenly up to `max_speed` m/s in all directions, a
+    quarter of its square along each axis.
+    """
+    covariance = np.zeros((4, 4))
+    covariance[:2, :2] = R
+    covariance[2, 2] = covariance[3, 3] = max_speed**2 / 4
+    return Tentative(Gaussian(np.array([z[0], z[1], 0.0, 0.0]), covariance))

@@ -5,22 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from scipy.special import gammaincinv
+from numpy.typing import NDArray
 
 from tracking.absence import given_undetected
+from tracking.births import IntegratedInitiator
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
 from tracking.evidence import Evidence, doubles
+from tracking.existence import associated, log_odds
 from tracking.identity import FIRST_BORN, UAVS, Message, born_id
 from tracking.initiation import Initiator, Tentative
-from tracking.jpda import association_probabilities, gated_likelihood, mixture_update
-from tracking.kalman import Gaussian, NearlyConstantVelocity, information_form
+from tracking.jpda import gated_likelihood, mixture_update
+from tracking.kalman import Gaussian, information_form
 from tracking.malformed import well_formed
+from tracking.parameters import TrackerParameters
 from tracking.recovery import recoveries, sightings
 from tracking.visibility import Forest, visible_samples
+
+__all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 
 # Weights in the average of a UAV that looked where the person may be and saw nobody, and of one that did not look: the
 # first counts only where nobody saw the person, the second only where nobody looked either.
@@ -44,46 +48,7 @@ class Track:
 
     id: int
     belief: Gaussian
-
-
-@dataclass(frozen=True)
-class TrackerParameters:
-    """What trackers assume of people, sensors and evidence."""
-
-    motion: NearlyConstantVelocity  # over one scan
-    detection_probability: float = 0.99  # of a person in plain view
-    clutter_density: float = 1e-6  # false alarms per m²
-    gate_probability: float = 0.9999
-    confirm: tuple[int, int] = (2, 3)  # m of n scans
-    delete: tuple[int, int] = (5, 5)  # m of n scans in which the person should have been seen
-    expected: float = 0.9  # probability of being in plain view from which on a UAV should see the person
-    seen: float = 0.1  # probability that a measurement is the person's from which on the person counts as seen
-    double: int = 15  # scans of only shared measurements after which a track that equals another one ends
-    absence_weight: float = 0.3  # exponent of the likelihood of seeing nobody; 0: an empty place is no evidence
-    recovery_after: float = 1.0  # s unseen, after which somebody who turns up may be this person; inf: never
-    max_variance: float = 400.0  # m², trace of the position's covariance beyond which a track says nothing and ends
-    max_speed: float = 3.0  # of people, m/s
-
-    def __post_init__(self) -> None:
-        for name in ("detection_probability", "gate_probability", "expected", "seen"):
-            if not 0.0 < (value := getattr(self, name)) < 1.0:
-                raise ValueError(f"{name} must be in (0, 1), is {value}")
-        if not self.clutter_density > 0.0:
-            raise ValueError(f"clutter_density must be positive, is {self.clutter_density}")
-        for name in ("confirm", "delete"):
-            m, n = getattr(self, name)
-            if not 1 <= m <= n <= 62:
-                raise ValueError(f"{name} must be (m, n) with 1 <= m <= n <= 62, is ({m}, {n})")
-
-    @cached_property
-    def measurement_gate(self) -> float:
-        """Squared distance of a measurement that `gate_probability` keeps (two degrees of freedom)."""
-        return -2.0 * math.log(1.0 - self.gate_probability)
-
-    @cached_property
-    def match_gate(self) -> float:
-        """Squared distance between two tracks of one person that `gate_probability` keeps (four)."""
-        return float(2.0 * gammaincinv(2.0, self.gate_probability))
+    existence: float = 1.0  # probability that there is somebody; 1 where life is m_of_n
 
 
 class Tracker:
@@ -117,21 +82,24 @@ class Tracker:
         self._ids = np.array(ids, dtype=np.int64)
         self._means = np.array([t.belief.mean for t in known], dtype=float).reshape(-1, 4)
         self._covariances = np.array([t.belief.covariance for t in known], dtype=float).reshape(-1, 4, 4)
+        self._existence = np.array([t.existence for t in known], dtype=float)
         self._say = np.full(len(ids), _UNSEEN)  # weight of its belief in the fleet's average
         self._evidence = Evidence.at(-math.inf, len(ids))
         self._sightings = np.column_stack([self._means[:, :2], np.zeros(len(ids))])
         self._deleted: tuple[tuple[int, float], ...] = ()
         self._tentative: list[Tentative] = []
         self._waited = 0  # steps of motion since tentative tracks were last predicted
-        self._initiator = Initiator(
-            parameters.motion, parameters.confirm, parameters.measurement_gate, parameters.max_speed
+        self._initiator = (
+            IntegratedInitiator(parameters)
+            if parameters.life == "existence"
+            else Initiator(parameters.motion, parameters.confirm, parameters.measurement_gate, parameters.max_speed)
         )
 
     @property
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks by ascending id."""
-        rows = zip(self._ids.tolist(), self._means, self._covariances, strict=True)
-        return tuple(Track(id, Gaussian(mean.copy(), cov.copy())) for id, mean, cov in rows)
+        rows = zip(self._ids.tolist(), self._means, self._covariances, self._existence.tolist(), strict=True)
+        return tuple(Track(id, Gaussian(mean.copy(), cov.copy()), r) for id, mean, cov, r in rows)
 
     @property
     def match_gate(self) -> float:
@@ -147,24 +115,24 @@ class Tracker:
         self.coast(scan.time)
         elapsed, self._waited = self._waited, 0
         likelihood = gated_likelihood(self._means, self._covariances, z, R, p.gate_probability)
-        samples = visible_samples(
-            self._camera, scan.pose, self._means[:, :2], self._covariances[:, :2, :2], self._forest
-        )
+
+        def visible_at(means: Array, covariances: Array) -> NDArray[np.bool_]:
+            return visible_samples(self._camera, scan.pose, means[:, :2], covariances[:, :2, :2], self._forest)
+
+        samples = visible_at(self._means, self._covariances)
         visible = samples.mean(axis=1)
-        plain = p.detection_probability * p.gate_probability
-        # Where a measurement was made the view is free: only the chance of a miss depends on the whole belief.
-        # So somebody who steps out from behind a tree earlier than foreseen is taken up at once.
-        detection = np.full((len(likelihood), len(z) + 1), plain)
-        detection[:, 0] *= visible
-        beta = association_probabilities(likelihood, detection, p.clutter_density)
+        detection = p.detection(visible, len(z))
+        beta, given, self._existence = associated(likelihood, detection, p.clutter_density, self._existence)
         # A wide belief far off must not swallow newcomers: it explains only what it makes likelier than clutter.
         unexplained = p.detection_probability * likelihood.max(axis=0, initial=0.0) <= p.clutter_density
         predicted = self._means, self._covariances
         undetected = given_undetected(predicted, samples, p.detection_probability, p.absence_weight)
-        self._means, self._covariances = mixture_update(predicted, undetected, z, R, beta)
+        self._means, self._covariances = mixture_update(predicted, undetected, z, R, given)
         self._say = np.maximum(1.0 - beta[:, 0], _UNSEEN + _LOOKED * visible)
         self._evidence = self._evidence.observed(scan.time, beta, visible >= p.expected, p.seen)
-        born, self._tentative = self._initiator.step(self._tentative, z[unexplained], R[unexplained], elapsed=elapsed)
+        born, self._tentative = self._initiator.step(
+            self._tentative, z[unexplained], R[unexplained], elapsed=elapsed, visible=visible_at
+        )
         self._append(born)
 
     def coast(self, time: float) -> None:
@@ -177,11 +145,15 @@ class Tracker:
         self._waited += elapsed
         for _ in range(elapsed):
             self._means, self._covariances = self.parameters.motion.predict_all(self._means, self._covariances)
+        self._existence = self._existence * self.parameters.step_survival**elapsed
 
     def message(self, degree: int) -> Message:
         """What it says in the first round, given how many neighbours hear it."""
         q, omega = information_form(self._means, self._covariances)
-        shares = np.concatenate([np.ones((len(q), 1)), q, omega.reshape(-1, 16)], axis=1)
+        columns = [np.ones((len(q), 1)), q, omega.reshape(-1, 16)]
+        if self.parameters.life == "existence":
+            columns.append(log_odds(self._existence)[:, None])
+        shares = np.concatenate(columns, axis=1)
         shares *= self._say[:, None]
         return Message(self.uav, degree, self._ids, shares, self._evidence, self._deleted)
 
@@ -190,7 +162,8 @@ class Tracker:
         p = self.parameters
         means, covariances = message.beliefs()
         evidence = message.evidence.counted(self._time, p.delete[1])
-        refuted = evidence.refuted(p.delete[0])
+        existence = message.existence()
+        refuted = existence < p.doubt if p.life == "existence" else evidence.refuted(p.delete[0])
         double = doubles(means, covariances, evidence.shared >= p.double, p.match_gate)
         refuted |= np.trace(covariances[:, :2, :2], axis1=1, axis2=2) > p.max_variance
         keep = ~(refuted | double)
@@ -200,7 +173,7 @@ class Tracker:
         self._deleted = tuple(sorted(ended.items()))
         before = dict(zip(self._ids.tolist(), self._sightings, strict=True))
         self._ids, self._evidence = message.ids[keep], evidence[keep]
-        self._means, self._covariances = means[keep], covariances[keep]
+        self._means, self._covariances, self._existence = means[keep], covariances[keep], existence[keep]
         self._say = np.full(len(self._ids), _UNSEEN)
         here = np.column_stack([self._means[:, :2], np.full(len(self._ids), self._time)])
         unseen = self._evidence.times[:, 0] < self._time
@@ -231,15 +204,17 @@ class Tracker:
         order = left[np.argsort(ids[left])]
         self._ids, self._evidence, self._sightings = ids[order], self._evidence[order], self._sightings[order]
         self._means, self._covariances, self._say = self._means[order], self._covariances[order], self._say[order]
+        self._existence = self._existence[order]
 
-    def _append(self, born: Sequence[Gaussian]) -> None:
+    def _append(self, born: Sequence[Tentative]) -> None:
         if not born:
             return
         ids = [born_id(self._scans, self.uav, k) for k in range(len(born))]
         self._ids = np.append(self._ids, ids)
-        self._means = np.concatenate([self._means, [b.mean for b in born]])
-        self._covariances = np.concatenate([self._covariances, [b.covariance for b in born]])
+        self._means = np.concatenate([self._means, [b.belief.mean for b in born]])
+        self._covariances = np.concatenate([self._covariances, [b.belief.covariance for b in born]])
         self._say = np.append(self._say, np.ones(len(born)))
-        here = [[*b.mean[:2], self._time] for b in born]
+        self._existence = np.append(self._existence, [b.existence for b in born])
+        here = [[*b.belief.mean[:2], self._time] for b in born]
         self._sightings = np.concatenate([self._sightings, here])
         self._evidence = self._evidence + Evidence.at(self._time, len(born))

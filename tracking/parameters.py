@@ -1,0 +1,88 @@
+"""What a tracker assumes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import gammaincinv
+
+from tracking.compiled import Array
+from tracking.kalman import NearlyConstantVelocity
+
+LIVES = ("m_of_n", "existence")
+
+
+@dataclass(frozen=True)
+class TrackerParameters:
+    """What trackers assume of people, sensors and evidence."""
+
+    motion: NearlyConstantVelocity  # over one scan
+    detection_probability: float = 0.99  # of a person in plain view
+    clutter_density: float = 1e-6  # false alarms per m²
+    gate_probability: float = 0.9999
+    confirm: tuple[int, int] = (2, 3)  # m of n scans
+    delete: tuple[int, int] = (5, 5)  # m of n scans in which the person should have been seen
+    expected: float = 0.9  # probability of being in plain view from which on a UAV should see the person
+    seen: float = 0.1  # probability that a measurement is the person's from which on the person counts as seen
+    double: int = 15  # scans of only shared measurements after which a track that equals another one ends
+    absence_weight: float = 0.3  # exponent of the likelihood of seeing nobody; 0: an empty place is no evidence
+    recovery_after: float = 1.0  # s unseen, after which somebody who turns up may be this person; inf: never
+    max_variance: float = 400.0  # m², trace of the position's covariance beyond which a track says nothing and ends
+    max_speed: float = 3.0  # of people, m/s
+    life: str = "m_of_n"  # what begins and ends tracks: `confirm` and `delete`, or their probability of "existence"
+    survival: float = 0.999  # probability that somebody who is there still is a second later
+    birth_density: float = 1e-5  # of people who are detected for the first time, 1/m² and scan
+    sure: float = 0.99  # probability of existence that confirms a track
+    doubt: float = 0.001  # probability of existence below which a track ends
+
+    def __post_init__(self) -> None:
+        for name in ("detection_probability", "gate_probability", "expected", "seen"):
+            if not 0.0 < (value := getattr(self, name)) < 1.0:
+                raise ValueError(f"{name} must be in (0, 1), is {value}")
+        if not self.clutter_density > 0.0:
+            raise ValueError(f"clutter_density must be positive, is {self.clutter_density}")
+        for name in ("confirm", "delete"):
+            m, n = getattr(self, name)
+            if not 1 <= m <= n <= 62:
+                raise ValueError(f"{name} must be (m, n) with 1 <= m <= n <= 62, is ({m}, {n})")
+        self._check_existence()
+
+    def _check_existence(self) -> None:
+        """ValueError if tracks cannot begin or end."""
+        if self.life not in LIVES:
+            raise ValueError(f"life must be {' or '.join(LIVES)}, is {self.life!r}")
+        if not self.birth_density > 0.0:
+            raise ValueError(f"birth_density must be positive, is {self.birth_density}")
+        if not 0.0 < self.survival <= 1.0:
+            raise ValueError(f"survival must be in (0, 1], is {self.survival}")
+        if not 0.0 < self.doubt < self.sure < 1.0:
+            raise ValueError(f"doubt and sure must be 0 < doubt < sure < 1, are {self.doubt} and {self.sure}")
+
+    @cached_property
+    def measurement_gate(self) -> float:
+        """Squared distance of a measurement that `gate_probability` keeps (two degrees of freedom)."""
+        return -2.0 * math.log(1.0 - self.gate_probability)
+
+    @cached_property
+    def match_gate(self) -> float:
+        """Squared distance between two tracks of one person that `gate_probability` keeps (four)."""
+        return float(2.0 * gammaincinv(2.0, self.gate_probability))
+
+    @cached_property
+    def step_survival(self) -> float:
+        """Probability that somebody who is there still is one step of motion later."""
+        return float(self.survival**self.motion.dt) if self.life == "existence" else 1.0
+
+    def detection(self, visible: Array, count: int) -> Array:
+        """Probabilities of detection (T, count + 1), as `tracking.jpda.association_probabilities` takes them.
+
+        visible (T,): of each track's person to be in plain view. Where a measurement was made the view is free: only
+        the chance of a miss depends on the whole belief. So somebody who steps out from behind a tree earlier than
+        foreseen is taken up at once.
+        """
+        detection = np.full((len(visible), count + 1), self.detection_probability * self.gate_probability)
+        detection[:, 0] *= visible
+        return detection
