@@ -19,15 +19,15 @@ PIXELS = (96, 128, 256)
 def flown(pixels):
     """Images of each scan of a short mission, UAV by UAV."""
     uavs = tuple(msgspec.structs.replace(uav, pixels=n) for uav, n in zip(DEFAULT_FLEET, pixels, strict=True))
-    mission = Mission.of(Trial(Scenario(duration=1.0, uavs=uavs), "hover", 2))
+    mission = Mission.of(Trial(Scenario(duration=0.4, uavs=uavs), "hover", 2))
     return [tuple(mission.frames) for _ in mission.fly()]
 
 
 def test_a_fleet_of_several_resolutions_gets_the_frames_of_fleets_of_one():
     mixed = flown(PIXELS)
     equal = [flown((n, n, n)) for n in PIXELS]
-    assert len(mixed) == 6
-    for k, uav in itertools.product(range(6), range(3)):
+    assert len(mixed) == 3
+    for k, uav in itertools.product(range(3), range(3)):
         assert mixed[k][uav].shape == (PIXELS[uav], PIXELS[uav], 3)
         assert mixed[k][uav].tobytes() == equal[uav][k][uav].tobytes()
 
