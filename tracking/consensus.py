@@ -9,7 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.identity import Message, aligned
+from tracking.compiled import Array
+from tracking.identity import Message
+from tracking.roster import aligned
 
 
 class Member(Protocol):
@@ -36,15 +38,49 @@ def combine(own: Message, received: Sequence[Message], gate: float) -> Message:
     Each UAV hands a neighbour the share 1 / (1 + max(degrees)) of what it holds (Metropolis weights) and keeps the
     rest, so the fleet's sum is conserved, whatever ids it is filed under, and the ratio of weighted information to
     weight tends to the weighted average everywhere. Source: [Battistelli14], with weights that differ by UAV.
+    Novel information is mixed likewise. Source: [Battistelli15].
+    Note: instead of the number of UAVs, which makes up for the mixing of novel information, the shares of them all
+    are mixed along. So it is exact where messages are lost, too, and whoever has nothing to say does not dilute it.
     """
     if not received:
         return own
     own, *received = aligned(own, received, gate)
-    shares, times = own.shares.copy(), own.evidence.times
+    shares = own.shares.copy()
     for message in received:
         shares += (message.shares - own.shares) / (1 + max(own.degree, message.degree))
-        times = np.maximum(times, message.evidence.times)
-    return replace(own, shares=shares, evidence=replace(own.evidence, times=times))
+    every = [own, *received]
+    times = np.maximum.reduce([m.evidence.times for m in every])
+    return replace(
+        own,
+        shares=shares,
+        evidence=replace(own.evidence, times=times),
+        sightings=_latest(every),
+        novel=_mixed(every),
+        company=min((m.company for m in every), key=lambda company: (company[0], -company[1])),
+    )
+
+
+def _mixed(messages: Sequence[Message]) -> Array:
+    """The novel part that the first one holds after a round, given what it and its neighbours held."""
+    own, *received = messages
+    width = max(m.novel.shape[1] for m in messages)
+    if width == 0:
+        return own.novel
+    weights = [1.0 / (1 + max(own.degree, m.degree)) for m in received]
+    # Columns stand for UAVs; whoever has not yet heard of the last ones lacks theirs.
+    lacking = [width - m.novel.shape[1] for m in messages]
+    full = [np.pad(m.novel, ((0, 0), (0, k))) if k else m.novel for k, m in zip(lacking, messages, strict=True)]
+    return np.asarray(np.tensordot([1.0 - sum(weights), *weights], np.array(full), 1))
+
+
+def _latest(messages: Sequence[Message]) -> Array:
+    """For each track the latest sighting that any message knows of (T, 3)."""
+    latest = messages[0].sightings
+    for message in messages:
+        if message.seen_at != messages[0].seen_at:
+            later = message.sightings[:, 2:] > latest[:, 2:]
+            latest = np.where(later, message.sightings, latest)
+    return latest
 
 
 def fuse(

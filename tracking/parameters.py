@@ -10,6 +10,8 @@ from scipy.special import gammaincinv
 
 from tracking.kalman import NearlyConstantVelocity
 
+FUSIONS = ("kla", "hcmci")
+
 
 @dataclass(frozen=True)
 class TrackerParameters:
@@ -28,6 +30,8 @@ class TrackerParameters:
     recovery_after: float = 1.0  # s unseen, after which somebody who turns up may be this person; inf: never
     max_variance: float = 400.0  # m², trace of the position's covariance beyond which a track says nothing and ends
     max_speed: float = 3.0  # of people, m/s
+    fusion: str = "kla"  # of UAVs' beliefs: "kla", their average, or "hcmci", which adds up what each has learned
+    forget_after: float = 30.0  # s for which the fleet remembers that it gave up a track
 
     def __post_init__(self) -> None:
         for name in ("detection_probability", "gate_probability", "expected", "seen"):
@@ -35,6 +39,10 @@ class TrackerParameters:
                 raise ValueError(f"{name} must be in (0, 1), is {value}")
         if not self.clutter_density > 0.0:
             raise ValueError(f"clutter_density must be positive, is {self.clutter_density}")
+        if self.fusion not in FUSIONS:
+            raise ValueError(f"fusion must be one of {', '.join(FUSIONS)}, is {self.fusion!r}")
+        if not self.forget_after > 0.0:
+            raise ValueError(f"forget_after must be positive, is {self.forget_after}")
         for name in ("confirm", "delete"):
             m, n = getattr(self, name)
             if not 1 <= m <= n <= 62:
