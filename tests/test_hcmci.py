@@ -9,7 +9,7 @@ from test_consensus import graph, metropolis
 
 from tracking.consensus import fuse
 from tracking.kalman import H, information_form
-from tracking.novelty import split
+from tracking.novelty import farthest, split
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 # Association without doubt: whatever is measured is the person.
@@ -71,10 +71,10 @@ def some(rng: np.random.Generator, count: int) -> np.ndarray:
     return (rng.random(count) < 0.5) & (rng.random() < 0.9)
 
 
-@pytest.mark.parametrize(("kind", "rounds"), [("complete", 40), ("ring", 150)])
+@pytest.mark.parametrize(("kind", "rounds"), [("complete", 40), ("ring", 100)])
 def test_with_many_rounds_it_is_the_central_filter(kind, rounds):
     rng, trackers, central = np.random.default_rng(0), fleet(5), CentralFilter()
-    for k in range(40):
+    for k in range(30):
         if k:
             central.predict()
         central.update(look(trackers, k, np.array([0.06, 0.02]) * k, some(rng, 5), rng))
@@ -89,7 +89,7 @@ def test_on_a_ring_its_error_falls_with_the_second_eigenvalue_of_the_metropolis_
     adjacency = graph("ring", 8)
     rate = np.sort(np.abs(np.linalg.eigvalsh(metropolis(adjacency))))[-2]
     errors = []
-    for rounds in range(20, 61):
+    for rounds in range(25, 46):
         trackers, central = fleet(8), CentralFilter()
         central.update(look(trackers, 0, np.zeros(2), np.arange(8) % 3 < 2, np.random.default_rng(1)))
         fuse(trackers, adjacency, rounds)
@@ -109,7 +109,7 @@ def networks(draw) -> tuple[np.ndarray, np.random.Generator]:
     return (adjacency | adjacency.T) & ~np.eye(n, dtype=bool), rng
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None, derandomize=True)
 @given(networks(), st.integers(0, 5), st.sampled_from([0.0, 0.5, 0.9]))
 def test_it_never_knows_more_than_the_central_filter(network, rounds, loss):
     adjacency, rng = network
@@ -169,13 +169,13 @@ def test_an_empty_place_counts_once_however_many_look_at_it():
 
 @pytest.mark.parametrize("distance", [0.3, 0.6, 0.9, 1.0, 1.1, 1.2, 1.3])
 def test_what_all_are_in_doubt_about_does_not_carry_the_mean_away(distance):
-    """Twenty UAVs with a measurement that may be a false alarm do not go far beyond it."""
+    """Twenty UAVs with a measurement that may be a false alarm never go beyond it."""
     trackers = [tracker(track(3, 0, 0, 0, 0), uav=u, fusion="hcmci", clutter_density=0.05) for u in range(20)]
     for t in trackers:
         t.step(scan(0, (distance, 0.0), uav=t.uav))
     fuse(trackers, graph("complete", 20), 5)
     fused = trackers[0].tracks[0].belief
-    assert 0.0 < fused.mean[0] < 1.2 * distance
+    assert 0.0 < fused.mean[0] < distance
     assert np.linalg.eigvalsh(fused.covariance).min() > 0
 
 
@@ -188,7 +188,9 @@ def test_a_kalman_update_is_split_into_prior_and_measurement():
         S = H @ np.linalg.inv(prior[1]) @ H.T + R_
         z = H @ np.linalg.solve(prior[1], prior[0]) + np.linalg.cholesky(S) @ rng.normal(size=2)
         seen = H.T @ np.linalg.solve(R_, z)
-        held, novel = split((prior[0][None], prior[1][None]), ((prior[0] + seen)[None], (prior[1] + gain)[None]), 50.0)
+        covariance = np.linalg.inv(prior[1])
+        reach = farthest((covariance @ prior[0])[None], covariance[None], z[None], np.array([[True]]))
+        held, novel = split((prior[0][None], prior[1][None]), ((prior[0] + seen)[None], (prior[1] + gain)[None]), reach)
         scale = 1e-9 * np.linalg.norm(prior[1] + gain)
         np.testing.assert_allclose(held[0], np.concatenate([prior[0], prior[1].ravel()]), atol=scale)
         np.testing.assert_allclose(novel[0], np.concatenate([seen, gain.ravel()]), atol=scale)
@@ -196,12 +198,12 @@ def test_a_kalman_update_is_split_into_prior_and_measurement():
 
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(st.integers(0, 2**32), st.floats(-2, 2), st.floats(0, 30))
-def test_parts_add_up_and_are_never_indefinite_whatever_the_posterior(seed, scale, gate):
+def test_parts_add_up_and_are_never_indefinite_whatever_the_posterior(seed, scale, reach):
     rng = np.random.default_rng(seed)
     roots = rng.normal(size=(2, 3, 4, 4)) * np.array([1.0, 10.0**scale])[:, None, None, None]
     matrices = roots @ np.swapaxes(roots, 2, 3) + 1e-3 * np.eye(4)
     vectors = rng.normal(size=(2, 3, 4)) * 10
-    held, novel = split((vectors[0], matrices[0]), (vectors[1], matrices[1]), gate)
+    held, novel = split((vectors[0], matrices[0]), (vectors[1], matrices[1]), np.full(3, reach))
     total = np.concatenate([vectors[1], matrices[1].reshape(3, 16)], axis=1)
     np.testing.assert_allclose(held + novel, total, rtol=1e-8, atol=1e-8 * np.abs(total).max())
     for t in range(3):

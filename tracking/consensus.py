@@ -22,6 +22,11 @@ class Member(Protocol):
         """Largest squared distance at which tracks of different ids are taken for the same person."""
         ...
 
+    @property
+    def max_speed(self) -> float:
+        """Of people, m/s."""
+        ...
+
     def message(self, degree: int) -> Message:
         """What it says in the first round, given how many neighbours hear it."""
         ...
@@ -31,10 +36,10 @@ class Member(Protocol):
         ...
 
 
-def combine(own: Message, received: Sequence[Message], gate: float) -> Message:
+def combine(own: Message, received: Sequence[Message], gate: float, max_speed: float = 3.0) -> Message:
     """What a UAV says in the next round, given what it and its neighbours said in this one.
 
-    gate is as `Member.match_gate`.
+    gate and max_speed are as `Member` has them.
     Each UAV hands a neighbour the share 1 / (1 + max(degrees)) of what it holds (Metropolis weights) and keeps the
     rest, so the fleet's sum is conserved, whatever ids it is filed under, and the ratio of weighted information to
     weight tends to the weighted average everywhere. Source: [Battistelli14], with weights that differ by UAV.
@@ -44,7 +49,7 @@ def combine(own: Message, received: Sequence[Message], gate: float) -> Message:
     """
     if not received:
         return own
-    own, *received = aligned(own, received, gate)
+    own, *received = aligned(own, received, gate, max_speed)
     shares = own.shares.copy()
     for message in received:
         shares += (message.shares - own.shares) / (1 + max(own.degree, message.degree))
@@ -101,8 +106,8 @@ def fuse(
         sent += [message.size if row.any() else 0 for message, row in zip(messages, linked, strict=True)]
         heard = linked if lost is None else linked & ~lost[k]
         messages = [
-            combine(messages[i], [messages[j] for j in np.flatnonzero(row).tolist()], members[i].match_gate)
-            for i, row in enumerate(heard)
+            combine(messages[i], [messages[j] for j in np.flatnonzero(row).tolist()], m.match_gate, m.max_speed)
+            for i, (m, row) in enumerate(zip(members, heard, strict=True))
         ]
     for member, message in zip(members, messages, strict=True):
         member.accept(message)

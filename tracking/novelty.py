@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tracking.compiled import Array
 from tracking.kalman import symmetric
@@ -11,14 +12,24 @@ from tracking.kalman import symmetric
 _ROUNDING = 1e-9
 
 
-def split(prior: tuple[Array, Array], posterior: tuple[Array, Array], gate: float) -> tuple[Array, Array]:
+def farthest(means: Array, covariances: Array, z: Array, gated: NDArray[np.bool_]) -> Array:
+    """Largest distance in prior standard deviations of the measurements z (N, 2) m in the gates of beliefs (T,).
+
+    means (T, 4), covariances (T, 4, 4), gated (T, N): whether each measurement is in each gate.
+    """
+    nu = z[None] - means[:, None, :2]
+    squared = (nu * np.linalg.solve(covariances[:, None, :2, :2], nu[..., None])[..., 0]).sum(axis=2)
+    return np.asarray(np.sqrt(np.max(np.where(gated, squared, 0.0), axis=1, initial=0.0)))
+
+
+def split(prior: tuple[Array, Array], posterior: tuple[Array, Array], reach: Array) -> tuple[Array, Array]:
     """Posterior information parted into what prior beliefs hold and what is novel, as packed (q, Ω) (T, 20) each.
 
     prior and posterior: information vectors (T, 4) and matrices (T, 4, 4). The two parts add up to the posterior.
     With Ω⁻ = L Lᵀ and Ω⁺ = L diag(λ) Lᵀ the prior part is L diag(min(1, λ)) Lᵀ, the novel one L diag(max(λ - 1, 0)) Lᵀ:
     neither is ever indefinite, though association may leave a posterior wider than the prior along some axis.
-    The shift of the mean is novel up to what one measurement within the squared distance `gate` can do with that
-    much information, and is the prior part's from there on.
+    The shift of the mean is novel up to what a measurement at the distance `reach` (T,), in prior standard deviations,
+    does with that much information, and is the prior part's from there on.
 
     Source: [Battistelli15], whose measurements have an information matrix of their own.
     Note: the bound on the shift is ours. The novel parts of UAVs are summed; where doubt between measurements moves a
@@ -32,8 +43,8 @@ def split(prior: tuple[Array, Array], posterior: tuple[Array, Array], gate: floa
     gain[gain < _ROUNDING] = 0.0
     # Along these axes the prior has unit information: q = L y with y the information vector there.
     before, after = (np.linalg.solve(L, q[..., None])[..., 0] for q, _ in (prior, posterior))
-    reach = np.sqrt(gate * gain * np.maximum(ratio, 0.0))
-    novel = gain * before + np.clip(after - ratio * before, -reach, reach)
+    most = gain * reach[:, None]
+    novel = gain * before + np.clip(after - ratio * before, -most, most)
     return _packed(L, after - novel, ratio - gain), _packed(L, novel, gain)
 
 

@@ -11,16 +11,18 @@ from scipy.optimize import linear_sum_assignment
 from tracking.compiled import Array
 from tracking.evidence import Indices
 from tracking.identity import Message
+from tracking.recovery import recoveries
 
 _NOBODY = -1  # row of a track that is left out
 
 
-def aligned(own: Message, received: Sequence[Message], gate: float) -> list[Message]:
+def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: float) -> list[Message]:
     """The messages, own first, with the same tracks in the same rows.
 
     Tracks of one id and alias are the same; of one id or alias they are if their beliefs agree, in squared distance
     up to `gate`. A neighbour's track that is none of ours by that is matched to one of ours that the neighbour does
-    not have, by the same distance and one assignment per neighbour. What finds no match is taken over with the
+    not have, by the same distance and one assignment per neighbour, then, if one of both was not seen of late, by
+    whether somebody lost there can have got here at `max_speed` m/s. What finds no match is taken over with the
     neighbour's evidence and, so that nothing counts twice, without any share of ours.
     The smallest id stays. Where it would name two people, as when a network that was split heals, the track of
     the smaller alias keeps it and the other one goes by its alias, unless it was not seen of late: then it ends. All
@@ -30,7 +32,7 @@ def aligned(own: Message, received: Sequence[Message], gate: float) -> list[Mess
         return [own, *received]
     deleted = _latest([own, *received])
     messages = [_surviving(m, deleted) for m in (own, *received)]
-    roster = _Roster(messages[0], gate)
+    roster = _Roster(messages[0], gate, max_speed)
     slots = [np.arange(len(messages[0].ids)), *(roster.admit(m) for m in messages[1:])]
     ids, aliases = roster.names()
     order = np.argsort(ids)
@@ -39,7 +41,8 @@ def aligned(own: Message, received: Sequence[Message], gate: float) -> list[Mess
     row[order] = np.arange(len(order))
     out = []
     for message, slot in zip(messages, slots, strict=True):
-        rows = row[slot]
+        outdated = (message.aliases == 0) & np.isin(slot, roster.renewed)
+        rows = np.where(outdated, _NOBODY, row[slot])
         kept = np.flatnonzero(rows != _NOBODY)
         left = message if len(kept) == len(rows) else message.only(kept)
         out.append(left.at(rows[kept], ids[order], aliases[order]))
@@ -70,10 +73,12 @@ def _surviving(message: Message, deleted: tuple[tuple[int, float], ...]) -> Mess
 class _Roster:
     """Rows of a table of tracks that fills up as neighbours are admitted."""
 
-    def __init__(self, own: Message, gate: float) -> None:
-        self.gate = gate
-        self.means, self.covariances = own.beliefs()
-        self.evidence = own.evidence
+    def __init__(self, own: Message, gate: float, max_speed: float) -> None:
+        self.gate, self.max_speed = gate, max_speed
+        self.renewed: list[int] = []  # rows of which only those tell that saw the person of late
+        every = np.arange(len(own.ids))
+        self.means, self.covariances = (a[every] for a in own.beliefs())
+        self.evidence, self.sightings, self.lost = own.evidence[every], own.sightings[every], own.aliases == 0
         # Every id and alias heard this round, with the rows it was heard for, and both together with the only row.
         self.slot: dict[tuple[int, int], int] = {}
         self.by_id: dict[int, dict[int, tuple[bool, int]]] = {}  # for each row the alias, those of 0 come last
@@ -92,15 +97,46 @@ class _Roster:
         pairs = matches((self.means[free], self.covariances[free]), (means[new], covariances[new]), self.gate)
         for a, b in pairs:
             slots[new[b]] = free[a]
+        self._renew(message, slots, np.setdiff1d(free, slots), new[slots[new] == _NOBODY])
         new = new[slots[new] == _NOBODY]
         slots[new] = len(self.means) + np.arange(len(new))
         self.means = np.concatenate([self.means, means[new]])
         self.covariances = np.concatenate([self.covariances, covariances[new]])
         self.evidence = self.evidence + message.evidence[new]
+        self.sightings = np.concatenate([self.sightings, message.sightings[new]])
+        self.lost = np.concatenate([self.lost, message.aliases[new] == 0])
         for pair, slot in zip(called, slots.tolist(), strict=True):
             if slot != _NOBODY:
                 self._enter(pair, slot)
         return slots
+
+    def _renew(self, message: Message, slots: Indices, free: Indices, new: Indices) -> None:
+        """Fill in rows of whom one side knows of late and the other does not: our rows `free`, their tracks `new`."""
+        means, covariances = message.beliefs()
+        lost = message.aliases[new] == 0
+        ours, theirs = free[self.lost[free]], new[~lost]
+        found = means[theirs], covariances[theirs], message.sightings[theirs]
+        for b, k in self._found(found, (self.means[ours], self.covariances[ours], self.sightings[ours])):
+            row, track = int(ours[k]), int(theirs[b])
+            slots[track] = row
+            self.lost[row] = False
+            self.renewed.append(row)
+            self.means[row], self.covariances[row] = means[track], covariances[track]
+            self.sightings[row] = message.sightings[track]
+            self.evidence.misses[row] = message.evidence.misses[track]
+            self.evidence.shared[row] = message.evidence.shared[track]
+        ours, theirs = np.setdiff1d(free[~self.lost[free]], slots), new[lost]
+        found = self.means[ours], self.covariances[ours], self.sightings[ours]
+        for b, k in self._found(found, (means[theirs], covariances[theirs], message.sightings[theirs])):
+            slots[theirs[k]] = ours[b]
+            self.renewed.append(int(ours[b]))
+
+    def _found(self, seen: tuple[Array, Array, Array], lost: tuple[Array, Array, Array]) -> list[tuple[int, int]]:
+        """Pairs of tracks seen of late and lost ones that may be the same person, of beliefs and sightings."""
+        if len(seen[0]) == 0 or len(lost[0]) == 0:
+            return []
+        now = float(seen[2][:, 2].max())
+        return recoveries(seen[:2], lost[:2], lost[2], now=now, max_speed=self.max_speed)
 
     def names(self) -> tuple[Indices, Indices]:
         """Id and alias of each row (T,); both -1 for rows that are left out.
@@ -112,7 +148,7 @@ class _Roster:
             unnamed = [(alias, row) for row, (_, alias) in claims.items() if ids[row] == _NOBODY]
             if unnamed:
                 alias, row = min(unnamed, key=lambda claim: (claim[0] == 0, claim))
-                ids[row], aliases[row] = id, alias
+                ids[row], aliases[row] = id, alias or self._alias(row)
         taken = set(ids.tolist())
         for alias, claims in sorted(self.by_alias.items()):
             for row in claims:
@@ -120,6 +156,10 @@ class _Roster:
                     ids[row] = aliases[row] = alias
                     taken.add(alias)
         return ids, aliases
+
+    def _alias(self, row: int) -> int:
+        """The smallest alias of a row, 0 if it has none."""
+        return min((alias for alias, claims in self.by_alias.items() if alias and row in claims), default=0)
 
     def _enter(self, called: tuple[int, int], slot: int) -> None:
         id, alias = called

@@ -16,7 +16,7 @@ from tracking.identity import FIRST_BORN, INFORMATION, UAVS, Message, aliases_of
 from tracking.initiation import Initiator, Tentative
 from tracking.jpda import association_probabilities, gated_likelihood, mixture_update
 from tracking.kalman import Gaussian, information_form
-from tracking.novelty import split
+from tracking.novelty import farthest, split
 from tracking.parameters import TrackerParameters
 from tracking.recovery import recoveries
 from tracking.visibility import Forest, visible_samples
@@ -26,7 +26,7 @@ __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 # Weights in the average of a UAV that looked where the person may be and saw nobody, and of one that did not look: the
 # first counts only where nobody saw the person, the second only where nobody looked either.
 _LOOKED, _UNSEEN = 1e-4, 1e-9
-_NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4))
+_NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 0), dtype=np.bool_)
 _IN_TOUCH = 1.0  # s for which UAVs take themselves for one company without word of its leader
 
 
@@ -85,7 +85,7 @@ class Tracker:
         self._sightings = np.column_stack([self._means[:, :2], np.zeros(len(ids))])
         self._deleted: tuple[tuple[int, float], ...] = ()
         self._company = (0, -math.inf)  # at the start all are one, in what they know
-        self._predicted = _NOTHING  # beliefs before the scan that is not yet fused
+        self._predicted = _NOTHING  # beliefs before the scan not yet fused, what it measured, and in which gates
         self._tentative: list[Tentative] = []
         self._waited = 0  # steps of motion since tentative tracks were last predicted
         self._initiator = Initiator(
@@ -102,6 +102,11 @@ class Tracker:
     def match_gate(self) -> float:
         """Largest squared distance at which tracks of different ids are taken for the same person."""
         return self.parameters.match_gate
+
+    @property
+    def max_speed(self) -> float:
+        """Of people, m/s."""
+        return self.parameters.max_speed
 
     def step(self, scan: Scan) -> None:
         """Predict to the scan's time, associate, update, initiate."""
@@ -124,7 +129,8 @@ class Tracker:
         beta = association_probabilities(likelihood, detection, p.clutter_density)
         # A wide belief far off must not swallow newcomers: it explains only what it makes likelier than clutter.
         unexplained = ~np.any(p.detection_probability * likelihood > p.clutter_density, axis=0)
-        predicted = self._predicted = self._means, self._covariances
+        predicted = self._means, self._covariances
+        self._predicted = *predicted, z, likelihood > 0.0
         undetected = given_undetected(predicted, samples, p.detection_probability, p.absence_weight)
         self._means, self._covariances = mixture_update(predicted, undetected, z, R, beta)
         self._say = np.maximum(1.0 - beta[:, 0], _UNSEEN + _LOOKED * visible)
@@ -181,11 +187,13 @@ class Tracker:
             return held, np.zeros((len(held), 0)), self._say
         novel = np.zeros((len(held), INFORMATION + self.uav + 1))
         spread = np.trace(self._covariances[:, :2, :2], axis1=1, axis2=2)
-        seen = np.flatnonzero(self._say[: len(self._predicted[0])] >= p.seen)
+        means, covariances, z, gated = self._predicted
+        seen = np.flatnonzero(self._say[: len(means)] >= p.seen)
         if len(seen):
-            prior = self._predicted[0][seen], self._predicted[1][seen]
-            spread[seen] = np.trace(prior[1][:, :2, :2], axis1=1, axis2=2)
-            held[seen], gained = split(information_form(*prior), (q[seen], omega[seen]), p.measurement_gate)
+            means, covariances = means[seen], covariances[seen]
+            reach = farthest(means, covariances, z, gated[seen])
+            spread[seen] = np.trace(covariances[:, :2, :2], axis1=1, axis2=2)
+            held[seen], gained = split(information_form(means, covariances), (q[seen], omega[seen]), reach)
             novel[seen, :INFORMATION] = gained
             novel[seen, -1] = gained.any(axis=1)
         return held, novel, self._say / spread
