@@ -73,9 +73,10 @@ def _mixed(messages: Sequence[Message]) -> Array:
         return own.novel
     weights = [1.0 / (1 + max(own.degree, m.degree)) for m in received]
     # Columns stand for UAVs; whoever has not yet heard of the last ones lacks theirs.
-    lacking = [width - m.novel.shape[1] for m in messages]
-    full = [np.pad(m.novel, ((0, 0), (0, k))) if k else m.novel for k, m in zip(lacking, messages, strict=True)]
-    return np.asarray(np.tensordot([1.0 - sum(weights), *weights], np.array(full), 1))
+    stacked = np.zeros((len(messages), len(own.ids), width))
+    for row, m in zip(stacked, messages, strict=True):
+        row[:, : m.novel.shape[1]] = m.novel
+    return np.asarray(np.tensordot([1.0 - sum(weights), *weights], stacked, 1))
 
 
 def _latest(messages: Sequence[Message]) -> Array:

@@ -17,9 +17,12 @@ def farthest(means: Array, covariances: Array, z: Array, gated: NDArray[np.bool_
 
     means (T, 4), covariances (T, 4, 4), gated (T, N): whether each measurement is in each gate.
     """
-    nu = z[None] - means[:, None, :2]
-    squared = (nu * np.linalg.solve(covariances[:, None, :2, :2], nu[..., None])[..., 0]).sum(axis=2)
-    return np.asarray(np.sqrt(np.max(np.where(gated, squared, 0.0), axis=1, initial=0.0)))
+    track, measurement = np.nonzero(gated)
+    nu = z[measurement] - means[track, :2]
+    squared = np.einsum("gi,gij,gj->g", nu, np.linalg.inv(covariances[:, :2, :2])[track], nu)
+    most = np.zeros(len(means))
+    np.maximum.at(most, track, squared)
+    return np.sqrt(most)
 
 
 def split(prior: tuple[Array, Array], posterior: tuple[Array, Array], reach: Array) -> tuple[Array, Array]:
