@@ -32,11 +32,14 @@ def beliefs(rng: np.random.Generator, count: int, centre=(0, 0, 0, 0)) -> tuple[
     return np.array(centre) + rng.normal(scale=0.3, size=(count, 4)), covariances
 
 
-def message(uav: int, ids, means, covariances, *, degree: int, weight=1.0, seen=0.0, deleted=()) -> Message:
+def message(uav: int, ids, means, covariances, *, degree: int, weight=1.0, seen=0.0, deleted=(), **others) -> Message:
     q, omega = information_form(np.reshape(means, (-1, 4)), np.reshape(covariances, (-1, 4, 4)))
     shares = np.concatenate([np.ones((len(q), 1)), q, omega.reshape(-1, 16)], axis=1)
     shares *= np.broadcast_to(weight, len(q))[:, None]
-    return Message(uav, degree, np.array(ids, np.int64), shares, Evidence.at(seen, len(q)), deleted)
+    ids = np.array(ids, np.int64)
+    sightings = np.column_stack([np.reshape(means, (-1, 4))[:, :2], np.full(len(q), seen)])
+    said = {"aliases": ids, "sightings": sightings, "novel": np.zeros((len(q), 0)), "company": (0, 0.0), **others}
+    return Message(uav, degree, ids, shares, Evidence.at(seen, len(q)), deleted, **said)
 
 
 def exchange(messages: list[Message], adjacency: np.ndarray, rounds: int) -> list[Message]:

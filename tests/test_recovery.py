@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.recovery import recoveries, sightings
+from tracking.recovery import recoveries
 
 LOST = np.array([[0.0, 0, 0, 0], [10.0, 0, 0, 0], [0.0, 10, 0, 0]]), np.tile(np.eye(4), (3, 1, 1))
 SEEN = np.array([[0.0, 0, 8.0], [10.0, 0, 8.0], [0.0, 10, 8.0]])
@@ -39,11 +39,3 @@ def test_a_vague_belief_pays_for_its_vagueness():
     # 4 standard deviations from the first, a third of one from the second, which might be anywhere.
     assert pairs((4.2, 0), lost=(LOST[0], covariances)) == [(0, 1)]
     assert pairs((1.5, 0), lost=(LOST[0], covariances)) == [(0, 0)]
-
-
-def test_sightings_are_kept_while_a_track_is_unseen():
-    now = np.array([[1.0, 1, 5.0], [2.0, 2, 5.0], [3.0, 3, 5.0]])
-    before = {7: np.array([0.0, 0, 4.0]), 8: np.array([0.5, 0, 4.0])}
-    kept = sightings([7, 8, 9], now, before, np.array([False, True, True]))
-    np.testing.assert_array_equal(kept, [[1.0, 1, 5.0], [0.5, 0, 4.0], [3.0, 3, 5.0]])
-    assert sightings([], np.zeros((0, 3)), before, np.zeros(0, bool)).shape == (0, 3)

@@ -1,12 +1,11 @@
-"""Which tracks of different UAVs are the same person: ids agreed without a server."""
+"""What UAVs say about their tracks, and ids that no two people get."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
 from tracking.evidence import Evidence, Indices
@@ -26,9 +25,12 @@ class Message:
     """What a UAV tells its neighbours in one round of consensus, about T tracks by ascending id.
 
     The shares hold, in this order, a weight w, w q and w Ω: sums of them over UAVs, divided by the sum of the weights,
-    are the Kullback-Leibler average of the UAVs' beliefs. Nothing in it is about third UAVs.
-    One more column, where tracks may be nobody's, is w times the log-odds that there is somebody: the same average of
-    beliefs in existence.
+    are a weighted average of the UAVs' beliefs. One more column, where tracks may be nobody's, is w
+    times the log-odds that there is somebody, and averaged likewise.
+    The novel part is information that adds up: q and Ω, then in column `INFORMATION` + u the share that UAV u's has
+    in it. With fusion by averages alone it has no columns.
+    An alias is the id a track takes if tracks of one id turn out to be two people; 0: it was not seen of late, so if
+    another of its id was, that is where the person is. UAVs of one company give the same track the same alias.
     """
 
     uav: int
@@ -36,18 +38,36 @@ class Message:
     ids: Indices  # (T,)
     shares: Array  # (T, 1 + INFORMATION or more)
     evidence: Evidence
-    deleted: tuple[tuple[int, float], ...] = ()  # ids and when [s] the fleet gave them up, ascending
+    deleted: tuple[tuple[int, float], ...]  # ids, ascending, and until when [s] sightings of them are void
+    aliases: Indices  # (T,)
+    sightings: Array  # (T, 3), where [m] and when [s] the fleet last saw each
+    novel: Array  # (T, 0) or (T, INFORMATION + U)
+    company: tuple[int, float]  # the smallest UAV heard of lately, and when [s] it spoke
 
     @property
     def size(self) -> int:
-        """Bytes it takes on the air, each number eight, symmetric matrices by their upper triangles."""
-        numbers_per_track = 1 + (self.shares.shape[1] - _SAID_TWICE) + (3 + 2)  # id, shares, evidence
-        return 8 * int(2 + numbers_per_track * len(self.ids) + 2 * len(self.deleted))
+        """Bytes it takes on the air, each number eight, symmetric matrices by their upper triangles.
+
+        Per track 25 numbers; 14 more for novel information, and 2 for each UAV that has a share in it.
+        """
+        per_track = 2 + (self.shares.shape[1] - _SAID_TWICE) + (3 + 2) + 3  # ids, shares, evidence, sighting
+        sources = np.count_nonzero(self.novel[:, INFORMATION:], axis=1)
+        novel = np.sum(2 * sources + (INFORMATION - _SAID_TWICE) * (sources > 0))
+        return 8 * int(4 + per_track * len(self.ids) + novel + 2 * len(self.deleted))
 
     def beliefs(self) -> tuple[Array, Array]:
         """Means (T, 4) and covariances (T, 4, 4) of the tracks."""
-        information = self.shares[:, 1 : 1 + INFORMATION] / self.shares[:, :1]
-        return moment_form(information[:, :4], information[:, 4:].reshape(-1, 4, 4))
+        return self._beliefs
+
+    @cached_property
+    def _beliefs(self) -> tuple[Array, Array]:
+        packed = self.shares[:, 1 : 1 + INFORMATION] / self.shares[:, :1]
+        if self.novel.shape[1] > INFORMATION:
+            # Mixing has left a share of every UAV's information. What makes the largest share whole makes up for the
+            # mixing where it has converged, and counts nobody's information more than once where it has not.
+            most = self.novel[:, INFORMATION:].max(axis=1, keepdims=True)
+            packed = packed + self.novel[:, :INFORMATION] / np.where(most > 0.0, most, 1.0)
+        return moment_form(packed[:, :4], packed[:, 4:].reshape(-1, 4, 4))
 
     def existence(self) -> Array:
         """Probabilities (T,) that there is somebody; 1 where nothing is said of it."""
@@ -55,15 +75,52 @@ class Message:
             return np.ones(len(self.ids))
         return from_log_odds(self.shares[:, 1 + INFORMATION] / self.shares[:, 0])
 
-    def at(self, slots: Indices, ids: Indices) -> Message:
+    @cached_property
+    def called(self) -> bytes:
+        """Ids and aliases, quick to compare."""
+        return self.ids.tobytes() + self.aliases.tobytes()
+
+    @cached_property
+    def seen_at(self) -> bytes:
+        """Times of the sightings, quick to compare."""
+        return self.sightings[:, 2].tobytes()
+
+    def only(self, rows: Indices) -> Message:
+        """The same about some of the tracks."""
+        return replace(
+            self,
+            ids=self.ids[rows],
+            shares=self.shares[rows],
+            evidence=self.evidence[rows],
+            aliases=self.aliases[rows],
+            sightings=self.sightings[rows],
+            novel=self.novel[rows],
+        )
+
+    def at(self, slots: Indices, ids: Indices, aliases: Indices) -> Message:
         """The same with its tracks moved to rows `slots` of a table with these ids; zero shares elsewhere."""
-        shares = np.zeros((len(ids), self.shares.shape[1]))
-        np.add.at(shares, slots, self.shares)
-        times = np.full((len(ids), 3), -np.inf)
+        times, seen = np.full((len(ids), 3), -np.inf), np.full((len(ids), 3), -np.inf)
         np.maximum.at(times, slots, self.evidence.times)
+        by_time = np.argsort(self.sightings[:, 2], kind="stable")  # where two tracks become one, the last sighting
+        seen[slots[by_time]] = self.sightings[by_time]
         misses, shared = np.zeros(len(ids), np.int64), np.zeros(len(ids), np.int64)
         misses[slots], shared[slots] = self.evidence.misses, self.evidence.shared
-        return replace(self, ids=ids, shares=shares, evidence=Evidence(times, misses, shared))
+        return replace(
+            self,
+            ids=ids,
+            shares=_placed(self.shares, slots, len(ids)),
+            evidence=Evidence(times, misses, shared),
+            aliases=aliases,
+            sightings=seen,
+            novel=_placed(self.novel, slots, len(ids)),
+        )
+
+
+def _placed(values: Array, slots: Indices, count: int) -> Array:
+    """Rows added up in a table of `count` rows."""
+    table = np.zeros((count, values.shape[1]))
+    np.add.at(table, slots, values)
+    return table
 
 
 def born_id(scan: int, uav: int, counter: int) -> int:
@@ -71,94 +128,13 @@ def born_id(scan: int, uav: int, counter: int) -> int:
     return (scan * UAVS + uav) * BIRTHS + counter
 
 
-def aligned(own: Message, received: Sequence[Message], gate: float) -> list[Message]:
-    """The messages, own first, with the same tracks in the same rows.
+def aliases_of(ids: Indices, lost: Indices, scan: int, leader: int) -> Indices:
+    """An alias for each track of a company whose leader is UAV `leader` (T,), from ids (T,) and lost ones' rows.
 
-    A neighbour's track with an id that is not here is matched to one of ours that the neighbour does not have, by
-    statistical distance (squared, up to `gate`) and one assignment per neighbour; the smaller id stays. What finds no
-    match is taken over with the neighbour's evidence and, so that nothing counts twice, without any share of ours.
+    Those born in this scan have nobody else's id: their aliases are their own. The others take ids that no birth has,
+    counted from the end of the leader's.
     """
-    if all(np.array_equal(m.ids, own.ids) and m.deleted == own.deleted for m in received):
-        return [own, *received]
-    deleted = _latest([own, *received])
-    messages = [_surviving(m, deleted) for m in (own, *received)]
-    roster = _Roster(messages[0])
-    slots = [roster.admit(m, gate) for m in messages[1:]]
-    slots.insert(0, np.arange(len(messages[0].ids)))
-    ids = roster.ids()
-    order = np.argsort(ids)
-    row = np.argsort(order)
-    out = [m.at(row[s], ids[order]) for m, s in zip(messages, slots, strict=True)]
-    origin = roster.evidence[order]
-    taken = replace(out[0].evidence, misses=origin.misses, shared=origin.shared)
-    out[0] = replace(out[0], evidence=taken)
-    return out
-
-
-def _latest(messages: Sequence[Message]) -> tuple[tuple[int, float], ...]:
-    latest: dict[int, float] = {}
-    for m in messages:
-        for id, time in m.deleted:
-            latest[id] = max(time, latest.get(id, time))
-    return tuple(sorted(latest.items()))
-
-
-def _surviving(message: Message, deleted: tuple[tuple[int, float], ...]) -> Message:
-    """Without tracks that somebody gave up after they were last seen."""
-    given_up = dict(deleted)
-    last_seen = message.evidence.times[:, 0].tolist()
-    pairs = zip(message.ids.tolist(), last_seen, strict=True)
-    keep = np.array([seen >= given_up.get(id, -np.inf) for id, seen in pairs], dtype=np.bool_)
-    return replace(
-        message,
-        ids=message.ids[keep],
-        shares=message.shares[keep],
-        evidence=message.evidence[keep],
-        deleted=deleted,
-    )
-
-
-class _Roster:
-    """Rows of a table of tracks that fills up as neighbours are admitted."""
-
-    def __init__(self, own: Message) -> None:
-        self.slot = {id: k for k, id in enumerate(own.ids.tolist())}  # of every id heard this round
-        self.means, self.covariances = own.beliefs()
-        self.evidence = own.evidence
-
-    def admit(self, message: Message, gate: float) -> Indices:
-        """Rows of a neighbour's tracks (T,)."""
-        slots = np.array([self.slot.get(id, -1) for id in message.ids.tolist()], dtype=np.int64)
-        means, covariances = message.beliefs()
-        free = np.setdiff1d(np.arange(len(self.means)), slots)
-        new = np.flatnonzero(slots < 0)
-        pairs = matches((self.means[free], self.covariances[free]), (means[new], covariances[new]), gate)
-        for a, b in pairs:
-            slots[new[b]] = free[a]
-        new = np.flatnonzero(slots < 0)
-        slots[new] = len(self.means) + np.arange(len(new))
-        self.means = np.concatenate([self.means, means[new]])
-        self.covariances = np.concatenate([self.covariances, covariances[new]])
-        self.evidence = self.evidence + message.evidence[new]
-        for id, slot in zip(message.ids.tolist(), slots.tolist(), strict=True):
-            self.slot[id] = slot
-        return slots
-
-    def ids(self) -> Indices:
-        """The smallest id heard for each row."""
-        ids = np.full(len(self.means), np.iinfo(np.int64).max)
-        for id, slot in self.slot.items():
-            ids[slot] = min(ids[slot], id)
-        return ids
-
-
-def matches(ours: tuple[Array, Array], theirs: tuple[Array, Array], gate: float) -> list[tuple[int, int]]:
-    """Pairs of beliefs (A, 4), (A, 4, 4) and (B, 4), (B, 4, 4) that agree best, in squared distance up to `gate`."""
-    if len(ours[0]) == 0 or len(theirs[0]) == 0:
-        return []
-    difference = ours[0][:, None] - theirs[0][None]
-    spread = ours[1][:, None] + theirs[1][None]
-    distance = (difference * np.linalg.solve(spread, difference[..., None])[..., 0]).sum(axis=2)
-    # A pair beyond the gate costs as much as no pair, so the assignment prefers many pairs within it.
-    rows, columns = linear_sum_assignment(np.minimum(distance, gate))
-    return [(int(a), int(b)) for a, b in zip(rows, columns, strict=True) if distance[a, b] <= gate]
+    rank = np.arange(len(ids))
+    aliases = np.where(ids >= born_id(scan, 0, 0), ids, born_id(scan, leader, BIRTHS - 1) - rank)
+    aliases[lost] = 0
+    return aliases

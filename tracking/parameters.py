@@ -13,6 +13,7 @@ from tracking.compiled import Array
 from tracking.kalman import NearlyConstantVelocity
 
 LIVES = ("m_of_n", "existence")
+FUSIONS = ("kla", "hcmci")
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ class TrackerParameters:
     birth_density: float = 1e-5  # of people who are detected for the first time, 1/m² and scan
     sure: float = 0.99  # probability of existence that confirms a track
     doubt: float = 0.001  # probability of existence below which a track ends
+    fusion: str = "kla"  # of UAVs' beliefs: "kla", their average, or "hcmci", which adds up what each has learned
+    forget_after: float = 30.0  # s for which the fleet remembers that it gave up a track
 
     def __post_init__(self) -> None:
         for name in ("detection_probability", "gate_probability", "expected", "seen"):
@@ -44,6 +47,10 @@ class TrackerParameters:
                 raise ValueError(f"{name} must be in (0, 1), is {value}")
         if not self.clutter_density > 0.0:
             raise ValueError(f"clutter_density must be positive, is {self.clutter_density}")
+        if self.fusion not in FUSIONS:
+            raise ValueError(f"fusion must be one of {', '.join(FUSIONS)}, is {self.fusion!r}")
+        if not self.forget_after > 0.0:
+            raise ValueError(f"forget_after must be positive, is {self.forget_after}")
         for name in ("confirm", "delete"):
             m, n = getattr(self, name)
             if not 1 <= m <= n <= 62:

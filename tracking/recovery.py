@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
 
 # A person's position may differ by this much from where it was measured last, and from where it is measured now [m].
 _MARGIN = 1.0
-
-
-def sightings(ids: list[int], now: Array, before: dict[int, Array], unseen: NDArray[np.bool_]) -> Array:
-    """Where [m] and when [s] the fleet last saw each track (T, 3).
-
-    now (T, 3): where the tracks are at this instant; before: the same of those known at the last scan; unseen (T,).
-    """
-    rows = [before.get(id, here) if absent else here for id, here, absent in zip(ids, now, unseen, strict=True)]
-    return np.array(rows).reshape(-1, 3)
 
 
 def recoveries(

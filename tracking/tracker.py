@@ -15,13 +15,14 @@ from tracking.camera import Camera, Pose
 from tracking.compiled import Array
 from tracking.evidence import Evidence, doubles
 from tracking.existence import associated, log_odds
-from tracking.identity import FIRST_BORN, UAVS, Message, born_id
+from tracking.identity import FIRST_BORN, INFORMATION, UAVS, Message, aliases_of, born_id
 from tracking.initiation import Initiator, Tentative
 from tracking.jpda import gated_likelihood, mixture_update
 from tracking.kalman import Gaussian, information_form
 from tracking.malformed import well_formed
+from tracking.novelty import farthest, split
 from tracking.parameters import TrackerParameters
-from tracking.recovery import recoveries, sightings
+from tracking.recovery import recoveries
 from tracking.visibility import Forest, visible_samples
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
@@ -29,6 +30,8 @@ __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 # Weights in the average of a UAV that looked where the person may be and saw nobody, and of one that did not look: the
 # first counts only where nobody saw the person, the second only where nobody looked either.
 _LOOKED, _UNSEEN = 1e-4, 1e-9
+_NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 0), dtype=np.bool_)
+_IN_TOUCH = 1.0  # s for which UAVs take themselves for one company without word of its leader
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +90,8 @@ class Tracker:
         self._evidence = Evidence.at(-math.inf, len(ids))
         self._sightings = np.column_stack([self._means[:, :2], np.zeros(len(ids))])
         self._deleted: tuple[tuple[int, float], ...] = ()
+        self._company = (0, -math.inf)  # at the start all are one, in what they know
+        self._predicted = _NOTHING  # beliefs before the scan not yet fused, what it measured, and in which gates
         self._tentative: list[Tentative] = []
         self._waited = 0  # steps of motion since tentative tracks were last predicted
         self._initiator = (
@@ -105,6 +110,11 @@ class Tracker:
     def match_gate(self) -> float:
         """Largest squared distance at which tracks of different ids are taken for the same person."""
         return self.parameters.match_gate
+
+    @property
+    def max_speed(self) -> float:
+        """Of people, m/s."""
+        return self.parameters.max_speed
 
     def step(self, scan: Scan) -> None:
         """Predict to the scan's time, associate, update, initiate."""
@@ -126,6 +136,7 @@ class Tracker:
         # A wide belief far off must not swallow newcomers: it explains only what it makes likelier than clutter.
         unexplained = p.detection_probability * likelihood.max(axis=0, initial=0.0) <= p.clutter_density
         predicted = self._means, self._covariances
+        self._predicted = *predicted, z, likelihood > 0.0
         undetected = given_undetected(predicted, samples, p.detection_probability, p.absence_weight)
         self._means, self._covariances = mixture_update(predicted, undetected, z, R, given)
         self._say = np.maximum(1.0 - beta[:, 0], _UNSEEN + _LOOKED * visible)
@@ -149,13 +160,54 @@ class Tracker:
 
     def message(self, degree: int) -> Message:
         """What it says in the first round, given how many neighbours hear it."""
-        q, omega = information_form(self._means, self._covariances)
-        columns = [np.ones((len(q), 1)), q, omega.reshape(-1, 16)]
+        held, novel, weights = self._parts()
+        columns = [np.ones((len(held), 1)), held]
         if self.parameters.life == "existence":
             columns.append(log_odds(self._existence)[:, None])
-        shares = np.concatenate(columns, axis=1)
-        shares *= self._say[:, None]
-        return Message(self.uav, degree, self._ids, shares, self._evidence, self._deleted)
+        shares = np.concatenate(columns, axis=1) * weights[:, None]
+        lost = np.flatnonzero(self._time - self._sightings[:, 2] >= self.parameters.recovery_after)
+        leader, spoke = self._company
+        aliases = aliases_of(self._ids, lost, self._scans, leader)
+        alone = leader >= self.uav or self._time - spoke > _IN_TOUCH
+        company = (self.uav, self._time) if alone else self._company
+        return Message(
+            self.uav,
+            degree,
+            self._ids,
+            shares,
+            self._evidence,
+            self._deleted,
+            aliases,
+            self._sightings,
+            novel,
+            company,
+        )
+
+    def _parts(self) -> tuple[Array, Array, Array]:
+        """What is averaged (T, 20), what adds up, as `Message.novel`, and the weights of the average (T,).
+
+        Note: what it means to have seen nobody is averaged, not added up. Seeing a place empty twice says no more than
+        seeing it empty once, and the UAVs that looked have the same to say.
+        The weights of prior beliefs fall with their uncertainty, as in [Niehsen02]: where UAVs come together, those who
+        lost sight of a person do not dilute what the others know.
+        """
+        p = self.parameters
+        q, omega = information_form(self._means, self._covariances)
+        held = np.concatenate([q, omega.reshape(-1, 16)], axis=1)
+        if p.fusion == "kla":
+            return held, np.zeros((len(held), 0)), self._say
+        novel = np.zeros((len(held), INFORMATION + self.uav + 1))
+        spread = np.trace(self._covariances[:, :2, :2], axis1=1, axis2=2)
+        means, covariances, z, gated = self._predicted
+        seen = np.flatnonzero(self._say[: len(means)] >= p.seen)
+        if len(seen):
+            means, covariances = means[seen], covariances[seen]
+            reach = farthest(means, covariances, z, gated[seen])
+            spread[seen] = np.trace(covariances[:, :2, :2], axis1=1, axis2=2)
+            held[seen], gained = split(information_form(means, covariances), (q[seen], omega[seen]), reach)
+            novel[seen, :INFORMATION] = gained
+            novel[seen, -1] = gained.any(axis=1)
+        return held, novel, self._say / spread
 
     def accept(self, message: Message) -> None:
         """Take over the fleet's tracks, count its scan and end what it refutes."""
@@ -167,17 +219,19 @@ class Tracker:
         double = doubles(means, covariances, evidence.shared >= p.double, p.match_gate)
         refuted |= np.trace(covariances[:, :2, :2], axis1=1, axis2=2) > p.max_variance
         keep = ~(refuted | double)
-        ended = dict(message.deleted)
+        # Forgotten when it cannot matter: a part of the fleet cut off for longer than that may bring a track back,
+        # which then ends as it did before.
+        ended = {id: until for id, until in message.deleted if self._time - until <= p.forget_after}
         ended.update((id, self._time) for id in message.ids[refuted].tolist())
-        ended.update((id, math.inf) for id in message.ids[double].tolist())
+        ended.update((id, self._time + p.forget_after) for id in message.ids[double].tolist())
         self._deleted = tuple(sorted(ended.items()))
-        before = dict(zip(self._ids.tolist(), self._sightings, strict=True))
         self._ids, self._evidence = message.ids[keep], evidence[keep]
         self._means, self._covariances, self._existence = means[keep], covariances[keep], existence[keep]
         self._say = np.full(len(self._ids), _UNSEEN)
+        self._predicted, self._company = _NOTHING, message.company
         here = np.column_stack([self._means[:, :2], np.full(len(self._ids), self._time)])
         unseen = self._evidence.times[:, 0] < self._time
-        self._sightings = sightings(self._ids.tolist(), here, before, unseen)
+        self._sightings = np.where(unseen[:, None], message.sightings[keep], here)
         self._recover()
 
     def _recover(self) -> None:

@@ -1,0 +1,57 @@
+"""What a scan adds to a belief, apart from what was known before it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracking.compiled import Array
+from tracking.kalman import symmetric
+
+# Gains of information below this share of the prior's are rounding.
+_ROUNDING = 1e-9
+
+
+def farthest(means: Array, covariances: Array, z: Array, gated: NDArray[np.bool_]) -> Array:
+    """Largest distance in prior standard deviations of the measurements z (N, 2) m in the gates of beliefs (T,).
+
+    means (T, 4), covariances (T, 4, 4), gated (T, N): whether each measurement is in each gate.
+    """
+    track, measurement = np.nonzero(gated)
+    nu = z[measurement] - means[track, :2]
+    squared = np.einsum("gi,gij,gj->g", nu, np.linalg.inv(covariances[:, :2, :2])[track], nu)
+    most = np.zeros(len(means))
+    np.maximum.at(most, track, squared)
+    return np.sqrt(most)
+
+
+def split(prior: tuple[Array, Array], posterior: tuple[Array, Array], reach: Array) -> tuple[Array, Array]:
+    """Posterior information parted into what prior beliefs hold and what is novel, as packed (q, Ω) (T, 20) each.
+
+    prior and posterior: information vectors (T, 4) and matrices (T, 4, 4). The two parts add up to the posterior.
+    With Ω⁻ = L Lᵀ and Ω⁺ = L diag(λ) Lᵀ the prior part is L diag(min(1, λ)) Lᵀ, the novel one L diag(max(λ - 1, 0)) Lᵀ:
+    neither is ever indefinite, though association may leave a posterior wider than the prior along some axis.
+    The shift of the mean is novel up to what a measurement at the distance `reach` (T,), in prior standard deviations,
+    does with that much information, and is the prior part's from there on.
+
+    Source: [Battistelli15], whose measurements have an information matrix of their own.
+    Note: the bound on the shift is ours. The novel parts of UAVs are summed; where doubt between measurements moves a
+    mean and gains no information, the sum of such moves would lead anywhere.
+    """
+    roots = np.linalg.cholesky(prior[1])
+    whitened = np.linalg.solve(roots, np.swapaxes(np.linalg.solve(roots, posterior[1]), 1, 2))
+    ratio, axes = np.linalg.eigh(symmetric(whitened))
+    L = roots @ axes
+    gain = np.maximum(ratio - 1.0, 0.0)
+    gain[gain < _ROUNDING] = 0.0
+    # Along these axes the prior has unit information: q = L y with y the information vector there.
+    before, after = (np.linalg.solve(L, q[..., None])[..., 0] for q, _ in (prior, posterior))
+    most = gain * reach[:, None]
+    novel = gain * before + np.clip(after - ratio * before, -most, most)
+    return _packed(L, after - novel, ratio - gain), _packed(L, novel, gain)
+
+
+def _packed(L: Array, y: Array, weights: Array) -> Array:
+    q = (L @ y[..., None])[..., 0]
+    omega = symmetric((L * weights[:, None, :]) @ np.swapaxes(L, 1, 2))
+    return np.concatenate([q, omega.reshape(-1, 16)], axis=1)

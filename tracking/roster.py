@@ -1,0 +1,207 @@
+"""Which tracks of different UAVs are the same person: ids agreed without a server."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from tracking.compiled import Array
+from tracking.evidence import Indices
+from tracking.identity import Message
+from tracking.recovery import recoveries
+
+_NOBODY = -1  # row of a track that is left out
+
+
+def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: float) -> list[Message]:
+    """The messages, own first, with the same tracks in the same rows.
+
+    Tracks of one id and alias are the same; of one id or alias they are if their beliefs agree, in squared distance
+    up to `gate`. A neighbour's track that is none of ours by that is matched to one of ours that the neighbour does
+    not have, by the same distance and one assignment per neighbour, then, if one of both was not seen of late, by
+    whether somebody lost there can have got here at `max_speed` m/s. What finds no match is taken over with the
+    neighbour's evidence and, so that nothing counts twice, without any share of ours.
+    The smallest id stays. Where it would name two people, as when a network that was split heals, the track of
+    the smaller alias keeps it and the other one goes by its alias, unless it was not seen of late: then it ends. All
+    this depends on what the tracks are called, not on who decides, so all UAVs decide alike.
+    """
+    if all(m.called == own.called and m.deleted == own.deleted for m in received):
+        return [own, *received]
+    deleted = _latest([own, *received])
+    messages = [_surviving(m, deleted) for m in (own, *received)]
+    roster = _Roster(messages[0], gate, max_speed)
+    slots = [np.arange(len(messages[0].ids)), *(roster.admit(m) for m in messages[1:])]
+    ids, aliases = roster.names()
+    order = np.argsort(ids)
+    order = order[np.searchsorted(ids[order], 0) :]
+    row = np.full(len(ids) + 1, _NOBODY)  # the last for those left out before
+    row[order] = np.arange(len(order))
+    out = []
+    for message, slot in zip(messages, slots, strict=True):
+        outdated = (message.aliases == 0) & np.isin(slot, roster.renewed)
+        rows = np.where(outdated, _NOBODY, row[slot])
+        kept = np.flatnonzero(rows != _NOBODY)
+        left = message if len(kept) == len(rows) else message.only(kept)
+        out.append(left.at(rows[kept], ids[order], aliases[order]))
+    origin = roster.evidence[order]
+    out[0] = replace(out[0], evidence=replace(out[0].evidence, misses=origin.misses, shared=origin.shared))
+    return out
+
+
+def _latest(messages: Sequence[Message]) -> tuple[tuple[int, float], ...]:
+    latest: dict[int, float] = {}
+    for m in messages:
+        for id, time in m.deleted:
+            latest[id] = max(time, latest.get(id, time))
+    return tuple(sorted(latest.items()))
+
+
+def _surviving(message: Message, deleted: tuple[tuple[int, float], ...]) -> Message:
+    """Without tracks that somebody gave up after they were last seen."""
+    if message.deleted == deleted:
+        return message
+    given_up = dict(deleted)
+    last_seen = message.evidence.times[:, 0].tolist()
+    pairs = zip(message.ids.tolist(), last_seen, strict=True)
+    keep = np.array([seen >= given_up.get(id, -np.inf) for id, seen in pairs], dtype=np.bool_)
+    return replace(message.only(np.flatnonzero(keep)), deleted=deleted)
+
+
+class _Roster:
+    """Rows of a table of tracks that fills up as neighbours are admitted."""
+
+    def __init__(self, own: Message, gate: float, max_speed: float) -> None:
+        self.gate, self.max_speed = gate, max_speed
+        self.renewed: list[int] = []  # rows of which only those tell that saw the person of late
+        every = np.arange(len(own.ids))
+        self.means, self.covariances = (a[every] for a in own.beliefs())
+        self.evidence, self.sightings, self.lost = own.evidence[every], own.sightings[every], own.aliases == 0
+        # Every id and alias heard this round, with the rows it was heard for, and both together with the only row.
+        self.slot: dict[tuple[int, int], int] = {}
+        self.by_id: dict[int, dict[int, tuple[bool, int]]] = {}  # for each row the alias, those of 0 come last
+        self.by_alias: dict[int, dict[int, tuple[bool, int]]] = {}
+        for k, called in enumerate(_called(own)):
+            self._enter(called, k)
+
+    def admit(self, message: Message) -> Indices:
+        """Rows of a neighbour's tracks (T,)."""
+        called = _called(message)
+        means, covariances = message.beliefs()
+        slots = np.array([self.slot.get(pair, _NOBODY) for pair in called], dtype=np.int64)
+        self._recognise(called, slots, means, covariances)
+        free = np.setdiff1d(np.arange(len(self.means)), slots)
+        new = np.array([k for k in np.flatnonzero(slots == _NOBODY) if not self._outdated(called[k])], dtype=np.int64)
+        pairs = matches((self.means[free], self.covariances[free]), (means[new], covariances[new]), self.gate)
+        for a, b in pairs:
+            slots[new[b]] = free[a]
+        self._renew(message, slots, np.setdiff1d(free, slots), new[slots[new] == _NOBODY])
+        new = new[slots[new] == _NOBODY]
+        slots[new] = len(self.means) + np.arange(len(new))
+        self.means = np.concatenate([self.means, means[new]])
+        self.covariances = np.concatenate([self.covariances, covariances[new]])
+        self.evidence = self.evidence + message.evidence[new]
+        self.sightings = np.concatenate([self.sightings, message.sightings[new]])
+        self.lost = np.concatenate([self.lost, message.aliases[new] == 0])
+        for pair, slot in zip(called, slots.tolist(), strict=True):
+            if slot != _NOBODY:
+                self._enter(pair, slot)
+        return slots
+
+    def _renew(self, message: Message, slots: Indices, free: Indices, new: Indices) -> None:
+        """Fill in rows of whom one side knows of late and the other does not: our rows `free`, their tracks `new`."""
+        means, covariances = message.beliefs()
+        lost = message.aliases[new] == 0
+        ours, theirs = free[self.lost[free]], new[~lost]
+        found = means[theirs], covariances[theirs], message.sightings[theirs]
+        for b, k in self._found(found, (self.means[ours], self.covariances[ours], self.sightings[ours])):
+            row, track = int(ours[k]), int(theirs[b])
+            slots[track] = row
+            self.lost[row] = False
+            self.renewed.append(row)
+            self.means[row], self.covariances[row] = means[track], covariances[track]
+            self.sightings[row] = message.sightings[track]
+            self.evidence.misses[row] = message.evidence.misses[track]
+            self.evidence.shared[row] = message.evidence.shared[track]
+        ours, theirs = np.setdiff1d(free[~self.lost[free]], slots), new[lost]
+        found = self.means[ours], self.covariances[ours], self.sightings[ours]
+        for b, k in self._found(found, (means[theirs], covariances[theirs], message.sightings[theirs])):
+            slots[theirs[k]] = ours[b]
+            self.renewed.append(int(ours[b]))
+
+    def _found(self, seen: tuple[Array, Array, Array], lost: tuple[Array, Array, Array]) -> list[tuple[int, int]]:
+        """Pairs of tracks seen of late and lost ones that may be the same person, of beliefs and sightings."""
+        if len(seen[0]) == 0 or len(lost[0]) == 0:
+            return []
+        now = float(seen[2][:, 2].max())
+        return recoveries(seen[:2], lost[:2], lost[2], now=now, max_speed=self.max_speed)
+
+    def names(self) -> tuple[Indices, Indices]:
+        """Id and alias of each row (T,); both -1 for rows that are left out.
+
+        Each id, the smallest first, goes to one row without a name: to that with the smallest alias, 0 coming last.
+        """
+        ids, aliases = np.full((2, len(self.means)), _NOBODY)
+        for id, claims in sorted(self.by_id.items()):
+            unnamed = [(alias, row) for row, (_, alias) in claims.items() if ids[row] == _NOBODY]
+            if unnamed:
+                alias, row = min(unnamed, key=lambda claim: (claim[0] == 0, claim))
+                ids[row], aliases[row] = id, alias or self._alias(row)
+        taken = set(ids.tolist())
+        for alias, claims in sorted(self.by_alias.items()):
+            for row in claims:
+                if alias not in {0, *taken} and ids[row] == _NOBODY:
+                    ids[row] = aliases[row] = alias
+                    taken.add(alias)
+        return ids, aliases
+
+    def _alias(self, row: int) -> int:
+        """The smallest alias of a row, 0 if it has none."""
+        return min((alias for alias, claims in self.by_alias.items() if alias and row in claims), default=0)
+
+    def _enter(self, called: tuple[int, int], slot: int) -> None:
+        id, alias = called
+        self.slot[called] = slot
+        for claims in (self.by_id.setdefault(id, {}), self.by_alias.setdefault(alias, {})):
+            claims[slot] = min(claims.get(slot, (True, 0)), (alias == 0, alias))
+
+    def _recognise(self, called: list[tuple[int, int]], slots: Indices, means: Array, covariances: Array) -> None:
+        """Fill in the rows of tracks known by id or alias whose beliefs agree."""
+        asked = [(k, slot) for k in np.flatnonzero(slots == _NOBODY).tolist() for slot in self._known(*called[k])]
+        if not asked:
+            return
+        theirs, ours = np.array(asked).T
+        agree = distances(means[theirs] - self.means[ours], covariances[theirs] + self.covariances[ours]) <= self.gate
+        for k, slot in zip(theirs[agree].tolist(), ours[agree].tolist(), strict=True):
+            if slots[k] == _NOBODY and slot not in slots:
+                slots[k] = slot
+
+    def _known(self, id: int, alias: int) -> list[int]:
+        """Rows that were called by an id or alias."""
+        return [*self.by_id.get(id, ()), *(self.by_alias.get(alias, ()) if alias else ())]
+
+    def _outdated(self, called: tuple[int, int]) -> bool:
+        """Whether a track is a person of whom others have later news."""
+        id, alias = called
+        return alias == 0 and id in self.by_id
+
+
+def _called(message: Message) -> list[tuple[int, int]]:
+    return list(zip(message.ids.tolist(), message.aliases.tolist(), strict=True))
+
+
+def distances(differences: Array, spreads: Array) -> Array:
+    """Squared Mahalanobis distances (...) of differences (..., 4) with covariances (..., 4, 4)."""
+    return np.asarray((differences * np.linalg.solve(spreads, differences[..., None])[..., 0]).sum(axis=-1))
+
+
+def matches(ours: tuple[Array, Array], theirs: tuple[Array, Array], gate: float) -> list[tuple[int, int]]:
+    """Pairs of beliefs (A, 4), (A, 4, 4) and (B, 4), (B, 4, 4) that agree best, in squared distance up to `gate`."""
+    if len(ours[0]) == 0 or len(theirs[0]) == 0:
+        return []
+    distance = distances(ours[0][:, None] - theirs[0][None], ours[1][:, None] + theirs[1][None])
+    # A pair beyond the gate costs as much as no pair, so the assignment prefers many pairs within it.
+    rows, columns = linear_sum_assignment(np.minimum(distance, gate))
+    return [(int(a), int(b)) for a, b in zip(rows, columns, strict=True) if distance[a, b] <= gate]
