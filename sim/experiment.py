@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.mission import Mission, Trial
+from sim.network import disagreement
 from sim.scenario import Scenario
 
 
@@ -21,17 +22,22 @@ class Outcome:
 
     planner: str
     seed: int
-    mean_m: float  # OSPA over all pairs of scan and UAV
+    mean_m: float  # OSPA over all pairs of scan and UAV that works
     median_m: float
     share_under_1m: float
     planning_s: float  # wall time of all decisions
     faults: int
+    disagreement_m: float  # between the UAVs' tracks, see `sim.network.disagreement`; mean over the scans
 
 
 def fly(trial: Trial) -> Outcome:
     """Fly one trial, keeping nothing but its outcome."""
     mission = Mission.of(trial)
-    distance = np.array([snapshot.ospa[:, 0] for snapshot in mission.fly()])
+    errors, gaps = [], []
+    for snapshot in mission.fly():
+        errors.append(snapshot.ospa[snapshot.working, 0])
+        gaps.append(disagreement([snapshot.tracks[i] for i in snapshot.working]))
+    distance = np.concatenate(errors)
     return Outcome(
         planner=trial.planner,
         seed=trial.seed,
@@ -40,6 +46,7 @@ def fly(trial: Trial) -> Outcome:
         share_under_1m=float(np.mean(distance < 1.0)),
         planning_s=mission.clock.seconds["planning"],
         faults=len(mission.faults),
+        disagreement_m=float(np.mean(gaps)),
     )
 
 

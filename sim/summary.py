@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from sim.autopilot import Fault
 from sim.contacts import KINDS
+from sim.network import disagreement
 from sim.recording import Recording
 from sim.stopwatch import STAGES
 
@@ -30,9 +31,9 @@ def summarise(
     """The content of `summary.json`.
 
     seconds: wall time per stage, and `start_up` if known; wall_s: wall time of all. Shares and means are over all
-    pairs of scan and UAV; null stands where there was nothing to count.
+    pairs of scan and UAV that works; null stands where there was nothing to count.
     """
-    distance = recording.ospa[:, :, 0]
+    distance = recording.ospa[:, :, 0][recording.working]
     duration = float(recording.times[-1] - recording.times[0])
     flown = wall_s - seconds.get("video", 0.0) - seconds.get("start_up", 0.0)
     return {
@@ -54,11 +55,15 @@ def summarise(
         "seconds": {stage: float(seconds.get(stage, 0.0)) for stage in (*STAGES, *_others(seconds))},
         "faults": [asdict(fault) for fault in faults],
         "contacts": contacts(recording),
+        "network": _network(recording),
     }
 
 
 def people_held(recording: Recording) -> list[float | None]:
-    """For each person, the share of pairs of scan and UAV, while present, with a track of their own within 1 m."""
+    """For each person, the share of pairs of scan and UAV, while present, with a track of their own within 1 m.
+
+    A UAV that has broken down does not count.
+    """
     scans, uavs, count = recording.visible.shape
     held = np.zeros((scans, uavs, count), dtype=np.bool_)
     for k in range(scans):
@@ -69,7 +74,8 @@ def people_held(recording: Recording) -> list[float | None]:
             rows, columns = linear_sum_assignment(near)
             held[k, i, columns] = near[rows, columns] < HELD
     present = ~np.isnan(recording.people[:, :, 0])
-    return [_ratio(held[:, :, m].sum(), uavs * present[:, m].sum()) for m in range(count)]
+    pairs = recording.working.sum(axis=1) @ present
+    return [_ratio(held[:, :, m].sum(), pairs[m]) for m in range(count)]
 
 
 def contacts(recording: Recording) -> list[dict[str, Any]]:
@@ -99,6 +105,9 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     table.add_row("OSPA under 1 m", f"{ospa['share_under_1m']:.1%}", end_section=True)
     table.add_row("detection recall", _share(detection["recall"]))
     table.add_row("detection precision", _share(detection["precision"]), end_section=True)
+    sent = summary["network"]["bytes_per_scan_mean"]
+    if sent:
+        table.add_row("sent by a UAV per scan", f"{sent / 1000:.1f} kB", end_section=True)
     factor = summary["real_time_factor"]
     table.add_row("real-time factor", "-" if factor is None else f"{factor:.1f}", end_section=True)
     for stage, spent in summary["seconds"].items():
@@ -121,6 +130,23 @@ def _detection(recording: Recording) -> dict[str, float | None]:
     return {
         "recall": _ratio(np.sum(recording.matched & shown), np.sum(shown)),
         "precision": _ratio(np.sum(recording.matched), detections),
+    }
+
+
+def _network(recording: Recording) -> dict[str, float | None]:
+    """Bytes sent, means over pairs of scan and UAV that works, and how far the UAVs' tracks differ."""
+    scans, uavs = recording.working.shape
+    known = recording.bytes_sent.shape == (scans, uavs) and recording.bytes_sent.min() >= 0
+    sent = recording.bytes_sent[recording.working] if known else np.zeros(0, dtype=np.int64)
+    gaps = [
+        disagreement([recording.tracks_at(k, i) for i in np.flatnonzero(row).tolist()])
+        for k, row in enumerate(recording.working)
+    ]
+    return {
+        "bytes_total": int(sent.sum()) if known else None,
+        "bytes_per_scan_mean": float(sent.mean()) if known else None,
+        "bytes_per_scan_max": int(sent.max()) if known else None,
+        "disagreement_m": float(np.mean(gaps)),
     }
 
 

@@ -62,6 +62,7 @@ class TrackerParameters:
     recovery_after: float = 1.0  # s unseen, after which somebody who turns up may be this person; inf: never
     max_variance: float = 400.0  # m², trace of the position's covariance beyond which a track says nothing and ends
     max_speed: float = 3.0  # of people, m/s
+    fusion: str = "kla"
 
     def __post_init__(self) -> None:
         for name in ("detection_probability", "gate_probability", "expected", "seen"):
