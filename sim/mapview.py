@@ -85,12 +85,12 @@ def quadrotor(image: Image, centre: Array, colour: Colour) -> None:
 
 
 def broken(image: Image, centre: Array) -> None:
-    """The mark of a UAV that has broken down at a pixel (2,): grey, and crossed out."""
-    quadrotor(image, centre, FAINT)
-    for ink, thickness in ((PANEL, 5), (ALARM, 2)):
+    """The mark of a UAV that has broken down at a pixel (2,): grey, on a red cross."""
+    for ink, thickness in ((PANEL, 6), (ALARM, 3)):
         for way in (1.0, -1.0):
-            arm = np.array([9.0, 9.0 * way])
+            arm = np.array([14.0, 14.0 * way])
             stroke(image, np.array([centre - arm, centre + arm]), ink, thickness=thickness)
+    quadrotor(image, centre, FAINT)
 
 
 class MapView:
@@ -222,11 +222,11 @@ class MapView:
 
     def _draw_names(self, image: Image, snapshot: Snapshot) -> None:
         for i, (camera, pose) in enumerate(zip(self._cameras, snapshot.cameras, strict=True)):
-            x, y = self._pixels(pose.position[:2]) + np.array([0.0, 18.0])
             works = i in snapshot.working
+            x, y = self._pixels(pose.position[:2]) + np.array([0.0, 18.0 if works else 24.0])
             if works and _looks_down(camera, pose):
                 x, y = self._pixels(camera.footprint(pose)).min(axis=0) + np.array([24.0, -9.0])
-            style = Style(13, _mixed(uav_colour(i), INK, 0.7), True, PANEL)
+            style = Style(13, _mixed(uav_colour(i), INK, 0.7) if works else INK, True, PANEL)
             write(image, f"UAV {i}" if works else f"UAV {i}: broken down", (x, y), style, align=0.5)
 
 

@@ -156,8 +156,9 @@ class Mission:
         if lost is not None:
             lost = lost[:, working][:, :, working]
         sent = np.zeros(len(looks), dtype=np.int64)
-        members = [self._trackers[i] for i in working]
-        sent[working] = fuse(members, linked[np.ix_(working, working)], network.rounds, lost)
+        if working:
+            members = [self._trackers[i] for i in working]
+            sent[working] = fuse(members, linked[np.ix_(working, working)], network.rounds, lost)
         return sent
 
     def _plan(self, time: float, bodies: list[Pose], linked: NDArray[np.bool_]) -> list[Plan] | None:

@@ -93,7 +93,7 @@ def _check_links(where: str, links: Sequence[Link], uavs: int) -> None:
         if pair[0] == pair[1]:
             raise ValueError(f"{where}: {list(link)} links UAV {pair[0]} to itself; allowed are pairs of two UAVs")
         if pair in seen:
-            raise ValueError(f"{where}: {list(link)} is there twice; allowed is each pair once, in any order")
+            raise ValueError(f"{where}: {list(link)} is there twice; allowed is each pair once")
         seen.add(pair)
 
 

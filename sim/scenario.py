@@ -204,7 +204,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         for i, uav in enumerate(self.uavs):
             self._check_uav(i, uav)
         if not any(self.works(i, 0.0) for i in range(len(self.uavs))):
-            raise ValueError("uavs: all have fails_at 0; allowed is a fleet of which one or more work at the start")
+            raise ValueError("uavs: all have fails_at 0; one or more have to work at the start")
         self.network.check(len(self.uavs))
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
             if math.dist((*one.start, one.altitude), (*other.start, other.altitude)) < _CLEARANCE:

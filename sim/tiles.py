@@ -40,7 +40,7 @@ def draw_broken(image: Image, uav: int) -> None:
     image[BORDER:-BORDER, BORDER:-BORDER] = LINE
     middle = image.shape[0] / 2
     broken(image, np.array([middle, middle - 12]))
-    write(image, "broken down", (middle, middle + 16), Style(13, INK, True), align=0.5)
+    write(image, "broken down", (middle, middle + 18), Style(13, INK, True), align=0.5)
     _name(image, uav, FAINT)
 
 
