@@ -59,7 +59,13 @@ def compare(
     progress: Callable[[Outcome], None] = lambda outcome: None,
 ) -> list[Outcome]:
     """Outcomes of every planner on every seed, planner by planner, flown by `workers` processes."""
-    trials = [Trial(scenario, planner, seed) for planner in planners for seed in seeds]
+    return fly_apart([Trial(scenario, planner, seed) for planner in planners for seed in seeds], workers, progress)
+
+
+def fly_apart(
+    trials: Sequence[Trial], workers: int, progress: Callable[[Outcome], None] = lambda outcome: None
+) -> list[Outcome]:
+    """Outcomes in the order of the trials, flown by `workers` processes."""
     # One BLAS thread per worker: the variables are read when a worker imports NumPy.
     os.environ.update({"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"})
     # Ctrl-C reaches the workers too: they end at once and say nothing, as the parent does the talking.
