@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.mission import Mission, Trial
-from sim.network import disagreement
+from sim.radio import disagreement
 from sim.scenario import Scenario
 
 
@@ -27,7 +27,7 @@ class Outcome:
     share_under_1m: float
     planning_s: float  # wall time of all decisions
     faults: int
-    disagreement_m: float  # between the UAVs' tracks, see `sim.network.disagreement`; mean over the scans
+    disagreement_m: float  # between the UAVs' tracks, see `sim.radio.disagreement`; mean over the scans
 
 
 def fly(trial: Trial) -> Outcome:

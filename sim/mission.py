@@ -13,6 +13,7 @@ from planning.planner import Plan, Planner, Situation, Vehicle
 from planning.registry import load_planner
 from sim.autopilot import Fault, decide
 from sim.forest import grow
+from sim.radio import hearing, losses
 from sim.recording import Snapshot
 from sim.scenario import Scenario
 from sim.sensing import Look, Sensors, camera_pose, planned_attitude
@@ -113,7 +114,7 @@ class Mission:
         ]
         self.frames = [look.image for look in looks]
         self.faults += [Fault(time, look.scan.uav, look.fault) for look in looks if look.fault]
-        linked = self.scenario.network.linked(time, np.array([body.position for body in bodies]))
+        linked = hearing(self.scenario.network, time, np.array([body.position for body in bodies]))
         with self.clock.measure("tracking"):
             sent = self._track(time, looks, linked)
         tracks = [tracker.tracks if i in self._working else () for i, tracker in enumerate(self._trackers)]
@@ -152,7 +153,7 @@ class Mission:
                 self._trackers[i].step(looks[i].scan)
             else:
                 self._trackers[i].coast(time)
-        lost = network.lost(len(looks), self._radio)
+        lost = losses(network, len(looks), self._radio)
         if lost is not None:
             lost = lost[:, working][:, :, working]
         sent = np.zeros(len(looks), dtype=np.int64)

@@ -1,22 +1,14 @@
-"""The radio network of a fleet: who hears whom at an instant, which messages are lost, and how far beliefs differ."""
+"""Settings of the radio network of a fleet, checked against the fleet."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
 from typing import Annotated, Literal
 
-import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
-
-from tracking.compiled import Array
-from tracking.ospa import ospa
-from tracking.tracker import Track
 
 Index = Annotated[int, Meta(ge=0)]
 Link = tuple[Index, Index]
-Bools = NDArray[np.bool_]
 
 
 class Cut(Struct, frozen=True, forbid_unknown_fields=True):
@@ -53,36 +45,6 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
                     allowed = ", ".join(str(list(pair)) for pair in self.links)
                     raise ValueError(f"{where}: {list(link)} is not in network.links; allowed are {allowed}")
 
-    def linked(self, time: float, positions: Array) -> Bools:
-        """Who hears whom (n, n) of UAVs at positions (n, 3) m: those within range whose link exists and is not cut."""
-        gap = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-        heard = np.asarray((gap <= self.range) & ~np.eye(len(gap), dtype=np.bool_))
-        if self.links:
-            heard &= _adjacency(self.links, len(gap))
-        for cut in self.cuts:
-            if cut.start <= time and (cut.end is None or time < cut.end):
-                heard &= ~_adjacency(cut.links, len(gap))
-        return heard
-
-    def lost(self, uavs: int, rng: np.random.Generator) -> Bools | None:
-        """Which messages of one scan are lost (L, n, n), per round, hearer and speaker; None: nothing ever is.
-
-        The same chance is used whatever the probability, so what is lost at a lower one is lost at a higher one too.
-        """
-        if self.loss == 0.0:
-            return None
-        return rng.random((self.rounds, uavs, uavs)) < self.loss
-
-
-def disagreement(held: Sequence[Sequence[Track]]) -> float:
-    """How far the tracks of UAVs differ: OSPA distance [m] between the positions held by two, mean over the pairs.
-
-    `held` is what each UAV holds; of fewer than two, none disagrees.
-    """
-    places = [np.array([track.belief.mean[:2] for track in tracks]) for tracks in held]
-    gaps = [ospa(one, other).distance for one, other in combinations(places, 2)]
-    return float(np.mean(gaps)) if gaps else 0.0
-
 
 def _check_links(where: str, links: Sequence[Link], uavs: int) -> None:
     seen: set[tuple[int, ...]] = set()
@@ -95,10 +57,3 @@ def _check_links(where: str, links: Sequence[Link], uavs: int) -> None:
         if pair in seen:
             raise ValueError(f"{where}: {list(link)} is there twice; allowed is each pair once")
         seen.add(pair)
-
-
-def _adjacency(links: Sequence[Link], uavs: int) -> Bools:
-    table = np.zeros((uavs, uavs), dtype=np.bool_)
-    ends = np.array(links)
-    table[ends[:, 0], ends[:, 1]] = table[ends[:, 1], ends[:, 0]] = True
-    return table

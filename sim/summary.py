@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from sim.autopilot import Fault
 from sim.contacts import KINDS
-from sim.network import disagreement
+from sim.radio import disagreement
 from sim.recording import Recording
 from sim.stopwatch import STAGES
 

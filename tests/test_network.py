@@ -13,7 +13,8 @@ from sim.archive import save
 from sim.experiment import fly as outcome_of
 from sim.loading import load
 from sim.mission import Mission, Trial
-from sim.network import Cut, Network, disagreement
+from sim.network import Cut, Network
+from sim.radio import disagreement, hearing, losses
 from sim.recording import Recorder
 from sim.scenario import resolved
 from tracking.kalman import Gaussian
@@ -43,7 +44,7 @@ def track(id, x, y):
 
 def test_who_hears_whom_is_who_is_near_linked_and_not_cut():
     places = np.array([[0.0, 0, 20], [30, 0, 20], [60, 0, 20], [90, 0, 20]])
-    pairs = lambda network, time=0.0: np.argwhere(np.triu(network.linked(time, places))).tolist()  # noqa: E731
+    pairs = lambda network, time=0.0: np.argwhere(np.triu(hearing(network, time, places))).tolist()  # noqa: E731
     everyone = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
     assert pairs(Network()) == everyone
     assert pairs(Network(range=60.0)) == [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]
@@ -56,20 +57,20 @@ def test_who_hears_whom_is_who_is_near_linked_and_not_cut():
     assert pairs(cut, 15.0) == without([0, 1], [2, 3], [0, 3])
     assert pairs(cut, 20.0) == pairs(cut, 1e6) == without([0, 3])
     for time in (0.0, 12.0, 17.0):
-        table = cut.linked(time, places)
+        table = hearing(cut, time, places)
         np.testing.assert_array_equal(table, table.T)
         assert not table.diagonal().any()
 
 
 def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():
     rng, twin = np.random.default_rng(0), np.random.default_rng(0)
-    assert Network().lost(3, rng) is None
+    assert losses(Network(), 3, rng) is None
     assert rng.bit_generator.state == twin.bit_generator.state
-    lost = Network(loss=0.3, rounds=100_000).lost(2, rng)
+    lost = losses(Network(loss=0.3, rounds=100_000), 2, rng)
     assert lost.shape == (100_000, 2, 2)
     np.testing.assert_allclose(lost.mean(axis=0), 0.3, atol=5 * np.sqrt(0.21 / 1e5))  # five standard deviations
-    assert Network(loss=1.0).lost(3, rng).all()
-    assert np.all(Network(loss=0.6, rounds=100_000).lost(2, twin)[lost])  # more loss loses the same and more
+    assert losses(Network(loss=1.0), 3, rng).all()
+    assert np.all(losses(Network(loss=0.6, rounds=100_000), 2, twin)[lost])  # more loss loses the same and more
 
 
 def test_disagreement_is_the_mean_ospa_between_pairs():
