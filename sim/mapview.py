@@ -222,12 +222,14 @@ class MapView:
 
     def _draw_names(self, image: Image, snapshot: Snapshot) -> None:
         for i, (camera, pose) in enumerate(zip(self._cameras, snapshot.cameras, strict=True)):
-            works = i in snapshot.working
-            x, y = self._pixels(pose.position[:2]) + np.array([0.0, 18.0 if works else 24.0])
-            if works and _looks_down(camera, pose):
+            x, y = self._pixels(pose.position[:2]) + np.array([0.0, 18.0])
+            if i not in snapshot.working:
+                write(image, f"UAV {i}: broken down", (x - 18, y - 18), Style(13, INK, True, PANEL), align=1.0)
+                continue
+            if _looks_down(camera, pose):
                 x, y = self._pixels(camera.footprint(pose)).min(axis=0) + np.array([24.0, -9.0])
-            style = Style(13, _mixed(uav_colour(i), INK, 0.7) if works else INK, True, PANEL)
-            write(image, f"UAV {i}" if works else f"UAV {i}: broken down", (x, y), style, align=0.5)
+            style = Style(13, _mixed(uav_colour(i), INK, 0.7), True, PANEL)
+            write(image, f"UAV {i}", (x, y), style, align=0.5)
 
 
 def _shown(snapshot: Snapshot) -> tuple[Track, ...]:
