@@ -56,7 +56,7 @@ def table(found: Curves) -> str:
         )
         lines.append(
             f"| {loss:.0%} | `{fusion}` | {100 * share[0]:.1f} ± {100 * share[1]:.1f} % "
-            f"| {error[0]:.2f} ± {error[1]:.2f} m | {gap[0]:.3f} ± {gap[1]:.3f} m |"
+            f"| {error[0]:.2f} ± {error[1]:.2f} m | {gap[0]:.4f} ± {gap[1]:.4f} m |"
         )
     return "\n".join(lines)
 
@@ -72,7 +72,8 @@ def figure(found: Curves) -> Figure:
         left.set_ylabel("scans with OSPA under 1 m [%]")
         left.set_ylim(0, 100)
         right.set_ylabel("disagreement of UAVs [m]")
-        right.set_ylim(bottom=0)
+        right.set_yscale("log")
+        right.set_ylim(1e-4, 20)  # without losses it is zero
         left.legend(loc="lower left", frameon=False)
     return drawn
 
