@@ -155,11 +155,12 @@ def frames(
     """Render frames of a recorded mission again; mark detections, tracks, truth, and which tree hides whom."""
     start, end = interval(time, "--time")
     edge = integer(size, "--size", least=256, most=4096)
-    from sim.frames import find, scans_between, write_frames
+    from sim.frames import check_working, find, scans_between, write_frames
 
     recording = find(recorded)
     number = integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
     scans = scans_between(recording, start, end)
+    check_working(recording, scans, number)
     span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
     folder = out or _unused((recorded if recorded.is_dir() else recorded.parent) / f"frames-uav{number}-{span}")
     with trial_progress(len(scans), "frames") as progress:

@@ -8,6 +8,7 @@ import struct
 import tokenize
 import zipfile
 import zlib
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -19,6 +20,8 @@ from sim.contacts import KINDS
 from sim.recording import VERSION, Recording
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
+# Fields that recordings did not always have.
+_LATER = {field.name for field in fields(Recording) if field.default_factory is not MISSING}
 _UNREADABLE = (
     *(zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, struct.error, ValueError),
     *(SyntaxError, tokenize.TokenError),  # NumPy parses an array's header as Python
@@ -48,7 +51,11 @@ def load(path: str | os.PathLike[str]) -> Recording:
     sizes: dict[str, int] = {}
     values: dict[str, Any] = {}
     with archive:
+        lacking = _lacking(archive)
         for name, (kind, dtype, shape) in _fields().items():
+            if name in lacking:
+                values[name] = _unknown(dtype, shape, sizes)
+                continue
             array = _read(archive, path, name)
             try:
                 _check(array, dtype, shape, sizes)
@@ -77,6 +84,17 @@ def _read(archive: zipfile.ZipFile, path: str | os.PathLike[str], name: str) -> 
         raise ValueError(f"{path}: field '{name}' is missing") from None
     except _UNREADABLE as error:
         raise ValueError(f"{path}: field '{name}' cannot be read: {_line(error)}") from error
+
+
+def _lacking(archive: zipfile.ZipFile) -> set[str]:
+    """Fields that the recording is too old to have; none if it holds something unknown, so that damage is noticed."""
+    names = {name.removesuffix(".npy") for name in archive.namelist()}
+    return _LATER - names if names <= set(_fields()) else set()
+
+
+def _unknown(dtype: str, shape: str, sizes: dict[str, int]) -> NDArray[Any]:
+    """What stands for a field that an old recording lacks: no rows, or -1 everywhere."""
+    return np.full([_size(symbol, 0, sizes) for symbol in shape.split()], -1, dtype)
 
 
 def _check(array: NDArray[Any], dtype: str, shape: str, sizes: dict[str, int]) -> None:

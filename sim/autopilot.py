@@ -12,7 +12,7 @@ from planning.planner import Plan, Planner, Situation
 
 @dataclass(frozen=True)
 class Fault:
-    """Something a planner or a detector did wrong, and to whose harm."""
+    """Something a planner or a detector did wrong, or the breakdown of a UAV, and to whose harm."""
 
     time: float  # s
     uav: int | None  # None: the whole team

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import isnan
 from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -57,8 +58,9 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[Snapshot, Recorde
             if not distances:
                 status.stop()
                 progress.start()
-            distances.append(float(snapshot.ospa[:, 0].mean()))
-            now = f"{snapshot.time:.1f} of {last:g} s, OSPA {distances[-1]:.2f} m, mean {fmean(distances):.2f} m"
+            distances.append(snapshot.error)
+            known = [distance for distance in distances if not isnan(distance)]
+            now = f"{snapshot.time:.1f} of {last:g} s, OSPA {distances[-1]:.2f} m, mean {fmean(known):.2f} m"
             progress.update(task, completed=len(recorder), description=now)
 
         try:

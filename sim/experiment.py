@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.mission import Mission, Trial
+from sim.radio import disagreement
 from sim.scenario import Scenario
 
 
@@ -21,17 +22,22 @@ class Outcome:
 
     planner: str
     seed: int
-    mean_m: float  # OSPA over all pairs of scan and UAV
+    mean_m: float  # OSPA over all pairs of scan and UAV that works
     median_m: float
     share_under_1m: float
     planning_s: float  # wall time of all decisions
     faults: int
+    disagreement_m: float  # between the UAVs' tracks, see `sim.radio.disagreement`; mean over the scans
 
 
 def fly(trial: Trial) -> Outcome:
     """Fly one trial, keeping nothing but its outcome."""
     mission = Mission.of(trial)
-    distance = np.array([snapshot.ospa[:, 0] for snapshot in mission.fly()])
+    errors, gaps = [], []
+    for snapshot in mission.fly():
+        errors.append(snapshot.ospa[snapshot.working, 0])
+        gaps.append(disagreement([snapshot.tracks[i] for i in snapshot.working]))
+    distance = np.concatenate(errors)
     return Outcome(
         planner=trial.planner,
         seed=trial.seed,
@@ -40,6 +46,7 @@ def fly(trial: Trial) -> Outcome:
         share_under_1m=float(np.mean(distance < 1.0)),
         planning_s=mission.clock.seconds["planning"],
         faults=len(mission.faults),
+        disagreement_m=float(np.mean(gaps)),
     )
 
 
@@ -52,7 +59,13 @@ def compare(
     progress: Callable[[Outcome], None] = lambda outcome: None,
 ) -> list[Outcome]:
     """Outcomes of every planner on every seed, planner by planner, flown by `workers` processes."""
-    trials = [Trial(scenario, planner, seed) for planner in planners for seed in seeds]
+    return fly_apart([Trial(scenario, planner, seed) for planner in planners for seed in seeds], workers, progress)
+
+
+def fly_apart(
+    trials: Sequence[Trial], workers: int, progress: Callable[[Outcome], None] = lambda outcome: None
+) -> list[Outcome]:
+    """Outcomes in the order of the trials, flown by `workers` processes."""
     # One BLAS thread per worker: the variables are read when a worker imports NumPy.
     os.environ.update({"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"})
     # Ctrl-C reaches the workers too: they end at once and say nothing, as the parent does the talking.

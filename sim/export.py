@@ -11,7 +11,7 @@ import numpy as np
 from sim.errors import InputError
 from sim.frames import scenario_of
 from sim.loading import did_you_mean
-from sim.metrics import velocities, working
+from sim.metrics import velocities
 from sim.recording import Recording
 from sim.run import new_folder
 from sim.sensing import camera_of
@@ -114,7 +114,7 @@ def _uavs(recording: Recording) -> range:
 
 def _looks(recording: Recording) -> Iterator[tuple[int, int]]:
     """Scan and UAV wherever a camera of a UAV that works took a frame."""
-    scenario, on = scenario_of(recording), working(recording)
+    scenario, on = scenario_of(recording), recording.working
     return ((k, i) for k in range(len(on)) for i in _uavs(recording) if on[k, i] and scenario.has_frame(i, k))
 
 
@@ -139,7 +139,7 @@ def _measurement_rows(recording: Recording, uav: int) -> Iterator[tuple[int, flo
 
 def _track_rows(recording: Recording, uav: int) -> Iterator[tuple[int, float, list[float]]]:
     """Scan, time, and id, state and covariance of each track of one UAV while it works."""
-    for k in np.flatnonzero(working(recording)[:, uav]).tolist():
+    for k in np.flatnonzero(recording.working[:, uav]).tolist():
         for track in recording.tracks_at(k, uav):
             belief = track.belief
             yield k, float(recording.times[k]), [track.id, *belief.mean.tolist(), *belief.covariance[_UPPER].tolist()]

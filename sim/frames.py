@@ -103,6 +103,15 @@ def scans_between(recording: Recording, start: float, end: float | None) -> list
     return found
 
 
+def check_working(recording: Recording, scans: list[int], uav: int) -> None:
+    """InputError if the UAV had broken down at one of the scans."""
+    works = recording.working[:, uav]
+    if not np.all(works[scans]):
+        last = f"its last scan is that at {recording.times[works][-1]:g} s" if np.any(works) else "it never worked"
+        time = recording.times[next(k for k in scans if not works[k])]
+        raise InputError(f"--time: at {time:g} s UAV {uav} had broken down; {last}")
+
+
 def draw(recording: Recording, again: Rerenderer, k: int, uav: int, *, size: int) -> Image:
     """The annotated frame of one UAV at scan k, RGB, with its panel; `size` as in `annotated`."""
     sight = Sight.of(recording, again.scenario, k, uav)

@@ -17,15 +17,15 @@ _LOW, _HIGH = 0.1, 50.0  # m, range of the sparkline
 _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
 
-def draw_legend(image: Image, *, scale: float, camera: bool) -> None:
+def draw_legend(image: Image, *, scale: float, camera: bool, believer: str) -> None:
     """Fill an RGB strip with the marks of the map; `scale` in pixels per metre gives the scale bar.
 
-    camera: whether there are images, and so hidden people and detections.
+    camera: whether there are images, and so hidden people and detections; believer: whose tracks are shown.
     """
     entries: list[tuple[Callable[[Image, Array], None], str]] = [(_tree, "tree"), (_person, "true person")]
     if camera:
         entries.append((_hidden, "hidden from all cameras"))
-    entries += [(_track, "track of UAV 0, 95 % ellipse"), (_uav, "UAV, field of view"), (_intent, "intent")]
+    entries += [(_track, f"track of {believer}, 95 % ellipse"), (_uav, "UAV, field of view"), (_intent, "intent")]
     if camera:
         entries.append((_detection, "detection"))
     middle, x = image.shape[0] / 2, 4.0
@@ -93,10 +93,11 @@ class Sparkline:
         self._points: list[tuple[float, float]] = []
 
     def draw(self, image: Image, time: float, ospa: float) -> None:
-        """Add one value [m] and draw all of them into an RGB image."""
+        """Add one value [m], or NaN for none, and draw all of them into an RGB image."""
         height, extent = image.shape[0], image.shape[1] - 34
         metre = self._level(1.0)
-        self._points.append((min(time / self._duration, 1.0), self._level(ospa)))
+        if not math.isnan(ospa):
+            self._points.append((min(time / self._duration, 1.0), self._level(ospa)))
         stroke(image, np.array([(0, metre * height), (extent, metre * height)]), FAINT)
         write(image, "1 m", (extent + 6, metre * height), Style(12, FAINT))
         line = np.array(self._points) * [extent, height]

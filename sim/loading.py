@@ -14,6 +14,7 @@ import msgspec
 
 from assets import ASSETS
 from sim.errors import InputError
+from sim.network import Cut
 from sim.scenario import People, Scenario, Uav
 
 if sys.version_info >= (3, 11):
@@ -30,6 +31,7 @@ _ELSEWHERE = {
     "video": "--no-video",
     "workers": "--workers",
 }
+_ROWS = {"uavs": Uav, "cuts": Cut}  # lists of tables
 SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.toml"))}
 
 
@@ -149,9 +151,9 @@ def _check_keys(data: object, kind: Any, where: str) -> None:  # noqa: ANN401 - 
                 raise InputError(f"{key}: unknown key; no part of a scenario, but an option: {_ELSEWHERE[key]}")
             raise InputError(f"{where}{key}: unknown key; {did_you_mean(key, fields)}")
         _check_keys(value, fields[key], f"{where}{key}.")
-        if key == "uavs" and isinstance(value, list):
-            for i, uav in enumerate(value):
-                _check_keys(uav, Uav, f"{where}uavs.{i}.")
+        if key in _ROWS and isinstance(value, list):
+            for i, row in enumerate(value):
+                _check_keys(row, _ROWS[key], f"{where}{key}.{i}.")
 
 
 def _check_finite(data: object, where: str) -> None:

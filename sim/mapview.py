@@ -84,6 +84,15 @@ def quadrotor(image: Image, centre: Array, colour: Colour) -> None:
         disc(image, rotor, 1.5, PANEL)
 
 
+def broken(image: Image, centre: Array) -> None:
+    """The mark of a UAV that has broken down at a pixel (2,): grey, on a red cross."""
+    for ink, thickness in ((PANEL, 6), (ALARM, 3)):
+        for way in (1.0, -1.0):
+            arm = np.array([14.0, 14.0 * way])
+            stroke(image, np.array([centre - arm, centre + arm]), ink, thickness=thickness)
+    quadrotor(image, centre, FAINT)
+
+
 class MapView:
     """Draws snapshots, in order of time, on a map whose trees are drawn once."""
 
@@ -107,14 +116,19 @@ class MapView:
             self._plans = (snapshot.time, snapshot.plans)
         self._past.append(snapshot)
         image[:] = self._ground
-        for i, (camera, pose) in enumerate(zip(self._cameras, snapshot.cameras, strict=True)):
-            if _looks_down(camera, pose):
-                self._draw_view(image, self._pixels(camera.footprint(pose)), uav_colour(i))
+        for i in snapshot.working:
+            if _looks_down(self._cameras[i], snapshot.cameras[i]):
+                outline = self._pixels(self._cameras[i].footprint(snapshot.cameras[i]))
+                self._draw_view(image, outline, uav_colour(i))
         self._draw_trails(image, snapshot)
         self._draw_intents(image, snapshot)
         for i, pose in enumerate(snapshot.poses):
-            quadrotor(image, self._pixels(pose.position[:2]), uav_colour(i))
-        for track in snapshot.tracks[0]:
+            at = self._pixels(pose.position[:2])
+            if i in snapshot.working:
+                quadrotor(image, at, uav_colour(i))
+            else:
+                broken(image, at)
+        for track in _shown(snapshot):
             self._draw_track(image, track)
         self._draw_people(image, snapshot)
         self._draw_contacts(image, snapshot)
@@ -160,14 +174,15 @@ class MapView:
             known = past[~np.isnan(past[:, m, 0]), m]
             if len(known) > 1:
                 stroke(image, self._pixels(known), _mixed(INK, PANEL, 0.45))
-        for track in snapshot.tracks[0]:
-            means = [same.belief.mean[:2] for old in self._past for same in old.tracks[0] if same.id == track.id]
+        for track in _shown(snapshot):
+            means = [same.belief.mean[:2] for old in self._past for same in _shown(old) if same.id == track.id]
             stroke(image, self._pixels(np.array(means)), _mixed(track_colour(track.id), PANEL, 0.7))
 
     def _draw_intents(self, image: Image, snapshot: Snapshot) -> None:
         """Dots along the rest of each plan, from where the UAV is."""
         made, plans = self._plans
-        for i, plan in enumerate(plans):
+        for i in snapshot.working if plans else []:
+            plan = plans[i]
             starts = made + self._step * np.arange(len(plan.controls))
             left = np.clip(starts + self._step - snapshot.time, 0.0, self._step)
             moves = np.cumsum(plan.controls * left[:, None], axis=0)
@@ -208,10 +223,18 @@ class MapView:
     def _draw_names(self, image: Image, snapshot: Snapshot) -> None:
         for i, (camera, pose) in enumerate(zip(self._cameras, snapshot.cameras, strict=True)):
             x, y = self._pixels(pose.position[:2]) + np.array([0.0, 18.0])
+            if i not in snapshot.working:
+                write(image, f"UAV {i}: broken down", (x - 18, y - 18), Style(13, INK, True, PANEL), align=1.0)
+                continue
             if _looks_down(camera, pose):
                 x, y = self._pixels(camera.footprint(pose)).min(axis=0) + np.array([24.0, -9.0])
             style = Style(13, _mixed(uav_colour(i), INK, 0.7), True, PANEL)
             write(image, f"UAV {i}", (x, y), style, align=0.5)
+
+
+def _shown(snapshot: Snapshot) -> tuple[Track, ...]:
+    """The tracks that are drawn: those of the first UAV that works."""
+    return snapshot.tracks[snapshot.working[0]] if snapshot.working else ()
 
 
 def _fixed(points: Array) -> NDArray[np.int32]:

@@ -44,11 +44,6 @@ class Score:
     state_nees: Array  # (E',), fewer by those whose velocity is not known
 
 
-def working(recording: Recording) -> Bools:
-    """Which UAVs work at which scan (K, n): those that have an OSPA distance."""
-    return ~np.isnan(recording.ospa[:, :, 0])
-
-
 def held_by(recording: Recording, uav: int) -> Held:
     """The tracks of one UAV in the order of their ids, scan by scan."""
     scans, uavs = recording.poses.shape[:2]
@@ -74,7 +69,7 @@ def velocities(recording: Recording) -> Array:
 
 def score(recording: Recording, uav: int) -> Score:
     """One UAV's tracks against the people."""
-    on = working(recording)[:, uav]
+    on = recording.working[:, uav]
     believed, people = held_by(recording, uav), recording.people[on]
     tracks = believed.means[on, :, :2]
     near = correspondence(tracks, people, HELD)

@@ -13,6 +13,7 @@ from planning.planner import Plan, Planner, Situation, Vehicle
 from planning.registry import load_planner
 from sim.autopilot import Fault, decide
 from sim.forest import grow
+from sim.radio import hearing, losses
 from sim.recording import Snapshot
 from sim.scenario import Scenario, Tracking
 from sim.sensing import Look, Sensors, camera_pose, planned_attitude
@@ -60,6 +61,8 @@ class Mission:
         self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
         self._intents: dict[int, Plan] = {}
+        self._working = list(range(len(scenario.uavs)))  # UAVs that have not broken down, at the last scan
+        self._radio = stream(seed, "network")
         self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, stream(seed, "wind"))
 
     @staticmethod
@@ -75,8 +78,7 @@ class Mission:
         with self._world:
             for k, time in enumerate(times):
                 snapshot = self._scan(k, time, commands)
-                if snapshot.plans is not None:
-                    commands = np.array([plan.controls[0] for plan in snapshot.plans])
+                commands = self._commands(commands, snapshot.plans)
                 yield snapshot
                 if k + 1 < len(times):
                     with self.clock.measure("physics"):
@@ -84,22 +86,39 @@ class Mission:
                         for wind in [None] * steps if self._air is None else self._air.steps(steps):
                             self._world.step(commands, wind)
 
+    def _commands(self, before: Array, plans: list[Plan] | None) -> Array:
+        """What is flown from now on (n, 2) m/s: the first of new plans, else as before; what broke down hovers."""
+        commands = np.zeros_like(before)
+        for i in self._working:
+            commands[i] = before[i] if plans is None else plans[i].controls[0]
+        return commands
+
+    def _break_down(self, time: float) -> None:
+        """Note who has broken down since the last scan, and forget what they meant to do."""
+        for i in self._working:
+            if not self.scenario.works(i, time):
+                self.faults.append(Fault(self.scenario.uavs[i].fails_at or 0.0, i, "broke down, hovers from now on"))
+                self._intents.pop(i, None)
+        self._working = [i for i in self._working if self.scenario.works(i, time)]
+
     def _scan(self, k: int, time: float, commands: Array) -> Snapshot:
+        self._break_down(time)
         people, headings = self.people.at(time)
         with self.clock.measure("physics"):
             self._world.place_people(people, headings)
         bodies = self._world.poses()
         cameras = [camera_pose(uav, body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
+        takes = [i in self._working and self.scenario.has_frame(i, k) for i in range(len(cameras))]
         looks = [
-            (self._sensors.look if self.scenario.has_frame(i, k) else self._sensors.rest)(i, time, pose, people)
+            (self._sensors.look if takes[i] else self._sensors.rest)(i, time, pose, people)
             for i, pose in enumerate(cameras)
         ]
         self.frames = [look.image for look in looks]
         self.faults += [Fault(time, look.scan.uav, look.fault) for look in looks if look.fault]
-        positions = np.array([pose.position for pose in cameras])
+        linked = hearing(self.scenario.network, time, np.array([body.position for body in bodies]))
         with self.clock.measure("tracking"):
-            self._track(time, looks, positions)
-        tracks = [tracker.tracks for tracker in self._trackers]
+            sent = self._track(time, looks, linked)
+        tracks = [tracker.tracks if i in self._working else () for i, tracker in enumerate(self._trackers)]
         present = people[~np.isnan(people[:, 0])]
         rates = self.scenario.rates
         return Snapshot(
@@ -112,36 +131,50 @@ class Mission:
             scans=[look.scan for look in looks],
             pixels=[look.pixels for look in looks],
             tracks=tracks,
-            plans=self._plan(time, bodies) if k % (rates.sensing // rates.planning) == 0 else None,
-            ospa=np.array([ospa(np.array([t.belief.mean[:2] for t in held]), present) for held in tracks]),
+            plans=self._plan(time, bodies, linked) if k % (rates.sensing // rates.planning) == 0 else None,
+            ospa=self._errors(tracks, present),
             visible=np.array([look.visible for look in looks]),
             matched=np.array([look.matched for look in looks]),
             contacts=self._world.take_contacts(),
+            bytes_sent=sent,
         )
 
-    def _track(self, time: float, looks: list[Look], positions: Array) -> None:
-        for tracker, look in zip(self._trackers, looks, strict=True):
-            if look.taken:
-                tracker.step(look.scan)
+    def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
+        """OSPA and its parts (n, 3) m of what each UAV holds against people (P, 2) m; NaN where it has broken down."""
+        errors = np.full((len(tracks), 3), np.nan)
+        for i in self._working:
+            errors[i] = ospa(np.array([t.belief.mean[:2] for t in tracks[i]]), present)
+        return errors
+
+    def _track(self, time: float, looks: list[Look], linked: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Give each tracker its look, let them talk, and count the bytes that each UAV sends (n,)."""
+        network, working = self.scenario.network, self._working
+        for i in working:
+            if looks[i].taken:
+                self._trackers[i].step(looks[i].scan)
             else:
-                tracker.coast(time)
-        fuse(self._trackers, self._linked(positions), self.scenario.network.rounds)
+                self._trackers[i].coast(time)
+        lost = losses(network, len(looks), self._radio)
+        if lost is not None:
+            lost = lost[:, working][:, :, working]
+        sent = np.zeros(len(looks), dtype=np.int64)
+        if working:
+            members = [self._trackers[i] for i in working]
+            sent[working] = fuse(members, linked[np.ix_(working, working)], network.rounds, lost)
+        return sent
 
-    def _linked(self, positions: Array) -> NDArray[np.bool_]:
-        """Who hears whom (n, n)."""
-        gap = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-        return np.asarray((gap <= self.scenario.network.range) & ~np.eye(len(gap), dtype=np.bool_))
-
-    def _plan(self, time: float, bodies: list[Pose]) -> list[Plan]:
+    def _plan(self, time: float, bodies: list[Pose], linked: NDArray[np.bool_]) -> list[Plan] | None:
+        """What the planner decides; an empty plan where a UAV has broken down, None where all have."""
+        if not self._working:
+            return None
         with self.clock.measure("planning"):
-            plans, faults = decide(self._planner, self._team(time, bodies), self._intents, self._chance)
+            made, faults = decide(self._planner, self._team(time, bodies, linked), self._intents, self._chance)
         self.faults += faults
-        self._intents = dict(enumerate(plans))
-        return plans
+        self._intents = dict(zip(self._working, made, strict=True))
+        return [self._intents.get(i, Plan(np.zeros((0, 2)))) for i in range(len(bodies))]
 
-    def _team(self, time: float, bodies: list[Pose]) -> list[Situation]:
-        """One situation per UAV: itself, the neighbours it hears, its own tracks and the last intents."""
-        linked = self._linked(np.array([body.position for body in bodies]))
+    def _team(self, time: float, bodies: list[Pose], linked: NDArray[np.bool_]) -> list[Situation]:
+        """One situation per UAV that works: itself, the neighbours it hears, its own tracks and the last intents."""
         fleet = [
             Vehicle(
                 id=i,
@@ -158,14 +191,14 @@ class Mission:
             Situation(
                 time=time,
                 own=own,
-                neighbours=tuple(other for other in fleet if linked[own.id, other.id]),
+                neighbours=tuple(fleet[j] for j in self._working if linked[own.id, j]),
                 tracks=self._trackers[own.id].tracks,
                 forest=self._known_forest,
                 area=area,
                 motion=self._motion,
                 intents={j: plan for j, plan in self._intents.items() if j == own.id or linked[own.id, j]},
             )
-            for own in fleet
+            for own in (fleet[i] for i in self._working)
         ]
 
     def _tracker(self, uav: int) -> Tracker:
@@ -186,6 +219,7 @@ class Mission:
             birth_density=settings.birth_density,
             sure=settings.sure,
             doubt=settings.doubt,
+            fusion=self.scenario.network.fusion,
         )
         return Tracker(uav, self._sensors.cameras[uav], self.forest, parameters, self._initial_tracks())
 

@@ -21,15 +21,15 @@ _TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50)
 def ospa_figure(times: Array, ospa: Array) -> Figure:
     """OSPA over time of each UAV and their mean, on an axis linear below 1 m and logarithmic above.
 
-    times (K,) s; ospa (K, n, 3) m: distance, localisation, cardinality, NaN while a UAV does not work. The area below
-    the mean is parted into what localisation alone would give and what the wrong number of tracks adds.
+    times (K,) s; ospa (K, n, 3) m: distance, localisation, cardinality. The area below the mean is parted into
+    what localisation alone would give and what the wrong number of tracks adds. NaN, where a UAV has broken down,
+    ends its line and is left out of the mean.
     """
     with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": 11}):
         figure = Figure(figsize=(9, 4.5), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.add_subplot()
-        working = np.sum(~np.isnan(ospa), axis=1)
-        mean = np.where(working > 0, np.nansum(ospa, axis=1) / np.maximum(working, 1), np.nan)
+        mean = _fleet_mean(ospa)
         axes.fill_between(times, 0, mean[:, 1], color=_rgb(SKY), alpha=0.45, lw=0, label="localisation")
         axes.fill_between(
             times, mean[:, 1], mean[:, 0], color=_rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
@@ -37,10 +37,19 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
         for i in range(ospa.shape[1]):
             label = f"UAV {i}" if ospa.shape[1] <= 4 else None
             axes.plot(times, ospa[:, i, 0], color=_rgb(uav_colour(i)), lw=0.9, alpha=0.8, label=label)
+            _mark_end(axes, times, ospa[:, i, 0], _rgb(uav_colour(i)))
         axes.plot(times, mean[:, 0], color=_rgb(INK), lw=1.8, label="mean of UAVs")
         axes.axhline(1.0, color=_rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
         _dress(axes, times, ospa[:, :, 0][~np.isnan(ospa[:, :, 0])])
     return figure
+
+
+def _fleet_mean(ospa: Array) -> Array:
+    """Mean (K, 3) over the UAVs that work; NaN where none does."""
+    count = np.sum(~np.isnan(ospa), axis=1)
+    mean = np.full(count.shape, np.nan)
+    np.divide(np.nansum(ospa, axis=1), count, out=mean, where=count > 0)
+    return mean
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
@@ -69,6 +78,13 @@ def _dress(axes: Axes, times: Array, distances: Array) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="y", lw=0.5, alpha=0.4)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=6, frameon=False, fontsize=10)
+
+
+def _mark_end(axes: Axes, times: Array, distance: Array, colour: tuple[float, float, float]) -> None:
+    """A cross where the curve of a UAV that breaks down ends."""
+    held = np.flatnonzero(~np.isnan(distance))
+    if 0 < len(held) < len(times):
+        axes.scatter(times[held[-1]], distance[held[-1]], marker="x", s=50, color=colour, lw=2.0, zorder=3)
 
 
 def _rgb(colour: Colour) -> tuple[float, float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -22,7 +23,7 @@ VERSION = 1
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-_DTYPES: dict[str, type[np.generic]] = {"visible": np.int64, "matched": np.bool_}
+_DTYPES: dict[str, type[np.generic]] = {"visible": np.int64, "matched": np.bool_, "bytes_sent": np.int64}
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,17 @@ class Snapshot:
     visible: Ints  # (n, M) pixels that the renderer shows of each person
     matched: Bools  # (n, M) whether the person was detected in that camera
     contacts: tuple[Contact, ...] = ()  # since the scan before
+    bytes_sent: Ints = field(kw_only=True)  # (n,) to neighbours, in all rounds of consensus; -1 if unknown
+
+    @property
+    def working(self) -> list[int]:
+        """UAVs that have not broken down; the others have neither tracks nor an error."""
+        return [int(i) for i in np.flatnonzero(~np.isnan(self.ospa[:, 0]))]
+
+    @property
+    def error(self) -> float:
+        """OSPA distance [m], mean over the UAVs that work; NaN if none does."""
+        return float(self.ospa[self.working, 0].mean()) if self.working else math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +63,7 @@ class Recording:
 
     Each annotation holds dtype and shape. A table of D measurements or S tracks has rows for each scan and UAV in
     turn: those of scan k and UAV i are rows `offsets[k n + i]` to `offsets[k n + i + 1]`. Poses are x, y, z [m] and
-    quaternion xyzw; what is absent is NaN.
+    quaternion xyzw; what is absent is NaN, and so is the OSPA of a UAV that has broken down.
     """
 
     version: Annotated[int, "<i8", ""]
@@ -81,11 +93,18 @@ class Recording:
     matched: Annotated[Bools, "|b1", "K n M"]  # whether the person was detected
     # Scan, UAV, kind of what it touched since the scan before (in `KINDS`), and its index among them; by scan.
     contacts: Annotated[Ints, "<i8", "C 4"] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
+    # To neighbours, in all rounds of consensus of a scan; -1 where it was not recorded.
+    bytes_sent: Annotated[Ints, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
 
     @property
     def forest(self) -> Forest:
         """The map of trees with exact occlusion; what tracker and planner assumed is in the scenario."""
         return Forest(tuple(Tree(*row) for row in self.trees.tolist()))
+
+    @property
+    def working(self) -> Bools:
+        """Which UAVs had not broken down at each scan (K, n)."""
+        return ~np.isnan(self.ospa[:, :, 0])
 
     def _rows(self, offsets: Ints, k: int, uav: int) -> slice:
         cell = k * self.poses.shape[1] + uav
@@ -143,6 +162,7 @@ class Recording:
             visible=self.visible[k],
             matched=self.matched[k],
             contacts=self.contacts_at(k),
+            bytes_sent=self.bytes_sent[k],
         )
 
 
@@ -174,6 +194,7 @@ class Recorder:
             "ospa": snapshot.ospa,
             "visible": snapshot.visible,
             "matched": snapshot.matched,
+            "bytes_sent": snapshot.bytes_sent,
         }.items():
             self._dense[name].append(np.array(value, dtype=_DTYPES.get(name, np.float64)))
         self._scans.extend(zip(snapshot.scans, rows, strict=True))

@@ -9,6 +9,8 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta, Struct, field
 
+from sim.network import Network
+
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
 PositiveInt = Annotated[int, Meta(ge=1)]
@@ -77,6 +79,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     mount: Literal["gimbal", "body"] = "gimbal"
     rate: Annotated[int, Meta(ge=0)] = 0  # of the camera, Hz; 0: rates.sensing
     tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0  # of the camera, off nadir, towards the body's front
+    fails_at: NonNegative | None = None  # s, when all but its flight controller breaks down; None: never
 
     def __post_init__(self) -> None:
         if self.tilt_deg + self.fov_deg / 2 >= 90:
@@ -152,13 +155,6 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"doubt {self.doubt:g} must be below sure {self.sure:g}")
 
 
-class Network(Struct, frozen=True, forbid_unknown_fields=True):
-    """Who talks to whom, and how often per scan."""
-
-    rounds: Annotated[int, Meta(ge=0)] = 5
-    range: Positive = 1000.0  # m
-
-
 class Appearance(Struct, frozen=True, forbid_unknown_fields=True):
     """How strongly chance varies what cameras show; what is left open is off, or full with `randomise`."""
 
@@ -215,6 +211,9 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError('wind: moves no UAV of dynamics "kinematic"; allowed with "quadrotor"')
         for i, uav in enumerate(self.uavs):
             self._check_uav(i, uav)
+        if not any(self.works(i, 0.0) for i in range(len(self.uavs))):
+            raise ValueError("uavs: all have fails_at 0; one or more have to work at the start")
+        self.network.check(len(self.uavs))
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
             if math.dist((*one.start, one.altitude), (*other.start, other.altitude)) < _CLEARANCE:
                 raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {_CLEARANCE:g} m from uavs.{i}")
@@ -244,6 +243,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         """Whether a UAV's camera takes a frame at scan k; all do at the first."""
         rate = self.uavs[uav].rate or self.rates.sensing
         return k % (self.rates.sensing // rate) == 0
+
+    def works(self, uav: int, time: float) -> bool:
+        """Whether a UAV has not broken down at a time [s]."""
+        fails_at = self.uavs[uav].fails_at
+        return fails_at is None or time < fails_at
 
 
 def resolved(scenario: Scenario) -> str:

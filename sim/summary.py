@@ -12,7 +12,8 @@ from rich.table import Table
 
 from sim.autopilot import Fault
 from sim.contacts import KINDS
-from sim.metrics import mean, metrics, working
+from sim.metrics import mean, metrics
+from sim.radio import disagreement
 from sim.recording import Recording
 from sim.stopwatch import STAGES
 
@@ -31,7 +32,7 @@ def summarise(
     pairs of scan and UAV that works; null stands where there was nothing to count. `sim.metrics` says what the figures
     are that need the tracks.
     """
-    distance = recording.ospa[:, :, 0][working(recording)]
+    distance = recording.ospa[:, :, 0][recording.working]
     duration = float(recording.times[-1] - recording.times[0])
     flown = wall_s - seconds.get("video", 0.0) - seconds.get("start_up", 0.0)
     return {
@@ -53,6 +54,7 @@ def summarise(
         "seconds": {stage: float(seconds.get(stage, 0.0)) for stage in (*STAGES, *_others(seconds))},
         "faults": [asdict(fault) for fault in faults],
         "contacts": contacts(recording),
+        "network": _network(recording),
     }
 
 
@@ -86,6 +88,9 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     table.add_section()
     table.add_row("detection recall", _share(detection["recall"]))
     table.add_row("detection precision", _share(detection["precision"]), end_section=True)
+    sent = summary["network"]["bytes_per_scan_mean"]
+    if sent:
+        table.add_row("sent by a UAV per scan", f"{sent / 1000:.1f} kB", end_section=True)
     factor = summary["real_time_factor"]
     table.add_row("real-time factor", "-" if factor is None else f"{factor:.1f}", end_section=True)
     for stage, spent in summary["seconds"].items():
@@ -120,6 +125,23 @@ def _detection(recording: Recording) -> dict[str, float | None]:
     return {
         "recall": _ratio(np.sum(recording.matched & shown), np.sum(shown)),
         "precision": _ratio(np.sum(recording.matched), detections),
+    }
+
+
+def _network(recording: Recording) -> dict[str, float | None]:
+    """Bytes sent, means over pairs of scan and UAV that works, and how far the UAVs' tracks differ."""
+    scans, uavs = recording.working.shape
+    known = recording.bytes_sent.shape == (scans, uavs) and recording.bytes_sent.min() >= 0
+    sent = recording.bytes_sent[recording.working] if known else np.zeros(0, dtype=np.int64)
+    gaps = [
+        disagreement([recording.tracks_at(k, i) for i in np.flatnonzero(row).tolist()])
+        for k, row in enumerate(recording.working)
+    ]
+    return {
+        "bytes_total": int(sent.sum()) if known else None,
+        "bytes_per_scan_mean": float(sent.mean()) if known else None,
+        "bytes_per_scan_max": int(sent.max()) if known else None,
+        "disagreement_m": float(np.mean(gaps)),
     }
 
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from sim.lettering import Image, Style, width, write
-from sim.mapview import cross, disc
-from sim.palette import DETECTION, INK, LINE, PANEL, ink_on, track_colour, uav_colour
+from sim.mapview import broken, cross, disc
+from sim.palette import DETECTION, FAINT, INK, LINE, PANEL, Colour, ink_on, track_colour, uav_colour
 from sim.recording import Snapshot
 from tracking.camera import Camera
 from tracking.visibility import TARGET_HEIGHT
@@ -31,6 +31,20 @@ def draw_tile(image: Image, snapshot: Snapshot, uav: int, *, camera: Camera, fra
         disc(view, scale * uv, max(5.0 * scale, 10.0), INK, 4)
         disc(view, scale * uv, max(5.0 * scale, 10.0), DETECTION, 2)
     _draw_tracks(view, snapshot, uav, camera)
+    _name(image, uav, colour)
+
+
+def draw_broken(image: Image, uav: int) -> None:
+    """Fill a square RGB image with what stands for the frame of a UAV that has broken down."""
+    image[:] = FAINT
+    image[BORDER:-BORDER, BORDER:-BORDER] = LINE
+    middle = image.shape[0] / 2
+    broken(image, np.array([middle, middle - 12]))
+    write(image, "broken down", (middle, middle + 18), Style(13, INK, True), align=0.5)
+    _name(image, uav, FAINT)
+
+
+def _name(image: Image, uav: int, colour: Colour) -> None:
     tab = Style(13, ink_on(colour), True)
     name = f"UAV {uav}"
     image[: BORDER + 18, : BORDER + width(name, tab) + 6] = colour

@@ -23,7 +23,7 @@ from sim.mapview import MapView, aspect
 from sim.palette import FAINT, PAPER
 from sim.recording import Snapshot
 from sim.scenario import Scenario
-from sim.tiles import draw_tile
+from sim.tiles import draw_broken, draw_tile
 from tracking.camera import Camera
 from tracking.tracker import Track
 from tracking.visibility import Forest
@@ -50,8 +50,9 @@ class Film:
         self._numbers: dict[int, int] = {}
         self._sparkline = Sparkline(scenario.duration)
         self._last: dict[int, Image] = {}  # tiles as they were when their cameras last took a frame
+        believer = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
-        draw_legend(self._empty[-_LEGEND:, GAP:-GAP], scale=self._map.scale, camera=renders)
+        draw_legend(self._empty[-_LEGEND:, GAP:-GAP], scale=self._map.scale, camera=renders, believer=believer)
 
     def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
         """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
@@ -59,6 +60,9 @@ class Film:
         image = self._empty.copy()
         self._map.draw(image[self._layout.map.slices], snapshot)
         for i, tile in enumerate(self._layout.tiles):
+            if i not in snapshot.working:
+                draw_broken(image[tile.slices], i)
+                continue
             frame = None if frames is None else frames[i]
             if frames is None or frame is not None or i not in self._last:
                 draw_tile(image[tile.slices], snapshot, i, camera=self._cameras[i], frame=frame)
@@ -77,9 +81,9 @@ class Film:
         middle, big = _HEADER / 2, Style(20, bold=True)
         write(image, f"{snapshot.time:.1f} s", (72, middle), big, align=1.0)
         write(image, self._planner, (96, middle), Style(18))
-        error = float(np.mean(snapshot.ospa[:, 0]))
+        error = snapshot.error
         right = image.shape[1] - 300
-        write(image, f"{error:.2f} m", (right - 14, middle), big, align=1.0)
+        write(image, "-" if math.isnan(error) else f"{error:.2f} m", (right - 14, middle), big, align=1.0)
         label = Style(13, FAINT)
         write(image, "OSPA, mean of UAVs", (right - 124, middle), label, align=1.0)
         self._sparkline.draw(image[6:-4, right:], snapshot.time, error)

@@ -77,6 +77,7 @@ def _snapshot(setting, trees, k, rng, doubt):
         visible=seen.astype(np.int64) * 9,
         matched=seen,
         contacts=(Contact(0, "canopy", 4), Contact(n - 1, "ground", 0)) if 3 <= k <= 5 else (),
+        bytes_sent=100 * k + np.arange(n),
     )
 
 

@@ -1,0 +1,59 @@
+"""Settings of the radio network of a fleet, checked against the fleet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+
+Index = Annotated[int, Meta(ge=0)]
+Link = tuple[Index, Index]
+
+
+class Cut(Struct, frozen=True, forbid_unknown_fields=True):
+    """Links that are down for a while."""
+
+    links: Annotated[tuple[Link, ...], Meta(min_length=1)]
+    start: Annotated[float, Meta(ge=0)] = 0.0  # s
+    end: float | None = None  # s, when they are up again; None: never
+
+    def __post_init__(self) -> None:
+        if self.end is not None and self.end <= self.start:
+            raise ValueError(f"end {self.end:g} must be after start {self.start:g}")
+
+
+class Network(Struct, frozen=True, forbid_unknown_fields=True):
+    """Who talks to whom, how often per scan, and what comes of it."""
+
+    rounds: Annotated[int, Meta(ge=0)] = 5
+    range: Annotated[float, Meta(gt=0)] = 1000.0  # m
+    fusion: Literal["kla", "hcmci"] = "kla"
+    loss: Annotated[float, Meta(ge=0, le=1)] = 0.0  # probability per message, that is per round and direction
+    links: tuple[Link, ...] = ()  # the only ones there are; empty: all
+    cuts: tuple[Cut, ...] = ()
+
+    def check(self, uavs: int) -> None:
+        """ValueError if links are not between two UAVs of a fleet of so many, each named once."""
+        _check_links("network.links", self.links, uavs)
+        known = {tuple(sorted(link)) for link in self.links}
+        for i, cut in enumerate(self.cuts):
+            where = f"network.cuts.{i}.links"
+            _check_links(where, cut.links, uavs)
+            for link in cut.links:
+                if known and tuple(sorted(link)) not in known:
+                    allowed = ", ".join(str(list(pair)) for pair in self.links)
+                    raise ValueError(f"{where}: {list(link)} is not in network.links; allowed are {allowed}")
+
+
+def _check_links(where: str, links: Sequence[Link], uavs: int) -> None:
+    seen: set[tuple[int, ...]] = set()
+    for link in links:
+        pair = tuple(sorted(link))
+        if pair[1] >= uavs:
+            raise ValueError(f"{where}: {list(link)} names UAV {pair[1]}; allowed are 0 to {uavs - 1}")
+        if pair[0] == pair[1]:
+            raise ValueError(f"{where}: {list(link)} links UAV {pair[0]} to itself; allowed are pairs of two UAVs")
+        if pair in seen:
+            raise ValueError(f"{where}: {list(link)} is there twice; allowed is each pair once")
+        seen.add(pair)

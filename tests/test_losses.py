@@ -1,0 +1,27 @@
+"""The curve over the loss of messages is of the missions that it says."""
+
+import numpy as np
+
+from sim import losses
+from sim.experiment import fly
+from sim.loading import load
+from sim.mission import Trial
+
+
+def test_table_and_figure_hold_the_missions_they_name(monkeypatch):
+    monkeypatch.setattr(losses, "LOSSES", (0.0, 0.8))
+    monkeypatch.setattr(losses, "fly_apart", lambda trials, workers, progress: [fly(trial) for trial in trials])
+    found = losses.curves(["kla"], [3, 1], 1, ["duration=1", "trees.density=0"])
+    setting = [
+        load("forest", ["sensing.mode=ideal", "duration=1", "trees.density=0", f"network.loss={loss}"])
+        for loss in (0.0, 0.8)
+    ]
+    shares = [[fly(Trial(s, "sma-nbo-mwtp", seed)).disagreement_m for seed in (3, 1)] for s in setting]
+    assert [[o.disagreement_m for o in outcomes] for outcomes in found["kla"]] == shares
+    assert [[o.seed for o in outcomes] for outcomes in found["kla"]] == [[3, 1], [3, 1]]
+    mean, error = np.mean(shares[1]), np.abs(np.diff(shares[1]))[0] / 2  # of two values
+    row = losses.table(found).splitlines()[-1]
+    assert row.startswith("| 80% | `kla` | ") and row.endswith(f"| {mean:.4f} ± {error:.4f} m |")
+    left, right = losses.figure(found).axes
+    np.testing.assert_allclose(right.lines[0].get_ydata(), np.mean(shares, axis=1))
+    np.testing.assert_array_equal(left.lines[0].get_xdata(), [0, 80])
