@@ -8,7 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from planning.intent import base_control
+from planning.optimizers import limited
 from planning.planner import Plan, Situation
+from planning.view import aim, reach
+from tracking.compiled import Array
 
 
 @dataclass(frozen=True)
@@ -27,3 +30,44 @@ class Greedy:
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """One base-policy step for every UAV."""
         return [Plan(base_control(s.own, s.own.position[:2], s.tracks, 0.0, s.step)[None]) for s in team]
+
+
+@dataclass(frozen=True)
+class Lawnmower:
+    """Mows: every UAV sweeps its strip of the area to and fro, lines a footprint apart, whatever it sees.
+
+    A point runs along the lines at `pace` of the UAV's top speed; the UAV flies to where it is next.
+    """
+
+    pace: float = 0.9
+
+    def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
+        """One step along each UAV's lines."""
+        return [self._step(s, k, len(team)) for k, s in enumerate(team)]
+
+    def _step(self, situation: Situation, strip: int, strips: int) -> Plan:
+        own = situation.own
+        corners = _lines(situation, strip, strips)
+        lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+        run = self.pace * own.max_speed * (situation.time + situation.step)
+        reached = np.concatenate([[0.0], np.cumsum(lengths)])
+        run = _to_and_fro(run, float(reached[-1]))
+        goal = np.array([np.interp(run, reached, corners[:, axis]) for axis in (0, 1)])
+        gap = goal - aim(own) - own.position[:2]
+        return Plan(limited((gap / situation.step)[None, None], own.max_speed)[0])
+
+
+def _lines(situation: Situation, strip: int, strips: int) -> Array:
+    """Corners (K, 2) m of the lines that the camera's middle follows over one strip of the area's height."""
+    width, height = situation.area
+    half = reach(situation.own) / np.sqrt(2)
+    low = -height / 2 + height / strips * strip
+    count = max(1, int(np.ceil(height / strips / (2 * half))))
+    rows = low + height / strips * (np.arange(count) + 0.5) / count
+    ends = np.array([-1.0, 1.0]) * max(width / 2 - half, 0.0)
+    return np.array([(x, y) for k, y in enumerate(rows) for x in (ends if k % 2 == 0 else ends[::-1])])
+
+
+def _to_and_fro(run: float, length: float) -> float:
+    """Where on a way of some length [m] one is after `run` m of going to and fro."""
+    return length - abs(run % (2 * length) - length) if length else 0.0

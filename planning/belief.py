@@ -1,4 +1,4 @@
-"""The nominal belief over a horizon: where targets will be, who would see them, and what that does to P."""
+"""The belief over a horizon: where targets may be, who would see them, and what that does to P."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from planning.planner import Situation, Vehicle
 from planning.view import inside, quadrangle, reach
 from tracking.compiled import Array, compiled
 from tracking.noise import ground_covariance
-from tracking.tracker import Track
-from tracking.visibility import TARGET_HEIGHT, Forest, blocked
+from tracking.visibility import TARGET_HEIGHT, Forest, Vector, blocked
 
 
 class Outlook(NamedTuple):
@@ -24,26 +23,24 @@ class Outlook(NamedTuple):
 
     step: float  # s
     noise: Array  # (3,): process noise of one step on position, position-velocity and velocity
-    nominal: Array  # (H, T, 3) m: where the targets are if nothing disturbs them, at the target's height
+    points: Array  # (H, T, K, 3) m: where the targets may be, equally probable, at their height; the first is the mean
     covariances: Array  # (T, 4, 4): P now
     positions: Array  # (n, 3) m: UAVs now
     views: Array  # (n, 5, 3): fields of view at the target's height, see `planning.view.quadrangle`
     quality: Array  # (n, 7): coefficients of each UAV's noise model
-    blockers: Array  # (B, 5): cylinders near each nominal point, point after point
-    offsets: NDArray[np.int64]  # (H T + 1,): where each point's cylinders begin
+    blockers: Array  # (B, 5): cylinders near each of the points, one after another
+    offsets: NDArray[np.int64]  # (H T K + 1,): where each point's cylinders begin
 
 
-def outlook(situation: Situation, horizon: int) -> Outlook:
-    """What a UAV expects for the next `horizon` steps ([Li22] Algorithm 1, step 1)."""
+def outlook(situation: Situation, points: Array, covariances: Array) -> Outlook:
+    """What a UAV expects of targets that may be at `points` (H, T, K, 3) m and have covariances (T, 4, 4) now."""
     vehicles, motion = situation.vehicles, situation.motion
-    nominal = nominal_positions(situation.tracks, motion.dt, horizon)
-    blockers, offsets = _near(situation.forest, nominal, vehicles)
-    covariances = [t.belief.covariance for t in situation.tracks]
+    blockers, offsets = _near(situation.forest, points, vehicles)
     return Outlook(
         step=motion.dt,
         noise=np.array([motion.Q[0, 0], motion.Q[0, 2], motion.Q[2, 2]]),
-        nominal=nominal,
-        covariances=np.array(covariances, dtype=float).reshape(-1, 4, 4),
+        points=points,
+        covariances=covariances,
         positions=np.array([v.position for v in vehicles], dtype=float),
         views=np.array([quadrangle(v) for v in vehicles]),
         quality=np.array([v.noise.coefficients for v in vehicles]),
@@ -52,22 +49,14 @@ def outlook(situation: Situation, horizon: int) -> Outlook:
     )
 
 
-def nominal_positions(tracks: Sequence[Track], step: float, horizon: int) -> Array:
-    """Undisturbed positions (H, T, 3) m of the tracks after 1 to H steps of `step` s."""
-    means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
-    ahead = step * np.arange(1, horizon + 1)[:, None, None]
-    planar = means[:, :2] + ahead * means[:, 2:]
-    return np.concatenate([planar, np.full((*planar.shape[:2], 1), TARGET_HEIGHT)], axis=2)
-
-
-def _near(forest: Forest, nominal: Array, vehicles: Sequence[Vehicle]) -> tuple[Array, NDArray[np.int64]]:
-    """The cylinders that can hide each nominal point from any UAV that has it in its field of view.
+def _near(forest: Forest, points: Array, vehicles: Sequence[Vehicle]) -> tuple[Array, NDArray[np.int64]]:
+    """The cylinders that can hide each point (..., 3) m from any UAV that has it in its field of view.
 
     Seen from below, a line of sight leaves the height of the trees within a few metres, so that a point has a
     handful of candidates, however large the forest.
     """
     cylinders = forest.blockers
-    points = nominal.reshape(-1, 3)
+    points = points.reshape(-1, 3)
     farthest = np.zeros(len(cylinders))
     for v in vehicles:
         height = v.position[2] - TARGET_HEIGHT
@@ -80,24 +69,41 @@ def _near(forest: Forest, nominal: Array, vehicles: Sequence[Vehicle]) -> tuple[
 
 
 @compiled
-def add_information(outlook: Outlook, uav: int, camera: Array, cell: int, information: Array) -> None:
-    """Add R⁻¹ (3,): xx, xy, yy to `information` if the UAV with its camera at (3,) m sees the nominal point `cell`.
+def observe(outlook: Outlook, uav: int, path: Array, information: Array, seen: NDArray[np.bool_]) -> None:
+    """Add R⁻¹ (3,): xx, xy, yy to rows of `information` (H T, 3) of targets that a UAV sees from its path (H, 3) m.
 
-    `cell` counts (step, target) pairs. Visibility is that of the nominal point: all or nothing.
+    Rows count (step, target) pairs; those of targets seen are marked in `seen` (H T,). Visibility is that of the
+    points where a target may be, all or nothing for each; each adds its share.
     """
-    targets = outlook.nominal.shape[1]
-    point = outlook.nominal[cell // targets, cell % targets]
-    dx, dy = point[0] - camera[0], point[1] - camera[1]
-    if not inside(outlook.views, uav, dx, dy):
-        return
-    for k in range(outlook.offsets[cell], outlook.offsets[cell + 1]):
-        if blocked(camera, point, outlook.blockers[k]):
-            return
-    xx, xy, yy = ground_covariance(dx, dy, outlook.quality[uav])
-    determinant = xx * yy - xy * xy
-    information[0] += yy / determinant
-    information[1] -= xy / determinant
-    information[2] += xx / determinant
+    points, views, blockers, offsets = outlook.points, outlook.views, outlook.blockers, outlook.offsets
+    quality = outlook.quality[uav]
+    steps, targets, count = points.shape[0], points.shape[1], points.shape[2]
+    index = -1
+    for step in range(steps):
+        camera = path[step, 0], path[step, 1], path[step, 2]
+        for t in range(targets):
+            for k in range(count):
+                index += 1
+                point = points[step, t, k, 0], points[step, t, k, 1], points[step, t, k, 2]
+                dx, dy = point[0] - camera[0], point[1] - camera[1]
+                if not inside(views, uav, dx, dy) or _hidden(camera, point, blockers, offsets, index):
+                    continue
+                xx, xy, yy = ground_covariance(dx, dy, quality)
+                determinant = (xx * yy - xy * xy) * count
+                row = step * targets + t
+                information[row, 0] += yy / determinant
+                information[row, 1] -= xy / determinant
+                information[row, 2] += xx / determinant
+                seen[row] = True
+
+
+@compiled
+def _hidden(camera: Vector, point: Vector, blockers: Array, offsets: NDArray[np.int64], index: int) -> bool:
+    for k in range(offsets[index], offsets[index + 1]):
+        cylinder = blockers[k, 0], blockers[k, 1], blockers[k, 2], blockers[k, 3], blockers[k, 4]
+        if blocked(camera, point, cylinder):
+            return True
+    return False
 
 
 @compiled

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from planning.registry import DEFAULT_PLANNER, PLANNERS, PlannerError, load_planner
+from planning.registry import COMPARED, DEFAULT_PLANNER, PlannerError, installed, load_planner
 from sim.console import (
     compiling,
     console,
@@ -106,7 +107,7 @@ def run(
     number = integer(seed, "--seed", least=0)
     load_planner(planner)
     remark(*remarks(setting))
-    folder = out or _unused(Path("runs") / f"{Path(scenario).stem}-{planner.replace(':', '.')}-seed{number}")
+    folder = out or _unused(Path("runs") / f"{Path(scenario).stem}-{_plain(planner)}-seed{number}")
     from sim.mission import Trial
     from sim.run import run as fly
 
@@ -119,7 +120,8 @@ def run(
 def compare(
     scenario: Scenario = "forest",
     planner: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="A planner; repeat for each. Default: all by name.")
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A planner; repeat for each. Default: two of the paper and two to beat."),
     ] = None,
     seeds: Annotated[str, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7.")] = "0-9",
     duration: Duration = None,
@@ -129,7 +131,7 @@ def compare(
     """Fly planners on the same forests, people and seeds; show the results side by side."""
     setting = load(scenario, _with_duration(overrides, duration))
     check_detector(setting.sensing.detector)
-    names = list(dict.fromkeys(planner or PLANNERS))
+    names = list(dict.fromkeys(planner or COMPARED))
     for name in names:
         load_planner(name)
     chosen, processes = integers(seeds, "--seeds"), integer(workers, "--workers", least=1)
@@ -190,7 +192,8 @@ def export(
 def planners() -> None:
     """List the planners by name."""
     show_list(
-        {name: spec.summary + " (default)" * (name == DEFAULT_PLANNER) for name, spec in PLANNERS.items()},
+        {name: spec.summary + " (default)" * (name == DEFAULT_PLANNER) for name, spec in installed().items()},
+        "Options, here of the first: --planner 'sma-nbo-mwtp(horizon=3, beta=0.2)'.\n"
         "Yours: --planner module:Class, with module.py in the current folder or installed.",
     )
 
@@ -207,6 +210,11 @@ def scenarios() -> None:
 def _with_duration(overrides: list[str] | None, duration: str | None) -> list[str]:
     added = [] if duration is None else [f"duration={seconds(duration, '--duration')}"]
     return [*(overrides or []), *added]
+
+
+def _plain(planner: str) -> str:
+    """A planner's text as part of a folder's name that no shell minds."""
+    return re.sub(r"[^\w.=-]+", "-", planner.replace(":", ".")).strip("-")
 
 
 def _unused(folder: Path) -> Path:

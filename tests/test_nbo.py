@@ -1,14 +1,21 @@
 """The compiled objective against a plain transcription of the paper's equations, and the paper's MWTP figure."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
-from planning.belief import nominal_positions, outlook
 from planning.nbo import costs, team_cost, weighted_trace_penalty
+from planning.propagation import Nominal, nominal_positions
 from tracking.camera import Pose
 from tracking.visibility import TARGET_HEIGHT
+
+
+def nominal(situation, horizon):
+    """What compiled code takes; nothing in it is by chance."""
+    return Nominal().outlook(situation, horizon, np.random.default_rng(0))
 
 
 def plain_mwtp(targets, traces, sensors, reach):
@@ -31,12 +38,24 @@ def plain_mwtp(targets, traces, sensors, reach):
     return J
 
 
-def plain_cost(situation, controls, beta):
-    """Eqs. (1), (4), (5), (7), (11), with nominal targets and matrix inverses; also counts who sees what."""
+def thirds():
+    """Means of a standard normal's three equally probable pieces, the middle one first."""
+    edges = norm.ppf([0.0, 1 / 3, 2 / 3, 1.0])
+    low, middle, high = (3 * (norm.pdf(a) - norm.pdf(b)) for a, b in itertools.pairwise(edges))
+    return middle, low, high
+
+
+def plain_cost(situation, controls, beta, *, expected=False):
+    """Eqs. (1), (4), (5), (7), (11), with nominal targets and matrix inverses; also counts who sees what.
+
+    With `expected` each target is at nine equally probable points of its predicted belief at once.
+    """
+    marks = np.array(list(itertools.product(thirds(), repeat=2))) if expected else np.zeros((1, 2))
     fleet, F, Q = situation.vehicles, situation.motion.F, situation.motion.Q
     H = np.eye(2, 4)
     means = [t.belief.mean for t in situation.tracks]
     P = [t.belief.covariance for t in situation.tracks]
+    spread = list(P)
     positions = [v.position[:2].copy() for v in fleet]
     reach = [(v.position[2] - TARGET_HEIGHT) * math.tan(v.camera.fov / 2) for v in fleet]
     J, seen = 0.0, []
@@ -45,12 +64,17 @@ def plain_cost(situation, controls, beta):
         means = [F @ m for m in means]
         for t, m in enumerate(means):
             information = np.linalg.inv(F @ P[t] @ F.T + Q)
+            spread[t] = F @ spread[t] @ F.T + Q
             count = 0
             for v, p in zip(fleet, positions, strict=True):
-                camera, point = np.array([*p, v.position[2]]), np.array([m[0], m[1], TARGET_HEIGHT])
-                if v.camera.sees(Pose(camera, v.attitude), point)[0] and situation.forest.visible(camera, point)[0, 0]:
-                    information = information + H.T @ np.linalg.inv(v.noise.covariance(p, m[:2])) @ H
-                    count += 1
+                camera, before = np.array([*p, v.position[2]]), information
+                for x, y in m[:2] + marks @ np.linalg.cholesky(spread[t][:2, :2]).T:
+                    point = np.array([x, y, TARGET_HEIGHT])
+                    seen_there = v.camera.sees(Pose(camera, v.attitude), point)[0]
+                    if seen_there and situation.forest.visible(camera, point)[0, 0]:
+                        R = v.noise.covariance(p, point[:2])
+                        information = information + H.T @ np.linalg.inv(R) @ H / len(marks)
+                count += information is not before
             P[t] = np.linalg.inv(information)
             J += np.trace(P[t][:2, :2])
             seen.append(count)
@@ -73,21 +97,34 @@ def test_the_compiled_objective_equals_a_plain_transcription(random_team, uavs, 
         situation = random_team(seed, uavs=uavs, targets=targets, spread=12.0 + seed)[0]
         controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (uavs, 5, 2))
         expected, seen = plain_cost(situation, controls, beta)
-        assert team_cost(outlook(situation, 5), controls, beta) == pytest.approx(expected, rel=1e-9)
+        assert team_cost(nominal(situation, 5), controls, beta) == pytest.approx(expected, rel=1e-9)
         counts += seen
     assert 0 in counts and 1 in counts and (uavs == 1 or 2 in counts)
 
 
+@pytest.mark.parametrize("beta", [0.0, 0.5])
+def test_the_objective_of_expected_visibility_equals_a_plain_transcription(random_team, beta):
+    partly = 0
+    for seed in range(15):
+        situation = random_team(seed, spread=12.0 + seed)[0]
+        controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (3, 5, 2))
+        view = Nominal(expected=True).outlook(situation, 5, np.random.default_rng(0))
+        expected, _ = plain_cost(situation, controls, beta, expected=True)
+        assert team_cost(view, controls, beta) == pytest.approx(expected, rel=1e-6)  # marks have eight digits
+        partly += not math.isclose(expected, plain_cost(situation, controls, beta)[0], rel_tol=1e-3)
+    assert partly >= 10
+
+
 def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):
     situation = random_team(3)[0]
-    view = outlook(situation, 4)
+    view = nominal(situation, 4)
     rng = np.random.default_rng(0)
-    controls, candidates = rng.uniform(-3, 3, (3, 4, 2)), rng.uniform(-3, 3, (6, 4, 2))
-    for uav in range(3):
-        values = costs(view, controls, uav, candidates, 0.5)
-        for value, candidate in zip(values, candidates, strict=True):
+    controls, candidates = rng.uniform(-3, 3, (3, 4, 2)), rng.uniform(-3, 3, (6, 3, 4, 2))
+    for uavs in ([0], [1], [2], [0, 2], [2, 1], [0, 1, 2]):
+        chosen = candidates[:, : len(uavs)]
+        for value, candidate in zip(costs(view, controls, uavs, chosen, 0.5), chosen, strict=True):
             joint = controls.copy()
-            joint[uav] = candidate
+            joint[uavs] = candidate
             assert value == pytest.approx(plain_cost(situation, joint, 0.5)[0], rel=1e-9)
 
 
@@ -97,7 +134,7 @@ def test_trees_matter_to_the_objective(random_team):
         controls = np.zeros((3, 5, 2))
         forest, bare = random_team(seed)[0], random_team(seed, trees=0)[0]
         bare = type(bare)(**{**vars(forest), "forest": bare.forest})
-        hidden, free = (team_cost(outlook(s, 5), controls, 0.0) for s in (forest, bare))
+        hidden, free = (team_cost(nominal(s, 5), controls, 0.0) for s in (forest, bare))
         assert hidden >= free - 1e-9
         differing += hidden > free + 1e-6
     assert differing >= 5
@@ -105,7 +142,7 @@ def test_trees_matter_to_the_objective(random_team):
 
 def test_no_target_costs_nothing(random_team):
     situation = random_team(0, targets=0)[0]
-    assert team_cost(outlook(situation, 5), np.zeros((3, 5, 2)), 0.5) == 0.0
+    assert team_cost(nominal(situation, 5), np.zeros((3, 5, 2)), 0.5) == 0.0
 
 
 def test_nominal_positions_follow_the_velocity(random_team):
@@ -113,7 +150,7 @@ def test_nominal_positions_follow_the_velocity(random_team):
     points = nominal_positions(tracks, 1.0, 3)
     for t, track in enumerate(tracks):
         m = track.belief.mean
-        np.testing.assert_allclose(points[2, t], [m[0] + 3 * m[2], m[1] + 3 * m[3], TARGET_HEIGHT])
+        np.testing.assert_allclose(points[2, t], [m[0] + 3 * m[2], m[1] + 3 * m[3]])
 
 
 # End of the horizon in the paper's MWTP figure, in its drawing units, y upwards.

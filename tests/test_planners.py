@@ -1,12 +1,21 @@
 """Conformance: what every planner by name must hold to."""
 
 import copy
+import dataclasses
 import pickle
+from importlib.metadata import EntryPoint
 
 import numpy as np
 import pytest
 
-from planning.registry import PLANNERS, load_planner
+from planning.baselines import Lawnmower
+from planning.composition import Composition
+from planning.coordination import Sequential
+from planning.optimizers import CrossEntropy, ParticleSwarm
+from planning.propagation import MonteCarlo, Nominal
+from planning.registry import PLANNERS, installed, load_planner
+from tracking.camera import Pose
+from tracking.visibility import TARGET_HEIGHT
 
 
 @pytest.mark.parametrize("name", sorted(PLANNERS))
@@ -35,7 +44,11 @@ def test_plans_exist_without_targets_trees_or_companions(random_team, name, case
 def test_planning_leaves_its_inputs_untouched(random_team, name):
     team = random_team(1)
     for situation in team:
-        _ = situation.forest.blockers, situation.motion.Q  # cached before the copy, so that the copy has them too
+        _ = (
+            situation.forest.blockers,
+            situation.motion.F,
+            situation.motion.Q,
+        )  # cached before the copy, so that the copy has them too
     before = pickle.dumps(copy.deepcopy(team))
     load_planner(name).plan(team, np.random.default_rng(0))
     assert pickle.dumps(copy.deepcopy(team)) == before
@@ -49,7 +62,7 @@ def test_a_planner_survives_pickling(random_team, name):
         np.testing.assert_array_equal(plan.controls, other.controls)
 
 
-@pytest.mark.parametrize("name", ["sma-nbo", "sma-nbo-mwtp"])
+@pytest.mark.parametrize("name", ["sma-nbo", "sma-nbo-mwtp", "pma-nbo", "mcr", "dec-pomdp"])
 def test_a_uav_plans_with_its_own_tracks_only(random_team, name):
     """The first UAV of the sequence has received nothing: what others believe cannot change its plan."""
     team, other = random_team(5), random_team(6)
@@ -73,6 +86,17 @@ def test_a_planner_can_be_anyones_class():
         (":", "cannot be imported"),
         ("broken_planner:X", "cannot be imported: SyntaxError"),
         ("leaving_planner:X", "cannot be imported: SystemExit: 3"),
+        ("sma-nbo(horizn=3)", "has no option 'horizn'; allowed are horizon,"),
+        ("sma-nbo(horizn=3)", "did you mean horizon?"),
+        ("hover(speed=3)", "has no option 'speed'; it has none"),
+        ("sma-nbo(horizon=0)", "horizon must be a whole number of at least 1, is 0"),
+        ("sma-nbo(horizon=2.5)", "horizon must be a whole number of at least 1, is 2.5"),
+        ("sma-nbo(beta=-1)", "beta must be a finite number of at least 0, is -1"),
+        ("sma-nbo(beta=1e999)", "beta must be a finite number"),
+        ("sma-nbo(optimizer=cem)", "optimizer 'cem' is unknown; allowed are 'cross-entropy', 'particle-swarm', 'grid'"),
+        ("sma-nbo(horizon=3", "is not of the form name(option=value, ...)"),
+        ("sma-nbo(3)", "is not of the form name(option=value, ...)"),
+        ("sma-nbo(horizon=3, horizon=4)", "is not of the form name(option=value, ...)"),
     ],
 )
 def test_a_wrong_planner_is_named_in_one_line(name, message, tmp_path, monkeypatch):
@@ -82,3 +106,36 @@ def test_a_wrong_planner_is_named_in_one_line(name, message, tmp_path, monkeypat
     with pytest.raises(ValueError, match=r"^planner: ") as caught:
         load_planner(name)
     assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_options_choose_the_pieces():
+    pieces = load_planner("mcr(horizon=3, samples=7, optimizer=particle-swarm, occlusion=disc, beta=0.25)").composition
+    assert pieces == Composition(3, Sequential(), MonteCarlo(7), 0.25, ParticleSwarm(), "disc")
+    pieces = load_planner("sma-nbo( order = worst-first , sweeps=2,visibility='expected', evaluations=99)").composition
+    assert pieces == Composition(5, Sequential("worst-first", 2), Nominal(expected=True), 0.0, CrossEntropy(99), None)
+    assert load_planner("planning.baselines:Lawnmower(pace=0.5)") == Lawnmower(0.5)
+
+
+def test_planners_that_other_packages_bring_have_names(monkeypatch):
+    point = EntryPoint("theirs", "planning.baselines:Hover", "understory.planners")
+    monkeypatch.setattr("planning.registry.entry_points", lambda group: [point] if group == point.group else [])
+    installed.cache_clear()
+    try:
+        assert load_planner("theirs") == load_planner("hover")
+        assert list(installed()) == [*PLANNERS, "theirs"]
+    finally:
+        installed.cache_clear()
+
+
+def test_the_lawnmower_sees_the_whole_area_in_time(random_team):
+    team, planner = random_team(0), load_planner("lawnmower")
+    x, y = np.meshgrid(np.arange(-74.5, 75), np.arange(-49.5, 50))
+    ground = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, TARGET_HEIGHT)])
+    seen = np.zeros(len(ground), dtype=bool)
+    for time in range(180):
+        for k, plan in enumerate(planner.plan(team, np.random.default_rng(0))):
+            own = team[k].own
+            position = own.position + np.append(plan.controls[0], 0.0)
+            seen |= own.camera.sees(Pose(position, own.attitude), ground)
+            team[k] = dataclasses.replace(team[k], own=dataclasses.replace(own, position=position), time=time + 1.0)
+    assert seen.mean() >= 0.97

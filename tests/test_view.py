@@ -6,13 +6,12 @@ import math
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from test_nbo import plain_cost, squares
+from test_nbo import nominal, plain_cost, squares
 
-from planning.belief import outlook
+from planning.composition import Composition
 from planning.intent import base_control
 from planning.nbo import team_cost, weighted_trace_penalty
 from planning.planner import Vehicle
-from planning.sma import SMA
 from planning.view import aim, inside, quadrangle, reach, shortest_move, shown_at
 from tracking.camera import Camera, Pose
 from tracking.kalman import Gaussian
@@ -121,7 +120,7 @@ def test_the_compiled_objective_of_tilted_cameras_equals_a_plain_transcription(r
         situation = tilted_team(random_team(seed, spread=12.0 + seed), seed)[0]
         controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (3, 5, 2))
         expected, count = plain_cost(situation, controls, 0.0)
-        assert team_cost(outlook(situation, 5), controls, 0.0) == pytest.approx(expected, rel=1e-9)
+        assert team_cost(nominal(situation, 5), controls, 0.0) == pytest.approx(expected, rel=1e-9)
         counts += count
     assert 0 in counts and 1 in counts and 2 in counts
 
@@ -153,6 +152,8 @@ def test_a_plan_keeps_a_target_in_a_tilted_view_where_a_level_planner_flies_over
     track = Track(0, Gaussian(np.array([*target, 0.0, 0.0]), np.eye(4)))
     ends = []
     for own in (v, dataclasses.replace(v, attitude=vehicle().attitude)):
-        plan = SMA().plan([dataclasses.replace(situation, own=own, tracks=(track,))], np.random.default_rng(0))[0]
+        plan = Composition().plan([dataclasses.replace(situation, own=own, tracks=(track,))], np.random.default_rng(0))[
+            0
+        ]
         ends.append(target - plan.controls.sum(axis=0))
     assert seen(v, np.array(ends)).tolist() == [True, False]

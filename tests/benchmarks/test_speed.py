@@ -9,11 +9,10 @@ import math
 import numpy as np
 import pytest
 from scenes import CAMERA, MOTION, OPEN, R, track
-from test_nbo import plain_cost
+from test_nbo import nominal, plain_cost
 
-from planning.belief import outlook
+from planning.composition import Composition
 from planning.nbo import costs
-from planning.sma import SMA
 from sim.mission import Mission
 from sim.renderer import Renderer, capture
 from sim.scenario import Scenario, Sensing, Trees
@@ -84,7 +83,7 @@ def test_scan(benchmark, uavs, targets):
 def test_sma_nbo_decision(benchmark, random_team):
     """Three UAVs, four targets, 75 trees, five steps."""
     team = [dataclasses.replace(s, forest=TREES) for s in random_team(0)]
-    plans = benchmark(lambda: SMA(horizon=5).plan(team, np.random.default_rng(0)))
+    plans = benchmark(lambda: Composition().plan(team, np.random.default_rng(0)))
     assert [p.controls.shape for p in plans] == [(5, 2)] * 3
 
 
@@ -94,7 +93,7 @@ CANDIDATES = 256
 @pytest.mark.benchmark(group="objective")
 def test_objective_of_256_candidates(benchmark, random_team):
     situation, joint, candidates = problem(random_team)
-    values = benchmark(costs, outlook(situation, 5), joint, 0, candidates, 0.5)
+    values = benchmark(costs, nominal(situation, 5), joint, [0], candidates[:, None], 0.5)
     assert values[0] == pytest.approx(plain_cost(situation, joint, 0.5)[0])
 
 
@@ -121,7 +120,7 @@ def test_mission(benchmark, mode):
     scenario = Scenario(duration=5.0, trees=Trees(density=75.0), sensing=Sensing(mode=mode))
 
     def ready():
-        return (Mission(scenario, SMA(), 0),), {}
+        return (Mission(scenario, Composition(), 0),), {}
 
     snapshots = benchmark.pedantic(lambda mission: list(mission.fly()), setup=ready, rounds=5, warmup_rounds=1)
     assert len(snapshots) == 26

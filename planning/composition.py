@@ -1,0 +1,61 @@
+"""Planners put together from pieces: coordination, belief propagation, cost-to-go, optimiser and occlusion model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from planning.coordination import Coordination, Sequential
+from planning.nbo import costs
+from planning.optimizers import CrossEntropy, Optimizer
+from planning.planner import Plan, Situation
+from planning.propagation import Nominal, Propagation, nominal_positions
+from planning.pursuit import pursuits
+from tracking.compiled import Array
+from tracking.visibility import Forest, Occlusion
+
+
+@dataclass(frozen=True)
+class Composition:
+    """Receding-horizon planning on beliefs; by default SMA-NBO with MWTP, [Li22] III."""
+
+    horizon: int = 5
+    coordination: Coordination = field(default_factory=Sequential)
+    propagation: Propagation = field(default_factory=Nominal)
+    beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none
+    optimizer: Optimizer = field(default_factory=CrossEntropy)
+    occlusion: Occlusion | None = None  # how trees hide; None: as the situation's forest has it
+
+    def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
+        """Plans of the team, in its order."""
+        seen = [self._with_occlusion(situation) for situation in team]
+        return [Plan(controls) for controls in self.coordination.controls(seen, self, rng)]
+
+    def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
+        """As `planning.coordination.Decision.decide`."""
+        view = self.propagation.outlook(situation, self.horizon, rng)
+        samples = view.points.shape[1] // len(situation.tracks) if situation.tracks else 1
+        objective = partial(costs, view, controls, uavs, beta=self.beta, samples=samples)
+        speeds = np.array([situation.vehicles[i].max_speed for i in uavs])
+        starts = self._starts(situation, controls, uavs)
+        return self.optimizer.minimise(objective, starts, speeds, rng).plans
+
+    def _starts(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Array:
+        """What the UAVs are expected to do, and the same with one of them in pursuit (S, k, H, 2)."""
+        intents = controls[list(uavs)]
+        nominal = nominal_positions(situation.tracks, situation.step, self.horizon)
+        starts = [intents[None]]
+        for j, i in enumerate(uavs):
+            chases = pursuits(nominal, situation.vehicles[i], situation.step)
+            joint = np.repeat(intents[None], len(chases), axis=0)
+            joint[:, j] = chases
+            starts.append(joint)
+        return np.concatenate(starts)
+
+    def _with_occlusion(self, situation: Situation) -> Situation:
+        if self.occlusion is None or self.occlusion == situation.forest.occlusion:
+            return situation
+        return replace(situation, forest=Forest(situation.forest.trees, self.occlusion))

@@ -1,0 +1,86 @@
+"""Planners from words: the pieces by name, as `--planner 'sma-nbo(horizon=3)'` gives them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+
+from planning.composition import Composition
+from planning.coordination import Centralised, Coordination, Decentralised, Order, Parallel, Sequential
+from planning.optimizers import CrossEntropy, Grid, Optimizer, ParticleSwarm
+from planning.planner import Plan, Situation
+from planning.propagation import MonteCarlo, Nominal
+from tracking.visibility import Occlusion
+
+_CHOICES = {
+    "coordination": ("sequential", "parallel", "decentralised", "centralised"),
+    "order": ("fixed", "random", "worst-first"),
+    "propagation": ("nominal", "monte-carlo"),
+    "visibility": ("nominal", "expected"),
+    "optimizer": ("cross-entropy", "particle-swarm", "grid"),
+    "occlusion": ("", "line_of_sight", "disc"),
+}
+_LEAST = {"horizon": 1, "sweeps": 1, "samples": 1, "beta": 0, "evaluations": 0, "seconds": 0}
+
+
+@dataclass(frozen=True)
+class Composed:
+    """A `Composition` of pieces by name; ValueError names what is wrong and what is allowed."""
+
+    horizon: int = 5  # steps of a plan
+    coordination: str = "sequential"
+    order: str = "fixed"  # of UAVs in sequential planning
+    sweeps: int = 1  # times that the sequence is gone through
+    propagation: str = "nominal"
+    samples: int = 50  # of Monte Carlo propagation
+    visibility: str = "nominal"  # at the nominal point, or expected over the belief
+    beta: float = 0.5  # weight of the MWTP; 0: no cost-to-go
+    optimizer: str = "cross-entropy"
+    evaluations: int = 0  # of the objective, for each UAV's plan; 0: the optimiser's usual number
+    seconds: float = 0.0  # the optimiser's time for each decision; 0: as long as the evaluations take
+    occlusion: str = ""  # as the planner models it; empty: as the scenario has it
+
+    def __post_init__(self) -> None:
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                allowed = ", ".join(repr(choice) for choice in choices)
+                raise ValueError(f"{name} {getattr(self, name)!r} is unknown; allowed are {allowed}")
+        for name, least in _LEAST.items():
+            value, whole = getattr(self, name), isinstance(getattr(Composed, name), int)
+            if type(value) not in ((int,) if whole else (int, float)) or not least <= value < math.inf:
+                kind = "a whole number" if whole else "a finite number"
+                raise ValueError(f"{name} must be {kind} of at least {least}, is {value!r}")
+
+    def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
+        """Plans of the team, in its order."""
+        return self.composition.plan(team, rng)
+
+    @cached_property
+    def composition(self) -> Composition:
+        """The pieces put together."""
+        coordinations: dict[str, Coordination] = {
+            "sequential": Sequential(cast("Order", self.order), self.sweeps),
+            "parallel": Parallel(),
+            "decentralised": Decentralised(),
+            "centralised": Centralised(),
+        }
+        nominal, monte_carlo = Nominal(self.visibility == "expected"), MonteCarlo(self.samples)
+        return Composition(
+            horizon=self.horizon,
+            coordination=coordinations[self.coordination],
+            propagation=nominal if self.propagation == "nominal" else monte_carlo,
+            beta=self.beta,
+            optimizer=self._optimizer(),
+            occlusion=cast("Occlusion", self.occlusion) or None,
+        )
+
+    def _optimizer(self) -> Optimizer:
+        if self.optimizer == "grid":
+            return Grid()
+        usual = CrossEntropy() if self.optimizer == "cross-entropy" else ParticleSwarm()
+        return replace(usual, evaluations=self.evaluations or usual.evaluations, seconds=self.seconds)
