@@ -79,7 +79,6 @@ class ParticleSwarm:
     """Particle swarm of [Li22] IV: 20 particles per step of the horizon, each drawn to its own and the swarm's best.
 
     Particles start at the starts and, beyond those, at random; `evaluations` of 0 means 51 moves of the whole swarm.
-    Source: [Kennedy95], with inertia.
     """
 
     evaluations: int = 0  # the starts aside

@@ -17,11 +17,11 @@ from sim.experiment import fly as outcome_of
 from sim.frames import check_working, scenario_of
 from sim.loading import load
 from sim.mapview import MapView
+from sim.metrics import metrics
 from sim.mission import Mission, Trial
 from sim.palette import ALARM, FAINT, uav_colour
 from sim.plots import ospa_figure
 from sim.run import run
-from sim.summary import people_held
 from sim.video import Film
 from tracking.visibility import Forest
 
@@ -78,7 +78,7 @@ def test_the_others_take_over_the_people_of_a_uav_that_breaks_down(seed):
     held = [[sorted(t.id for t in s.tracks[i]) for i in s.working] for s in snapshots]
     assert {tuple(ids) for scan in held for ids in scan} == {(0, 1, 2, 3)}
     recording = recorded(mission, snapshots)
-    assert min(people_held(recording)) > 0.9
+    assert min(metrics(recording)["people_held"]) > 0.9
     for person in range(4):  # at the end each id is still that person's
         (track,) = [t for t in snapshots[-1].tracks[0] if t.id == person]
         assert np.linalg.norm(track.belief.mean[:2] - snapshots[-1].people[person]) < 2.0
@@ -121,7 +121,7 @@ def test_people_are_held_by_those_who_work():
     first = [[np.linalg.norm([t.belief.mean[:2] - p for t in h], axis=1).min() < 1 for p in snapshots[0].people]
              for h in snapshots[0].tracks[:2]]  # fmt: skip
     expected = (np.sum(near, axis=0) + np.sum(first, axis=0)) / (len(snapshots) + 2)
-    np.testing.assert_allclose(people_held(recording), expected)
+    np.testing.assert_allclose(metrics(recording)["people_held"], expected)
 
 
 def test_curves_end_where_uavs_break_down():

@@ -134,10 +134,10 @@ def test_losses_change_neither_forest_nor_people_nor_noise():
 
 
 def test_bytes_are_those_of_all_rounds_to_whoever_is_linked():
-    # Four tracks: 2 + 4 * 21 numbers of 8 bytes in each of five rounds; UAV 2 has no link.
+    # Four tracks: 4 + 4 * 25 numbers of 8 bytes in each of five rounds; UAV 2 has no link.
     _, snapshots = fly("network.links=[[0, 1]]", duration=1)
     for s in snapshots:
-        np.testing.assert_array_equal(s.bytes_sent, [5 * 8 * 86, 5 * 8 * 86, 0])
+        np.testing.assert_array_equal(s.bytes_sent, [5 * 8 * 104, 5 * 8 * 104, 0])
 
 
 def test_a_fleet_that_splits_disagrees_and_agrees_again_in_the_scan_in_which_it_heals():
