@@ -1,11 +1,14 @@
 """Trackers as a fleet: one id per person, one end per track, whoever sees."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scenes import ABOVE, AWAY, CAMERA, R, check, play, scan, track, tracker
 
 from tracking.camera import Pose
 from tracking.consensus import fuse
+from tracking.identity import FIRST_BORN
 from tracking.tracker import Track, Tracker
 from tracking.visibility import Forest, Tree
 
@@ -139,3 +142,26 @@ def test_the_same_scans_give_the_same_bits():
         for s, t in zip(a.tracks, b.tracks, strict=True):
             assert s.belief.mean.tobytes() == t.belief.mean.tobytes()
             assert s.belief.covariance.tobytes() == t.belief.covariance.tobytes()
+
+
+def refound(*companions: tuple[float, float]) -> list[int]:
+    """Ids in the end where one UAV takes a person for new in the scan in which another takes up their lost track."""
+    trackers = fleet(2, track(3, 0, 0, 0, 0))
+    sharp, coarse = ([(3.0, 0.0), *companions], 0.01), ([(3.0, 0.0)], 0.2)
+    for k in range(12):
+        poses = [ABOVE if k >= 9 else AWAY, ABOVE if k >= 10 else AWAY]
+        for u, (t, (points, variance)) in enumerate(zip(trackers, (sharp, coarse), strict=True)):
+            seen = scan(k, *(points if poses[u] is ABOVE else []), uav=u, pose=poses[u])
+            t.step(dataclasses.replace(seen, covariances=variance * np.tile(np.eye(2), (len(seen.measurements), 1, 1))))
+        fuse(trackers, PAIR, 5)
+    assert trackers[0].tracks[0].id == trackers[1].tracks[0].id
+    return [t.id for t in trackers[0].tracks]
+
+
+def test_a_person_found_again_by_one_uav_and_taken_for_new_by_another_stays_one():
+    assert refound() == [3]
+
+
+def test_somebody_new_beside_a_person_who_is_found_again_is_still_found():
+    old, new = refound((7.0, 0.0))
+    assert old == 3 and new >= FIRST_BORN

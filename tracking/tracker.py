@@ -217,6 +217,7 @@ class Tracker:
         existence = message.existence()
         refuted = existence < p.doubt if p.life == "existence" else evidence.refuted(p.delete[0])
         double = doubles(means, covariances, evidence.shared >= p.double, p.match_gate)
+        double |= self._reborn(message, means, covariances)
         refuted |= np.trace(covariances[:, :2, :2], axis1=1, axis2=2) > p.max_variance
         keep = ~(refuted | double)
         # Forgotten when it cannot matter: a part of the fleet cut off for longer than that may bring a track back,
@@ -233,6 +234,17 @@ class Tracker:
         unseen = self._evidence.times[:, 0] < self._time
         self._sightings = np.where(unseen[:, None], message.sightings[keep], here)
         self._recover()
+
+    def _reborn(self, message: Message, means: Array, covariances: Array) -> NDArray[np.bool_]:
+        """Tracks born in this scan of people whose lost tracks another UAV took up again in the same scan (T,)."""
+        newborn = message.ids >= born_id(self._scans, 0, 0)
+        found = np.zeros(len(newborn), dtype=np.bool_)
+        lost = self._time - message.sightings[:, 2] >= self.parameters.recovery_after
+        back = np.flatnonzero(lost & (message.evidence.times[:, 0] >= self._time))
+        for i in np.flatnonzero(newborn if len(back) else found).tolist():
+            rows = [*back.tolist(), i]
+            found[i] = doubles(means[rows], covariances[rows], np.array(rows) == i, self.parameters.match_gate)[-1]
+        return found
 
     def _recover(self) -> None:
         """Give tracks born in this scan the ids of lost tracks that they continue.
