@@ -33,6 +33,10 @@ class WholeError:
     # Factors of a detection's covariance by t: what polynomials of second degree, which planners use, leave.
     tangents: tuple[float, ...] = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75)
     excess: tuple[float, ...] = (0.893, 0.987, 1.045, 1.057, 0.909, 0.906)
+    # Level images of 60 degrees end about here. Beyond, where tilted ones see, growths go on as powers of t: radial
+    # posture and rounding, then tangential.
+    corner: float = 0.8
+    powers: tuple[float, float, float, float] = (2.551, 0.088, -1.607, 0.258)
 
     def variances(self, gsd: Array) -> tuple[Array, Array]:
         """Radial and tangential variance as polynomials in t, (..., 3) m² each, for pixels of edge gsd (...) m."""
@@ -46,8 +50,48 @@ class WholeError:
         radial = polynomial(self.radial_posture, self.radial_rounding)
         return radial, polynomial(self.tangential_posture, self.tangential_rounding)
 
+    def detected(self, tangents: Array, footprints: Array, areas: Array) -> Array:
+        """Radial and tangential variances (N, 2) m² of detections from any attitude, by the ground that a pixel covers.
+
+        footprints (N, 2) m: what one pixel's displacement in the image makes at most, along and across the line of
+        sight; areas (N,) m² of a pixel there. For a level camera both are `variances`, but for `excess`.
+        """
+        within = np.minimum(tangents, self.corner)
+        beyond = np.maximum(tangents / self.corner, 1.0)
+        rounding = self.rounding**2 / 12 * areas / (self.limb**2 + areas)
+        growths = (self.radial_posture, self.radial_rounding, self.tangential_posture, self.tangential_rounding)
+        grown = [
+            (1.0 + slope * within + curve * within**2) * beyond**power
+            for (slope, curve), power in zip(growths, self.powers, strict=True)
+        ]
+        excess = np.interp(tangents, self.tangents, self.excess)
+        posture = self.posture**2 * np.column_stack(grown[::2])
+        return np.asarray(excess[:, None] * (posture + rounding[:, None] * footprints**2 * np.column_stack(grown[1::2])))
+
 
 WHOLE = WholeError()
+
+
+@dataclass(frozen=True)
+class SplitError:
+    """What moves detections more that come of one blob told apart: who hides whom, and where the cut should have been.
+
+    Fitted by `python -m sim.calibration` to rendered pairs who touch in the image, so that errors squared over
+    variances average one.
+    """
+
+    base: float = 0.191  # m, standard deviation where the parts coincide
+    radial: float = 1.385  # m, the same for each unit of the tangent of the angle off nadir
+    tangential: float = 0.567  # m
+    decay: float = 7.99  # of the variance, for each person's extent that the parts are apart
+
+    def variances(self, tangents: Array, gaps: Array) -> Array:
+        """Radial and tangential variances (N, 2) m² at gaps (N,), in extents of a person, between the parts."""
+        growth = np.column_stack([(self.radial * tangents) ** 2, (self.tangential * tangents) ** 2])
+        return np.asarray(np.exp(-self.decay * gaps)[:, None] * (self.base**2 + growth))
+
+
+SPLIT = SplitError()
 
 
 @dataclass(frozen=True)
