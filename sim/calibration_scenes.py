@@ -44,9 +44,14 @@ class Sample:
 
     frame: Frame
     forest: Forest
-    blob: Array  # (K, 2) pixels
+    blobs: list[Array]  # (K, 2) pixels: the one that stands for them, then others of the same component
     person: Array  # (2,) m
     hidden: float  # share of the silhouette that trees or the image's edge hide
+
+    @property
+    def blob(self) -> Array:
+        """Pixels (K, 2) that stand for the person."""
+        return self.blobs[0]
 
     @property
     def tangent(self) -> float:
@@ -84,11 +89,13 @@ def samples(
             rendered = full.render(camera, pose)
             frame = Frame(0, 0.0, camera, pose, rendered.image)
             whole = alone.render(wide, pose).people
-            for blob in blobs_of(frame)[0]:
+            blobs, components = blobs_of(frame)
+            for i, blob in enumerate(blobs):
                 owners = rendered.people[tuple((blob[:, ::-1] - 0.5).astype(int).T)]
                 person = int(np.bincount(owners[owners >= 0]).argmax())
                 hidden = 1.0 - np.sum(rendered.people == person) / np.sum(whole == person)
-                yield Sample(frame, forest, blob, people[person], float(hidden))
+                others = [blobs[j] for j in np.flatnonzero(components == components[i]) if j != i]
+                yield Sample(frame, forest, [blob, *others], people[person], float(hidden))
 
 
 def _people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: Forest) -> Array:
@@ -121,9 +128,7 @@ def forests(seed: int) -> Iterator[Forest]:
         yield Forest(grow(trees, Area(80.0, 80.0), np.random.default_rng([seed, k])).trees)
 
 
-def people_in_forests(
-    seed: int, frames: int, pixels: int = 128, attitudes: Sequence[Array] = (LEVEL,)
-) -> list[Sample]:
+def people_in_forests(seed: int, frames: int, pixels: int = 128, attitudes: Sequence[Array] = (LEVEL,)) -> list[Sample]:
     """Samples from `frames` frames over each of the `forests`."""
     out: list[Sample] = []
     for k, forest in enumerate(forests(seed)):

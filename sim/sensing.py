@@ -152,9 +152,7 @@ class Sensors:
         matched[seen] = kept
         return Look(scan, np.zeros((0, 2)), None, seen.astype(np.int64), matched)
 
-    def _cluttered(
-        self, scan: Scan, pixels: Array, kept: NDArray[np.bool_], frame: Frame | None
-    ) -> tuple[Scan, Array]:
+    def _cluttered(self, scan: Scan, pixels: Array, kept: NDArray[np.bool_], frame: Frame | None) -> tuple[Scan, Array]:
         """A scan without what is missed, with false alarms among the rest, and its pixels (N, 2), as these were.
 
         An alarm's covariance is that of a person seen whole in the frame, if one was taken and nothing is added to it.

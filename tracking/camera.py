@@ -90,20 +90,6 @@ class Camera:
         scale = (height - pose.position[2]) / rays[:, 2]
         return np.asarray(pose.position[:2] + scale[:, None] * rays[:, :2])
 
-    def ground_jacobians(self, pose: Pose, points: Array, height: float = 0.0) -> Array:
-        """What `ground_points` moves by, by pixels: (N, 2, 2) m/pixel, at points (N, 2) m of the plane at `height` m.
-
-        For a level camera that is the same for all pixels. Else a pixel covers the more ground the farther along the
-        optical axis it is seen, d / focal, and along the line of sight more by what the ray is flatter than the axis.
-        """
-        sight = np.column_stack([points, np.full(len(points), height)]) - pose.position
-        depth = -sight @ pose.rotation[:, 2]
-        # The ray r through a pixel, of unit depth, meets the plane after s = depth at p = c + s r. There s r_z is
-        # constant, so that dp = s (dr - r dr_z / r_z), and dr is what the image's axes are in the world, over focal.
-        axes = pose.rotation[:, :2] * [1.0, -1.0] / self.focal
-        slide = (sight[:, :2] / sight[:, 2:])[:, :, None] * axes[2]
-        return np.asarray(depth[:, None, None] * (axes[:2] - slide))
-
     def footprint(self, pose: Pose, height: float = 0.0) -> Array:
         """Corners (4, 2) m of the image on the horizontal plane at `height` m, anticlockwise."""
         n = float(self.pixels)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
-from tracking.noise import SPLIT, WHOLE
+from tracking.noise import SPLIT, WHOLE, covariances_along, footprints, sight
 from tracking.visibility import TARGET_HEIGHT
 
 # Hi-vis orange in any light: red exceeds green by half of it, and blue by all of it. What noise makes of darker places
@@ -107,29 +107,19 @@ def measured(frame: Frame, blobs: list[Array], components: NDArray[np.int64] | N
 
 def whole_covariances(frame: Frame, ground: Array) -> Array:
     """Covariances (N, 2, 2) m² of people at ground points (N, 2) m who are seen whole."""
-    axes, tangents = sight(frame, ground)
-    variances = WHOLE.detected(tangents, *footprints(frame, ground))
+    axes, tangents = sight(frame.pose, ground)
+    variances = WHOLE.detected(tangents, footprints(frame.camera, frame.pose, ground))
     # Towards the horizon a pixel's ground grows without bounds, but nobody is less certain than by their distance.
     distances = np.sum((ground - frame.pose.position[:2]) ** 2, axis=1) + frame.pose.position[2] ** 2
-    return _along(axes, np.minimum(variances, distances[:, None]))
-
-
-def footprints(frame: Frame, ground: Array) -> tuple[Array, Array]:
-    """What a pixel covers at ground points (N, 2) m, along and across the line of sight (N, 2) m, and in area (N,) m².
-
-    Along and across: by how many standard deviations a point there moves if its pixel does by one in each direction.
-    """
-    jacobians = frame.camera.ground_jacobians(frame.pose, ground, TARGET_HEIGHT)
-    along = np.linalg.norm(np.swapaxes(sight(frame, ground)[0], 1, 2) @ jacobians, axis=2)
-    return along, np.abs(np.linalg.det(jacobians))
+    return covariances_along(axes, np.minimum(variances, distances[:, None]))
 
 
 def split_covariances(frame: Frame, pixels: Array, components: NDArray[np.int64] | None) -> Array:
     """What is added (N, 2, 2) m² to the covariances of detections at pixels (N, 2); zero but for split components."""
     if components is None or len(np.unique(components)) == len(components):
         return np.zeros((len(pixels), 2, 2))
-    axes, tangents = sight(frame, frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT))
-    return _along(axes, SPLIT.variances(tangents, split_gaps(frame, pixels, components)))
+    axes, tangents = sight(frame.pose, frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT))
+    return covariances_along(axes, SPLIT.variances(tangents, split_gaps(frame, pixels, components)))
 
 
 @np.errstate(divide="ignore", invalid="ignore")
@@ -140,23 +130,6 @@ def split_gaps(frame: Frame, pixels: Array, components: NDArray[np.int64]) -> Ar
     siblings = (components[:, None] == components) & ~np.eye(len(components), dtype=np.bool_)
     gaps = np.where(siblings, np.linalg.norm(offsets, axis=2), np.inf).min(axis=1)
     return np.asarray(np.nan_to_num(gaps, posinf=np.inf))
-
-
-def sight(frame: Frame, ground: Array) -> tuple[Array, Array]:
-    """At ground points (N, 2) m, unit vectors in columns along and across the line of sight (N, 2, 2), and tangents.
-
-    The tangents (N,) are of the angle off nadir.
-    """
-    offset = ground - frame.pose.position[:2]
-    distance = np.linalg.norm(offset, axis=1)
-    cos, sin = np.where(distance > 0.0, offset.T / np.maximum(distance, 1e-9), [[1.0], [0.0]])
-    axes = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
-    return axes, distance / abs(float(frame.pose.position[2]) - TARGET_HEIGHT)
-
-
-def _along(axes: Array, variances: Array) -> Array:
-    """Covariances (N, 2, 2) with variances (N, 2) along axes in columns (N, 2, 2)."""
-    return np.asarray((axes * variances[:, None]) @ np.swapaxes(axes, 1, 2))
 
 
 def _components(image: NDArray[np.uint8]) -> list[Array]:
