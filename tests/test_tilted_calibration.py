@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sim.calibration import TILTS, fit_part, fit_powers, fit_split, nees, pair_bins, tilt_bins
+from sim.calibration import TILTS, bin_of, fit_part, fit_powers, fit_split, nees, pair_bins, tilt_bins
 from sim.calibration_scenes import people_in_forests, tilted
 from tracking.blob_detector import located
 from tracking.camera import Camera, Pose
@@ -100,23 +100,24 @@ def test_the_farther_apart_two_parts_are_the_less_is_added():
 
 
 def test_nees_of_people_seen_whole_lies_in_its_interval_at_each_tilt():
-    bins = tilt_bins(0, 90)
-    assert len(bins) == 6 and all(row.count > 550 for row in bins)
+    bins = tilt_bins(0, 70)
+    assert len(bins) == 6 and all(row.count > 400 for row in bins)
     assert [row for row in bins if not row.holds] == []
 
 
 def test_nees_of_people_told_apart_lies_in_its_interval():
-    bins = pair_bins(0, 1500)
+    bins = pair_bins(0, 1200)
     assert all(row.count > 300 for row in bins)
     assert [row for row in bins if not row.holds] == []
 
 
-@pytest.mark.parametrize("tilt", [15.0, 30.0, 45.0])
-def test_nees_of_people_seen_in_part_is_not_far_from_two_under_tilt(tilt):
-    views = tilted(np.random.default_rng(0), tilt, 16)
-    values = nees([s for s in people_in_forests(4, 16, attitudes=views) if s.hidden > 0.0])
-    assert len(values) > 100
-    assert 1.3 < values.mean() < 2.8
+def test_nees_of_people_seen_in_part_by_tilted_cameras_lies_in_its_interval():
+    values = []
+    for tilt in (15.0, 30.0, 45.0):
+        views = tilted(np.random.default_rng(0), tilt, 30)
+        values.append(nees([s for s in people_in_forests(4, 30, attitudes=views) if s.hidden > 0.0]))
+    assert all(len(x) > 250 and 1.5 < x.mean() < 2.6 for x in values)
+    assert bin_of("in part", np.concatenate(values)).holds
 
 
 @pytest.mark.slow

@@ -80,10 +80,10 @@ class SplitError:
     variances average one.
     """
 
-    base: float = 0.181  # m, standard deviation where the parts coincide
-    radial: float = 1.37  # m, the same for each unit of the tangent of the angle off nadir
-    tangential: float = 0.566  # m
-    decay: float = 7.953  # of the variance, for each person's extent that the parts are apart
+    base: float = 0.196  # m, standard deviation where the parts coincide
+    radial: float = 1.487  # m, the same for each unit of the tangent of the angle off nadir
+    tangential: float = 0.608  # m
+    decay: float = 8.016  # of the variance, for each person's extent that the parts are apart
 
     def variances(self, tangents: Array, gaps: Array) -> Array:
         """Radial and tangential variances (N, 2) m² at gaps (N,), in extents of a person, between the parts."""
