@@ -3,128 +3,48 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 from scipy.stats import chi2
 
-from sim.forest import grow
-from sim.renderer import Renderer
-from sim.scenario import DEFAULT_FLEET, Area, Scenario, Trees, Uav
-from sim.world import World
+from sim.calibration_scenes import ALTITUDES, Pair, Sample, pairs, people_in_forests, samples, tilted
 from tracking.blob_detector import located
-from tracking.camera import Camera, Pose
 from tracking.compiled import Array
-from tracking.detector import Frame, blobs_of, measured
-from tracking.noise import WHOLE, WholeError
+from tracking.detector import measured, split_gaps
+from tracking.noise import SPLIT, WHOLE, SplitError, WholeError, footprints, sight
 from tracking.partial import PART, PartError, Places, places_of
 from tracking.visibility import TARGET_HEIGHT, Forest
 
-ALTITUDES = tuple(uav.altitude for uav in DEFAULT_FLEET)
 OFF_NADIR = (0.0, 10.0, 20.0, 30.0, 40.0)  # deg
 HIDDEN = (0.0, 0.001, 0.2, 0.4, 0.6, 0.8, 1.0)  # by trees and the image's edge
+# Off nadir, and up to which roll and pitch of a body that the camera is fixed to; 0 for a gimbal [deg].
+TILTS = ((0.0, 20.0), (15.0, 0.0), (15.0, 20.0), (30.0, 0.0), (45.0, 0.0))
 _OTHERS = (12.0, 26.0, 34.0)  # m
-_PEOPLE = 8
-_GAP = 2.4  # m between people
-_MARGIN = 0.5  # m beyond the image where people may stand
-_PLAIN = 0.15  # of the people in plain view are kept: the others tell more
-# Points of a body, to find people whom something hides in part.
-_BODY = np.array(
-    [
-        (0.2 * math.cos(a), 0.2 * math.sin(a), h)
-        for h in (0.1, 0.5, 0.9, 1.3, 1.6)
-        for a in np.linspace(0.0, 2 * math.pi, 8, endpoint=False)
-    ]
-)
-
-
-@dataclass(frozen=True, eq=False)
-class Sample:
-    """One detected person: what the camera saw of them, and the truth."""
-
-    frame: Frame
-    forest: Forest
-    blob: Array  # (K, 2) pixels
-    person: Array  # (2,) m
-    hidden: float  # share of the silhouette that trees or the image's edge hide
-
-    @property
-    def tangent(self) -> float:
-        """Tangent of the angle off nadir."""
-        offset = self.person - self.frame.pose.position[:2]
-        return float(np.linalg.norm(offset)) / (float(self.frame.pose.position[2]) - TARGET_HEIGHT)
-
-
-def samples(
-    rng: np.random.Generator, forest: Forest, *, frames: int, pixels: int = 128, altitudes: Sequence[float] = ALTITUDES
-) -> Iterator[Sample]:
-    """People detected in random level frames over one forest, as often near nadir as far from it."""
-    scenario = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
-    camera = Camera(math.radians(60), pixels)
-    margin = pixels // 8
-    wide = Camera(2 * math.atan((pixels / 2 + margin) / camera.focal), pixels + 2 * margin)
-    with World(scenario, forest, _PEOPLE) as world, World(scenario, Forest(()), _PEOPLE) as bare:
-        full, alone = Renderer(world), Renderer(bare)
-        for k in range(frames):
-            x, y = rng.uniform(-30.0, 30.0, 2).tolist()
-            pose = Pose.level(x, y, altitudes[k % len(altitudes)])
-            people = _people(rng, camera, pose, forest)
-            headings = rng.uniform(-math.pi, math.pi, _PEOPLE)
-            for each in (world, bare):
-                each.place_people(people, headings)
-            rendered = full.render(camera, pose)
-            frame = Frame(0, 0.0, camera, pose, rendered.image)
-            whole = alone.render(wide, pose).people
-            for blob in blobs_of(frame):
-                owners = rendered.people[tuple((blob[:, ::-1] - 0.5).astype(int).T)]
-                person = int(np.bincount(owners[owners >= 0]).argmax())
-                hidden = 1.0 - np.sum(rendered.people == person) / np.sum(whole == person)
-                yield Sample(frame, forest, blob, people[person], float(hidden))
-
-
-def _people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: Forest) -> Array:
-    half = (pose.position[2] - TARGET_HEIGHT) * math.tan(camera.fov / 2) + _MARGIN
-    people: list[Array] = []
-    while len(people) < _PEOPLE:
-        r, bearing = rng.uniform(0, half * math.sqrt(2)), rng.uniform(-math.pi, math.pi)
-        offset = r * np.array([math.cos(bearing), math.sin(bearing)])
-        place = pose.position[:2] + offset
-        if np.abs(offset).max() > half or any(np.linalg.norm(place - other) < _GAP for other in people):
-            continue
-        share = forest.visible(pose.position, _BODY + np.append(place, 0.0)).mean() if forest.trees else 0.5
-        if 0.0 < share < 1.0 or (share == 1.0 and rng.random() < _PLAIN):
-            people.append(place)
-    return np.array(people)
-
-
-def forests(seed: int) -> Iterator[Forest]:
-    """Forests of slender, middling and broad trees."""
-    for k, (density, radius) in enumerate(((60.0, 1.5), (40.0, 2.5), (15.0, 5.0), (15.0, 5.0))):
-        trees = Trees(density=density, canopy_radius=radius)
-        yield Forest(grow(trees, Area(80.0, 80.0), np.random.default_rng([seed, k])).trees)
-
-
-def people_in_forests(seed: int, frames: int, pixels: int = 128) -> list[Sample]:
-    """Samples from `frames` frames over each of the `forests`."""
-    return [
-        sample
-        for k, forest in enumerate(forests(seed))
-        for sample in samples(np.random.default_rng([seed, 1, k]), forest, frames=frames, pixels=pixels)
-    ]
 
 
 def nees(population: Sequence[Sample]) -> Array:
     """Squared errors over variances (N,) of the samples as the detector gives them; two degrees of freedom."""
     out = []
     for sample in population:
-        found = located(sample.frame, [sample.blob], sample.forest)
+        found = located(sample.frame, sample.blobs, sample.forest, np.zeros(len(sample.blobs), dtype=np.int64))
         error = found.ground[0] - sample.person
         out.append(float(error @ np.linalg.solve(found.covariances[0], error)))
+    return np.array(out)
+
+
+def nees_of_pairs(population: Sequence[Pair]) -> Array:
+    """Squared errors over variances (2 N,) of people in pairs told apart."""
+    out = []
+    for pair in population:
+        found = located(pair.frame, pair.blobs, Forest(()), pair.components)
+        errors = found.ground - pair.people
+        out += [float(e @ np.linalg.solve(R, e)) for e, R in zip(errors, found.covariances, strict=True)]
     return np.array(out)
 
 
@@ -149,14 +69,44 @@ def nees_bins(population: Sequence[Sample]) -> list[Bin]:
     values = nees(population)
     angles = np.degrees(np.arctan([sample.tangent for sample in population]))
     hidden = np.array([sample.hidden for sample in population])
-    bins = [_bin(f"{a:.0f} to {b:.0f} deg", values[(angles >= a) & (angles < b)]) for a, b in pairwise(OFF_NADIR)]
+    bins = [bin_of(f"{a:.0f} to {b:.0f} deg", values[(angles >= a) & (angles < b)]) for a, b in pairwise(OFF_NADIR)]
     for a, b in pairwise(HIDDEN):
         name = "in plain view" if a == 0.0 else f"{a:.0%} to {b:.0%} hidden"
-        bins.append(_bin(name, values[(hidden >= a) & (hidden < b)]))
-    return [*bins, _bin("all", values)]
+        bins.append(bin_of(name, values[(hidden >= a) & (hidden < b)]))
+    return [*bins, bin_of("all", values)]
 
 
-def _bin(name: str, values: Array) -> Bin:
+def tilt_bins(seed: int, frames: int) -> list[Bin]:
+    """Mean NEES of people in the open, taken for whole and wholly in the image, by the camera's mount."""
+    bins = []
+    for tilt, sway in ((0.0, 0.0), *TILTS):
+        rng = np.random.default_rng([seed, 5, int(tilt), int(sway)])
+        views = tilted(rng, tilt, frames, sway)
+        people = (s for s in samples(rng, Forest(()), frames=frames, attitudes=views) if s.hidden == 0.0)
+        whole = [s for s in people if places_of(s.frame, s.blob, s.forest) is None]
+        bins.append(bin_of(_mount("whole", tilt, sway), nees(whole)))
+    return bins
+
+
+def pair_bins(seed: int, frames: int) -> list[Bin]:
+    """Mean NEES of people told apart, from level cameras and from all tilted ones."""
+    bins = []
+    for name, mounts in (("level", ((0.0, 0.0),)), ("tilted", TILTS)):
+        population: list[Pair] = []
+        for tilt, sway in mounts:
+            rng = np.random.default_rng([seed, 6, int(tilt), int(sway)])
+            count = frames // len(mounts)
+            population += pairs(rng, frames=count, attitudes=tilted(rng, tilt, count, sway))
+        bins.append(bin_of(f"told apart, {name}", nees_of_pairs(population)))
+    return bins
+
+
+def _mount(name: str, tilt: float, sway: float) -> str:
+    return f"{name}, tilt {tilt:.0f} deg" + (f", body sways {sway:.0f}" if sway else "")
+
+
+def bin_of(name: str, values: Array) -> Bin:
+    """The bin of squared errors over variances (N,)."""
     n = len(values)
     low, high = chi2.ppf((0.025, 0.975), 2 * n) / n
     return Bin(name, n, float(values.mean()), float(low), float(high))
@@ -195,6 +145,59 @@ def _errors(sample: Sample) -> tuple[float, float, float, float]:
     distance = max(float(np.linalg.norm(offset)), 1e-9)
     u, v = offset / distance
     return height / camera.focal, distance / height, float(error @ [u, v]), float(error @ [-v, u])
+
+
+def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
+    """What level images do not tell, from tilted ones of people in plain view."""
+    cases = []
+    for k, (tilt, sway) in enumerate(TILTS):
+        rng = np.random.default_rng([seed, 3, k])
+        views = tilted(rng, tilt, frames, sway)
+        for sample in samples(rng, Forest(()), frames=frames, altitudes=ALTITUDES + _OTHERS, attitudes=views):
+            whole = len(sample.blobs) == 1 and places_of(sample.frame, sample.blob, sample.forest) is None
+            if whole:
+                pose, ground = sample.frame.pose, measured(sample.frame, [sample.blob]).ground
+                axes, tangent = sight(pose, ground)
+                error_along = np.einsum("nij,ni->nj", axes, ground - sample.person)
+                cases.append((tangent, footprints(sample.frame.camera, pose, ground), error_along))
+    tangents, pixels, errors = (np.concatenate(column) for column in zip(*cases, strict=True))
+
+    def surprise(x: Array) -> float:
+        variances = _with_powers(error, x).detected(tangents, pixels)
+        return float(np.mean(np.log(variances) + errors**2 / variances))
+
+    return _with_powers(error, _minimum(surprise, np.array([*WHOLE.powers, WHOLE.stretch]), 2000))
+
+
+def _with_powers(error: WholeError, x: Array) -> WholeError:
+    a, b, c, d, stretch = x.tolist()
+    return replace(error, powers=(a, b, c, d), stretch=stretch)
+
+
+def fit_split(seed: int, frames: int) -> SplitError:
+    """The constants of people told apart under which their errors are likeliest; half of the cameras are level."""
+    cases = []
+    for k, (tilt, sway) in enumerate(((0.0, 0.0),) * len(TILTS) + TILTS):
+        rng = np.random.default_rng([seed, 4, k])
+        for pair in pairs(rng, frames=frames, attitudes=tilted(rng, tilt, frames, sway)):
+            found = located(pair.frame, pair.blobs, Forest(()))
+            axes, tangents = sight(pair.frame.pose, found.ground)
+            alone = np.einsum("nij,nik,nkj->nj", axes, found.covariances, axes)
+            gaps = split_gaps(pair.frame, found.pixels, pair.components)
+            errors_along = np.einsum("nij,ni->nj", axes, found.ground - pair.people)
+            cases.append((tangents, gaps, alone, errors_along, np.full(2, tilt == sway == 0.0)))
+    tangents, gaps, alone, errors, level = (np.concatenate(column) for column in zip(*cases, strict=True))
+
+    def surprise(x: Array) -> float:
+        variances = alone + SplitError(*x.tolist()).variances(tangents, gaps)
+        return float(np.mean(np.log(variances) + errors**2 / variances))
+
+    likeliest = _minimum(surprise, np.array(astuple(SPLIT)), 2000)
+    added = SplitError(*likeliest.tolist()).variances(tangents, gaps)
+    # Few errors are much larger than the rest: the likeliest constants say too little on the average of level cameras.
+    base, more, squares = alone[level], added[level], errors[level] ** 2
+    factor = brentq(lambda x: float(np.mean(squares / (base + x * more))) - 1.0, 0.1, 10.0)
+    return SplitError(*(likeliest * [factor**0.5, factor**0.5, factor**0.5, 1.0]).tolist())
 
 
 def _whole(x: Array) -> WholeError:
@@ -259,7 +262,7 @@ def _minimum(function: Callable[[Array], float], start: Array, calls: int) -> Ar
     return np.asarray(found.x)
 
 
-def _rounded(constants: WholeError | PartError) -> str:
+def _rounded(constants: WholeError | PartError | SplitError) -> str:
     numbers = [np.round(value, 3).tolist() for value in astuple(constants)]
     return "\n".join(f"  {field.name} = {value}" for field, value in zip(fields(constants), numbers, strict=True))
 
@@ -267,10 +270,11 @@ def _rounded(constants: WholeError | PartError) -> str:
 def main() -> None:
     """Print constants fitted anew, and the NEES of those in force on 5000 other detections."""
     console = Console()
-    console.print("tracking.noise.WholeError\n" + _rounded(fit_whole(0, 1200)))
+    console.print("tracking.noise.WholeError\n" + _rounded(fit_powers(fit_whole(0, 1200), 0, 600)))
+    console.print("tracking.noise.SplitError\n" + _rounded(fit_split(0, 800)))
     console.print("tracking.partial.PartError\n" + _rounded(fit_part(1, 300)))
     table = Table("bin", "detections", "mean NEES", "95 % interval", "")
-    for row in nees_bins(people_in_forests(2, 165)):
+    for row in nees_bins(people_in_forests(2, 165)) + tilt_bins(2, 200) + pair_bins(2, 2000):
         interval = f"{row.low:.2f} to {row.high:.2f}"
         table.add_row(row.name, str(row.count), f"{row.mean:.2f}", interval, "" if row.holds else "outside")
     console.print(table)

@@ -20,11 +20,16 @@ class Clutter:
     def __init__(self, sensing: Sensing, rng: np.random.Generator) -> None:
         self._expected = sensing.false_alarms
         self._missed = sensing.miss_probability
-        self._alarms, self._misses = rng.spawn(2)
+        self._alarms, self._misses, self._order = rng.spawn(3)
 
     def kept(self, count: int) -> NDArray[np.bool_]:
         """Which of the detections in one frame are not missed (count,)."""
         return np.asarray(self._misses.random(count) >= self._missed)
+
+    def order(self, detections: int, alarms: int) -> NDArray[np.int64]:
+        """An order (detections + alarms,) of one frame's detections and then alarms that does not tell these apart."""
+        count = detections + alarms
+        return self._order.permutation(count) if alarms else np.arange(count)
 
     def false_alarms(self, camera: Camera, pose: Pose) -> tuple[Array, Array]:
         """Pixels (K, 2) and ground points (K, 2) m of one frame's false alarms; none above the horizon."""

@@ -18,7 +18,7 @@ from sim.stopwatch import Stopwatch
 from sim.world import World
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
-from tracking.detector import Detections, Frame
+from tracking.detector import Detections, Frame, whole_covariances
 from tracking.noise import NoiseModel
 from tracking.tracker import Scan
 from tracking.visibility import TARGET_HEIGHT, Forest
@@ -107,16 +107,17 @@ class Sensors:
         with self._clock.measure("rendering"):
             rendered = self._renderer.take(uav, time, self.cameras[uav], pose)
         with self._clock.measure("detection"):
-            found, fault = self._detected(Frame(uav, time, self.cameras[uav], pose, rendered.image), rendered)
+            frame = Frame(uav, time, self.cameras[uav], pose, rendered.image)
+            found, fault = self._detected(frame, rendered)
             if self._scenario.sensing.noise == "range_bearing":
                 scan = self._sampled(uav, time, pose, found.ground)
             else:
                 scan = Scan(uav, time, pose, found.ground, found.covariances)
             kept = self._clutter.kept(len(found.ground))
-            scan, alarms = self._cluttered(scan, kept)
+            scan, pixels = self._cluttered(scan, found.pixels, kept, frame)
         visible = visible_pixels(rendered.people, len(people))
         matched = matched_people(found.pixels[kept], rendered.people, len(people))
-        return Look(scan, np.vstack([found.pixels[kept], alarms]), rendered.image, visible, matched, fault=fault)
+        return Look(scan, pixels, rendered.image, visible, matched, fault=fault)
 
     def _detected(self, frame: Frame, rendered: Rendered) -> tuple[Detections, str]:
         """What the detector finds, and its fault; then nothing is found."""
@@ -146,17 +147,25 @@ class Sensors:
             seen = present & self.cameras[uav].sees(pose, points) & self._forest.visible(pose.position, points)[0]
             scan = self._sampled(uav, time, pose, people[seen])
             kept = self._clutter.kept(len(scan.measurements))
-            scan, _ = self._cluttered(scan, kept)
+            scan, _ = self._cluttered(scan, np.zeros((len(kept), 2)), kept, None)
         matched = seen.copy()
         matched[seen] = kept
         return Look(scan, np.zeros((0, 2)), None, seen.astype(np.int64), matched)
 
-    def _cluttered(self, scan: Scan, kept: NDArray[np.bool_]) -> tuple[Scan, Array]:
-        """A scan without what is missed and with false alarms after the rest, and the pixels (K, 2) of these."""
-        pixels, ground = self._clutter.false_alarms(self.cameras[scan.uav], scan.pose)
-        z = np.vstack([scan.measurements[kept], ground])
-        R = np.concatenate([scan.covariances[kept], self._covariances(scan.uav, scan.pose, ground)])
-        return replace(scan, measurements=z, covariances=R), pixels
+    def _cluttered(self, scan: Scan, pixels: Array, kept: NDArray[np.bool_], frame: Frame | None) -> tuple[Scan, Array]:
+        """A scan without what is missed, with false alarms among the rest, and its pixels (N, 2), as these were.
+
+        An alarm's covariance is that of a person seen whole in the frame, if one was taken and nothing is added to it.
+        """
+        places, ground = self._clutter.false_alarms(self.cameras[scan.uav], scan.pose)
+        if frame is None or self._scenario.sensing.noise == "range_bearing":
+            alarms = self._covariances(scan.uav, scan.pose, ground)
+        else:
+            alarms = whole_covariances(frame, ground)
+        order = self._clutter.order(int(kept.sum()), len(ground))
+        z = np.vstack([scan.measurements[kept], ground])[order]
+        R = np.concatenate([scan.covariances[kept], alarms])[order]
+        return replace(scan, measurements=z, covariances=R), np.vstack([pixels[kept], places])[order]
 
     def _sampled(self, uav: int, time: float, pose: Pose, ground: Array) -> Scan:
         """Ground points (N, 2) m with a sample of the UAV's noise model added, and its covariances.

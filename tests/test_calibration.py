@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from sim.calibration import fit_whole, nees, nees_bins, people_in_forests
+from sim.calibration import fit_whole, nees, nees_bins
+from sim.calibration_scenes import people_in_forests
 from tracking.blob_detector import located
 from tracking.detector import measured
 from tracking.noise import WHOLE

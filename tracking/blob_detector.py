@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tracking.compiled import Array
-from tracking.detector import Detections, Frame, blobs_of, measured
+from tracking.detector import Detections, Frame, blobs_of, measured, split_covariances
 from tracking.partial import locate
 from tracking.visibility import Forest
 
@@ -21,17 +24,24 @@ class BlobDetector:
 
     def detect(self, frame: Frame) -> Detections:
         """The people in one frame, from the image's top to its bottom."""
-        return located(frame, blobs_of(frame), self._forest)
+        blobs, components = blobs_of(frame)
+        return located(frame, blobs, self._forest, components)
 
 
-def located(frame: Frame, blobs: list[Array], forest: Forest | None) -> Detections:
-    """Detections of people who show as blobs, each the pixels (K, 2) of one; parts are placed if there is a forest."""
-    found = measured(frame, blobs)
+def located(
+    frame: Frame, blobs: list[Array], forest: Forest | None, components: NDArray[np.int64] | None = None
+) -> Detections:
+    """Detections of people who show as blobs, each the pixels (K, 2) of one; parts are placed if there is a forest.
+
+    components (N,) tell which blobs are of one that was split, as from `blobs_of`.
+    """
+    found = measured(frame, blobs, components)
     if forest is None:
         return found
     ground, covariances = found.ground.copy(), found.covariances.copy()
+    split = split_covariances(frame, found.pixels, components)
     for k, blob in enumerate(blobs):
         place = locate(frame, blob, forest)
         if place is not None:
-            ground[k], covariances[k] = place
+            ground[k], covariances[k] = place[0], place[1] + split[k]
     return replace(found, ground=ground, covariances=covariances)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
-from tracking.noise import WHOLE, NoiseModel
+from tracking.noise import SPLIT, WHOLE, covariances_along, footprints, sight
 from tracking.visibility import TARGET_HEIGHT
 
 # Hi-vis orange in any light: red exceeds green by half of it, and blue by all of it. What noise makes of darker places
@@ -66,29 +66,31 @@ class Detector(Protocol):
 
 def detect(frame: Frame) -> Detections:
     """Detect the people in a frame, as if each were seen whole, the image's edge aside."""
-    return measured(frame, blobs_of(frame))
+    return measured(frame, *blobs_of(frame))
 
 
 # Where the horizon is in view, rays that meet no ground give NaN; such sizes fit nobody, such pixels are no person's.
 @np.errstate(divide="ignore", invalid="ignore")
-def blobs_of(frame: Frame) -> list[Array]:
-    """Pixels (K, 2) of each person in a frame.
+def blobs_of(frame: Frame) -> tuple[list[Array], NDArray[np.int64]]:
+    """Pixels (K, 2) of each person in a frame, and which component each is of (N,).
 
     Fragments that one person spans are joined; a component too large for one person is split.
     """
-    blobs = _joined(frame, _components(frame.image))
-    if blobs:
-        size = sizes(frame, np.vstack([_middle(blob) for blob in blobs]))
-        blobs = [part for k, blob in enumerate(blobs) for part in _split(blob, size, k)]
-    return [blob for blob in blobs if _meets_ground(frame, blob)]
+    components = _joined(frame, _components(frame.image))
+    blobs: list[tuple[Array, int]] = []
+    if components:
+        size = sizes(frame, np.vstack([_middle(blob) for blob in components]))
+        blobs = [(part, k) for k, blob in enumerate(components) for part in _split(blob, size, k)]
+    found = [(blob, k) for blob, k in blobs if _meets_ground(frame, blob)]
+    return [blob for blob, _ in found], np.array([k for _, k in found], dtype=np.int64)
 
 
 @np.errstate(divide="ignore", invalid="ignore")
-def measured(frame: Frame, blobs: list[Array]) -> Detections:
-    """Detections of people who show as blobs, each the pixels (K, 2) of one.
+def measured(frame: Frame, blobs: list[Array], components: NDArray[np.int64] | None = None) -> Detections:
+    """Detections of people who show as blobs, each the pixels (K, 2) of one; components (N,) as from `blobs_of`.
 
     A silhouette's centroid stands for the person's mid-height, corrected for what the image's edge cuts off; the
-    covariance is that of a person who is seen whole.
+    covariance is that of a person who is seen whole, and wider where one component was split.
     """
     if not blobs:
         return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
@@ -97,7 +99,7 @@ def measured(frame: Frame, blobs: list[Array]) -> Detections:
     return Detections(
         pixels,
         ground,
-        whole_covariances(frame, ground),
+        whole_covariances(frame, ground) + split_covariances(frame, pixels, components),
         np.array([float(len(blob)) for blob in blobs]),
         np.array([[*(blob.min(axis=0) - 0.5), *(blob.max(axis=0) + 0.5)] for blob in blobs]),
     )
@@ -105,12 +107,29 @@ def measured(frame: Frame, blobs: list[Array]) -> Detections:
 
 def whole_covariances(frame: Frame, ground: Array) -> Array:
     """Covariances (N, 2, 2) m² of people at ground points (N, 2) m who are seen whole."""
-    eye, altitude = frame.pose.position[:2], float(frame.pose.position[2])
-    model = NoiseModel.camera(frame.camera, altitude)
-    tangents = np.linalg.norm(ground - eye, axis=1) / (altitude - TARGET_HEIGHT)
-    excess = np.interp(tangents, WHOLE.tangents, WHOLE.excess)
-    R = np.array([model.covariance(eye, z) for z in ground]).reshape(-1, 2, 2)
-    return np.asarray(excess[:, None, None] * R)
+    axes, tangents = sight(frame.pose, ground)
+    variances = WHOLE.detected(tangents, footprints(frame.camera, frame.pose, ground))
+    # Towards the horizon a pixel's ground grows without bounds, but nobody is less certain than by their distance.
+    distances = np.sum((ground - frame.pose.position[:2]) ** 2, axis=1) + frame.pose.position[2] ** 2
+    return covariances_along(axes, np.minimum(variances, distances[:, None]))
+
+
+def split_covariances(frame: Frame, pixels: Array, components: NDArray[np.int64] | None) -> Array:
+    """What is added (N, 2, 2) m² to the covariances of detections at pixels (N, 2); zero but for split components."""
+    if components is None or len(np.unique(components)) == len(components):
+        return np.zeros((len(pixels), 2, 2))
+    axes, tangents = sight(frame.pose, frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT))
+    return covariances_along(axes, SPLIT.variances(tangents, split_gaps(frame, pixels, components)))
+
+
+@np.errstate(divide="ignore", invalid="ignore")
+def split_gaps(frame: Frame, pixels: Array, components: NDArray[np.int64]) -> Array:
+    """Distances (N,), in extents of a person, to the nearest detection of the same component; else infinite."""
+    size = sizes(frame, pixels)
+    offsets = (pixels[None] - pixels[:, None]) @ size.axes / size.extents[:, None]
+    siblings = (components[:, None] == components) & ~np.eye(len(components), dtype=np.bool_)
+    gaps = np.where(siblings, np.linalg.norm(offsets, axis=2), np.inf).min(axis=1)
+    return np.asarray(np.nan_to_num(gaps, posinf=np.inf))
 
 
 def _components(image: NDArray[np.uint8]) -> list[Array]:

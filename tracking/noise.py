@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from tracking.camera import Camera
+from tracking.camera import Camera, Pose
 from tracking.compiled import Array, compiled
 from tracking.visibility import TARGET_HEIGHT
 
@@ -33,6 +34,11 @@ class WholeError:
     # Factors of a detection's covariance by t: what polynomials of second degree, which planners use, leave.
     tangents: tuple[float, ...] = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75)
     excess: tuple[float, ...] = (0.893, 0.987, 1.045, 1.057, 0.909, 0.906)
+    # Level images of 60 degrees end about here. Beyond, where tilted ones see, growths go on as powers of t: radial
+    # posture and rounding, then tangential.
+    corner: float = 0.8
+    powers: tuple[float, float, float, float] = (2.74, -0.027, -3.592, -0.115)
+    stretch: float = 2.257  # power of a pixel's length over its width on the ground that coarsens a silhouette's sides
 
     def variances(self, gsd: Array) -> tuple[Array, Array]:
         """Radial and tangential variance as polynomials in t, (..., 3) m² each, for pixels of edge gsd (...) m."""
@@ -46,8 +52,46 @@ class WholeError:
         radial = polynomial(self.radial_posture, self.radial_rounding)
         return radial, polynomial(self.tangential_posture, self.tangential_rounding)
 
+    def detected(self, tangents: Array, footprints: Array) -> Array:
+        """Radial and tangential variances (N, 2) m² of detections from any attitude, by the ground that a pixel covers.
+
+        footprints (N, 2) m: along and across the line of sight, both gsd for a level camera; this then is the
+        polynomials of `variances`, times `excess`.
+        """
+        return _detected(tangents, footprints, self._constants)
+
+    @cached_property
+    def _constants(self) -> tuple[Array, Array, Array]:
+        growths = (self.radial_posture, self.radial_rounding, self.tangential_posture, self.tangential_rounding)
+        numbers = np.array(
+            [self.posture, self.rounding, self.limb, self.corner, *np.ravel(growths), *self.powers, self.stretch]
+        )
+        return numbers, np.array(self.tangents), np.array(self.excess)
+
 
 WHOLE = WholeError()
+
+
+@dataclass(frozen=True)
+class SplitError:
+    """What moves detections more that come of one blob told apart: who hides whom, and where the cut should have been.
+
+    Fitted by `python -m sim.calibration` to rendered pairs who touch in the image, so that errors squared over
+    variances average one.
+    """
+
+    base: float = 0.196  # m, standard deviation where the parts coincide
+    radial: float = 1.487  # m, the same for each unit of the tangent of the angle off nadir
+    tangential: float = 0.608  # m
+    decay: float = 8.016  # of the variance, for each person's extent that the parts are apart
+
+    def variances(self, tangents: Array, gaps: Array) -> Array:
+        """Radial and tangential variances (N, 2) m² at gaps (N,), in extents of a person, between the parts."""
+        growth = np.column_stack([(self.radial * tangents) ** 2, (self.tangential * tangents) ** 2])
+        return np.asarray(np.exp(-self.decay * gaps)[:, None] * (self.base**2 + growth))
+
+
+SPLIT = SplitError()
 
 
 @dataclass(frozen=True)
@@ -94,6 +138,86 @@ def _in_range(polynomial: Array, height: float) -> Quadratic:
     """A polynomial in the tangent of the angle off nadir as one in the planar distance."""
     constant, slope, curve = (polynomial / [1.0, height, height**2]).tolist()
     return constant, slope, curve
+
+
+def sight(pose: Pose, ground: Array) -> tuple[Array, Array]:
+    """At ground points (N, 2) m, unit vectors in columns along and across the line of sight (N, 2, 2), and tangents.
+
+    The tangents (N,) are of the angle off nadir.
+    """
+    return _sight(pose.position, ground)
+
+
+@compiled
+def _sight(eye: Array, ground: Array) -> tuple[Array, Array]:
+    axes, tangents = np.empty((len(ground), 2, 2)), np.empty(len(ground))
+    for k in range(len(ground)):
+        x, y = ground[k, 0] - eye[0], ground[k, 1] - eye[1]
+        distance = math.sqrt(x * x + y * y)
+        cos, sin = (x / distance, y / distance) if distance > 0.0 else (1.0, 0.0)
+        axes[k, 0], axes[k, 1] = (cos, -sin), (sin, cos)
+        tangents[k] = distance / abs(eye[2] - TARGET_HEIGHT)
+    return axes, tangents
+
+
+@compiled
+def covariances_along(axes: Array, variances: Array) -> Array:
+    """Covariances (N, 2, 2) with variances (N, 2) along axes in columns (N, 2, 2)."""
+    out = np.empty((len(axes), 2, 2))
+    for n in range(len(axes)):
+        for i in range(2):
+            for k in range(2):
+                x = axes[n, i, 0] * axes[n, k, 0] * variances[n, 0]
+                out[n, i, k] = x + axes[n, i, 1] * axes[n, k, 1] * variances[n, 1]
+    return out
+
+
+def footprints(camera: Camera, pose: Pose, ground: Array) -> Array:
+    """What a pixel covers along and across the line of sight (N, 2) m where people stand at ground points (N, 2) m.
+
+    That is the standard deviation there of what has one of a pixel in each direction of the image.
+    """
+    return _footprints(pose.position, pose.rotation, camera.focal, ground)
+
+
+@compiled
+def _footprints(eye: Array, rotation: Array, focal: float, ground: Array) -> Array:
+    out = np.empty((len(ground), 2))
+    for k in range(len(ground)):
+        x, y, z = ground[k, 0] - eye[0], ground[k, 1] - eye[1], TARGET_HEIGHT - eye[2]
+        depth = -(x * rotation[0, 2] + y * rotation[1, 2] + z * rotation[2, 2])
+        distance = math.sqrt(x * x + y * y)
+        cos, sin = (x / distance, y / distance) if distance > 0.0 else (1.0, 0.0)
+        radial = tangential = 0.0
+        # The ray r through a pixel, of unit depth, meets the plane at p = eye + s r, with s = depth. As s r_z is
+        # constant, dp = s (dr - r dr_z / r_z); and dr are the image's axes in the world, over the focal length.
+        for j in range(2):
+            east = rotation[0, j] - rotation[2, j] * x / z
+            north = rotation[1, j] - rotation[2, j] * y / z
+            radial += (cos * east + sin * north) ** 2
+            tangential += (cos * north - sin * east) ** 2
+        out[k] = depth / focal * math.sqrt(radial), depth / focal * math.sqrt(tangential)
+    return out
+
+
+@compiled
+def _detected(tangents: Array, footprints: Array, constants: tuple[Array, Array, Array]) -> Array:
+    numbers, knots, factors = constants
+    posture, rounding, limb, corner = numbers[0] ** 2, numbers[1] ** 2 / 12, numbers[2] ** 2, numbers[3]
+    slopes, curves, powers = numbers[4:12:2], numbers[5:12:2], numbers[12:16]
+    excess = np.interp(tangents, knots, factors)
+    out = np.empty((len(tangents), 2))
+    for k in range(len(tangents)):
+        within, beyond = min(tangents[k], corner), max(tangents[k] / corner, 1.0)
+        growth = (1.0 + slopes * within + curves * within**2) * beyond**powers
+        # Rounding averages over a silhouette's pixels; that of its long sides over those in its length, the fewer if
+        # they are long themselves.
+        area, longer = footprints[k, 0] * footprints[k, 1], footprints[k, 0] / footprints[k, 1]
+        for j in range(2):
+            grain = area * longer ** (j * numbers[16])
+            pixel = rounding * footprints[k, j] ** 2 * grain / (limb + grain)
+            out[k, j] = excess[k] * (posture * growth[2 * j] + pixel * growth[2 * j + 1])
+    return out
 
 
 @compiled
