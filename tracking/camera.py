@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,3 +95,40 @@ class Camera:
         """Corners (4, 2) m of the image on the horizontal plane at `height` m, anticlockwise."""
         n = float(self.pixels)
         return self.ground_points(pose, np.array([[0, n], [n, n], [n, 0], [0, 0]]), height)
+
+
+class Lens(NamedTuple):
+    """A camera and its pose, as compiled code takes them."""
+
+    eye: tuple[float, float, float]  # m
+    rotation: Array  # (3, 3) from body to world
+    focal: float  # pixels
+    pixels: int  # along each edge
+
+    @staticmethod
+    def of(camera: Camera, pose: Pose) -> Lens:
+        """The lens of a camera at a pose."""
+        x, y, z = pose.position.tolist()
+        return Lens((x, y, z), pose.rotation, camera.focal, camera.pixels)
+
+
+@compiled
+def ground_point(lens: Lens, pixel: tuple[float, float], height: float) -> tuple[float, float]:
+    """Where the line through a pixel (u, v) meets the horizontal plane at `height` m, be it behind the camera [m]."""
+    r = lens.rotation
+    x, y = (pixel[0] - lens.pixels / 2) / lens.focal, (lens.pixels / 2 - pixel[1]) / lens.focal
+    scale = (height - lens.eye[2]) / (r[2, 0] * x + r[2, 1] * y - r[2, 2])
+    east, north = r[0, 0] * x + r[0, 1] * y - r[0, 2], r[1, 0] * x + r[1, 1] * y - r[1, 2]
+    return lens.eye[0] + scale * east, lens.eye[1] + scale * north
+
+
+@compiled
+def image_point(lens: Lens, point: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Pixel (u, v) of a world point [m] and its depth along the optical axis [m]; NaN for a pixel behind the camera."""
+    r = lens.rotation
+    east, north, up = point[0] - lens.eye[0], point[1] - lens.eye[1], point[2] - lens.eye[2]
+    depth = -(east * r[0, 2] + north * r[1, 2] + up * r[2, 2])
+    scale = lens.focal / depth if depth > 0.0 else math.nan
+    u = lens.pixels / 2 + scale * (east * r[0, 0] + north * r[1, 0] + up * r[2, 0])
+    v = lens.pixels / 2 - scale * (east * r[0, 1] + north * r[1, 1] + up * r[2, 1])
+    return u, v, depth

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.camera import Camera, Pose
-from tracking.compiled import Array
+from tracking.camera import Camera, Lens, Pose, ground_point, image_point
+from tracking.compiled import Array, compiled
 from tracking.noise import WHOLE, NoiseModel
 from tracking.visibility import TARGET_HEIGHT
 
@@ -158,20 +158,24 @@ def sizes(frame: Frame, pixels: Array) -> Size:
 
     Fitted to renderings of a walking person at all headings, from nadir to 40 degrees off.
     """
-    ground = frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT)
-    heights = np.broadcast_to([0.0, TARGET_HEIGHT, 2 * TARGET_HEIGHT], (len(ground), 3))
-    points = np.dstack([np.broadcast_to(ground[:, None], (len(ground), 3, 2)), heights])
-    projected, depths = frame.camera.project(frame.pose, points.reshape(-1, 3))
-    scale = frame.camera.focal / depths[1::3]
-    upright = projected[2::3] - projected[0::3]
-    height = np.linalg.norm(upright, axis=1)
-    cos, sin = (upright / np.maximum(height, 1e-9)[:, None]).T
-    cos = np.where(height > 0.0, cos, 1.0)
-    return Size(
-        np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1),
-        np.column_stack([np.maximum(0.75 * scale + 0.95 * height, 0.95 * scale), 0.95 * scale]),
-        scale * (0.2 * scale + 0.22 * height),
-    )
+    return Size(*_sizes(Lens.of(frame.camera, frame.pose), pixels))
+
+
+@compiled
+def _sizes(lens: Lens, pixels: Array) -> tuple[Array, Array, Array]:
+    """Axes (N, 2, 2), extents (N, 2) and areas (N,) at pixels (N, 2)."""
+    axes, extents, areas = np.empty((len(pixels), 2, 2)), np.empty((len(pixels), 2)), np.empty(len(pixels))
+    for k in range(len(pixels)):
+        x, y = ground_point(lens, (pixels[k, 0], pixels[k, 1]), TARGET_HEIGHT)
+        scale = lens.focal / image_point(lens, (x, y, TARGET_HEIGHT))[2]
+        foot, head = image_point(lens, (x, y, 0.0)), image_point(lens, (x, y, 2 * TARGET_HEIGHT))
+        right, down = head[0] - foot[0], head[1] - foot[1]
+        height = math.sqrt(right * right + down * down)
+        cos, sin = (right / height, down / height) if height > 0.0 else (1.0, 0.0)
+        axes[k, 0], axes[k, 1] = (cos, -sin), (sin, cos)
+        extents[k] = np.maximum(0.75 * scale + 0.95 * height, 0.95 * scale), 0.95 * scale
+        areas[k] = scale * (0.2 * scale + 0.22 * height)
+    return axes, extents, areas
 
 
 def _fits_one(blob: Array, size: Size, k: int) -> bool:
