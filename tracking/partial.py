@@ -32,19 +32,19 @@ class PartError:
     Fitted by `python -m sim.calibration` so that errors squared over variances average one.
     """
 
-    posture: float = 0.173  # m: what the centroid of a vanishing part moves by, beyond that of a whole silhouette
-    rounding: float = 0.665  # pixels: what rounding moves the centroid of a single pixel by
-    fringe: float = 0.858  # pixels of area, of an outline of one pixel
-    limb: float = 0.072  # of a whole silhouette's area, for a visible part of all of it: headings and strides
+    posture: float = 0.182  # m: what the centroid of a vanishing part moves by, beyond that of a whole silhouette
+    rounding: float = 0.572  # pixels: what rounding moves the centroid of a single pixel by
+    fringe: float = 0.876  # pixels of area, of an outline of one pixel
+    limb: float = 0.07  # of a whole silhouette's area, for a visible part of all of it: headings and strides
     # Factors of the covariance by a pixel's edge on the ground [m] and the share that is hidden: the rest of what a
     # mean silhouette does not know.
     pixel: tuple[float, ...] = (0.083, 0.111, 0.167, 0.222)
     hidden: tuple[float, ...] = (0.0, 0.15, 0.35, 0.55, 0.75, 0.9)
     excess: tuple[tuple[float, ...], ...] = (
-        (0.36, 0.62, 0.722, 0.696, 0.931, 1.77),
-        (0.405, 0.621, 0.879, 0.589, 0.843, 1.282),
-        (0.49, 0.59, 0.589, 0.632, 0.875, 0.954),
-        (1.091, 0.469, 0.671, 0.7, 0.734, 0.953),
+        (0.331, 0.655, 0.731, 0.703, 0.885, 1.678),
+        (0.416, 0.633, 0.771, 0.614, 0.795, 1.298),
+        (0.537, 0.562, 0.63, 0.642, 0.775, 0.987),
+        (1.04, 0.455, 0.728, 0.722, 0.788, 0.972),
     )
 
     @property
