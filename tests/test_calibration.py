@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sim.calibration import fit_whole, nees, nees_bins, people_in_forests
+from sim.calibration import fit_whole, nees_bins, people_in_forests
 from tracking.blob_detector import located
 from tracking.detector import measured
 from tracking.noise import WHOLE
@@ -72,11 +72,14 @@ def test_people_seen_whole_are_placed_by_their_centroids_alone(population):
         assert one.covariances.tobytes() == other.covariances.tobytes()
 
 
-@pytest.mark.parametrize("pixels", [96, 192])
-def test_nees_is_near_two_at_other_resolutions(pixels):
-    values = nees(people_in_forests(3, 12, pixels))
-    assert len(values) > 300
-    assert 1.5 < values.mean() < 2.5
+@pytest.mark.parametrize("pixels", [96, 128, 192, 256])
+def test_nees_is_two_at_other_resolutions_and_for_parts_lies_in_its_interval(pixels):
+    population = people_in_forests(3, 40, pixels)
+    bins = nees_bins(population)
+    assert 1.8 < bins[-1].mean < 2.2
+    half = [[s for s in population if low < s.hidden <= high] for low, high in ((0.0, 0.5), (0.5, 1.0))]
+    assert min(map(len, half)) > 100
+    assert all(nees_bins(parts)[-1].holds for parts in half)
 
 
 @pytest.mark.slow

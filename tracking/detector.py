@@ -12,12 +12,9 @@ from numpy.typing import NDArray
 
 from tracking.camera import Camera, Lens, Pose, ground_point, image_point
 from tracking.compiled import Array, compiled
+from tracking.components import components
 from tracking.noise import WHOLE, NoiseModel
 from tracking.visibility import TARGET_HEIGHT
-
-# Hi-vis orange in any light: red exceeds green by half of it, and blue by all of it. What noise makes of darker places
-# looks so too, if faintly: red exceeds green by so many grey levels in all of a component, and surely in some of it.
-_FAINT, _SURE = 20, 40
 
 # A walking person's mean outline over all headings, as three horizontal circles: height above ground, radius [m].
 _CIRCLES = ((0.0, 0.25), (1.4, 0.23), (1.7, 0.08))
@@ -76,11 +73,10 @@ def blobs_of(frame: Frame) -> list[Array]:
 
     Fragments that one person spans are joined; a component too large for one person is split.
     """
-    blobs = _joined(frame, _components(frame.image))
-    if blobs:
-        size = sizes(frame, np.vstack([_middle(blob) for blob in blobs]))
-        blobs = [part for k, blob in enumerate(blobs) for part in _split(blob, size, k)]
-    return [blob for blob in blobs if _meets_ground(frame, blob)]
+    lens = Lens.of(frame.camera, frame.pose)
+    blobs = _joined(frame, components(frame.image))
+    parts = [part for blob in blobs for part in ([blob] if _one_person(lens, blob) else _split(frame, blob))]
+    return [blob for blob in parts if _meets_ground(lens, blob)]
 
 
 @np.errstate(divide="ignore", invalid="ignore")
@@ -111,37 +107,6 @@ def whole_covariances(frame: Frame, ground: Array) -> Array:
     excess = np.interp(tangents, WHOLE.tangents, WHOLE.excess)
     R = np.array([model.covariance(eye, z) for z in ground]).reshape(-1, 2, 2)
     return np.asarray(excess[:, None, None] * R)
-
-
-def _components(image: NDArray[np.uint8]) -> list[Array]:
-    """Pixel centres (K, 2) of each 8-connected component in a person's colour."""
-    red, green, blue = (channel.astype(np.int16) for channel in cv2.split(image))
-    redder = red - green
-    mask = (2 * red > 3 * green) & (red > 2 * blue) & (redder >= _FAINT)
-    labels, stats = _labelled(mask.astype(np.uint8))
-    components = []
-    for k in np.unique(labels[mask & (redder >= _SURE)]).tolist():
-        left, top, width, height, _ = stats[k].tolist()
-        rows, columns = np.nonzero(labels[top : top + height, left : left + width] == k)
-        components.append(np.column_stack([columns + (left + 0.5), rows + (top + 0.5)]))
-    return components
-
-
-def _labelled(mask: NDArray[np.uint8]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Labels (P, P) of a mask's components, 0 for the background, and by label their boxes and areas.
-
-    Only the box round all of them is searched: most of an image is background, and counting that takes longest. It
-    begins at even pixels, as the search goes over blocks of two by two, so that the labels are those of the whole.
-    """
-    left, top, width, height = cv2.boundingRect(mask)
-    left, top, right, bottom = left // 2 * 2, top // 2 * 2, left + width, top + height
-    labels = np.zeros(mask.shape, dtype=np.int32)
-    if width == 0:
-        return labels, np.zeros((1, 5), dtype=np.int32)
-    _, found, stats, _ = cv2.connectedComponentsWithStats(mask[top:bottom, left:right], connectivity=8)
-    labels[top:bottom, left:right] = found
-    stats[:, :2] += [left, top]
-    return labels, stats
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,15 +143,27 @@ def _sizes(lens: Lens, pixels: Array) -> tuple[Array, Array, Array]:
     return axes, extents, areas
 
 
-def _fits_one(blob: Array, size: Size, k: int) -> bool:
-    """Whether one person of the k-th size can span all pixels (K, 2) of a blob."""
-    small = len(blob) <= _CROWD * size.areas[k] + 1.0
-    return bool(small and np.all(np.ptp(blob @ size.axes[k], axis=0) <= size.extents[k]))
+@compiled
+def _one_person(lens: Lens, blob: Array) -> bool:
+    """Whether one person who stands in their middle can span all pixels (K, 2) of a blob."""
+    axes, extents, areas = _sizes(lens, np.array([[_middle(blob[:, 0]), _middle(blob[:, 1])]]))
+    if not len(blob) <= _CROWD * areas[0] + 1.0:
+        return False
+    for k in range(2):
+        along = axes[0, 0, k] * blob[:, 0] + axes[0, 1, k] * blob[:, 1]
+        if not along.max() - along.min() <= extents[0, k]:
+            return False
+    return True
+
+
+@compiled
+def _middle(values: Array) -> float:
+    return float((values.min() + values.max()) / 2)
 
 
 def _joined(frame: Frame, blobs: list[Array]) -> list[Array]:
     """Join the nearest two blobs that one person can span until there are none."""
-    blobs = list(blobs)
+    blobs, lens = list(blobs), Lens.of(frame.camera, frame.pose)
     while len(blobs) > 1:
         centres = np.array([blob.mean(axis=0) for blob in blobs])
         reach = np.linalg.norm(sizes(frame, centres).extents, axis=1)
@@ -195,7 +172,7 @@ def _joined(frame: Frame, blobs: list[Array]) -> list[Array]:
         pairs = sorted((distances[i, j], i, j) for i, j in np.argwhere(near).tolist())
         for _, i, j in pairs:
             both = np.vstack([blobs[i], blobs[j]])
-            if _fits_one(both, sizes(frame, _middle(both)), 0):
+            if _one_person(lens, both):
                 blobs[i] = both
                 del blobs[j]
                 break
@@ -204,15 +181,12 @@ def _joined(frame: Frame, blobs: list[Array]) -> list[Array]:
     return blobs
 
 
-def _middle(blob: Array) -> Array:
-    return np.asarray((blob.min(axis=0) + blob.max(axis=0))[None] / 2)
-
-
-def _split(blob: Array, size: Size, k: int) -> list[Array]:
-    """Parts of a blob, as many as it has areas of the k-th size; k-means from evenly spread starts."""
-    if len(blob) == 1 or np.isnan(size.areas[k]) or _fits_one(blob, size, k):
+def _split(frame: Frame, blob: Array) -> list[Array]:
+    """Parts of a blob, as many as it has areas of one person; k-means from evenly spread starts."""
+    area = float(sizes(frame, (blob.min(axis=0) + blob.max(axis=0))[None] / 2).areas[0])
+    if len(blob) == 1 or math.isnan(area):
         return [blob]
-    people = min(max(2, round(len(blob) / size.areas[k])), len(blob))
+    people = min(max(2, round(len(blob) / area)), len(blob))
     offset = blob - blob.mean(axis=0)
     principal = np.linalg.eigh(offset.T @ offset)[1][:, -1]
     order = np.argsort(offset @ principal, kind="stable")
@@ -224,10 +198,11 @@ def _split(blob: Array, size: Size, k: int) -> list[Array]:
     return parts
 
 
-def _meets_ground(frame: Frame, blob: Array) -> bool:
+@compiled
+def _meets_ground(lens: Lens, blob: Array) -> bool:
     """Whether the ray through a blob's centroid meets the plane at people's mid-height, in front of the camera."""
-    rise = frame.camera.rays(frame.pose, blob.mean(axis=0))[0, 2]
-    return bool(rise * (TARGET_HEIGHT - frame.pose.position[2]) > 0.0)
+    x, y = ground_point(lens, (blob[:, 0].mean(), blob[:, 1].mean()), TARGET_HEIGHT)
+    return image_point(lens, (x, y, TARGET_HEIGHT))[2] > 0.0
 
 
 def _centre(frame: Frame, blob: Array) -> Array:
