@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from sim.calibration import fit_whole, nees_bins, people_in_forests
+from sim.calibration import fit_whole, nees, nees_bins, people_in_forests
 from tracking.blob_detector import located
 from tracking.detector import measured
 from tracking.noise import WHOLE
@@ -74,12 +75,13 @@ def test_people_seen_whole_are_placed_by_their_centroids_alone(population):
 
 @pytest.mark.parametrize("pixels", [96, 128, 192, 256])
 def test_nees_is_two_at_other_resolutions_and_for_parts_lies_in_its_interval(pixels):
-    population = people_in_forests(3, 40, pixels)
-    bins = nees_bins(population)
-    assert 1.8 < bins[-1].mean < 2.2
-    half = [[s for s in population if low < s.hidden <= high] for low, high in ((0.0, 0.5), (0.5, 1.0))]
-    assert min(map(len, half)) > 100
-    assert all(nees_bins(parts)[-1].holds for parts in half)
+    population = people_in_forests(3, 30, pixels)
+    assert 1.8 < nees(population).mean() < 2.2
+    for low, high in ((0.0, 0.5), (0.5, 1.0)):
+        parts = nees([s for s in population if low < s.hidden <= high])
+        assert len(parts) > 80
+        interval = chi2.ppf((0.025, 0.975), 2 * len(parts)) / len(parts)
+        assert interval[0] <= parts.mean() <= interval[1]
 
 
 @pytest.mark.slow

@@ -76,9 +76,7 @@ def _blocks(mask: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
 
 
 @compiled
-def _filled(
-    mask: NDArray[np.uint8], start: tuple[int, int], todo: NDArray[np.int64], out: NDArray[np.int64]
-) -> int:
+def _filled(mask: NDArray[np.uint8], start: tuple[int, int], todo: NDArray[np.int64], out: NDArray[np.int64]) -> int:
     """Wipe out the component at start (index, width of a row) of a flat mask and write it to `out`, if it is sure."""
     seed, width = start
     sure = mask[seed] == 2

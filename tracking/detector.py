@@ -123,11 +123,11 @@ def sizes(frame: Frame, pixels: Array) -> Size:
 
     Fitted to renderings of a walking person at all headings, from nadir to 40 degrees off.
     """
-    return Size(*_sizes(Lens.of(frame.camera, frame.pose), pixels))
+    return Size(*sizes_at(Lens.of(frame.camera, frame.pose), pixels))
 
 
 @compiled
-def _sizes(lens: Lens, pixels: Array) -> tuple[Array, Array, Array]:
+def sizes_at(lens: Lens, pixels: Array) -> tuple[Array, Array, Array]:
     """Axes (N, 2, 2), extents (N, 2) and areas (N,) at pixels (N, 2)."""
     axes, extents, areas = np.empty((len(pixels), 2, 2)), np.empty((len(pixels), 2)), np.empty(len(pixels))
     for k in range(len(pixels)):
@@ -146,7 +146,7 @@ def _sizes(lens: Lens, pixels: Array) -> tuple[Array, Array, Array]:
 @compiled
 def _one_person(lens: Lens, blob: Array) -> bool:
     """Whether one person who stands in their middle can span all pixels (K, 2) of a blob."""
-    axes, extents, areas = _sizes(lens, np.array([[_middle(blob[:, 0]), _middle(blob[:, 1])]]))
+    axes, extents, areas = sizes_at(lens, np.array([[_middle(blob[:, 0]), _middle(blob[:, 1])]]))
     if not len(blob) <= _CROWD * areas[0] + 1.0:
         return False
     for k in range(2):

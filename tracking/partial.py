@@ -10,7 +10,7 @@ import numpy as np
 
 from tracking.camera import Lens, ground_point
 from tracking.compiled import Array, compiled
-from tracking.detector import Frame, sizes, whole_covariances
+from tracking.detector import Frame, sizes_at, whole_covariances
 from tracking.shadows import Clearing, Pair, clearing_at, is_open, relative, with_shadows
 from tracking.silhouette import TALLEST, Silhouette, shown, silhouette_of
 from tracking.visibility import TARGET_HEIGHT, Forest
@@ -19,6 +19,8 @@ from tracking.visibility import TARGET_HEIGHT, Forest
 _SMALL = 0.6
 # How many places are looked at: first wherever the person may be, then where that leaves them.
 _COARSE, _FINE = 100, 200
+# Where less than this share of a silhouette would show, nobody would be seen.
+_LEAST = 0.01
 # Places of a surprise so far beyond the least are none: a probability of e^-10.
 _IMPROBABLE = 20.0
 
@@ -110,24 +112,36 @@ def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
     lens = Lens.of(frame.camera, frame.pose)
     if lens.eye[2] <= TALLEST:
         return None  # among people, not above them
-    seen = blob.mean(axis=0)
-    area = float(sizes(frame, seen[None]).areas[0])
-    clearing = _surroundings(lens, blob, forest.blockers)
-    if not np.isfinite(clearing.footprint).all() or (len(blob) > _SMALL * area and _all_open(lens, clearing, blob)):
+    hidden, clearing, area = _surroundings(lens, blob, forest.blockers)
+    if not hidden:
         return None
     whole = whole_covariances(frame, np.array([clearing.origin]))[0]
-    turn = _turn(clearing)
-    pixel = clearing.footprint @ clearing.footprint.T
-    places = _places(clearing, Seen(turn.T @ whole @ turn, pixel, area, float(len(blob))), lens.eye[2], PART.constants)
-    return places if places.shares.any() else None
+    places = _places(clearing, _seen(clearing, whole, area, len(blob)), lens.eye[2], PART.constants)
+    return places if places.shares.max() >= _LEAST else None
 
 
 @compiled
-def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> Clearing:
-    """The clearing around the centroid of a blob (K, 2), with the shadows that may matter."""
-    clearing = clearing_at(lens, (blob[:, 0].mean(), blob[:, 1].mean()))
+def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clearing, float]:
+    """Whether something may hide part of the person who shows as a blob (K, 2), what is around, a person's area there.
+
+    The clearing is that around the blob's centroid, with the shadows that may matter; the area is in pixels.
+    """
+    centre = blob[:, 0].mean(), blob[:, 1].mean()
+    clearing, area = clearing_at(lens, centre), sizes_at(lens, np.array([centre]))[2][0]
     growth = (lens.eye[2] - TARGET_HEIGHT) / (lens.eye[2] - TALLEST)
-    return with_shadows(clearing, lens.eye, cylinders, 2.5 + 2 * clearing.distance * (growth - 1.0))
+    clearing = with_shadows(clearing, lens.eye, cylinders, 2.5 + 2 * clearing.distance * (growth - 1.0))
+    placed = bool(
+        np.isfinite(clearing.footprint).all() and np.isfinite(area)
+    )  # not at the horizon, where nobody has a size
+    return placed and (len(blob) <= _SMALL * area or not _all_open(lens, clearing, blob)), clearing, area
+
+
+@compiled
+def _seen(clearing: Clearing, whole: Array, area: float, shown: float) -> Seen:
+    """What was seen, given the covariance (2, 2) m² of a whole person in the world's axes, and areas in pixels."""
+    x, y = clearing.away
+    turn, pixel = np.array([[x, -y], [y, x]]), clearing.footprint
+    return Seen(turn.T @ whole @ turn, pixel @ pixel.T, area, shown)
 
 
 @compiled
@@ -199,7 +213,7 @@ def _surprises(places: Places, constants: _Constants) -> Array:
     for i in range(len(places.v)):
         for j in range(len(places.u)):
             share = places.shares[i, j]
-            if share < 0.01:
+            if share < _LEAST:
                 continue
             # A mean silhouette knows well what half a person looks like, and badly what a tenth does.
             hidden = (posture * max(1.0 - share, 0.0) ** 3) ** 2
@@ -237,10 +251,3 @@ def _moments(places: Places, surprises: Array) -> tuple[Array, Array, float]:
     xy = cos * sin * (uu - vv) + (cos * cos - sin * sin) * uv
     mean = np.array([x + cos * u - sin * v, y + sin * u + cos * v])
     return mean, np.array([[xx, xy], [xy, yy]]), hidden / total
-
-
-@compiled
-def _turn(clearing: Clearing) -> Array:
-    """From the clearing's axes to the world's (2, 2)."""
-    x, y = clearing.away
-    return np.array([[x, -y], [y, x]])
