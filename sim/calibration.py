@@ -132,7 +132,7 @@ def fit_whole(seed: int, frames: int) -> WholeError:
 
     error = _whole(_minimum(surprise, np.hstack(astuple(WHOLE)[:7]), 12000))
     along, across = ((variances * powers).sum(axis=1) for variances in error.variances(gsd))
-    excess, _ = _excess(tangent, error.tangents, radial**2 / along + tangential**2 / across)
+    excess, _ = _excess(_between(tangent, error.tangents), radial**2 / along + tangential**2 / across)
     return replace(error, excess=excess)
 
 
@@ -211,20 +211,14 @@ def _positive(x: Array) -> bool:
 
 
 def fit_part(seed: int, frames: int) -> PartError:
-    """The constants of people seen in part under which their places are likeliest.
-
-    The factors of the covariance are those of the default resolution, all else is fitted to three.
-    """
-    usual = _parts(people_in_forests(seed, frames))
-    cases = usual[: len(usual) // 2] + [
-        case for k in (96, 192) for case in _parts(people_in_forests(seed + k, frames // 8, k))
-    ]
+    """The constants of people seen in part under which their places are likeliest, at four resolutions alike."""
+    cases = [case for k in (256, 192, 128, 96) for case in _parts(people_in_forests(seed + k, frames, k))]
 
     def surprise(x: Array) -> float:
-        return math.inf if np.min(x) < 0.0 else _with_excess(x, cases)[1]
+        return math.inf if np.min(x) < 0.0 else _with_excess(x, cases[::5])[1]
 
-    start = np.array(astuple(PART)[:4])
-    return _with_excess(np.round(_minimum(surprise, start, 100), 3), usual)[0]
+    start = np.array(PART.constants)
+    return _with_excess(np.round(_minimum(surprise, start, 100), 3), cases)[0]
 
 
 def _parts(population: Sequence[Sample]) -> list[tuple[Places, Array]]:
@@ -234,22 +228,31 @@ def _parts(population: Sequence[Sample]) -> list[tuple[Places, Array]]:
 
 
 def _with_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> tuple[PartError, float]:
-    """The constants with the likeliest factors of the covariance by the share hidden, and how unlikely they are."""
-    error = replace(PartError(*x.tolist()), excess=(1.0,) * len(PART.hidden))
+    """The constants with the likeliest factors of the covariance, and how unlikely they are."""
+    plain = ((1.0,) * len(PART.hidden),) * len(PART.pixel)
+    error = replace(PART, **dict(zip(("posture", "rounding", "fringe", "limb"), x.tolist(), strict=True)), excess=plain)
     rows = []
     for places, person in cases:
         mean, covariance, share = places.posterior(error)
-        offset = mean - person
-        rows.append((offset @ np.linalg.solve(covariance, offset), np.linalg.slogdet(covariance)[1], share))
-    squares, volumes, shares = np.array(rows).T
-    excess, factor = _excess(shares, error.hidden, squares)
-    surprise = float(np.mean(squares / factor + volumes + 2 * np.log(factor)))
-    return replace(error, excess=excess), surprise
+        rows.append((*(mean - person), *covariance.ravel(), share))
+    u, v, uu, uv, _, vv, shares = np.array(rows).T
+    volume = uu * vv - uv * uv
+    squares = (vv * u * u - 2 * uv * u * v + uu * v * v) / volume
+    pixel = _between([places.pixel for places, _ in cases], error.pixel)
+    basis = (pixel[:, None] * _between(shares, error.hidden)).reshape(-1, len(cases))
+    excess, factor = _excess(basis, squares)
+    surprise = float(np.mean(squares / factor + np.log(volume) + 2 * np.log(factor)))
+    table = tuple(tuple(row) for row in np.reshape(excess, (len(error.pixel), -1)).tolist())
+    return replace(error, excess=table), surprise
 
 
-def _excess(where: Array, knots: Sequence[float], squares: Array) -> tuple[tuple[float, ...], Array]:
-    """The likeliest factors of covariances at knots, linear between, and those (N,) of the squares (N,) at `where`."""
-    basis = np.array([np.interp(where, knots, unit) for unit in np.eye(len(knots))])
+def _between(where: Array | Sequence[float], knots: Sequence[float]) -> Array:
+    """Shares (K, N) that each knot has in what is linear between knots, at `where` (N,)."""
+    return np.array([np.interp(where, knots, unit) for unit in np.eye(len(knots))])
+
+
+def _excess(basis: Array, squares: Array) -> tuple[tuple[float, ...], Array]:
+    """The likeliest factors (K,) of covariances, and those (N,) of the squares (N,): factors @ basis (K, N)."""
     excess = np.ones(len(basis))
     for _ in range(50):  # weighted least squares of squares / 2 on the factors
         weights = basis / (excess @ basis) ** 2
@@ -272,7 +275,7 @@ def main() -> None:
     console = Console()
     console.print("tracking.noise.WholeError\n" + _rounded(fit_powers(fit_whole(0, 1200), 0, 600)))
     console.print("tracking.noise.SplitError\n" + _rounded(fit_split(0, 800)))
-    console.print("tracking.partial.PartError\n" + _rounded(fit_part(1, 300)))
+    console.print("tracking.partial.PartError\n" + _rounded(fit_part(1, 500)))
     table = Table("bin", "detections", "mean NEES", "95 % interval", "")
     for row in nees_bins(people_in_forests(2, 165)) + tilt_bins(2, 200) + pair_bins(2, 2000):
         interval = f"{row.low:.2f} to {row.high:.2f}"

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from sim.calibration import fit_whole, nees, nees_bins
 from sim.calibration_scenes import people_in_forests
@@ -73,11 +74,15 @@ def test_people_seen_whole_are_placed_by_their_centroids_alone(population):
         assert one.covariances.tobytes() == other.covariances.tobytes()
 
 
-@pytest.mark.parametrize("pixels", [96, 192])
-def test_nees_is_near_two_at_other_resolutions(pixels):
-    values = nees(people_in_forests(3, 12, pixels))
-    assert len(values) > 300
-    assert 1.5 < values.mean() < 2.5
+@pytest.mark.parametrize("pixels", [96, 128, 192, 256])
+def test_nees_is_two_at_other_resolutions_and_for_parts_lies_in_its_interval(pixels):
+    population = people_in_forests(3, 30, pixels)
+    assert 1.8 < nees(population).mean() < 2.2
+    for low, high in ((0.0, 0.5), (0.5, 1.0)):
+        parts = nees([s for s in population if low < s.hidden <= high])
+        assert len(parts) > 80
+        interval = chi2.ppf((0.025, 0.975), 2 * len(parts)) / len(parts)
+        assert interval[0] <= parts.mean() <= interval[1]
 
 
 @pytest.mark.slow

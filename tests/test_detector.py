@@ -11,7 +11,8 @@ from sim.renderer import Renderer
 from sim.scenario import Scenario, Uav
 from sim.world import World
 from tracking.camera import Camera, Pose
-from tracking.detector import Frame, _labelled, detect
+from tracking.components import components
+from tracking.detector import Frame, detect
 from tracking.visibility import TARGET_HEIGHT, Forest
 
 MARGIN = 16  # pixels around the image in which people cut by its edge are seen whole
@@ -248,13 +249,18 @@ def test_detection_repeats_exactly_and_leaves_the_image_alone():
     assert len(one.ground) == 3
 
 
-def test_components_are_those_of_the_whole_image():
+def test_components_are_those_that_opencv_finds_by_colour():
     rng = np.random.default_rng(9)
     for density in (0.0, 1e-4, 0.003, 0.02, 0.1, 0.4):
-        for _ in range(40):
-            mask = (rng.random((128, 128)) < density).astype(np.uint8) * 255
-            mask[: rng.integers(100), : rng.integers(100)] = 0
-            _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-            found = _labelled(mask)
-            np.testing.assert_array_equal(found[0], labels)
-            np.testing.assert_array_equal(found[1][1:], stats[1:])
+        for size in (128, 127) * 6:
+            image = rng.integers(0, 256, (size, size, 3)).astype(np.uint8)
+            image[rng.random((size, size)) >= density] = GREEN
+            red, green, blue = np.moveaxis(image.astype(int), 2, 0)
+            mask = (2 * red > 3 * green) & (red > 2 * blue) & (red - green >= 20)
+            _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+            sure = np.unique(labels[mask & (red - green >= 40)])
+            found = components(image)
+            assert len(found) == len(sure)
+            for k, blob in zip(sure, found, strict=True):
+                rows, columns = np.nonzero(labels == k)
+                np.testing.assert_array_equal(blob, np.column_stack([columns + 0.5, rows + 0.5]))

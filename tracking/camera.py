@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracking.compiled import Array, compiled
 
-Lens = tuple[Array, Array, float, int]  # position (3,) m, rotation (3, 3), focal length and edge [pixel]
+
+class Lens(NamedTuple):
+    """A camera and its pose, as compiled code takes them."""
+
+    eye: tuple[float, float, float]  # m
+    rotation: Array  # (3, 3) from body to world
+    focal: float  # pixels
+    pixels: int  # along each edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +87,9 @@ class Camera:
         return _in_image(np.atleast_2d(points), self.lens(pose))
 
     def lens(self, pose: Pose) -> Lens:
-        """What the compiled `in_image` takes."""
-        return np.ascontiguousarray(pose.position, dtype=float), pose.rotation, self.focal, self.pixels
+        """This camera at a pose."""
+        x, y, z = np.asarray(pose.position, dtype=float).tolist()
+        return Lens((x, y, z), pose.rotation, self.focal, self.pixels)
 
     def rays(self, pose: Pose, uv: Array) -> Array:
         """Directions in the world (N, 3), of unit depth along the optical axis, through pixels (N, 2)."""
@@ -101,9 +110,31 @@ class Camera:
 
 
 @compiled
+def ground_point(lens: Lens, pixel: tuple[float, float], height: float) -> tuple[float, float]:
+    """Where the line through a pixel (u, v) meets the horizontal plane at `height` m, be it behind the camera [m]."""
+    r = lens.rotation
+    x, y = (pixel[0] - lens.pixels / 2) / lens.focal, (lens.pixels / 2 - pixel[1]) / lens.focal
+    scale = (height - lens.eye[2]) / (r[2, 0] * x + r[2, 1] * y - r[2, 2])
+    east, north = r[0, 0] * x + r[0, 1] * y - r[0, 2], r[1, 0] * x + r[1, 1] * y - r[1, 2]
+    return lens.eye[0] + scale * east, lens.eye[1] + scale * north
+
+
+@compiled
+def image_point(lens: Lens, point: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Pixel (u, v) of a world point [m] and its depth along the optical axis [m]; NaN for a pixel behind the camera."""
+    r = lens.rotation
+    east, north, up = point[0] - lens.eye[0], point[1] - lens.eye[1], point[2] - lens.eye[2]
+    depth = -(east * r[0, 2] + north * r[1, 2] + up * r[2, 2])
+    scale = lens.focal / depth if depth > 0.0 else math.nan
+    u = lens.pixels / 2 + scale * (east * r[0, 0] + north * r[1, 0] + up * r[2, 0])
+    v = lens.pixels / 2 - scale * (east * r[0, 1] + north * r[1, 1] + up * r[2, 1])
+    return u, v, depth
+
+
+@compiled
 def in_image(point: tuple[float, float, float], lens: Lens) -> bool:
     """Whether a world point (3,) m falls inside the image of `Camera.project`."""
-    position, rotation, focal, pixels = lens
+    position, rotation, focal, pixels = lens.eye, lens.rotation, lens.focal, lens.pixels
     dx, dy, dz = point[0] - position[0], point[1] - position[1], point[2] - position[2]
     depth = -(dx * rotation[0, 2] + dy * rotation[1, 2] + dz * rotation[2, 2])
     if not depth > 0.0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -10,14 +11,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.camera import Camera, Pose
-from tracking.compiled import Array
+from tracking.camera import Camera, Lens, Pose, ground_point, image_point
+from tracking.compiled import Array, compiled
+from tracking.components import components as components_of
 from tracking.noise import SPLIT, WHOLE, covariances_along, footprints, sight
 from tracking.visibility import TARGET_HEIGHT
-
-# Hi-vis orange in any light: red exceeds green by half of it, and blue by all of it. What noise makes of darker places
-# looks so too, if faintly: red exceeds green by so many grey levels in all of a component, and surely in some of it.
-_FAINT, _SURE = 20, 40
 
 # A walking person's mean outline over all headings, as three horizontal circles: height above ground, radius [m].
 _CIRCLES = ((0.0, 0.25), (1.4, 0.23), (1.7, 0.08))
@@ -76,12 +74,17 @@ def blobs_of(frame: Frame) -> tuple[list[Array], NDArray[np.int64]]:
 
     Fragments that one person spans are joined; a component too large for one person is split.
     """
-    components = _joined(frame, _components(frame.image))
-    blobs: list[tuple[Array, int]] = []
-    if components:
-        size = sizes(frame, np.vstack([_middle(blob) for blob in components]))
-        blobs = [(part, k) for k, blob in enumerate(components) for part in _split(blob, size, k)]
-    found = [(blob, k) for blob, k in blobs if _meets_ground(frame, blob)]
+    lens = frame.camera.lens(frame.pose)
+    blobs = components_of(frame.image)
+    whole, _ = _joined(frame, blobs, range(len(blobs)))
+    parts = [
+        (part, k)
+        for k, blob in enumerate(whole)
+        for part in ([blob] if _one_person(lens, blob) else _split(frame, blob))
+    ]
+    if len(parts) > len(whole):  # a foot that fits neither of two people together may fit one of them
+        parts = list(zip(*_joined(frame, [blob for blob, _ in parts], [k for _, k in parts]), strict=True))
+    found = [(blob, k) for blob, k in parts if _meets_ground(lens, blob)]
     return [blob for blob, _ in found], np.array([k for _, k in found], dtype=np.int64)
 
 
@@ -132,37 +135,6 @@ def split_gaps(frame: Frame, pixels: Array, components: NDArray[np.int64]) -> Ar
     return np.asarray(np.nan_to_num(gaps, posinf=np.inf))
 
 
-def _components(image: NDArray[np.uint8]) -> list[Array]:
-    """Pixel centres (K, 2) of each 8-connected component in a person's colour."""
-    red, green, blue = (channel.astype(np.int16) for channel in cv2.split(image))
-    redder = red - green
-    mask = (2 * red > 3 * green) & (red > 2 * blue) & (redder >= _FAINT)
-    labels, stats = _labelled(mask.astype(np.uint8))
-    components = []
-    for k in np.unique(labels[mask & (redder >= _SURE)]).tolist():
-        left, top, width, height, _ = stats[k].tolist()
-        rows, columns = np.nonzero(labels[top : top + height, left : left + width] == k)
-        components.append(np.column_stack([columns + (left + 0.5), rows + (top + 0.5)]))
-    return components
-
-
-def _labelled(mask: NDArray[np.uint8]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Labels (P, P) of a mask's components, 0 for the background, and by label their boxes and areas.
-
-    Only the box round all of them is searched: most of an image is background, and counting that takes longest. It
-    begins at even pixels, as the search goes over blocks of two by two, so that the labels are those of the whole.
-    """
-    left, top, width, height = cv2.boundingRect(mask)
-    left, top, right, bottom = left // 2 * 2, top // 2 * 2, left + width, top + height
-    labels = np.zeros(mask.shape, dtype=np.int32)
-    if width == 0:
-        return labels, np.zeros((1, 5), dtype=np.int32)
-    _, found, stats, _ = cv2.connectedComponentsWithStats(mask[top:bottom, left:right], connectivity=8)
-    labels[top:bottom, left:right] = found
-    stats[:, :2] += [left, top]
-    return labels, stats
-
-
 @dataclass(frozen=True, eq=False)
 class Size:
     """How large one person is in the image at each of N places."""
@@ -177,31 +149,47 @@ def sizes(frame: Frame, pixels: Array) -> Size:
 
     Fitted to renderings of a walking person at all headings, from nadir to 40 degrees off.
     """
-    ground = frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT)
-    heights = np.broadcast_to([0.0, TARGET_HEIGHT, 2 * TARGET_HEIGHT], (len(ground), 3))
-    points = np.dstack([np.broadcast_to(ground[:, None], (len(ground), 3, 2)), heights])
-    projected, depths = frame.camera.project(frame.pose, points.reshape(-1, 3))
-    scale = frame.camera.focal / depths[1::3]
-    upright = projected[2::3] - projected[0::3]
-    height = np.linalg.norm(upright, axis=1)
-    cos, sin = (upright / np.maximum(height, 1e-9)[:, None]).T
-    cos = np.where(height > 0.0, cos, 1.0)
-    return Size(
-        np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1),
-        np.column_stack([np.maximum(0.75 * scale + 0.95 * height, 0.95 * scale), 0.95 * scale]),
-        scale * (0.2 * scale + 0.22 * height),
-    )
+    return Size(*sizes_at(frame.camera.lens(frame.pose), pixels))
 
 
-def _fits_one(blob: Array, size: Size, k: int) -> bool:
-    """Whether one person of the k-th size can span all pixels (K, 2) of a blob."""
-    small = len(blob) <= _CROWD * size.areas[k] + 1.0
-    return bool(small and np.all(np.ptp(blob @ size.axes[k], axis=0) <= size.extents[k]))
+@compiled
+def sizes_at(lens: Lens, pixels: Array) -> tuple[Array, Array, Array]:
+    """Axes (N, 2, 2), extents (N, 2) and areas (N,) at pixels (N, 2)."""
+    axes, extents, areas = np.empty((len(pixels), 2, 2)), np.empty((len(pixels), 2)), np.empty(len(pixels))
+    for k in range(len(pixels)):
+        x, y = ground_point(lens, (pixels[k, 0], pixels[k, 1]), TARGET_HEIGHT)
+        scale = lens.focal / image_point(lens, (x, y, TARGET_HEIGHT))[2]
+        foot, head = image_point(lens, (x, y, 0.0)), image_point(lens, (x, y, 2 * TARGET_HEIGHT))
+        right, down = head[0] - foot[0], head[1] - foot[1]
+        height = math.sqrt(right * right + down * down)
+        cos, sin = (right / height, down / height) if height > 0.0 else (1.0, 0.0)
+        axes[k, 0], axes[k, 1] = (cos, -sin), (sin, cos)
+        extents[k] = np.maximum(0.75 * scale + 0.95 * height, 0.95 * scale), 0.95 * scale
+        areas[k] = scale * (0.2 * scale + 0.22 * height)
+    return axes, extents, areas
 
 
-def _joined(frame: Frame, blobs: list[Array]) -> list[Array]:
-    """Join the nearest two blobs that one person can span until there are none."""
-    blobs = list(blobs)
+@compiled
+def _one_person(lens: Lens, blob: Array) -> bool:
+    """Whether one person who stands in their middle can span all pixels (K, 2) of a blob."""
+    axes, extents, areas = sizes_at(lens, np.array([[_middle(blob[:, 0]), _middle(blob[:, 1])]]))
+    if not len(blob) <= _CROWD * areas[0] + 1.0:
+        return False
+    for k in range(2):
+        along = axes[0, 0, k] * blob[:, 0] + axes[0, 1, k] * blob[:, 1]
+        if not along.max() - along.min() <= extents[0, k]:
+            return False
+    return True
+
+
+@compiled
+def _middle(values: Array) -> float:
+    return float((values.min() + values.max()) / 2)
+
+
+def _joined(frame: Frame, blobs: list[Array], origins: Sequence[int]) -> tuple[list[Array], list[int]]:
+    """Join the nearest two blobs that one person can span until there are none; what is joined is of the larger's."""
+    blobs, origins, lens = list(blobs), list(origins), frame.camera.lens(frame.pose)
     while len(blobs) > 1:
         centres = np.array([blob.mean(axis=0) for blob in blobs])
         reach = np.linalg.norm(sizes(frame, centres).extents, axis=1)
@@ -210,24 +198,22 @@ def _joined(frame: Frame, blobs: list[Array]) -> list[Array]:
         pairs = sorted((distances[i, j], i, j) for i, j in np.argwhere(near).tolist())
         for _, i, j in pairs:
             both = np.vstack([blobs[i], blobs[j]])
-            if _fits_one(both, sizes(frame, _middle(both)), 0):
+            if _one_person(lens, both):
+                origins[i] = origins[max(i, j, key=lambda k: len(blobs[k]))]
                 blobs[i] = both
-                del blobs[j]
+                del blobs[j], origins[j]
                 break
         else:
             break
-    return blobs
+    return blobs, origins
 
 
-def _middle(blob: Array) -> Array:
-    return np.asarray((blob.min(axis=0) + blob.max(axis=0))[None] / 2)
-
-
-def _split(blob: Array, size: Size, k: int) -> list[Array]:
-    """Parts of a blob, as many as it has areas of the k-th size; k-means from evenly spread starts."""
-    if len(blob) == 1 or np.isnan(size.areas[k]) or _fits_one(blob, size, k):
+def _split(frame: Frame, blob: Array) -> list[Array]:
+    """Parts of a blob, as many as it has areas of one person; k-means from evenly spread starts."""
+    area = float(sizes(frame, (blob.min(axis=0) + blob.max(axis=0))[None] / 2).areas[0])
+    if len(blob) == 1 or math.isnan(area):
         return [blob]
-    people = min(max(2, round(len(blob) / size.areas[k])), len(blob))
+    people = min(max(2, round(len(blob) / area)), len(blob))
     offset = blob - blob.mean(axis=0)
     principal = np.linalg.eigh(offset.T @ offset)[1][:, -1]
     order = np.argsort(offset @ principal, kind="stable")
@@ -239,10 +225,11 @@ def _split(blob: Array, size: Size, k: int) -> list[Array]:
     return parts
 
 
-def _meets_ground(frame: Frame, blob: Array) -> bool:
+@compiled
+def _meets_ground(lens: Lens, blob: Array) -> bool:
     """Whether the ray through a blob's centroid meets the plane at people's mid-height, in front of the camera."""
-    rise = frame.camera.rays(frame.pose, blob.mean(axis=0))[0, 2]
-    return bool(rise * (TARGET_HEIGHT - frame.pose.position[2]) > 0.0)
+    x, y = ground_point(lens, (blob[:, 0].mean(), blob[:, 1].mean()), TARGET_HEIGHT)
+    return image_point(lens, (x, y, TARGET_HEIGHT))[2] > 0.0
 
 
 def _centre(frame: Frame, blob: Array) -> Array:

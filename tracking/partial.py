@@ -4,34 +4,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from tracking.compiled import Array
-from tracking.detector import Frame, sizes, whole_covariances
+from tracking.camera import Lens, ground_point
+from tracking.compiled import Array, compiled
+from tracking.detector import Frame, sizes_at, whole_covariances
+from tracking.shadows import Clearing, Pair, clearing_at, is_open, relative, with_shadows
+from tracking.silhouette import TALLEST, Silhouette, shown, silhouette_of
 from tracking.visibility import TARGET_HEIGHT, Forest
 
-# Steps of the grid of places over the largest extent of a person.
-_STEPS = 30
 # What is smaller than this share of a mean silhouette is part of one, wherever it is.
 _SMALL = 0.6
-# A walking person over all headings, as horizontal circles: height above ground, radius [m] and the share of headings
-# at which what lies between two circles covers what is behind it, legs being thin.
-_LEVELS = np.array(
-    [
-        (0.00, 0.36, 0.00),
-        (0.30, 0.34, 0.22),
-        (0.60, 0.31, 0.35),
-        (0.85, 0.29, 0.50),
-        (1.10, 0.29, 0.65),
-        (1.42, 0.28, 0.82),
-        (1.55, 0.11, 0.85),
-        (1.70, 0.09, 0.90),
-    ]
-)
-_CIRCLE = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0.0, 2 * math.pi, 12, endpoint=False)])
+# How many places are looked at: first wherever the person may be, then where that leaves them.
+_COARSE, _FINE = 100, 200
+# Where less than this share of a silhouette would show, nobody would be seen.
+_LEAST = 0.01
+# Places of a surprise so far beyond the least are none: a probability of e^-10.
+_IMPROBABLE = 20.0
+
+_Constants = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -41,49 +34,67 @@ class PartError:
     Fitted by `python -m sim.calibration` so that errors squared over variances average one.
     """
 
-    posture: float = 0.082  # m: what the centroid of a vanishing part moves by, beyond that of a whole silhouette
-    rounding: float = 0.782  # pixels: what rounding moves the centroid of a single pixel by
-    build: float = 0.083  # of the visible area: headings and strides
-    fringe: float = 0.905  # pixels of area, of an outline of one pixel
-    # Factors of the covariance by the share that is hidden: the rest of what a mean silhouette does not know.
-    hidden: tuple[float, ...] = (0.0, 0.15, 0.35, 0.55, 0.75, 0.9, 1.0)
-    excess: tuple[float, ...] = (0.692, 0.53, 0.568, 0.543, 0.852, 1.38, 2.56)
+    posture: float = 0.182  # m: what the centroid of a vanishing part moves by, beyond that of a whole silhouette
+    rounding: float = 0.572  # pixels: what rounding moves the centroid of a single pixel by
+    fringe: float = 0.876  # pixels of area, of an outline of one pixel
+    limb: float = 0.07  # of a whole silhouette's area, for a visible part of all of it: headings and strides
+    # Factors of the covariance by a pixel's edge on the ground [m] and the share that is hidden: the rest of what a
+    # mean silhouette does not know.
+    pixel: tuple[float, ...] = (0.083, 0.111, 0.167, 0.222)
+    hidden: tuple[float, ...] = (0.0, 0.15, 0.35, 0.55, 0.75, 0.9)
+    excess: tuple[tuple[float, ...], ...] = (
+        (0.331, 0.655, 0.731, 0.703, 0.885, 1.678),
+        (0.416, 0.633, 0.771, 0.614, 0.795, 1.298),
+        (0.537, 0.562, 0.63, 0.642, 0.775, 0.987),
+        (1.04, 0.455, 0.728, 0.722, 0.788, 0.972),
+    )
+
+    @property
+    def constants(self) -> _Constants:
+        """What compiled code takes."""
+        return self.posture, self.rounding, self.fringe, self.limb
+
+    def factor(self, pixel: float, hidden: float) -> float:
+        """Of the covariance where a pixel's edge is so many m on the ground and such a share is hidden."""
+        return float(np.interp(pixel, self.pixel, [np.interp(hidden, self.hidden, row) for row in self.excess]))
 
 
 PART = PartError()
 
 
-@dataclass(frozen=True, eq=False)
-class Places:
-    """Where the person may be of whom a part was seen, and what would show of them there, in pixels."""
+class Seen(NamedTuple):
+    """What was seen, and how well a whole silhouette's centroid would tell where the person is."""
 
-    ground: Array  # (K, 2) m
-    surprises: Array  # (K, 2) centroid that was seen minus that which would be, along the axes of a whole one's noise
-    shares: Array  # (K,) of the silhouette that would show
-    noise: Array  # (2,) variances of a whole silhouette's centroid along these axes
-    cell: float  # m², variance within the cell that a place stands for
-    area: float  # of a whole mean silhouette
-    shown: float  # area that was seen
-    scale: float  # pixels per m
+    whole: Array  # (2, 2) m², along the axes of the clearing
+    pixel: Array  # (2, 2) m²: the clearing's footprint, squared
+    area: float  # pixels, of a whole mean silhouette
+    shown: float  # pixels
+
+
+class Places(NamedTuple):
+    """Where the person may be of whom a part was seen, and what would show of them there.
+
+    In coordinates (u, v) [m] of a clearing around what was seen.
+    """
+
+    clearing: Clearing
+    seen: Seen
+    u: Array  # (N,)
+    v: Array  # (M,)
+    centroids: Array  # (M, N, 2) that what shows would have
+    shares: Array  # (M, N) of the silhouette that would show
+    cell: tuple[float, float]  # m: what a place stands for
+
+    @property
+    def pixel(self) -> float:
+        """Edge of a pixel on the ground, m."""
+        (a, b), (c, d) = self.clearing.footprint.tolist()
+        return math.sqrt(abs(a * d - b * c))
 
     def posterior(self, error: PartError = PART) -> tuple[Array, Array, float]:
         """Mean (2,) m, covariance (2, 2) m² and the share hidden, all places being equally probable beforehand."""
-        expected = np.maximum(self.shares * self.area, 0.3)
-        hidden = 1.0 - np.minimum(self.shares, 1.0)
-        part = (error.posture * self.scale * hidden) ** 2
-        part += error.rounding**2 * np.maximum(1.0 / np.maximum(expected, 0.5) - 1.0 / self.area, 0.0)
-        centroid = self.noise + part[:, None]
-        area = (error.build * expected) ** 2 + error.fringe**2 * expected**0.5
-        surprise = (self.surprises**2 / centroid + np.log(centroid)).sum(axis=1)
-        surprise += (self.shown - self.shares * self.area) ** 2 / area + np.log(area)
-        weights = np.exp(-0.5 * (surprise - surprise.min()))
-        weights /= weights.sum()
-        mean = weights @ self.ground
-        offset = self.ground - mean
-        share = float(weights @ hidden)
-        excess = np.interp(share, error.hidden, error.excess)
-        cell = self.cell * np.eye(2)  # without which a single place would be sure
-        return mean, excess * ((offset * weights[:, None]).T @ offset + cell), share
+        mean, covariance, hidden = _moments(self, _surprises(self, error.constants))
+        return mean, error.factor(self.pixel, hidden) * covariance, hidden
 
 
 def locate(frame: Frame, blob: Array, forest: Forest) -> tuple[Array, Array] | None:
@@ -98,86 +109,145 @@ def locate(frame: Frame, blob: Array, forest: Forest) -> tuple[Array, Array] | N
 
 def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
     """Where the person may be who shows as a blob (K, 2) of pixels; None if nothing seems hidden."""
-    seen = np.asarray(blob.mean(axis=0))
-    size = sizes(frame, seen[None])
-    if len(blob) > _SMALL * size.areas[0] and _open(frame, _dilated(blob), forest).all():
+    lens = frame.camera.lens(frame.pose)
+    if lens.eye[2] <= TALLEST:
+        return None  # among people, not above them
+    hidden, clearing, area = _surroundings(lens, blob, forest.blockers)
+    if not hidden:
         return None
-    step = float(np.linalg.norm(size.extents[0])) / _STEPS
-    if not math.isfinite(step):
-        return None  # at the horizon, where nobody has a size
-    centres, centroids, shares = _views(frame, seen, forest, step)
-    if len(shares) == 0:
-        return None
-    axes, variances = _centroid_noise(frame, seen)
-    scale = frame.camera.focal / (float(frame.pose.position[2]) - TARGET_HEIGHT)
-    return Places(
-        ground=frame.camera.ground_points(frame.pose, centres + seen, TARGET_HEIGHT),
-        surprises=-centroids @ axes,
-        shares=shares,
-        noise=variances + step**2 / 12,
-        cell=(step / scale) ** 2 / 12,
-        area=float(size.areas[0]),
-        shown=float(len(blob)),
-        scale=scale,
-    )
+    whole = whole_covariances(frame, np.array([clearing.origin]))[0]
+    places = _places(clearing, _seen(clearing, whole, area, len(blob)), lens.eye[2], PART.constants)
+    return places if places.shares.max() >= _LEAST else None
 
 
-def _dilated(blob: Array) -> Array:
-    ring = np.array([(i, j) for i in (-1.0, 0.0, 1.0) for j in (-1.0, 0.0, 1.0)])
-    return np.asarray((blob[:, None] + ring).reshape(-1, 2))
+@compiled
+def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clearing, float]:
+    """Whether something may hide part of the person who shows as a blob (K, 2), what is around, a person's area there.
 
-
-def _open(frame: Frame, pixels: Array, forest: Forest) -> NDArray[np.bool_]:
-    """Whether people would be seen at pixels (N, 2): inside the image and no tree before them (N,)."""
-    ground = frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT)
-    points = np.column_stack([ground, np.full(len(ground), TARGET_HEIGHT)])
-    free = np.all((pixels >= 0.0) & (pixels <= frame.camera.pixels), axis=1)
-    free &= frame.camera.rays(frame.pose, pixels)[:, 2] * (TARGET_HEIGHT - frame.pose.position[2]) > 0.0
-    return np.asarray(free & forest.visible(frame.pose.position, points)[0])
-
-
-def _views(frame: Frame, seen: Array, forest: Forest, step: float) -> tuple[Array, Array, Array]:
-    """Pixels (K, 2) of mid-heights at which something shows, its centroids (K, 2) and shares (K,) of the silhouette.
-
-    Both relative to the pixel (2,) that was seen; `step` pixels between the mid-heights.
+    The clearing is that around the blob's centroid, with the shadows that may matter; the area is in pixels.
     """
-    half = int(0.8 * _STEPS)
-    axis = np.arange(-2 * half, 2 * half + 1) * step
-    u, v = np.meshgrid(axis, axis)
-    window = np.column_stack([u.ravel(), v.ravel()]) + seen
-    free = _open(frame, window, forest).reshape(u.shape).astype(np.float32)
-    silhouette, middle = _silhouette(frame, seen, step, half)
-    x = np.arange(-half, half + 1, dtype=np.float32) * np.float32(step)
-    sums = [
-        cv2.filter2D(free, -1, kernel, borderType=cv2.BORDER_CONSTANT)
-        for kernel in (silhouette, silhouette * x, silhouette * x[:, None])
-    ]
-    inner = slice(half // 2, len(axis) - half // 2)
-    area, east, south, u, v = (np.asarray(a[inner, inner], dtype=float).ravel() for a in (*sums, u, v))
-    shows = area > 0.01 * silhouette.sum()
-    area, centres = area[shows], np.column_stack([u, v])[shows]
-    moments = np.column_stack([east, south])[shows]
-    return centres, centres + moments / area[:, None] - middle, area / float(silhouette.sum())
+    centre = blob[:, 0].mean(), blob[:, 1].mean()
+    clearing, area = clearing_at(lens, centre), sizes_at(lens, np.array([centre]))[2][0]
+    growth = (lens.eye[2] - TARGET_HEIGHT) / (lens.eye[2] - TALLEST)
+    clearing = with_shadows(clearing, lens.eye, cylinders, 2.5 + 2 * clearing.distance * (growth - 1.0))
+    placed = bool(
+        np.isfinite(clearing.footprint).all() and np.isfinite(area)
+    )  # not at the horizon, where nobody has a size
+    return placed and (len(blob) <= _SMALL * area or not _all_open(lens, clearing, blob)), clearing, area
 
 
-def _silhouette(frame: Frame, seen: Array, step: float, half: int) -> tuple[NDArray[np.float32], Array]:
-    """Share of people who cover each cell (2 half + 1, 2 half + 1) round the mid-height, and its centroid (2,)."""
-    ground = frame.camera.ground_points(frame.pose, seen, TARGET_HEIGHT)[0]
-    rings = [np.column_stack([ground + r * _CIRCLE, np.full(len(_CIRCLE), h)]) for h, r in _LEVELS[:, :2]]
-    corners = frame.camera.project(frame.pose, np.vstack(rings))[0].reshape(len(rings), -1, 2)
-    fixed = np.round(((corners - seen) / step + half) * 16).astype(np.int32)
-    cells = np.zeros((2 * half + 1, 2 * half + 1), dtype=np.float32)
-    for k in range(1, len(rings)):
-        hull = cv2.convexHull(fixed[k - 1 : k + 1].reshape(-1, 2))
-        cv2.fillConvexPoly(cells, hull, float(_LEVELS[k, 2]), cv2.LINE_8, 4)
-    x = np.arange(-half, half + 1) * step
-    return cells, np.array([(cells * x).sum(), (cells * x[:, None]).sum()]) / cells.sum()
+@compiled
+def _seen(clearing: Clearing, whole: Array, area: float, shown: float) -> Seen:
+    """What was seen, given the covariance (2, 2) m² of a whole person in the world's axes, and areas in pixels."""
+    x, y = clearing.away
+    turn, pixel = np.array([[x, -y], [y, x]]), clearing.footprint
+    return Seen(turn.T @ whole @ turn, pixel @ pixel.T, area, shown)
 
 
-def _centroid_noise(frame: Frame, seen: Array) -> tuple[Array, Array]:
-    """Axes (2, 2) and variances (2,) in the image [pixel²] of a whole person's centroid at a pixel (2,)."""
-    points = seen + np.array([[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
-    here, right, left, down, up = frame.camera.ground_points(frame.pose, points, TARGET_HEIGHT)
-    inverse = np.linalg.inv(np.column_stack([right - left, down - up]))
-    variances, axes = np.linalg.eigh(inverse @ whole_covariances(frame, here[None])[0] @ inverse.T)
-    return axes, variances
+@compiled
+def _all_open(lens: Lens, clearing: Clearing, blob: Array) -> bool:
+    """Whether nothing hides any of the pixels (K, 2) of a blob, or those next to them."""
+    left, top = int(blob[:, 0].min()) - 1, int(blob[:, 1].min()) - 1
+    near = np.zeros((int(blob[:, 1].max()) + 2 - top, int(blob[:, 0].max()) + 2 - left), dtype=np.bool_)
+    for k in range(len(blob)):
+        row, column = int(blob[k, 1]) - top, int(blob[k, 0]) - left
+        near[row - 1 : row + 2, column - 1 : column + 2] = True
+    for row in range(near.shape[0]):
+        for column in range(near.shape[1]):
+            if near[row, column]:
+                x, y = ground_point(lens, (left + column + 0.5, top + row + 0.5), TARGET_HEIGHT)
+                u, v = relative(clearing, x, y)
+                if not is_open(clearing, u, v):
+                    return False
+    return True
+
+
+@compiled
+def _places(clearing: Clearing, seen: Seen, altitude: float, constants: _Constants) -> Places:
+    """Where the person may be, as a grid that covers all of it and no more."""
+    silhouette = silhouette_of(clearing.distance, altitude)
+    rounding = constants[1] ** 2 * max(seen.pixel[0, 0], seen.pixel[1, 1])
+    slack = 4 * math.sqrt(max(seen.whole[0, 0], seen.whole[1, 1]) + constants[0] ** 2 + rounding)
+    half = silhouette.half + slack
+    low, high = (-silhouette.high - slack, -half), (slack - silhouette.low, half)
+    coarse = _grid(clearing, seen, silhouette, (low, high, _COARSE))
+    surprises = _surprises(coarse, constants)
+    least = surprises.min()
+    if least == math.inf:
+        return coarse
+    low, high = (math.inf, math.inf), (-math.inf, -math.inf)
+    for i in range(len(coarse.v)):
+        for j in range(len(coarse.u)):
+            if surprises[i, j] <= least + _IMPROBABLE:
+                low = min(low[0], coarse.u[j] - coarse.cell[0]), min(low[1], coarse.v[i] - coarse.cell[1])
+                high = max(high[0], coarse.u[j] + coarse.cell[0]), max(high[1], coarse.v[i] + coarse.cell[1])
+    return _grid(clearing, seen, silhouette, (low, high, _FINE))
+
+
+@compiled
+def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, box: tuple[Pair, Pair, int]) -> Places:
+    """About so many places in a box, from low to high corner (u, v) m."""
+    low, high, count = box
+    width, height = high[0] - low[0], high[1] - low[1]
+    columns = min(max(round(math.sqrt(count * width / height)), 6), count // 6)
+    rows = count // columns
+    cell = width / columns, height / rows
+    u = low[0] + cell[0] * (np.arange(columns, dtype=np.float64) + 0.5)
+    v = low[1] + cell[1] * (np.arange(rows, dtype=np.float64) + 0.5)
+    shows = shown(clearing, silhouette, u, v)
+    centroids, shares = np.empty((rows, columns, 2)), shows[:, :, 0] / silhouette.area
+    for i in range(rows):
+        for j in range(columns):
+            area = shows[i, j, 0]
+            centroids[i, j, 0] = u[j] + shows[i, j, 1] / area - silhouette.middle
+            centroids[i, j, 1] = v[i] + shows[i, j, 2] / area
+    return Places(clearing, seen, u, v, centroids, shares, cell)
+
+
+@compiled
+def _surprises(places: Places, constants: _Constants) -> Array:
+    """Minus twice the logarithm of each place's likelihood (M, N), but for a constant; inf where too little shows."""
+    posture, rounding, fringe, limb = constants
+    seen, cell = places.seen, places.cell
+    out = np.full(places.shares.shape, math.inf)
+    for i in range(len(places.v)):
+        for j in range(len(places.u)):
+            share = places.shares[i, j]
+            if share < _LEAST:
+                continue
+            # A mean silhouette knows well what half a person looks like, and badly what a tenth does.
+            hidden = (posture * max(1.0 - share, 0.0) ** 3) ** 2
+            expected = max(share * seen.area, 0.3)
+            few = rounding**2 * max(1.0 / max(expected, 0.5) - 1.0 / seen.area, 0.0)
+            a = seen.whole[0, 0] + hidden + few * seen.pixel[0, 0] + cell[0] ** 2 / 12
+            b = seen.whole[0, 1] + few * seen.pixel[0, 1]
+            c = seen.whole[1, 1] + hidden + few * seen.pixel[1, 1] + cell[1] ** 2 / 12
+            x, y = places.centroids[i, j, 0], places.centroids[i, j, 1]
+            volume = a * c - b * b
+            area = fringe**2 * math.sqrt(expected) + limb**2 * expected * seen.area
+            out[i, j] = (c * x * x - 2 * b * x * y + a * y * y) / volume + math.log(volume * area)
+            out[i, j] += (seen.shown - share * seen.area) ** 2 / area
+    return out
+
+
+@compiled
+def _moments(places: Places, surprises: Array) -> tuple[Array, Array, float]:
+    """Mean (2,) m, covariance (2, 2) m² and the expected share hidden, given minus twice the log-likelihoods (M, N)."""
+    least = surprises.min()
+    total = along = across = uu = uv = vv = hidden = 0.0
+    for i in range(len(places.v)):
+        for j in range(len(places.u)):
+            weight = math.exp(0.5 * (least - surprises[i, j]))
+            u, v = weight * places.u[j], weight * places.v[i]
+            total, along, across = total + weight, along + u, across + v
+            uu, uv, vv = uu + u * places.u[j], uv + u * places.v[i], vv + v * places.v[i]
+            hidden += weight * (1.0 - min(places.shares[i, j], 1.0))
+    u, v = along / total, across / total
+    # Without the variance within the cells a single place would be sure.
+    uu, uv, vv = uu / total - u * u + places.cell[0] ** 2 / 12, uv / total - u * v, vv / total - v * v
+    vv += places.cell[1] ** 2 / 12
+    (x, y), (cos, sin) = places.clearing.origin, places.clearing.away
+    xx, yy = cos * cos * uu - 2 * cos * sin * uv + sin * sin * vv, sin * sin * uu + 2 * cos * sin * uv + cos * cos * vv
+    xy = cos * sin * (uu - vv) + (cos * cos - sin * sin) * uv
+    mean = np.array([x + cos * u - sin * v, y + sin * u + cos * v])
+    return mean, np.array([[xx, xy], [xy, yy]]), hidden / total

@@ -18,8 +18,9 @@ from sim.renderer import Renderer, capture
 from sim.scenario import Scenario, Sensing, Trees, Uav
 from sim.sensing import camera_of
 from sim.world import World
+from tracking.blob_detector import BlobDetector
 from tracking.camera import Camera, Pose
-from tracking.detector import Frame, detect
+from tracking.detector import Frame
 from tracking.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight
 
 SCENARIO = Scenario(trees=Trees(density=75.0), sensing=Sensing(mode="ideal"))
@@ -78,9 +79,11 @@ def report(what, seconds, floor, bound, judged):
     assert not judged or seconds <= bound * floor
 
 
-def test_camera_step_against_the_bare_engine_on_what_is_in_view(flown, judged):
+@pytest.mark.parametrize("noise", ["range_bearing", "camera"])
+def test_camera_step_against_the_bare_engine_on_what_is_in_view(flown, judged, noise):
     """From rendering to detections, against the engine's call alone in a client with nothing but the bodies in view."""
     forest, views = flown
+    detect = BlobDetector(forest if noise == "camera" else None).detect
     trees, times = len(forest.trees), []
     with World(SCENARIO, forest, len(views[0].people)) as world:
         renderer = Renderer(world)
@@ -103,7 +106,7 @@ def test_camera_step_against_the_bare_engine_on_what_is_in_view(flown, judged):
                         rounds=10 if judged else 1,
                     )
                 )
-    report("camera step", *np.mean(times, axis=0), 1.25, judged)
+    report(f"camera step, {noise}", *np.mean(times, axis=0), 1.25, judged)
 
 
 def test_frames_among_750_trees_against_75(judged):

@@ -1,0 +1,150 @@
+"""Shadows on the plane at people's mid-height, and what shows of a silhouette there, against lines of sight."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim.calibration import people_in_forests
+from tracking.blob_detector import BlobDetector
+from tracking.camera import Camera, Pose
+from tracking.detector import Frame
+from tracking.partial import PART, _grid, _moments, _surprises, places_of
+from tracking.shadows import clearing_at, is_open, openings, with_shadows
+from tracking.silhouette import shown, silhouette_of
+from tracking.visibility import TARGET_HEIGHT, Forest, Tree
+
+GREEN, ORANGE = (100, 115, 75), (230, 62, 0)
+
+
+def turned(angle, axis, yaw=0.0):
+    """Quaternion xyzw: tilted by an angle about a level axis, then turned by a yaw."""
+    x, y, w = math.cos(axis) * math.sin(angle / 2), math.sin(axis) * math.sin(angle / 2), math.cos(angle / 2)
+    c, s = math.cos(yaw / 2), math.sin(yaw / 2)
+    return np.array([c * x - s * y, c * y + s * x, s * w, c * w])
+
+
+def views(rng, count):
+    """Random cameras over random forests, and the clearing around what a random pixel of each shows."""
+    for k in range(count):
+        trees = tuple(Tree(*rng.uniform(-12, 12, 2), canopy_radius=rng.uniform(0.3, 3.0)) for _ in range(25))
+        forest = Forest(trees, "disc" if k % 5 == 0 else "line_of_sight")
+        camera = Camera(rng.uniform(0.5, 1.4), 128)
+        quaternion = turned(rng.uniform(0, 0.5), rng.uniform(-math.pi, math.pi), rng.uniform(-math.pi, math.pi))
+        pose = Pose(np.array([*rng.uniform(-5, 5, 2), rng.uniform(6.5, 22.0)]), quaternion)
+        lens = camera.lens(pose)
+        clearing = clearing_at(lens, tuple(rng.uniform(0, 128, 2).tolist()))
+        yield camera, pose, forest, with_shadows(clearing, lens.eye, forest.blockers, 4.0)
+
+
+def world(clearing, uv):
+    x, y = clearing.away
+    return np.array(clearing.origin) + uv @ np.array([[x, y], [-y, x]])
+
+
+def seen(camera, pose, forest, points):
+    points = np.column_stack([points, np.full(len(points), TARGET_HEIGHT)])
+    return camera.sees(pose, points) & forest.visible(pose.position, points)[0]
+
+
+def test_open_is_what_the_camera_has_a_line_of_sight_to():
+    rng, hidden, total = np.random.default_rng(0), 0, 0
+    for camera, pose, forest, clearing in views(rng, 150):
+        uv = rng.uniform(-2.8, 2.8, (200, 2))
+        expected = seen(camera, pose, forest, world(clearing, uv))
+        assert [is_open(clearing, u, v) for u, v in uv] == expected.tolist()
+        intervals = np.empty((len(clearing.shadows) + 1, 2))
+        for (u, v), free in zip(uv, expected.tolist(), strict=True):
+            inside = intervals[: openings(clearing, v, intervals)]
+            assert np.any((inside[:, 0] <= u) & (u <= inside[:, 1])) == free
+        hidden, total = hidden + np.sum(~expected), total + len(expected)
+    assert 0.3 < hidden / total < 0.9
+
+
+def test_footprint_is_what_a_pixel_covers():
+    for camera, pose, _, clearing in views(np.random.default_rng(1), 50):
+        pixel = camera.project(pose, np.append(clearing.origin, TARGET_HEIGHT))[0]
+        steps = 1e-4 * np.array([[1.0, 0.0], [0.0, 1.0]])
+        moved = camera.ground_points(pose, pixel + steps, TARGET_HEIGHT) - clearing.origin
+        x, y = clearing.away
+        np.testing.assert_allclose(
+            clearing.footprint, (moved @ np.array([[x, -y], [y, x]])).T / 1e-4, rtol=1e-3, atol=1e-6
+        )
+
+
+def test_silhouette_without_shadows_shows_whole():
+    clearing = clearing_at(Camera(2.5, 512).lens(Pose.level(0.0, 0.0, 19.0)), (330.0, 210.0))
+    silhouette = silhouette_of(clearing.distance, 19.0)
+    area, along, across = shown(clearing, silhouette, np.array([0.0, 0.7]), np.array([-0.3, 0.0])).reshape(-1, 3).T
+    np.testing.assert_allclose(area, silhouette.area, rtol=1e-9)
+    np.testing.assert_allclose(along, silhouette.area * silhouette.middle, rtol=1e-9)
+    np.testing.assert_allclose(across, 0.0, atol=1e-9)
+
+
+def test_what_shows_is_what_lines_of_sight_leave_of_the_silhouette():
+    rng, parts = np.random.default_rng(2), 0
+    for camera, pose, forest, clearing in views(rng, 40):
+        silhouette = silhouette_of(clearing.distance, float(pose.position[2]))
+        uv = rng.uniform((silhouette.low, -silhouette.half), (silhouette.high, silhouette.half), (4000, 2))
+        row = np.minimum(np.abs(uv[:, 1]) / silhouette.row, len(silhouette.cover) - 1).astype(int)
+        column = ((uv[:, 0] - silhouette.low) / silhouette.bin).astype(int)
+        weights = np.diff(silhouette.cover, axis=1)[row, column]
+        at = rng.uniform(-0.5, 0.5, 2)
+        free = weights * seen(camera, pose, forest, world(clearing, uv + at))
+        area, along, across = shown(clearing, silhouette, at[:1], at[1:])[0, 0]
+        assert area / silhouette.area == pytest.approx(free.sum() / weights.sum(), abs=0.05)
+        if area > 0.2 * silhouette.area:
+            np.testing.assert_allclose([along / area, across / area], free @ uv / free.sum(), atol=0.04)
+            parts += area < 0.9 * silhouette.area
+    assert parts > 5
+
+
+def cut_person(camera):
+    """An image of what a canopy leaves of somebody, and the forest with that canopy."""
+    image = np.full((camera.pixels, camera.pixels, 3), GREEN, dtype=np.uint8)
+    n = camera.pixels // 32
+    image[15 * n : 17 * n, 22 * n + n // 2 : 23 * n + n // 4] = ORANGE
+    return image, Forest((Tree(5.6, 0.0, 1.5),))
+
+
+def test_turning_camera_and_scene_turns_the_place():
+    camera = Camera(math.radians(60), 128)
+    image, forest = cut_person(camera)
+    pose = Pose.level(0.0, 0.0, 19.0)
+    here = BlobDetector(forest).detect(Frame(0, 0.0, camera, pose, image))
+    assert places_of(Frame(0, 0.0, camera, pose, image), np.array([[90.5, 62.5], [91.5, 62.5]]), forest) is not None
+    for yaw in (0.3, 1.7, -2.0):
+        turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+        trees = tuple(Tree(*(turn @ [t.x, t.y]), t.canopy_radius) for t in forest.trees)
+        away = Pose(pose.position, turned(0.0, 0.0, yaw))
+        there = BlobDetector(Forest(trees)).detect(Frame(0, 0.0, camera, away, image))
+        np.testing.assert_allclose(there.ground, here.ground @ turn.T, atol=1e-9)
+        np.testing.assert_allclose(there.covariances, turn @ here.covariances @ turn.T, atol=1e-9)
+
+
+@pytest.mark.parametrize("pixels", [64, 128, 256, 512])
+def test_as_many_places_are_looked_at_whatever_the_size_of_the_image(pixels):
+    camera = Camera(math.radians(60), pixels)
+    image, forest = cut_person(camera)
+    frame = Frame(0, 0.0, camera, Pose.level(0.0, 0.0, 19.0), image)
+    rows, columns = np.nonzero(image[:, :, 0] == ORANGE[0])
+    places = places_of(frame, np.column_stack([columns + 0.5, rows + 0.5]), forest)
+    assert 150 <= places.shares.size <= 200
+
+
+def test_two_looks_find_what_one_at_a_hundred_times_as_many_places_would():
+    errors, spreads = [], []
+    for s in people_in_forests(5, 4):
+        found = places_of(s.frame, s.blob, s.forest)
+        if found is None:
+            continue
+        silhouette = silhouette_of(found.clearing.distance, float(s.frame.pose.position[2]))
+        many = _grid(found.clearing, found.seen, silhouette, ((-3.0, -2.0), (3.0, 2.0), 20000))
+        (mean, covariance, _), (exact, exactly, _) = (
+            _moments(places, _surprises(places, PART.constants)) for places in (found, many)
+        )
+        errors.append((mean - exact) @ np.linalg.solve(exactly, mean - exact))
+        spreads.append(np.sqrt(np.trace(covariance) / np.trace(exactly)))
+    assert len(errors) > 30
+    assert np.mean(errors) < 0.1  # beside 2 by which truth differs
+    assert 1.0 < np.mean(spreads) < 1.15
