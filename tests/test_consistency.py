@@ -6,8 +6,8 @@ People move by the tracker's own model, so errors squared over variances average
 Those of successive scans, of UAVs that talk and of people who meet are not independent; those of missions are. So a
 mission is one sample, its mean, and the interval is Student's from the spread of these samples: no correlation makes
 it too narrow. Seeds are 0 to 99 in every case; each case is judged at 95 % of its own, and nothing is made of how many
-there are. Where it is clear whose each measurement is, the textbook's interval is tested as well: over independent people
-and missions at one scan, at scans far apart.
+there are. Where it is clear whose each measurement is, the textbook's interval is tested as well: over independent
+people and missions at one scan, at scans far apart.
 
 Where people meet unseen, nobody can tell who comes out where. One track on the wrong person has a NEES of thousands,
 and the raw mean, printed too, then says only that this happens. So what is judged are two things: how many errors are
