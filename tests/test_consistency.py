@@ -5,14 +5,14 @@
 People move by the tracker's own model, so errors squared over variances average their dimension if beliefs are right.
 Those of successive scans, of UAVs that talk and of people who meet are not independent; those of missions are. So a
 mission is one sample, its mean, and the interval is Student's from the spread of these samples: no correlation makes
-it too narrow. Seeds are 0 to 99 in every case, chosen before anything was measured; each case is judged at 95 % of
-its own. Where it is clear whose each measurement is, the textbook's interval is tested as well: over independent people
-and missions at one scan, at scans far apart.
+it too narrow. Seeds are 0 to 99 in every case; each case is judged at 95 % of its own, and nothing is made of how many
+there are. Where it is clear whose each measurement is, the textbook's interval is tested as well: over independent
+people and missions at one scan, at scans far apart.
 
 Where people meet unseen, nobody can tell who comes out where. One track on the wrong person has a NEES of thousands,
 and the raw mean, printed too, then says only that this happens. So what is judged are two things: how many errors are
 beyond the 99.99 % quantile of the chi-square law, and whether the mean of the others is that of a chi-square law cut
-off there.
+off there. That was decided, and the 5 % that may be beyond set, after a look at the raw means.
 """
 
 from functools import cached_property
