@@ -58,9 +58,9 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[Snapshot, Recorde
             if not distances:
                 status.stop()
                 progress.start()
-            distances.append(snapshot.error)
-            known = [distance for distance in distances if not isnan(distance)]
-            now = f"{snapshot.time:.1f} of {last:g} s, OSPA {distances[-1]:.2f} m, mean {fmean(known):.2f} m"
+            distances.extend(snapshot.ospa[snapshot.working, 0].tolist())
+            error = "-" if isnan(snapshot.error) else f"{snapshot.error:.2f} m"
+            now = f"{snapshot.time:.1f} of {last:g} s, OSPA {error}, mean {fmean(distances):.2f} m"
             progress.update(task, completed=len(recorder), description=now)
 
         try:

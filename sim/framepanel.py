@@ -98,6 +98,8 @@ def _people(sight: Sight, ideal: bool) -> list[str]:
 
 def _described(sighting: Sighting, ideal: bool) -> str:
     text = f"person {sighting.person}: {sighting.status}"
+    if not sighting.looked:
+        return text
     if sighting.pixels and not ideal:
         text += f", {sighting.pixels} px"
     if sighting.detected:

@@ -75,6 +75,21 @@ def remarks(scenario: Scenario) -> list[str]:
         unused = ", ".join(f"people.{name}" for name in given if name != "trajectories")
         if unused:
             found.append(f"{unused}: not used, as people.trajectories says who walks where")
+    return found + _about_false_alarms(scenario)
+
+
+def _about_false_alarms(scenario: Scenario) -> list[str]:
+    """Settings of the tracker with which false alarms swamp it."""
+    expected = scenario.sensing.false_alarms / min(uav.footprint for uav in scenario.uavs) ** 2
+    if expected == 0.0:
+        return []
+    found = []
+    if scenario.tracking.clutter_density < expected / 10:
+        density = f"tracking.clutter_density: {scenario.tracking.clutter_density:g} per m2 is far below"
+        found.append(f"{density} the {expected:.2g} that sensing.false_alarms means; tracks will follow false alarms")
+    if scenario.tracking.life == "m_of_n":
+        m, n = scenario.tracking.confirm
+        found.append(f'tracking.life: {m} of {n} false alarms make a track; "existence" weighs them against clutter')
     return found
 
 

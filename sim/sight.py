@@ -31,6 +31,7 @@ class Sighting:
     hidden_by: tuple[int, ...]  # trees between the camera and the mid-height, if inside
     pixels: int  # shown by the renderer; 1 for seen in ideal sensing and where the camera took no frame
     detected: bool
+    looked: bool = True  # whether the camera took a frame
 
     @property
     def status(self) -> str:
@@ -72,7 +73,7 @@ class Sight:
         tracks = [tuple(Track(numbers[t.id], t.belief) for t in held) for held in snapshot.tracks]
         people = _sightings(snapshot, uav, camera_of(scenario.uavs[uav]), forest)
         if not scenario.has_frame(uav, k):  # nothing was shown to anybody; what would have been, geometry tells
-            people = tuple(replace(p, pixels=int(p.inside and not p.hidden_by)) for p in people)
+            people = tuple(replace(p, pixels=int(p.inside and not p.hidden_by), looked=False) for p in people)
         return Sight(scenario, forest, replace(snapshot, tracks=tracks), uav, people)
 
 

@@ -128,6 +128,16 @@ def test_what_is_not_flown_as_the_scenario_says_is_said(call):
     ]
 
 
+def test_false_alarms_for_which_the_tracker_is_not_set_are_remarked_on():
+    assert remarks(load("forest", ["sensing.false_alarms=1"])) == [
+        "tracking.clutter_density: 1e-06 per m2 is far below the 0.0025 that sensing.false_alarms means; "
+        "tracks will follow false alarms",
+        'tracking.life: 2 of 3 false alarms make a track; "existence" weighs them against clutter',
+    ]
+    ready = ["sensing.false_alarms=1", "tracking.clutter_density=0.002", "tracking.life=existence"]
+    assert remarks(load("forest", ready)) == []
+
+
 @pytest.mark.parametrize("duration", ["0.2", "1", "40", "40.6", "3600", "0.6", "100.2"])
 def test_whole_scans_and_walkers_need_no_remark(duration):
     assert remarks(load("forest", [f"duration={duration}", "people.count=7"])) == []
