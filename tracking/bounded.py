@@ -28,6 +28,7 @@ class BoundedSpeed(NearlyConstantVelocity):
     max_speed: float  # m/s
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.max_speed > 0.0:
             raise ValueError(f"max_speed must be positive, is {self.max_speed}")
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from tracking.camera import Camera, Pose
+from tracking.malformed import UNIT
 from tracking.tracker import Scan
 from tracking.visibility import Forest, Tree
 
@@ -20,7 +21,7 @@ POSE = ("camera_x", "camera_y", "camera_z", "camera_qx", "camera_qy", "camera_qz
 SCAN_COLUMNS = ("time", "uav", *MEASUREMENT, *POSE)
 CAMERA_COLUMNS = ("uav", "fov", "pixels")
 TREE_COLUMNS = ("x", "y", "canopy_radius", "canopy_base", "canopy_top", "trunk_radius")
-_UNIT = 1e-6  # how far the norm of a quaternion may be from one
+_DIGITS = 18  # of an integer: what fits into 64 bits
 
 _Path = str | os.PathLike[str]
 
@@ -58,14 +59,14 @@ def read_cameras(path: _Path) -> dict[int, Camera]:
         if not 0 < fov < math.pi:
             raise row.wrong("fov", f"{fov:g} is not allowed; expected more than 0 and less than pi rad")
         if pixels < 1:
-            raise row.wrong("pixels", "0 is not allowed; expected 1 or more")
+            raise row.wrong("pixels", f"{pixels} is not allowed; expected 1 or more")
         cameras[uav] = Camera(fov, pixels)
     return cameras
 
 
 def read_forest(path: _Path) -> Forest:
     """The trees from a CSV file with the columns `TREE_COLUMNS`, all in m."""
-    return Forest(tuple(Tree(*(row.number(name) for name in TREE_COLUMNS)) for row in _rows(path, TREE_COLUMNS)))
+    return Forest(tuple(row.tree() for row in _rows(path, TREE_COLUMNS)))
 
 
 @dataclass(frozen=True)
@@ -94,13 +95,25 @@ class _Row:
         text = self.values[column]
         if not (text.isascii() and text.isdigit()):
             raise self.wrong(column, f"{text!r} is not an integer, 0 or more" if text else "is empty")
+        if len(text) > _DIGITS:
+            raise self.wrong(column, f"an integer of {len(text)} digits; at most {_DIGITS} are allowed")
         return int(text)
+
+    def tree(self) -> Tree:
+        """A tree that can stand; ValueError names file, line and column."""
+        tree = Tree(*(self.number(name) for name in TREE_COLUMNS))
+        for name in ("canopy_radius", "canopy_base", "trunk_radius"):
+            if (value := getattr(tree, name)) < 0:
+                raise self.wrong(name, f"{value:g} m is not allowed; expected 0 or more")
+        if tree.canopy_base > tree.canopy_top:
+            raise self.wrong("canopy_base", f"{tree.canopy_base:g} m is above canopy_top {tree.canopy_top:g} m")
+        return tree
 
     def pose(self) -> tuple[float, ...]:
         """Position and unit quaternion of the camera."""
         pose = tuple(self.number(name) for name in POSE)
         norm = math.hypot(*pose[3:])
-        if abs(norm - 1) > _UNIT:
+        if abs(norm - 1) > UNIT:
             raise self.wrong("camera_qx", f"the quaternion's norm is {norm:g}, not 1")
         return pose
 
@@ -141,16 +154,32 @@ def _scans(time: float, looks: dict[int, _Look]) -> tuple[Scan, ...]:
 
 def _rows(path: _Path, columns: Sequence[str]) -> Iterator[_Row]:
     """The lines of a CSV file that has these columns; empty lines are skipped."""
-    with Path(path).open(encoding="utf-8-sig", newline="") as file:
-        table = csv.reader(file)
-        header = [name.strip() for name in next(table, [])]
+    with Path(path).open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
+        lines = _lines(path, file)
+        header = [name.strip() for name in next(lines, (1, []))[1]]
         for name in columns:
             if header.count(name) != 1:
                 what = "twice" if name in header else "missing"
                 raise ValueError(f"{path}, line 1: column {name} is {what}; columns are {','.join(header) or 'none'}")
-        for fields in table:
-            where = f"{path}, line {table.line_num}"
+        for number, fields in lines:
+            where = f"{path}, line {number}"
             if fields and len(fields) != len(header):
                 raise ValueError(f"{where}: has {len(fields)} fields, not {len(header)} as line 1")
             if fields:
                 yield _Row(where, dict(zip(header, map(str.strip, fields), strict=True)))
+
+
+def _lines(path: _Path, file: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
+    """Number and fields of each line; ValueError names the line that is no text or no table."""
+    table = csv.reader(file)
+    while True:
+        try:
+            fields = next(table)
+        except StopIteration:
+            return
+        except csv.Error as error:
+            raise ValueError(f"{path}, line {table.line_num}: {error}") from error
+        for text in fields:
+            if not text.isascii() and any("\udc80" <= letter <= "\udcff" for letter in text):
+                raise ValueError(f"{path}, line {table.line_num}: {text[:40]!a} is not UTF-8")
+        yield table.line_num, fields

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
+from tracking.ospa import points
 
 
 class Gospa(NamedTuple):
@@ -30,7 +31,7 @@ def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> G
     """
     if not (c > 0 and p >= 1):
         raise ValueError(f"c must be positive and p at least 1, are {c} and {p}")
-    X, Y = np.reshape(estimates, (-1, 2)), np.reshape(truths, (-1, 2))
+    X, Y = points("estimates", estimates), points("truths", truths)
     gaps = np.linalg.norm(X[:, None] - Y[None], axis=2)
     chosen = gaps[linear_sum_assignment(np.minimum(gaps, c) ** p)]
     near = chosen[chosen < c]

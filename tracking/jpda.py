@@ -98,22 +98,40 @@ def mixture_update(
         components = np.flatnonzero(beta[i])  # few of all: a track's cost must not grow with who is far away
         moves[0] = undetected[0][i] - means[i]
         total = beta[i, 0] * undetected[1][i]
+        last = -1  # measurements of equal noise, as neighbours', share gain and covariance
+        K, updated = np.empty((4, 2)), np.empty((4, 4))
         for c in components:
             if c == 0:
                 continue
             j, weight = c - 1, beta[i, c]
-            R = noise[j]
-            K = np.ascontiguousarray(P[:, :2]) @ np.linalg.inv(P[:2, :2] + R)
-            A = np.eye(4)
-            A[:, :2] -= K
+            if last < 0 or (noise[j] != noise[last]).any():
+                K, updated = _updated(P, noise[j])
+            last = int(j)
             moves[c] = K @ (measurements[j] - means[i, :2])
-            total += weight * (A @ P @ A.T + K @ R @ K.T)
+            total += weight * updated
         move = np.zeros(4)
         for c in components:
             move += beta[i, c] * moves[c]
         for c in components:
             spread = moves[c] - move
-            total += beta[i, c] * np.outer(spread, spread)
+            _add_square(total, beta[i, c], spread)
         new_means[i] += move
         new_covariances[i] = 0.5 * (total + total.T)
     return new_means, new_covariances
+
+
+@compiled
+def _updated(P: Array, R: Array) -> tuple[Array, Array]:
+    """Gain (4, 2) and covariance (4, 4) after a measurement of noise R (2, 2), in Joseph's form."""
+    K = np.ascontiguousarray(P[:, :2]) @ np.linalg.inv(P[:2, :2] + R)
+    A = np.eye(4)
+    A[:, :2] -= K
+    return K, A @ P @ A.T + K @ R @ K.T
+
+
+@compiled
+def _add_square(total: Array, weight: float, vector: Array) -> None:
+    """Add the weighted outer product of a vector with itself; no array is made, as of many pairs that costs most."""
+    for a in range(len(vector)):
+        for b in range(len(vector)):
+            total[a, b] += weight * (vector[a] * vector[b])

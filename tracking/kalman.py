@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,6 +30,12 @@ class NearlyConstantVelocity:
 
     dt: float  # s
     sigma_a: float  # standard deviation of the acceleration, m/s²
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.dt < math.inf:
+            raise ValueError(f"dt must be positive and finite, is {self.dt}")
+        if not 0.0 <= self.sigma_a < math.inf:
+            raise ValueError(f"sigma_a must be 0 or more and finite, is {self.sigma_a}")
 
     @cached_property
     def F(self) -> Array:

@@ -24,7 +24,7 @@ def ospa(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Os
     c > 0 is the cut-off [m] and the price of a missing or a false estimate, p >= 1 the order. Source: [Schuhmacher08].
     Note: [Li22] IV prints the distances without the power p of the definition; here they have it.
     """
-    X, Y = np.reshape(estimates, (-1, 2)), np.reshape(truths, (-1, 2))
+    X, Y = points("estimates", estimates), points("truths", truths)
     return _between(np.linalg.norm(X[:, None] - Y[None], axis=2), c, p)
 
 
@@ -55,6 +55,14 @@ def ospa2_over_time(estimates: Array, truths: Array, window: int, c: float = 50.
         raise ValueError(f"window must be at least 1 instant, is {window}")
     slices = [slice(max(0, k - window), k) for k in range(1, len(estimates) + 1)]
     return np.array([ospa2(estimates[s], truths[s], c, p).distance for s in slices])
+
+
+def points(name: str, positions: Array) -> Array:
+    """Positions (A, 2); what is empty has any shape. ValueError for whole states, which are no pairs of points."""
+    found = np.asarray(positions, dtype=float)
+    if found.size and found.shape[-1:] != (2,):
+        raise ValueError(f"{name} must be (A, 2), are {found.shape}")
+    return found.reshape(-1, 2)
 
 
 def _between(gaps: Array, c: float, p: float) -> Ospa:

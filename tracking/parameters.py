@@ -14,6 +14,7 @@ from tracking.kalman import NearlyConstantVelocity
 
 LIVES = ("m_of_n", "existence")
 FUSIONS = ("kla", "hcmci")
+MOST_SCANS = 62  # that fit into the bits of the integer in which the evidence on a track is counted
 
 
 @dataclass(frozen=True)
@@ -45,24 +46,41 @@ class TrackerParameters:
         for name in ("detection_probability", "gate_probability", "expected", "seen"):
             if not 0.0 < (value := getattr(self, name)) < 1.0:
                 raise ValueError(f"{name} must be in (0, 1), is {value}")
-        if not self.clutter_density > 0.0:
-            raise ValueError(f"clutter_density must be positive, is {self.clutter_density}")
+        for name in ("clutter_density", "birth_density", "max_variance", "max_speed"):
+            if not (value := getattr(self, name)) > 0.0:
+                raise ValueError(f"{name} must be positive, is {value}")
+        self._check_evidence()
+        self._check_counts()
+        self._check_existence()
+
+    def _check_evidence(self) -> None:
+        """ValueError if evidence cannot be weighed or beliefs cannot be fused."""
+        for name in ("clutter_density", "birth_density"):
+            if getattr(self, name) == math.inf:
+                raise ValueError(f"{name} must be finite, is inf")
+        if not 0.0 <= self.absence_weight < math.inf:
+            raise ValueError(f"absence_weight must be 0 or more and finite, is {self.absence_weight}")
+        if not self.recovery_after >= 0.0:
+            raise ValueError(f"recovery_after must be 0 or more, is {self.recovery_after}")
         if self.fusion not in FUSIONS:
             raise ValueError(f"fusion must be one of {', '.join(FUSIONS)}, is {self.fusion!r}")
         if not self.forget_after > 0.0:
             raise ValueError(f"forget_after must be positive, is {self.forget_after}")
+
+    def _check_counts(self) -> None:
+        """ValueError if scans cannot be counted."""
+        if not (isinstance(self.double, int | np.integer) and self.double >= 1):
+            raise ValueError(f"double must be an integer, 1 or more, is {self.double}")
         for name in ("confirm", "delete"):
             m, n = getattr(self, name)
-            if not 1 <= m <= n <= 62:
-                raise ValueError(f"{name} must be (m, n) with 1 <= m <= n <= 62, is ({m}, {n})")
-        self._check_existence()
+            whole = isinstance(m, int | np.integer) and isinstance(n, int | np.integer)
+            if not (whole and 1 <= m <= n <= MOST_SCANS):
+                raise ValueError(f"{name} must be integers (m, n) with 1 <= m <= n <= {MOST_SCANS}, is ({m}, {n})")
 
     def _check_existence(self) -> None:
         """ValueError if tracks cannot begin or end."""
         if self.life not in LIVES:
             raise ValueError(f"life must be {' or '.join(LIVES)}, is {self.life!r}")
-        if not self.birth_density > 0.0:
-            raise ValueError(f"birth_density must be positive, is {self.birth_density}")
         if not 0.0 < self.survival <= 1.0:
             raise ValueError(f"survival must be in (0, 1], is {self.survival}")
         if not 0.0 < self.doubt < self.sure < 1.0:

@@ -19,7 +19,7 @@ from tracking.identity import FIRST_BORN, INFORMATION, UAVS, Message, aliases_of
 from tracking.initiation import Initiator, Tentative
 from tracking.jpda import gated_likelihood, mixture_update
 from tracking.kalman import Gaussian, information_form
-from tracking.malformed import well_formed
+from tracking.malformed import check_track, well_formed
 from tracking.novelty import farthest, split
 from tracking.parameters import TrackerParameters
 from tracking.recovery import recoveries
@@ -79,6 +79,8 @@ class Tracker:
         ids = [track.id for track in known]
         if len(set(ids)) < len(ids) or (ids and not 0 <= ids[0] <= ids[-1] < FIRST_BORN):
             raise ValueError(f"ids of initial tracks must be distinct and in [0, {FIRST_BORN}), are {ids}")
+        for t in known:
+            check_track(t.id, t.belief, t.existence)
         self.uav, self._camera, self._forest, self.parameters = uav, camera, forest, parameters
         self._time = -math.inf
         self._scans = 0
@@ -121,7 +123,7 @@ class Tracker:
         p = self.parameters
         if scan.uav != self.uav:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
-        z, R = well_formed(scan.time, scan.pose.position, scan.measurements, scan.covariances)
+        z, R = well_formed(scan.time, scan.pose, scan.measurements, scan.covariances)
         self.coast(scan.time)
         elapsed, self._waited = self._waited, 0
         likelihood = gated_likelihood(self._means, self._covariances, z, R, p.gate_probability)
