@@ -4,9 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from views import SCENARIO
 
+from sim.renderer import Renderer
+from sim.scoring import matched_people
+from sim.world import World
 from tracking.camera import Camera, Pose
-from tracking.detector import Frame, _joined, _one_person, sizes
+from tracking.detector import Frame, _joined, _one_person, detect, sizes
+from tracking.visibility import TARGET_HEIGHT, Forest
 
 IMAGE = np.zeros((1, 1, 3), dtype=np.uint8)
 CAMERA = Camera(math.radians(60), 128)
@@ -66,3 +71,43 @@ def test_eight_hundred_fragments_are_measured_little_more_than_once(monkeypatch)
     found, _ = _joined(Frame(0, 0.0, CAMERA, tilted(0.0), IMAGE), blobs, range(800))
     assert len(found) < 500
     assert len(tried) < 30 * 800
+
+
+@pytest.mark.parametrize(("degrees", "size"), [(d, size) for d in (30, 45, 58) for size in (128, 512)])
+def test_whole_people_near_corners_of_tilted_images_are_one_detection_each(degrees, size):
+    """People of four pixels or more: of what is smaller, beside the horizon, rounding makes more than one's area."""
+    rng, camera = np.random.default_rng(0), Camera(math.radians(60), size)
+    counts = []
+    with World(SCENARIO, Forest(()), 1) as world:
+        renderer = Renderer(world)
+        for _ in range(50):
+            pose = tilted(math.radians(degrees), rng.uniform(-3, 3), rng.uniform(14, 22))
+            inset = rng.uniform(0.08, 0.2, 2) * size
+            pixel = np.where(rng.random(2) < 0.5, inset, size - inset)
+            world.place_people(camera.ground_points(pose, pixel, TARGET_HEIGHT), rng.uniform(-math.pi, math.pi, 1))
+            rendered = renderer.render(camera, pose)
+            rows, columns = np.nonzero(rendered.people == 0)
+            ends = np.array([rows, columns])
+            if len(rows) >= 4 and ends.min() > 0 and ends.max() < size - 1:
+                counts.append(len(detect(Frame(0, 0.0, camera, pose, rendered.image)).ground))
+    assert len(counts) > 15
+    assert np.mean(np.array(counts) == 1) >= 0.99
+
+
+def test_tilted_cameras_find_people_and_only_people():
+    rng, camera = np.random.default_rng(1), Camera(math.radians(60), 256)
+    people = found = detections = 0
+    with World(SCENARIO, Forest(()), 3) as world:
+        renderer = Renderer(world)
+        for _ in range(60):
+            pose = tilted(rng.uniform(0.3, 0.8), rng.uniform(-3, 3), rng.uniform(14, 22))
+            pixels = rng.uniform(0.05, 0.95, (3, 2)) * camera.pixels
+            if min(np.linalg.norm(pixels[k] - pixels[k - 1]) for k in range(3)) < 50:
+                continue
+            world.place_people(camera.ground_points(pose, pixels, TARGET_HEIGHT), rng.uniform(-math.pi, math.pi, 3))
+            rendered = renderer.render(camera, pose)
+            places = detect(Frame(0, 0.0, camera, pose, rendered.image)).pixels
+            people, detections = people + 3, detections + len(places)
+            found += matched_people(places, rendered.people, 3).sum()
+    assert people > 60
+    assert found / people >= 0.98 and found / detections >= 0.98

@@ -166,6 +166,9 @@ def sizes_at(lens: Lens, pixels: Array) -> tuple[Array, Array, Array]:
         cos, sin = (right / height, down / height) if height > 0.0 else (1.0, 0.0)
         axes[k, 0], axes[k, 1] = (cos, -sin), (sin, cos)
         extents[k] = np.maximum(0.75 * scale + 0.95 * height, 0.95 * scale), 0.95 * scale
+        # The image plane stretches what is off its axis, away from it: across people only where a camera is tilted.
+        off = ((pixels[k, 1] - lens.pixels / 2) * cos - (pixels[k, 0] - lens.pixels / 2) * sin) / lens.focal
+        extents[k, 1] *= math.sqrt(1.0 + off * off)
         areas[k] = scale * (0.2 * scale + 0.22 * height)
     return axes, extents, areas
 
