@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -165,6 +166,9 @@ def sizes_at(lens: Lens, pixels: Array) -> tuple[Array, Array, Array]:
         cos, sin = (right / height, down / height) if height > 0.0 else (1.0, 0.0)
         axes[k, 0], axes[k, 1] = (cos, -sin), (sin, cos)
         extents[k] = np.maximum(0.75 * scale + 0.95 * height, 0.95 * scale), 0.95 * scale
+        # The image plane stretches what is off its axis, away from it: across people only where a camera is tilted.
+        off = ((pixels[k, 1] - lens.pixels / 2) * cos - (pixels[k, 0] - lens.pixels / 2) * sin) / lens.focal
+        extents[k, 1] *= math.sqrt(1.0 + off * off)
         areas[k] = scale * (0.2 * scale + 0.22 * height)
     return axes, extents, areas
 
@@ -189,23 +193,41 @@ def _middle(values: Array) -> float:
 
 def _joined(frame: Frame, blobs: list[Array], origins: Sequence[int]) -> tuple[list[Array], list[int]]:
     """Join the nearest two blobs that one person can span until there are none; what is joined is of the larger's."""
+    if len(blobs) < 2:
+        return blobs, list(origins)
     blobs, origins, lens = list(blobs), list(origins), frame.camera.lens(frame.pose)
-    while len(blobs) > 1:
-        centres = np.array([blob.mean(axis=0) for blob in blobs])
-        reach = np.linalg.norm(sizes(frame, centres).extents, axis=1)
-        distances = np.linalg.norm(centres[:, None] - centres, axis=2)
-        near = np.triu(distances < reach, 1)
-        pairs = sorted((distances[i, j], i, j) for i, j in np.argwhere(near).tolist())
-        for _, i, j in pairs:
-            both = np.vstack([blobs[i], blobs[j]])
-            if _one_person(lens, both):
-                origins[i] = origins[max(i, j, key=lambda k: len(blobs[k]))]
-                blobs[i] = both
-                del blobs[j], origins[j]
-                break
-        else:
-            break
-    return blobs, origins
+    centres = np.array([blob.mean(axis=0) for blob in blobs])
+    reach = np.linalg.norm(sizes_at(lens, centres)[1], axis=1)
+    joins = [0] * len(blobs)  # of each blob so far; what was found before the last one is out of date
+    pairs = [(distance, i, j, 0, 0) for k in range(len(blobs)) for distance, i, j in _near(centres, reach, k, k)]
+    heapq.heapify(pairs)
+    while pairs:
+        _, i, j, *then = heapq.heappop(pairs)
+        if then != [joins[i], joins[j]]:
+            continue
+        both = np.vstack([blobs[i], blobs[j]])
+        if not _one_person(lens, both):
+            continue
+        origins[i] = origins[max(i, j, key=lambda k: len(blobs[k]))]
+        blobs[i], centres[i], centres[j] = both, both.mean(axis=0), math.nan
+        reach[i] = np.linalg.norm(sizes_at(lens, centres[i : i + 1])[1], axis=1)[0]
+        joins[i], joins[j] = joins[i] + 1, -1
+        for distance, low, high in _near(centres, reach, i, len(blobs)):
+            heapq.heappush(pairs, (distance, low, high, joins[low], joins[high]))
+    left = [k for k in range(len(blobs)) if joins[k] >= 0]
+    return [blobs[k] for k in left], [origins[k] for k in left]
+
+
+@compiled
+def _near(centres: Array, reach: Array, k: int, stop: int) -> list[tuple[float, int, int]]:
+    """Distances of blob k to those before `stop` that are in reach of the later of both, and both, earlier first."""
+    pairs = []
+    for n in range(stop):
+        right, down = centres[n, 0] - centres[k, 0], centres[n, 1] - centres[k, 1]
+        distance = math.sqrt(right * right + down * down)
+        if n != k and distance < reach[max(n, k)]:
+            pairs.append((distance, min(n, k), max(n, k)))
+    return pairs
 
 
 def _split(frame: Frame, blob: Array) -> list[Array]:
