@@ -1,4 +1,4 @@
-"""Kullback-Leibler average of the beliefs of those UAVs that saw a target, by messages between neighbours."""
+"""Consensus by messages between neighbours: averages of beliefs, and sums of what UAVs have learned."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracking.compiled import Array
+from tracking.evidence import Evidence
 from tracking.identity import Message
 from tracking.roster import aligned
 
@@ -41,11 +42,13 @@ def combine(own: Message, received: Sequence[Message], gate: float, max_speed: f
 
     gate and max_speed are as `Member` has them.
     Each UAV hands a neighbour the share 1 / (1 + max(degrees)) of what it holds (Metropolis weights) and keeps the
-    rest, so the fleet's sum is conserved, whatever ids it is filed under, and the ratio of weighted information to
-    weight tends to the weighted average everywhere. Source: [Battistelli14], with weights that differ by UAV.
+    rest. So the fleet's sum is conserved, whatever ids it is filed under, where losses are mutual; in any case the
+    ratio of weighted information to weight tends to a weighted average everywhere.
+    Source: [Battistelli14], with weights that differ by UAV.
     Novel information is mixed likewise. Source: [Battistelli15].
     Note: instead of the number of UAVs, which makes up for the mixing of novel information, the shares of them all
-    are mixed along. So it is exact where messages are lost, too, and whoever has nothing to say does not dilute it.
+    are mixed along. So nothing counts more than once where messages are lost, too, though some of it then counts less,
+    and whoever has nothing to say does not dilute it.
     """
     if not received:
         return own
@@ -54,11 +57,10 @@ def combine(own: Message, received: Sequence[Message], gate: float, max_speed: f
     for message in received:
         shares += (message.shares - own.shares) / (1 + max(own.degree, message.degree))
     every = [own, *received]
-    times = np.maximum.reduce([m.evidence.times for m in every])
     return replace(
         own,
         shares=shares,
-        evidence=replace(own.evidence, times=times),
+        evidence=_agreed(every),
         sightings=_latest(every),
         novel=_mixed(every),
         company=min((m.company for m in every), key=lambda company: (company[0], -company[1])),
@@ -77,6 +79,24 @@ def _mixed(messages: Sequence[Message]) -> Array:
     for row, m in zip(stacked, messages, strict=True):
         row[:, : m.novel.shape[1]] = m.novel
     return np.asarray(np.tensordot([1.0 - sum(weights), *weights], stacked, 1))
+
+
+def _agreed(messages: Sequence[Message]) -> Evidence:
+    """The latest times that any message knows of, and what counts against tracks, from whoever saw each last.
+
+    Where UAVs were apart, those who missed a person whom others saw in the meantime have nothing against the track.
+    """
+    times = np.maximum.reduce([m.evidence.times for m in messages])
+    first = messages[0].evidence
+    misses, shared, seen, held = first.misses, first.shared, first.times[:, 0], messages[0].shares[:, 0] > 0.0
+    for message in messages[1:]:
+        its, holds = message.evidence, message.shares[:, 0] > 0.0
+        if not (np.array_equal(its.misses, misses) and np.array_equal(its.shared, shared)):
+            fewer = (its.misses < misses) | ((its.misses == misses) & (its.shared < shared))
+            better = holds & (~held | (its.times[:, 0] > seen) | ((its.times[:, 0] == seen) & fewer))
+            misses, shared = np.where(better, its.misses, misses), np.where(better, its.shared, shared)
+        seen, held = np.maximum(seen, its.times[:, 0]), held | holds
+    return Evidence(times, misses, shared)
 
 
 def _latest(messages: Sequence[Message]) -> Array:
@@ -100,8 +120,16 @@ def fuse(
     lost (rounds, n, n): whether what UAV j says in a round is lost on its way to UAV i; nobody knows beforehand.
     Every scan ends with this, also for one UAV: tracks are ended here.
     """
+    adjacency = _graph(adjacency, len(members))
+    if type(rounds) is not int or rounds < 0:
+        raise ValueError(f"rounds must be a whole number of at least 0, is {rounds!r}")
+    if lost is not None and lost.shape != (rounds, *adjacency.shape):
+        raise ValueError(f"lost must have shape {(rounds, *adjacency.shape)}, has {lost.shape}")
     linked = adjacency & ~np.eye(len(members), dtype=np.bool_)
     messages = [m.message(int(row.sum())) for m, row in zip(members, linked, strict=True)]
+    uavs = [message.uav for message in messages]
+    if len(set(uavs)) < len(uavs):
+        raise ValueError(f"uav must differ among members, are {uavs}")
     sent = np.zeros(len(members), dtype=np.int64)
     for k in range(rounds):
         sent += [message.size if row.any() else 0 for message, row in zip(messages, linked, strict=True)]
@@ -113,3 +141,13 @@ def fuse(
     for member, message in zip(members, messages, strict=True):
         member.accept(message)
     return sent
+
+
+def _graph(adjacency: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
+    """The graph, if it is one over so many UAVs."""
+    graph = np.asarray(adjacency)
+    if graph.shape != (count, count) or graph.dtype != np.bool_:
+        raise ValueError(f"adjacency must be bool ({count}, {count}), is {graph.dtype} {graph.shape}")
+    if not np.array_equal(graph, graph.T):
+        raise ValueError("adjacency must be symmetric: who hears whom is heard by them")
+    return graph

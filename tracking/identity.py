@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tracking.compiled import Array
 from tracking.evidence import Evidence, Indices
 from tracking.existence import from_log_odds
 from tracking.kalman import moment_form
 
-BIRTHS = 1_000  # ids one UAV can give in one scan
+BIRTHS = 1_000  # ids one UAV can give in one scan: to births the first half, as aliases the second
 UAVS = 1_000
 FIRST_BORN = BIRTHS * UAVS  # ids of tracks known from the start are below
 
@@ -128,6 +129,11 @@ def born_id(scan: int, uav: int, counter: int) -> int:
     return (scan * UAVS + uav) * BIRTHS + counter
 
 
+def is_birth(ids: Indices, scan: int) -> NDArray[np.bool_]:
+    """Which ids (T,) were given to tracks born in a scan, rather than as aliases in it."""
+    return np.asarray((ids >= born_id(scan, 0, 0)) & (ids % BIRTHS < BIRTHS // 2))
+
+
 def aliases_of(ids: Indices, lost: Indices, scan: int, leader: int) -> Indices:
     """An alias for each track of a company whose leader is UAV `leader` (T,), from ids (T,) and lost ones' rows.
 
@@ -135,6 +141,6 @@ def aliases_of(ids: Indices, lost: Indices, scan: int, leader: int) -> Indices:
     counted from the end of the leader's.
     """
     rank = np.arange(len(ids))
-    aliases = np.where(ids >= born_id(scan, 0, 0), ids, born_id(scan, leader, BIRTHS - 1) - rank)
+    aliases = np.where(is_birth(ids, scan), ids, born_id(scan, leader, BIRTHS - 1) - rank)
     aliases[lost] = 0
     return aliases

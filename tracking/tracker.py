@@ -15,7 +15,7 @@ from tracking.camera import Camera, Pose
 from tracking.compiled import Array
 from tracking.evidence import Evidence, doubles
 from tracking.existence import associated, log_odds
-from tracking.identity import FIRST_BORN, INFORMATION, UAVS, Message, aliases_of, born_id
+from tracking.identity import FIRST_BORN, INFORMATION, UAVS, Message, aliases_of, born_id, is_birth
 from tracking.initiation import Initiator, Tentative
 from tracking.jpda import gated_likelihood, mixture_update
 from tracking.kalman import Gaussian, information_form
@@ -83,7 +83,8 @@ class Tracker:
             check_track(t.id, t.belief, t.existence)
         self.uav, self._camera, self._forest, self.parameters = uav, camera, forest, parameters
         self._time = -math.inf
-        self._scans = 0
+        self._scans = self._steps = 0  # scans so far, and steps of motion since the first one
+        self._began = 0.0  # s, the time of the first scan
         self._ids = np.array(ids, dtype=np.int64)
         self._means = np.array([t.belief.mean for t in known], dtype=float).reshape(-1, 4)
         self._covariances = np.array([t.belief.covariance for t in known], dtype=float).reshape(-1, 4, 4)
@@ -152,8 +153,11 @@ class Tracker:
         """Predict to the time of a scan for which this UAV has no frame: it neither sees nor misses anybody."""
         if not time > self._time:
             raise ValueError(f"scan at {time} s is not after the last one at {self._time} s")
-        elapsed = round((time - self._time) / self.parameters.motion.dt) if self._scans else 0
-        self._time = time
+        # Steps since the first scan are rounded, not those since the last: times between steps do not add up to drift.
+        began = self._began if self._scans else time
+        steps = round((time - began) / self.parameters.motion.dt)
+        elapsed = steps - self._steps
+        self._time, self._began, self._steps = time, began, steps
         self._scans += 1
         self._waited += elapsed
         for _ in range(elapsed):
@@ -167,7 +171,7 @@ class Tracker:
         if self.parameters.life == "existence":
             columns.append(log_odds(self._existence)[:, None])
         shares = np.concatenate(columns, axis=1) * weights[:, None]
-        lost = np.flatnonzero(self._time - self._sightings[:, 2] >= self.parameters.recovery_after)
+        lost = np.flatnonzero(self._lost(self._sightings))
         leader, spoke = self._company
         aliases = aliases_of(self._ids, lost, self._scans, leader)
         alone = leader >= self.uav or self._time - spoke > _IN_TOUCH
@@ -239,14 +243,18 @@ class Tracker:
 
     def _reborn(self, message: Message, means: Array, covariances: Array) -> NDArray[np.bool_]:
         """Tracks born in this scan of people whose lost tracks another UAV took up again in the same scan (T,)."""
-        newborn = message.ids >= born_id(self._scans, 0, 0)
+        newborn = is_birth(message.ids, self._scans)
         found = np.zeros(len(newborn), dtype=np.bool_)
-        lost = self._time - message.sightings[:, 2] >= self.parameters.recovery_after
-        back = np.flatnonzero(lost & (message.evidence.times[:, 0] >= self._time))
+        back = np.flatnonzero(self._lost(message.sightings) & (message.evidence.times[:, 0] >= self._time))
         for i in np.flatnonzero(newborn if len(back) else found).tolist():
             rows = [*back.tolist(), i]
             found[i] = doubles(means[rows], covariances[rows], np.array(rows) == i, self.parameters.match_gate)[-1]
         return found
+
+    def _lost(self, sightings: Array) -> NDArray[np.bool_]:
+        """Whose last sighting, a row of (T, 3), is long ago (T,)."""
+        unseen = self._time - sightings[:, 2]
+        return np.asarray((unseen > 0.0) & (unseen >= self.parameters.recovery_after))
 
     def _recover(self) -> None:
         """Give tracks born in this scan the ids of lost tracks that they continue.
@@ -254,8 +262,8 @@ class Tracker:
         All UAVs do this after they have agreed on tracks and sightings, so they decide alike.
         """
         p = self.parameters
-        born = np.flatnonzero(self._ids >= born_id(self._scans, 0, 0))
-        lost = np.flatnonzero(self._time - self._sightings[:, 2] >= p.recovery_after)
+        born = np.flatnonzero(is_birth(self._ids, self._scans))
+        lost = np.flatnonzero(self._lost(self._sightings))
         if len(born) == 0 or len(lost) == 0:
             return
         pairs = recoveries(
