@@ -34,8 +34,8 @@ _SLACK = 1e-6  # s, for times that were typed
 class Rerenderer:
     """The world of a recording, in which any of its frames can be rendered again; nothing flies.
 
-    The images are those of the mission, byte for byte: they follow from the scenario, the seed and the poses of
-    cameras, people and UAVs alone.
+    The images are those of the mission: they follow from the scenario, the seed and the poses of cameras, people and
+    UAVs alone; but in about one view of a thousand the renderer alternates a pixel by one grey level.
     """
 
     def __init__(self, recording: Recording) -> None:

@@ -123,7 +123,7 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     occlusion: Literal["line_of_sight", "disc"] = "line_of_sight"
     renderer: Literal["tiny", "egl"] = "tiny"  # PyBullet's own on the CPU, or OpenGL without a display
     detector: str = "blob"  # "blob", "segmentation" or "package.module:Class"
-    false_alarms: NonNegative = 0.0  # expected number per frame, Poisson
+    false_alarms: Annotated[float, Meta(ge=0, le=1000)] = 0.0  # expected number per frame, Poisson
     miss_probability: Probability = 0.0  # that somebody who would be detected is not
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sim.calibration import TILTS, bin_of, fit_part, fit_powers, fit_split, nees, pair_bins, tilt_bins
+from sim.calibration import bin_of, fit_part, fit_powers, fit_split, nees, pair_bins, tilt_bins
 from sim.calibration_scenes import people_in_forests, tilted
 from tracking.blob_detector import located
 from tracking.camera import Camera, Pose
@@ -146,7 +146,3 @@ def test_parts_are_as_certain_as_the_fit_to_other_people_makes_them():
     ratios = traces[:, 0] / traces[:, 1]
     assert 0.8 < np.exp(np.log(ratios).mean()) < 1.25
     assert np.quantile(ratios, 0.1) > 0.5 and np.quantile(ratios, 0.9) < 2.0
-
-
-def test_the_mounts_that_are_fitted_are_those_that_are_tested():
-    assert {tilt for tilt, _ in TILTS} | {0.0} == {0.0, 15.0, 30.0, 45.0} and max(sway for _, sway in TILTS) == 20.0

@@ -38,10 +38,11 @@ def located(
     found = measured(frame, blobs, components)
     if forest is None:
         return found
+    places = {k: place for k, blob in enumerate(blobs) if (place := locate(frame, blob, forest)) is not None}
+    if not places:
+        return found
     ground, covariances = found.ground.copy(), found.covariances.copy()
     split = split_covariances(frame, found.pixels, components)
-    for k, blob in enumerate(blobs):
-        place = locate(frame, blob, forest)
-        if place is not None:
-            ground[k], covariances[k] = place[0], place[1] + split[k]
+    for k, (mean, covariance) in places.items():
+        ground[k], covariances[k] = mean, covariance + split[k]
     return replace(found, ground=ground, covariances=covariances)

@@ -55,8 +55,8 @@ class WholeError:
     def detected(self, tangents: Array, footprints: Array) -> Array:
         """Radial and tangential variances (N, 2) m² of detections from any attitude, by the ground that a pixel covers.
 
-        footprints (N, 2) m: along and across the line of sight, both gsd for a level camera; this then is the
-        polynomials of `variances`, times `excess`.
+        footprints (N, 2) m: along and across the line of sight, both gsd for a level camera; up to
+        `corner` this then is the polynomials of `variances`, times `excess`; beyond, their growths are powers.
         """
         return _detected(tangents, footprints, self._constants)
 
@@ -116,7 +116,8 @@ class NoiseModel:
         """The error of a detection itself, for a person in plain view of a nadir camera `altitude` m above ground.
 
         Posture: limbs and stride. Rounding: of variance gsd² / 12 for one pixel of edge gsd at the target's height, and
-        smaller by gsd² / limb² for a centroid of many. What only a part shows of has the covariance of
+        smaller by gsd² / limb² for a centroid of many. Of second degree: without the `excess` of `WholeError.detected`.
+        What only a part shows of has the covariance of
         `tracking.partial`.
         """
         height = altitude - TARGET_HEIGHT
