@@ -29,7 +29,9 @@ class Clearing(NamedTuple):
     distance: float  # m, horizontally, from the camera
     edges: Array  # (4, 3): inside the image where edges @ (u, v, 1) >= 0
     footprint: Array  # (2, 2) m per pixel: (u, v) by the image's columns and rows, at the place
-    shadows: Array  # (S, 6) of trees that may reach the surroundings; rows are hulls
+    # (S, 7) of trees that may reach the surroundings: hulls, and the distance, horizontally, from the camera [m] nearer
+    # than which nobody is hidden: that of trunks; 0 for canopies, which are above everybody.
+    shadows: Array
 
 
 @compiled
@@ -63,13 +65,13 @@ def clearing_at(lens: Lens, pixel: Pair) -> Clearing:
     a, b = (edges[0, 0] / depth + columns * body[2, 0]), (edges[0, 1] / depth + columns * body[2, 1])
     c, d = (edges[2, 0] / depth + rows * body[2, 0]), (edges[2, 1] / depth + rows * body[2, 1])
     footprint = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
-    return Clearing((x, y), away, distance, edges, footprint, np.empty((0, 6)))
+    return Clearing((x, y), away, distance, edges, footprint, np.empty((0, 7)))
 
 
 @compiled
 def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float) -> Clearing:
     """The clearing with the shadows of cylinders (B, 5) that come within `reach` m of its origin."""
-    shadows, count = np.empty((8, 6)), 0
+    shadows, count = np.empty((8, 7)), 0
     for k in range(len(cylinders)):
         x, y, radius = cylinders[k, 0], cylinders[k, 1], cylinders[k, 2]
         low, high = max(cylinders[k, 3], TARGET_HEIGHT), min(cylinders[k, 4], eye[2] - 1e-3)
@@ -86,10 +88,18 @@ def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float
             continue
         if count == len(shadows):
             shadows = np.concatenate((shadows, np.empty_like(shadows)))
-        shadows[count] = (u0, v0, radius * near, u1, v1, radius * far)
+        front = math.sqrt((x - eye[0]) ** 2 + (y - eye[1]) ** 2) - radius if cylinders[k, 3] <= TARGET_HEIGHT else 0.0
+        shadows[count] = (u0, v0, radius * near, u1, v1, radius * far, max(front, 0.0))
         count += 1
     c = clearing
     return Clearing(c.origin, c.away, c.distance, c.edges, c.footprint, shadows[:count])
+
+
+@compiled
+def behind(clearing: Clearing, u: float, v: float) -> Clearing:
+    """The clearing with the shadows only of what may hide somebody at (u, v): no trunk hides who is in front of it."""
+    c, distance = clearing, math.sqrt((clearing.distance + u) ** 2 + v * v)
+    return Clearing(c.origin, c.away, c.distance, c.edges, c.footprint, c.shadows[c.shadows[:, 6] <= distance])
 
 
 @compiled

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.compiled import Array, compiled
-from tracking.shadows import Clearing, crossing, openings
+from tracking.shadows import Clearing, behind, crossing, openings
 from tracking.visibility import TARGET_HEIGHT
 
 # A walking person over all headings, as horizontal circles: height above ground, radius [m] and the share of headings
@@ -89,22 +89,47 @@ def shown(clearing: Clearing, silhouette: Silhouette, u: Array, v: Array) -> Arr
     The moments are those of the coordinates relative to where the person is.
     """
     out = np.zeros((len(v), len(u), 3))
-    intervals = np.empty((len(clearing.shadows) + 1, 2))
     for i in range(len(v)):
-        for k in range(-_ROWS, _ROWS):
-            rise = (k + 0.5) * silhouette.row
-            row = k if k >= 0 else -1 - k
-            cover, moment = silhouette.cover[row], silhouette.moment[row]
-            for m in range(openings(clearing, v[i] + rise, intervals)):
-                for j in range(len(u)):
-                    start = _bins(intervals[m, 0] - u[j], silhouette)
-                    end = _bins(intervals[m, 1] - u[j], silhouette)
-                    if end > start:
-                        area = silhouette.row * (_between(cover, end) - _between(cover, start))
-                        out[i, j, 0] += area
-                        out[i, j, 1] += silhouette.row * (_between(moment, end) - _between(moment, start))
-                        out[i, j, 2] += area * rise
+        first = 0
+        while first < len(u):  # those whom the same shadows may hide, together
+            around = behind(clearing, u[first], v[i])
+            last = first + 1
+            while last < len(u) and _same(clearing, v[i], (u[first], u[last])):
+                last += 1
+            _add_shown(around, silhouette, (u[first:last], v[i]), out[i, first:last])
+            first = last
     return out
+
+
+@compiled
+def _same(clearing: Clearing, v: float, u: tuple[float, float]) -> bool:
+    """Whether two people of a row are in front of the same trunks."""
+    one, other = math.sqrt((clearing.distance + u[0]) ** 2 + v * v), math.sqrt((clearing.distance + u[1]) ** 2 + v * v)
+    for k in range(len(clearing.shadows)):
+        front = clearing.shadows[k, 6]
+        if (front <= one) != (front <= other):
+            return False
+    return True
+
+
+@compiled
+def _add_shown(clearing: Clearing, silhouette: Silhouette, places: tuple[Array, float], out: Array) -> None:
+    """Add what would show of people at u (N,) m of one row to areas and moments (N, 3)."""
+    u, v = places
+    intervals = np.empty((len(clearing.shadows) + 1, 2))
+    for k in range(-_ROWS, _ROWS):
+        rise = (k + 0.5) * silhouette.row
+        row = k if k >= 0 else -1 - k
+        cover, moment = silhouette.cover[row], silhouette.moment[row]
+        for m in range(openings(clearing, v + rise, intervals)):
+            for j in range(len(u)):
+                start = _bins(intervals[m, 0] - u[j], silhouette)
+                end = _bins(intervals[m, 1] - u[j], silhouette)
+                if end > start:
+                    area = silhouette.row * (_between(cover, end) - _between(cover, start))
+                    out[j, 0] += area
+                    out[j, 1] += silhouette.row * (_between(moment, end) - _between(moment, start))
+                    out[j, 2] += area * rise
 
 
 @compiled
