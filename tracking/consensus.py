@@ -88,13 +88,14 @@ def _agreed(messages: Sequence[Message]) -> Evidence:
     """
     times = np.maximum.reduce([m.evidence.times for m in messages])
     first = messages[0].evidence
+    if all(m.counts == messages[0].counts for m in messages):
+        return Evidence(times, first.misses, first.shared)
     misses, shared, seen, held = first.misses, first.shared, first.times[:, 0], messages[0].shares[:, 0] > 0.0
     for message in messages[1:]:
         its, holds = message.evidence, message.shares[:, 0] > 0.0
-        if not (np.array_equal(its.misses, misses) and np.array_equal(its.shared, shared)):
-            fewer = (its.misses < misses) | ((its.misses == misses) & (its.shared < shared))
-            better = holds & (~held | (its.times[:, 0] > seen) | ((its.times[:, 0] == seen) & fewer))
-            misses, shared = np.where(better, its.misses, misses), np.where(better, its.shared, shared)
+        fewer = (its.misses < misses) | ((its.misses == misses) & (its.shared < shared))
+        better = holds & (~held | (its.times[:, 0] > seen) | ((its.times[:, 0] == seen) & fewer))
+        misses, shared = np.where(better, its.misses, misses), np.where(better, its.shared, shared)
         seen, held = np.maximum(seen, its.times[:, 0]), held | holds
     return Evidence(times, misses, shared)
 

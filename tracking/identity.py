@@ -82,6 +82,11 @@ class Message:
         return self.ids.tobytes() + self.aliases.tobytes()
 
     @cached_property
+    def counts(self) -> bytes:
+        """What counts against the tracks, quick to compare."""
+        return self.evidence.misses.tobytes() + self.evidence.shared.tobytes()
+
+    @cached_property
     def seen_at(self) -> bytes:
         """Times of the sightings, quick to compare."""
         return self.sightings[:, 2].tobytes()
