@@ -1,4 +1,4 @@
-"""The command line: `understory run`, `compare`, `frames`, `export`, `planners`, `scenarios`."""
+"""The command line: `understory run`, `compare`, `frames`, `export` and lists of what there is."""
 
 from __future__ import annotations
 
@@ -12,14 +12,12 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from planning.registry import COMPARED, DEFAULT_PLANNER, PlannerError, installed, load_planner
+from planning.registry import DEFAULT_PLANNER, PlannerError, installed, load_planner
 from sim.console import (
-    compiling,
     console,
     fail,
     mission_progress,
     remark,
-    show_comparison,
     show_files,
     show_list,
     show_run,
@@ -28,7 +26,9 @@ from sim.console import (
 from sim.detectors import check_detector
 from sim.errors import InputError
 from sim.loading import SCENARIOS, did_you_mean, load, remarks
-from sim.quantity import integer, integers, interval, seconds
+from sim.options import Duration, Overrides, with_duration
+from sim.quantity import integer, interval
+from sim.study.command import compare, studies
 
 # Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
 
@@ -69,15 +69,6 @@ class Commands(TyperGroup):
 app = typer.Typer(cls=Commands, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
 
 Scenario = Annotated[str, typer.Argument(metavar="SCENARIO", help="Name (see `understory scenarios`) or .toml file.")]
-Duration = Annotated[
-    str | None, typer.Option(metavar="TIME", help="Simulated time: 40, 40s, 1.5min. Default: the scenario's.")
-]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="KEY=VALUE", help="Change a key of the scenario, such as trees.density=75; repeatable."
-    ),
-]
 
 
 @app.callback(invoke_without_command=True)
@@ -102,7 +93,7 @@ def run(
     video: Annotated[bool, typer.Option(help="Make mission.mp4, or not.")] = True,
 ) -> None:
     """Fly one mission; leave recording, summary, video and OSPA curve in a new folder."""
-    setting = load(scenario, _with_duration(overrides, duration))
+    setting = load(scenario, with_duration(overrides, duration))
     check_detector(setting.sensing.detector)
     number = integer(seed, "--seed", least=0)
     load_planner(planner)
@@ -116,34 +107,7 @@ def run(
     show_run(summary, folder)
 
 
-@app.command()
-def compare(
-    scenario: Scenario = "forest",
-    planner: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="A planner; repeat for each. Default: two of the paper and two to beat."),
-    ] = None,
-    seeds: Annotated[str, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7.")] = "0-9",
-    duration: Duration = None,
-    overrides: Overrides = None,
-    workers: Annotated[str, typer.Option(metavar="N", help="Processes to fly in.")] = "2",
-) -> None:
-    """Fly planners on the same forests, people and seeds; show the results side by side."""
-    setting = load(scenario, _with_duration(overrides, duration))
-    check_detector(setting.sensing.detector)
-    names = list(dict.fromkeys(planner or COMPARED))
-    for name in names:
-        load_planner(name)
-    chosen, processes = integers(seeds, "--seeds"), integer(workers, "--workers", least=1)
-    remark(*remarks(setting))
-    from sim.experiment import compare as fly_all
-    from sim.warmup import warm_up
-
-    with compiling():
-        warm_up()
-    with trial_progress(len(names) * len(chosen)) as progress:
-        outcomes = fly_all(setting, names, chosen, workers=processes, progress=progress)
-    show_comparison(names, outcomes)
+app.command()(compare)
 
 
 @app.command()
@@ -207,9 +171,7 @@ def scenarios() -> None:
     )
 
 
-def _with_duration(overrides: list[str] | None, duration: str | None) -> list[str]:
-    added = [] if duration is None else [f"duration={seconds(duration, '--duration')}"]
-    return [*(overrides or []), *added]
+app.command()(studies)
 
 
 def _plain(planner: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -18,10 +18,13 @@ from rich.table import Table
 from sim.scenario import Scenario
 
 if TYPE_CHECKING:  # commands that fly nothing answer without what these import
-    from sim.experiment import Outcome
     from sim.recording import Recorder, Snapshot
+    from sim.study.row import Row
 
 console = Console(highlight=False)
+_SHOWN = {"ospa.share_under_1m": "{:.1%}", "ospa.mean_m": "{:.2f} m", "ospa.median_m": "{:.2f} m"} | {
+    "seconds.planning": "{:.2f} s"
+}
 _START_UP = "starting up; the first time, code is compiled: about a minute"
 
 
@@ -35,13 +38,6 @@ def remark(*messages: str) -> None:
     """Say what the user may not expect, one line each."""
     for message in messages:
         print(f"understory: {message}", file=sys.stderr)
-
-
-@contextmanager
-def compiling() -> Iterator[None]:
-    """Says, while the block runs, what takes so long."""
-    with console.status(_START_UP):
-        yield
 
 
 @contextmanager
@@ -113,20 +109,21 @@ def show_list(items: Mapping[str, str], note: str) -> None:
     console.print(f"\n{note}")
 
 
-def show_comparison(names: Sequence[str], outcomes: Sequence[Outcome]) -> None:
-    """One row per planner: means over the seeds."""
-    table = Table(title=f"{len(outcomes) // len(names)} seeds each, means over the seeds", title_justify="left")
+def show_comparison(rows: Sequence[Row]) -> None:
+    """One line per cell and planner of a study: means over the seeds that did not fail."""
+    seeds = len({row.seed for row in rows})
+    table = Table(title=f"{seeds} seeds each, means over the seeds", title_justify="left")
+    for name, _ in rows[0].factors:
+        table.add_column(name)
     table.add_column("planner")
     for column in ("OSPA under 1 m", "OSPA mean", "OSPA median", "planning", "faults"):
         table.add_column(column, justify="right")
-    for name in names:
-        rows = [outcome for outcome in outcomes if outcome.planner == name]
-        table.add_row(
-            name,
-            f"{fmean([r.share_under_1m for r in rows]):.1%}",
-            f"{fmean([r.mean_m for r in rows]):.2f} m",
-            f"{fmean([r.median_m for r in rows]):.2f} m",
-            f"{fmean([r.planning_s for r in rows]):.2f} s",
-            str(sum(r.faults for r in rows)),
-        )
+    cells: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        cell = cells.setdefault((*(level for _, level in row.factors), row.planner), [])
+        cell.extend([row] if row.status == "done" else [])
+    for place, found in cells.items():
+        means = {name: fmean([row.metrics[name] for row in found]) if found else nan for name in _SHOWN}
+        shown = [form.format(means[name]) for name, form in _SHOWN.items()]
+        table.add_row(*place, *shown, f"{sum(row.metrics['faults'] for row in found):.0f}")
     console.print(table)

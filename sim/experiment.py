@@ -1,19 +1,20 @@
-"""Missions side by side: planners on the same forests, people and seeds, on any executor."""
+"""Missions side by side, kept nowhere: planners on the same forests, people and seeds, on any executor."""
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
-import numpy as np
-
-from sim.mission import Mission, Trial
-from sim.radio import disagreement
+from sim.errors import InputError
+from sim.mission import Trial
 from sim.scenario import Scenario
+from sim.study import trial as study
+from sim.study.engine import Backend, Borrowed
+from sim.study.engine import fly_all as complete
+from sim.study.pool import Pool
+from sim.study.row import Row
+from sim.study.tasks import Task, task_of
 
 
 @dataclass(frozen=True)
@@ -32,22 +33,7 @@ class Outcome:
 
 def fly(trial: Trial) -> Outcome:
     """Fly one trial, keeping nothing but its outcome."""
-    mission = Mission.of(trial)
-    errors, gaps = [], []
-    for snapshot in mission.fly():
-        errors.append(snapshot.ospa[snapshot.working, 0])
-        gaps.append(disagreement([snapshot.tracks[i] for i in snapshot.working]))
-    distance = np.concatenate(errors)
-    return Outcome(
-        planner=trial.planner,
-        seed=trial.seed,
-        mean_m=float(distance.mean()),
-        median_m=float(np.median(distance)),
-        share_under_1m=float(np.mean(distance < 1.0)),
-        planning_s=mission.clock.seconds["planning"],
-        faults=len(mission.faults),
-        disagreement_m=float(np.mean(gaps)),
-    )
+    return _outcome(study.fly(task_of(trial.scenario, trial.planner, trial.seed)).row)
 
 
 def compare(
@@ -66,24 +52,42 @@ def fly_apart(
     trials: Sequence[Trial], workers: int, progress: Callable[[Outcome], None] = lambda outcome: None
 ) -> list[Outcome]:
     """Outcomes in the order of the trials, flown by `workers` processes."""
-    # One BLAS thread per worker: the variables are read when a worker imports NumPy.
-    os.environ.update({"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"})
-    # Ctrl-C reaches the workers too: they end at once and say nothing, as the parent does the talking.
-    end = (signal.SIGINT, signal.SIG_DFL)
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=signal.signal, initargs=end) as executor:
-        return fly_all(trials, executor, progress)
+    with Pool(workers) as pool:
+        return _fly_all(trials, pool, progress)
 
 
 def fly_all(
     trials: Sequence[Trial], executor: Executor, progress: Callable[[Outcome], None] = lambda outcome: None
 ) -> list[Outcome]:
     """Outcomes in the order of the trials; `progress` hears of each as it comes."""
-    futures = [executor.submit(fly, trial) for trial in trials]
-    try:
-        for future in as_completed(futures):
-            progress(future.result())
-    finally:
-        for future in futures:
-            future.cancel()
-    return [future.result() for future in futures]
+    return _fly_all(trials, Borrowed(executor), progress)
+
+
+def _fly_all(trials: Sequence[Trial], backend: Backend, progress: Callable[[Outcome], None]) -> list[Outcome]:
+    tasks = [task_of(trial.scenario, trial.planner, trial.seed) for trial in trials]
+    found: dict[str, Outcome] = {}
+
+    def keep(task: Task, flown: study.Flown) -> None:
+        found[task.key] = _outcome(flown.row)
+        progress(found[task.key])
+
+    complete(tasks, backend, keep)
+    return [found[task.key] for task in tasks]
+
+
+def _outcome(row: Row) -> Outcome:
+    """The outcome of a row; InputError or RuntimeError if the trial failed."""
+    kind, _, reason = row.error.partition(": ")
+    if row.status == "failed":
+        raise InputError(reason) if kind == "InputError" else RuntimeError(row.error)
+    found = row.metrics
+    return Outcome(
+        planner=row.planner,
+        seed=row.seed,
+        mean_m=found["ospa.mean_m"],
+        median_m=found["ospa.median_m"],
+        share_under_1m=found["ospa.share_under_1m"],
+        planning_s=found["seconds.planning"],
+        faults=int(found["faults"]),
+        disagreement_m=found["disagreement_m"],
+    )

@@ -1,0 +1,162 @@
+"""`understory compare` and `understory studies`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from planning.registry import COMPARED
+from sim.console import console, fail, remark, show_comparison, show_list
+from sim.errors import InputError
+from sim.loading import SCENARIOS, did_you_mean, remarks
+from sim.options import Duration, Overrides, with_duration
+from sim.quantity import integer, integers, seconds
+from sim.study.study import STUDIES, Study, adapted, is_study, read
+
+if TYPE_CHECKING:  # a complaint about the input needs none of what these import
+    from sim.study.engine import Backend, Options
+    from sim.study.row import Row
+    from sim.study.tasks import Task
+
+_SENSING = ("camera", "ideal")
+
+
+def compare(
+    study: Annotated[
+        str, typer.Argument(metavar="STUDY", help="Name (see `understory studies`), study file, or scenario.")
+    ] = "forest",
+    planner: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A planner; repeat for each. Default: the study's, or two of the paper's."),
+    ] = None,
+    seeds: Annotated[
+        str | None, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. [default: 0-9]")
+    ] = None,
+    maps: Annotated[str | None, typer.Option(metavar="N", help="Seeds 0 to N - 1; the paper has 50.")] = None,
+    sensing: Annotated[str | None, typer.Option(metavar="MODE", help="camera or ideal.")] = None,
+    duration: Duration = None,
+    overrides: Overrides = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of results; what is there is not flown again. Default: one under runs/."
+        ),
+    ] = None,
+    workers: Annotated[str, typer.Option(metavar="N", help="Processes to fly in.")] = "2",
+    dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster: tcp://host:8786.")] = None,
+    timeout: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Wall time beyond which a trial has failed: 90, 5min.")
+    ] = None,
+    keep: Annotated[str | None, typer.Option(metavar="WHAT", help="recordings: keep each mission.npz.")] = None,
+    redo: Annotated[bool, typer.Option("--redo", help="Fly again what is there already.")] = False,
+) -> None:
+    """Fly planners on the same forests, people and seeds; show the results side by side. Goes on where it stopped."""
+    changes = [*_sensing(sensing), *with_duration(overrides, duration)]
+    chosen = adapted(_study(study), planners=planner or (), seeds=_seeds(seeds, maps), overrides=changes)
+    processes = integer(workers, "--workers", least=1)
+    limit = None if timeout is None else seconds(timeout, "--timeout")
+    if keep not in (None, "recordings"):
+        raise InputError(f"--keep: {keep!r} is unknown; {did_you_mean(keep, ['recordings'])}")
+    folder = out or Path("runs") / chosen.name
+    from sim.study.engine import Options
+    from sim.study.tasks import tasks
+
+    listed = tasks(chosen)
+    remark(*dict.fromkeys(line for task in listed for line in remarks(task.setting)))
+    options = Options(limit, folder / "recordings" if keep else None, redo)
+    rows = _flown(listed, folder, options, processes, dask)
+    show_comparison(rows)
+    console.print(f"Results in [bold]{folder}[/bold]; the same command does what is missing.", soft_wrap=True)
+    failures = [row for row in rows if row.status == "failed"]
+    if failures:
+        first = failures[0]
+        fail(f"{len(failures)} of {len(rows)} trials failed, {first.planner}, seed {first.seed}: {first.error}", code=1)
+
+
+def studies() -> None:
+    """List the packaged studies."""
+    show_list(
+        {name: read(name).description for name in STUDIES},
+        "Fly one: understory compare NAME --maps 10. Yours: a .toml file, see docs/studies.md.",
+    )
+
+
+def _study(name: str) -> Study:
+    """A packaged study, a study file, or one made of a scenario and flags."""
+    if name in STUDIES or (name.endswith(".toml") and is_study(Path(name))):
+        return read(name)
+    if name not in SCENARIOS and not name.endswith(".toml"):
+        names = [*STUDIES, *SCENARIOS]
+        raise InputError(f"study: {name!r} is unknown; {did_you_mean(name, names)} (or a .toml file)")
+    return Study(name="compare", planners=COMPARED, scenarios=(name,))
+
+
+def _seeds(seeds: str | None, maps: str | None) -> str | None:
+    if maps is None:
+        if seeds is not None:
+            integers(seeds, "--seeds")
+        return seeds
+    if seeds is not None:
+        raise InputError("--maps: not allowed together with --seeds; --maps 50 is --seeds 0-49")
+    return f"0-{integer(maps, '--maps', least=1) - 1}"
+
+
+def _sensing(mode: str | None) -> list[str]:
+    if mode is None:
+        return []
+    if mode not in _SENSING:
+        raise InputError(f"--sensing: {mode!r} is unknown; {did_you_mean(mode, _SENSING)}")
+    return [f"sensing.mode={mode}"]
+
+
+def _flown(listed: Sequence[Task], folder: Path, options: Options, workers: int, dask: str | None) -> list[Row]:
+    """Rows of all trials; exits with what is kept and how to go on if they cannot all be flown."""
+    from sim.study.engine import complete
+    from sim.study.progress import study_progress
+    from sim.study.store import NAME, Store, StoreError
+    from sim.study.tasks import check_worlds
+
+    if not (folder / NAME).exists():
+        check_worlds(listed)
+    kept = 0
+
+    with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
+        remark(*_apart(store.versions(), listed[0].version, store.path))
+        with study_progress(len(listed)) as tell:
+
+            def heard(task: Task, row: Row, fresh: bool) -> None:
+                nonlocal kept
+                kept += 1
+                tell(row.status == "failed", fresh)
+
+            try:
+                return complete(listed, store, backend, options, heard)
+            except KeyboardInterrupt:
+                reason = "interrupted"
+            except StoreError as error:
+                reason = str(error)
+    fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, the same command flies the rest", code=1)
+
+
+@contextmanager
+def _backend(workers: int, dask: str | None) -> Iterator[Backend]:
+    if dask is None:
+        from sim.study.pool import Pool
+
+        with Pool(workers) as pool:
+            yield pool
+    else:
+        from sim.study.cluster import connected
+
+        with connected(dask) as cluster:
+            yield cluster
+
+
+def _apart(versions: dict[str, int], version: str, path: Path) -> list[str]:
+    """What to say of results that another version of the package left."""
+    others = ", ".join(f"{count} of version {other}" for other, count in versions.items() if other != version)
+    return [f"{path}: trials of another version are kept apart, not shown: {others}"] if others else []

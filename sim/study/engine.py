@@ -1,0 +1,187 @@
+"""Flies trials on any executor, keeps each result as it comes, and gives what fails a second chance."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Protocol
+
+from sim.atomic import whole
+from sim.study.row import Row
+from sim.study.store import Store, StoreError
+from sim.study.tasks import Task
+from sim.study.trial import Flown, failed, fly
+
+ATTEMPTS = 2
+_TICK = 0.5  # s, between looks at what has started and what hangs
+_GRACE = 2.0  # s beyond the timeout, in which a trial that is merely slow ends by itself
+
+Heard = Callable[[Task, Row, bool], None]  # a task, its row, and whether it was flown just now
+
+
+class Backend(Protocol):
+    """Where trials fly: an executor, and what one cannot do."""
+
+    def room(self) -> bool:
+        """Whether another task may be submitted."""
+
+    def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
+        """`sim.study.trial.fly` of a task, to come."""
+
+    def started(self, future: Future[Flown]) -> bool:
+        """Whether it flies by now."""
+
+    def drop(self, future: Future[Flown]) -> None:
+        """Waste no more on a task that hangs."""
+
+
+class Borrowed:
+    """Anybody's executor. What hangs in it cannot be killed, and keeps its place."""
+
+    def __init__(self, executor: Executor) -> None:
+        self._executor = executor
+
+    def room(self) -> bool:
+        """Always, as an executor has a queue."""
+        return True
+
+    def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
+        """Submit as to any executor."""
+        return self._executor.submit(fly, task, keep=keep, timeout=timeout)
+
+    def started(self, future: Future[Flown]) -> bool:
+        """As the future says."""
+        return future.running()
+
+    def drop(self, future: Future[Flown]) -> None:
+        """Cancel, which helps only what has not started."""
+        future.cancel()
+
+
+@dataclass
+class _Flight:
+    task: Task
+    attempt: int
+    since: float | None = None  # s, when it was seen to have started
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a study is flown."""
+
+    timeout: float | None = None  # s of wall time for a trial
+    recordings: Path | None = None  # folder in which they are kept
+    redo: bool = False  # whether trials that are there already are flown again
+
+
+def complete(
+    tasks: Sequence[Task],
+    store: Store,
+    backend: Backend,
+    options: Options = Options(),
+    heard: Heard = lambda task, row, fresh: None,
+) -> list[Row]:
+    """Rows of all tasks, in order: those in the store, the rest flown now and kept. What had failed is tried again.
+
+    StoreError where a result cannot be kept; those before are.
+    """
+    rows = {} if options.redo else store.done(tasks)
+    store.label(tasks)
+    for task in tasks:
+        if task.key in rows:
+            heard(task, rows[task.key], False)
+
+    def keep(task: Task, flown: Flown) -> None:
+        if options.recordings is not None and flown.recording:
+            _write(options.recordings / f"{task.key}.npz", flown.recording)
+        store.add(task, flown.row)
+        rows[task.key] = flown.row
+        heard(task, flown.row, True)
+
+    fly_all([task for task in tasks if task.key not in rows], backend, keep, options)
+    return [rows[task.key] for task in tasks]
+
+
+def fly_all(
+    tasks: Sequence[Task],
+    backend: Backend,
+    keep: Callable[[Task, Flown], None],
+    options: Options = Options(),
+) -> None:
+    """Fly tasks; `keep` hears of each that is complete, or has failed for the second time."""
+    waiting = deque(_Flight(task, 1) for task in tasks)
+    flying: dict[Future[Flown], _Flight] = {}
+    ended: SimpleQueue[Future[Flown]] = SimpleQueue()
+    try:
+        while waiting or flying:
+            while waiting and backend.room():
+                future = _submitted(backend, waiting[0].task, options)
+                flying[future] = waiting.popleft()
+                future.add_done_callback(ended.put)
+            for future in _over(ended, flying, backend, options.timeout):
+                flight = flying.pop(future)
+                flown = _outcome(future, flight.task, options.timeout)
+                if not future.done():
+                    backend.drop(future)
+                if flown.row.status == "failed" and flight.attempt < ATTEMPTS:
+                    waiting.append(_Flight(flight.task, flight.attempt + 1))
+                else:
+                    keep(flight.task, flown)
+    finally:
+        for future in flying:
+            future.cancel()
+
+
+def _submitted(backend: Backend, task: Task, options: Options) -> Future[Flown]:
+    try:
+        return backend.submit(task, keep=options.recordings is not None, timeout=options.timeout)
+    except Exception as error:  # of an executor that is broken, shut down or out of reach
+        raise StoreError(f"no more trials can be flown: {type(error).__name__}: {error}") from error
+
+
+def _over(
+    ended: SimpleQueue[Future[Flown]], flying: dict[Future[Flown], _Flight], backend: Backend, timeout: float | None
+) -> list[Future[Flown]]:
+    """The next flight to end, and those that hang; none if nothing happens for a while."""
+    try:
+        first = ended.get(timeout=_TICK)
+    except Empty:
+        first = None
+    found = [first] if first in flying else []  # not if it was given up before
+    if timeout is not None:
+        found += [future for future in _overdue(flying, backend, timeout) if future is not first]
+    return found
+
+
+def _overdue(flying: dict[Future[Flown], _Flight], backend: Backend, timeout: float) -> list[Future[Flown]]:
+    """Flights that have not ended by themselves for too long since they were first seen to fly."""
+    now = time.monotonic()
+    for future, flight in flying.items():
+        if not backend.started(future):
+            flight.since = None
+        elif flight.since is None:
+            flight.since = now
+    return [f for f, flight in flying.items() if flight.since is not None and now - flight.since > timeout + _GRACE]
+
+
+def _outcome(future: Future[Flown], task: Task, timeout: float | None) -> Flown:
+    if not future.done():
+        return failed(task, f"TimeoutError: hung for longer than the timeout of {timeout:g} s")
+    try:
+        return future.result()
+    except Exception as error:
+        return failed(task, f"{type(error).__name__}: the process that flew it died: {error}")
+
+
+def _write(path: Path, content: bytes) -> None:
+    try:
+        path.parent.mkdir(exist_ok=True)
+        with whole(path) as part:
+            part.write_bytes(content)
+    except OSError as error:
+        raise StoreError(f"{path}: {error.strerror}") from error

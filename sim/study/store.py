@@ -1,0 +1,230 @@
+"""The results of a study in one SQLite file: a row per trial, there once the trial is complete."""
+
+from __future__ import annotations
+
+import errno
+import math
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from sim.errors import InputError
+from sim.study.row import Row
+from sim.study.tasks import Task
+
+SCHEMA = 1  # in the file's user_version; docs/studies.md describes it
+NAME = "study.sqlite"
+_TABLES = (
+    "CREATE TABLE study (name TEXT NOT NULL)",
+    """CREATE TABLE trials (
+        key TEXT PRIMARY KEY, scenario TEXT NOT NULL, factors TEXT NOT NULL, settings TEXT NOT NULL,
+        planner TEXT NOT NULL, seed INTEGER NOT NULL, version TEXT NOT NULL, status TEXT NOT NULL,
+        error TEXT NOT NULL, metrics TEXT NOT NULL, ospa BLOB NOT NULL, scans_per_s REAL NOT NULL,
+        finished TEXT NOT NULL DEFAULT (datetime('now'))
+    )""",
+    "CREATE VIEW metrics AS SELECT t.key, j.key AS name, j.value FROM trials t, json_each(t.metrics) j",
+    "CREATE VIEW factors AS SELECT t.key, j.value ->> 0 AS name, j.value ->> 1 AS level"
+    " FROM trials t, json_each(t.factors) j",
+)
+_COLUMNS = "scenario, factors, settings, planner, seed, version, status, error, metrics, ospa, scans_per_s"
+
+
+class StoreError(Exception):
+    """Results cannot be written; the message is one line. What is in the store stays."""
+
+
+class Store:
+    """A study's results on disk. One process writes; a trial is written whole in one transaction.
+
+    Note: with SQLite's rollback journal, not a write-ahead log: that would need memory shared between readers, which
+    network file systems lack, and leave newest results in a second file that is easily left behind.
+    """
+
+    def __init__(self, connection: sqlite3.Connection, path: Path, study: str) -> None:
+        self.path, self.study = path, study
+        self._connection = connection
+
+    @staticmethod
+    @contextmanager
+    def opened(folder: Path, study: str) -> Iterator[Store]:
+        """The store in a folder, made if it is not there; InputError where it is another study's, newer, or none."""
+        path = folder / NAME
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            connection = sqlite3.connect(path, timeout=60.0, isolation_level=None)
+        except (OSError, sqlite3.Error) as error:
+            raise _unusable(path, error) from error
+        try:
+            _prepare(connection, path, study)
+            yield Store(connection, path, study)
+        finally:
+            connection.close()
+
+    def done(self, tasks: Sequence[Task]) -> dict[str, Row]:
+        """Rows of the trials that are complete and did not fail, by key, at their place in the present study."""
+        wanted = {task.key: task for task in tasks}
+        rows = self._connection.execute(f"SELECT key, {_COLUMNS} FROM trials WHERE status = 'done'")
+        found = {key: _row(self.study, values) for key, *values in rows if key in wanted}
+        return {key: _placed(row, wanted[key]) for key, row in found.items()}
+
+    def label(self, tasks: Sequence[Task]) -> None:
+        """Give stored trials their place in the present study, which may call factors and levels otherwise."""
+        values = [(*_place(task), task.key, *_place(task)) for task in tasks]
+        with self._writing():
+            self._connection.executemany(
+                "UPDATE trials SET scenario = ?, factors = ?, settings = ?"
+                " WHERE key = ? AND (scenario, factors, settings) IS NOT (?, ?, ?)",
+                values,
+            )
+
+    def add(self, task: Task, row: Row) -> None:
+        """Keep a complete trial, in place of an earlier try; StoreError if that fails."""
+        place = ", ".join("?" * 12)
+        metrics = msgspec.json.encode(row.metrics).decode()
+        values = (row.planner, _integer(row.seed), row.version, row.status, row.error, metrics)
+        rate = task.setting.rates.sensing
+        blob = row.ospa.astype("<f4").tobytes()
+        with self._writing():
+            self._connection.execute(
+                f"INSERT OR REPLACE INTO trials (key, {_COLUMNS}) VALUES ({place})",
+                (task.key, *_place(task), *values, blob, rate),
+            )
+
+    def versions(self) -> dict[str, int]:
+        """How many trials there are of each version of the package."""
+        return dict(self._connection.execute("SELECT version, count(*) FROM trials GROUP BY version ORDER BY version"))
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            self._connection.execute("BEGIN IMMEDIATE")
+            yield
+            self._connection.execute("COMMIT")
+        except BaseException as error:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+            if isinstance(error, sqlite3.Error):
+                raise StoreError(f"{self.path}: {error}") from error
+            raise
+
+
+def read_rows(path: Path) -> list[Row]:
+    """All rows of a store, of any version, by scenario, factors, planner and seed; InputError if it is none."""
+    with _reading(path) as connection:
+        (study,) = connection.execute("SELECT name FROM study").fetchone()
+        rows = connection.execute(f"SELECT {_COLUMNS} FROM trials ORDER BY scenario, factors, planner, seed, version")
+        return [_row(study, values) for values in rows]
+
+
+def frame(path: Path) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise
+    """All trials of a store as a pandas frame, or a polars one where there is no pandas.
+
+    One row per trial: a column for each factor, as `factor.lambda`, and for each metric; no OSPA over time.
+    """
+    try:
+        from pandas import DataFrame
+    except ImportError:
+        from polars import DataFrame
+    rows = read_rows(path)
+    names = {name: None for row in rows for name in row.metrics}
+    factors = {name: None for row in rows for name, _ in row.factors}
+    plain = ("study", "scenario", "planner", "seed", "version", "status", "error")
+    columns: dict[str, list[Any]] = {name: [getattr(row, name) for row in rows] for name in plain}
+    for name in factors:
+        columns[f"factor.{name}"] = [dict(row.factors).get(name) for row in rows]
+    for name in names:
+        columns[name] = [row.metrics.get(name, math.nan) for row in rows]
+    return DataFrame(columns)
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[sqlite3.Connection]:
+    file = path / NAME if path.is_dir() else path
+    if not file.is_file():
+        raise InputError(f"{file}: there is no store of a study")
+    connection = sqlite3.connect(file, timeout=60.0, isolation_level=None)
+    try:
+        if _version(connection, file) == 0:
+            raise InputError(f"{file}: holds no study")
+        yield connection
+    finally:
+        connection.close()
+
+
+def _prepare(connection: sqlite3.Connection, path: Path, study: str) -> None:
+    """Make the tables of a new store, or check that an old one is this study's."""
+    try:
+        connection.execute("BEGIN IMMEDIATE")
+        if _version(connection, path) == 0:
+            for table in _TABLES:
+                connection.execute(table)
+            connection.execute("INSERT INTO study VALUES (?)", (study,))
+            connection.execute(f"PRAGMA user_version = {SCHEMA}")
+        (name,) = connection.execute("SELECT name FROM study").fetchone()
+        if name != study:
+            raise InputError(f"--out: {path.parent} holds study {name!r}, not {study!r}; name another folder")
+        connection.execute("COMMIT")
+    except sqlite3.Error as error:
+        raise _unusable(path, error) from error
+
+
+def _version(connection: sqlite3.Connection, path: Path) -> int:
+    """The schema's version, 0 of an empty file; InputError if it is no store or a newer one."""
+    try:
+        (version,) = connection.execute("PRAGMA user_version").fetchone()
+        (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except sqlite3.DatabaseError as error:
+        raise _unusable(path, error) from error
+    if version > SCHEMA:
+        raise InputError(f"{path}: is a store of version {version}, but this program reads {SCHEMA}; update it")
+    if version == 0 and tables:
+        raise InputError(f"{path}: is a database, but no store of a study; name another folder")
+    return int(version)
+
+
+def _unusable(path: Path, error: Exception) -> Exception:
+    """What to raise: a full disk is nobody's mistake, all else is the name of a folder that will not do."""
+    if getattr(error, "errno", None) == errno.ENOSPC or "full" in str(error):
+        return StoreError(f"{path}: {getattr(error, 'strerror', None) or error}")
+    return InputError(f"--out: {path} cannot be used: {getattr(error, 'strerror', None) or error}")
+
+
+def _place(task: Task) -> tuple[str, str, str]:
+    encoded = (msgspec.json.encode(value).decode() for value in (task.factors, task.settings))
+    return task.scenario, *encoded  # type: ignore[return-value]
+
+
+def _placed(row: Row, task: Task) -> Row:
+    return msgspec.structs.replace(
+        row, study=task.study, scenario=task.scenario, factors=task.factors, settings=task.settings
+    )
+
+
+def _row(study: str, values: Sequence[Any]) -> Row:
+    scenario, factors, settings, planner, seed, version, status, error, metrics, ospa, rate = values
+    numbers = msgspec.json.decode(metrics, type=dict[str, float | None])
+    distances = np.frombuffer(ospa, dtype="<f4").astype(np.float32)
+    return Row(
+        study=study,
+        scenario=scenario,
+        factors=msgspec.json.decode(factors, type=tuple[tuple[str, str], ...]),
+        planner=planner,
+        seed=int(seed),
+        version=version,
+        status=status,
+        error=error,
+        metrics={name: math.nan if value is None else value for name, value in numbers.items()},
+        ospa=distances,
+        times=np.arange(len(distances)) / rate,
+        settings=msgspec.json.decode(settings, type=dict[str, str]),
+    )
+
+
+def _integer(seed: int) -> int | str:
+    """A seed as SQLite has it: text beyond 64 bits."""
+    return seed if seed < 2**63 else str(seed)

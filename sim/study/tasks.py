@@ -1,0 +1,130 @@
+"""Trials of a study as values that any process can be sent, each with the key under which its result is kept."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+from planning.registry import load_planner
+from sim.detectors import DETECTORS, check_detector
+from sim.errors import InputError
+from sim.loading import load
+from sim.quantity import integers
+from sim.scenario import Scenario, resolved
+from sim.study.study import Cell, Study, cells
+from tracking.plugin import imported
+
+_OURS = ("planning", "sim", "tracking")
+
+
+class Task(Struct, frozen=True, kw_only=True):
+    """One trial to fly, and where in its study it stands."""
+
+    key: str
+    setting: Scenario
+    planner: str
+    seed: int
+    version: str
+    study: str = ""
+    scenario: str = ""
+    factors: tuple[tuple[str, str], ...] = ()
+    settings: dict[str, str] = {}
+
+
+def tasks(study: Study) -> list[Task]:
+    """All trials of a study, seed by seed, so that an interrupted one has pairs; InputError or PlannerError."""
+    found = [(cell, *_prepared(cell)) for cell in cells(study)]
+    number, seeds = version("understory"), integers(study.seeds, "seeds")
+    made = [
+        Task(
+            key=_key(digest, seed),
+            study=study.name,
+            scenario=cell.scenario,
+            factors=cell.factors,
+            settings=cell.settings,
+            setting=setting,
+            planner=cell.spec,
+            seed=seed,
+            version=number,
+        )
+        for seed in seeds
+        for cell, setting, digest in found
+    ]
+    _check_distinct(made[: len(found)])
+    return made
+
+
+def task_of(setting: Scenario, planner: str, seed: int) -> Task:
+    """A trial by itself, of no study."""
+    key = _key(_digest_of(setting, planner), seed)
+    return Task(key=key, setting=setting, planner=planner, seed=seed, version=version("understory"))
+
+
+def outsiders(found: Sequence[Task]) -> list[str]:
+    """Planners of tasks that are neither ours nor installed: what is being worked on."""
+    return list(dict.fromkeys(task.planner for task in found if ":" in task.planner))
+
+
+def _prepared(cell: Cell) -> tuple[Scenario, str]:
+    """The resolved scenario of a cell, and a digest of all that decides its trials but the seed."""
+    setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
+    check_detector(setting.sensing.detector)
+    return setting, _digest_of(setting, cell.spec)
+
+
+def _digest_of(setting: Scenario, planner: str) -> str:
+    parts = [resolved(setting), planner, version("understory"), *_contents(setting, planner)]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+def _contents(setting: Scenario, planner: str) -> list[str]:
+    """Digests of files that a trial depends on and that change without a new version: paths of people, plug-ins."""
+    kinds: list[type] = [type(load_planner(planner))]
+    if setting.sensing.detector not in DETECTORS:
+        kinds.append(imported(setting.sensing.detector))
+    files = [inspect.getsourcefile(kind) for kind in kinds if kind.__module__.partition(".")[0] not in _OURS]
+    people = setting.people.trajectories
+    return [_digest(Path(file)) for file in [*files, people] if file]
+
+
+def _digest(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""  # building the world says what is wrong with it
+
+
+def _key(digest: str, seed: int) -> str:
+    return hashlib.sha256(f"{digest} {seed}".encode()).hexdigest()[:32]
+
+
+def _check_distinct(first: Sequence[Task]) -> None:
+    """InputError if two cells are the same trials, which would count them twice."""
+    known: dict[str, Task] = {}
+    for task in first:
+        if task.key in known:
+            one, other = (_place(known[task.key]), _place(task))
+            raise InputError(f"study: {task.study}: {one} and {other} are the same trials; each counts once")
+        known[task.key] = task
+
+
+def _place(task: Task) -> str:
+    return ", ".join([*(f"{name} {level}" for name, level in task.factors), task.planner])
+
+
+def check_worlds(found: Sequence[Task]) -> None:
+    """InputError unless forest and people of each setting can be placed, tried with its first seed."""
+    from sim.mission import forest_and_people  # late, as it needs the engine
+
+    tried: dict[bytes, None] = {}
+    for task in found:
+        content = msgspec.json.encode(task.setting)
+        if content not in tried:
+            tried[content] = None
+            forest_and_people(task.setting, task.seed)
