@@ -1,0 +1,70 @@
+"""Short studies and made-up results for tests of comparisons."""
+
+import math
+from concurrent.futures import Future
+
+import msgspec
+import numpy as np
+
+from sim.study.row import is_timing
+from sim.study.study import Study
+from sim.study.tasks import tasks
+from sim.study.trial import Flown, failed, fly
+
+SHORT = {"duration": "1", "sensing.mode": "ideal", "trees.density": "5"}
+
+
+def short(planners=("hover", "greedy"), seeds="0-1", **changes):
+    """Trials of a second."""
+    return tasks(Study(name="short", planners=tuple(planners), seeds=seeds, settings=SHORT, **changes))
+
+
+def invented(task):
+    """A row as a flight gives it, its numbers drawn by the seed."""
+    rng = np.random.default_rng(task.seed)
+    row = failed(task, "").row
+    values = dict(zip(("ospa.mean_m", "recall", "wall_s"), rng.uniform(size=3).tolist(), strict=True))
+    return msgspec.structs.replace(
+        row,
+        status="done",
+        metrics={**values, "precision": math.nan},
+        ospa=rng.uniform(size=6).astype(np.float32),
+        times=np.arange(6) / 5,
+    )
+
+
+def plain(row):
+    """A row as values that compare, what depends on the machine left out."""
+    metrics = {name: repr(value) for name, value in row.metrics.items() if not is_timing(name)}
+    names = ("study", "scenario", "factors", "planner", "seed", "version", "status", "error", "settings")
+    fixed = tuple(getattr(row, name) for name in names)
+    return *fixed, metrics, row.ospa.dtype.str, row.ospa.tobytes(), row.times.tobytes()
+
+
+class Serial:
+    """Flies at once, or does to a trial what `fates` says of its planner, attempt by attempt."""
+
+    def __init__(self, fates=None):
+        self.fates = {name: list(fate) for name, fate in (fates or {}).items()}
+        self.flown, self.dropped = [], []
+
+    def room(self):
+        return True
+
+    def submit(self, task, *, keep, timeout):
+        self.flown.append((task.planner, task.seed))
+        future = Future()
+        fate = self.fates[task.planner].pop(0) if self.fates.get(task.planner) else None
+        if isinstance(fate, str):
+            future.set_result(failed(task, fate))
+        elif isinstance(fate, BaseException):
+            future.set_exception(fate)
+        elif fate is None:
+            future.set_result(fly(task, keep=keep) if not self.fates else Flown(invented(task)))
+        return future
+
+    def started(self, future):
+        return True
+
+    def drop(self, future):
+        self.dropped.append(future)

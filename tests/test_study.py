@@ -1,0 +1,196 @@
+"""A study says which trials there are, each once, and what is wrong with it in one line."""
+
+import shlex
+from collections import Counter
+
+import pytest
+
+from planning.registry import PlannerError, load_planner
+from sim.errors import InputError
+from sim.loading import _value, load
+from sim.study.study import STUDIES, Study, adapted, cells, read
+from sim.study.tasks import tasks
+from sim.study.text import flat, option, toml
+
+FILE = """
+[study]
+name = "mine"
+planners = ["sma-nbo", "mcr(samples=20)", "dec-pomdp"]
+seeds = "3,0-1"
+
+[set]
+sensing.mode = "ideal"
+
+[factors.lambda]
+15 = { trees.density = 15 }
+45 = { trees.density = 45 }
+
+[factors.H]
+1 = { planner.horizon = 1 }
+3 = { planner.horizon = 3 }
+
+[[exclude]]
+planner = "dec-pomdp"
+H = ["1"]
+"""
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(content):
+        path = tmp_path / "mine.toml"
+        path.write_text(content)
+        return str(path)
+
+    return write
+
+
+def test_trials_are_the_product_of_levels_planners_and_seeds_less_what_is_excluded(written):
+    found = tasks(read(written(FILE)))
+    assert len(found) == 3 * 2 * (3 + 2) == len({task.key for task in found})
+    assert [task.seed for task in found[::10]] == [3, 0, 1]  # seed by seed
+    shown = [(dict(task.factors)["lambda"], dict(task.factors)["H"], task.planner) for task in found[:10]]
+    assert shown[:6] == [
+        ("15", "1", "sma-nbo(horizon=1)"),
+        ("15", "1", "mcr(samples=20, horizon=1)"),
+        ("15", "3", "sma-nbo(horizon=3)"),
+        ("15", "3", "mcr(samples=20, horizon=3)"),
+        ("15", "3", "dec-pomdp(horizon=3)"),
+        ("45", "1", "sma-nbo(horizon=1)"),
+    ]
+    assert found[5].settings == {"sensing.mode": "ideal", "trees.density": "45"}
+    assert found[5].setting == load("forest", ["sensing.mode=ideal", "trees.density=45"])
+    assert load_planner(found[1].planner).horizon == 1
+
+
+def test_the_key_is_that_of_scenario_planner_seed_and_version_however_they_are_said(written):
+    def key(content, **changes):
+        return tasks(adapted(read(written(content)), **changes))[0].key
+
+    base = '[study]\nplanners = ["hover"]\nseeds = "1"\n'
+    first = key(base)
+    assert key(base + "[set]\nduration = 40") == first  # the default
+    assert key(base + '[factors.x]\ny = { trees.density = 45.0 }') == first
+    others = [
+        key(base, seeds="2"),
+        key(base, planners=["greedy"]),
+        key(base, overrides=["duration=39"]),
+    ]
+    assert len({first, *others}) == 4
+
+
+def test_a_changed_plug_in_or_trajectory_file_is_another_trial(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    planner, people = tmp_path / "keyed.py", tmp_path / "people.csv"
+    study = Study(
+        name="x", planners=("keyed:Keyed",), seeds="0", settings={"people.trajectories": f'"{people}"'}
+    )
+    planner.write_text("class Keyed:\n    def plan(self, team, rng): ...\n")
+    people.write_text("t,id,x,y\n0,a,0,0\n1,a,1,1\n")
+    first = tasks(study)[0].key
+    assert tasks(study)[0].key == first
+    people.write_text("t,id,x,y\n0,a,0,0\n1,a,1,2\n")
+    second = tasks(study)[0].key
+    planner.write_text("class Keyed:\n    def plan(self, team, rng): return 1\n")
+    assert len({first, second, tasks(study)[0].key}) == 3
+
+
+def test_packaged_studies_are_what_the_paper_flies():
+    sizes = {name: len(tasks(read(name))) for name in STUDIES}
+    assert sizes["paper-horizon"] == 3 * 2 * 3 * 2 * 50
+    assert sizes["paper-planners"] == (3 * 3 * 3 + 2 * 2) * 50
+    assert sizes["paper-runtime"] == (3 * 3 * 3 + 2 * 2) * 10
+    assert {"pixels-vs-ideal", "line-of-sight-vs-disc", "faults"} < set(STUDIES)
+    for name in STUDIES:
+        assert read(name).name == name and read(name).description
+    paper = tasks(adapted(read("paper-planners"), seeds="0"))
+    assert {task.setting.trees.canopy_radius for task in paper} == {5.0}
+    assert {task.setting.sensing.mode for task in paper} == {"camera"}
+    dec = Counter((dict(t.factors)["lambda"], dict(t.factors)["H"]) for t in paper if t.planner.startswith("dec"))
+    assert dec == {(x, h): 1 for x in ("15", "75") for h in ("3", "5")}
+
+
+def test_a_scenario_file_is_found_from_the_study_file_and_tells_cells_apart(tmp_path, written):
+    (tmp_path / "grove.toml").write_text("trees.density = 3\n")
+    study = read(written('[study]\nplanners = ["hover"]\nseeds = "0"\nscenarios = ["forest", "grove.toml"]'))
+    one, other = tasks(study)
+    assert (one.factors, other.factors) == ((("scenario", "forest"),), (("scenario", "grove"),))
+    assert other.scenario == str(tmp_path / "grove.toml") and other.setting.trees.density == 3
+
+
+@pytest.mark.parametrize(
+    "value",
+    [True, 3, 0.5, 1e-6, "ideal", "true", "two words", 'a "quoted" \\ name', "ä", [[0, 1], [1, 2]], ["a", "b"], "nan"],
+)
+def test_a_value_as_text_reads_as_itself(value):
+    read_back = _value(toml(value))
+    assert read_back == value and type(read_back) is type(value)
+
+
+def test_tables_in_lists_survive_as_text():
+    cuts = [{"links": [[0, 1]], "start": 3.5}]
+    assert load("forest", [f"network.cuts={toml(cuts)}"]).network.cuts[0].start == 3.5
+    assert flat({"a": {"b": {"c": 1}, "d": [1]}, "e": 2}) == {"a.b.c": 1, "a.d": [1], "e": 2}
+    assert [option(v) for v in (3, 0.5, True, "grid")] == ["3", "0.5", "True", "grid"]
+
+
+def test_settings_reproduce_each_trial_of_the_packaged_studies():
+    for name in STUDIES:
+        for task in tasks(adapted(read(name), seeds="0")):
+            words = [word for key, value in task.settings.items() for word in ("--set", f"{key}={value}")]
+            again = shlex.split(shlex.join(words))[1::2]
+            assert load(task.scenario, again) == task.setting
+
+
+WRONG = {
+    "misspelt key": ("[study]\nplaners = ['hover']", "study.planers: unknown key; .* did you mean planners"),
+    "misspelt table": ("[study]\nplanners = ['hover']\n[factor.x]", "factor: unknown key; .* did you mean factors"),
+    "no planner": ("[study]\nseeds = '0'", "missing required field planners"),
+    "empty": ("[study]\nplanners = []", "no trial"),
+    "all excluded": ("[study]\nplanners = ['hover']\n[[exclude]]\nplanner = 'hover'", "no trial"),
+    "factor without level": ("[study]\nplanners = ['hover']\n[factors.x]", "no trial"),
+    "wrong type": ("[study]\nplanners = ['hover']\nseeds = 3", "study.*seeds.*expected str, got int"),
+    "wrong seeds": ("[study]\nplanners = ['hover']\nseeds = '3-1'", "seeds: '3-1' is not allowed"),
+    "level that is no table": ("[study]\nplanners = ['hover']\n[factors]\nx = { y = 3 }", "factors.*expected object"),
+    "unknown scenario": ("[study]\nplanners = ['hover']\nscenarios = ['forrest']", "did you mean forest"),
+    "unknown planner": ("[study]\nplanners = ['hoover']", "did you mean hover"),
+    "unknown setting": ("[study]\nplanners = ['hover']\n[set]\ntrees.densty = 3", "did you mean density"),
+    "setting out of range": ("[study]\nplanners = ['hover']\n[factors.x]\ny.trees.density = -3", "trees.density: -3"),
+    "option that a planner has not": (
+        "[study]\nplanners = ['greedy']\n[factors.H]\n1.planner.horizon = 1",
+        "'greedy' has no option 'horizon'",
+    ),
+    "planner as a level": ("[study]\nplanners = ['hover']\n[factors.p]\nx.planner = 'hover'", "expected options"),
+    "planner as a factor": ("[study]\nplanners = ['hover']\n[factors.planner]\nx = {}", "no name for a factor"),
+    "same level twice": ("[study]\nplanners = ['hover']\n[factors.x]\na = {}\nb = {}", "x a, hover and x b, hover"),
+    "unknown factor in exclude": ("[study]\nplanners = ['hover']\n[[exclude]]\nH = '1'", "exclude.0.H: unknown key"),
+    "unknown level in exclude": (
+        "[study]\nplanners = ['hover']\n[factors.x]\nabc = {}\n[[exclude]]\nx = 'abd'",
+        "'abd' is no level; .* did you mean abc",
+    ),
+    "name that is no folder": ("[study]\nname = '../up'\nplanners = ['hover']", "name"),
+    "no TOML": ("[study", "mine.toml: Expected"),
+    "table as value": ("study = 3", "expected a table"),
+}
+
+
+@pytest.mark.parametrize(("content", "message"), WRONG.values(), ids=WRONG)
+def test_a_wrong_study_is_one_line(written, content, message):
+    with pytest.raises((InputError, PlannerError), match=message) as raised:
+        tasks(read(written(content)))
+    assert "\n" not in str(raised.value)
+
+
+def test_flags_may_not_set_what_a_factor_varies():
+    with pytest.raises(InputError, match=r"sensing\.mode is what factor 'sensing' of study pixels-vs-ideal varies"):
+        adapted(read("pixels-vs-ideal"), overrides=["sensing.mode=ideal"])
+    with pytest.raises(InputError, match="network is what factor 'fault'"):
+        adapted(read("faults"), overrides=["network={}"])
+    with pytest.raises(InputError, match="key=value"):
+        adapted(read("faults"), overrides=["network"])
+
+
+def test_flags_replace_planners_and_seeds_and_add_settings():
+    study = adapted(read("faults"), planners=["hover", "hover"], seeds="7", overrides=["duration=1"])
+    assert (study.planners, study.seeds, study.settings) == (("hover",), "7", {"duration": "1"})
+    assert {cell.settings["duration"] for cell in cells(study)} == {"1"}
