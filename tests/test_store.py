@@ -52,7 +52,7 @@ def test_a_trial_added_again_replaces_the_first(filled):
 
 
 def test_plain_sql_reads_it(filled):
-    folder, tasks, rows = filled
+    folder, _, rows = filled
     with sqlite3.connect(folder / NAME) as sql:
         means = dict(
             sql.execute(
@@ -68,7 +68,7 @@ def test_plain_sql_reads_it(filled):
 
 
 def test_one_call_makes_a_frame(filled):
-    folder, tasks, rows = filled
+    folder, _, rows = filled
     table = frame(folder)
     assert len(table) == len(rows) and {"planner", "seed", "factor.lambda", "ospa.mean_m"} <= set(table.columns)
     mean = table[table["planner"] == "greedy"].groupby("factor.lambda")["recall"].mean()["5"]
@@ -88,7 +88,7 @@ def test_another_version_is_kept_apart(tmp_path):
 
 
 def test_levels_may_be_renamed(filled):
-    folder, tasks, _ = filled
+    folder, *_ = filled
     renamed = short(["hover", "greedy"], "0-2", factors={"density": {"few": {"trees": {"density": 3}}}})
     with Store.opened(folder, "short") as store:
         backend = Serial()
@@ -170,7 +170,7 @@ def test_a_folder_of_another_study_is_refused(filled):
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     for folder in (tmp_path / "file" / "study", "/proc/study"):
-        with pytest.raises(InputError, match="--out: .* cannot be used"), Store.opened(tmp_path / folder, "short"):
+        with pytest.raises(InputError, match=r"--out: .* cannot be used"), Store.opened(tmp_path / folder, "short"):
             pass
 
 

@@ -70,7 +70,7 @@ def test_the_key_is_that_of_scenario_planner_seed_and_version_however_they_are_s
     base = '[study]\nplanners = ["hover"]\nseeds = "1"\n'
     first = key(base)
     assert key(base + "[set]\nduration = 40") == first  # the default
-    assert key(base + '[factors.x]\ny = { trees.density = 45.0 }') == first
+    assert key(base + "[factors.x]\ny = { trees.density = 45.0 }") == first
     others = [
         key(base, seeds="2"),
         key(base, planners=["greedy"]),
@@ -82,9 +82,7 @@ def test_the_key_is_that_of_scenario_planner_seed_and_version_however_they_are_s
 def test_a_changed_plug_in_or_trajectory_file_is_another_trial(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     planner, people = tmp_path / "keyed.py", tmp_path / "people.csv"
-    study = Study(
-        name="x", planners=("keyed:Keyed",), seeds="0", settings={"people.trajectories": f'"{people}"'}
-    )
+    study = Study(name="x", planners=("keyed:Keyed",), seeds="0", settings={"people.trajectories": f'"{people}"'})
     planner.write_text("class Keyed:\n    def plan(self, team, rng): ...\n")
     people.write_text("t,id,x,y\n0,a,0,0\n1,a,1,1\n")
     first = tasks(study)[0].key

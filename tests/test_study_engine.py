@@ -48,9 +48,9 @@ def ailing(tmp_path, monkeypatch):
     return lambda name, once=True: f"ailing_study:{name}(marks={str(tmp_path)!r}, once={once})"
 
 
-def run(tmp_path, tasks, backend, options=Options(), heard=None):
+def run(tmp_path, tasks, backend, *given, **named):
     with Store.opened(tmp_path / "study", "short") as store:
-        return complete(tasks, store, backend, options, heard or (lambda task, row, fresh: None))
+        return complete(tasks, store, backend, *given, **named)
 
 
 def test_a_row_holds_what_the_mission_came_to():
@@ -171,7 +171,7 @@ def test_processes_that_die_or_hang_lose_no_trial_change_no_row_and_leave_nothin
     tasks = short(["hover", ailing("Dies"), ailing("Hangs")], "0-1")
     before = dict(os.environ)
     with Pool(2) as pool:
-        rows = run(tmp_path, tasks, pool, Options(timeout=1.5))
+        rows = run(tmp_path, tasks, pool, Options(timeout=3.0))
         pids = [process.pid for lane in pool._lanes for process in lane._processes]
     assert list(map(plain, rows)) == [plain(fly(task).row) for task in tasks]
     assert {row.status for row in rows} == {"done"} and len(list(tmp_path.glob("[DH]*s"))) == 2
@@ -187,9 +187,9 @@ def test_what_always_dies_or_hangs_is_recorded_with_its_error(tmp_path, ailing):
     before = {thread.name for thread in threading.enumerate()}
     start = time.monotonic()
     with Pool(2) as pool:
-        rows = run(tmp_path, tasks, pool, Options(timeout=1.5))
+        rows = run(tmp_path, tasks, pool, Options(timeout=3.0))
     assert [row.status for row in rows] == ["failed", "done", "failed"] * 2
     assert "the process that flew it died" in rows[0].error
-    assert rows[2].error == "TimeoutError: hung for longer than the timeout of 1.5 s"
+    assert rows[2].error == "TimeoutError: hung for longer than the timeout of 3 s"
     assert time.monotonic() - start < 120
     assert {thread.name for thread in threading.enumerate()} - before == set()

@@ -1,0 +1,73 @@
+"""What the engine of studies costs, and what a second process saves: `-n 0 -s --benchmark-enable`, machine idle.
+
+In ordinary test runs each part runs once, on little.
+"""
+
+import math
+import sqlite3
+import time
+
+import msgspec
+import numpy as np
+from studies import Serial, invented, short
+
+from sim.study.engine import complete
+from sim.study.pool import Pool
+from sim.study.store import Store, frame
+from sim.study.study import Study
+from sim.study.tasks import tasks
+
+
+def test_ten_thousand_trials_list_and_aggregate_in_two_seconds(tmp_path, judged):
+    count = 10_000 if judged else 100
+    found = short(["hover"], f"0-{count - 1}")
+    full = dict.fromkeys((f"metric.{i}" for i in range(45)), 0.123456789)
+    row = msgspec.structs.replace(invented(found[0]), ospa=np.ones(201, dtype=np.float32), times=np.arange(201) / 5)
+    with Store.opened(tmp_path, "short") as store:
+        store._connection.execute("BEGIN")
+        store._connection.execute("COMMIT")
+        store._connection.execute("PRAGMA synchronous = OFF")  # what is measured is reading
+        for task in found:
+            store.add(task, msgspec.structs.replace(row, seed=task.seed, metrics={**full, "ospa.mean_m": task.seed}))
+    start = time.perf_counter()
+    with Store.opened(tmp_path, "short") as store:
+        rows = complete(found, store, Serial())
+    listed = time.perf_counter() - start
+    start = time.perf_counter()
+    table = frame(tmp_path)
+    assert table["ospa.mean_m"].mean() == (count - 1) / 2
+    framed = time.perf_counter() - start
+    start = time.perf_counter()
+    sql = sqlite3.connect(tmp_path / "study.sqlite")
+    (mean,) = sql.execute("SELECT avg(value) FROM metrics WHERE name = 'ospa.mean_m'").fetchone()
+    sql.close()
+    asked = time.perf_counter() - start
+    assert len(rows) == count and math.isclose(mean, (count - 1) / 2)
+    print(f"\n{count} trials: list {listed:.2f} s, frame and mean {framed:.2f} s, mean by SQL {asked:.2f} s")
+    assert not judged or max(listed, framed, asked) < 2.0
+
+
+def test_two_processes_are_nearly_twice_as_fast_as_one_and_cost_little(tmp_path, judged):
+    """Trials of 20 s, rendered, once the processes have started; the overhead is what of one's time is no mission."""
+    settings = {"duration": "20" if judged else "1", "sensing.mode": "camera" if judged else "ideal"}
+    if not judged:
+        return
+    spent = {}
+    for workers in (1, 2, 1, 2):
+        with Pool(workers) as pool, Store.opened(tmp_path / f"{workers}-{len(spent)}", "speed") as store:
+            first = tasks(
+                Study(name="speed", planners=("hover",), seeds="100-103", settings={**settings, "duration": "1"})
+            )
+            complete(first, store, pool)
+            found = tasks(Study(name="speed", planners=("sma-nbo-mwtp",), seeds="0-15", settings=settings))
+            start = time.perf_counter()
+            rows = complete(found, store, pool)
+            wall = time.perf_counter() - start
+        missions = sum(row.metrics["wall_s"] for row in rows)
+        spent[workers, len(spent)] = wall, missions
+    one = min(wall for (workers, _), (wall, _) in spent.items() if workers == 1)
+    two = min(wall for (workers, _), (wall, _) in spent.items() if workers == 2)
+    overhead = min(1 - missions / wall for (workers, _), (wall, missions) in spent.items() if workers == 1)
+    print(f"\n16 trials: one process {one:.1f} s, two {two:.1f} s, ratio {one / two:.2f}; overhead {overhead:.2%}")
+    assert one / two >= 1.85
+    assert overhead < 0.03
