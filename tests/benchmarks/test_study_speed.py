@@ -9,6 +9,7 @@ import time
 
 import msgspec
 import numpy as np
+import pytest
 from studies import Serial, invented, short
 
 from sim.study.engine import complete
@@ -24,8 +25,6 @@ def test_ten_thousand_trials_list_and_aggregate_in_two_seconds(tmp_path, judged)
     full = dict.fromkeys((f"metric.{i}" for i in range(45)), 0.123456789)
     row = msgspec.structs.replace(invented(found[0]), ospa=np.ones(201, dtype=np.float32), times=np.arange(201) / 5)
     with Store.opened(tmp_path, "short") as store:
-        store._connection.execute("BEGIN")
-        store._connection.execute("COMMIT")
         store._connection.execute("PRAGMA synchronous = OFF")  # what is measured is reading
         for task in found:
             store.add(task, msgspec.structs.replace(row, seed=task.seed, metrics={**full, "ospa.mean_m": task.seed}))
@@ -48,26 +47,22 @@ def test_ten_thousand_trials_list_and_aggregate_in_two_seconds(tmp_path, judged)
 
 
 def test_two_processes_are_nearly_twice_as_fast_as_one_and_cost_little(tmp_path, judged):
-    """Trials of 20 s, rendered, once the processes have started; the overhead is what of one's time is no mission."""
-    settings = {"duration": "20" if judged else "1", "sensing.mode": "camera" if judged else "ideal"}
+    """Rendered trials of 20 s, once the processes have started; overhead is what of one's time is no mission."""
     if not judged:
-        return
-    spent = {}
-    for workers in (1, 2, 1, 2):
-        with Pool(workers) as pool, Store.opened(tmp_path / f"{workers}-{len(spent)}", "speed") as store:
-            first = tasks(
-                Study(name="speed", planners=("hover",), seeds="100-103", settings={**settings, "duration": "1"})
-            )
-            complete(first, store, pool)
-            found = tasks(Study(name="speed", planners=("sma-nbo-mwtp",), seeds="0-15", settings=settings))
+        pytest.skip("takes minutes, and an idle machine")
+    found = tasks(Study(name="short", planners=("sma-nbo-mwtp",), settings={"duration": "20"}, seeds="0-15"))
+    walls, overheads = {1: [], 2: []}, []
+    for turn, workers in enumerate((1, 2, 1, 2)):
+        with Pool(workers) as pool, Store.opened(tmp_path / str(turn), "short") as store:
+            complete(short(["hover"], "100-103"), store, pool)  # which starts the processes
             start = time.perf_counter()
             rows = complete(found, store, pool)
-            wall = time.perf_counter() - start
-        missions = sum(row.metrics["wall_s"] for row in rows)
-        spent[workers, len(spent)] = wall, missions
-    one = min(wall for (workers, _), (wall, _) in spent.items() if workers == 1)
-    two = min(wall for (workers, _), (wall, _) in spent.items() if workers == 2)
-    overhead = min(1 - missions / wall for (workers, _), (wall, missions) in spent.items() if workers == 1)
-    print(f"\n16 trials: one process {one:.1f} s, two {two:.1f} s, ratio {one / two:.2f}; overhead {overhead:.2%}")
+            walls[workers].append(time.perf_counter() - start)
+        if workers == 1:
+            overheads.append(1 - sum(row.metrics["wall_s"] for row in rows) / walls[1][-1])
+    one, two = min(walls[1]), min(walls[2])
+    print(
+        f"\n16 trials: one process {one:.1f} s, two {two:.1f} s, ratio {one / two:.2f}; overhead {min(overheads):.2%}"
+    )
     assert one / two >= 1.85
-    assert overhead < 0.03
+    assert min(overheads) < 0.03
