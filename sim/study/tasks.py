@@ -66,11 +66,6 @@ def task_of(setting: Scenario, planner: str, seed: int) -> Task:
     return Task(key=key, setting=setting, planner=planner, seed=seed, version=version("understory"))
 
 
-def outsiders(found: Sequence[Task]) -> list[str]:
-    """Planners of tasks that are neither ours nor installed: what is being worked on."""
-    return list(dict.fromkeys(task.planner for task in found if ":" in task.planner))
-
-
 def _prepared(cell: Cell) -> tuple[Scenario, str]:
     """The resolved scenario of a cell, and a digest of all that decides its trials but the seed."""
     setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
