@@ -1,0 +1,1 @@
+"""Comparisons: studies of many missions, resumable and distributed."""

@@ -1,0 +1,33 @@
+"""What one trial of a study came to."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from tracking.compiled import Array
+
+
+class Row(Struct, frozen=True, kw_only=True, eq=False):
+    """One trial: where in the study it stands, what reproduces it, and its results."""
+
+    study: str
+    scenario: str  # name, or .toml file
+    factors: tuple[tuple[str, str], ...]  # what varies by cell, as shown: (("lambda", "45"), ("R", "5"))
+    planner: str  # as --planner takes it
+    seed: int
+    version: str  # of the package
+    status: Literal["done", "failed"]
+    error: str = ""
+    metrics: dict[str, float]  # flat names, as in docs/studies.md; NaN: undefined
+    ospa: NDArray[np.float32]  # (T,) m at each scan, mean over the UAVs that work; NaN if none does
+    times: Array  # (T,) s
+    settings: dict[str, str]  # overrides: `understory run SCENARIO --set key=value ... --planner ... --seed ...`
+
+
+def is_timing(metric: str) -> bool:
+    """Whether a metric depends on the machine and its load, and so differs from flight to flight of one trial."""
+    return metric.startswith("seconds.") or metric in ("wall_s", "real_time_factor", "planning_s_per_decision")
