@@ -9,7 +9,7 @@ import numpy as np
 
 from sim.study.cells import Cell, Group
 from sim.study.measures import Measure
-from sim.study.statistics import Estimate, means, medians
+from sim.study.statistics import NO_ESTIMATE, Estimate, means, medians
 from tracking.compiled import Array
 
 
@@ -35,8 +35,8 @@ class Answer:
     maps: int = 0  # done
     failed: int = 0
     undefined: int = 0  # done, without a finite value
-    mean: Estimate = Estimate()
-    median: Estimate = Estimate()
+    mean: Estimate = NO_ESTIMATE
+    median: Estimate = NO_ESTIMATE
     difference: Difference | None = None  # None of the baseline itself
 
 
@@ -89,6 +89,13 @@ def paired(group: Group, base: Group | None, measures: Sequence[Measure]) -> Pai
         gaps = np.array([ours.get(s, _missing(measures)) - theirs.get(s, _missing(measures)) for s in seeds])
     gaps = gaps.reshape(len(seeds), len(measures))
     return Pairs(seeds, np.where(np.isfinite(gaps), gaps, np.nan))
+
+
+def paired_values(group: Group, base: Group | None, measure: Measure) -> Array:
+    """The baseline's and the group's values (n, 2) on the seeds where both are finite."""
+    ours, theirs = (_by_seed(g, [measure]) for g in (group, base))
+    both = np.array([(theirs[s][0], ours[s][0]) for s in sorted(ours.keys() & theirs.keys())]).reshape(-1, 2)
+    return both[np.isfinite(both).all(axis=1)]
 
 
 def _by_seed(group: Group | None, measures: Sequence[Measure]) -> dict[int, Array]:

@@ -31,6 +31,9 @@ class Estimate:
     high: float = np.nan
 
 
+NO_ESTIMATE = Estimate()
+
+
 @lru_cache(maxsize=4)
 def _resamples(n: int) -> tuple[NDArray[np.uint16], NDArray[np.int64]]:
     """How often each of n maps is in each resample (B, n), and the ranks of its two middle maps (B, 2)."""
@@ -89,9 +92,7 @@ def _by_column(values: Array, estimates: Callable[[Array], list[Estimate]]) -> l
     found = np.isfinite(values)
     whole = found.all(axis=0)
     together = iter(estimates(values[:, whole]))
-    return [
-        next(together) if full else estimates(values[found[:, j], j : j + 1])[0] for j, full in enumerate(whole)
-    ]
+    return [next(together) if full else estimates(values[found[:, j], j : j + 1])[0] for j, full in enumerate(whole)]
 
 
 def _means(values: Array) -> list[Estimate]:
@@ -123,7 +124,7 @@ def _medians(values: Array) -> list[Estimate]:
 
 
 def _without_interval(values: Array) -> list[Estimate]:
-    return [Estimate(float(column[0])) if len(column) else Estimate() for column in values.T]
+    return [Estimate(float(column[0])) if len(column) else NO_ESTIMATE for column in values.T]
 
 
 def _quantiles(drawn: Array, shares: Array) -> Array:

@@ -18,7 +18,7 @@ from sim.study.answers import Answer, Difference, answers
 from sim.study.cells import Cell, baseline_of, cell_text, constant, grouped, trimmed
 from sim.study.measures import UNKNOWN, Measure, chosen
 from sim.study.row import Row
-from sim.study.statistics import Estimate
+from sim.study.statistics import NO_ESTIMATE, Estimate
 
 WIDE = 100  # columns from which on the terminal has room for medians
 NOTE = (
@@ -27,7 +27,9 @@ NOTE = (
 )
 
 
-def show(rows: Sequence[Row], baseline: str | None = None, metrics: Sequence[str] = (), *, on: Console = terminal) -> None:
+def show(
+    rows: Sequence[Row], baseline: str | None = None, metrics: Sequence[str] = (), *, on: Console = terminal
+) -> None:
     """Print the answers; InputError where a metric or the baseline is unknown.
 
     baseline: a planner as given, by name or by label; the first row's if None. metrics: flat names; the usual if none.
@@ -69,7 +71,11 @@ def columns(baseline: str, *, compared: bool) -> list[str]:
 def texts_of(answer: Answer, *, compared: bool) -> list[str]:
     """What stands under the headings."""
     measure = answer.measure
-    own = ["", "", ""] if answer.cell is None else [maps(answer), *(_estimate(measure, e) for e in (answer.mean, answer.median))]
+    own = (
+        ["", "", ""]
+        if answer.cell is None
+        else [maps(answer), *(_estimate(measure, e) for e in (answer.mean, answer.median))]
+    )
     return [answer.planner, *own, *(_compared(measure, answer.difference) if compared else [])]
 
 
@@ -101,9 +107,13 @@ def _terminal_table(measure: Measure, found: Sequence[Answer], baseline: str, wi
     compared = any(answer.difference for answer in found)
     heads = columns(baseline, compared=compared)
     kept = [i for i, name in enumerate(heads) if wide or name != "median"]
-    table = Table(title=escape(measure.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = Table(
+        title=escape(measure.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
+    )
     for i in kept:
-        table.add_column(escape(heads[i]).replace("tied, ", "tied,\n"), justify="left" if i == 0 else "right", overflow="fold")
+        table.add_column(
+            escape(heads[i]).replace("tied, ", "tied,\n"), justify="left" if i == 0 else "right", overflow="fold"
+        )
     for cell, lines in groupby(found, lambda answer: answer.cell):
         table.add_section()
         if cell != ():
@@ -154,10 +164,12 @@ def comma_separated(found: Sequence[Answer], baseline: str) -> str:
     for answer in found:
         own = [answer.planner, answer.measure.name, answer.maps, answer.failed, answer.undefined]
         difference = answer.difference
-        counts = [""] * 6 if difference is None else [
-            baseline, difference.pairs, difference.unpaired, difference.won, difference.tied, difference.lost
-        ]
-        estimates = (answer.mean, answer.median, difference.mean if difference else Estimate())
+        counts = (
+            [""] * 6
+            if difference is None
+            else [baseline, difference.pairs, difference.unpaired, difference.won, difference.tied, difference.lost]
+        )
+        estimates = (answer.mean, answer.median, difference.mean if difference else NO_ESTIMATE)
         numbers = [_number(value) for e in estimates for value in (e.value, e.low, e.high)]
         writer.writerow([*_levels(answer.cell, names), *own, *numbers, *counts])
     return text.getvalue()
