@@ -95,7 +95,8 @@ def paired_values(group: Group, base: Group | None, measure: Measure) -> Array:
     """The baseline's and the group's values (n, 2) on the seeds where both are finite."""
     ours, theirs = (_by_seed(g, [measure]) for g in (group, base))
     both = np.array([(theirs[s][0], ours[s][0]) for s in sorted(ours.keys() & theirs.keys())]).reshape(-1, 2)
-    return both[np.isfinite(both).all(axis=1)]
+    kept: Array = both[np.isfinite(both).all(axis=1)]
+    return kept
 
 
 def _by_seed(group: Group | None, measures: Sequence[Measure]) -> dict[int, Array]:

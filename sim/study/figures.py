@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from sim.palette import FAINT, Colour
 from sim.study.answers import paired_values
@@ -26,7 +26,7 @@ from tracking.compiled import Array
 AT = np.geomspace(0.1, 50.0, 300)  # m, where distributions are drawn
 _TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
 WIDTH = 11.0  # inches of a figure as wide as the report
-_LOOK = {"font.family": "DejaVu Sans", "font.size": 10, "svg.fonttype": "path", "svg.hashsalt": "understory"}
+_LOOK: Any = {"font.family": "DejaVu Sans", "font.size": 10, "svg.fonttype": "path", "svg.hashsalt": "understory"}
 _FEW = 4  # curves with bands in one panel
 
 
@@ -123,6 +123,8 @@ def scatter_figure(groups: Sequence[Group], baseline: str, measure: Measure) -> 
             axes = figure.add_subplot(rows, columns, i + 1)
             axes.plot([low, high], [low, high], color=rgb(FAINT), lw=1.0, zorder=0.5)
             axes.plot(pairs[:, 0], pairs[:, 1], "o", color=rgb(COLOURS[0]), ms=4.5, alpha=0.6, mew=0)
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.set_major_locator(MaxNLocator(5))
             if log:
                 axes.set(xscale="log", yscale="log")
             axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")

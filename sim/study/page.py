@@ -118,6 +118,22 @@ def _table(measure: Measure, found: Sequence[Answer], baseline: str) -> str:
     return f"<h3>{escape(measure.title)}{_aim(measure)}</h3>\n{_tabled(heads, rows)}"
 
 
+def runtime_tables(found: Sequence[Answer]) -> str:
+    """A line for each cell and a column for each planner, as in the table of [Li22]."""
+    own = [answer for answer in found if answer.cell is not None]
+    planners = list(dict.fromkeys(answer.planner for answer in own))
+    return "\n".join(_pivot(measure, list(lines), planners) for measure, lines in groupby(own, lambda a: a.measure))
+
+
+def _pivot(measure: Measure, found: Sequence[Answer], planners: Sequence[str]) -> str:
+    rows = []
+    for cell, lines in groupby(found, lambda answer: answer.cell):
+        means = {answer.planner: texts_of(answer, compared=False)[2] for answer in lines}
+        cells = "".join(f"<td>{escape(means.get(planner, ''))}</td>" for planner in planners)
+        rows.append(f"<tr><td>{escape(_place(cell)) or 'all missions'}</td>{cells}</tr>")
+    return f"<h3>{escape(measure.title)}{_aim(measure)}</h3>\n{_tabled(['cell', *planners], rows)}"
+
+
 def _aim(measure: Measure) -> str:
     aim = "" if measure.better == "neither" else f": {measure.better} is better"
     return f'<span class="soft">{aim}</span>'

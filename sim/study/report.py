@@ -25,6 +25,7 @@ from sim.study.page import (
     page,
     paragraph,
     result_tables,
+    runtime_tables,
     verdict,
 )
 from sim.study.pictures import pictures, runtime_pictures
@@ -82,29 +83,39 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     found = answers(groups, measures, baseline)
     times = answers(groups, [measure(name) for name in RUNTIME if name in available(rows)], baseline)
     drawn, timing = pictures(groups, baseline, measures), runtime_pictures(groups)
-    best, places = maps(groups, measures[0]) if measures else ("", "")
     full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
-    failed = [row for group in every for row in group.failed]
+    all_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in (*found, *times)]
     sections = [
         ("", f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"),
         ("In short", _in_short(groups, found, baseline, measures)),
         ("What was run", _what_was_run(rows, every, about, baseline)),
         ("Results", f"{paragraph(NOTE)}\n{result_tables(found, baseline)}"),
         ("Figures", figures(drawn)),
-        ("Run time", figures(timing) + result_tables(times, baseline)),
-        ("Best and worst maps", best),
-        *([(f"Failures: {len(failed)}", failures(failed))] if failed else []),
-        ("Fly them again", paragraph("A click selects a command. It leaves film and recording under runs/.") + places),
+        *([("Run time", figures(timing) + runtime_tables(times))] if times else []),
+        *_trials(groups, every, measures),
         ("How to read this", listed(HOW_TO_READ)),
     ]
     files = {
         "report.html": page(f"{about.study}: understory", sections).encode(),
-        "table.csv": comma_separated([replace(a, cell=full.get(a.cell)) for a in (*found, *times)], baseline).encode(),
+        "table.csv": comma_separated(all_answers, baseline).encode(),
         "table.md": markdown(found, baseline).encode(),
     }
     for picture in (*drawn, *timing):
         files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}
     return files
+
+
+def _trials(groups: Sequence[Group], every: Sequence[Group], measures: Sequence[Measure]) -> list[tuple[str, str]]:
+    """The sections about single trials: best and worst, failed, and the commands."""
+    table, places = maps(groups, measures[0]) if measures else ("", "")
+    failed = [row for group in every for row in group.failed]
+    title = f"Best and worst maps: {measures[0].title}" if measures else ""
+    hint = "A click selects a command for the shell. It leaves film and recording under runs/."
+    return [
+        *([(title, table)] if table else []),
+        *([(f"Failures: {len(failed)}", failures(failed))] if failed else []),
+        *([("Fly them again", paragraph(hint) + places)] if places else []),
+    ]
 
 
 def _in_short(groups: Sequence[Group], found: Sequence[Answer], baseline: str, measures: Sequence[Measure]) -> str:

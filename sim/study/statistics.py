@@ -90,9 +90,10 @@ def medians(values: Array) -> list[Estimate]:
 def _by_column(values: Array, estimates: Callable[[Array], list[Estimate]]) -> list[Estimate]:
     """Estimates of every column, those without gaps together, the others one by one."""
     found = np.isfinite(values)
-    whole = found.all(axis=0)
+    whole: NDArray[np.bool_] = np.all(found, axis=0)
     together = iter(estimates(values[:, whole]))
-    return [next(together) if full else estimates(values[found[:, j], j : j + 1])[0] for j, full in enumerate(whole)]
+    kept = (values[column, j : j + 1] for j, column in enumerate(found.T))
+    return [next(together) if full else estimates(part)[0] for full, part in zip(whole, kept, strict=True)]
 
 
 def _means(values: Array) -> list[Estimate]:
@@ -134,7 +135,8 @@ def _quantiles(drawn: Array, shares: Array) -> Array:
     before = np.floor(place).astype(int)
     rows = np.arange(len(drawn))
     start, end = ordered[rows, before], ordered[rows, np.minimum(before + 1, drawn.shape[1] - 1)]
-    return start + (place - before) * (end - start)
+    found: Array = start + (place - before) * (end - start)
+    return found
 
 
 def ecdf(values: Array, at: Array) -> Array:
@@ -142,7 +144,8 @@ def ecdf(values: Array, at: Array) -> Array:
     ordered = np.sort(values[~np.isnan(values)])
     if not len(ordered):
         return np.full(len(at), np.nan)
-    return np.searchsorted(ordered, at, side="right") / len(ordered)
+    shares: Array = np.searchsorted(ordered, at, side="right") / len(ordered)
+    return shares
 
 
 def share_under(values: Array, bound: float) -> float:
