@@ -7,7 +7,7 @@ from trials import failed, row, study
 from sim.errors import InputError
 from sim.study.answers import answers
 from sim.study.cells import baseline_of, constant, grouped, trimmed, varying
-from sim.study.measures import available, chosen, measure
+from sim.study.measures import available, check, chosen, measure
 from sim.study.statistics import means
 
 MEAN, SHARE, NEES = measure("ospa.mean_m"), measure("ospa.share_under_1m"), measure("nees.position")
@@ -41,8 +41,8 @@ def test_what_is_better_depends_on_the_metric():
 
 
 def test_failed_undefined_and_lonely_maps_are_counted_and_left_out():
-    rows = flown("sma-nbo", {0: 1.0, 1: 1.0, 2: np.nan, 3: 1.0}) + [failed("sma-nbo", 4)]
-    rows += flown("greedy", {0: 2.0, 1: np.inf, 2: 2.0, 4: 2.0, 9: 3.0}) + [failed("greedy", 3)]
+    rows = [*flown("sma-nbo", {0: 1.0, 1: 1.0, 2: np.nan, 3: 1.0}), failed("sma-nbo", 4)]
+    rows += [*flown("greedy", {0: 2.0, 1: np.inf, 2: 2.0, 4: 2.0, 9: 3.0}), failed("greedy", 3)]
     one = answer(rows, "sma-nbo")
     assert (one.maps, one.failed, one.undefined) == (5, 1, 1)
     assert one.mean == means(np.array([[2.0], [2.0], [2.0], [3.0]]))[0]
@@ -58,7 +58,7 @@ def test_a_cell_without_the_baseline_has_no_pairs():
 
 
 def test_a_group_that_failed_whole_is_there():
-    rows = flown("sma-nbo", {0: 1.0}) + [failed("greedy", 0)]
+    rows = [*flown("sma-nbo", {0: 1.0}), failed("greedy", 0)]
     one = answer(rows, "sma-nbo")
     assert (one.maps, one.failed) == (0, 1) and np.isnan(one.mean.value)
 
@@ -70,7 +70,14 @@ def test_over_all_cells_each_seed_counts_once_and_whole():
     rows += flown("sma-nbo", {0: 0.0, 1: 0.0}, factors=cells[1]) + flown("greedy", {0: -2.0, 1: 4.0}, factors=cells[1])
     gap = answer(rows, "sma-nbo", cell=None).difference
     assert gap.mean == means(np.array([[-0.5], [3.0]]))[0]
-    assert (gap.pairs, gap.unpaired, gap.won, gap.lost) == (2, 1, 1, 1)
+    assert (gap.pairs, gap.unpaired, gap.won, gap.lost, gap.cells) == (2, 1, 1, 1, 2)
+
+
+def test_cells_without_the_baseline_do_not_count_over_all_cells():
+    rows = [row(p, s, (("R", r),)) for p in ("sma-nbo", "greedy") for r in "15" for s in (0, 1)]
+    rows += [row("greedy", s, (("R", "9"),)) for s in (0, 1)]
+    gap = answer(rows, "sma-nbo", cell=None).difference
+    assert (gap.pairs, gap.unpaired, gap.tied, gap.cells) == (2, 0, 2, 2)
 
 
 def test_cells_and_planners_are_in_natural_order_with_the_baseline_first():
@@ -82,7 +89,9 @@ def test_cells_and_planners_are_in_natural_order_with_the_baseline_first():
 
 def test_options_that_vary_with_the_cell_leave_the_label():
     rows = [
-        row(f"sma-nbo(horizon={h}, optimizer=swarm, weights=(1, {h}))", s, (("H", h),)) for h in ("1", "3") for s in (0, 1)
+        row(f"sma-nbo(horizon={h}, optimizer=swarm, weights=(1, {h}))", s, (("H", h),))
+        for h in ("1", "3")
+        for s in (0, 1)
     ] + [row("greedy", s, (("H", h),)) for h in ("1", "3") for s in (0, 1)]
     groups = grouped(rows, "sma-nbo")
     assert [g.planner for g in groups] == ["sma-nbo(optimizer=swarm)", "greedy"] * 2
@@ -116,6 +125,8 @@ def test_wrong_names_are_answered_with_the_nearest():
         baseline_of(study(), "gredy")
     with pytest.raises(InputError, match=r"--metric: 'ospa.mean' is unknown; .* did you mean ospa.mean_m\?"):
         chosen(study(), ["ospa.mean"])
+    with pytest.raises(InputError, match=r"--metric: 'ospa.maen_m' .* did you mean ospa.mean_m\?"):
+        check(["recall", "ospa.maen_m"])
     with pytest.raises(InputError, match="no trials"):
         baseline_of([], None)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,7 @@ class Difference:
     won: int
     tied: int
     lost: int
+    cells: int = 1  # over which each map's value is the mean
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def answers(groups: Sequence[Group], measures: Sequence[Measure], baseline: str)
     by_cell = {group.cell: group for group in groups if group.planner == baseline}
     pairs = [None if g.planner == baseline else paired(g, by_cell.get(g.cell), measures) for g in groups]
     differences = [None if p is None else p.differences(measures) for p in pairs]
-    overall = _overall(groups, pairs, measures)
+    overall = _overall([g for g in groups if g.cell in by_cell], dict(zip(groups, pairs, strict=True)), measures)
     found: list[Answer] = []
     for j, measure in enumerate(measures):
         for group, (mean, median, undefined), difference in zip(groups, own, differences, strict=True):
@@ -70,14 +71,14 @@ class Pairs:
     seeds: tuple[int, ...]  # of either
     values: Array  # (seeds, metrics), NaN where one of both is missing, undefined or infinite
 
-    def differences(self, measures: Sequence[Measure]) -> list[Difference]:
+    def differences(self, measures: Sequence[Measure], cells: int = 1) -> list[Difference]:
         """Metric by metric the mean, and how many maps went which way; where neither way is better, none is won."""
         found = []
         for mean, measure, gaps in zip(means(self.values), measures, self.values.T, strict=True):
             below, tied, above = (int(np.sum(np.sign(gaps) == sign)) for sign in (-1, 0, 1))
             won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[measure.better]
             pairs = below + tied + above
-            found.append(Difference(mean, pairs, len(self.seeds) - pairs, won, tied, lost))
+            found.append(Difference(mean, pairs, len(self.seeds) - pairs, won, tied, lost, cells))
         return found
 
 
@@ -113,19 +114,19 @@ def _missing(measures: Sequence[Measure]) -> Array:
 
 
 def _overall(
-    groups: Sequence[Group], pairs: Sequence[Pairs | None], measures: Sequence[Measure]
+    groups: Sequence[Group], pairs: Mapping[Group, Pairs | None], measures: Sequence[Measure]
 ) -> dict[str, list[Difference]]:
-    """Of each planner that is compared in several cells: the mean over the cells, seed by seed.
+    """Of each planner that meets the baseline in several cells: the mean over these cells, seed by seed.
 
     Cells may share people and forests of a seed, so seeds are what is resampled; a seed that lacks its pair in a
     cell does not count.
     """
     found = {}
     for planner in dict.fromkeys(group.planner for group in groups):
-        own = [p for group, p in zip(groups, pairs, strict=True) if group.planner == planner and p is not None]
+        own = [p for p in (pairs[group] for group in groups if group.planner == planner) if p is not None]
         if len(own) > 1:
             seeds = tuple(sorted({seed for p in own for seed in p.seeds}))
             tables = [dict(zip(p.seeds, p.values, strict=True)) for p in own]
             lines = [np.mean([t.get(seed, _missing(measures)) for t in tables], axis=0) for seed in seeds]
-            found[planner] = Pairs(seeds, np.array(lines)).differences(measures)
+            found[planner] = Pairs(seeds, np.array(lines)).differences(measures, len(own))
     return found

@@ -6,6 +6,7 @@ import re
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +17,26 @@ from tracking.compiled import Array
 
 Cell = tuple[tuple[str, str], ...]  # name and value of what varies over the study
 _SYMBOLS = {"lambda": "λ"}
+
+
+class Placed(Protocol):
+    """What has a place in a study: a row, or a trial that is yet to be flown."""
+
+    @property
+    def scenario(self) -> str:
+        """Name or file."""
+
+    @property
+    def version(self) -> str:
+        """Of the package."""
+
+    @property
+    def factors(self) -> Cell:
+        """Names and values."""
+
+    @property
+    def planner(self) -> str:
+        """As given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +86,7 @@ def grouped(rows: Sequence[Row], baseline: str | None = None) -> list[Group]:
     return [_group(*key, found[key]) for key in order]
 
 
-def cells_of(rows: Sequence[Row]) -> list[Cell]:
+def cells_of(rows: Sequence[Placed]) -> list[Cell]:
     """The cell of each row; scenario and version count as factors where the rows differ in them."""
     differing = [name for name in ("scenario", "version") if len({getattr(row, name) for row in rows}) > 1]
     return [(*((name, getattr(row, name)) for name in differing), *row.factors) for row in rows]
@@ -81,7 +102,7 @@ def _where(cell: Cell) -> str:
     return f" in {cell_text(cell)}" if cell else ""
 
 
-def planner_labels(rows: Sequence[Row], cells: Sequence[Cell]) -> dict[str, str]:
+def planner_labels(rows: Sequence[Placed], cells: Sequence[Cell]) -> dict[str, str]:
     """What each planner is called: its text, or what its texts share if each cell has just one of them."""
     specs: dict[str, dict[str, None]] = defaultdict(dict)
     by_cell: dict[tuple[Cell, str], set[str]] = defaultdict(set)
@@ -110,10 +131,10 @@ def _shared(name: str, planners: Sequence[str]) -> str:
     return f"{name}({', '.join(common)})" if common else name
 
 
-def baseline_of(rows: Sequence[Row], baseline: str | None) -> str:
+def baseline_of(rows: Sequence[Placed], baseline: str | None) -> str:
     """The label of the baseline, given as label, as text or by name; of the first row's planner if None.
 
-    InputError where there is none such.
+    InputError where there is none such. Trials that are yet to be flown serve as well as rows.
     """
     if not rows:
         raise InputError("study: it has no trials to compare")

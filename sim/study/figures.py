@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from sim.palette import FAINT, Colour
+from sim.palette import FAINT
+from sim.plots import rgb
 from sim.study.answers import paired_values
 from sim.study.cells import Group, cell_text
 from sim.study.measures import Measure
@@ -184,6 +185,8 @@ def drawing(height: float, width: float = WIDTH) -> Iterator[Figure]:
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
+        figure.draw_without_rendering()  # which lays it out, once for all the files that it is saved to
+        figure.set_layout_engine("none")
 
 
 def _legend(figure: Figure, styles: dict[str, Style], marker: str = "") -> None:
@@ -198,12 +201,6 @@ def _legend(figure: Figure, styles: dict[str, Style], marker: str = "") -> None:
 
 def _line(style: Style) -> dict[str, Any]:
     return {"color": rgb(style.colour), "ls": style.dash, "lw": 1.7}
-
-
-def rgb(colour: Colour) -> tuple[float, float, float]:
-    """A colour as matplotlib takes it."""
-    red, green, blue = (channel / 255 for channel in colour)
-    return red, green, blue
 
 
 def content(figure: Figure, kind: str) -> bytes:

@@ -9,6 +9,7 @@ from typing import Literal
 
 from sim.errors import InputError
 from sim.loading import did_you_mean
+from sim.stopwatch import STAGES
 from sim.study.row import Row
 
 Better = Literal["lower", "higher", "neither"]
@@ -69,11 +70,14 @@ _KNOWN = {
         _percent("precision", "detection precision"),
         Measure("disagreement_m", "disagreement of UAVs", "m", digits=4),
         Measure("bytes_per_scan_mean", "sent by a UAV per scan", "kB", 1e-3),
+        Measure("bytes_per_scan_max", "sent by a UAV in one scan at most", "kB", 1e-3),
+        Measure("bytes_total", "sent by all UAVs", "MB", 1e-6),
         Measure("faults", "faults"),
         Measure("contacts", "contacts"),
         Measure("planning_s_per_decision", "planning per decision", "ms", 1000.0, 1),
         Measure("real_time_factor", "real-time factor", "", 1.0, 1, "higher"),
         Measure("wall_s", "wall time per mission", "s"),
+        *(Measure(f"seconds.{stage}", f"time for {stage}", "s") for stage in STAGES),
     )
 }
 DEFAULT = ("ospa.share_under_1m", "ospa.mean_m", "ospa.median_m")
@@ -93,6 +97,13 @@ def measure(name: str) -> Measure:
     return Measure(name, label, unit, digits=3, better="neither")
 
 
+def check(asked: Iterable[str]) -> None:
+    """InputError where a metric is none that trials have; for before they are flown."""
+    for name in asked:
+        if name not in _KNOWN:
+            raise InputError(f"--metric: {name!r} is unknown; {did_you_mean(name, _KNOWN)}")
+
+
 def available(rows: Iterable[Row]) -> list[str]:
     """All metrics that any of the rows has: those known here in their order, then the others by name."""
     names = {name for row in rows for name in row.metrics}
@@ -105,5 +116,5 @@ def chosen(rows: Sequence[Row], asked: Sequence[str]) -> list[Measure]:
     for name in asked:
         if name not in there and any(row.metrics for row in rows):
             raise InputError(f"--metric: {name!r} is unknown; {did_you_mean(name, there)}")
-    usual = [name for name in DEFAULT if name in there] or there[:1]
+    usual = [name for name in DEFAULT if name in there] or there[:1] or DEFAULT[:1]
     return [measure(name) for name in dict.fromkeys(asked or usual)]

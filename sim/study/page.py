@@ -150,13 +150,13 @@ def _place(cell: Cell | None) -> str:
     return "all cells, seed by seed" if cell is None else cell_text(cell)
 
 
-def verdict(planner: str, baseline: str, measure: Measure, gap: Difference, cells: int) -> str:
+def verdict(planner: str, baseline: str, measure: Measure, gap: Difference) -> str:
     """One sentence that says whether a planner is better than the baseline."""
     if not gap.pairs:
         return f"{planner} has no map in common with {baseline}."
     unit = " points" if measure.unit == "%" else f" {measure.unit}".rstrip()
     mean, low, high = (measure.text(v, signed=True) for v in (gap.mean.value, gap.mean.low, gap.mean.high))
-    over = f", mean over {cells} cells" if cells > 1 else ""
+    over = f", mean over {gap.cells} cells" if gap.cells > 1 else ""
     if gap.pairs < 2:
         return (
             f"{planner} has one map in common with {baseline}, which tells little: {measure.label} {mean}{unit}{over}."

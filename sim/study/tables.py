@@ -71,11 +71,9 @@ def columns(baseline: str, *, compared: bool) -> list[str]:
 def texts_of(answer: Answer, *, compared: bool) -> list[str]:
     """What stands under the headings."""
     measure = answer.measure
-    own = (
-        ["", "", ""]
-        if answer.cell is None
-        else [maps(answer), *(_estimate(measure, e) for e in (answer.mean, answer.median))]
-    )
+    own = [maps(answer), *(_estimate(measure, e) for e in (answer.mean, answer.median))]
+    if answer.cell is None:
+        own = [f"{answer.difference.cells} cells" if answer.difference else "", "", ""]
     return [answer.planner, *own, *(_compared(measure, answer.difference) if compared else [])]
 
 
