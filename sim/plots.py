@@ -30,16 +30,16 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
         FigureCanvasAgg(figure)
         axes = figure.add_subplot()
         mean = _fleet_mean(ospa)
-        axes.fill_between(times, 0, mean[:, 1], color=_rgb(SKY), alpha=0.45, lw=0, label="localisation")
+        axes.fill_between(times, 0, mean[:, 1], color=rgb(SKY), alpha=0.45, lw=0, label="localisation")
         axes.fill_between(
-            times, mean[:, 1], mean[:, 0], color=_rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
+            times, mean[:, 1], mean[:, 0], color=rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
         )
         for i in range(ospa.shape[1]):
             label = f"UAV {i}" if ospa.shape[1] <= 4 else None
-            axes.plot(times, ospa[:, i, 0], color=_rgb(uav_colour(i)), lw=0.9, alpha=0.8, label=label)
-            _mark_end(axes, times, ospa[:, i, 0], _rgb(uav_colour(i)))
-        axes.plot(times, mean[:, 0], color=_rgb(INK), lw=1.8, label="mean of UAVs")
-        axes.axhline(1.0, color=_rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+            axes.plot(times, ospa[:, i, 0], color=rgb(uav_colour(i)), lw=0.9, alpha=0.8, label=label)
+            _mark_end(axes, times, ospa[:, i, 0], rgb(uav_colour(i)))
+        axes.plot(times, mean[:, 0], color=rgb(INK), lw=1.8, label="mean of UAVs")
+        axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
         _dress(axes, times, ospa[:, :, 0][~np.isnan(ospa[:, :, 0])])
     return figure
 
@@ -87,6 +87,7 @@ def _mark_end(axes: Axes, times: Array, distance: Array, colour: tuple[float, fl
         axes.scatter(times[held[-1]], distance[held[-1]], marker="x", s=50, color=colour, lw=2.0, zorder=3)
 
 
-def _rgb(colour: Colour) -> tuple[float, float, float]:
+def rgb(colour: Colour) -> tuple[float, float, float]:
+    """A colour as matplotlib takes it."""
     red, green, blue = (channel / 255 for channel in colour)
     return red, green, blue

@@ -1,0 +1,173 @@
+"""What a study leaves: `report.html`, tables and figures."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from html import escape
+from pathlib import Path
+
+from sim.atomic import whole
+from sim.errors import InputError
+from sim.study.answers import Answer, answers
+from sim.study.cells import Group, baseline_of, cell_text, constant, grouped, trimmed, varying
+from sim.study.measures import RUNTIME, Measure, available, chosen, measure
+from sim.study.page import (
+    commanded,
+    facts,
+    failures,
+    figures,
+    listed,
+    maps,
+    page,
+    paragraph,
+    result_tables,
+    runtime_tables,
+    verdict,
+)
+from sim.study.pictures import pictures, runtime_pictures
+from sim.study.row import Row
+from sim.study.statistics import LEVEL, RESAMPLES
+from sim.study.tables import NOTE, comma_separated, markdown, shortfalls
+
+HOW_TO_READ = (
+    "A map is the forest, the people and the chance that one seed gives; every planner flies the same ones. A cell is "
+    "a setting of what the study varies.",
+    f"Brackets hold {LEVEL:.0%} bootstrap intervals over the maps of a cell ({RESAMPLES} resamples, the same in every "
+    "report): BCa for means and mean differences, percentiles for medians. Each holds for itself; of twenty, one is "
+    "expected to miss. Few maps make them too narrow: of errors as skewed as OSPA, those of 10 maps hold the mean in "
+    "nine cases of ten, those of 5 in eight.",
+    "A difference is the planner less the baseline on the same map. The last lines of a table take the mean over all "
+    "cells for each seed, and compare seeds.",
+    "Trials that failed and values that are undefined do not count, and are listed wherever they are left out.",
+)
+
+
+@dataclass(frozen=True)
+class About:
+    """What the rows do not say about a study."""
+
+    study: str  # name
+    description: str = ""
+    command: str = ""  # that runs the study again
+    versions: Mapping[str, str] = field(default_factory=dict)
+    machine: str = field(default_factory=lambda: f"{os.cpu_count()} cores, {platform.machine()}, {platform.system()}")
+    workers: int | None = None
+    wall_s: float | None = None  # of all sessions of the study together
+    baseline: str | None = None  # a planner of the rows; None: the first
+    metrics: tuple[str, ...] = ()  # flat names; none: the usual ones
+
+
+def write(rows: Sequence[Row], folder: Path, about: About) -> None:
+    """Write report.html, table.csv, table.md and figures/*.svg, *.png into `folder`: all of them, or none.
+
+    InputError where a metric or the baseline is unknown, there are no rows, or the folder cannot be written.
+    """
+    files = made(rows, about)
+    try:
+        (folder / "figures").mkdir(parents=True, exist_ok=True)
+        with ExitStack() as stack:  # every file takes its name when all are written
+            for name, data in files.items():
+                stack.enter_context(whole(folder / name)).write_bytes(data)
+    except OSError as error:
+        raise InputError(f"report: {folder} cannot be written: {error.strerror or error}") from error
+
+
+def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
+    """The files of a report by name."""
+    baseline = baseline_of(rows, about.baseline)
+    every = grouped(rows, baseline)
+    groups, measures = trimmed(every), chosen(rows, about.metrics)
+    found = answers(groups, measures, baseline)
+    times = answers(groups, [measure(name) for name in RUNTIME if name in available(rows)], baseline)
+    drawn, timing = pictures(groups, baseline, measures), runtime_pictures(groups)
+    full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
+    all_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in (*found, *times)]
+    sections = [
+        ("", f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"),
+        ("In short", _in_short(found, baseline, measures)),
+        ("What was run", _what_was_run(rows, every, about, baseline)),
+        ("Results", f"{paragraph(NOTE)}\n{result_tables(found, baseline)}"),
+        ("Figures", figures(drawn)),
+        *([("Run time", figures(timing) + runtime_tables(times))] if times else []),
+        *_trials(groups, every, measures),
+        ("How to read this", listed(HOW_TO_READ)),
+    ]
+    files = {
+        "report.html": page(f"{about.study}: understory", sections).encode(),
+        "table.csv": comma_separated(all_answers, baseline).encode(),
+        "table.md": markdown(found, baseline).encode(),
+    }
+    for picture in (*drawn, *timing):
+        files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}
+    return files
+
+
+def _trials(groups: Sequence[Group], every: Sequence[Group], measures: Sequence[Measure]) -> list[tuple[str, str]]:
+    """The sections about single trials: best and worst, failed, and the commands."""
+    table, places = maps(groups, measures[0])
+    failed = [row for group in every for row in group.failed]
+    hint = "A click selects a command for the shell. It leaves film and recording under runs/."
+    return [
+        *([("Best and worst maps", paragraph(f"In {measures[0].title}.") + table)] if places else []),
+        *([(f"Failures: {len(failed)}", failures(failed))] if failed else []),
+        *([("Fly them again", paragraph(hint) + places)] if places else []),
+    ]
+
+
+def _in_short(found: Sequence[Answer], baseline: str, measures: Sequence[Measure]) -> str:
+    """What came out in the first metric, a sentence for each planner, and what the numbers leave out."""
+    told = [answer for answer in found if answer.difference and answer.measure in measures[:1]]
+    summed = {answer.planner for answer in told if answer.cell is None}
+    overall = [answer for answer in told if answer.cell is None or answer.planner not in summed]
+    sentences = [
+        verdict(answer.planner, baseline, answer.measure, answer.difference) for answer in overall if answer.difference
+    ]
+    lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
+    left_out = shortfalls([answer for answer in found if answer.measure in measures[:1]])
+    return listed(lines) + (paragraph("Left out:") + listed(left_out) if left_out else "")
+
+
+def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, baseline: str) -> str:
+    seeds, changing = sorted({row.seed for row in rows}), varying(every)
+    failed = sum(row.status == "failed" for row in rows)
+    versions = dict(about.versions) or {"understory": ", ".join(sorted({row.version for row in rows}))}
+    planners = dict.fromkeys(row.planner for group in every for row in (*group.done, *group.failed))
+    text = facts(
+        [
+            ("scenario", ", ".join(sorted({row.scenario for row in rows}))),
+            ("everywhere", cell_text(constant(every))),
+            *((f"{cell_text(((name, ''),)).removesuffix(' = ')} varies", ", ".join(v)) for name, v in changing.items()),
+            ("planners", "; ".join(planners)),
+            ("baseline", baseline),
+            ("seeds (maps)", f"{len(seeds)}: {ranges(seeds)}"),
+            ("trials", f"{len(rows) - failed} done, {failed} failed"),
+            ("wall time", "" if about.wall_s is None else duration(about.wall_s)),
+            ("machine", about.machine),
+            ("workers", "" if about.workers is None else str(about.workers)),
+            ("versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
+        ]
+    )
+    return text + (paragraph("The command that runs it again:") + commanded(about.command) if about.command else "")
+
+
+def ranges(numbers: Sequence[int]) -> str:
+    """Ascending integers as text, such as 0-4, 7."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+
+
+def duration(seconds: float) -> str:
+    """A time span as people say it."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"

@@ -1,0 +1,246 @@
+"""The report needs nothing but itself, hides nothing, and its commands fly what it shows."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+from html.parser import HTMLParser
+
+import msgspec
+import pytest
+from trials import failed, row, study
+from typer.main import get_command
+
+from planning.registry import load_planner
+from sim.__main__ import app
+from sim.errors import InputError
+from sim.loading import load
+from sim.study.answers import Difference
+from sim.study.measures import measure
+from sim.study.page import verdict
+from sim.study.report import About, duration, made, ranges, write
+from sim.study.statistics import Estimate
+
+EVIL = "<script>alert('x')</script> & \"quoted\" --rm"
+ABOUT = About(
+    "tried",
+    description=EVIL,
+    command="understory compare tried.toml --maps 6",
+    versions={"understory": "0.1.0", "numpy": "2.0"},
+    machine="2 cores, test",
+    workers=2,
+    wall_s=5400.0,
+    baseline="sma-nbo",
+)
+
+
+def rows():
+    """A study with a planner that shells mind, and one failed trial."""
+    bad = failed("lab.mine:Planner(style='a b')", 3, (("lambda", "15"), ("R", "5")), error=EVIL)
+    good = row("lab.mine:Planner(style='a b')", 1, (("lambda", "15"), ("R", "5")), {"ospa.share_under_1m": 0.5})
+    return [*study(), good, bad]
+
+
+class Page(HTMLParser):
+    """Elements with their attributes and text, and that all are closed in order."""
+
+    VOID = ("meta", "link", "img", "br")
+
+    def __init__(self, text):
+        super().__init__()
+        self.elements, self._open, self.texts = [], [], {}
+        self.feed(text)
+        assert self._open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self._open.append((tag, len(self.elements) - 1))
+
+    def handle_endtag(self, tag):
+        assert self._open.pop()[0] == tag
+
+    def handle_data(self, data):
+        for _, i in self._open:
+            self.texts[i] = self.texts.get(i, "") + data
+
+    def of(self, tag, **attributes):
+        return [
+            (given, self.texts.get(i, ""))
+            for i, (name, given) in enumerate(self.elements)
+            if name == tag and attributes.items() <= {k.rstrip("_"): v for k, v in given.items()}.items()
+        ]
+
+    def commands(self):
+        return [text for given, text in self.of("code") if given.get("class") == "command"]
+
+
+@pytest.fixture(scope="module")
+def files():
+    return made(rows(), ABOUT)
+
+
+@pytest.fixture(scope="module")
+def page(files):
+    return Page(files["report.html"].decode())
+
+
+def test_nothing_comes_from_elsewhere(page):
+    assert not page.of("script")
+    for tag, given in page.elements:
+        for name in ("src", "href", "srcset", "action", "data", "poster"):
+            assert given.get(name, "#").startswith(("#", "data:")), (tag, given)
+        assert not any(name.startswith("on") for name in given)
+    (style,) = page.of("style")
+    assert "url(" not in style[1] and "@import" not in style[1]
+    policy = next(g["content"] for g, _ in page.of("meta") if g.get("http-equiv") == "Content-Security-Policy")
+    assert policy.startswith("default-src 'none'")
+
+
+def test_ids_are_unique_and_links_lead_somewhere(page):
+    ids = [given["id"] for _, given in page.elements if "id" in given]
+    assert len(ids) == len(set(ids)) > 10
+    assert {given["href"][1:] for given, _ in page.of("a")} <= set(ids)
+
+
+def test_every_figure_says_what_it_shows(page):
+    images = page.of("img")
+    assert len(images) == len(page.of("figcaption")) == 5
+    for given, _ in images:
+        assert len(given["alt"]) > 40 and re.search(r"\d", given["alt"])
+
+
+def test_whatever_was_typed_is_text(files, page):
+    text = files["report.html"].decode()
+    assert "<script" not in text and text.count("&lt;script&gt;alert(") == 2
+    assert any(EVIL in shown for _, shown in page.of("strong"))
+
+
+def test_what_was_run_is_there(page):
+    ((_, text),) = page.of("main")
+    for part in (
+        *("tried", "forest", "R = 5", "15, 75", "lab.mine:Planner(style='a b')", "6: 0-5", "37 done, 1 failed"),
+        *("1 h 30 min", "2 cores, test", "numpy 2.0", ABOUT.command, "Failures: 1"),
+    ):
+        assert part in text, part
+
+
+def test_commands_fly_the_maps_that_they_stand_for(page):
+    commands = [shlex.split(text) for text in page.commands()]
+    known = {option for parameter in get_command(app).commands["run"].params for option in parameter.opts}
+    flown = [words for words in commands if words[1] == "run"]
+    assert len(flown) == 2 * 7 + 1  # best and worst of seven groups, and what failed
+    for words in flown:
+        assert words[:3] == ["understory", "run", "forest"]
+        options, values = words[3::2], words[4::2]
+        assert set(options) == {"--planner", "--seed", "--set"} <= known
+        setting = load("forest", [v for o, v in zip(options, values, strict=True) if o == "--set"])
+        assert (setting.trees.density, setting.sensing.mode, setting.duration) == (75.0, "ideal", 10.0)
+        planner = values[options.index("--planner")]
+        if not planner.startswith("lab."):
+            load_planner(planner)
+    assert "lab.mine:Planner(style='a b')" in {words[4] for words in flown}
+
+
+def test_links_lead_to_the_best_and_the_worst_map(page):
+    metric, group = "ospa.share_under_1m", [r for r in study() if r.planner == "greedy" and r.factors[0][1] == "75"]
+    ends = {"best": max, "worst": min}
+    for what, pick in ends.items():
+        seed = pick(group, key=lambda r: r.metrics[metric]).seed
+        (shown,) = [
+            t for g, t in page.of("div") if g.get("class") == "map" and f"λ = 75, greedy, seed {seed}: {what}," in t
+        ]
+        assert f"--planner greedy --seed {seed} " in shown
+
+
+def test_the_same_rows_in_any_order_give_the_same_files(files):
+    assert made(rows()[::-1], ABOUT) == files
+
+
+def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
+    monkeypatch.setattr("sim.study.report.made", lambda rows, about: files)
+    write(rows(), tmp_path / "report", ABOUT)
+    written = {str(p.relative_to(tmp_path / "report")): p.read_bytes() for p in (tmp_path / "report").rglob("*.*")}
+    assert written == files
+    assert {"report.html", "table.csv", "table.md", "figures/ecdf.svg", "figures/ecdf.png"} <= set(files)
+    before = dict(written)
+
+    def full(path, data):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    with pytest.raises(InputError, match="cannot be written: No space left on device"):
+        write(rows(), tmp_path / "report", ABOUT)
+    after = {str(p.relative_to(tmp_path / "report")): p.read_bytes() for p in (tmp_path / "report").rglob("*.*")}
+    assert after == before
+
+
+def test_wrong_names_leave_nothing(tmp_path):
+    for about in (About("x", baseline="sma-nob"), About("x", metrics=("ospa.maen_m",))):
+        with pytest.raises(InputError, match="did you mean"):
+            write(study(), tmp_path / "report", about)
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        [row("sma-nbo", 0, metrics={"ospa.mean_m": 0.0})],
+        [failed("sma-nbo", 0), failed("greedy", 0)],
+        [msgspec.structs.replace(r, metrics={"nees.position": float("nan")}) for r in study(seeds=2)],
+        study(planners=("sma-nbo",), densities=("15", "45", "75")),
+    ],
+    ids=["one trial", "all failed", "all undefined", "one planner"],
+)
+def test_odd_studies_have_a_report_too(given):
+    page = Page(made(given, About("odd"))["report.html"].decode())
+    assert page.of("h1") and page.of("table")
+
+
+def test_verdicts_follow_the_interval():
+    share = measure("ospa.share_under_1m")
+    for low, high, told in (
+        (0.01, 0.2, "is better than"),
+        (-0.2, -0.01, "is worse than"),
+        (-0.1, 0.2, "cannot be told from"),
+    ):
+        gap = Difference(Estimate((low + high) / 2, low, high), 9, 0, 5, 1, 3)
+        assert f"mine {told} base: " in verdict("mine", "base", share, gap)
+    assert "one map" in verdict("mine", "base", share, Difference(Estimate(0.1), 1, 0, 1, 0, 0))
+    assert "no map in common" in verdict("mine", "base", share, Difference(Estimate(), 0, 2, 0, 0, 0))
+
+
+def test_numbers_read_as_people_write_them():
+    assert ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
+    assert [duration(s) for s in (71.2, 600, 34000)] == ["71 s", "10 min", "9 h 27 min"]
+
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1440, 900)])
+def test_a_browser_shows_it_without_complaint(tmp_path, files, width, height):
+    probe = (
+        "<script>addEventListener('load', () => { document.documentElement.dataset.seen = JSON.stringify({"
+        "wide: document.documentElement.scrollWidth, view: innerWidth,"
+        "drawn: [...document.images].every(i => i.complete && i.naturalWidth > 300),"
+        "asked: performance.getEntriesByType('resource').filter(e => !e.name.startsWith('data:')).length,"
+        "small: [...document.querySelectorAll('main *')].filter(e => e.textContent.trim() &&"
+        " parseFloat(getComputedStyle(e).fontSize) < 13).length}); });</script>"
+    )
+    text = files["report.html"].decode()
+    policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+    assert policy in text
+    page = tmp_path / "report.html"
+    page.write_text(text.replace(policy, f"{policy}; script-src 'unsafe-inline'").replace("</head>", f"{probe}</head>"))
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--window-size={width},{height}"]
+    options += [f"--user-data-dir={tmp_path / 'profile'}", "--enable-logging=stderr", "--virtual-time-budget=5000"]
+
+    options += ["--dump-dom", page.as_uri()]
+    told = subprocess.run([CHROMIUM, *options], capture_output=True, text=True, timeout=60, check=True)
+    assert "CONSOLE" not in told.stderr
+    ((html, _),) = Page(told.stdout).of("html")
+    seen = msgspec.json.decode(html["data-seen"])
+    assert seen == {"wide": width, "view": width, "drawn": True, "asked": 0, "small": 0}
