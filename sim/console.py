@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from math import isnan, nan
+from math import isnan
 from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -19,12 +19,8 @@ from sim.scenario import Scenario
 
 if TYPE_CHECKING:  # commands that fly nothing answer without what these import
     from sim.recording import Recorder, Snapshot
-    from sim.study.row import Row
 
 console = Console(highlight=False)
-_SHOWN = {"ospa.share_under_1m": "{:.1%}", "ospa.mean_m": "{:.2f} m", "ospa.median_m": "{:.2f} m"} | {
-    "seconds.planning": "{:.2f} s"
-}
 _START_UP = "starting up; the first time, code is compiled: about a minute"
 
 
@@ -107,23 +103,3 @@ def show_list(items: Mapping[str, str], note: str) -> None:
         table.add_row(f"[bold]{name}[/bold]", escape(meaning))
     console.print(table)
     console.print(f"\n{note}")
-
-
-def show_comparison(rows: Sequence[Row]) -> None:
-    """One line per cell and planner of a study: means over the seeds that did not fail."""
-    seeds = len({row.seed for row in rows})
-    table = Table(title=f"{seeds} seeds each, means over the seeds", title_justify="left")
-    for name, _ in rows[0].factors:
-        table.add_column(name)
-    table.add_column("planner")
-    for column in ("OSPA under 1 m", "OSPA mean", "OSPA median", "planning", "faults"):
-        table.add_column(column, justify="right")
-    cells: dict[tuple[str, ...], list[Row]] = {}
-    for row in rows:
-        cell = cells.setdefault((*(level for _, level in row.factors), row.planner), [])
-        cell.extend([row] if row.status == "done" else [])
-    for place, found in cells.items():
-        means = {name: fmean([row.metrics[name] for row in found]) if found else nan for name in _SHOWN}
-        shown = [form.format(means[name]) for name, form in _SHOWN.items()]
-        table.add_row(*place, *shown, f"{sum(row.metrics['faults'] for row in found):.0f}")
-    console.print(table)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shlex
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from planning.registry import COMPARED
-from sim.console import console, fail, remark, show_comparison, show_list
+from sim.console import console, fail, remark, show_list
 from sim.errors import InputError
 from sim.loading import SCENARIOS, did_you_mean, remarks
 from sim.options import Duration, Overrides, with_duration
@@ -46,7 +49,13 @@ def compare(
             metavar="DIR", help="Folder of results; what is there is not flown again. Default: one under runs/."
         ),
     ] = None,
-    workers: Annotated[str, typer.Option(metavar="N", help="Processes to fly in.")] = "2",
+    baseline: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The planner that others are compared with. Default: the first.")
+    ] = None,
+    metric: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="What to compare, see docs/studies.md; repeatable.")
+    ] = None,
+    workers: Annotated[str | None, typer.Option(metavar="N", help="Processes to fly in. Default: one a core.")] = None,
     dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster: tcp://host:8786.")] = None,
     timeout: Annotated[
         str | None, typer.Option(metavar="TIME", help="Wall time beyond which a trial has failed: 90, 5min.")
@@ -57,20 +66,25 @@ def compare(
     """Fly planners on the same forests, people and seeds; show the results side by side. Goes on where it stopped."""
     changes = [*_sensing(sensing), *with_duration(overrides, duration)]
     chosen = adapted(_study(study), planners=planner or (), seeds=_seeds(seeds, maps), overrides=changes)
-    processes = integer(workers, "--workers", least=1)
+    processes = integer(workers, "--workers", least=1) if workers else os.cpu_count() or 1
     limit = None if timeout is None else seconds(timeout, "--timeout")
     if keep not in (None, "recordings"):
         raise InputError(f"--keep: {keep!r} is unknown; {did_you_mean(keep, ['recordings'])}")
     folder = out or Path("runs") / chosen.name
+    from sim.study.cells import baseline_of
     from sim.study.engine import Options
+    from sim.study.measures import check
     from sim.study.tasks import tasks
 
     listed = tasks(chosen)
+    check(metric or ())
+    baseline_of(listed, baseline)
     remark(*dict.fromkeys(line for task in listed for line in remarks(task.setting)))
     options = Options(limit, folder / "recordings" if keep else None, redo)
     rows = _flown(listed, folder, options, processes, dask)
-    show_comparison(rows)
-    console.print(f"Results in [bold]{folder}[/bold]; the same command does what is missing.", soft_wrap=True)
+    _answer(rows, folder, chosen.description, baseline, metric or ())
+    told = f"Results in [bold]{folder}[/bold], report.html first; the same command flies what is missing."
+    console.print(told, soft_wrap=True)
     failures = [row for row in rows if row.status == "failed"]
     if failures:
         first = failures[0]
@@ -111,6 +125,25 @@ def _sensing(mode: str | None) -> list[str]:
     if mode not in _SENSING:
         raise InputError(f"--sensing: {mode!r} is unknown; {did_you_mean(mode, _SENSING)}")
     return [f"sensing.mode={mode}"]
+
+
+def _answer(rows: Sequence[Row], folder: Path, description: str, baseline: str | None, metrics: Sequence[str]) -> None:
+    """Show tables, and write the report beside the store."""
+    from sim.run import versions
+    from sim.study.report import About, write
+    from sim.study.tables import show
+
+    show(rows, baseline, metrics)
+    about = About(
+        study=rows[0].study,
+        description=description,
+        command=shlex.join(["understory", *sys.argv[1:]]),
+        versions=versions(),
+        wall_s=sum(row.metrics.get("wall_s", 0.0) for row in rows),
+        baseline=baseline,
+        metrics=tuple(metrics),
+    )
+    write(rows, folder, about)
 
 
 def _flown(listed: Sequence[Task], folder: Path, options: Options, workers: int, dask: str | None) -> list[Row]:

@@ -56,7 +56,7 @@ class About:
     versions: Mapping[str, str] = field(default_factory=dict)
     machine: str = field(default_factory=lambda: f"{os.cpu_count()} cores, {platform.machine()}, {platform.system()}")
     workers: int | None = None
-    wall_s: float | None = None  # of all sessions of the study together
+    wall_s: float | None = None  # of all trials, one after the other
     baseline: str | None = None  # a planner of the rows; None: the first
     metrics: tuple[str, ...] = ()  # flat names; none: the usual ones
 
@@ -145,7 +145,7 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
             ("baseline", baseline),
             ("seeds (maps)", f"{len(seeds)}: {ranges(seeds)}"),
             ("trials", f"{len(rows) - failed} done, {failed} failed"),
-            ("wall time", "" if about.wall_s is None else duration(about.wall_s)),
+            ("wall time of all trials", "" if about.wall_s is None else duration(about.wall_s)),
             ("machine", about.machine),
             ("workers", "" if about.workers is None else str(about.workers)),
             ("versions", ", ".join(f"{name} {number}" for name, number in versions.items())),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import inspect
 from collections.abc import Sequence
@@ -40,7 +41,7 @@ class Task(Struct, frozen=True, kw_only=True):
 def tasks(study: Study) -> list[Task]:
     """All trials of a study, seed by seed, so that an interrupted one has pairs; InputError or PlannerError."""
     found = [(cell, *_prepared(cell)) for cell in cells(study)]
-    number, seeds = version("understory"), integers(study.seeds, "seeds")
+    number, seeds = release(), integers(study.seeds, "seeds")
     made = [
         Task(
             key=_key(digest, seed),
@@ -63,7 +64,16 @@ def tasks(study: Study) -> list[Task]:
 def task_of(setting: Scenario, planner: str, seed: int) -> Task:
     """A trial by itself, of no study."""
     key = _key(_digest_of(setting, planner), seed)
-    return Task(key=key, setting=setting, planner=planner, seed=seed, version=version("understory"))
+    return Task(key=key, setting=setting, planner=planner, seed=seed, version=release())
+
+
+@functools.lru_cache(maxsize=1)
+def release() -> str:
+    """Version of this package and, as a checkout changes between releases, a digest of its code: 1.2.0+89abcdef."""
+    root, digest = Path(__file__).parents[2], hashlib.sha256()
+    for file in sorted(file for name in _OURS for file in (root / name).rglob("*.py")):
+        digest.update(file.read_bytes())
+    return f"{version('understory')}+{digest.hexdigest()[:8]}"
 
 
 def _prepared(cell: Cell) -> tuple[Scenario, str]:
@@ -74,7 +84,7 @@ def _prepared(cell: Cell) -> tuple[Scenario, str]:
 
 
 def _digest_of(setting: Scenario, planner: str) -> str:
-    parts = [resolved(setting), planner, version("understory"), *_contents(setting, planner)]
+    parts = [resolved(setting), planner, release(), *_contents(setting, planner)]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 

@@ -7,7 +7,6 @@ import tempfile
 import time
 from collections.abc import Mapping
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from sim.mission import Mission, Trial
 from sim.recording import Recorder, Recording
 from sim.scenario import resolved
 from sim.study.row import Row
-from sim.study.tasks import Task
+from sim.study.tasks import Task, release
 from sim.summary import summarise
 from sim.warmup import warm_up
 
@@ -37,8 +36,8 @@ def fly(task: Task, *, keep: bool = False, timeout: float | None = None) -> Flow
     keep: whether the recording comes back too; timeout: wall time [s] beyond which the trial has failed.
     """
     try:
-        if version("understory") != task.version:
-            raise RuntimeError(f"understory is {version('understory')} here, not {task.version}")
+        if release() != task.version:
+            raise RuntimeError(f"understory is {release()} here, not {task.version}")
         warm()
         return _flown(task, keep, timeout)
     except (Exception, SystemExit) as error:
