@@ -115,6 +115,8 @@ def show_list(items: Mapping[str, str], note: str) -> None:
 
 def show_comparison(names: Sequence[str], outcomes: Sequence[Outcome]) -> None:
     """One row per planner: means over the seeds."""
+    from sim.summary import marked  # late, as it needs NumPy
+
     table = Table(title=f"{len(outcomes) // len(names)} seeds each, means over the seeds", title_justify="left")
     table.add_column("planner")
     for column in ("OSPA under 1 m", "OSPA mean", "OSPA median", "planning", "faults"):
@@ -122,7 +124,7 @@ def show_comparison(names: Sequence[str], outcomes: Sequence[Outcome]) -> None:
     for name in names:
         rows = [outcome for outcome in outcomes if outcome.planner == name]
         table.add_row(
-            name,
+            marked(name, rows[0].sees_truth),
             f"{fmean([r.share_under_1m for r in rows]):.1%}",
             f"{fmean([r.mean_m for r in rows]):.2f} m",
             f"{fmean([r.median_m for r in rows]):.2f} m",

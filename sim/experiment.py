@@ -28,15 +28,18 @@ class Outcome:
     planning_s: float  # wall time of all decisions
     faults: int
     disagreement_m: float  # between the UAVs' tracks, see `sim.radio.disagreement`; mean over the scans
+    sees_truth: bool = False  # whether the planner does: an upper bound
+    plan_bytes: int = 0  # sent by the whole team, of plans
 
 
 def fly(trial: Trial) -> Outcome:
     """Fly one trial, keeping nothing but its outcome."""
     mission = Mission.of(trial)
-    errors, gaps = [], []
+    errors, gaps, told = [], [], 0
     for snapshot in mission.fly():
         errors.append(snapshot.ospa[snapshot.working, 0])
         gaps.append(disagreement([snapshot.tracks[i] for i in snapshot.working]))
+        told += int(snapshot.plan_bytes.sum())
     distance = np.concatenate(errors)
     return Outcome(
         planner=trial.planner,
@@ -47,6 +50,8 @@ def fly(trial: Trial) -> Outcome:
         planning_s=mission.clock.seconds["planning"],
         faults=len(mission.faults),
         disagreement_m=float(np.mean(gaps)),
+        sees_truth=mission.sees_truth,
+        plan_bytes=told,
     )
 
 
