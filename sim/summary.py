@@ -101,8 +101,8 @@ def results_table(summary: Mapping[str, Any]) -> Table:
         table.add_row("sent by a UAV per scan", f"{sent / 1000:.1f} kB")
     plans = summary["network"]["plans"]
     if plans["bytes_total"] is not None:
-        table.add_row("plans sent by a UAV per decision", f"{plans['bytes_per_decision_mean']:.0f} B")
-        table.add_row("rounds of plans per decision", f"{plans['rounds']}")
+        size, rounds = plans["bytes_per_decision_mean"], plans["rounds"]
+        table.add_row("plans of a UAV per decision", f"{size:.0f} B, {rounds} round{'s' * (rounds != 1)}")
     table.add_section()
     factor = summary["real_time_factor"]
     table.add_row("real-time factor", "-" if factor is None else f"{factor:.1f}", end_section=True)
