@@ -53,6 +53,10 @@ class Exchange:
     rounds: int = 1
     centre: bool = False
 
+    def __post_init__(self) -> None:
+        if type(self.rounds) is not int or self.rounds < 0:
+            raise ValueError(f"rounds must be a whole number of at least 0, is {self.rounds!r}")
+
 
 @dataclass(frozen=True, eq=False)
 class Situation:

@@ -64,7 +64,8 @@ class Mission:
         self._sensors = Sensors(scenario, self._world, self.forest, rng=stream(seed, "sensors"), clock=self.clock)
         self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
-        exchange = getattr(self._planner, "exchange", Exchange())
+        exchange = getattr(self._planner, "exchange", None)  # of a stranger's, it may be anything
+        exchange = exchange if isinstance(exchange, Exchange) else Exchange()
         self._intents = Intents(scenario.network, exchange, stream(seed, "intents"))
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
         self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan

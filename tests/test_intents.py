@@ -210,11 +210,19 @@ def test_a_planner_that_does_not_say_what_it_sends_sends_each_plan_once_to_those
     planner = Drawn(steps=2)
     _, snapshots = flown(planner, "network.links=[[0, 1]]", "network.loss=1", duration=1)
     assert snapshots[0].plan_bytes.tolist() == [8 * 9, 8 * 9, 0]  # what is lost has been sent; nobody hears the last
+    _, snapshots = flown(Drawn(steps=2, exchange="of glances"), duration=1)
+    assert snapshots[0].plan_bytes.tolist() == [8 * 9] * 3 and snapshots[0].plan_rounds == 1
     planner = Drawn(steps=2, exchange=Exchange(3))
     _, snapshots = flown(planner, "network.links=[[0, 1], [1, 2]]", "uavs.0.fails_at=0.5", duration=1)
     assert snapshots[0].plan_bytes.tolist() == [3 * 72] * 3
     assert snapshots[-1].plan_bytes.tolist() == [0, 3 * 72, 3 * 72] and snapshots[-1].plan_rounds == 3
     assert [s.reception for s in planner.teams[0]] == [((1,),) * 3, ((0, 2),) * 3, ((1,),) * 3]
+
+
+@pytest.mark.parametrize("rounds", [-1, 1.0, True])
+def test_rounds_are_whole_numbers(rounds):
+    with pytest.raises(ValueError, match=r"^rounds must be a whole number of at least 0, is "):
+        Exchange(rounds)
 
 
 def test_a_run_says_what_plans_took_to_send(tmp_path):
