@@ -9,7 +9,7 @@ import numpy as np
 
 from planning.intent import base_control
 from planning.optimizers import limited
-from planning.planner import Plan, Situation
+from planning.planner import Exchange, Plan, Situation
 from planning.view import aim, reach
 from tracking.compiled import Array
 
@@ -17,6 +17,8 @@ from tracking.compiled import Array
 @dataclass(frozen=True)
 class Hover:
     """Stays where it is."""
+
+    exchange = Exchange(0)
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Zero velocity for every UAV."""
@@ -26,6 +28,8 @@ class Hover:
 @dataclass(frozen=True)
 class Greedy:
     """The base policy alone: every UAV flies to the most uncertain track within 40 m, whatever the others do."""
+
+    exchange = Exchange(0)
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """One base-policy step for every UAV."""
@@ -40,6 +44,7 @@ class Lawnmower:
     """
 
     pace: float = 0.9
+    exchange = Exchange(0)
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """One step along each UAV's lines."""

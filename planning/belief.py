@@ -35,7 +35,7 @@ class Outlook(NamedTuple):
 def outlook(situation: Situation, points: Array, covariances: Array) -> Outlook:
     """What a UAV expects of targets that may be at `points` (H, T, K, 3) m and have covariances (T, 4, 4) now."""
     vehicles, motion = situation.vehicles, situation.motion
-    blockers, offsets = _near(situation.forest, points, vehicles)
+    blockers, offsets = _near(situation.forest, points, vehicles, motion.dt * len(points))
     return Outlook(
         step=motion.dt,
         noise=np.array([motion.Q[0, 0], motion.Q[0, 2], motion.Q[2, 2]]),
@@ -49,8 +49,10 @@ def outlook(situation: Situation, points: Array, covariances: Array) -> Outlook:
     )
 
 
-def _near(forest: Forest, points: Array, vehicles: Sequence[Vehicle]) -> tuple[Array, NDArray[np.int64]]:
-    """The cylinders that can hide each point (..., 3) m from any UAV that has it in its field of view.
+def _near(
+    forest: Forest, points: Array, vehicles: Sequence[Vehicle], duration: float
+) -> tuple[Array, NDArray[np.int64]]:
+    """The cylinders that can hide each point (..., 3) m from any UAV that within `duration` s has it in view.
 
     Seen from below, a line of sight leaves the height of the trees within a few metres, so that a point has a
     handful of candidates, however large the forest.
@@ -61,7 +63,8 @@ def _near(forest: Forest, points: Array, vehicles: Sequence[Vehicle]) -> tuple[A
     for v in vehicles:
         height = v.position[2] - TARGET_HEIGHT
         share = np.clip((cylinders[:, 4] - TARGET_HEIGHT) / height, 0.0, 1.0)
-        farthest = np.maximum(farthest, share * reach(v))
+        gap = np.linalg.norm(points[:, :2] - v.position[:2], axis=1).max(initial=0.0) + v.max_speed * duration
+        farthest = np.maximum(farthest, share * min(reach(v), gap))
     gap = np.hypot(points[:, None, 0] - cylinders[:, 0], points[:, None, 1] - cylinders[:, 1])
     rows, columns = np.nonzero(gap <= cylinders[:, 2] + farthest)
     offsets = np.searchsorted(rows, np.arange(len(points) + 1)).astype(np.int64)

@@ -11,7 +11,7 @@ import numpy as np
 from planning.coordination import Coordination, Sequential
 from planning.nbo import costs
 from planning.optimizers import CrossEntropy, Optimizer
-from planning.planner import Plan, Situation
+from planning.planner import Exchange, Plan, Situation
 from planning.propagation import Nominal, Propagation, nominal_positions
 from planning.pursuit import pursuits
 from tracking.compiled import Array
@@ -32,7 +32,12 @@ class Composition:
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
         seen = [self._with_occlusion(situation) for situation in team]
-        return [Plan(controls) for controls in self.coordination.controls(seen, self, rng)]
+        return self.coordination.plans(seen, self, rng)
+
+    @property
+    def exchange(self) -> Exchange:
+        """What the UAVs send at each decision."""
+        return self.coordination.exchange
 
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
         """As `planning.coordination.Decision.decide`."""

@@ -9,7 +9,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from planning.intent import BASE_RANGE, policy_of_intent
-from planning.planner import Situation
+from planning.planner import Exchange, Plan, Situation
 from tracking.compiled import Array
 
 Order = Literal["fixed", "random", "worst-first"]
@@ -31,8 +31,13 @@ class Decision(Protocol):
 class Coordination(Protocol):
     """Makes a team's plans out of decisions."""
 
-    def controls(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Array]:
-        """Controls (H, 2) m/s of each UAV, in the team's order."""
+    @property
+    def exchange(self) -> Exchange:
+        """What the UAVs send at each decision."""
+        ...
+
+    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """The plan of each UAV, in the team's order."""
         ...
 
 
@@ -40,21 +45,31 @@ class Coordination(Protocol):
 class Sequential:
     """Sequential multi-agent planning (SMA), [Li22] Algorithm 3: each UAV knows the plans of those before it.
 
-    Those after it are expected to follow their policy of intent or, in a second sweep, the plan they have made.
+    Those after it are expected to follow their policy of intent or, in a second sweep, the plan they have made; and
+    so are those before it whose plans do not reach it. A plan is sent to those that hear the sender, and no further.
     """
 
     order: Order = "fixed"
     sweeps: int = 1
 
-    def controls(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Array]:
-        """As `Coordination.controls`."""
-        decided: dict[int, Array] = {}
+    @property
+    def exchange(self) -> Exchange:
+        """As `Coordination.exchange`."""
+        return Exchange(self.sweeps)
+
+    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """As `Coordination.plans`."""
+        known: dict[int, dict[int, Array]] = {s.own.id: {} for s in team}  # to each UAV, its own and those it received
         sequence = self._sequence(team, rng)
-        for _ in range(self.sweeps):
+        for sweep in range(self.sweeps):
             for situation in sequence:
-                plans = expected(situation, decision.horizon, decided)
-                decided[situation.own.id] = decision.decide(situation, plans, [_row(situation)], rng)[0]
-        return [decided[s.own.id] for s in team]
+                sender = situation.own.id
+                plans = expected(situation, decision.horizon, known[sender])
+                plan = decision.decide(situation, plans, [_row(situation)], rng)[0]
+                for s in team:
+                    if s.own.id == sender or s.receives(sender, sweep):
+                        known[s.own.id][sender] = plan
+        return [Plan(known[s.own.id][s.own.id]) for s in team]
 
     def _sequence(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Situation]:
         if self.order == "random":
@@ -66,11 +81,16 @@ class Sequential:
 
 @dataclass(frozen=True)
 class Parallel:
-    """All UAVs decide at once (PMA), each expecting the others to follow their policy of intent."""
+    """All UAVs decide at once (PMA), each expecting the others to follow their policy of intent.
 
-    def controls(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Array]:
-        """As `Coordination.controls`."""
-        return [decision.decide(s, expected(s, decision.horizon), [_row(s)], rng)[0] for s in team]
+    What they have decided they send afterwards.
+    """
+
+    exchange = Exchange()
+
+    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """As `Coordination.plans`."""
+        return [Plan(decision.decide(s, expected(s, decision.horizon), [_row(s)], rng)[0]) for s in team]
 
 
 @dataclass(frozen=True)
@@ -78,26 +98,37 @@ class Decentralised:
     """Dec-POMDP as in [Li22] IV-E: each UAV optimises the joint plan on its own belief and flies its own share.
 
     No decisions are sent. All search with the same random numbers, agreed beforehand: equal beliefs, equal plans.
+    What a UAV takes for the intents of the others are their shares of the joint plan that it made itself.
     """
 
-    def controls(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Array]:
-        """As `Coordination.controls`."""
+    exchange = Exchange(0)
+
+    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """As `Coordination.plans`."""
         seed = int(rng.integers(2**63))
-        return [_joint(s, decision, seed)[_row(s)] for s in team]
+        return [self._plan(s, _joint(s, decision, seed)) for s in team]
+
+    @staticmethod
+    def _plan(situation: Situation, joint: Array) -> Plan:
+        """A UAV's share of its joint plan (n, H, 2) m/s, with those of the others."""
+        shares = {v.id: plan for v, plan in zip(situation.vehicles, joint, strict=True)}
+        return Plan(shares.pop(situation.own.id), shares)
 
 
 @dataclass(frozen=True)
 class Centralised:
     """One optimisation of the joint plan of all UAVs, on the belief of the first, whoever hears whom."""
 
-    def controls(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Array]:
-        """As `Coordination.controls`."""
+    exchange = Exchange(centre=True)
+
+    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """As `Coordination.plans`."""
         first = team[0]
         intents = {i: plan for s in team for i, plan in s.intents.items() if i == s.own.id}
         centre = replace(first, neighbours=tuple(s.own for s in team[1:]), intents=intents)
         plans = _joint(centre, decision, int(rng.integers(2**63)))
         rows = {vehicle.id: row for row, vehicle in enumerate(centre.vehicles)}
-        return [plans[rows[s.own.id]] for s in team]
+        return [Plan(plans[rows[s.own.id]]) for s in team]
 
 
 def expected(situation: Situation, horizon: int, decided: dict[int, Array] | None = None) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from planning.composition import Composition
 from planning.coordination import Centralised, Coordination, Decentralised, Order, Parallel, Sequential
 from planning.optimizers import CrossEntropy, Grid, Optimizer, ParticleSwarm
-from planning.planner import Plan, Situation
+from planning.planner import Exchange, Plan, Situation
 from planning.propagation import MonteCarlo, Nominal
 from tracking.visibility import Occlusion
 
@@ -59,6 +59,11 @@ class Composed:
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
         return self.composition.plan(team, rng)
+
+    @property
+    def exchange(self) -> Exchange:
+        """What the UAVs send at each decision."""
+        return self.composition.exchange
 
     @cached_property
     def composition(self) -> Composition:

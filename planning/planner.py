@@ -34,6 +34,28 @@ class Plan:
     """Velocity commands of one UAV; the first is flown, the rest is its intent."""
 
     controls: Array  # (H, 2) m/s, east and north
+    # What this UAV takes others to fly (H, 2) m/s, by id: all it knows of those in touch whose plan does not reach it.
+    others: Mapping[int, Array] = field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        """Bytes it takes on the air: sender, time, position and controls, each number eight."""
+        return 8 * (5 + np.size(self.controls))
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """What UAVs send at each decision: each tells those that hear it its plan, so many times; once if not said.
+
+    With a `centre`, the first UAV plans for all and sends each its plan, over a network that loses nothing.
+    """
+
+    rounds: int = 1
+    centre: bool = False
+
+    def __post_init__(self) -> None:
+        if type(self.rounds) is not int or self.rounds < 0:
+            raise ValueError(f"rounds must be a whole number of at least 0, is {self.rounds!r}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +69,10 @@ class Situation:
     forest: Forest
     area: tuple[float, float]  # m, centred on the origin
     motion: NearlyConstantVelocity  # of the targets, over one planning step
-    intents: Mapping[int, Plan] = field(default_factory=dict)  # last plan known of each UAV, its own included
+    # Last plan known of each UAV, its own included, as made one step ago: of an older one, what was left of it then.
+    intents: Mapping[int, Plan] = field(default_factory=dict)
+    # For each round of `Exchange`, whose plans of this instant reach this UAV; without any, everyone's.
+    reception: tuple[tuple[int, ...], ...] = ()
 
     @property
     def step(self) -> float:
@@ -59,13 +84,23 @@ class Situation:
         """The whole team as this UAV knows it, by ascending id."""
         return tuple(sorted((self.own, *self.neighbours), key=lambda v: v.id))
 
+    def receives(self, uav: int, sent: int = 0) -> bool:
+        """Whether what a UAV sends in a round of this instant reaches this one."""
+        return not self.reception or uav in self.reception[sent]
+
 
 class Planner(Protocol):
     """Anything with this method is a planner.
 
+    One with a method `knowing` too is an oracle: it is given the truth by it, see `planning.oracle`, and marked as
+    such wherever its results are shown. What that method returns is flown.
+
     It keeps no state between calls. A decentralised planner reads, for UAV i, only `team[i]` and plans that
     UAV i receives; it returns one plan per situation, in the same order. `rng` is the only source of chance.
     A UAV that broke down has no situation and is nobody's neighbour, so ids may differ from places in `team`.
+    A neighbour that has fallen silent is where its last known plan would have brought it, until that plan ends.
+    An attribute `exchange` may say what is sent at a decision, if not `Exchange()`; within a call, a decentralised
+    planner uses what UAV j has decided for UAV i only where `team[i].receives(j)`.
     """
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:

@@ -46,6 +46,7 @@ PLANNERS = {
     "lawnmower": PlannerSpec("planning.baselines:Lawnmower", {}, "each UAV mows a strip of the area, whatever it sees"),
     "greedy": PlannerSpec("planning.baselines:Greedy", {}, "each UAV to the most uncertain track within 40 m"),
     "hover": PlannerSpec("planning.baselines:Hover", {}, "no UAV moves"),
+    "oracle": PlannerSpec("planning.oracle:Oracle", {}, "upper bound: sees where people are and will be"),
 }
 DEFAULT_PLANNER = "sma-nbo-mwtp"
 COMPARED = ("sma-nbo-mwtp", "sma-nbo", "greedy", "hover")  # where a comparison is not told what to compare

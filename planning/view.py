@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from planning.planner import Vehicle
-from tracking.camera import rotation
+from tracking.camera import ALL_ROUND, rotation
 from tracking.compiled import Array, compiled
 from tracking.visibility import TARGET_HEIGHT
 
@@ -18,9 +18,12 @@ MARKS = -0.85 * np.array([(x, y) for x in (0, -1, 1) for y in (0, -1, 1)])
 
 
 def shown_at(vehicle: Vehicle, marks: Array) -> Array:
-    """Where what the image shows at `marks` (K, 2) is, in half edges from its middle; (K, 2) m from the vehicle."""
+    """Where what the image shows at `marks` (K, 2) is, in half edges from its middle; (K, 2) m from the vehicle.
+
+    Note: a view all round has no image; its marks are those of an image of 90 degrees.
+    """
     height = float(vehicle.position[2] - TARGET_HEIGHT)
-    half = height * math.tan(vehicle.camera.fov / 2)
+    half = height * (1.0 if vehicle.camera.fov >= ALL_ROUND else math.tan(vehicle.camera.fov / 2))
     rays = np.column_stack([half * np.asarray(marks), np.full(len(marks), -height)]) @ rotation(vehicle.attitude).T
     return np.asarray(rays[:, :2] * (height / -rays[:, 2:]))
 
@@ -32,6 +35,8 @@ def aim(vehicle: Vehicle) -> Array:
 
 def reach(vehicle: Vehicle) -> float:
     """The longest planar distance at which the vehicle can see a target [m]."""
+    if vehicle.camera.fov >= ALL_ROUND:
+        return math.inf
     return float(np.max(np.linalg.norm(shown_at(vehicle, _CORNERS), axis=1)))
 
 
@@ -41,6 +46,8 @@ def quadrangle(vehicle: Vehicle) -> Array:
     (dx, dy) m from the vehicle is inside where a dx + b dy <= c for all four; (a, b) has length 1. A pinhole camera
     sees what has |x| <= tan(fov / 2) depth, and likewise for y; on a plane of constant height that is linear.
     """
+    if vehicle.camera.fov >= ALL_ROUND:
+        return np.array([*((x, y, math.inf) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))), (0, 0, 0)], dtype=float)
     height, slope = float(vehicle.position[2] - TARGET_HEIGHT), math.tan(vehicle.camera.fov / 2)
     R = rotation(vehicle.attitude)
     out = np.empty((5, 3))

@@ -54,7 +54,7 @@ def load(path: str | os.PathLike[str]) -> Recording:
         lacking = _lacking(archive)
         for name, (kind, dtype, shape) in _fields().items():
             if name in lacking:
-                values[name] = _unknown(dtype, shape, sizes)
+                values[name] = False if kind is bool else _unknown(dtype, shape, sizes)
                 continue
             array = _read(archive, path, name)
             try:
@@ -87,9 +87,13 @@ def _read(archive: zipfile.ZipFile, path: str | os.PathLike[str], name: str) -> 
 
 
 def _lacking(archive: zipfile.ZipFile) -> set[str]:
-    """Fields that the recording is too old to have; none if it holds something unknown, so that damage is noticed."""
+    """Fields that the recording is too old to have; none if it holds something unknown, so that damage is noticed.
+
+    An entry's comment, which we never write, may have swallowed the entries behind it.
+    """
     names = {name.removesuffix(".npy") for name in archive.namelist()}
-    return _LATER - names if names <= set(_fields()) else set()
+    intact = not any(entry.extra or entry.comment for entry in archive.infolist())
+    return _LATER - names if intact and names <= set(_fields()) else set()
 
 
 def _unknown(dtype: str, shape: str, sizes: dict[str, int]) -> NDArray[Any]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planning.planner import Plan, Planner, Situation
+from tracking.compiled import Array
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ def decide(
             speed = np.linalg.norm(controls, axis=1, keepdims=True)
             if np.any(speed > own.max_speed * (1 + 1e-6)):
                 problem = f"speed {speed.max():.3g} m/s exceeds {own.max_speed:g} m/s; clipped"
-            plans.append(Plan(controls * np.minimum(1.0, own.max_speed / np.maximum(speed, 1e-12))))
+            limited = controls * np.minimum(1.0, own.max_speed / np.maximum(speed, 1e-12))
+            plans.append(Plan(limited, _others(plan)))
         if problem:
             faults.append(Fault(time, own.id, problem))
     return plans, faults
@@ -54,15 +56,29 @@ def decide(
 
 def _problem(plan: object) -> str:
     """What is wrong with a plan, or nothing."""
+    others = getattr(plan, "others", {})
+    if not isinstance(others, Mapping):
+        return "others is no mapping"
+    wrong = _wrong("controls", getattr(plan, "controls", None))
+    return wrong or next(filter(None, (_wrong(f"others[{j!r}]", given) for j, given in others.items())), "")
+
+
+def _wrong(name: str, given: object) -> str:
+    """What is wrong with controls, or nothing."""
     try:
-        controls = np.asarray(getattr(plan, "controls", None), dtype=float)
+        controls = np.asarray(given, dtype=float)
     except (TypeError, ValueError):
-        return "controls are not numbers"
+        return f"{name} are not numbers"
     if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
-        return f"controls of shape {controls.shape}, not (H, 2)"
+        return f"{name} of shape {controls.shape}, not (H, 2)"
     if not np.all(np.isfinite(controls)):
-        return "controls are not finite"
+        return f"{name} are not finite"
     return ""
+
+
+def _others(plan: object) -> dict[int, Array]:
+    """What a plan expects of others, if it says so."""
+    return {j: np.array(given, dtype=float) for j, given in getattr(plan, "others", {}).items()}
 
 
 def _shifted(plan: Plan | None) -> Plan:

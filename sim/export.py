@@ -14,7 +14,7 @@ from sim.loading import did_you_mean
 from sim.metrics import velocities
 from sim.recording import Recording
 from sim.run import new_folder
-from sim.sensing import camera_of
+from sim.sensing import view_of
 from sim.trajectories import COLUMNS as PEOPLE_COLUMNS
 from tracking.exchange import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
 
@@ -48,7 +48,8 @@ def _csv(recording: Recording, folder: Path) -> None:
     tracks = ([time, uav, *row] for uav in _uavs(recording) for _, time, row in _track_rows(recording, uav))
     _table(folder / "tracks.csv", ("time", "uav", "id", *STATE, *COVARIANCE), sorted(tracks))
     _table(folder / "truth.csv", PEOPLE_COLUMNS, ([time, m, *xy] for _, time, m, xy in _truth(recording)))
-    cameras = [camera_of(uav) for uav in scenario_of(recording).uavs]
+    scenario = scenario_of(recording)
+    cameras = [view_of(uav, scenario) for uav in scenario.uavs]
     _table(folder / "cameras.csv", CAMERA_COLUMNS, ([i, camera.fov, camera.pixels] for i, camera in enumerate(cameras)))
     _table(folder / "trees.csv", TREE_COLUMNS, recording.trees.tolist())
 

@@ -24,6 +24,7 @@ from sim.run import new_folder
 from sim.scenario import Scenario
 from sim.sensing import camera_of
 from sim.sight import Sight
+from sim.summary import marked
 from sim.tiles import BORDER
 from sim.world import World
 
@@ -118,7 +119,10 @@ def draw(recording: Recording, again: Rerenderer, k: int, uav: int, *, size: int
     view = annotated(again.image(k, uav), sight, size)
     side = view.shape[0] + 2 * BORDER
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[again.scenario.uavs[uav].mount]
-    notes = [f"{recording.planner}, seed {recording.seed}", f"scan {k} of {len(recording.times) - 1}, {mount}"]
+    notes = [
+        f"{marked(recording.planner, recording.sees_truth)}, seed {recording.seed}",
+        f"scan {k} of {len(recording.times) - 1}, {mount}",
+    ]
     if again.scenario.sensing.mode == "ideal":
         notes.append("ideal sensing: this image was not used")
     elif not again.scenario.has_frame(uav, k):

@@ -101,6 +101,7 @@ class MapView:
         self._cameras = [Camera(math.radians(uav.fov_deg), uav.pixels) for uav in scenario.uavs]
         self._step = 1 / scenario.rates.planning
         self._renders = scenario.sensing.mode == "camera"
+        self._unlimited = scenario.sensing.field_of_view == "unlimited"
         self._size = size
         self.scale = min(size[0] / (self._area[0] + 2 * MARGIN), size[1] / (self._area[1] + 2 * MARGIN))
         self._alert = round(ALERT * scenario.rates.sensing)
@@ -117,7 +118,7 @@ class MapView:
         self._past.append(snapshot)
         image[:] = self._ground
         for i in snapshot.working:
-            if _looks_down(self._cameras[i], snapshot.cameras[i]):
+            if not self._unlimited and _looks_down(self._cameras[i], snapshot.cameras[i]):
                 outline = self._pixels(self._cameras[i].footprint(snapshot.cameras[i]))
                 self._draw_view(image, outline, uav_colour(i))
         self._draw_trails(image, snapshot)
@@ -226,7 +227,7 @@ class MapView:
             if i not in snapshot.working:
                 write(image, f"UAV {i}: broken down", (x - 18, y - 18), Style(13, INK, True, PANEL), align=1.0)
                 continue
-            if _looks_down(camera, pose):
+            if not self._unlimited and _looks_down(camera, pose):
                 x, y = self._pixels(camera.footprint(pose)).min(axis=0) + np.array([24.0, -9.0])
             style = Style(13, _mixed(uav_colour(i), INK, 0.7), True, PANEL)
             write(image, f"UAV {i}", (x, y), style, align=0.5)

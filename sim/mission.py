@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from planning.planner import Plan, Planner, Situation, Vehicle
+from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
 from planning.registry import load_planner
 from sim.autopilot import Fault, decide
 from sim.forest import grow
-from sim.radio import hearing, losses
+from sim.intents import Intents, Sent
+from sim.radio import Links, hearing, losses
 from sim.recording import Snapshot
 from sim.scenario import Scenario, Tracking
 from sim.sensing import Look, Sensors, camera_pose, planned_attitude
@@ -52,7 +54,9 @@ class Mission:
         self.faults: list[Fault] = []
         self.frames: list[NDArray[np.uint8] | None] = []  # of the last scan, one per UAV; None without rendering
         self.forest, self.people = forest_and_people(scenario, seed)
-        self._planner = planner
+        knowing = getattr(planner, "knowing", None)  # an oracle's way to the truth, which no situation holds
+        self.sees_truth = knowing is not None
+        self._planner: Planner = planner if knowing is None else knowing(lambda time: self.people.at(time)[0])
         self._chance = stream(seed, "planner")
         # Planners get a map of their own: whatever they do to it, trees still hide what they hide.
         self._known_forest = Forest(self.forest.trees, self.forest.occlusion)
@@ -60,7 +64,11 @@ class Mission:
         self._sensors = Sensors(scenario, self._world, self.forest, rng=stream(seed, "sensors"), clock=self.clock)
         self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
-        self._intents: dict[int, Plan] = {}
+        exchange = getattr(self._planner, "exchange", None)  # of a stranger's, it may be anything
+        exchange = exchange if isinstance(exchange, Exchange) else Exchange()
+        self._intents = Intents(scenario.network, exchange, stream(seed, "intents"))
+        self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
+        self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
         self._working = list(range(len(scenario.uavs)))  # UAVs that have not broken down, at the last scan
         self._radio = stream(seed, "network")
         self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, stream(seed, "wind"))
@@ -78,7 +86,7 @@ class Mission:
         with self._world:
             for k, time in enumerate(times):
                 snapshot = self._scan(k, time, commands)
-                commands = self._commands(commands, snapshot.plans)
+                commands = self._commands(k, commands, snapshot.plans)
                 yield snapshot
                 if k + 1 < len(times):
                     with self.clock.measure("physics"):
@@ -86,19 +94,24 @@ class Mission:
                         for wind in [None] * steps if self._air is None else self._air.steps(steps):
                             self._world.step(commands, wind)
 
-    def _commands(self, before: Array, plans: list[Plan] | None) -> Array:
-        """What is flown from now on (n, 2) m/s: the first of new plans, else as before; what broke down hovers."""
+    def _commands(self, k: int, before: Array, plans: list[Plan] | None) -> Array:
+        """What is flown from now on (n, 2) m/s: the first of plans that are due now, else as before.
+
+        Plans are due `network.plan_delay` after they have been made. What broke down hovers.
+        """
+        if plans is not None:
+            self._coming.append((k + self._delay, plans))
+        due = self._coming.popleft()[1] if self._coming and self._coming[0][0] == k else None
         commands = np.zeros_like(before)
         for i in self._working:
-            commands[i] = before[i] if plans is None else plans[i].controls[0]
+            commands[i] = before[i] if due is None else due[i].controls[0]
         return commands
 
     def _break_down(self, time: float) -> None:
-        """Note who has broken down since the last scan, and forget what they meant to do."""
+        """Note who has broken down since the last scan."""
         for i in self._working:
             if not self.scenario.works(i, time):
                 self.faults.append(Fault(self.scenario.uavs[i].fails_at or 0.0, i, "broke down, hovers from now on"))
-                self._intents.pop(i, None)
         self._working = [i for i in self._working if self.scenario.works(i, time)]
 
     def _scan(self, k: int, time: float, commands: Array) -> Snapshot:
@@ -115,12 +128,12 @@ class Mission:
         ]
         self.frames = [look.image for look in looks]
         self.faults += [Fault(time, look.scan.uav, look.fault) for look in looks if look.fault]
-        linked = hearing(self.scenario.network, time, np.array([body.position for body in bodies]))
+        links = self._links(time, bodies)
         with self.clock.measure("tracking"):
-            sent = self._track(time, looks, linked)
+            sent = self._track(time, looks, links)
         tracks = [tracker.tracks if i in self._working else () for i, tracker in enumerate(self._trackers)]
         present = people[~np.isnan(people[:, 0])]
-        rates = self.scenario.rates
+        plans, told = self._plan(k, time, bodies, links)
         return Snapshot(
             time=time,
             people=people,
@@ -131,13 +144,20 @@ class Mission:
             scans=[look.scan for look in looks],
             pixels=[look.pixels for look in looks],
             tracks=tracks,
-            plans=self._plan(time, bodies, linked) if k % (rates.sensing // rates.planning) == 0 else None,
+            plans=plans,
             ospa=self._errors(tracks, present),
             visible=np.array([look.visible for look in looks]),
             matched=np.array([look.matched for look in looks]),
             contacts=self._world.take_contacts(),
             bytes_sent=sent,
+            plan_bytes=told.bytes,
+            plan_rounds=told.rounds,
         )
+
+    def _links(self, time: float, bodies: list[Pose]) -> Links:
+        network = self.scenario.network
+        up = hearing(network, time, np.array([body.position for body in bodies]))
+        return Links(up, losses(network, len(bodies), self._radio))
 
     def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
         """OSPA and its parts (n, 3) m of what each UAV holds against people (P, 2) m; NaN where it has broken down."""
@@ -146,35 +166,39 @@ class Mission:
             errors[i] = ospa(np.array([t.belief.mean[:2] for t in tracks[i]]), present)
         return errors
 
-    def _track(self, time: float, looks: list[Look], linked: NDArray[np.bool_]) -> NDArray[np.int64]:
+    def _track(self, time: float, looks: list[Look], links: Links) -> NDArray[np.int64]:
         """Give each tracker its look, let them talk, and count the bytes that each UAV sends (n,)."""
-        network, working = self.scenario.network, self._working
+        working, lost = self._working, links.lost
         for i in working:
             if looks[i].taken:
                 self._trackers[i].step(looks[i].scan)
             else:
                 self._trackers[i].coast(time)
-        lost = losses(network, len(looks), self._radio)
         if lost is not None:
             lost = lost[:, working][:, :, working]
         sent = np.zeros(len(looks), dtype=np.int64)
         if working:
             members = [self._trackers[i] for i in working]
-            sent[working] = fuse(members, linked[np.ix_(working, working)], network.rounds, lost)
+            sent[working] = fuse(members, links.up[np.ix_(working, working)], self.scenario.network.rounds, lost)
         return sent
 
-    def _plan(self, time: float, bodies: list[Pose], linked: NDArray[np.bool_]) -> list[Plan] | None:
-        """What the planner decides; an empty plan where a UAV has broken down, None where all have."""
-        if not self._working:
-            return None
-        with self.clock.measure("planning"):
-            made, faults = decide(self._planner, self._team(time, bodies, linked), self._intents, self._chance)
-        self.faults += faults
-        self._intents = dict(zip(self._working, made, strict=True))
-        return [self._intents.get(i, Plan(np.zeros((0, 2)))) for i in range(len(bodies))]
+    def _plan(self, k: int, time: float, bodies: list[Pose], links: Links) -> tuple[list[Plan] | None, Sent]:
+        """What the planner decides, and what is sent; an empty plan where a UAV has broken down.
 
-    def _team(self, time: float, bodies: list[Pose], linked: NDArray[np.bool_]) -> list[Situation]:
-        """One situation per UAV that works: itself, the neighbours it hears, its own tracks and the last intents."""
+        None between decisions, and where all have broken down.
+        """
+        rates = self.scenario.rates
+        if k % (rates.sensing // rates.planning) or not self._working:
+            return None, Sent(np.zeros(len(bodies), dtype=np.int64), 0)
+        with self.clock.measure("planning"):
+            team = self._team(time, bodies, links)
+            made, faults = decide(self._planner, team, self._intents.own, self._chance)
+        self.faults += faults
+        plans = dict(zip(self._working, made, strict=True))
+        return [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(len(bodies))], self._intents.end(plans)
+
+    def _team(self, time: float, bodies: list[Pose], links: Links) -> list[Situation]:
+        """One situation per UAV that works: itself, its own tracks, and what it knows of the others."""
         fleet = [
             Vehicle(
                 id=i,
@@ -186,19 +210,21 @@ class Mission:
             )
             for i, (uav, body) in enumerate(zip(self.scenario.uavs, bodies, strict=True))
         ]
+        self._intents.begin(fleet, links, self._working, self._motion.dt)
         area = (self.scenario.area.width, self.scenario.area.height)
         return [
-            Situation(
-                time=time,
-                own=own,
-                neighbours=tuple(fleet[j] for j in self._working if linked[own.id, j]),
-                tracks=self._trackers[own.id].tracks,
-                forest=self._known_forest,
-                area=area,
-                motion=self._motion,
-                intents={j: plan for j, plan in self._intents.items() if j == own.id or linked[own.id, j]},
+            self._intents.informed(
+                Situation(
+                    time=time,
+                    own=fleet[i],
+                    neighbours=(),
+                    tracks=self._trackers[i].tracks,
+                    forest=self._known_forest,
+                    area=area,
+                    motion=self._motion,
+                )
             )
-            for own in (fleet[i] for i in self._working)
+            for i in self._working
         ]
 
     def _tracker(self, uav: int) -> Tracker:

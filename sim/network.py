@@ -32,6 +32,7 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     loss: Annotated[float, Meta(ge=0, le=1)] = 0.0  # probability per message, that is per round and direction
     links: tuple[Link, ...] = ()  # the only ones there are; empty: all
     cuts: tuple[Cut, ...] = ()
+    plan_delay: Annotated[float, Meta(ge=0)] = 0.0  # s from a decision until it is flown, a multiple of scans'
 
     def check(self, uavs: int) -> None:
         """ValueError if links are not between two UAVs of a fleet of so many, each named once."""

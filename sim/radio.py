@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,20 @@ from tracking.ospa import ospa
 from tracking.tracker import Track
 
 Bools = NDArray[np.bool_]
+
+
+class Links(NamedTuple):
+    """Who talks to whom in one scan."""
+
+    up: Bools  # (n, n) who hears whom, but for losses
+    lost: Bools | None  # (L, n, n) which messages of consensus are lost; None: none is
+
+    @property
+    def touch(self) -> Bools:
+        """Who hears of whom in this scan (n, n), be it in one round of consensus."""
+        if self.lost is None or len(self.lost) == 0:
+            return self.up
+        return np.asarray(self.up & ~np.all(self.lost, axis=0))
 
 
 def hearing(network: Network, time: float, positions: Array) -> Bools:

@@ -23,7 +23,9 @@ VERSION = 1
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-_DTYPES: dict[str, type[np.generic]] = {"visible": np.int64, "matched": np.bool_, "bytes_sent": np.int64}
+_DTYPES: dict[str, type[np.generic]] = {"matched": np.bool_} | dict.fromkeys(
+    ("visible", "bytes_sent", "plan_bytes", "plan_rounds"), np.int64
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,8 @@ class Snapshot:
     matched: Bools  # (n, M) whether the person was detected in that camera
     contacts: tuple[Contact, ...] = ()  # since the scan before
     bytes_sent: Ints = field(kw_only=True)  # (n,) to neighbours, in all rounds of consensus; -1 if unknown
+    plan_bytes: Ints = field(kw_only=True)  # (n,) to neighbours, of plans made at this instant; -1 if unknown
+    plan_rounds: int = field(kw_only=True)  # in which these were sent
 
     @property
     def working(self) -> list[int]:
@@ -95,6 +99,10 @@ class Recording:
     contacts: Annotated[Ints, "<i8", "C 4"] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
     # To neighbours, in all rounds of consensus of a scan; -1 where it was not recorded.
     bytes_sent: Annotated[Ints, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
+    # To neighbours, of plans, in all rounds of a decision, and these rounds; -1 where it was not recorded.
+    plan_bytes: Annotated[Ints, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
+    plan_rounds: Annotated[Ints, "<i8", "K"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    sees_truth: Annotated[bool, "|b1", ""] = field(default_factory=bool)  # whether the planner does: an upper bound
 
     @property
     def forest(self) -> Forest:
@@ -163,6 +171,8 @@ class Recording:
             matched=self.matched[k],
             contacts=self.contacts_at(k),
             bytes_sent=self.bytes_sent[k],
+            plan_bytes=self.plan_bytes[k],
+            plan_rounds=int(self.plan_rounds[k]),
         )
 
 
@@ -195,6 +205,8 @@ class Recorder:
             "visible": snapshot.visible,
             "matched": snapshot.matched,
             "bytes_sent": snapshot.bytes_sent,
+            "plan_bytes": snapshot.plan_bytes,
+            "plan_rounds": snapshot.plan_rounds,
         }.items():
             self._dense[name].append(np.array(value, dtype=_DTYPES.get(name, np.float64)))
         self._scans.extend(zip(snapshot.scans, rows, strict=True))
@@ -203,7 +215,14 @@ class Recorder:
             self._plans.append((snapshot.time, snapshot.plans))
 
     def recording(
-        self, *, scenario: str, planner: str, seed: int, forest: Forest, interrupted: bool = False
+        self,
+        *,
+        scenario: str,
+        planner: str,
+        seed: int,
+        forest: Forest,
+        interrupted: bool = False,
+        sees_truth: bool = False,
     ) -> Recording:
         """All scans so far; `scenario` is the resolved JSON. At least one scan is needed, else ValueError."""
         if not len(self):
@@ -224,6 +243,7 @@ class Recorder:
             plan_times=np.array([time for time, _ in self._plans], dtype=float),
             plans=_padded([plans for _, plans in self._plans], uavs),
             contacts=np.array(self._contacts, dtype=np.int64).reshape(-1, 4),
+            sees_truth=sees_truth,
         )
 
     def _measurement_table(self) -> dict[str, NDArray[Any]]:

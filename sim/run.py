@@ -21,7 +21,7 @@ from sim.plots import ospa_figure
 from sim.plots import save as save_figure
 from sim.recording import Recorder, Recording, Snapshot
 from sim.scenario import resolved
-from sim.summary import summarise
+from sim.summary import marked, summarise
 from sim.video import Video
 from sim.warmup import warm_up
 
@@ -58,6 +58,7 @@ def run(
                 seed=trial.seed,
                 forest=mission.forest,
                 interrupted=len(recorder) < len(trial.scenario.scan_times),
+                sees_truth=mission.sees_truth,
             )
             seconds = {**mission.clock.seconds, "start_up": start_up}
             summary = summarise(recording, seconds=seconds, wall_s=wall, faults=mission.faults, versions=versions())
@@ -71,7 +72,8 @@ def _film(trial: Trial, mission: Mission, path: Path | None) -> Iterator[Callabl
     if path is None:
         yield lambda snapshot: None
         return
-    video = Video(path, trial.scenario, mission.forest, planner=trial.planner, fps=trial.scenario.rates.sensing)
+    title = marked(trial.planner, mission.sees_truth)
+    video = Video(path, trial.scenario, mission.forest, planner=title, fps=trial.scenario.rates.sensing)
 
     def add(snapshot: Snapshot) -> None:
         with mission.clock.measure("video"):

@@ -125,6 +125,14 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     detector: str = "blob"  # "blob", "segmentation" or "package.module:Class"
     false_alarms: Annotated[float, Meta(ge=0, le=1000)] = 0.0  # expected number per frame, Poisson
     miss_probability: Probability = 0.0  # that somebody who would be detected is not
+    field_of_view: Literal["camera", "unlimited"] = "camera"  # what limits it, trees aside; only in ideal sensing
+
+    def __post_init__(self) -> None:
+        if self.field_of_view == "unlimited":
+            if self.mode == "camera":
+                raise ValueError('field_of_view "unlimited" has no image; allowed with mode "ideal"')
+            if self.false_alarms:
+                raise ValueError('false_alarms are spread over an image; allowed with field_of_view "camera"')
 
 
 class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
@@ -219,6 +227,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         if not any(self.works(i, 0.0) for i in range(len(self.uavs))):
             raise ValueError("uavs: all have fails_at 0; one or more have to work at the start")
         self.network.check(len(self.uavs))
+        scans = self.network.plan_delay * self.rates.sensing
+        if not math.isclose(scans, round(scans), abs_tol=1e-9):
+            near = " and ".join(f"{k / self.rates.sensing:g}" for k in (math.floor(scans), math.ceil(scans)))
+            text = f"{self.network.plan_delay:g} s is no multiple of the {1 / self.rates.sensing:g} s between scans"
+            raise ValueError(f"network.plan_delay: {text}; the nearest are {near}")
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
             if math.dist((*one.start, one.altitude), (*other.start, other.altitude)) < _CLEARANCE:
                 raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {_CLEARANCE:g} m from uavs.{i}")

@@ -16,7 +16,7 @@ from sim.scoring import matched_people, visible_pixels
 from sim.segmentation import MaskDetector
 from sim.stopwatch import Stopwatch
 from sim.world import World
-from tracking.camera import Camera, Pose
+from tracking.camera import ALL_ROUND, Camera, Pose
 from tracking.compiled import Array
 from tracking.detector import Detections, Frame, whole_covariances
 from tracking.noise import NoiseModel
@@ -43,6 +43,11 @@ class Look:
 def camera_of(uav: Uav) -> Camera:
     """The camera that a UAV of the scenario carries."""
     return Camera(math.radians(uav.fov_deg), uav.pixels)
+
+
+def view_of(uav: Uav, scenario: Scenario) -> Camera:
+    """The camera that a UAV's measurements are those of: `camera_of`, or one that sees all round."""
+    return Camera(ALL_ROUND, uav.pixels) if scenario.sensing.field_of_view == "unlimited" else camera_of(uav)
 
 
 def noise_of(uav: Uav, scenario: Scenario) -> NoiseModel:
@@ -97,7 +102,7 @@ class Sensors:
         # Note: [Li22]'s noise is added to what a camera measures without a map.
         calibrated = scenario.sensing.noise == "camera"
         self._detector = load_detector(scenario.sensing.detector, Forest(forest.trees) if calibrated else None)
-        self.cameras = [camera_of(uav) for uav in scenario.uavs]
+        self.cameras = [view_of(uav, scenario) for uav in scenario.uavs]
         self.noises = [noise_of(uav, scenario) for uav in scenario.uavs]
 
     def look(self, uav: int, time: float, pose: Pose, people: Array) -> Look:

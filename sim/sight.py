@@ -72,6 +72,8 @@ class Sight:
         numbers = {id_: n for n, id_ in enumerate(dict.fromkeys(recording.track_ids.tolist()))}
         tracks = [tuple(Track(numbers[t.id], t.belief) for t in held) for held in snapshot.tracks]
         people = _sightings(snapshot, uav, camera_of(scenario.uavs[uav]), forest)
+        if scenario.sensing.field_of_view == "unlimited":  # who is seen beyond the image is not in it
+            people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
         if not scenario.has_frame(uav, k):  # nothing was shown to anybody; what would have been, geometry tells
             people = tuple(replace(p, pixels=int(p.inside and not p.hidden_by), looked=False) for p in people)
         return Sight(scenario, forest, replace(snapshot, tracks=tracks), uav, people)

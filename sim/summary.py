@@ -37,6 +37,7 @@ def summarise(
     flown = wall_s - seconds.get("video", 0.0) - seconds.get("start_up", 0.0)
     return {
         "planner": recording.planner,
+        "sees_truth": recording.sees_truth,
         "seed": recording.seed,
         "scenario": json.loads(recording.scenario),
         "versions": dict(versions),
@@ -58,6 +59,11 @@ def summarise(
     }
 
 
+def marked(planner: str, sees_truth: bool) -> str:
+    """A planner as it is shown: one that sees the truth bounds what others can reach."""
+    return f"{planner} (sees the truth: an upper bound)" if sees_truth else planner
+
+
 def contacts(recording: Recording) -> list[dict[str, Any]]:
     """Who touched what, and from when to when [s] by scan; one that lasts from scan to scan counts once."""
     found: list[dict[str, Any]] = []
@@ -76,7 +82,9 @@ def contacts(recording: Recording) -> list[dict[str, Any]]:
 def results_table(summary: Mapping[str, Any]) -> Table:
     """The summary as it is shown at the end of a run."""
     ospa, detection = summary["ospa"], summary["detection"]
-    title = f"{summary['planner']}, seed {summary['seed']}, {summary['duration_s']:.1f} s"
+    title = (
+        f"{marked(summary['planner'], summary['sees_truth'])}, seed {summary['seed']}, {summary['duration_s']:.1f} s"
+    )
     table = Table(title=title + (" (interrupted)" if summary["interrupted"] else ""), title_justify="left")
     table.add_column("result")
     table.add_column("value", justify="right")
@@ -90,7 +98,12 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     table.add_row("detection precision", _share(detection["precision"]), end_section=True)
     sent = summary["network"]["bytes_per_scan_mean"]
     if sent:
-        table.add_row("sent by a UAV per scan", f"{sent / 1000:.1f} kB", end_section=True)
+        table.add_row("sent by a UAV per scan", f"{sent / 1000:.1f} kB")
+    plans = summary["network"]["plans"]
+    if plans["bytes_total"] is not None:
+        size, rounds = plans["bytes_per_decision_mean"], plans["rounds"]
+        table.add_row("plans of a UAV per decision", f"{size:.0f} B, {rounds} round{'s' * (rounds != 1)}")
+    table.add_section()
     factor = summary["real_time_factor"]
     table.add_row("real-time factor", "-" if factor is None else f"{factor:.1f}", end_section=True)
     for stage, spent in summary["seconds"].items():
@@ -127,7 +140,7 @@ def _detection(recording: Recording) -> dict[str, float | None]:
     }
 
 
-def _network(recording: Recording) -> dict[str, float | None]:
+def _network(recording: Recording) -> dict[str, Any]:
     """Bytes sent, means over pairs of scan and UAV that works, and how far the UAVs' tracks differ."""
     scans, uavs = recording.working.shape
     known = recording.bytes_sent.shape == (scans, uavs) and recording.bytes_sent.min() >= 0
@@ -141,6 +154,20 @@ def _network(recording: Recording) -> dict[str, float | None]:
         "bytes_per_scan_mean": float(sent.mean()) if known else None,
         "bytes_per_scan_max": int(sent.max()) if known else None,
         "disagreement_m": float(np.mean(gaps)),
+        "plans": _plans(recording),
+    }
+
+
+def _plans(recording: Recording) -> dict[str, float | None]:
+    """Bytes of plans sent, means over pairs of decision and UAV that works, and the rounds of a decision."""
+    decides = np.isin(recording.times, recording.plan_times)
+    known = recording.plan_bytes.shape == recording.working.shape and decides.any() and recording.plan_bytes.min() >= 0
+    sent = recording.plan_bytes[recording.working & decides[:, None]] if known else np.zeros(0, dtype=np.int64)
+    return {
+        "bytes_total": int(sent.sum()) if known else None,
+        "bytes_per_decision_mean": float(sent.mean()) if known else None,
+        "bytes_per_decision_max": int(sent.max()) if known else None,
+        "rounds": int(recording.plan_rounds.max()) if known else None,
     }
 
 

@@ -78,6 +78,8 @@ def _snapshot(setting, trees, k, rng, doubt):
         matched=seen,
         contacts=(Contact(0, "canopy", 4), Contact(n - 1, "ground", 0)) if 3 <= k <= 5 else (),
         bytes_sent=100 * k + np.arange(n),
+        plan_bytes=(7 * k + np.arange(n)) * (k % 5 == 0),
+        plan_rounds=1 - min(k % 5, 1),
     )
 
 

@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from tracking.compiled import Array, compiled
 
+ALL_ROUND = math.tau  # rad, angle of view of who sees in all directions; of such a camera there is no image
+
 
 class Lens(NamedTuple):
     """A camera and its pose, as compiled code takes them."""
 
     eye: tuple[float, float, float]  # m
     rotation: Array  # (3, 3) from body to world
-    focal: float  # pixels
+    focal: float  # pixels; 0 for a view all round
     pixels: int  # along each edge
 
 
@@ -68,7 +70,9 @@ class Camera:
 
     @property
     def focal(self) -> float:
-        """Focal length [pixel]."""
+        """Focal length [pixel]; 0 for a view all round."""
+        if self.fov >= ALL_ROUND:
+            return 0.0
         return self.pixels / 2 / math.tan(self.fov / 2)
 
     def project(self, pose: Pose, points: Array) -> tuple[Array, Array]:
@@ -133,7 +137,9 @@ def image_point(lens: Lens, point: tuple[float, float, float]) -> tuple[float, f
 
 @compiled
 def in_image(point: tuple[float, float, float], lens: Lens) -> bool:
-    """Whether a world point (3,) m falls inside the image of `Camera.project`."""
+    """Whether a world point (3,) m falls inside the image of `Camera.project`, or is seen by a view all round."""
+    if lens.focal == 0.0:
+        return True
     position, rotation, focal, pixels = lens.eye, lens.rotation, lens.focal, lens.pixels
     dx, dy, dz = point[0] - position[0], point[1] - position[1], point[2] - position[2]
     depth = -(dx * rotation[0, 2] + dy * rotation[1, 2] + dz * rotation[2, 2])

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tracking.camera import Camera, Pose
+from tracking.camera import ALL_ROUND, Camera, Pose
 from tracking.malformed import UNIT
 from tracking.tracker import Scan
 from tracking.visibility import Forest, Tree
@@ -56,7 +56,7 @@ def read_cameras(path: _Path) -> dict[int, Camera]:
         uav, fov, pixels = row.integer("uav"), row.number("fov"), row.integer("pixels")
         if uav in cameras:
             raise row.wrong("uav", f"UAV {uav} has a second row")
-        if not 0 < fov < math.pi:
+        if not 0 < fov < math.pi and fov != ALL_ROUND:
             raise row.wrong("fov", f"{fov:g} is not allowed; expected more than 0 and less than pi rad")
         if pixels < 1:
             raise row.wrong("pixels", f"{pixels} is not allowed; expected 1 or more")

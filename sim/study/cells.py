@@ -17,6 +17,7 @@ from tracking.compiled import Array
 
 Cell = tuple[tuple[str, str], ...]  # name and value of what varies over the study
 _SYMBOLS = {"lambda": "λ"}
+BOUND = ", upper bound"  # follows the name of a planner that sees the truth
 
 
 class Placed(Protocol):
@@ -111,8 +112,9 @@ def planner_labels(rows: Sequence[Placed], cells: Sequence[Cell]) -> dict[str, s
         specs[name][row.planner] = None
         by_cell[cell, name].add(row.planner)
     ambiguous = {name for (_, name), texts in by_cell.items() if len(texts) > 1}
+    bounds = {row.planner for row in rows if isinstance(row, Row) and row.metrics.get("sees_truth")}
     return {
-        text: text if name in ambiguous or len(texts) == 1 else _shared(name, list(texts))
+        text: (text if name in ambiguous or len(texts) == 1 else _shared(name, list(texts))) + BOUND * (text in bounds)
         for name, texts in specs.items()
         for text in texts
     }
@@ -144,7 +146,7 @@ def baseline_of(rows: Sequence[Placed], baseline: str | None) -> str:
 
 def _named(labels: dict[str, str], baseline: str) -> str:
     known = list(dict.fromkeys(labels.values()))
-    named = [label for label in known if _parts(label)[0] == baseline]
+    named = [label for label in known if _parts(label.removesuffix(BOUND))[0] == baseline]
     if baseline in known:
         return baseline
     if baseline in labels:

@@ -72,6 +72,8 @@ _KNOWN = {
         Measure("bytes_per_scan_mean", "sent by a UAV per scan", "kB", 1e-3),
         Measure("bytes_per_scan_max", "sent by a UAV in one scan at most", "kB", 1e-3),
         Measure("bytes_total", "sent by all UAVs", "MB", 1e-6),
+        Measure("plan_bytes_total", "plans sent by all UAVs", "kB", 1e-3),
+        Measure("plan_rounds", "rounds of plans", digits=0),
         Measure("faults", "faults"),
         Measure("contacts", "contacts"),
         Measure("planning_s_per_decision", "planning per decision", "ms", 1000.0, 1),

@@ -70,7 +70,11 @@ def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
             raise TimeoutError(f"took longer than the timeout of {timeout:g} s")
     wall = time.perf_counter() - start
     recording = recorder.recording(
-        scenario=resolved(task.setting), planner=task.planner, seed=task.seed, forest=mission.forest
+        scenario=resolved(task.setting),
+        planner=task.planner,
+        seed=task.seed,
+        forest=mission.forest,
+        sees_truth=mission.sees_truth,
     )
     seconds = {**mission.clock.seconds, "start_up": start_up}
     summary = summarise(recording, seconds=seconds, wall_s=wall, faults=mission.faults, versions={})
@@ -99,7 +103,10 @@ def metrics(summary: Mapping[str, Any], *, decisions: int) -> dict[str, float]:
         "recall": summary["detection"]["recall"],
         "precision": summary["detection"]["precision"],
         **{name: network[name] for name in ("bytes_total", "bytes_per_scan_mean", "bytes_per_scan_max")},
+        "plan_bytes_total": network["plans"]["bytes_total"],
+        "plan_rounds": network["plans"]["rounds"],
         "disagreement_m": network["disagreement_m"],
+        "sees_truth": summary["sees_truth"],
         "faults": len(summary["faults"]),
         "contacts": len(summary["contacts"]),
         "planning_s_per_decision": spent["planning"] / decisions if decisions else None,

@@ -1,0 +1,90 @@
+"""A planner that sees where people are and will be: what no planner can know, as a bound for those that must guess."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from planning.belief import Outlook, outlook
+from planning.composition import Composition
+from planning.pieces import Composed
+from planning.planner import Exchange, Plan, Planner, Situation
+from planning.propagation import beliefs
+from tracking.compiled import Array
+from tracking.kalman import Gaussian
+from tracking.tracker import Track
+from tracking.visibility import TARGET_HEIGHT
+
+Whereabouts = Callable[[float], Array]  # of people: positions (M, 2) m at a time [s], NaN where absent
+
+# Of somebody whom no track stands for: positions as uncertain as a track may get before it ends, walking speed.
+_UNKNOWN = np.diag([200.0, 200.0, 2.25, 2.25])
+
+
+@dataclass(frozen=True)
+class Oracle(Composed):
+    """`Composed` on people's true positions, now and along their true paths; an upper bound, no planner to use.
+
+    Whoever flies it hands it the truth by `knowing`; situations hold none. Without, it plans on its beliefs like any
+    other. Each person counts with the mean squared error of the track that stands for them, P + e eᵀ with e the
+    track's error: it knows where its tracks are wrong, and looks there. Trees, fields of view, noise, the dynamics and
+    the tracker stay as they are, so what it misses is not for want of knowing where people are.
+    """
+
+    def knowing(self, people: Whereabouts) -> Planner:
+        """The planner that sees these people."""
+        return _Seer(replace(self.composition, propagation=_TruePaths(people)), people)
+
+
+@dataclass(frozen=True)
+class _Seer:
+    composition: Composition
+    people: Whereabouts
+
+    @property
+    def exchange(self) -> Exchange:
+        return self.composition.exchange
+
+    def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
+        return self.composition.plan([replace(s, tracks=true_tracks(s, self.people)) for s in team], rng)
+
+
+@dataclass(frozen=True)
+class _TruePaths:
+    """Belief propagation for tracks of `true_tracks`: along the paths that these people take."""
+
+    people: Whereabouts
+
+    def outlook(self, situation: Situation, horizon: int, rng: np.random.Generator) -> Outlook:
+        """As `planning.propagation.Propagation.outlook`; whoever leaves stays where they were last."""
+        means, covariances = beliefs(situation.tracks)
+        persons = [track.id for track in situation.tracks]
+        points = np.full((horizon, len(persons), 1, 3), TARGET_HEIGHT)
+        last = means[:, :2]
+        for step in range(horizon):
+            ahead = self.people(situation.time + (step + 1) * situation.step)[persons]
+            last = np.where(np.isnan(ahead), last, ahead)
+            points[step, :, 0, :2] = last
+        return outlook(situation, points, covariances)
+
+
+def true_tracks(situation: Situation, people: Whereabouts) -> tuple[Track, ...]:
+    """The people who are there as tracks, by index: true states, covariances P + e eᵀ about them.
+
+    Tracks stand for people by the assignment of least total distance; the velocity is the mean over the next step.
+    """
+    here, there = people(situation.time), people(situation.time + situation.step)
+    present = np.flatnonzero(~np.isnan(here[:, 0]))
+    velocities = np.nan_to_num((there - here) / situation.step)
+    states = np.hstack([here, velocities])[present]
+    means, covariances = beliefs(situation.tracks)
+    spread = np.tile(_UNKNOWN, (len(present), 1, 1))
+    gaps = np.linalg.norm(states[:, None, :2] - means[None, :, :2], axis=2)
+    for row, track in zip(*linear_sum_assignment(gaps), strict=True):
+        error = means[track] - states[row]
+        spread[row] = covariances[track] + np.outer(error, error)
+    rows = zip(present.tolist(), states, spread, strict=True)
+    return tuple(Track(person, Gaussian(state, P)) for person, state, P in rows)

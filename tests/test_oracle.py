@@ -1,0 +1,161 @@
+"""The oracle sees the truth, nobody else does, and whatever it comes to is marked."""
+
+import json
+import pickle
+import struct
+
+import numpy as np
+import pytest
+
+from planning.oracle import _UNKNOWN, Oracle, _TruePaths, true_tracks
+from planning.registry import PLANNERS, load_planner
+from sim import run as flights
+from sim.archive import load as load_recording
+from sim.console import console
+from sim.loading import load
+from sim.mission import Mission, Trial
+from sim.run import run
+from sim.study.cells import baseline_of
+from sim.study.tables import show
+from sim.study.tasks import task_of
+from sim.study.trial import fly
+from sim.summary import results_table
+from tracking.kalman import Gaussian
+from tracking.tracker import Track
+from tracking.visibility import TARGET_HEIGHT
+
+SHORT = ("duration=1", "sensing.mode=ideal", "dynamics=kinematic")
+MARK = "sees the truth"
+
+
+def test_situations_hold_no_truth_even_when_an_oracle_flies():
+    """No number of a person's true position, now or at the next steps, is anywhere in what the mission makes."""
+    teams = []
+
+    class Spy:
+        def knowing(self, people):
+            teams.clear()
+            self.people = people
+            return self
+
+        def plan(self, team, rng):
+            teams.append(pickle.dumps(team))
+            return load_planner("hover").plan(team, rng)
+
+    spy = Spy()
+    mission = Mission(load("forest", [*SHORT, "duration=4", "tracking.initial_tracks=none"]), spy, 0)
+    snapshots = list(mission.fly())
+    assert mission.sees_truth and len(teams) == 5 and len(snapshots[-1].tracks[0])
+    for k, team in enumerate(teams):
+        for ahead in range(3):
+            truth = spy.people(float(min(k + ahead, 4)))
+            np.testing.assert_array_equal(truth, mission.people.at(float(min(k + ahead, 4)))[0])
+            assert truth.shape == (4, 2)
+            assert not any(struct.pack("<d", x) in team for x in truth.ravel().tolist())
+        held = snapshots[5 * k].tracks[0]
+        assert all(struct.pack("<d", t.belief.mean[0]) in team for t in held)  # as one that is there would be found
+
+
+def test_other_planners_are_given_no_truth():
+    assert not any(hasattr(load_planner(name), "knowing") for name in PLANNERS if name != "oracle")
+    assert not Mission.of(Trial(load("forest", [*SHORT]), "sma-nbo-mwtp", 0)).sees_truth
+
+
+def walking(team, rng):
+    """Straight walkers on dyadic numbers, so that no arithmetic rounds, and a team whose tracks are right."""
+    start, velocity = np.round(64 * rng.uniform(-20, 20, (4, 2))) / 64, np.round(64 * rng.uniform(-1, 1, (4, 2))) / 64
+    tracks = tuple(
+        Track(t.id, Gaussian(np.concatenate([start[k], velocity[k]]), t.belief.covariance))
+        for k, t in enumerate(team[0].tracks)
+    )
+    return [type(s)(**{**vars(s), "tracks": tracks}) for s in team], lambda time: start + time * velocity
+
+
+def test_where_tracks_are_right_and_people_walk_straight_the_oracle_knows_nothing_more(random_team):
+    for seed in range(4):
+        team, people = walking(random_team(seed), np.random.default_rng(seed))
+        planner = Oracle()
+        seen = planner.knowing(people).plan(team, np.random.default_rng(seed))
+        believed = planner.composition.plan(team, np.random.default_rng(seed))
+        for one, other in zip(seen, believed, strict=True):
+            np.testing.assert_array_equal(one.controls, other.controls)
+
+
+def test_a_persons_covariance_is_the_mean_squared_error_of_the_nearest_assignment(random_team):
+    situation = random_team(1)[0]
+    means = np.array([t.belief.mean for t in situation.tracks])
+
+    def people(time):  # the third has no track, the fifth is not there
+        here = np.vstack([means[[1, 0], :2] + [3.0, -4.0], [[500.0, 0.0]], means[[2], :2], [[np.nan, np.nan]]])
+        return here + 2.0 * time
+
+    situation = type(situation)(**{**vars(situation), "tracks": situation.tracks[:3]})
+    found = true_tracks(situation, people)
+    assert [t.id for t in found] == [0, 1, 2, 3]
+    for person, track in ((0, 1), (1, 0), (3, 2)):
+        truth = np.concatenate([people(0.0)[person], [2.0, 2.0]])
+        error = means[track] - truth
+        np.testing.assert_allclose(found[person].belief.mean, truth, atol=1e-12)
+        second_moment = situation.tracks[track].belief.covariance + np.outer(error, error)
+        np.testing.assert_allclose(found[person].belief.covariance, second_moment, rtol=1e-12)
+    np.testing.assert_array_equal(found[2].belief.covariance, _UNKNOWN)
+
+
+def test_the_oracle_plans_along_true_paths_and_whoever_leaves_stays(random_team):
+    situation = type(random_team(0)[0])(**{**vars(random_team(0)[0]), "time": 3.0})
+    circle = lambda t: np.array([[10 * np.cos(t), 10 * np.sin(t)], [t, 1.0] if t < 5.5 else [np.nan] * 2])  # noqa: E731
+    situation = type(situation)(**{**vars(situation), "tracks": true_tracks(situation, circle)})
+    view = _TruePaths(circle).outlook(situation, 4, np.random.default_rng(0))
+    np.testing.assert_array_equal(view.points[:, 0, 0, :2], [circle(3.0 + k)[0] for k in range(1, 5)])
+    np.testing.assert_array_equal(view.points[:, 1, 0, :2], [[4, 1], [5, 1], [5, 1], [5, 1]])
+    np.testing.assert_array_equal(view.points[..., 2], TARGET_HEIGHT)
+
+
+def test_a_person_whom_tracks_have_lost_is_looked_for_by_the_oracle_alone():
+    """All tracks are wrong by 30 m, in the open: the oracle goes to where people are."""
+
+    class Lost(Oracle):
+        def knowing(self, people):
+            return super().knowing(lambda time: people(time) + np.array([30.0, 0.0]))
+
+    away = [
+        Mission(load("forest", [*SHORT, "duration=6", "trees.density=0"]), planner, 0) for planner in (Lost(), Oracle())
+    ]
+    east = [list(m.fly())[-1].poses for m in away]
+    shift = [np.mean([p.position[0] for p in poses]) for poses in east]
+    assert shift[0] > shift[1] + 10.0
+
+
+def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch):
+    titles = []
+
+    class Film:
+        def __init__(self, path, scenario, forest, *, planner, fps):
+            titles.append(planner)
+
+        add = close = discard = lambda self, *args: None
+
+    monkeypatch.setattr(flights, "Video", Film)
+    setting = load("forest", [*SHORT])
+    for name in ("oracle(evaluations=64)", "hover"):
+        summary = run(Trial(setting, name, 0), tmp_path / name)
+        seen = name != "hover"
+        assert json.loads((tmp_path / name / "summary.json").read_text())["sees_truth"] is seen
+        recording = load_recording(tmp_path / name / "mission.npz")
+        assert recording.sees_truth is seen and recording.planner == name
+        assert (MARK in results_table(summary).title) == (MARK in titles[-1]) == seen
+    rows = [fly(task_of(setting, name, 0)).row for name in ("oracle(evaluations=64)", "hover")]
+    with console.capture() as capture:
+        show(rows)
+    shown = " ".join(capture.get().split())
+    assert [row.metrics["sees_truth"] for row in rows] == [1, 0] and "upper bound" in shown
+    assert (
+        baseline_of(rows, "oracle") == "oracle(evaluations=64), upper bound" and baseline_of(rows, "hover") == "hover"
+    )
+    assert "upper bound" in PLANNERS["oracle"].summary
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_oracle_flies_a_mission_without_fault(seed):
+    mission = Mission.of(Trial(load("forest", [*SHORT, "duration=3", "tracking.initial_tracks=none"]), "oracle", seed))
+    assert len(list(mission.fly())) == 16 and mission.faults == []

@@ -1,0 +1,133 @@
+"""A view without limits: trees hide people and nothing else does, to sensors, trackers and planners alike."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from planning.belief import observe, outlook
+from planning.nbo import team_cost, weighted_trace_penalty
+from planning.view import inside, quadrangle, shortest_move
+from sim.loading import load
+from sim.mission import Mission, Trial
+from sim.run import run
+from sim.sensing import camera_of, noise_of, view_of
+from tracking.camera import ALL_ROUND, Camera, Pose
+from tracking.exchange import read_cameras
+from tracking.visibility import TARGET_HEIGHT, Forest, visible_samples
+
+ALL = ("sensing.mode=ideal", "sensing.field_of_view=unlimited")
+
+
+def all_round(team):
+    """The team with cameras that see all round."""
+    vehicles = [dataclasses.replace(s.own, camera=Camera(ALL_ROUND, 128)) for s in team]
+    return [
+        dataclasses.replace(s, own=v, neighbours=tuple(w for w in vehicles if w is not v))
+        for s, v in zip(team, vehicles, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("occlusion", ["disc", "line_of_sight"])
+def test_a_uav_measures_exactly_those_that_no_tree_hides(occlusion):
+    setting = load("forest", [*ALL, f"sensing.occlusion={occlusion}", "trees.density=75", "duration=6"])
+    mission = Mission.of(Trial(setting, "hover", 1))
+    hidden, trees = 0, [Forest((tree,), occlusion) for tree in mission.forest.trees]
+    for s in mission.fly():
+        points = np.column_stack([s.people, np.full(4, TARGET_HEIGHT)])
+        for i, camera in enumerate(s.cameras):
+            free = np.all([tree.visible(camera.position, points)[0] for tree in trees], axis=0)
+            assert s.matched[i].tolist() == free.tolist() and len(s.scans[i].measurements) == free.sum()
+            hidden += np.sum(~free)
+    assert 0 < hidden < 31 * 12
+
+
+def test_it_sees_in_all_directions_whatever_the_attitude():
+    rng = np.random.default_rng(0)
+    points = rng.normal(0, 50, (200, 3))
+    for _ in range(20):
+        quaternion = rng.normal(size=4)
+        pose = Pose(rng.normal(0, 10, 3), quaternion / np.linalg.norm(quaternion))
+        assert Camera(ALL_ROUND, 128).sees(pose, points).all()
+    means, covariances = rng.normal(0, 40, (50, 2)), np.tile(np.eye(2), (50, 1, 1))
+    assert visible_samples(Camera(ALL_ROUND, 128), pose, means, covariances, Forest(())).all()
+
+
+@pytest.mark.parametrize("occlusion", ["disc", "line_of_sight"])
+def test_the_planner_sees_what_brute_force_sees(random_team, occlusion):
+    hidden = 0
+    for seed in range(8):
+        team = all_round(random_team(seed, targets=12, trees=75, spread=60.0))
+        situation = dataclasses.replace(team[0], forest=Forest(team[0].forest.trees, occlusion))
+        rng = np.random.default_rng(seed)
+        points = np.concatenate([rng.uniform(-70, 70, (3, 12, 1, 2)), np.full((3, 12, 1, 1), TARGET_HEIGHT)], axis=-1)
+        view = outlook(situation, points, np.tile(np.eye(4), (12, 1, 1)))
+        for uav, vehicle in enumerate(situation.vehicles):
+            path = vehicle.position + np.cumsum(np.column_stack([rng.uniform(-3.5, 3.5, (3, 2)), np.zeros(3)]), axis=0)
+            seen = np.zeros(36, dtype=bool)
+            observe(view, uav, path, np.zeros((36, 3)), seen)
+            free = [situation.forest.visible(path[k], points[k, :, 0])[0] for k in range(3)]
+            np.testing.assert_array_equal(seen.reshape(3, 12), free)
+            hidden += 36 - int(np.sum(free))
+    assert hidden > 50
+
+
+def test_nobody_is_outside_such_a_view_so_the_terminal_penalty_is_zero(random_team):
+    team = all_round(random_team(2))
+    views = np.array([quadrangle(s.own) for s in team])
+    rng = np.random.default_rng(0)
+    for dx, dy in rng.normal(0, 1e3, (50, 2)).tolist():
+        assert inside(views, 1, dx, dy) and shortest_move(views, 1, dx, dy) == (0.0, 0.0)
+    targets = rng.normal(0, 500, (6, 2))
+    assert weighted_trace_penalty(targets, np.ones(6), np.zeros((3, 2)), views) == 0.0
+    still = np.zeros((3, 2, 2))
+    means = np.array([t.belief.mean for t in team[0].tracks])
+    points = np.tile(np.column_stack([means[:, :2], np.full(4, TARGET_HEIGHT)])[None, :, None], (2, 1, 1, 1))
+    view = outlook(team[0], points, np.tile(np.eye(4), (4, 1, 1)))
+    assert team_cost(view, still, 0.5) == team_cost(view, still, 0.0)
+
+
+@pytest.mark.parametrize("planner", ["sma-nbo-mwtp", "mcr(samples=5)", "greedy", "lawnmower", "oracle", "centralized"])
+def test_every_planner_flies_with_it(planner):
+    mission = Mission.of(Trial(load("forest", [*ALL, "duration=1", "uavs.0.tilt_deg=30"]), planner, 0))
+    assert len(list(mission.fly())) == 6 and mission.faults == []
+
+
+def test_noise_is_that_of_the_uavs_own_camera():
+    for noise in ("camera", "range_bearing"):
+        limited = load("forest", [f"sensing.noise={noise}"])
+        free = load("forest", [*ALL, f"sensing.noise={noise}"])
+        for uav in free.uavs:
+            assert noise_of(uav, free) == noise_of(uav, limited)
+            assert view_of(uav, limited) == camera_of(uav) and view_of(uav, free).fov == ALL_ROUND
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["sensing.field_of_view=unlimited"],
+         'sensing: field_of_view "unlimited" has no image; allowed with mode "ideal"'),
+        ([*ALL, "sensing.false_alarms=1"],
+         'sensing: false_alarms are spread over an image; allowed with field_of_view "camera"'),
+        (["sensing.field_of_view=unlimted"],
+         "sensing.field_of_view: 'unlimted' is not allowed; allowed are camera, unlimited; did you mean unlimited?"),
+    ],
+)  # fmt: skip
+def test_what_has_no_image_is_refused_in_one_line(overrides, message):
+    with pytest.raises(ValueError) as caught:
+        load("forest", overrides)
+    assert str(caught.value) == message
+
+
+def test_a_mission_is_filmed_exported_and_read_again(tmp_path):
+    from sim.export import export
+    from sim.frames import find, write_frames
+
+    run(Trial(load("forest", [*ALL, "duration=1"]), "greedy", 0), tmp_path / "out")
+    recording = find(tmp_path / "out")
+    export(recording, "csv", tmp_path / "csv")
+    cameras = read_cameras(tmp_path / "csv" / "cameras.csv")
+    assert [camera.fov for camera in cameras.values()] == [ALL_ROUND] * 3 and math.tau == ALL_ROUND
+    write_frames(recording, [0], 0, tmp_path / "frames", size=256, progress=lambda k: None)
+    assert len(list((tmp_path / "frames").iterdir())) == 1
