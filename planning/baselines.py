@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from tracking.compiled import Array
 class Hover:
     """Stays where it is."""
 
+    decentralised: ClassVar[bool] = True
+
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Zero velocity for every UAV."""
         return [Plan(np.zeros((1, 2))) for _ in team]
@@ -26,6 +29,8 @@ class Hover:
 @dataclass(frozen=True)
 class Greedy:
     """The base policy alone: every UAV flies to the most uncertain track within 40 m, whatever the others do."""
+
+    decentralised: ClassVar[bool] = True
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """One base-policy step for every UAV."""

@@ -60,6 +60,13 @@ class Composed:
         """Plans of the team, in its order."""
         return self.composition.plan(team, rng)
 
+    @property
+    def decentralised(self) -> bool:
+        """Whether UAVs need no more of each other than plans; to find the worst, they would have to compare beliefs."""
+        if self.coordination == "sequential":
+            return self.order != "worst-first"
+        return self.coordination != "centralised"
+
     @cached_property
     def composition(self) -> Composition:
         """The pieces put together."""

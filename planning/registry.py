@@ -28,6 +28,7 @@ class PlannerSpec:
     target: str  # "module:Class"
     options: Mapping[str, Any] = field(default_factory=dict)
     summary: str = ""
+    upper_bound: bool = False  # knows what no UAV can know
 
 
 def _composed(summary: str, **options: object) -> PlannerSpec:
