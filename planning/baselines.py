@@ -46,6 +46,10 @@ class Lawnmower:
 
     pace: float = 0.9
 
+    def __post_init__(self) -> None:
+        if not 0.0 < self.pace <= 1.0:
+            raise ValueError(f"pace must be in (0, 1], is {self.pace}")
+
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """One step along each UAV's lines."""
         return [self._step(s, k, len(team)) for k, s in enumerate(team)]
