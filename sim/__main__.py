@@ -1,4 +1,4 @@
-"""The command line: `understory run`, `compare`, `frames`, `export`, `planners`, `check-planner`, `scenarios`."""
+"""The command line: `understory run`, `compare`, `frames`, `export`, `planners`, `scenarios`, `check-planner`."""
 
 from __future__ import annotations
 
@@ -54,6 +54,7 @@ See what a camera saw in a run, annotated:
 See what there is; yours are --planner module:Class and a file.toml:
   [bold]understory planners[/bold]
   [bold]understory scenarios[/bold]
+  [bold]understory check-planner module:Class[/bold]
 
 All options of a command:
   [bold]understory run --help[/bold]"""
@@ -202,6 +203,15 @@ def planners() -> None:
     )
 
 
+@app.command()
+def scenarios() -> None:
+    """List the packaged scenarios."""
+    show_list(
+        {name: path.read_text(encoding="utf-8").splitlines()[0].lstrip("# ") for name, path in SCENARIOS.items()},
+        "Yours: a .toml file with the keys that differ. One key: --set key=value.",
+    )
+
+
 @app.command("check-planner")
 def check_planner(
     planner: Annotated[
@@ -219,15 +229,6 @@ def check_planner(
     show_findings(findings, failed)
     if failed:
         sys.exit(1)
-
-
-@app.command()
-def scenarios() -> None:
-    """List the packaged scenarios."""
-    show_list(
-        {name: path.read_text(encoding="utf-8").splitlines()[0].lstrip("# ") for name, path in SCENARIOS.items()},
-        "Yours: a .toml file with the keys that differ. One key: --set key=value.",
-    )
 
 
 def _with_duration(overrides: list[str] | None, duration: str | None) -> list[str]:

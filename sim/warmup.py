@@ -18,7 +18,7 @@ from tracking.compiled import not_kept
 from tracking.detector import Frame
 from tracking.visibility import Forest, Tree
 
-_BEFORE = "Compiling the numerical code: up to about a minute"
+_BEFORE = "Compiling the numerical code, which takes up to about a minute"  # on one idle core
 _LOST = "no folder for it can be written to, so it is compiled anew each time; NUMBA_CACHE_DIR may name one that can"
 
 Say = Callable[[str], None]
