@@ -53,22 +53,19 @@ def _ours() -> dict[str, str]:
 
 
 def _written(target: str) -> dict[str, Any]:
-    """Options of a class of ours as its source has them; importing it would take a second."""
+    """Options of a class of ours as its source has them, inherited ones first; importing it would take a second."""
     module, _, name = target.partition(":")
     path = Path(__file__).parents[1].joinpath(*module.split(".")).with_suffix(".py")
-    (found,) = [
-        node
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
-        if isinstance(node, ast.ClassDef) and node.name == name
-    ]
-    return {
-        node.target.id: ast.literal_eval(node.value)
-        for node in found.body
-        if isinstance(node, ast.AnnAssign)
-        and isinstance(node.target, ast.Name)
-        and node.value is not None
-        and "ClassVar" not in ast.unparse(node.annotation)
-    }
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    homes = {a.name: node.module or module for node in body if isinstance(node, ast.ImportFrom) for a in node.names}
+    (found,) = [node for node in body if isinstance(node, ast.ClassDef) and node.name == name]
+    options: dict[str, Any] = {}
+    for base in map(ast.unparse, found.bases):
+        options |= _written(f"{homes.get(base, module)}:{base}")
+    for node in found.body:
+        if isinstance(node, ast.AnnAssign) and node.value and "ClassVar" not in ast.unparse(node.annotation):
+            options[ast.unparse(node.target)] = ast.literal_eval(node.value)
+    return options
 
 
 def _described(target: str) -> tuple[str, str]:
