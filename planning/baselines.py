@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,6 +20,7 @@ class Hover:
     """Stays where it is."""
 
     exchange = Exchange(0)
+    decentralised: ClassVar[bool] = True
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Zero velocity for every UAV."""
@@ -30,6 +32,7 @@ class Greedy:
     """The base policy alone: every UAV flies to the most uncertain track within 40 m, whatever the others do."""
 
     exchange = Exchange(0)
+    decentralised: ClassVar[bool] = True
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """One base-policy step for every UAV."""
@@ -45,6 +48,10 @@ class Lawnmower:
 
     pace: float = 0.9
     exchange = Exchange(0)
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.pace <= 1.0:
+            raise ValueError(f"pace must be in (0, 1], is {self.pace}")
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """One step along each UAV's lines."""

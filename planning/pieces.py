@@ -15,6 +15,7 @@ from planning.coordination import Centralised, Coordination, Decentralised, Orde
 from planning.optimizers import CrossEntropy, Grid, Optimizer, ParticleSwarm
 from planning.planner import Exchange, Plan, Situation
 from planning.propagation import MonteCarlo, Nominal
+from tracking.plugin import nearest
 from tracking.visibility import Occlusion
 
 _CHOICES = {
@@ -49,7 +50,8 @@ class Composed:
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:
                 allowed = ", ".join(repr(choice) for choice in choices)
-                raise ValueError(f"{name} {getattr(self, name)!r} is unknown; allowed are {allowed}")
+                near = nearest(str(getattr(self, name)), choices)
+                raise ValueError(f"{name} {getattr(self, name)!r} is unknown; allowed are {allowed}{near}")
         for name, least in _LEAST.items():
             value, whole = getattr(self, name), isinstance(getattr(Composed, name), int)
             if type(value) not in ((int,) if whole else (int, float)) or not least <= value < math.inf:
@@ -64,6 +66,13 @@ class Composed:
     def exchange(self) -> Exchange:
         """What the UAVs send at each decision."""
         return self.composition.exchange
+
+    @property
+    def decentralised(self) -> bool:
+        """Whether UAVs need no more of each other than plans; to find the worst, they would have to compare beliefs."""
+        if self.coordination == "sequential":
+            return self.order != "worst-first"
+        return self.coordination != "centralised"
 
     @cached_property
     def composition(self) -> Composition:

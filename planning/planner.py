@@ -97,6 +97,7 @@ class Planner(Protocol):
 
     It keeps no state between calls. A decentralised planner reads, for UAV i, only `team[i]` and plans that
     UAV i receives; it returns one plan per situation, in the same order. `rng` is the only source of chance.
+    An attribute `decentralised = True` claims that, and `planning.conformance` tests the claim with all the rest.
     A UAV that broke down has no situation and is nobody's neighbour, so ids may differ from places in `team`.
     A neighbour that has fallen silent is where its last known plan would have brought it, until that plan ends.
     An attribute `exchange` may say what is sent at a decision, if not `Exchange()`; within a call, a decentralised

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import ast
-import difflib
 import inspect
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.machinery import PathFinder
+from importlib.metadata import Distribution, EntryPoint, distributions, entry_points
 from typing import TYPE_CHECKING, Any, cast
 
-from tracking.plugin import imported
+from tracking.plugin import imported, nearest
 
 if TYPE_CHECKING:  # naming planners needs none of their code
     from planning.planner import Planner
@@ -28,6 +28,8 @@ class PlannerSpec:
     target: str  # "module:Class"
     options: Mapping[str, Any] = field(default_factory=dict)
     summary: str = ""
+    upper_bound: bool = False  # knows what no UAV can know
+    source: str = ""  # the package that brings it; empty: ours
 
 
 def _composed(summary: str, **options: object) -> PlannerSpec:
@@ -46,7 +48,7 @@ PLANNERS = {
     "lawnmower": PlannerSpec("planning.baselines:Lawnmower", {}, "each UAV mows a strip of the area, whatever it sees"),
     "greedy": PlannerSpec("planning.baselines:Greedy", {}, "each UAV to the most uncertain track within 40 m"),
     "hover": PlannerSpec("planning.baselines:Hover", {}, "no UAV moves"),
-    "oracle": PlannerSpec("planning.oracle:Oracle", {}, "upper bound: sees where people are and will be"),
+    "oracle": PlannerSpec("planning.oracle:Oracle", {}, "sees where people are and will be", upper_bound=True),
 }
 DEFAULT_PLANNER = "sma-nbo-mwtp"
 COMPARED = ("sma-nbo-mwtp", "sma-nbo", "greedy", "hover")  # where a comparison is not told what to compare
@@ -55,13 +57,32 @@ GROUP = "understory.planners"  # of entry points
 
 @cache
 def installed() -> dict[str, PlannerSpec]:
-    """Every planner that has a name here: ours, then those that other packages bring."""
-    others = sorted(entry_points(group=GROUP), key=lambda point: point.name)
-    return PLANNERS | {
-        p.name: PlannerSpec(p.value, {}, f"from {p.dist.name if p.dist else p.module}")
-        for p in others
-        if p.name not in PLANNERS
-    }
+    """Every planner that has a name here: ours, then those that other packages bring, of one name the first."""
+    found = dict(PLANNERS)
+    for point in brought():
+        found.setdefault(point.name, PlannerSpec(point.value, {}, source=origin(point)))
+    return found
+
+
+def brought() -> list[EntryPoint]:
+    """The planners of other packages, by name, whether they can be used or not."""
+    try:
+        points = list(entry_points(group=GROUP))
+    except Exception:  # some package, ours or not, has metadata that cannot be read: take the others'
+        points = [point for distribution in distributions() for point in _points(distribution)]
+    return sorted(points, key=lambda point: (point.name, origin(point)))
+
+
+def _points(distribution: Distribution) -> list[EntryPoint]:
+    try:
+        return list(distribution.entry_points.select(group=GROUP))
+    except Exception:  # as whatever wrote it may do anything
+        return []
+
+
+def origin(point: EntryPoint) -> str:
+    """Name and version of the package that brings a planner."""
+    return f"{point.dist.name} {point.dist.version}" if point.dist else point.value.partition(":")[0]
 
 
 def load_planner(text: str) -> Planner:
@@ -71,17 +92,36 @@ def load_planner(text: str) -> Planner:
     """
     name, options = _parsed(text)
     spec = _spec(name)
-    make = _import(spec.target)
+    make = _import(name, spec)
     _check(name, make, options)
     try:
         planner = make(**{**spec.options, **options})
-    except (TypeError, ValueError) as error:
-        if isinstance(error, ValueError) and not options:
+    except Exception as error:
+        if not options and not isinstance(error, TypeError):
             raise  # the planner's own fault, not that of what was asked for
-        raise PlannerError(f"planner: {name!r} cannot be made: {error}") from error
-    if not callable(getattr(planner, "plan", None)):
-        raise PlannerError(f"planner: {name!r} has no method plan(team, rng)")
+        raise PlannerError(f"planner: {name!r} cannot be made: {' '.join(str(error).split())}") from error
+    plan = getattr(planner, "plan", None)
+    if not callable(plan):
+        raise PlannerError(
+            f"planner: {name!r} has no method plan(team, rng){nearest('plan', _methods(planner), cutoff=0.6)}"
+        )
+    if not _takes_two(plan):
+        raise PlannerError(f"planner: plan of {name!r} takes {inspect.signature(plan)}; it must take (team, rng)")
     return cast("Planner", planner)
+
+
+def _methods(planner: object) -> list[str]:
+    return [name for name in dir(planner) if not name.startswith("_") and callable(getattr(planner, name, None))]
+
+
+def _takes_two(plan: Any) -> bool:  # noqa: ANN401 - whatever a user's class holds
+    try:
+        inspect.signature(plan).bind(None, None)
+    except TypeError:
+        return False
+    except ValueError:
+        return True  # written in C, say: calling it will tell
+    return True
 
 
 def _spec(name: str) -> PlannerSpec:
@@ -90,7 +130,18 @@ def _spec(name: str) -> PlannerSpec:
     if ":" in name:
         return PlannerSpec(name)
     allowed = f"allowed are {', '.join(installed())}, or package.module:Class"
-    raise PlannerError(f"planner: {name!r} is unknown; {allowed}{_hint(name, installed())}")
+    raise PlannerError(f"planner: {name!r} is unknown; {allowed}{_meant(name)}")
+
+
+def _meant(name: str) -> str:
+    """The nearest valid name of a planner; for a module or a class in it, how to write that."""
+    module, _, last = name.rpartition(".")
+    if module and last[:1].isupper():
+        return f"; did you mean {module}:{last}?"
+    near = nearest(name, installed(), cutoff=0.6)
+    if not near and (module or (name.isidentifier() and PathFinder.find_spec(name))):
+        return f"; did you mean {name}:Class?"
+    return near or nearest(name, installed())
 
 
 def _parsed(text: str) -> tuple[str, dict[str, Any]]:
@@ -116,27 +167,35 @@ def _value(text: str) -> Any:  # noqa: ANN401 - any literal
         return text
 
 
-def _check(name: str, make: Any, options: Collection[str]) -> None:  # noqa: ANN401 - whatever a user's module holds
-    """PlannerError if there is an option that the planner does not have."""
+def _check(name: str, make: Any, options: Mapping[str, Any]) -> None:  # noqa: ANN401 - whatever a user's module holds
+    """PlannerError if there is an option that the planner does not have, or of another kind than its default."""
     try:
         parameters = inspect.signature(make).parameters
     except (TypeError, ValueError):
         return  # written in C, say: making it will tell
     if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
         return
-    for option in options:
+    for option, value in options.items():
         if option not in parameters:
             allowed = f"allowed are {', '.join(parameters)}" if parameters else "it has none"
-            raise PlannerError(f"planner: {name!r} has no option {option!r}; {allowed}{_hint(option, parameters)}")
+            raise PlannerError(f"planner: {name!r} has no option {option!r}; {allowed}{nearest(option, parameters)}")
+        kind = _kind(parameters[option].default)
+        if kind and kind != _kind(value):
+            raise PlannerError(f"planner: option {option} of {name!r} must be {kind}, is {value!r}")
 
 
-def _hint(name: str, known: Collection[str]) -> str:
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.3)
-    return f"; did you mean {near[0]}?" if near else ""
+def _kind(value: object) -> str:
+    """What a default asks for; empty: anything."""
+    if isinstance(value, bool):
+        return "True or False"
+    if isinstance(value, int | float):
+        return "a number"
+    return "a word" if isinstance(value, str) else ""
 
 
-def _import(target: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
+def _import(name: str, spec: PlannerSpec) -> Any:  # noqa: ANN401 - whatever a user's module holds
     try:
-        return imported(target)
+        return imported(spec.target)
     except ImportError as error:
-        raise PlannerError(f"planner: {target!r} cannot be imported: {error}") from error
+        what = f"{name!r} of {spec.source}, {spec.target!r}," if spec.source else repr(spec.target)
+        raise PlannerError(f"planner: {what} cannot be imported: {error}") from error

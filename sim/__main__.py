@@ -1,4 +1,4 @@
-"""The command line: `understory run`, `compare`, `frames`, `export` and lists of what there is."""
+"""The command line: `understory run`, `compare`, `frames`, `export`, `check-planner` and lists of what there is."""
 
 from __future__ import annotations
 
@@ -12,15 +12,20 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from planning.registry import DEFAULT_PLANNER, PlannerError, installed, load_planner
+from planning.catalogue import catalogue
+from planning.registry import DEFAULT_PLANNER, PlannerError, load_planner
 from sim.console import (
     console,
     fail,
     mission_progress,
     remark,
+    say,
     show_files,
+    show_findings,
+    show_groups,
     show_list,
     show_run,
+    starting,
     trial_progress,
 )
 from sim.detectors import check_detector
@@ -50,6 +55,7 @@ See what a camera saw in a run, annotated:
 See what there is; yours are --planner module:Class and a file.toml:
   [bold]understory planners[/bold]
   [bold]understory scenarios[/bold]
+  [bold]understory check-planner module:Class[/bold]
 
 All options of a command:
   [bold]understory run --help[/bold]"""
@@ -103,7 +109,7 @@ def run(
     from sim.run import run as fly
 
     with mission_progress(setting) as progress:
-        summary = fly(Trial(setting, planner, number), folder, video=video, progress=progress)
+        summary = fly(Trial(setting, planner, number), folder, video=video, progress=progress, say=say)
     show_run(summary, folder)
 
 
@@ -154,10 +160,10 @@ def export(
 
 @app.command()
 def planners() -> None:
-    """List the planners by name."""
-    show_list(
-        {name: spec.summary + " (default)" * (name == DEFAULT_PLANNER) for name, spec in installed().items()},
-        "Options, here of the first: --planner 'sma-nbo-mwtp(horizon=3, beta=0.2)'.\n"
+    """List the planners: what each is, which package brings it, and its options."""
+    show_groups(
+        catalogue(),
+        "With options: --planner 'sma-nbo-mwtp(horizon=3, beta=0.2)'.\n"
         "Yours: --planner module:Class, with module.py in the current folder or installed.",
     )
 
@@ -172,6 +178,25 @@ def scenarios() -> None:
 
 
 app.command()(studies)
+
+
+@app.command("check-planner")
+def check_planner(
+    planner: Annotated[
+        str, typer.Argument(metavar="PLANNER", help="Name, with options or not, or yours, module:Class.")
+    ],
+) -> None:
+    """Check that a planner keeps to what planners must, on situations made for that; exit code 1 if it does not."""
+    load_planner(planner)
+    from planning.conformance import check
+    from sim.warmup import announced
+
+    with starting(), announced(say):
+        findings = check(planner)
+    failed = sum(finding.passed is False for finding in findings)
+    show_findings(findings, failed)
+    if failed:
+        sys.exit(1)
 
 
 def _plain(planner: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import isnan
 from pathlib import Path
@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # commands that fly nothing answer without what these import
     from sim.recording import Recorder, Snapshot
 
 console = Console(highlight=False)
-_START_UP = "starting up; the first time, code is compiled: about a minute"
+_START_UP = "starting up"
 
 
 def fail(message: str, *, code: int) -> NoReturn:
@@ -34,6 +34,18 @@ def remark(*messages: str) -> None:
     """Say what the user may not expect, one line each."""
     for message in messages:
         print(f"understory: {message}", file=sys.stderr)
+
+
+def say(message: str) -> None:
+    """Tell the user what takes so long."""
+    console.print(message, soft_wrap=True)
+
+
+@contextmanager
+def starting() -> Iterator[None]:
+    """Shows, while the block runs, that something does."""
+    with console.status(_START_UP):
+        yield
 
 
 @contextmanager
@@ -103,3 +115,22 @@ def show_list(items: Mapping[str, str], note: str) -> None:
         table.add_row(f"[bold]{name}[/bold]", escape(meaning))
     console.print(table)
     console.print(f"\n{note}")
+
+
+def show_groups(groups: Mapping[str, Mapping[str, str]], note: str) -> None:
+    """Names and what they stand for, under headings."""
+    width = max(len(name) for items in groups.values() for name in items)
+    for heading, items in groups.items():
+        console.print(f"{escape(heading)}:")
+        table = Table.grid(padding=(0, 2))
+        for name, meaning in items.items():
+            table.add_row(f"  [bold]{escape(name):<{width}}[/bold]", escape(meaning))
+        console.print(table)
+    console.print(f"\n{note}")
+
+
+def show_findings(findings: Sequence[object], failed: int) -> None:
+    """One line per check, and what they come to."""
+    for finding in findings:
+        console.print(escape(str(finding)), soft_wrap=True)
+    console.print(f"[red]{failed} of {len(findings)} checks failed[/red]" if failed else "[green]It conforms.[/green]")

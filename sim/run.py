@@ -23,15 +23,22 @@ from sim.recording import Recorder, Recording, Snapshot
 from sim.scenario import resolved
 from sim.summary import marked, summarise
 from sim.video import Video
-from sim.warmup import warm_up
+from sim.warmup import announced, warm_up
 
 Progress = Callable[[Snapshot, Recorder], None]
 
 
 def run(
-    trial: Trial, out: Path, *, video: bool = True, progress: Progress = lambda snapshot, recorder: None
+    trial: Trial,
+    out: Path,
+    *,
+    video: bool = True,
+    progress: Progress = lambda snapshot, recorder: None,
+    say: Callable[[str], None] = lambda text: None,
 ) -> dict[str, Any]:
     """Fly a mission and leave its files in the new folder `out`; returns the summary.
+
+    `progress` hears of each scan, `say` of code that is compiled first.
 
     The folder appears when all is in it. Ctrl-C in flight ends the mission after the present scan, and what was flown
     is kept, marked as interrupted; a second one, or one before take-off, is a KeyboardInterrupt and leaves nothing.
@@ -40,7 +47,8 @@ def run(
     start = time.perf_counter()
     with new_folder(out) as folder:
         mission = Mission.of(trial)
-        warm_up()
+        with announced(say):
+            warm_up()
         start_up = time.perf_counter() - start
         recorder = Recorder()
         with stop_request() as stop:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
+import pkgutil
+from collections.abc import Iterable
 from typing import Any
 
 
@@ -14,12 +17,35 @@ def imported(target: str) -> Any:  # noqa: ANN401 - whatever a user's module hol
     module, _, attribute = target.partition(":")
     if not all(part.isidentifier() for part in module.split(".")):
         raise ImportError(f"{module!r} is not the name of a module")
+    if not attribute:
+        raise ImportError(f"it names no class; write {module}:Class")
     try:
-        found = getattr(importlib.import_module(module), attribute, None)
-    except ImportError:
-        raise
+        loaded = importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise ImportError(_missing(module, error)) from error
     except (Exception, SystemExit) as error:
-        raise ImportError(f"{type(error).__name__}: {error}") from error
+        text = " ".join(str(error).split())
+        raise ImportError(text if isinstance(error, ImportError) else f"{type(error).__name__}: {text}") from error
+    found: Any = loaded
+    for part in attribute.split("."):
+        found = getattr(found, part, None)
     if not callable(found):
-        raise ImportError(f"{module} has no class {attribute!r}")
+        classes = [name for name, value in vars(loaded).items() if isinstance(value, type)]
+        raise ImportError(f"{module} has no class {attribute!r}{nearest(attribute, classes)}")
     return found
+
+
+def nearest(word: str, known: Iterable[str], cutoff: float = 0.3) -> str:
+    """The end of a complaint about a word: the nearest one that is known, if there is any."""
+    near = difflib.get_close_matches(word, list(known), n=1, cutoff=cutoff)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def _missing(module: str, error: ModuleNotFoundError) -> str:
+    """Whether a module itself is missing, perhaps misspelt, or what it needs."""
+    absent = error.name or ""
+    if not f"{module}.".startswith(f"{absent}."):
+        return f"{module} needs {absent!r}, which is not installed: {error}"
+    parent, _, leaf = absent.rpartition(".")
+    folders = getattr(importlib.import_module(parent), "__path__", []) if parent else None
+    return f"{error}{nearest(leaf, (m.name for m in pkgutil.iter_modules(folders)), cutoff=0.75)}"

@@ -1,0 +1,71 @@
+"""SMA-NBO with a cost-to-go of our own: nobody may stray far from the nearest camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from planning.composition import Composition
+from planning.nbo import costs
+from planning.optimizers import CrossEntropy
+from planning.planner import Plan, Situation
+from planning.propagation import nominal_positions
+from planning.pursuit import pursuits
+from planning.view import aim
+from tracking.compiled import Array
+
+
+@dataclass(frozen=True)
+class Shepherd:
+    """Sequential NBO that lets nobody stray from the nearest camera."""
+
+    horizon: int = 4  # steps of a plan
+    far: float = 10.0  # m; the smaller, the more straying counts
+    decentralised: ClassVar[bool] = True  # a claim that the conformance check tests
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.horizon, int) and self.horizon >= 1 and self.far > 0):
+            raise ValueError(f"horizon must be at least 1 and far above 0, are {self.horizon!r} and {self.far!r}")
+
+    def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
+        """Plans of the team, in its order."""
+        return Herding(horizon=self.horizon, far=self.far).plan(team, rng)
+
+
+@dataclass(frozen=True)
+class Herding(Composition):
+    """Belief propagation, the order in which UAVs decide and what they send are the testbed's; the decision is ours.
+
+    To the objective over the horizon comes, for each track, the trace of its covariance now times the distance from
+    where it will be at the end to the nearest UAV then, in units of `far`.
+    """
+
+    far: float = 10.0  # m
+
+    def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
+        """Plans (k, H, 2) m/s of the UAVs in rows `uavs` while the others fly `controls` (n, H, 2) m/s."""
+        vehicles, rows = situation.vehicles, list(uavs)
+        nominal = nominal_positions(situation.tracks, situation.step, self.horizon)  # (H, T, 2) m
+        traces = np.array([t.belief.covariance[0, 0] + t.belief.covariance[1, 1] for t in situation.tracks])
+        seen_from = np.array([v.position[:2] + aim(v) for v in vehicles])
+        outlook = self.propagation.outlook(situation, self.horizon, rng)
+
+        def objective(candidates: Array) -> Array:  # (N, k, H, 2) m/s -> (N,) m²
+            flown = np.repeat(controls[None], len(candidates), axis=0)
+            flown[:, rows] = candidates
+            ends = seen_from + situation.step * flown.sum(axis=2)  # (N, n, 2) m
+            gaps = np.linalg.norm(ends[:, :, None] - nominal[-1], axis=-1).min(axis=1)  # (N, T) m
+            return np.asarray(costs(outlook, controls, rows, candidates, beta=0.0) + gaps @ traces / self.far)
+
+        intents = controls[rows][None]  # (1, k, H, 2)
+        starts = [intents]
+        for j, i in enumerate(rows):
+            for chase in pursuits(nominal, vehicles[i], situation.step):
+                start = intents.copy()
+                start[0, j] = chase
+                starts.append(start)
+        speeds = np.array([vehicles[i].max_speed for i in rows])
+        return CrossEntropy(evaluations=1024).minimise(objective, np.concatenate(starts), speeds, rng).plans

@@ -1,0 +1,84 @@
+"""What planners there are: each with its meaning, the package that brings it, and its options."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from planning.registry import DEFAULT_PLANNER, PLANNERS, PlannerSpec, brought, installed, origin
+from tracking.plugin import imported
+
+_OURS = "Built in"
+_OPTIONS = "Options, each with what it is if not given"
+
+
+def catalogue() -> dict[str, dict[str, str]]:
+    """Under a heading for each package, and one for options: planners' names and what there is to say of each."""
+    groups: dict[str, dict[str, str]] = {_OURS: {name: _summary(name, spec) for name, spec in PLANNERS.items()}}
+    options = _ours()
+    for point in brought():
+        theirs = groups.setdefault(f"From {origin(point)}", {})
+        spec = installed()[point.name]
+        if spec.target != point.value or spec.source != origin(point):
+            theirs[point.name] = (
+                f"hidden: the name is that of a planner {f'of {spec.source}' * bool(spec.source) or 'built in'}"
+            )
+            continue
+        try:
+            theirs[point.name], options[point.name] = _described(point.value)
+        except ImportError as error:
+            theirs[point.name] = f"cannot be used: {error}"
+    return groups | {_OPTIONS: {name: text for name, text in options.items() if text}}
+
+
+def _summary(name: str, spec: PlannerSpec) -> str:
+    marks = ["default"] * (name == DEFAULT_PLANNER) + ["upper bound: knows what no UAV can"] * spec.upper_bound
+    return " ".join([spec.summary, *(f"({mark})" for mark in marks)])
+
+
+def _ours() -> dict[str, str]:
+    """Options of our planners; a planner of the same class as one before says what it has otherwise."""
+    first: dict[str, str] = {}
+    found: dict[str, str] = {}
+    for name, spec in PLANNERS.items():
+        like = first.setdefault(spec.target, name)
+        if like == name:
+            found[name] = _text(_written(spec.target) | dict(spec.options))
+        else:
+            found[name] = f"those of {like}, with {_text(spec.options)}" if spec.options else f"those of {like}"
+    return found
+
+
+def _written(target: str) -> dict[str, Any]:
+    """Options of a class of ours as its source has them, inherited ones first; importing it would take a second."""
+    module, _, name = target.partition(":")
+    path = Path(__file__).parents[1].joinpath(*module.split(".")).with_suffix(".py")
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    homes = {a.name: node.module or module for node in body if isinstance(node, ast.ImportFrom) for a in node.names}
+    (found,) = [node for node in body if isinstance(node, ast.ClassDef) and node.name == name]
+    options: dict[str, Any] = {}
+    for base in map(ast.unparse, found.bases):
+        options |= _written(f"{homes.get(base, module)}:{base}")
+    for node in found.body:
+        if isinstance(node, ast.AnnAssign) and node.value and "ClassVar" not in ast.unparse(node.annotation):
+            options[ast.unparse(node.target)] = ast.literal_eval(node.value)
+    return options
+
+
+def _described(target: str) -> tuple[str, str]:
+    """What the class of another package says of itself, and its options; ImportError where it cannot be had."""
+    made = imported(target)
+    text = inspect.getdoc(made) or ""
+    try:
+        parameters = dict(inspect.signature(made).parameters)
+    except (TypeError, ValueError):  # written in C, say
+        parameters = {}
+    options = {p.name: p.default for p in parameters.values() if p.default is not p.empty}
+    return text.partition("\n")[0], _text(options)
+
+
+def _text(options: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name}={value if str(value) else repr(value)}" for name, value in options.items())

@@ -1,0 +1,307 @@
+"""The conformance check: planners of ours pass it, and each kind of broken planner fails the check that fits."""
+
+import dataclasses
+import random
+
+import numpy as np
+import pytest
+
+from planning.composition import Composition
+from planning.conformance import CHECKS, check
+from planning.coordination import Centralised, Sequential
+from planning.planner import Plan
+from planning.registry import PLANNERS, PlannerError
+
+CLAIM = {"nothing from the unheard", "only plans from others"}
+LITTLE = {"mcr": "(samples=5, evaluations=64)", "lawnmower": "", "greedy": "", "hover": ""}  # effort
+
+
+def failed(planner, **options):
+    return {finding.check: finding.seen for finding in check(planner, **options) if finding.passed is False}
+
+
+@pytest.mark.parametrize("name", [name for name, spec in PLANNERS.items() if not spec.upper_bound])
+def test_every_planner_of_ours_conforms(name):
+    findings = check(name + LITTLE.get(name, "(evaluations=64)"), other_process=False)
+    assert [str(f) for f in findings if f.passed is False] == []
+    assert {f.check for f in findings} == set(CHECKS) - {"other process"}
+    untried = {f.check for f in findings if f.passed is None}
+    assert untried == (CLAIM if name in ("centralized", "lawnmower") else set())
+
+
+class Good:
+    """Flies towards the mean of the tracks at a speed drawn by chance."""
+
+    decentralised = True
+
+    def plan(self, team, rng):
+        streams = rng.spawn(len(team))
+        return [self.one(s, stream, team) for s, stream in zip(team, streams, strict=True)]
+
+    def one(self, s, rng, team):
+        gap = np.mean([t.belief.mean[:2] for t in s.tracks] or [s.own.position[:2]], axis=0) - s.own.position[:2]
+        return Plan(rng.uniform(0, 1) * s.own.max_speed * gap[None] / max(np.linalg.norm(gap), 1e-9))
+
+
+class Raising(Good):
+    def one(self, s, rng, team):
+        raise RuntimeError("two\nlines")
+
+
+class Few(Good):
+    def plan(self, team, rng):
+        return super().plan(team, rng)[1:]
+
+
+class Silent(Good):
+    def plan(self, team, rng):
+        pass
+
+
+class Bare(Good):
+    def plan(self, team, rng):
+        return [plan.controls for plan in super().plan(team, rng)]
+
+
+class Spatial(Good):
+    def one(self, s, rng, team):
+        return Plan(np.zeros((2, 3)))
+
+
+class Endless(Good):
+    def one(self, s, rng, team):
+        return Plan(np.array([[0.0, 1.0], [np.nan, 0.0]]))
+
+
+class Fast(Good):
+    def one(self, s, rng, team):
+        return Plan(np.array([[4.0, 0.0]]))
+
+
+class Writing(Good):
+    def one(self, s, rng, team):
+        for track in s.tracks[3:]:
+            track.belief.mean[0] += 1.0
+        return Plan(np.zeros((1, 2)))
+
+
+class Sorting(Good):
+    def plan(self, team, rng):
+        plans = super().plan(team, rng)
+        team.reverse()
+        return plans
+
+
+class Locking(Good):
+    def one(self, s, rng, team):
+        s.own.position.flags.writeable = False
+        return super().one(s, rng, team)
+
+
+class Noting(Good):
+    def one(self, s, rng, team):
+        s.intents[9] = Plan(np.zeros((1, 2)))
+        return super().one(s, rng, team)
+
+
+class Irreproducible(Good):
+    def one(self, s, rng, team):
+        return super().one(s, np.random.default_rng(), team)
+
+
+class Hashing(Good):
+    def one(self, s, rng, team):
+        return super().one(s, np.random.default_rng(hash("some string") % 1000), team)
+
+
+class Legacy(Good):
+    def one(self, s, rng, team):
+        return Plan(np.random.uniform(-1, 1, (1, 2)))  # noqa: NPY002
+
+
+class Random(Good):
+    def one(self, s, rng, team):
+        return Plan(np.array([[random.uniform(-1, 1), 0.0]]))
+
+
+class Counting(Good):
+    calls = 0
+
+    def plan(self, team, rng):
+        self.calls += 1
+        return [Plan(plan.controls / self.calls) for plan in super().plan(team, rng)]
+
+
+class Buffering(Good):
+    def __init__(self):
+        self.buffer = np.zeros((3, 1, 2))
+
+    def plan(self, team, rng):
+        for row, plan in zip(self.buffer, super().plan(team, rng), strict=False):
+            row[:] = plan.controls
+        return [Plan(row) for row, _ in zip(self.buffer, team, strict=False)]
+
+
+class Unpicklable(Good):
+    def __init__(self):
+        self.speed = lambda: 1.0
+
+
+class Forgetful(Good):
+    def __init__(self):
+        self.share = 0.5
+
+    def __getstate__(self):
+        return {"share": 1.0}
+
+    def one(self, s, rng, team):
+        return Plan(self.share * super().one(s, rng, team).controls)
+
+
+class Eavesdropping(Good):
+    """Reads the minds of those it hears."""
+
+    def one(self, s, rng, team):
+        ids = {v.id for v in s.vehicles}
+        tracks = tuple(t for o in team if o.own.id in ids for t in o.tracks)
+        return super().one(dataclasses.replace(s, tracks=tracks), rng, team)
+
+
+class Telepathic(Good):
+    """Knows the plans of UAVs that it does not hear, but nothing besides."""
+
+    def plan(self, team, rng):
+        plans = []
+        for s in team:
+            before = sum((p.controls for p in plans), np.zeros((1, 2)))
+            plans.append(Plan(0.5 * super().one(s, rng, team).controls + 0.05 * before))
+        return plans
+
+
+class Centre(Composition):
+    decentralised = True
+
+    def __init__(self):
+        super().__init__(coordination=Centralised())
+
+
+class WorstFirst(Composition):
+    decentralised = True
+
+    def __init__(self):
+        super().__init__(coordination=Sequential("worst-first"))
+
+
+class Pair(Good):
+    def one(self, s, rng, team):
+        return super().one(s, rng, [team[1]])
+
+
+class Needy(Good):
+    def one(self, s, rng, team):
+        nearest = min((t.belief.mean[:2] for t in s.tracks), key=np.linalg.norm)
+        return Plan(nearest[None] * 1e-6)
+
+
+class Wooden(Good):
+    def one(self, s, rng, team):
+        return Plan(s.forest.cylinders[:1, :2] * 1e-6) if len(s.forest.cylinders) else Plan(np.zeros((0, 2)))
+
+
+class Placing(Good):
+    def one(self, s, rng, team):
+        return super().one(team[s.own.id], rng, team)
+
+
+class Sociable(Good):
+    def one(self, s, rng, team):
+        others = s.neighbours if len(team) > 1 else (s.own,)
+        return Plan(others[0].position[None, :2] * 1e-6)
+
+
+class Hasty(Good):
+    def one(self, s, rng, team):
+        return Plan(1e-3 * s.intents[min(s.intents)].controls) if s.own.id == 0 else super().one(s, rng, team)
+
+
+class Small(Good):
+    def one(self, s, rng, team):
+        speeds = np.zeros((20, 2))
+        speeds[: len(s.tracks)] = [t.belief.mean[2:] * 1e-6 for t in s.tracks] or 0.0
+        return Plan(speeds)
+
+
+BROKEN = [
+    (Raising, "plans", "RuntimeError: two lines"),
+    (Few, "plans", "2 plans for 3 UAVs"),
+    (Silent, "plans", "TypeError: 'NoneType' object is not iterable"),
+    (Bare, "plans", "plan 0 is no Plan of numbers but ndarray"),
+    (Spatial, "plans", "controls of plan 0 have the shape (2, 3), not (H, 2)"),
+    (Endless, "finite", "the plan of UAV 0 is not finite"),
+    (Fast, "speed limit", "the plan of UAV 2 reaches 4 m/s; 3 m/s is what it can"),
+    (Writing, "inputs untouched", "team[0].tracks[3].belief.mean is changed"),
+    (Sorting, "inputs untouched", "team[0].own.id is changed"),
+    (Locking, "inputs untouched", "writing to team[0].own.position is changed"),
+    (Noting, "inputs untouched", "team[0].intents, what it holds is changed"),
+    (Irreproducible, "same seed, same plan", "of another instance, plans differ by"),
+    (Hashing, "other process", "in a process with other hashes of strings, plans differ by"),
+    (Legacy, "chance only from rng", "uses the global random numbers of numpy.random"),
+    (Random, "chance only from rng", "uses the global random numbers of random"),
+    (Counting, "no memory", "after another situation, plans differ by"),
+    (Buffering, "no memory", "a later decision changes plans that were returned before"),
+    (Unpicklable, "pickling", "pickle"),
+    (Forgetful, "pickling", "of a pickled copy, plans differ by"),
+    (Eavesdropping, "only plans from others", "UAV 0's plan says nothing, but its tracks change the plan of UAV 2"),
+    (Telepathic, "nothing from the unheard", "UAV 1 hears nobody, but others' tracks change the plan of UAV 1"),
+    (Pair, "one UAV", "IndexError"),
+    (Needy, "no tracks", "ValueError"),
+    (Wooden, "no trees", "controls of plan 0 have the shape (0, 2)"),
+    (Placing, "a UAV broken down", "IndexError"),
+    (Sociable, "nobody in hearing", "IndexError"),
+    (Hasty, "first decision", "ValueError"),
+    (Small, "fifty tracks", "could not broadcast"),
+]
+
+
+@pytest.mark.parametrize(("planner", "name", "seen"), BROKEN, ids=[planner.__name__ for planner, _, _ in BROKEN])
+def test_a_broken_planner_fails_the_check_that_fits_and_no_other(planner, name, seen):
+    found = failed(planner, other_process=name == "other process")
+    assert list(found) == [name]
+    assert seen in found[name] and "\n" not in found[name]
+
+
+def test_a_good_planner_passes_all():
+    assert {finding.passed for finding in check(Good)} == {True}
+
+
+def test_what_is_broken_covers_every_check_but_time():
+    assert {name for _, name, _ in BROKEN} == set(CHECKS) - {"time"}
+
+
+@pytest.mark.parametrize(
+    ("planner", "name"), [(Centre, "nothing from the unheard"), (WorstFirst, "only plans from others")]
+)
+def test_who_compares_beliefs_cannot_claim_to_be_decentralised(planner, name):
+    assert name in failed(planner, other_process=False)
+
+
+def test_without_plans_nothing_else_is_tried():
+    findings = check(Raising)
+    assert [f.passed for f in findings] == [False] + [None] * (len(CHECKS) - 1)
+    assert {f.seen for f in findings[1:]} == {"not tried: it does not plan"}
+
+
+def test_global_random_numbers_are_left_as_they_were():
+    random.seed(3)
+    np.random.seed(3)  # noqa: NPY002
+    before = random.random(), np.random.random()  # noqa: NPY002
+    random.seed(3)
+    np.random.seed(3)  # noqa: NPY002
+    for planner in (Random, Legacy):
+        check(planner, other_process=False)
+    assert (random.random(), np.random.random()) == before  # noqa: NPY002
+
+
+def test_text_that_names_no_planner_is_refused():
+    with pytest.raises(PlannerError, match="did you mean hover"):
+        check("hoover")

@@ -1,0 +1,30 @@
+"""docs/plugins.md: its planner flies, conforms and has the checks that are listed."""
+
+import re
+from pathlib import Path
+
+from planning.conformance import CHECKS
+
+DOCS = Path(__file__).parents[1] / "docs"
+PAGE = (DOCS / "plugins.md").read_text(encoding="utf-8")
+
+
+def test_the_planner_of_the_page_conforms_as_the_test_of_the_page_says(tmp_path, monkeypatch):
+    planner, test = re.findall(r"^```python\n(.*?)^```$", PAGE, flags=re.M | re.S)
+    (tmp_path / "myplanner.py").write_text(planner)
+    monkeypatch.syspath_prepend(tmp_path)
+    names = {}
+    exec(compile(test, "plugins.md", "exec"), names)
+    names["test_it_conforms"]()
+
+
+def test_every_check_is_listed_in_its_order():
+    rows = re.findall(r"^\| (`.*?`) \|", PAGE, flags=re.M)
+    listed = [name for row in rows for name in re.findall(r"`(.*?)`", row)]
+    assert listed == list(CHECKS)
+
+
+def test_links_lead_somewhere():
+    for page in (DOCS / "plugins.md", DOCS / "examples" / "shepherd" / "README.md"):
+        for target in re.findall(r"\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).is_file(), target
