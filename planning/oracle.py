@@ -74,7 +74,7 @@ class _TruePaths:
 
 
 def true_tracks(situation: Situation, people: Whereabouts) -> tuple[Track, ...]:
-    """The people who are there as tracks, by index: true states, with the covariances of the tracks that stand for them.
+    """The people who are there as tracks, by index: true states, covariances of the tracks that stand for them.
 
     Tracks stand for people by the assignment of least total distance; the velocity is the mean over the next step.
     """
