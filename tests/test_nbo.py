@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from planning.nbo import costs, team_cost, weighted_trace_penalty
+from planning.mwtp import weighted_trace_penalty
+from planning.nbo import costs, team_cost
 from planning.propagation import Nominal, nominal_positions
 from tracking.camera import Pose
 from tracking.visibility import TARGET_HEIGHT
