@@ -105,13 +105,15 @@ def observe(outlook: Outlook, uav: int, cameras: Array, row: int, information: A
     row: counts (step, target) pairs. Visibility is that of the points where the target may be, all or nothing for
     each; each adds its share. Returns whether it is seen from any of the cameras.
     """
-    points, quality = outlook.points, outlook.quality[uav]
-    targets, count = points.shape[1], points.shape[2]
+    points, quality, offsets = outlook.points, outlook.quality[uav], outlook.offsets
+    targets, count, height = points.shape[1], points.shape[2], outlook.positions[uav, 2]
     east, north = cameras[0], cameras[1]
     some, free = False, np.empty(LANES)
     for k in range(count):
-        x, y = points[row // targets, row % targets, k, 0], points[row // targets, row % targets, k, 1]
-        if not _seen(outlook, uav, cameras, row * count + k, free):
+        p, index = points[row // targets, row % targets, k], row * count + k
+        x, y = p[0], p[1]
+        blockers = outlook.blockers[offsets[index] : offsets[index + 1]]
+        if not _seen((x, y, p[2]), height, cameras, outlook.views[uav], blockers, free):
             continue
         some = True
         for lane in range(LANES):
@@ -124,14 +126,15 @@ def observe(outlook: Outlook, uav: int, cameras: Array, row: int, information: A
 
 
 @compiled
-def _seen(outlook: Outlook, uav: int, cameras: Array, index: int, free: Array) -> bool:
-    """Set `free` (LANES,) to 1 where a UAV's camera (2, LANES) m sees a point, else to 0; whether any does."""
-    count, targets = outlook.points.shape[2], outlook.points.shape[1]
-    p = outlook.points[index // (targets * count), index // count % targets, index % count]
-    x, y, height = p[0], p[1], outlook.positions[uav, 2]
-    h = outlook.views[uav]
-    a0, b0, c0, a1, b1, c1 = h[0, 0], h[0, 1], h[0, 2], h[1, 0], h[1, 1], h[1, 2]
-    a2, b2, c2, a3, b3, c3 = h[2, 0], h[2, 1], h[2, 2], h[3, 0], h[3, 1], h[3, 2]
+def _seen(point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array) -> bool:
+    """Set `free` (LANES,) to 1 where a camera (2, LANES) m at a height sees a point, else to 0; whether any does.
+
+    view (5, 3): its field of view; blockers (B, 5): what may hide the point. No array but these few: passing more
+    would take longer than the work.
+    """
+    x, y = point[0], point[1]
+    a0, b0, c0, a1, b1, c1 = view[0, 0], view[0, 1], view[0, 2], view[1, 0], view[1, 1], view[1, 2]
+    a2, b2, c2, a3, b3, c3 = view[2, 0], view[2, 1], view[2, 2], view[3, 0], view[3, 1], view[3, 2]
     east, north = cameras[0], cameras[1]
     some = 0
     for lane in range(LANES):  # `inside` without branches, so that lanes are tested side by side
@@ -140,26 +143,13 @@ def _seen(outlook: Outlook, uav: int, cameras: Array, index: int, free: Array) -
         near &= (a2 * dx + b2 * dy <= c2) & (a3 * dx + b3 * dy <= c3)
         free[lane] = 1.0 if near else 0.0
         some += near
-    if some == 0 or outlook.offsets[index] == outlook.offsets[index + 1]:
-        return some > 0
-    some = 0
-    for lane in range(LANES):
-        if free[lane] > 0.0:
-            if _hidden((east[lane], north[lane], height), (x, y, p[2]), outlook, index):
-                free[lane] = 0.0
-            else:
-                some += 1
-    return some > 0
-
-
-@compiled
-def _hidden(camera: Vector, point: Vector, outlook: Outlook, index: int) -> bool:
-    blockers = outlook.blockers
-    for k in range(outlook.offsets[index], outlook.offsets[index + 1]):
+    for k in range(len(blockers) if some else 0):
         cylinder = blockers[k, 0], blockers[k, 1], blockers[k, 2], blockers[k, 3], blockers[k, 4]
-        if blocked(camera, point, cylinder):
-            return True
-    return False
+        for lane in range(LANES):
+            if free[lane] > 0.0 and blocked((east[lane], north[lane], height), point, cylinder):
+                free[lane] = 0.0
+                some -= 1
+    return some > 0
 
 
 @compiled

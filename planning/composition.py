@@ -27,6 +27,7 @@ class Composition:
     beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none
     optimizer: Optimizer = field(default_factory=CrossEntropy)
     occlusion: Occlusion | None = None  # how trees hide; None: as the situation's forest has it
+    existence: bool = True  # a target counts by the probability that it exists; False: as one
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
@@ -37,6 +38,8 @@ class Composition:
         """As `planning.coordination.Decision.decide`."""
         view = self.propagation.outlook(situation, self.horizon, rng)
         samples = view.points.shape[1] // len(situation.tracks) if situation.tracks else 1
+        if self.existence:
+            view = view._replace(weights=np.tile([t.existence for t in situation.tracks], samples).astype(float))
         speeds = np.array([situation.vehicles[i].max_speed for i in uavs])
         starts = self._starts(situation, controls, uavs)
         value = objective(view, controls, uavs, self.beta, samples)
@@ -49,9 +52,9 @@ class Composition:
         starts = [intents[None]]
         for j, i in enumerate(uavs):
             vehicle = situation.vehicles[i]
-            others = np.concatenate([
-                pursuits(nominal, vehicle, situation.step), turns(vehicle.max_speed, self.horizon)
-            ])
+            others = np.concatenate(
+                [pursuits(nominal, vehicle, situation.step), turns(vehicle.max_speed, self.horizon)]
+            )
             joint = np.repeat(intents[None], len(others), axis=0)
             joint[:, j] = others
             starts.append(joint)

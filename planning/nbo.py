@@ -81,7 +81,7 @@ def _costs(outlook: Outlook, rest: _Rest, own: Array, beta: float, samples: int)
 
 @compiled
 def _fly(outlook: Outlook, uavs: NDArray[np.int64], plans: Array, flight: _Flight) -> None:
-    """Set where up to LANES plans (N, k, H, 2) m/s take cameras ([Li22] eq. (5)); the last stands in for missing ones."""
+    """Set where up to LANES plans (N, k, H, 2) m/s take cameras ([Li22] eq. (5)); the last fills lanes left over."""
     cameras, boxes = flight
     for j in range(len(uavs)):
         for axis in range(2):
@@ -108,26 +108,30 @@ def _sum(outlook: Outlook, rest: _Rest, flight: _Flight, traces: Array, total: A
     for t in range(len(traces)):
         tracked, weight, trace = False, outlook.weights[t], traces[t]  # tracked: whether P differs from the others'
         for row in range(t, len(rest.traces), len(traces)):
-            if near[row]:
+            if near[row] or tracked:
                 _fill(information, rest.information[row])
-                seen = False
-                for j in range(len(rest.uavs)):
-                    seen |= observe(outlook, rest.uavs[j], flight.cameras[j, row // len(traces)], row, information)
-                if seen and not tracked:
-                    tracked = True
-                    _fill(P, rest.before[row])
-            elif tracked:
-                _fill(information, rest.information[row])
-            if not tracked:
+            seen = tracked
+            for j in range(len(rest.uavs) if near[row] else 0):
+                seen |= observe(outlook, rest.uavs[j], flight.cameras[j, row // len(traces)], row, information)
+            if not seen:
                 shared += weight * rest.traces[row]
                 continue
+            if not tracked:
+                _fill(P, rest.before[row])
+            tracked = True
             transition(P, outlook.step, outlook.noise, information, trace)
-            for lane in range(LANES):
-                trace[lane] *= weight
-                total[lane] += trace[lane]
+            _add(trace, weight, total)
         if not tracked:
             trace[:] = weight * rest.traces[len(rest.traces) - len(traces) + t]
     total += shared
+
+
+@compiled
+def _add(trace: Array, weight: float, total: Array) -> None:
+    """Weigh traces (LANES,) and add them to the total."""
+    for lane in range(LANES):
+        trace[lane] *= weight
+        total[lane] += trace[lane]
 
 
 @compiled
@@ -204,7 +208,9 @@ def _add_others(outlook: Outlook, controls: Array, rest: _Rest) -> None:
         rest.ends[i, :2] = flight.cameras[0, -1, :, 0]
         cover(outlook.points[-1, :, 0], rest.seen, rest.ends[i], outlook.views, i)
         near = may_see(outlook, np.array([i]), flight.boxes)
-        for row in np.flatnonzero(near):
+        for row in range(len(near)):
+            if not near[row]:
+                continue
             _fill(information, rest.information[row])
             observe(outlook, i, flight.cameras[0, row // targets], row, information)
             rest.information[row] = information[::LANES]

@@ -44,12 +44,14 @@ class CrossEntropy:
     textbook CEM, would average them. Source: [Pinneri20] for elites and coloured noise.
     """
 
-    evaluations: int = 8192  # the starts aside
+    evaluations: int = 12_288  # the starts aside
     elites: int = 32
     rounds: int = 10
-    spread: float = 0.5  # of the maximum speed, at first
+    spread: float = 1.0  # of the maximum speed, at first
     shrink: float = 0.7  # of spread and distance, per round
-    apart: float = 0.5  # of the way that maximum speed makes in a step: between elites' paths, root mean square, at first
+    apart: float = (
+        0.5  # of the way that maximum speed makes in a step: between elites' paths, root mean square, at first
+    )
     seconds: float = 0.0  # search anew until so much time is used; 0: once. What is found then depends on the machine
 
     def minimise(self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator) -> Found:
@@ -63,6 +65,7 @@ class CrossEntropy:
 
     def _search(self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator) -> Found:
         _, k, H, _ = starts.shape
+        max_speeds = np.ascontiguousarray(np.broadcast_to(max_speeds, k), dtype=float)
         pool = limited(starts, max_speeds)
         values = objective(pool)
         used, population, scale = len(pool), math.ceil(self.evaluations / self.rounds), 1.0
@@ -72,7 +75,8 @@ class CrossEntropy:
             order = order[_distinct(paths.reshape(len(order), -1), self.elites, k * H * (scale * self.apart) ** 2)]
             pool, values = pool[order], values[order]
             parents = pool[np.arange(population) * len(pool) // population]
-            normal, moves = rng.standard_normal((population, k * (H + 1) * 2 + 1)), rng.integers(2 * k * H, size=population)
+            normal = rng.standard_normal((population, 2 * k * (H + 1) + 1))
+            moves = rng.integers(2 * k * H, size=population)
             drawn = _varied(parents, normal, moves, scale * self.spread, max_speeds)
             pool, values = np.concatenate([pool, drawn]), np.concatenate([values, objective(drawn)])
             used += population

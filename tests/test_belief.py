@@ -6,7 +6,6 @@ import pytest
 from planning.belief import LANES, transition
 from tracking.kalman import NearlyConstantVelocity
 
-
 TRIANGLE = np.triu_indices(4)
 
 
