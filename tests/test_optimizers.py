@@ -12,7 +12,10 @@ from planning.optimizers import CrossEntropy, Grid, ParticleSwarm, limited
 from planning.propagation import nominal_positions
 from planning.pursuit import pursuits
 
-SEARCHES = {"cross-entropy": CrossEntropy(8192, rounds=20, shrink=0.75), "particle-swarm": ParticleSwarm(6000)}
+SEARCHES = {
+    "cross-entropy": CrossEntropy(8192, elites=8, rounds=20, spread=0.5, shrink=0.75),
+    "particle-swarm": ParticleSwarm(6000),
+}
 LIMIT = np.array([5.0])
 
 
