@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Situation, Vehicle
-from planning.view import inside, quadrangle, reach
+from planning.view import quadrangle, reach
 from tracking.compiled import Array, compiled
 from tracking.noise import ground_covariance
 from tracking.visibility import TARGET_HEIGHT, Forest, Vector, blocked
+
+LANES = 64  # cameras or covariances that compiled code works on side by side, with the processor's vector instructions
 
 
 class Outlook(NamedTuple):
@@ -30,10 +32,14 @@ class Outlook(NamedTuple):
     quality: Array  # (n, 7): coefficients of each UAV's noise model
     blockers: Array  # (B, 5): cylinders near each of the points, one after another
     offsets: NDArray[np.int64]  # (H T K + 1,): where each point's cylinders begin
+    weights: Array  # (T,): how much each target counts
 
 
 def outlook(situation: Situation, points: Array, covariances: Array) -> Outlook:
-    """What a UAV expects of targets that may be at `points` (H, T, K, 3) m and have covariances (T, 4, 4) now."""
+    """What a UAV expects of targets that may be at `points` (H, T, K, 3) m and have covariances (T, 4, 4) now.
+
+    Each target counts as one.
+    """
     vehicles, motion = situation.vehicles, situation.motion
     blockers, offsets = _near(situation.forest, points, vehicles, motion.dt * len(points))
     return Outlook(
@@ -46,6 +52,7 @@ def outlook(situation: Situation, points: Array, covariances: Array) -> Outlook:
         quality=np.array([v.noise.coefficients for v in vehicles]),
         blockers=blockers,
         offsets=offsets,
+        weights=np.ones(len(covariances)),
     )
 
 
@@ -72,76 +79,115 @@ def _near(
 
 
 @compiled
-def observe(outlook: Outlook, uav: int, path: Array, information: Array, seen: NDArray[np.bool_]) -> None:
-    """Add R⁻¹ (3,): xx, xy, yy to rows of `information` (H T, 3) of targets that a UAV sees from its path (H, 3) m.
+def may_see(outlook: Outlook, uavs: NDArray[np.int64], boxes: Array) -> NDArray[np.bool_]:
+    """Whether, from anywhere in the boxes (k, H, 4) m: x0, x1, y0, y1, any of k UAVs may see each target (H T,).
 
-    Rows count (step, target) pairs; those of targets seen are marked in `seen` (H T,). Visibility is that of the
-    points where a target may be, all or nothing for each; each adds its share.
+    Rows count (step, target) pairs. A bound at little cost: no is certain, yes is not.
     """
-    points, views, blockers, offsets = outlook.points, outlook.views, outlook.blockers, outlook.offsets
-    quality = outlook.quality[uav]
+    points, views = outlook.points, outlook.views
     steps, targets, count = points.shape[0], points.shape[1], points.shape[2]
-    index = -1
-    for step in range(steps):
-        camera = path[step, 0], path[step, 1], path[step, 2]
-        for t in range(targets):
-            for k in range(count):
-                index += 1
-                point = points[step, t, k, 0], points[step, t, k, 1], points[step, t, k, 2]
-                dx, dy = point[0] - camera[0], point[1] - camera[1]
-                if not inside(views, uav, dx, dy) or _hidden(camera, point, blockers, offsets, index):
-                    continue
-                xx, xy, yy = ground_covariance(dx, dy, quality)
-                determinant = (xx * yy - xy * xy) * count
-                row = step * targets + t
-                information[row, 0] += yy / determinant
-                information[row, 1] -= xy / determinant
-                information[row, 2] += xx / determinant
-                seen[row] = True
+    may = np.zeros(steps * targets, dtype=np.bool_)
+    for j in range(len(uavs)):
+        for step in range(steps):
+            x0, x1, y0, y1 = boxes[j, step, 0], boxes[j, step, 1], boxes[j, step, 2], boxes[j, step, 3]
+            for t in range(targets):
+                for k in range(count):
+                    x, y = points[step, t, k, 0], points[step, t, k, 1]
+                    within = True
+                    for side in range(4):
+                        a, b, c = views[uavs[j], side, 0], views[uavs[j], side, 1], views[uavs[j], side, 2]
+                        within &= a * x + b * y - max(a * x0, a * x1) - max(b * y0, b * y1) <= c
+                    may[step * targets + t] |= within
+    return may
 
 
 @compiled
-def _hidden(camera: Vector, point: Vector, blockers: Array, offsets: NDArray[np.int64], index: int) -> bool:
-    for k in range(offsets[index], offsets[index + 1]):
-        cylinder = blockers[k, 0], blockers[k, 1], blockers[k, 2], blockers[k, 3], blockers[k, 4]
-        if blocked(camera, point, cylinder):
-            return True
-    return False
+def observe(outlook: Outlook, uav: int, cameras: Array, row: int, information: Array) -> bool:
+    """Add R⁻¹ (xx, xy, yy) to `information` (3 LANES,) of a target that a UAV sees from `cameras` (2, LANES) m.
 
-
-@compiled
-def transition(P: Array, step: float, noise: Array, information: Array) -> None:
-    """Belief-state transition of P (4, 4), in place: predict one step, then take in the fused information (3,).
-
-    [Li22] eq. (1) and the covariance part of the Kalman update; with no information P only grows.
+    row: counts (step, target) pairs. Visibility is that of the points where the target may be, all or nothing for
+    each; each adds its share. Returns whether it is seen from any of the cameras.
     """
-    for a in range(2):
-        for b in range(2):
-            P[a, b] += step * (P[a, b + 2] + P[a + 2, b]) + step * step * P[a + 2, b + 2]
-    for a in range(2):
-        for b in range(2):
-            P[a, b + 2] += step * P[a + 2, b + 2]
-            P[b + 2, a] = P[a, b + 2]
-        P[a, a] += noise[0]
-        P[a, a + 2] += noise[1]
-        P[a + 2, a] = P[a, a + 2]
-        P[a + 2, a + 2] += noise[2]
-    jxx, jxy, jyy = information[0], information[1], information[2]
-    if jxx == 0.0 and jyy == 0.0:
-        return
-    # S⁻¹ = (I + J P_pp)⁻¹ J, which needs no inverse of J.
-    a, b = 1.0 + jxx * P[0, 0] + jxy * P[1, 0], jxx * P[0, 1] + jxy * P[1, 1]
-    c, d = jxy * P[0, 0] + jyy * P[1, 0], 1.0 + jxy * P[0, 1] + jyy * P[1, 1]
-    determinant = a * d - b * c
-    sxx, sxy, syy = (
-        (d * jxx - b * jxy) / determinant,
-        (d * jxy - b * jyy) / determinant,
-        (a * jyy - c * jxy) / determinant,
-    )
-    x0, x1, x2, x3 = P[0, 0], P[1, 0], P[2, 0], P[3, 0]
-    y0, y1, y2, y3 = P[0, 1], P[1, 1], P[2, 1], P[3, 1]
-    xs, ys = (x0, x1, x2, x3), (y0, y1, y2, y3)
-    for i in range(4):
-        gx, gy = xs[i] * sxx + ys[i] * sxy, xs[i] * sxy + ys[i] * syy
-        for j in range(4):
-            P[i, j] -= gx * xs[j] + gy * ys[j]
+    points, quality, offsets = outlook.points, outlook.quality[uav], outlook.offsets
+    targets, count, height = points.shape[1], points.shape[2], outlook.positions[uav, 2]
+    east, north = cameras[0], cameras[1]
+    some, free = False, np.empty(LANES)
+    for k in range(count):
+        p, index = points[row // targets, row % targets, k], row * count + k
+        x, y = p[0], p[1]
+        blockers = outlook.blockers[offsets[index] : offsets[index + 1]]
+        if not _seen((x, y, p[2]), height, cameras, outlook.views[uav], blockers, free):
+            continue
+        some = True
+        for lane in range(LANES):
+            xx, xy, yy = ground_covariance(x - east[lane], y - north[lane], quality)
+            share = free[lane] / ((xx * yy - xy * xy) * count)
+            information[lane] += yy * share
+            information[LANES + lane] -= xy * share
+            information[2 * LANES + lane] += xx * share
+    return some
+
+
+@compiled
+def _seen(point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array) -> bool:
+    """Set `free` (LANES,) to 1 where a camera (2, LANES) m at a height sees a point, else to 0; whether any does.
+
+    view (5, 3): its field of view; blockers (B, 5): what may hide the point. No array but these few: passing more
+    would take longer than the work.
+    """
+    x, y = point[0], point[1]
+    a0, b0, c0, a1, b1, c1 = view[0, 0], view[0, 1], view[0, 2], view[1, 0], view[1, 1], view[1, 2]
+    a2, b2, c2, a3, b3, c3 = view[2, 0], view[2, 1], view[2, 2], view[3, 0], view[3, 1], view[3, 2]
+    east, north = cameras[0], cameras[1]
+    some = 0
+    for lane in range(LANES):  # `inside` without branches, so that lanes are tested side by side
+        dx, dy = x - east[lane], y - north[lane]
+        near = (a0 * dx + b0 * dy <= c0) & (a1 * dx + b1 * dy <= c1)
+        near &= (a2 * dx + b2 * dy <= c2) & (a3 * dx + b3 * dy <= c3)
+        free[lane] = 1.0 if near else 0.0
+        some += near
+    for k in range(len(blockers) if some else 0):
+        cylinder = blockers[k, 0], blockers[k, 1], blockers[k, 2], blockers[k, 3], blockers[k, 4]
+        for lane in range(LANES):
+            if free[lane] > 0.0 and blocked((east[lane], north[lane], height), point, cylinder):
+                free[lane] = 0.0
+                some -= 1
+    return some > 0
+
+
+@compiled
+def transition(P: Array, step: float, noise: Array, information: Array, traces: Array) -> None:
+    """Belief-state transition of P in each lane, in place: predict one step, then take in the fused information.
+
+    P (10 LANES,) holds, lane by lane, the upper triangle of the covariance row by row: xx, xy, xu, xv, yy, yu, yv,
+    uu, uv, vv with (u, v) the velocity; information (3 LANES,): xx, xy, yy. `traces` (LANES,) gets those of the
+    position block. [Li22] eq. (1) and the covariance part of the Kalman update; with no information P only grows.
+    """
+    drift, both, wander = noise[0], noise[1], noise[2]
+    for k in range(LANES):
+        xx, xy, xu, xv, yy = P[k], P[LANES + k], P[2 * LANES + k], P[3 * LANES + k], P[4 * LANES + k]
+        yu, yv, uu = P[5 * LANES + k], P[6 * LANES + k], P[7 * LANES + k]
+        uv, vv = P[8 * LANES + k], P[9 * LANES + k]
+        xx += step * (2 * xu + step * uu) + drift
+        yy += step * (2 * yv + step * vv) + drift
+        xy += step * (xv + yu + step * uv)
+        xu, xv, yu, yv = xu + step * uu + both, xv + step * uv, yu + step * uv, yv + step * vv + both
+        uu, vv = uu + wander, vv + wander
+        jxx, jxy, jyy = information[k], information[LANES + k], information[2 * LANES + k]
+        # S⁻¹ = (I + J P_pp)⁻¹ J, which needs no inverse of J and is 0 without information.
+        a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
+        c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
+        one = 1.0 / (a * d - b * c)
+        sxx, sxy, syy = (d * jxx - b * jxy) * one, (d * jxy - b * jyy) * one, (a * jyy - c * jxy) * one
+        gx0, gx1, gy0, gy1 = xx * sxx + xy * sxy, xx * sxy + xy * syy, xy * sxx + yy * sxy, xy * sxy + yy * syy
+        gu0, gu1, gv0, gv1 = xu * sxx + yu * sxy, xu * sxy + yu * syy, xv * sxx + yv * sxy, xv * sxy + yv * syy
+        P[k], P[LANES + k], P[4 * LANES + k] = (
+            xx - gx0 * xx - gx1 * xy,
+            xy - gx0 * xy - gx1 * yy,
+            yy - gy0 * xy - gy1 * yy,
+        )
+        P[2 * LANES + k], P[3 * LANES + k] = xu - gx0 * xu - gx1 * yu, xv - gx0 * xv - gx1 * yv
+        P[5 * LANES + k], P[6 * LANES + k] = yu - gy0 * xu - gy1 * yu, yv - gy0 * xv - gy1 * yv
+        P[7 * LANES + k], P[8 * LANES + k] = uu - gu0 * xu - gu1 * yu, uv - gu0 * xv - gu1 * yv
+        P[9 * LANES + k] = vv - gv0 * xv - gv1 * yv
+        traces[k] = P[k] + P[4 * LANES + k]

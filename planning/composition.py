@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
 from planning.coordination import Coordination, Sequential
-from planning.nbo import costs
+from planning.nbo import objective
 from planning.optimizers import CrossEntropy, Optimizer
 from planning.planner import Exchange, Plan, Situation
 from planning.propagation import Nominal, Propagation, nominal_positions
-from planning.pursuit import pursuits
+from planning.pursuit import pursuits, turns
 from tracking.compiled import Array
 from tracking.visibility import Forest, Occlusion
 
@@ -28,6 +27,7 @@ class Composition:
     beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none
     optimizer: Optimizer = field(default_factory=CrossEntropy)
     occlusion: Occlusion | None = None  # how trees hide; None: as the situation's forest has it
+    existence: bool = True  # a target counts by the probability that it exists; False: as one
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
@@ -43,20 +43,25 @@ class Composition:
         """As `planning.coordination.Decision.decide`."""
         view = self.propagation.outlook(situation, self.horizon, rng)
         samples = view.points.shape[1] // len(situation.tracks) if situation.tracks else 1
-        objective = partial(costs, view, controls, uavs, beta=self.beta, samples=samples)
+        if self.existence:
+            view = view._replace(weights=np.tile([t.existence for t in situation.tracks], samples).astype(float))
         speeds = np.array([situation.vehicles[i].max_speed for i in uavs])
         starts = self._starts(situation, controls, uavs)
-        return self.optimizer.minimise(objective, starts, speeds, rng).plans
+        value = objective(view, controls, uavs, self.beta, samples)
+        return self.optimizer.minimise(value, starts, speeds, rng).plans
 
     def _starts(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Array:
-        """What the UAVs are expected to do, and the same with one of them in pursuit (S, k, H, 2)."""
+        """What the UAVs are expected to do, and the same with one of them in pursuit or on two legs (S, k, H, 2)."""
         intents = controls[list(uavs)]
         nominal = nominal_positions(situation.tracks, situation.step, self.horizon)
         starts = [intents[None]]
         for j, i in enumerate(uavs):
-            chases = pursuits(nominal, situation.vehicles[i], situation.step)
-            joint = np.repeat(intents[None], len(chases), axis=0)
-            joint[:, j] = chases
+            vehicle = situation.vehicles[i]
+            others = np.concatenate(
+                [pursuits(nominal, vehicle, situation.step), turns(vehicle.max_speed, self.horizon)]
+            )
+            joint = np.repeat(intents[None], len(others), axis=0)
+            joint[:, j] = others
             starts.append(joint)
         return np.concatenate(starts)
 

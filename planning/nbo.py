@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planning.belief import Outlook, observe, transition
-from planning.view import inside, shortest_move
+from planning.belief import LANES, Outlook, may_see, observe, transition
+from planning.mwtp import cover, penalise
 from tracking.compiled import Array, compiled
+
+_TRIANGLE = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
 
 
 def team_cost(outlook: Outlook, controls: Array, beta: float, samples: int = 1) -> float:
@@ -21,147 +23,194 @@ def team_cost(outlook: Outlook, controls: Array, beta: float, samples: int = 1) 
 def costs(
     outlook: Outlook, controls: Array, uavs: Sequence[int], candidates: Array, beta: float, samples: int = 1
 ) -> Array:
-    """Objective (N,) m² of `candidates` (N, k, H, 2) m/s for k UAVs while the others fly `controls` (n, H, 2).
+    """Objective (N,) m² of `candidates` (N, k, H, 2) m/s for k UAVs while the others fly `controls` (n, H, 2)."""
+    return objective(outlook, controls, uavs, beta, samples)(candidates)
 
-    Σ over steps and targets of tr P (position block), each P updated with the information of all UAVs that see
-    the target where the outlook has it ([Li22] eq. (11) with C̃ of eq. (7)), plus, for beta > 0, the MWTP of
-    Algorithm 2; the mean over `samples` sets of targets. Candidates share what the others contribute, so that is
-    computed once.
+
+def objective(
+    outlook: Outlook, controls: Array, uavs: Sequence[int], beta: float, samples: int = 1
+) -> Callable[[Array], Array]:
+    """The objective [m²] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly `controls` (n, H, 2).
+
+    Σ over steps and targets of tr P (position block) times the target's weight, each P updated with the information
+    of all UAVs that see the target where the outlook has it ([Li22] eq. (11) with C̃ of eq. (7)), plus, for beta > 0,
+    the MWTP of Algorithm 2 on weighted traces; the mean over `samples` sets of targets. Candidates share what the
+    others contribute, so that is computed once.
     """
-    chosen = np.asarray(uavs, dtype=np.int64)
-    return _costs(
-        outlook,
-        _paths(outlook.positions, controls, outlook.step),
-        chosen,
-        _paths(outlook.positions[chosen], candidates, outlook.step),
-        beta,
-        samples,
-    )
+    rest = _without(outlook, np.ascontiguousarray(controls, dtype=float), np.asarray(uavs, dtype=np.int64))
+
+    def values(candidates: Array) -> Array:
+        return _costs(outlook, rest, np.ascontiguousarray(candidates, dtype=float), beta, samples)
+
+    return values
 
 
-def _paths(positions: Array, controls: Array, step: float) -> Array:
-    """Where cameras (..., n, H, 3) m get by controls (..., n, H, 2) m/s from positions (n, 3) m ([Li22] eq. (5))."""
-    path = np.empty((*controls.shape[:-1], 3))
-    path[..., :2] = positions[:, None, :2] + step * np.cumsum(controls, axis=-2)
-    path[..., 2] = positions[:, None, 2]
-    return path
+class _Rest(NamedTuple):
+    """Who decides, and what the other UAVs contribute; rows count (step, target) pairs."""
+
+    uavs: NDArray[np.int64]  # (k,) that decide
+    information: Array  # (H T, 3): xx, xy, yy
+    before: Array  # (H T, 10): with it alone, P before each step, as in one lane of `planning.belief.transition`
+    traces: Array  # (H T,) m² of its position block after each step
+    ends: Array  # (n, 3): x, y [m] at the end, and 0: the D_i of the MWTP at first
+    seen: NDArray[np.bool_]  # (T,): which targets they have in their fields of view at the end
+
+
+class _Flight(NamedTuple):
+    """Where LANES plans of k UAVs take their cameras."""
+
+    cameras: Array  # (k, H, 2, LANES) m
+    boxes: Array  # (k, H, 4) m: x0, x1, y0, y1 of what holds them
 
 
 @compiled
-def _costs(outlook: Outlook, fleet: Array, uavs: NDArray[np.int64], own: Array, beta: float, samples: int) -> Array:
-    others, before, unseen = _without(outlook, fleet, uavs)
-    result = np.zeros(len(own))
-    traces = np.empty(outlook.points.shape[1])
-    information, seen = np.empty_like(others), np.empty(len(others), dtype=np.bool_)
-    P = np.empty((4, 4))
-    for c in range(len(own)):
-        information[:], seen[:] = others, False
-        for j in range(len(uavs)):
-            observe(outlook, uavs[j], own[c, j], information, seen)
-        for t in range(len(traces)):
-            tracked = False  # whether P differs from what the others alone make of it
-            for row in range(t, len(others), len(traces)):
-                if seen[row] and not tracked:
-                    P[:] = before[row]
-                    tracked = True
-                if tracked:
-                    transition(P, outlook.step, outlook.noise, information[row])
-                    traces[t] = P[0, 0] + P[1, 1]
-                else:
-                    traces[t] = unseen[row]
-                result[c] += traces[t]
+def _costs(outlook: Outlook, rest: _Rest, own: Array, beta: float, samples: int) -> Array:
+    result = np.empty(len(own))
+    steps, targets = outlook.points.shape[0], outlook.points.shape[1]
+    flight = _Flight(np.empty((len(rest.uavs), steps, 2, LANES)), np.empty((len(rest.uavs), steps, 4)))
+    traces, total = np.empty((targets, LANES)), np.empty(LANES)
+    for first in range(0, len(own), LANES):
+        plans = own[first : first + LANES]
+        _fly(outlook, rest.uavs, plans, flight)
+        _sum(outlook, rest, flight, traces, total)
         if beta > 0.0:
-            result[c] += beta * _penalties(outlook, traces, _ends(fleet, uavs, own[c]), samples)
+            total += beta * _penalties(outlook, rest, flight.cameras[:, -1], traces, samples)
+        result[first : first + LANES] = total[: len(plans)]
     return result / samples
 
 
 @compiled
-def _ends(fleet: Array, uavs: NDArray[np.int64], own: Array) -> Array:
-    """Where the fleet is at the end (n, 2) if `uavs` take their own paths (k, H, 3), and the others those of before."""
-    ends = fleet[:, -1, :2].copy()
+def _fly(outlook: Outlook, uavs: NDArray[np.int64], plans: Array, flight: _Flight) -> None:
+    """Set where up to LANES plans (N, k, H, 2) m/s take cameras ([Li22] eq. (5)); the last fills lanes left over."""
+    cameras, boxes = flight
     for j in range(len(uavs)):
-        ends[uavs[j]] = own[j, -1, :2]
-    return ends
+        for axis in range(2):
+            start, now = outlook.positions[uavs[j], axis], cameras[j, 0, axis]
+            for lane in range(LANES):
+                now[lane] = start
+            for step in range(cameras.shape[1]):
+                low, high = np.inf, -np.inf
+                before, now = now, cameras[j, step, axis]
+                for lane in range(LANES):
+                    at = before[lane] + outlook.step * plans[min(lane, len(plans) - 1), j, step, axis]
+                    now[lane] = at
+                    low, high = min(low, at), max(high, at)
+                boxes[j, step, 2 * axis], boxes[j, step, 2 * axis + 1] = low, high
 
 
 @compiled
-def _penalties(outlook: Outlook, traces: Array, ends: Array, samples: int) -> float:
-    """Sum over samples, each a set of targets in turn, of the MWTP with sensors at `ends` (n, 2) m."""
+def _sum(outlook: Outlook, rest: _Rest, flight: _Flight, traces: Array, total: Array) -> None:
+    """Set the weighted `traces` (T, LANES) at the end of the horizon, and `total` (LANES,) over steps and targets."""
+    P, information = np.empty(10 * LANES), np.empty(3 * LANES)
+    near = may_see(outlook, rest.uavs, flight.boxes)
+    shared = 0.0  # what all lanes have in common
+    total[:] = 0.0
+    for t in range(len(traces)):
+        tracked, weight, trace = False, outlook.weights[t], traces[t]  # tracked: whether P differs from the others'
+        for row in range(t, len(rest.traces), len(traces)):
+            if near[row] or tracked:
+                _fill(information, rest.information[row])
+            seen = tracked
+            for j in range(len(rest.uavs) if near[row] else 0):
+                seen |= observe(outlook, rest.uavs[j], flight.cameras[j, row // len(traces)], row, information)
+            if not seen:
+                shared += weight * rest.traces[row]
+                continue
+            if not tracked:
+                _fill(P, rest.before[row])
+            tracked = True
+            transition(P, outlook.step, outlook.noise, information, trace)
+            _add(trace, weight, total)
+        if not tracked:
+            trace[:] = weight * rest.traces[len(rest.traces) - len(traces) + t]
+    total += shared
+
+
+@compiled
+def _add(trace: Array, weight: float, total: Array) -> None:
+    """Weigh traces (LANES,) and add them to the total."""
+    for lane in range(LANES):
+        trace[lane] *= weight
+        total[lane] += trace[lane]
+
+
+@compiled
+def _fill(lanes: Array, values: Array) -> None:
+    """Set all lanes of (m LANES,) to the same m values."""
+    for k in range(len(values)):
+        value = values[k]
+        for lane in range(LANES):  # a loop, because assigning to a slice takes much longer
+            lanes[k * LANES + lane] = value
+
+
+@compiled
+def _penalties(outlook: Outlook, rest: _Rest, own: Array, traces: Array, samples: int) -> Array:
+    """Sums (LANES,) over samples, each a set of targets in turn, of the MWTP with `uavs` at `own` (k, 2, LANES) m.
+
+    traces (T, LANES) m².
+    """
     each = len(traces) // samples
-    total = 0.0
+    points, views, uavs, ends = outlook.points[-1, :, 0], outlook.views, rest.uavs, rest.ends
+    sensors, seen, lane_traces = np.empty_like(ends), np.empty(each, dtype=np.bool_), np.empty(each)
+    order, sums = np.arange(each), np.zeros(LANES)
     for s in range(samples):
-        rows = slice(s * each, (s + 1) * each)
-        total += weighted_trace_penalty(outlook.points[-1, rows, 0], traces[rows], ends.copy(), outlook.views)
-    return total
-
-
-@compiled
-def _without(outlook: Outlook, fleet: Array, uavs: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-    """Information (H T, 3) of UAVs other than `uavs`, and with it alone P before and its trace after each step.
-
-    P (H T, 4, 4), trace of its position block (H T,).
-    """
-    steps, targets = outlook.points.shape[0], outlook.points.shape[1]
-    others, seen = np.zeros((steps * targets, 3)), np.zeros(steps * targets, dtype=np.bool_)
-    for i in range(len(fleet)):
-        if not np.any(uavs == i):
-            observe(outlook, i, fleet[i], others, seen)
-    before, traces = np.empty((steps * targets, 4, 4)), np.empty(steps * targets)
-    P = np.empty((4, 4))
-    for t in range(targets):
-        P[:] = outlook.covariances[t]
-        for step in range(steps):
-            row = step * targets + t
-            before[row] = P
-            transition(P, outlook.step, outlook.noise, others[row])
-            traces[row] = P[0, 0] + P[1, 1]
-    return others, before, traces
-
-
-@compiled
-def weighted_trace_penalty(targets: Array, traces: Array, sensors: Array, views: Array) -> float:
-    """Multiple weighted trace penalty, [Li22] Algorithm 2 with β = 1 [m³].
-
-    targets (T, 2 or 3) m at the end of the horizon, traces (T,) m² of their position covariance, sensors (n, 2) m,
-    views (n, 5, 3): their fields of view, see `planning.view.quadrangle`. `sensors` is overwritten with the positions
-    p^MDO.
-
-    Note: distances are counted from where a camera looks, which the paper's cameras do straight down.
-    Note: T is the set outside all fields of view as geometry; a target in view but hidden is not in it, because
-    p^MDO, the least displacement after which the field of view covers the target, would be where the sensor is.
-    """
-    distance = np.zeros(len(sensors))  # D_i
-    penalty = 0.0
-    seen = _covered(targets, sensors, views)
-    for t in np.argsort(-traces, kind="mergesort"):
-        if seen[t]:
+        targets, unseen = points[s * each : (s + 1) * each], ~rest.seen[s * each : (s + 1) * each]
+        if not np.any(unseen):
             continue
-        nearest, shortest = _nearest(targets[t], sensors, views, distance)
-        if distance[nearest] == 0.0:
-            penalty += shortest * traces[t]
-        distance[nearest] += shortest
-        dx, dy = targets[t, 0] - sensors[nearest, 0], targets[t, 1] - sensors[nearest, 1]
-        move_x, move_y = shortest_move(views, nearest, dx, dy)
-        sensors[nearest, 0] += move_x
-        sensors[nearest, 1] += move_y
-    return penalty
+        for lane in range(LANES):
+            for t in range(each):
+                seen[t], lane_traces[t] = not unseen[t], traces[s * each + t, lane]
+            for i in range(len(ends)):
+                sensors[i, 0], sensors[i, 1], sensors[i, 2] = ends[i, 0], ends[i, 1], 0.0
+            for j in range(len(uavs)):
+                i = uavs[j]
+                sensors[i, 0], sensors[i, 1] = own[j, 0, lane], own[j, 1, lane]
+                cover(targets, seen, sensors[i], views, i)
+            sums[lane] += penalise(targets, lane_traces, seen, sensors, views, order)[0]
+    return sums
 
 
 @compiled
-def _covered(targets: Array, sensors: Array, views: Array) -> NDArray[np.bool_]:
-    covered = np.zeros(len(targets), dtype=np.bool_)
-    for t in range(len(targets)):
-        for i in range(len(sensors)):
-            dx, dy = targets[t, 0] - sensors[i, 0], targets[t, 1] - sensors[i, 1]
-            covered[t] |= inside(views, i, dx, dy)
-    return covered
+def _without(outlook: Outlook, controls: Array, uavs: NDArray[np.int64]) -> _Rest:
+    """What others than `uavs` contribute by their controls (n, H, 2) m/s."""
+    steps, targets = outlook.points.shape[0], outlook.points.shape[1]
+    rest = _Rest(
+        uavs,
+        np.zeros((steps * targets, 3)),
+        np.empty((steps * targets, 10)),
+        np.empty(steps * targets),
+        np.zeros((len(controls), 3)),
+        np.zeros(targets, dtype=np.bool_),
+    )
+    _add_others(outlook, controls, rest)
+    P, information, trace = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES)
+    for t in range(targets):
+        for k, (i, j) in enumerate(_TRIANGLE):
+            P[k * LANES : (k + 1) * LANES] = outlook.covariances[t, i, j]
+        for row in range(t, steps * targets, targets):
+            rest.before[row] = P[::LANES]
+            _fill(information, rest.information[row])
+            transition(P, outlook.step, outlook.noise, information, trace)
+            rest.traces[row] = trace[0]
+    return rest
 
 
 @compiled
-def _nearest(target: Array, sensors: Array, views: Array, distance: Array) -> tuple[int, float]:
-    best, shortest, total = 0, 0.0, np.inf
-    for i in range(len(sensors)):
-        d = math.hypot(target[0] - sensors[i, 0] - views[i, 4, 0], target[1] - sensors[i, 1] - views[i, 4, 1])
-        if distance[i] + d < total:
-            best, shortest, total = i, d, distance[i] + d
-    return best, shortest
+def _add_others(outlook: Outlook, controls: Array, rest: _Rest) -> None:
+    """Set in `rest` the information of UAVs that do not decide, where they end, and what they have in view there."""
+    steps, targets = outlook.points.shape[0], outlook.points.shape[1]
+    flight = _Flight(np.empty((1, steps, 2, LANES)), np.empty((1, steps, 4)))
+    information = np.empty(3 * LANES)
+    for i in range(len(controls)):
+        if np.any(rest.uavs == i):
+            continue
+        _fly(outlook, np.array([i]), controls[i : i + 1].reshape(1, 1, steps, 2), flight)
+        rest.ends[i, :2] = flight.cameras[0, -1, :, 0]
+        cover(outlook.points[-1, :, 0], rest.seen, rest.ends[i], outlook.views, i)
+        near = may_see(outlook, np.array([i]), flight.boxes)
+        for row in range(len(near)):
+            if not near[row]:
+                continue
+            _fill(information, rest.information[row])
+            observe(outlook, i, flight.cameras[0, row // targets], row, information)
+            rest.information[row] = information[::LANES]

@@ -10,8 +10,9 @@ from time import perf_counter
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tracking.compiled import Array
+from tracking.compiled import Array, compiled
 
 Objective = Callable[[Array], Array]  # candidates (N, k, H, 2) m/s -> costs (N,)
 
@@ -34,18 +35,23 @@ class Optimizer(Protocol):
 
 @dataclass(frozen=True)
 class CrossEntropy:
-    """Cross-entropy search whose elites survive: never worse than the best plan it is given.
+    """Cross-entropy search whose elites survive and keep apart: never worse than the best plan it is given.
 
-    Each round draws plans round the elites with noise that is correlated in time (a UAV rarely profits from zigzag)
-    and shrinks from round to round; elites compete with the new plans. Plans of several basins live on side by side,
-    which a single Gaussian, as in textbook CEM, would average. Source: [Pinneri20] for elites and coloured noise.
+    Each round draws plans round the elites with noise that shrinks from round to round; elites compete with the new
+    plans. Half of the noise is correlated in time (a UAV rarely profits from zigzag); the other half moves one
+    waypoint, or the path from there on, which keeps what the rest of a plan has achieved. Elites whose paths
+    are alike count as one, so that several basins, some of them narrow, live on side by side; a single Gaussian, as in
+    textbook CEM, would average them. Source: [Pinneri20] for elites and coloured noise.
     """
 
-    evaluations: int = 2048  # the starts aside
-    elites: int = 16
-    rounds: int = 8
-    spread: float = 0.5  # of the maximum speed, at first
-    shrink: float = 0.65  # of the spread, per round
+    evaluations: int = 12_288  # the starts aside
+    elites: int = 32
+    rounds: int = 10
+    spread: float = 1.0  # of the maximum speed, at first
+    shrink: float = 0.7  # of spread and distance, per round
+    apart: float = (
+        0.5  # of the way that maximum speed makes in a step: between elites' paths, root mean square, at first
+    )
     seconds: float = 0.0  # search anew until so much time is used; 0: once. What is found then depends on the machine
 
     def minimise(self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator) -> Found:
@@ -58,18 +64,23 @@ class CrossEntropy:
         return found
 
     def _search(self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator) -> Found:
+        _, k, H, _ = starts.shape
+        max_speeds = np.ascontiguousarray(np.broadcast_to(max_speeds, k), dtype=float)
         pool = limited(starts, max_speeds)
         values = objective(pool)
-        used, population = len(pool), math.ceil(self.evaluations / self.rounds)
-        spread = self.spread * max_speeds[:, None, None]
+        used, population, scale = len(pool), math.ceil(self.evaluations / self.rounds), 1.0
         for _ in range(self.rounds):
-            order = np.argsort(values, kind="stable")[: self.elites]
+            order = np.argsort(values, kind="stable")
+            paths = np.cumsum(pool[order], axis=2) / max_speeds[:, None, None]
+            order = order[_distinct(paths.reshape(len(order), -1), self.elites, k * H * (scale * self.apart) ** 2)]
             pool, values = pool[order], values[order]
-            parents = pool[rng.integers(len(pool), size=population)]
-            drawn = limited(parents + spread * _correlated(parents.shape, rng), max_speeds)
+            parents = pool[np.arange(population) * len(pool) // population]
+            normal = rng.standard_normal((population, 2 * k * (H + 1) + 1))
+            moves = rng.integers(2 * k * H, size=population)
+            drawn = _varied(parents, normal, moves, scale * self.spread, max_speeds)
             pool, values = np.concatenate([pool, drawn]), np.concatenate([values, objective(drawn)])
-            used += len(drawn)
-            spread = spread * self.shrink
+            used += population
+            scale *= self.shrink
         best = int(np.argmin(values))
         return Found(pool[best], float(values[best]), used)
 
@@ -78,7 +89,8 @@ class CrossEntropy:
 class ParticleSwarm:
     """Particle swarm of [Li22] IV: 20 particles per step of the horizon, each drawn to its own and the swarm's best.
 
-    Particles start at the starts and, beyond those, at random; `evaluations` of 0 means 51 moves of the whole swarm.
+    The best starts are where up to half of the particles begin, the others begin at random; `evaluations` of 0 means
+    51 moves of the whole swarm.
     """
 
     evaluations: int = 0  # the starts aside
@@ -95,7 +107,7 @@ class ParticleSwarm:
         particles = limited(rng.uniform(-1.0, 1.0, shape) * max_speeds[:, None, None], max_speeds)
         starts = limited(starts, max_speeds)
         firsts = objective(starts)
-        order = np.argsort(firsts, kind="stable")[: len(particles)]
+        order = np.argsort(firsts, kind="stable")[: len(particles) // 2]
         particles[: len(order)] = starts[order]
         velocities = rng.uniform(-1.0, 1.0, shape) * max_speeds[:, None, None]
         best, values = particles.copy(), objective(particles)
@@ -159,7 +171,61 @@ def limited(plans: Array, max_speeds: Array | float) -> Array:
     return np.asarray(plans * np.minimum(1.0, most / np.maximum(speed, 1e-12)))
 
 
-def _correlated(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    """Noise (N, k, H, 2): a constant offset and white noise over the steps, of equal variance, unit in total."""
-    constant = rng.standard_normal((*shape[:2], 1, shape[3]))
-    return np.asarray((constant + rng.standard_normal(shape)) / np.sqrt(2))
+@compiled
+def _distinct(paths: Array, most: int, apart: float) -> NDArray[np.int64]:
+    """Indices of the first rows (N, D) of which each is further than `apart`, squared, from those before it."""
+    chosen, count = np.empty(most, dtype=np.int64), 0
+    for i in range(len(paths)):
+        alike = False
+        for j in range(count):
+            square = 0.0
+            for d in range(paths.shape[1]):
+                square += (paths[i, d] - paths[chosen[j], d]) ** 2
+            if square < apart:
+                alike = True
+                break
+        if not alike:
+            chosen[count] = i
+            count += 1
+            if count == most:
+                break
+    return chosen[:count]
+
+
+@compiled
+def _varied(plans: Array, normal: Array, moves: NDArray[np.int64], spread: float, max_speeds: Array) -> Array:
+    """Plans (N, k, H, 2) m/s with noise of `spread` maximum speeds, times a factor by chance, within the limits.
+
+    Even plans get a constant offset and white noise over the steps, of equal variance. Odd ones have one waypoint
+    moved, with (moves odd) or without the path after it. normal (N, 2 k (H + 1) + 1); moves (N,) below 2 k H.
+    """
+    out = plans.copy()
+    _, k, H, _ = plans.shape
+    for c in range(len(plans)):
+        size = spread * math.exp(normal[c, -1])
+        if c % 2:
+            step, j = moves[c] // 2 % H, moves[c] // (2 * H)
+            for axis in range(2):
+                change = size * max_speeds[j] * normal[c, axis]
+                out[c, j, step, axis] += change
+                if moves[c] % 2 == 0 and step + 1 < H:
+                    out[c, j, step + 1, axis] -= change
+        else:
+            for j in range(k):
+                for step in range(H):
+                    for axis in range(2):
+                        noise = normal[c, 2 * j + axis] + normal[c, 2 * k + 2 * (j * H + step) + axis]
+                        out[c, j, step, axis] += size * max_speeds[j] * noise * math.sqrt(0.5)
+        _limit(out[c], max_speeds)
+    return out
+
+
+@compiled
+def _limit(plans: Array, max_speeds: Array) -> None:
+    """As `limited`, in place, of one joint plan (k, H, 2) m/s."""
+    for j in range(plans.shape[0]):
+        for step in range(plans.shape[1]):
+            speed = math.sqrt(plans[j, step, 0] ** 2 + plans[j, step, 1] ** 2)
+            if speed > max_speeds[j]:
+                plans[j, step, 0] *= max_speeds[j] / speed
+                plans[j, step, 1] *= max_speeds[j] / speed

@@ -45,6 +45,7 @@ class Composed:
     evaluations: int = 0  # of the objective, for each UAV's plan; 0: the optimiser's usual number
     seconds: float = 0.0  # the optimiser's time for each decision; 0: as long as the evaluations take
     occlusion: str = ""  # as the planner models it; empty: as the scenario has it
+    existence: bool = True  # targets count by their probability of existence; False: as one
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
@@ -52,6 +53,8 @@ class Composed:
                 allowed = ", ".join(repr(choice) for choice in choices)
                 near = nearest(str(getattr(self, name)), choices)
                 raise ValueError(f"{name} {getattr(self, name)!r} is unknown; allowed are {allowed}{near}")
+        if not isinstance(self.existence, bool):
+            raise ValueError(f"existence must be True or False, is {self.existence!r}")
         for name, least in _LEAST.items():
             value, whole = getattr(self, name), isinstance(getattr(Composed, name), int)
             if type(value) not in ((int,) if whole else (int, float)) or not least <= value < math.inf:
@@ -91,6 +94,7 @@ class Composed:
             beta=self.beta,
             optimizer=self._optimizer(),
             occlusion=cast("Occlusion", self.occlusion) or None,
+            existence=self.existence,
         )
 
     def _optimizer(self) -> Optimizer:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -12,6 +13,7 @@ from planning.view import MARKS, shown_at
 from tracking.compiled import Array
 
 NEAREST = 6  # targets that a UAV considers pursuing
+HEADINGS = 16
 
 
 def pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
@@ -30,3 +32,13 @@ def pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
         plans[:, k] = limited(((goal - reached) / step)[:, None], vehicle.max_speed)[:, 0]
         reached = reached + step * plans[:, k]
     return plans
+
+
+@cache
+def turns(max_speed: float, horizon: int) -> Array:
+    """Plans (S, H, 2) m/s of two legs, each at full speed in one of 16 directions, or hovering."""
+    angles = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
+    controls = np.concatenate([max_speed * np.column_stack([np.cos(angles), np.sin(angles)]), np.zeros((1, 2))])
+    first = horizon // 2
+    before, after = np.repeat(controls, len(controls) if first else 1, axis=0), np.tile(controls, (len(controls), 1))
+    return np.array([[a] * first + [b] * (horizon - first) for a, b in zip(before, after, strict=False)])

@@ -79,7 +79,7 @@ def shortest_move(views: Array, uav: int, dx: float, dy: float) -> tuple[float, 
         return 0.0, 0.0
     for k in range(4):
         excess = h[k, 0] * dx + h[k, 1] * dy - h[k, 2]
-        if excess > 0.0 and _within_others(h, dx - excess * h[k, 0], dy - excess * h[k, 1], k, k):
+        if excess > 0.0 and _within_others(h, dx - excess * h[k, 0], dy - excess * h[k, 1], k):
             return excess * h[k, 0], excess * h[k, 1]
     x, y = _nearest_corner(h, dx, dy)
     return dx - x, dy - y
@@ -87,25 +87,23 @@ def shortest_move(views: Array, uav: int, dx: float, dy: float) -> tuple[float, 
 
 @compiled
 def _nearest_corner(half_planes: Array, dx: float, dy: float) -> tuple[float, float]:
-    """The corner of the quadrangle that is nearest to (dx, dy) [m]."""
+    """The corner of the quadrangle, whose first two and last two sides are opposite, nearest to (dx, dy) [m]."""
     h = half_planes
     best, corner = np.inf, (dx, dy)
-    for k in range(1, 4):
-        for j in range(k):
-            determinant = h[j, 0] * h[k, 1] - h[k, 0] * h[j, 1]
-            if abs(determinant) > 1e-12:  # not parallel
-                x = (h[j, 2] * h[k, 1] - h[k, 2] * h[j, 1]) / determinant
-                y = (h[j, 0] * h[k, 2] - h[k, 0] * h[j, 2]) / determinant
-                distance = math.hypot(dx - x, dy - y)
-                if distance < best and _within_others(h, x, y, j, k):
-                    best, corner = distance, (x, y)
+    for j in range(2):
+        for k in range(2, 4):
+            scale = 1.0 / (h[j, 0] * h[k, 1] - h[k, 0] * h[j, 1])
+            x, y = (h[j, 2] * h[k, 1] - h[k, 2] * h[j, 1]) * scale, (h[j, 0] * h[k, 2] - h[k, 0] * h[j, 2]) * scale
+            distance = (dx - x) * (dx - x) + (dy - y) * (dy - y)
+            if distance < best:
+                best, corner = distance, (x, y)
     return corner
 
 
 @compiled
-def _within_others(half_planes: Array, x: float, y: float, j: int, k: int) -> bool:
-    """Whether (x, y), which lies on sides j and k, is on the inner side of the other ones."""
+def _within_others(half_planes: Array, x: float, y: float, k: int) -> bool:
+    """Whether (x, y), which lies on side k, is on the inner side of the other ones."""
     for i in range(4):
-        if i not in (j, k) and half_planes[i, 0] * x + half_planes[i, 1] * y > half_planes[i, 2]:
+        if i != k and half_planes[i, 0] * x + half_planes[i, 1] * y > half_planes[i, 2]:
             return False
     return True

@@ -14,7 +14,7 @@ from planning.nbo import costs, team_cost
 from planning.optimizers import CrossEntropy, Grid
 from planning.planner import Plan
 from planning.propagation import MonteCarlo, nominal_positions
-from planning.pursuit import pursuits
+from planning.pursuit import pursuits, turns
 from tracking.kalman import NearlyConstantVelocity
 from tracking.visibility import Forest
 
@@ -34,6 +34,7 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
     team = random_team(4, uavs=1)
     intent = policy_of_intent(team[0], team[0].own, 3)[None]
     chases = pursuits(nominal_positions(team[0].tracks, 1.0, 3), team[0].own, 1.0)
+    chases = np.concatenate([chases, turns(5.0, 3)])
     alone = CrossEntropy().minimise(
         lambda c: costs(nominal(team[0], 3), intent, [0], c, 0.5),
         np.concatenate([intent[None], chases[:, None]]),

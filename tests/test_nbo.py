@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from planning.nbo import costs, team_cost, weighted_trace_penalty
+from planning.mwtp import weighted_trace_penalty
+from planning.nbo import costs, team_cost
 from planning.propagation import Nominal, nominal_positions
 from tracking.camera import Pose
 from tracking.visibility import TARGET_HEIGHT
@@ -45,11 +46,13 @@ def thirds():
     return middle, low, high
 
 
-def plain_cost(situation, controls, beta, *, expected=False):
+def plain_cost(situation, controls, beta, *, expected=False, weights=None):
     """Eqs. (1), (4), (5), (7), (11), with nominal targets and matrix inverses; also counts who sees what.
 
-    With `expected` each target is at nine equally probable points of its predicted belief at once.
+    With `expected` each target is at nine equally probable points of its predicted belief at once; with `weights` (T,)
+    targets count by these.
     """
+    weights = np.ones(len(situation.tracks)) if weights is None else weights
     marks = np.array(list(itertools.product(thirds(), repeat=2))) if expected else np.zeros((1, 2))
     fleet, F, Q = situation.vehicles, situation.motion.F, situation.motion.Q
     H = np.eye(2, 4)
@@ -76,10 +79,10 @@ def plain_cost(situation, controls, beta, *, expected=False):
                         information = information + H.T @ np.linalg.inv(R) @ H / len(marks)
                 count += information is not before
             P[t] = np.linalg.inv(information)
-            J += np.trace(P[t][:2, :2])
+            J += weights[t] * np.trace(P[t][:2, :2])
             seen.append(count)
     if beta:
-        traces = [np.trace(p[:2, :2]) for p in P]
+        traces = [w * np.trace(p[:2, :2]) for w, p in zip(weights, P, strict=True)]
         J += beta * plain_mwtp([m[:2] for m in means], traces, positions, reach)
     return J, seen
 

@@ -10,7 +10,8 @@ from test_nbo import nominal, plain_cost, squares
 
 from planning.composition import Composition
 from planning.intent import base_control
-from planning.nbo import team_cost, weighted_trace_penalty
+from planning.mwtp import weighted_trace_penalty
+from planning.nbo import team_cost
 from planning.planner import Vehicle
 from planning.view import aim, inside, quadrangle, reach, shortest_move, shown_at
 from tracking.camera import Camera, Pose

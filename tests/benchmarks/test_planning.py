@@ -1,0 +1,86 @@
+"""How long decisions take, side by side and as teams and scenes grow; docs/benchmarks.md says how to run this.
+
+What is compared runs in turn, so that the load of the machine falls on all of it; of several CPU times the least counts.
+In ordinary test runs each runs once, on little, and its times are not judged.
+"""
+
+import time
+
+import numpy as np
+import pytest
+
+from planning.registry import load_planner
+
+EVALUATIONS = 12_288  # of every planner, for each plan or joint plan that it looks for
+# s, a whole trial of 40 decisions or more, R = 5, lambda = 75: [Li22], table of runtimes, by horizon.
+PAPER = {
+    "sma-nbo": (574, 1307, 1914),
+    "sma-nbo-mwtp": (604, 1319, 1924),
+    "mcr": (1662, 3822, 6291),
+    "dec-pomdp": (None, 1789, 2551),
+}
+NAMES = ("sma-nbo", "sma-nbo-mwtp", "pma-nbo", "mcr", "dec-pomdp", "centralized")
+
+
+def timed(runs, rounds):
+    """The least CPU time [ms] of each of several functions, which take turns."""
+    least = np.full(len(runs), np.inf)
+    for _ in range(rounds):
+        for k, run in enumerate(runs):
+            start = time.process_time()
+            run()
+            least[k] = min(least[k], 1e3 * (time.process_time() - start))
+    return least
+
+
+def deciding(planner, team):
+    return lambda: planner.plan(team, np.random.default_rng(0))
+
+
+def decisions(make, teams, names, rounds, options=""):
+    """Mean over teams of the least time [ms] of a decision of each planner."""
+    planners = [load_planner(f"{name}({options})") for name in names]
+    for planner in planners:
+        planner.plan(teams[0], np.random.default_rng(0))
+    return np.mean([timed([deciding(p, team) for p in planners], rounds) for team in teams], axis=0)
+
+
+def test_decisions(random_team, judged):
+    """Three UAVs, four targets, five steps, 75 trees."""
+    names = ("sma-nbo-mwtp", "sma-nbo", "mcr")
+    teams = [random_team(seed, trees=75) for seed in range(6 if judged else 1)]
+    mwtp, nbo, mcr = decisions(random_team, teams, names, 10 if judged else 1, "" if judged else "evaluations=64")
+    print(f"\nsma-nbo-mwtp {mwtp:.1f} ms, sma-nbo {nbo:.1f} ms, mcr {mcr:.1f} ms: {mcr / nbo:.1f} x sma-nbo")
+    assert not judged or (mwtp < 30.0 and mcr < 10.0 * nbo)
+
+
+@pytest.mark.parametrize(("what", "most", "bound"), [("uavs", 20, 1.15), ("targets", 50, 1.15)])
+def test_decisions_as_teams_and_scenes_grow(random_team, judged, what, most, bound):
+    """UAVs from 3, among 10 targets; targets from 4, with 3 UAVs. The exponent is that of a power law."""
+    counts = np.array([3, 6, 10, most] if what == "uavs" else [4, 10, 25, most]) if judged else np.array([2, 3])
+    planner = load_planner("sma-nbo-mwtp" if judged else "sma-nbo-mwtp(evaluations=64)")
+    teams = [random_team(0, **({"targets": 10} | {what: int(n)}), trees=75, spread=40.0) for n in counts]
+    times = timed([deciding(planner, team) for team in teams], 10 if judged else 1)
+    exponent = np.polyfit(np.log(counts), np.log(times), 1)[0]
+    print(f"\n{what} {counts.tolist()}: {np.round(times, 1).tolist()} ms, exponent {exponent:.2f}, bound {bound}")
+    assert not judged or exponent <= bound
+
+
+def test_runtimes_beside_the_papers(random_team, judged):
+    """The paper's runtime table; its times are of whole trials, so ratios to its SMA-NBO are what compares."""
+    teams = [random_team(seed, trees=75) for seed in range(3 if judged else 1)]
+    names = [*NAMES, "sma-nbo-mwtp(optimizer=particle-swarm"]
+    evaluations = EVALUATIONS if judged else 64
+    lines = []
+    for column, horizon in enumerate((1, 3, 5) if judged else (1,)):
+        options = f"horizon={horizon}, evaluations={evaluations}"
+        planners = [load_planner(f"{n}, {options})" if "(" in n else f"{n}({options})") for n in names]
+        times = np.mean([timed([deciding(p, team) for p in planners], 3 if judged else 1) for team in teams], axis=0)
+        for name, ms in zip(names, times, strict=True):
+            theirs = PAPER.get(name, (None,) * 3)[column]
+            ratio = f"{theirs / PAPER['sma-nbo'][column]:.1f}" if theirs else "-"
+            lines.append(
+                f"H = {horizon} {name + ')' * ('(' in name):40} {ms:8.1f} ms, {ms / times[0]:5.1f}, paper {ratio}"
+            )
+            assert np.isfinite(ms)
+    print("\n" + "\n".join(lines))
