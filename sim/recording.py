@@ -95,6 +95,8 @@ class Recording:
     contacts: Annotated[Ints, "<i8", "C 4"] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
     # To neighbours, in all rounds of consensus of a scan; -1 where it was not recorded.
     bytes_sent: Annotated[Ints, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
+    # Probability that there is somebody; NaN where nobody asks, as in life m_of_n; -1 where it was not recorded.
+    track_existence: Annotated[Array, "<f8", "S"] = field(default_factory=lambda: np.zeros(0))
 
     @property
     def forest(self) -> Forest:
@@ -129,8 +131,15 @@ class Recording:
     def tracks_at(self, k: int, uav: int) -> tuple[Track, ...]:
         """The tracks of one UAV after scan k."""
         rows = self._rows(self.track_offsets, k, uav)
-        table = zip(self.track_ids[rows], self.track_means[rows], self.track_covariances[rows], strict=True)
-        return tuple(Track(int(id_), Gaussian(mean, covariance)) for id_, mean, covariance in table)
+        existence = self.existence_at(k, uav)
+        certain = np.where(np.isnan(existence), 1.0, existence).tolist()
+        table = zip(self.track_ids[rows], self.track_means[rows], self.track_covariances[rows], certain, strict=True)
+        return tuple(Track(int(id_), Gaussian(mean, covariance), r) for id_, mean, covariance, r in table)
+
+    def existence_at(self, k: int, uav: int) -> Array:
+        """For each track of one UAV after scan k the probability that there is somebody (N,); NaN if unknown."""
+        existence = self.track_existence[self._rows(self.track_offsets, k, uav)]
+        return np.where(existence >= 0.0, existence, math.nan)
 
     def plans_at(self, k: int) -> list[Plan] | None:
         """The plans made at scan k, if any were."""
@@ -241,6 +250,8 @@ class Recorder:
             "track_ids": np.array([track.id for track in tracks], dtype=np.int64),
             "track_means": _joined((track.belief.mean for track in tracks), 4),
             "track_covariances": _joined((track.belief.covariance for track in tracks), 4, 4),
+            # Evidence never makes a probability one: that is what trackers say whose tracks have none.
+            "track_existence": np.array([t.existence if t.existence < 1.0 else math.nan for t in tracks], dtype=float),
         }
 
 
