@@ -18,7 +18,8 @@ from rich.table import Table
 from sim.scenario import Scenario
 
 if TYPE_CHECKING:  # commands that fly nothing answer without what these import
-    from sim.recording import Recorder, Snapshot
+    from sim.recording import Recorder
+    from sim.snapshot import Snapshot
 
 console = Console(highlight=False)
 _START_UP = "starting up"

@@ -23,6 +23,7 @@ STATE = ("x", "y", "vx", "vy")  # m, m/s
 # Upper triangle of a covariance by rows, named by the states that it is of.
 COVARIANCE = tuple(a + b for i, a in enumerate(STATE) for b in STATE[i:])
 _UPPER = np.triu_indices(4)
+_TRACK = ("id", *STATE, *COVARIANCE, "existence")
 
 
 def export(recording: Recording, target: str, out: Path) -> None:
@@ -46,7 +47,7 @@ def _csv(recording: Recording, folder: Path) -> None:
     """Tables that `tracking.exchange` reads; the truth can be flown again as `people.trajectories`."""
     _table(folder / "scans.csv", SCAN_COLUMNS, _scan_rows(recording))
     tracks = ([time, uav, *row] for uav in _uavs(recording) for _, time, row in _track_rows(recording, uav))
-    _table(folder / "tracks.csv", ("time", "uav", "id", *STATE, *COVARIANCE), sorted(tracks))
+    _table(folder / "tracks.csv", ("time", "uav", *_TRACK), sorted(tracks))
     _table(folder / "truth.csv", PEOPLE_COLUMNS, ([time, m, *xy] for _, time, m, xy in _truth(recording)))
     scenario = scenario_of(recording)
     cameras = [view_of(uav, scenario) for uav in scenario.uavs]
@@ -66,7 +67,7 @@ def _stonesoup(recording: Recording, folder: Path) -> None:
             ([time, *row] for _, time, row in _measurement_rows(recording, uav)),
         )
         tracks = ([time, *row] for _, time, row in _track_rows(recording, uav))
-        _table(folder / f"tracks-uav{uav}.csv", ("time", "id", *STATE, *COVARIANCE), tracks)
+        _table(folder / f"tracks-uav{uav}.csv", ("time", *_TRACK), tracks)
     v = velocities(recording)
     truth = ([time, m, *xy, *v[k, m].tolist()] for k, time, m, xy in _truth(recording))
     _table(folder / "groundtruth.csv", ("time", "id", *STATE), truth)
@@ -139,11 +140,12 @@ def _measurement_rows(recording: Recording, uav: int) -> Iterator[tuple[int, flo
 
 
 def _track_rows(recording: Recording, uav: int) -> Iterator[tuple[int, float, list[float]]]:
-    """Scan, time, and id, state and covariance of each track of one UAV while it works."""
+    """Scan, time, and id, state, covariance and existence (NaN if unknown) of each track of one UAV while it works."""
     for k in np.flatnonzero(recording.working[:, uav]).tolist():
-        for track in recording.tracks_at(k, uav):
-            belief = track.belief
-            yield k, float(recording.times[k]), [track.id, *belief.mean.tolist(), *belief.covariance[_UPPER].tolist()]
+        known = recording.existence_at(k, uav).tolist()
+        for track, r in zip(recording.tracks_at(k, uav), known, strict=True):
+            state, covariance = track.belief.mean.tolist(), track.belief.covariance[_UPPER].tolist()
+            yield k, float(recording.times[k]), [track.id, *state, *covariance, r]
 
 
 def _truth(recording: Recording) -> Iterator[tuple[int, float, int, list[float]]]:

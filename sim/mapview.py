@@ -25,8 +25,8 @@ from sim.palette import (
     track_colour,
     uav_colour,
 )
-from sim.recording import Snapshot
 from sim.scenario import Scenario
+from sim.snapshot import Snapshot
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
 from tracking.tracker import Track

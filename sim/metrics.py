@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.recording import Bools, Ints, Recording
+from sim.recording import Recording
+from sim.snapshot import Bools, Ints
 from tracking.clearmot import correspondence, fragmentations, switches
 from tracking.compiled import Array
 from tracking.gospa import gospa

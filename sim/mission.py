@@ -16,9 +16,9 @@ from sim.autopilot import Fault, decide
 from sim.forest import grow
 from sim.intents import Intents, Sent
 from sim.radio import Links, hearing, losses
-from sim.recording import Snapshot
 from sim.scenario import Scenario, Tracking
 from sim.sensing import Look, Sensors, camera_pose, planned_attitude
+from sim.snapshot import Snapshot
 from sim.stopwatch import Stopwatch
 from sim.streams import stream
 from sim.trajectories import Trajectories, read

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from planning.planner import Plan
 from sim.contacts import KINDS, Contact
+from sim.snapshot import Bools, Ints, Snapshot
 from tracking.camera import Pose
 from tracking.compiled import Array
 from tracking.kalman import Gaussian
@@ -20,45 +21,9 @@ from tracking.tracker import Scan, Track
 from tracking.visibility import Forest, Tree
 
 VERSION = 1
-
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 _DTYPES: dict[str, type[np.generic]] = {"matched": np.bool_} | dict.fromkeys(
     ("visible", "bytes_sent", "plan_bytes", "plan_rounds"), np.int64
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Snapshot:
-    """The mission at one scan, ground truth included: for the recording, the video and the metrics alone."""
-
-    time: float  # s
-    people: Array  # (M, 2) m, NaN where absent
-    headings: Array  # (M,) rad
-    poses: list[Pose]  # of the n UAVs' bodies
-    cameras: list[Pose]
-    commands: Array  # (n, 2) m/s, in force
-    scans: list[Scan]
-    pixels: list[Array]  # (N_i, 2) detections in each image, one per measurement; empty in ideal sensing
-    tracks: list[tuple[Track, ...]]
-    plans: list[Plan] | None  # those made at this instant
-    ospa: Array  # (n, 3) m: distance, localisation, cardinality
-    visible: Ints  # (n, M) pixels that the renderer shows of each person
-    matched: Bools  # (n, M) whether the person was detected in that camera
-    contacts: tuple[Contact, ...] = ()  # since the scan before
-    bytes_sent: Ints = field(kw_only=True)  # (n,) to neighbours, in all rounds of consensus; -1 if unknown
-    plan_bytes: Ints = field(kw_only=True)  # (n,) to neighbours, of plans made at this instant; -1 if unknown
-    plan_rounds: int = field(kw_only=True)  # in which these were sent
-
-    @property
-    def working(self) -> list[int]:
-        """UAVs that have not broken down; the others have neither tracks nor an error."""
-        return [int(i) for i in np.flatnonzero(~np.isnan(self.ospa[:, 0]))]
-
-    @property
-    def error(self) -> float:
-        """OSPA distance [m], mean over the UAVs that work; NaN if none does."""
-        return float(self.ospa[self.working, 0].mean()) if self.working else math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +68,8 @@ class Recording:
     plan_bytes: Annotated[Ints, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
     plan_rounds: Annotated[Ints, "<i8", "K"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     sees_truth: Annotated[bool, "|b1", ""] = field(default_factory=bool)  # whether the planner does: an upper bound
+    # Probability that there is somebody; NaN where nobody asks, as in life m_of_n; -1 where it was not recorded.
+    track_existence: Annotated[Array, "<f8", "S"] = field(default_factory=lambda: np.zeros(0))
 
     @property
     def forest(self) -> Forest:
@@ -137,8 +104,15 @@ class Recording:
     def tracks_at(self, k: int, uav: int) -> tuple[Track, ...]:
         """The tracks of one UAV after scan k."""
         rows = self._rows(self.track_offsets, k, uav)
-        table = zip(self.track_ids[rows], self.track_means[rows], self.track_covariances[rows], strict=True)
-        return tuple(Track(int(id_), Gaussian(mean, covariance)) for id_, mean, covariance in table)
+        existence = self.existence_at(k, uav)
+        certain = np.where(np.isnan(existence), 1.0, existence).tolist()
+        table = zip(self.track_ids[rows], self.track_means[rows], self.track_covariances[rows], certain, strict=True)
+        return tuple(Track(int(id_), Gaussian(mean, covariance), r) for id_, mean, covariance, r in table)
+
+    def existence_at(self, k: int, uav: int) -> Array:
+        """For each track of one UAV after scan k the probability that there is somebody (N,); NaN if unknown."""
+        existence = self.track_existence[self._rows(self.track_offsets, k, uav)]
+        return np.where(existence >= 0.0, existence, math.nan)
 
     def plans_at(self, k: int) -> list[Plan] | None:
         """The plans made at scan k, if any were."""
@@ -261,6 +235,8 @@ class Recorder:
             "track_ids": np.array([track.id for track in tracks], dtype=np.int64),
             "track_means": _joined((track.belief.mean for track in tracks), 4),
             "track_covariances": _joined((track.belief.covariance for track in tracks), 4, 4),
+            # Evidence never makes a probability one: that is what trackers say whose tracks have none.
+            "track_existence": np.array([t.existence if t.existence < 1.0 else math.nan for t in tracks], dtype=float),
         }
 
 

@@ -19,8 +19,9 @@ from sim.interrupt import stop_request
 from sim.mission import Mission, Trial
 from sim.plots import ospa_figure
 from sim.plots import save as save_figure
-from sim.recording import Recorder, Recording, Snapshot
+from sim.recording import Recorder, Recording
 from sim.scenario import resolved
+from sim.snapshot import Snapshot
 from sim.summary import marked, summarise
 from sim.video import Video
 from sim.warmup import announced, warm_up

@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 
 from sim.culling import NEAR
-from sim.recording import Recording, Snapshot
+from sim.recording import Recording
 from sim.scenario import Scenario
 from sim.sensing import camera_of
+from sim.snapshot import Snapshot
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
 from tracking.tracker import Track

@@ -8,7 +8,7 @@ import numpy as np
 from sim.lettering import Image, Style, width, write
 from sim.mapview import broken, cross, disc
 from sim.palette import DETECTION, FAINT, INK, LINE, PANEL, Colour, ink_on, track_colour, uav_colour
-from sim.recording import Snapshot
+from sim.snapshot import Snapshot
 from tracking.camera import Camera
 from tracking.visibility import TARGET_HEIGHT
 

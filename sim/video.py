@@ -21,8 +21,8 @@ from sim.legend import Sparkline, draw_legend
 from sim.lettering import Image, Style, write
 from sim.mapview import MapView, aspect
 from sim.palette import FAINT, PAPER
-from sim.recording import Snapshot
 from sim.scenario import Scenario
+from sim.snapshot import Snapshot
 from sim.tiles import draw_broken, draw_tile
 from tracking.camera import Camera
 from tracking.tracker import Track

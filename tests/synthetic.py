@@ -7,8 +7,8 @@ import numpy as np
 
 from planning.planner import Plan
 from sim.contacts import Contact
-from sim.recording import Snapshot
 from sim.scenario import Area, People, Rates, Scenario, Sensing, Uav
+from sim.snapshot import Snapshot
 from tracking.camera import Camera, Pose
 from tracking.kalman import Gaussian
 from tracking.tracker import Scan, Track

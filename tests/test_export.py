@@ -79,7 +79,7 @@ def test_tracks_have_every_digit_of_state_and_covariance(recording, folders):
     table = rows(folders / "csv" / "tracks.csv")
     assert len(table) == len(recording.track_ids) == 21 * 3 * 4
     expected = [
-        [recording.times[k], i, track.id, *track.belief.mean, *track.belief.covariance[np.triu_indices(4)]]
+        [recording.times[k], i, track.id, *track.belief.mean, *track.belief.covariance[np.triu_indices(4)], np.nan]
         for k in range(21)
         for i in range(3)
         for track in recording.tracks_at(k, i)

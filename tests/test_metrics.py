@@ -47,6 +47,7 @@ def recorded(people, held, broken=()):
         track_ids=np.array([id for cell in cells for id in cell], dtype=np.int64),
         track_means=np.array(means, dtype=float).reshape(-1, 4),
         track_covariances=np.tile(np.diag([0.25, 0.25, 1.0, 1.0]), (len(means), 1, 1)),
+        track_existence=np.full(len(means), np.nan),
         plan_times=np.zeros(0),
         plans=np.zeros((0, uavs, 0, 2)),
         ospa=ospa,

@@ -41,6 +41,7 @@ def hand_made():
         track_ids=np.array([0, 0, 1, 2]),
         track_means=means,
         track_covariances=np.tile(np.eye(4), (4, 1, 1)),
+        track_existence=np.full(4, np.nan),
         plan_times=np.zeros(0),
         plans=np.zeros((0, 2, 0, 2)),
         ospa=np.array([[[0.5, 0.5, 0], [1.0, 1.0, 0]], [[0.25, 0.25, 0], [4.25, 4.25, 0]]]),

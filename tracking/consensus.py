@@ -52,6 +52,7 @@ def combine(own: Message, received: Sequence[Message], gate: float, max_speed: f
     """
     if not received:
         return own
+    met = any(m.met or m.company[0] != own.company[0] for m in (own, *received))
     own, *received = aligned(own, received, gate, max_speed)
     shares = own.shares.copy()
     for message in received:
@@ -64,6 +65,7 @@ def combine(own: Message, received: Sequence[Message], gate: float, max_speed: f
         sightings=_latest(every),
         novel=_mixed(every),
         company=min((m.company for m in every), key=lambda company: (company[0], -company[1])),
+        met=met,
     )
 
 

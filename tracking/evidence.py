@@ -58,6 +58,14 @@ class Evidence:
         shared = np.where(own, 0, self.shared + seen)
         return Evidence(self.times, misses, shared)
 
+    def watched(self, suspects: NDArray[np.bool_], double: int) -> Evidence:
+        """With suspects (T,) one scan short of the `double` scans of shared measurements after which doubles end.
+
+        Where there are two people, one scan shows it: each gets a measurement.
+        """
+        shared = np.where(suspects, np.maximum(self.shared, double - 1), self.shared)
+        return Evidence(self.times, self.misses, shared)
+
     def refuted(self, m: int) -> NDArray[np.bool_]:
         """Whether each track has m misses among the scans remembered (T,)."""
         return np.array([bin(bits).count("1") >= m for bits in self.misses.tolist()], dtype=np.bool_)
@@ -85,9 +93,10 @@ def own_measurements(beta: Array, least: float) -> Indices:
 
 
 def doubles(means: Array, covariances: Array, suspects: NDArray[np.bool_], gate: float) -> NDArray[np.bool_]:
-    """Whether each suspect is statistically the same, in position and velocity, as a track before it (T,).
+    """Whether each suspect is statistically the same as a track before it (T,).
 
-    means (T, 4), covariances (T, 4, 4), suspects (T,); gate is the squared Mahalanobis distance allowed.
+    means (T, d), covariances (T, d, d) of position and velocity, or of position alone; suspects (T,); gate is the
+    squared Mahalanobis distance allowed.
     """
     found = np.zeros(len(means), dtype=np.bool_)
     for i in np.flatnonzero(suspects).tolist():

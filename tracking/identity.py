@@ -44,6 +44,7 @@ class Message:
     sightings: Array  # (T, 3), where [m] and when [s] the fleet last saw each
     novel: Array  # (T, 0) or (T, INFORMATION + U)
     company: tuple[int, float]  # the smallest UAV heard of lately, and when [s] it spoke
+    met: bool = False  # whether it has heard in this scan that UAVs of different companies hear one another
 
     @property
     def size(self) -> int:

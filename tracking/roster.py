@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
@@ -14,16 +15,17 @@ from tracking.identity import Message
 from tracking.recovery import recoveries
 
 _NOBODY = -1  # row of a track that is left out
+_NAMED = 3.0  # what a common name is worth, in twice a log-likelihood: it is right some four times as often as not
 
 
 def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: float) -> list[Message]:
     """The messages, own first, with the same tracks in the same rows.
 
-    Tracks of one id and alias are the same; of one id or alias they are if their beliefs agree, in squared distance
-    up to `gate`. A neighbour's track that is none of ours by that is matched to one of ours that the neighbour does
-    not have, by the same distance and one assignment per neighbour, then, if one of both was not seen of late, by
-    whether somebody lost there can have got here at `max_speed` m/s. What finds no match is taken over with the
-    neighbour's evidence and, so that nothing counts twice, without any share of ours.
+    Tracks of one id and alias are the same. The others are matched, one assignment per neighbour, by their beliefs,
+    which must agree in squared distance up to `gate`; if any have one id or alias, by what that says besides. What then
+    agrees with a track of its name, but was seen earlier than the one which that is matched to, ends: it strayed.
+    If one of two was not seen of late, they match if somebody lost there can have got here at `max_speed` m/s.
+    What finds no match is taken over without any share of ours, so that nothing counts twice.
     The smallest id stays. Where it would name two people, as when a network that was split heals, the track of
     the smaller alias keeps it and the other one goes by its alias, unless it was not seen of late: then it ends. All
     this depends on what the tracks are called, not on who decides, so all UAVs decide alike.
@@ -46,8 +48,6 @@ def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: f
         kept = np.flatnonzero(rows != _NOBODY)
         left = message if len(kept) == len(rows) else message.only(kept)
         out.append(left.at(rows[kept], ids[order], aliases[order]))
-    origin = roster.evidence[order]
-    out[0] = replace(out[0], evidence=replace(out[0].evidence, misses=origin.misses, shared=origin.shared))
     return out
 
 
@@ -76,9 +76,10 @@ class _Roster:
     def __init__(self, own: Message, gate: float, max_speed: float) -> None:
         self.gate, self.max_speed = gate, max_speed
         self.renewed: list[int] = []  # rows of which only those tell that saw the person of late
+        self.left: list[int] = []  # rows of tracks whose person another row has
         every = np.arange(len(own.ids))
         self.means, self.covariances = (a[every] for a in own.beliefs())
-        self.evidence, self.sightings, self.lost = own.evidence[every], own.sightings[every], own.aliases == 0
+        self.seen, self.sightings, self.lost = own.evidence.times[:, 0], own.sightings[every], own.aliases == 0
         # Every id and alias heard this round, with the rows it was heard for, and both together with the only row.
         self.slot: dict[tuple[int, int], int] = {}
         self.by_id: dict[int, dict[int, tuple[bool, int]]] = {}  # for each row the alias, those of 0 come last
@@ -91,18 +92,22 @@ class _Roster:
         called = _called(message)
         means, covariances = message.beliefs()
         slots = np.array([self.slot.get(pair, _NOBODY) for pair in called], dtype=np.int64)
-        self._recognise(called, slots, means, covariances)
-        free = np.setdiff1d(np.arange(len(self.means)), slots)
-        new = np.array([k for k in np.flatnonzero(slots == _NOBODY) if not self._outdated(called[k])], dtype=np.int64)
+        stale = self._recognise(message, slots)
+        free = np.setdiff1d(np.arange(len(self.means)), [*slots.tolist(), *self.left])
+        new = np.array(
+            [k for k in np.flatnonzero(slots == _NOBODY) if k not in stale and not self._outdated(called[k])],
+            dtype=np.int64,
+        )
         pairs = matches((self.means[free], self.covariances[free]), (means[new], covariances[new]), self.gate)
         for a, b in pairs:
             slots[new[b]] = free[a]
         self._renew(message, slots, np.setdiff1d(free, slots), new[slots[new] == _NOBODY])
-        new = new[slots[new] == _NOBODY]
+        new = np.array([*new[slots[new] == _NOBODY], *stale], dtype=np.int64)
         slots[new] = len(self.means) + np.arange(len(new))
+        self.left += slots[stale].tolist()  # with rows, so that they are known when others of their company name them
         self.means = np.concatenate([self.means, means[new]])
         self.covariances = np.concatenate([self.covariances, covariances[new]])
-        self.evidence = self.evidence + message.evidence[new]
+        self.seen = np.concatenate([self.seen, message.evidence.times[new, 0]])
         self.sightings = np.concatenate([self.sightings, message.sightings[new]])
         self.lost = np.concatenate([self.lost, message.aliases[new] == 0])
         for pair, slot in zip(called, slots.tolist(), strict=True):
@@ -123,8 +128,6 @@ class _Roster:
             self.renewed.append(row)
             self.means[row], self.covariances[row] = means[track], covariances[track]
             self.sightings[row] = message.sightings[track]
-            self.evidence.misses[row] = message.evidence.misses[track]
-            self.evidence.shared[row] = message.evidence.shared[track]
         ours, theirs = np.setdiff1d(free[~self.lost[free]], slots), new[lost]
         found = self.means[ours], self.covariances[ours], self.sightings[ours]
         for b, k in self._found(found, (means[theirs], covariances[theirs], message.sightings[theirs])):
@@ -145,14 +148,15 @@ class _Roster:
         """
         ids, aliases = np.full((2, len(self.means)), _NOBODY)
         for id, claims in sorted(self.by_id.items()):
-            unnamed = [(alias, row) for row, (_, alias) in claims.items() if ids[row] == _NOBODY]
+            free = [(alias, row) for row, (_, alias) in claims.items() if row not in self.left]
+            unnamed = [(alias, row) for alias, row in free if ids[row] == _NOBODY]
             if unnamed:
                 alias, row = min(unnamed, key=lambda claim: (claim[0] == 0, claim))
                 ids[row], aliases[row] = id, alias or self._alias(row)
         taken = set(ids.tolist())
         for alias, claims in sorted(self.by_alias.items()):
             for row in claims:
-                if alias not in {0, *taken} and ids[row] == _NOBODY:
+                if alias not in {0, *taken} and ids[row] == _NOBODY and row not in self.left:
                     ids[row] = aliases[row] = alias
                     taken.add(alias)
         return ids, aliases
@@ -167,16 +171,50 @@ class _Roster:
         for claims in (self.by_id.setdefault(id, {}), self.by_alias.setdefault(alias, {})):
             claims[slot] = min(claims.get(slot, (True, 0)), (alias == 0, alias))
 
-    def _recognise(self, called: list[tuple[int, int]], slots: Indices, means: Array, covariances: Array) -> None:
-        """Fill in the rows of tracks known by id or alias whose beliefs agree."""
-        asked = [(k, slot) for k in np.flatnonzero(slots == _NOBODY).tolist() for slot in self._known(*called[k])]
-        if not asked:
-            return
-        theirs, ours = np.array(asked).T
-        agree = distances(means[theirs] - self.means[ours], covariances[theirs] + self.covariances[ours]) <= self.gate
-        for k, slot in zip(theirs[agree].tolist(), ours[agree].tolist(), strict=True):
-            if slots[k] == _NOBODY and slot not in slots:
-                slots[k] = slot
+    def _recognise(self, message: Message, slots: Indices) -> list[int]:
+        """Fill in the rows of tracks of which some are known by id or alias; those that are somebody else's leftovers.
+
+        What two parts of a fleet call alike need not be one person: one of them may have kept the name for a track that
+        strayed and have made a new one of the person. So a name is evidence beside the beliefs, and one assignment
+        weighs both.
+        """
+        new = np.flatnonzero(slots == _NOBODY)
+        free = np.setdiff1d(np.arange(len(self.means)), [*slots.tolist(), *self.left])
+        called = _called(message)
+        named = np.array([np.isin(free, self._known(*called[k])) for k in new], dtype=np.bool_)
+        if not named.any():
+            return []
+        means, covariances = message.beliefs()
+        ours, theirs = (self.means[free], self.covariances[free]), (means[new], covariances[new])
+        spreads = theirs[1][:, None] + ours[1][None]
+        distance = distances(theirs[0][:, None] - ours[0][None], spreads)
+        outdated = np.array([self._outdated(called[k]) for k in new], dtype=np.bool_)
+        able = (distance <= self.gate) & (named | ~outdated[:, None])
+        cost = distance + np.linalg.slogdet(spreads)[1] - _NAMED * named
+        # No pair costs more than all pairs together, so the assignment makes as many as it can.
+        rows, columns = linear_sum_assignment(np.where(able, cost, 1.0 + np.abs(cost).sum()))
+        for a, b in zip(rows.tolist(), columns.tolist(), strict=True):
+            if able[a, b]:
+                slots[new[a]] = free[b]
+        return self._leave(message, slots, new, free, named & able)
+
+    def _leave(
+        self, message: Message, slots: Indices, new: Indices, free: Indices, same: NDArray[np.bool_]
+    ) -> list[int]:
+        """Their tracks without a row, and ours (into `left`) whose person was seen later by what took their place.
+
+        same (new, free): which tracks have a common name and beliefs that agree.
+        """
+        stale, taker = [], {int(slot): k for k, slot in enumerate(slots.tolist()) if slot != _NOBODY}
+        theirs = message.evidence.times[:, 0]
+        for a, b in np.argwhere(same).tolist():
+            track, row = int(new[a]), int(free[b])
+            other = taker.get(row)
+            if slots[track] == _NOBODY and other is not None and theirs[track] < theirs[other]:
+                stale.append(track)
+            elif other is None and slots[track] != _NOBODY and self.seen[row] < self.seen[slots[track]]:
+                self.left.append(row)
+        return stale
 
     def _known(self, id: int, alias: int) -> list[int]:
         """Rows that were called by an id or alias."""

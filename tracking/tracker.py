@@ -177,16 +177,7 @@ class Tracker:
         alone = leader >= self.uav or self._time - spoke > _IN_TOUCH
         company = (self.uav, self._time) if alone else self._company
         return Message(
-            self.uav,
-            degree,
-            self._ids,
-            shares,
-            self._evidence,
-            self._deleted,
-            aliases,
-            self._sightings,
-            novel,
-            company,
+            self.uav, degree, self._ids, shares, self._evidence, self._deleted, aliases, self._sightings, novel, company
         )
 
     def _parts(self) -> tuple[Array, Array, Array]:
@@ -232,6 +223,11 @@ class Tracker:
         ended.update((id, self._time) for id in message.ids[refuted].tolist())
         ended.update((id, self._time + p.forget_after) for id in message.ids[double].tolist())
         self._deleted = tuple(sorted(ended.items()))
+        if message.met and self._company[1] > -math.inf:
+            # Two tracks in one place, of the same person if each company has one, must show next that they are two.
+            every = np.ones(len(means), dtype=np.bool_)
+            beside = doubles(means[:, :2], covariances[:, :2, :2], every, p.measurement_gate)
+            evidence = evidence.watched(beside, p.double)
         self._ids, self._evidence = message.ids[keep], evidence[keep]
         self._means, self._covariances, self._existence = means[keep], covariances[keep], existence[keep]
         self._say = np.full(len(self._ids), _UNSEEN)
@@ -242,11 +238,15 @@ class Tracker:
         self._recover()
 
     def _reborn(self, message: Message, means: Array, covariances: Array) -> NDArray[np.bool_]:
-        """Tracks born in this scan of people whose lost tracks another UAV took up again in the same scan (T,)."""
+        """Tracks born in this scan of people whose lost tracks another UAV took up again in the same scan (T,).
+
+        And those renamed in this scan, as beliefs did not agree for some UAV, that are the same as others after all.
+        """
         newborn = is_birth(message.ids, self._scans)
-        found = np.zeros(len(newborn), dtype=np.bool_)
+        renamed = (message.ids >= born_id(self._scans, 0, 0)) & ~newborn
+        found = doubles(means, covariances, renamed, self.parameters.match_gate)
         back = np.flatnonzero(self._lost(message.sightings) & (message.evidence.times[:, 0] >= self._time))
-        for i in np.flatnonzero(newborn if len(back) else found).tolist():
+        for i in np.flatnonzero(newborn).tolist() if len(back) else ():
             rows = [*back.tolist(), i]
             found[i] = doubles(means[rows], covariances[rows], np.array(rows) == i, self.parameters.match_gate)[-1]
         return found

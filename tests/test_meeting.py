@@ -1,0 +1,86 @@
+"""Parts of a fleet that meet: whoever both know, or one knows twice, is one person in the end; two people stay two."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import scan, track, tracker
+from test_consensus import exchange, graph, message
+
+from tracking.consensus import fuse
+from tracking.evidence import Evidence
+
+NOW = 7.0  # s
+
+
+def told(uav: int, places, variances, ids, aliases, seen):
+    """What a UAV says of tracks in a row, standing still, last seen at these times."""
+    means = [(x, 0.0, 0.0, 0.0) for x in places]
+    covariances = [v * np.diag([1.0, 1.0, 4.0, 4.0]) for v in variances]
+    said = message(uav, ids, means, covariances, degree=0, aliases=np.array(aliases), company=(uav // 2 * 2, NOW))
+    return replace(
+        said, evidence=Evidence(np.repeat(np.array(seen)[:, None], 3, axis=1), *np.zeros((2, len(ids)), int))
+    )
+
+
+def met(first, second, kind: str) -> list[dict[int, float]]:
+    """Where UAVs 0 and 1, who say the first, and 2 and 3, who say the second, take whom for in the end."""
+    adjacency = graph(kind, 4)
+    said = [told(u, *(first if u < 2 else second)) for u in range(4)]
+    said = [replace(m, degree=int(row.sum())) for m, row in zip(said, adjacency, strict=True)]
+    out = exchange(said, adjacency, 5)
+    return [dict(zip(m.ids.tolist(), m.beliefs()[0][:, 0].tolist(), strict=True)) for m in out]
+
+
+KINDS = pytest.mark.parametrize("kind", ["complete", "line"])
+KEPT = [0.0], [0.05], [3], [901], [NOW]
+
+
+@KINDS
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_track_that_strayed_ends_and_the_one_made_of_its_person_goes_by_its_name(kind, swapped):
+    """One part followed somebody; the other lost them half a second ago and has met them again as a newcomer."""
+    strayed = [1.5, 0.2], [0.3, 0.05], [3, 50], [903, 904], [NOW - 0.6, NOW]
+    sides = (strayed, KEPT) if swapped else (KEPT, strayed)
+    for held in met(*sides, kind):
+        assert list(held) == [3]
+        assert 0.0 < held[3] < 0.2  # the average of those who saw the person, without the one that strayed
+
+
+@KINDS
+def test_two_people_whom_one_part_sees_and_of_whom_the_other_knows_one_stay_two(kind):
+    both = [1.5, 0.2], [0.3, 0.05], [3, 50], [903, 904], [NOW, NOW]
+    for held in met(KEPT, both, kind):
+        assert len(held) == 2 and 3 in held
+        np.testing.assert_allclose(sorted(held.values()), [0.1, 1.5], atol=0.15)
+
+
+@KINDS
+def test_a_name_decides_between_tracks_that_fit_about_as_well(kind):
+    pair = [-0.3, 0.3], [0.05, 0.05], [3, 4], [903, 904], [NOW, NOW]
+    other = [0.05, 0.55], [0.05, 0.05], [3, 4], [901, 902], [NOW, NOW]
+    for held in met(pair, other, kind):
+        assert held == pytest.approx({3: -0.125, 4: 0.425}, abs=0.1)
+
+
+def meeting(known, people, scans: int) -> list[list[int]]:
+    """How many tracks two UAVs have after each scan, who see everybody and hear each other from the third on."""
+    trackers = [tracker(t, uav=u) for u, t in enumerate(known)]
+    counts = []
+    for k in range(scans):
+        for t, own in zip(trackers, people, strict=True):
+            seen = own if k < 2 else sorted({tuple(p) for side in people for p in side})
+            t.step(scan(k, *seen, uav=t.uav))
+        fuse(trackers, np.eye(2, dtype=bool) if k < 2 else np.ones((2, 2), bool), 5)
+        counts.append([len(t.tracks) for t in trackers])
+    return counts
+
+
+def test_two_tracks_of_one_person_whose_velocities_differ_are_one_a_scan_after_they_met():
+    known = track(3, 0, 0, 1.5, 0, variance=0.1), track(4, 0, 0, -1.5, 0, variance=0.1)
+    assert meeting(known, [[(0, 0)], [(0, 0)]], 6) == [[1, 1], [1, 1], [2, 2], [1, 1], [1, 1], [1, 1]]
+
+
+def test_two_people_side_by_side_of_whom_each_knew_one_stay_two():
+    known = track(3, 0, 0, 0, 0, variance=0.01), track(4, 1.2, 0, 0, 0, variance=0.01)
+    assert meeting(known, [[(0, 0)], [(1.2, 0)]], 20) == [[1, 1]] * 2 + [[2, 2]] * 18
