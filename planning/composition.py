@@ -5,17 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 
 from planning.coordination import Coordination, Sequential
 from planning.nbo import costs
-from planning.optimizers import CrossEntropy, Optimizer
+from planning.optimizers import CrossEntropy, Objective, Optimizer
 from planning.planner import Plan, Situation
 from planning.propagation import Nominal, Propagation, nominal_positions
 from planning.pursuit import pursuits
 from tracking.compiled import Array
 from tracking.visibility import Forest, Occlusion
+
+
+class Term(Protocol):
+    """What a plan costs besides the uncertainty of tracks."""
+
+    def term(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Objective | None:
+        """Cost [m²] of plans of the UAVs in rows `uavs` while others fly `controls` (n, H, 2) m/s; None: nothing."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -28,6 +37,7 @@ class Composition:
     beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none
     optimizer: Optimizer = field(default_factory=CrossEntropy)
     occlusion: Occlusion | None = None  # how trees hide; None: as the situation's forest has it
+    terms: tuple[Term, ...] = ()  # of the objective, besides that of the tracks
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
@@ -39,6 +49,9 @@ class Composition:
         view = self.propagation.outlook(situation, self.horizon, rng)
         samples = view.points.shape[1] // len(situation.tracks) if situation.tracks else 1
         objective = partial(costs, view, controls, uavs, beta=self.beta, samples=samples)
+        extra = [term for term in (t.term(situation, controls, uavs) for t in self.terms) if term is not None]
+        if extra:
+            objective = partial(_sum, [objective, *extra])
         speeds = np.array([situation.vehicles[i].max_speed for i in uavs])
         starts = self._starts(situation, controls, uavs)
         return self.optimizer.minimise(objective, starts, speeds, rng).plans
@@ -59,3 +72,7 @@ class Composition:
         if self.occlusion is None or self.occlusion == situation.forest.occlusion:
             return situation
         return replace(situation, forest=Forest(situation.forest.trees, self.occlusion))
+
+
+def _sum(terms: Sequence[Objective], candidates: Array) -> Array:
+    return np.asarray(sum(term(candidates) for term in terms))

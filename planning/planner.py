@@ -13,6 +13,7 @@ from tracking.compiled import Array
 from tracking.kalman import NearlyConstantVelocity
 from tracking.noise import NoiseModel
 from tracking.tracker import Track
+from tracking.undetected import Unseen
 from tracking.visibility import Forest
 
 
@@ -48,6 +49,7 @@ class Situation:
     area: tuple[float, float]  # m, centred on the origin
     motion: NearlyConstantVelocity  # of the targets, over one planning step
     intents: Mapping[int, Plan] = field(default_factory=dict)  # last plan known of each UAV, its own included
+    unseen: Unseen | None = None  # where people may be of whom it has no track; None: it does not ask itself
 
     @property
     def step(self) -> float:
