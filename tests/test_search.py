@@ -11,6 +11,7 @@ from planning.composition import Composition
 from planning.coordination import expected
 from planning.registry import load_planner
 from planning.search import Search
+from planning.separation import Separation
 from planning.view import quadrangle, reach
 from tracking.undetected import Unseen
 from tracking.visibility import TARGET_HEIGHT
@@ -139,3 +140,15 @@ def test_with_search_fewer_people_are_left_where_no_camera_looked():
         left[search] = [undetected.belief.people.sum() for undetected in mission._undetected]
         assert mission.faults == []
     assert max(left[25]) < min(left[0]) - 0.5
+
+
+@pytest.mark.parametrize("option", ["search", "separation"])
+@pytest.mark.parametrize("value", ["-1", "inf", "yes"])
+def test_a_wrong_weight_is_named_in_one_line(option, value):
+    with pytest.raises(ValueError, match=f"^planner: 'sma-nbo' cannot be made: {option} must be a finite number of at"):
+        load_planner(f"sma-nbo({option}={value})")
+
+
+def test_options_choose_the_terms():
+    assert load_planner("sma-nbo(separation=3, search=25)").composition.terms == (Search(25), Separation(3))
+    assert load_planner("sma-nbo").composition.terms == ()

@@ -46,7 +46,8 @@ class Undetected:
 
     `people` are expected anywhere in the area at first. They spread as walkers do, and are not where a camera looks
     with a free line of sight. A track that ends hands its person back.
-    Source: [Williams15], whose Poisson part stands for undetected targets; handing back is its recycling.
+    Source: the Poisson part of J. L. Williams, Marginal multi-Bernoulli filters, IEEE Trans. AES 51 (3), 2015; handing
+    back is its recycling.
     """
 
     def __init__(self, area: tuple[float, float], people: float, detection: float, pace: float) -> None:
