@@ -4,17 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Protocol
 
 import numpy as np
 
 from planning.coordination import Coordination, Sequential
 from planning.nbo import objective
-from planning.optimizers import CrossEntropy, Optimizer
+from planning.optimizers import CrossEntropy, Objective, Optimizer
 from planning.planner import Exchange, Plan, Situation
 from planning.propagation import Nominal, Propagation, nominal_positions
 from planning.pursuit import pursuits, turns
 from tracking.compiled import Array
 from tracking.visibility import Forest, Occlusion
+
+
+class Term(Protocol):
+    """What a plan costs besides the uncertainty of tracks."""
+
+    def term(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Objective | None:
+        """Cost [m²] of plans of the UAVs in rows `uavs` while others fly `controls` (n, H, 2) m/s; None: nothing."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -28,6 +38,7 @@ class Composition:
     optimizer: Optimizer = field(default_factory=CrossEntropy)
     occlusion: Occlusion | None = None  # how trees hide; None: as the situation's forest has it
     existence: bool = True  # a target counts by the probability that it exists; False: as one
+    terms: tuple[Term, ...] = ()  # of the objective, besides that of the tracks
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
@@ -47,7 +58,10 @@ class Composition:
             view = view._replace(weights=np.tile([t.existence for t in situation.tracks], samples).astype(float))
         speeds = np.array([situation.vehicles[i].max_speed for i in uavs])
         starts = self._starts(situation, controls, uavs)
-        value = objective(view, controls, uavs, self.beta, samples)
+        value: Objective = objective(view, controls, uavs, self.beta, samples)
+        extra = [term for term in (t.term(situation, controls, uavs) for t in self.terms) if term is not None]
+        if extra:
+            value = partial(_sum, [value, *extra])
         return self.optimizer.minimise(value, starts, speeds, rng).plans
 
     def _starts(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Array:
@@ -69,3 +83,7 @@ class Composition:
         if self.occlusion is None or self.occlusion == situation.forest.occlusion:
             return situation
         return replace(situation, forest=Forest(situation.forest.trees, self.occlusion))
+
+
+def _sum(terms: Sequence[Objective], candidates: Array) -> Array:
+    return np.asarray(sum(term(candidates) for term in terms))

@@ -42,3 +42,11 @@ def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Ar
         controls.append(control)
         position = position + step * control
     return np.array(controls)
+
+
+def paths(positions: Array, controls: Array, step: float) -> Array:
+    """Where cameras (..., n, H, 3) m get by controls (..., n, H, 2) m/s from positions (n, 3) m ([Li22] eq. (5))."""
+    path = np.empty((*controls.shape[:-1], 3))
+    path[..., :2] = positions[:, None, :2] + step * np.cumsum(controls, axis=-2)
+    path[..., 2] = positions[:, None, 2]
+    return path

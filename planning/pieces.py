@@ -15,6 +15,8 @@ from planning.coordination import Centralised, Coordination, Decentralised, Orde
 from planning.optimizers import CrossEntropy, Grid, Optimizer, ParticleSwarm
 from planning.planner import Exchange, Plan, Situation
 from planning.propagation import MonteCarlo, Nominal
+from planning.search import Search
+from planning.separation import Separation
 from tracking.plugin import nearest
 from tracking.visibility import Occlusion
 
@@ -27,6 +29,7 @@ _CHOICES = {
     "occlusion": ("", "line_of_sight", "disc"),
 }
 _LEAST = {"horizon": 1, "sweeps": 1, "samples": 1, "beta": 0, "evaluations": 0, "seconds": 0}
+_LEAST |= {"search": 0, "separation": 0}
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,8 @@ class Composed:
     seconds: float = 0.0  # the optimiser's time for each decision; 0: as long as the evaluations take
     occlusion: str = ""  # as the planner models it; empty: as the scenario has it
     existence: bool = True  # targets count by their probability of existence; False: as one
+    search: float = 0.0  # m²: what each person not found yet counts, as a trace of covariance; 0: nobody is looked for
+    separation: float = 0.0  # m, of planned paths in space; 0: UAVs need not keep apart
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
@@ -95,6 +100,10 @@ class Composed:
             optimizer=self._optimizer(),
             occlusion=cast("Occlusion", self.occlusion) or None,
             existence=self.existence,
+            terms=(
+                *([Search(self.search)] if self.search else []),
+                *([Separation(self.separation)] if self.separation else []),
+            ),
         )
 
     def _optimizer(self) -> Optimizer:

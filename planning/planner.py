@@ -13,6 +13,7 @@ from tracking.compiled import Array
 from tracking.kalman import NearlyConstantVelocity
 from tracking.noise import NoiseModel
 from tracking.tracker import Track
+from tracking.undetected import Unseen
 from tracking.visibility import Forest
 
 
@@ -73,6 +74,7 @@ class Situation:
     intents: Mapping[int, Plan] = field(default_factory=dict)
     # For each round of `Exchange`, whose plans of this instant reach this UAV; without any, everyone's.
     reception: tuple[tuple[int, ...], ...] = ()
+    unseen: Unseen | None = None  # where people may be of whom it has no track; None: it does not ask itself
 
     @property
     def step(self) -> float:

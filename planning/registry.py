@@ -37,7 +37,7 @@ def _composed(summary: str, **options: object) -> PlannerSpec:
 
 
 PLANNERS = {
-    "sma-nbo-mwtp": _composed("SMA-NBO with the MWTP cost-to-go"),
+    "sma-nbo-mwtp": _composed("SMA-NBO with the MWTP cost-to-go", search=0.1),
     "sma-nbo": _composed("SMA-NBO, truncated at the horizon", beta=0.0),
     "pma-nbo": _composed("all UAVs decide at once (parallel), with MWTP", coordination="parallel"),
     "mcr": _composed(

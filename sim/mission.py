@@ -32,6 +32,7 @@ from tracking.consensus import fuse
 from tracking.kalman import Gaussian, NearlyConstantVelocity
 from tracking.ospa import ospa
 from tracking.tracker import Track, Tracker, TrackerParameters
+from tracking.undetected import Undetected
 from tracking.visibility import Forest
 
 
@@ -64,6 +65,7 @@ class Mission:
         self._sensors = Sensors(scenario, self._world, self.forest, rng=stream(seed, "sensors"), clock=self.clock)
         self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
+        self._undetected = [self._nobody_seen() for _ in scenario.uavs]
         exchange = getattr(self._planner, "exchange", None)  # of a stranger's, it may be anything
         exchange = exchange if isinstance(exchange, Exchange) else Exchange()
         self._intents = Intents(scenario.network, exchange, stream(seed, "intents"))
@@ -212,6 +214,10 @@ class Mission:
         ]
         self._intents.begin(fleet, links, self._working, self._motion.dt)
         area = (self.scenario.area.width, self.scenario.area.height)
+        for i in self._working:
+            known = [v for v in fleet if v.id == i or (links.touch[i, v.id] and v.id in self._working)]
+            looks = [(v.camera, Pose(v.position, v.attitude)) for v in known]
+            self._undetected[i].step(time, looks, self._trackers[i].tracks, self._known_forest)
         return [
             self._intents.informed(
                 Situation(
@@ -222,6 +228,7 @@ class Mission:
                     forest=self._known_forest,
                     area=area,
                     motion=self._motion,
+                    unseen=self._undetected[i].belief,
                 )
             )
             for i in self._working
@@ -248,6 +255,12 @@ class Mission:
             fusion=self.scenario.network.fusion,
         )
         return Tracker(uav, self._sensors.cameras[uav], self.forest, parameters, self._initial_tracks())
+
+    def _nobody_seen(self) -> Undetected:
+        """What a UAV believes on people without a track before it has looked."""
+        area, settings = self.scenario.area, self.scenario.tracking
+        people = settings.unseen if settings.initial_tracks == "none" else 0.0
+        return Undetected((area.width, area.height), people, settings.detection_probability, settings.max_speed)
 
     def _initial_tracks(self) -> list[Track]:
         """With `initial_tracks = "known"`: everyone who is there at the start, with position and velocity."""

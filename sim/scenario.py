@@ -155,6 +155,7 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     sure: Annotated[float, Meta(gt=0, lt=1)] = 0.99  # probability of existence that confirms a track
     doubt: Annotated[float, Meta(gt=0, lt=1)] = 0.001  # probability of existence below which a track ends
     motion: Literal["ncv", "bounded"] = "ncv"  # of people, to trackers
+    unseen: NonNegative = 4.0  # people expected, anywhere in the area, where initial_tracks is "none"
 
     def __post_init__(self) -> None:
         for name, (m, n) in (("confirm", self.confirm), ("delete", self.delete)):

@@ -11,7 +11,7 @@ from numba.core import event
 
 from planning.registry import DEFAULT_PLANNER, load_planner
 from sim.mission import Mission
-from sim.scenario import Scenario, Sensing, Trees, Wind
+from sim.scenario import Scenario, Sensing, Tracking, Trees, Wind
 from tracking.blob_detector import BlobDetector
 from tracking.camera import Camera, Pose
 from tracking.compiled import not_kept
@@ -57,7 +57,7 @@ def warm_up() -> float:
     """Fly a second in an open forest, so that all compiled code is loaded, or made and cached; wall time [s]."""
     start = time.perf_counter()
     windy = Scenario(duration=1.0, trees=Trees(density=5.0), sensing=Sensing(mode="ideal"), wind=Wind(gust=1.0))
-    rendered = Scenario(duration=0.2, trees=Trees(density=5.0))
+    rendered = Scenario(duration=0.2, trees=Trees(density=5.0), tracking=Tracking(initial_tracks="none"))  # and search
     for scenario in (windy, rendered):
         for _ in Mission(scenario, load_planner(DEFAULT_PLANNER), 0).fly():
             pass

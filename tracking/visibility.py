@@ -111,12 +111,12 @@ def _free(cameras: Array, points: Array, cylinders: Array, grid: Grid) -> NDArra
         camera = cameras[i, 0], cameras[i, 1], cameras[i, 2]
         for j in range(len(points)):
             point = points[j, 0], points[j, 1], points[j, 2]
-            free[i, j] = _misses(camera, point, cylinders, grid)
+            free[i, j] = misses(camera, point, cylinders, grid)
     return free
 
 
 @compiled
-def _misses(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> bool:
+def misses(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> bool:
     """Whether the segment from origin (3,) to point (3,) misses all cylinders (B, 5)."""
     start, end = _inside(origin, point, grid.low, grid.high)
     if start > end:
@@ -191,7 +191,7 @@ def _seen(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) 
         for k in range(len(SAMPLES)):
             x = means[i, 0] + roots[i, 0, 0] * SAMPLES[k, 0]
             y = means[i, 1] + (roots[i, 1, 0] * SAMPLES[k, 0] + roots[i, 1, 1] * SAMPLES[k, 1])
-            seen[i, k] = in_image((x, y, TARGET_HEIGHT), lens) and _misses(
+            seen[i, k] = in_image((x, y, TARGET_HEIGHT), lens) and misses(
                 origin, (x, y, TARGET_HEIGHT), cylinders, grid
             )
     return seen

@@ -1,0 +1,81 @@
+"""Where people may be of whom no track is known: against counting, sampling and what is conserved."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tracking.camera import Camera, Pose
+from tracking.kalman import Gaussian
+from tracking.tracker import Track
+from tracking.undetected import Undetected
+from tracking.visibility import TARGET_HEIGHT, Forest, Tree
+
+AREA, OPEN = (150.0, 100.0), Forest(())
+CAMERA, POSE = Camera(math.radians(60), 128), Pose.level(3.0, -4.0, 20.0)
+
+
+def track(id, x, y, variance=1.0):
+    return Track(id, Gaussian(np.array([x, y, 0.0, 0.0]), variance * np.eye(4)))
+
+
+def test_people_are_expected_evenly_until_somebody_looks():
+    belief = Undetected(AREA, 4.0, 0.99, 3.0).belief
+    assert belief.people.shape == (20, 30) and belief.cell == (5.0, 5.0)
+    np.testing.assert_allclose(belief.people, 4.0 / 600)
+    np.testing.assert_array_equal(
+        belief.centres()[[0, 0, -1], [0, -1, 0]], [(-72.5, -47.5), (72.5, -47.5), (-72.5, 47.5)]
+    )
+
+
+def test_a_look_takes_from_each_cell_the_share_that_it_shows():
+    rng = np.random.default_rng(0)
+    forest = Forest(tuple(Tree(x, y) for x, y in ((0.0, 0.0), (8.0, -9.0), (30.0, 0.0))))
+    undetected = Undetected(AREA, 600.0, 0.9, 3.0)
+    undetected.step(0.0, [(CAMERA, POSE)], (), forest)
+    belief = undetected.belief
+    points = belief.centres()[..., None, :] + rng.uniform(-2.5, 2.5, (20, 30, 400, 2))
+    flat = np.column_stack([points.reshape(-1, 2), np.full(points[..., 0].size, TARGET_HEIGHT)])
+    shown = CAMERA.sees(POSE, flat) & forest.visible(POSE.position[None], flat)[0]
+    share = shown.reshape(20, 30, 400).mean(axis=2)
+    np.testing.assert_allclose(belief.people, 1.0 - 0.9 * share, atol=0.9 * 0.15)
+    np.testing.assert_allclose(belief.people.sum(), (1.0 - 0.9 * share).sum(), atol=0.5)
+    assert belief.people.min() == pytest.approx(0.1)
+
+
+def test_people_spread_as_they_walk_and_nobody_leaves():
+    undetected = Undetected(AREA, 0.0, 0.99, 3.0)
+    undetected.step(0.0, (), [track(1, 2.5, 2.5, 1e-6)], OPEN)
+    undetected.step(0.0, (), [], OPEN)
+    for time in (1.0, 2.5, 4.0):
+        undetected.step(time, (), (), OPEN)
+    people, centres = undetected.belief.people, undetected.belief.centres() - 2.5
+    assert people.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(np.einsum("rc,rck->k", people, centres**2), 3.0**2 * 4.0, rtol=0.1)
+    for time in range(5, 200):
+        undetected.step(float(time), (), (), OPEN)
+    assert undetected.belief.people.sum() == pytest.approx(1.0)
+
+
+def test_a_track_that_ends_hands_its_person_back_where_it_was():
+    undetected = Undetected(AREA, 0.0, 0.99, 3.0)
+    undetected.step(0.0, (), [track(1, 20.0, -10.0, 25.0), track(2, -40.0, 0.0)], OPEN)
+    assert not undetected.belief.people.any()
+    undetected.step(0.0, (), [track(2, -40.0, 0.0)], OPEN)
+    belief = undetected.belief
+    assert belief.people.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(np.einsum("rc,rck->k", belief.people, belief.centres()), [20.0, -10.0], atol=0.01)
+
+
+def test_a_track_that_another_one_goes_on_hands_nobody_back():
+    undetected = Undetected(AREA, 0.0, 0.99, 3.0)
+    undetected.step(0.0, (), [track(1, 20.0, -10.0, 25.0)], OPEN)
+    undetected.step(0.0, (), [track(7, 22.0, -10.0)], OPEN)
+    assert not undetected.belief.people.any()
+
+
+def test_who_is_lost_outside_the_area_is_taken_to_be_at_its_edge():
+    undetected = Undetected(AREA, 0.0, 0.99, 3.0)
+    undetected.step(0.0, (), [track(1, 500.0, 0.0)], OPEN)
+    undetected.step(0.0, (), [], OPEN)
+    assert undetected.belief.people[:, -1].sum() == pytest.approx(1.0, abs=1e-3)

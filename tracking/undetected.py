@@ -1,0 +1,121 @@
+"""Where people may be of whom no track is known: what a UAV infers from places that cameras saw empty."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+from scipy.special import ndtr
+
+from tracking.camera import Camera, Pose
+from tracking.compiled import Array
+from tracking.kalman import Gaussian
+from tracking.tracker import Track
+from tracking.visibility import TARGET_HEIGHT, Forest, visible_samples
+
+_CELL = 5.0  # m, about
+_SAME = 3.0  # m: a track that ends so near to another one was the same person
+
+
+@dataclass(frozen=True, eq=False)
+class Unseen:
+    """Expected number of people without a track in each cell of a raster over the area."""
+
+    people: Array  # (rows, columns), from south to north and from west to east
+    low: tuple[float, float]  # m: the south-west corner
+    cell: tuple[float, float]  # m: width and height of a cell
+
+    def centres(self) -> Array:
+        """Middles of the cells (rows, columns, 2) m."""
+        x, y = (
+            low + size * (np.arange(n) + 0.5) for low, size, n in zip(self.low, self.cell, self._counts, strict=True)
+        )
+        return np.stack(np.meshgrid(x, y), axis=-1)
+
+    @property
+    def _counts(self) -> tuple[int, int]:
+        rows, columns = self.people.shape
+        return columns, rows
+
+
+class Undetected:
+    """One UAV's intensity of undetected people: a Poisson process thinned by every look that shows nobody.
+
+    `people` are expected anywhere in the area at first. They spread as walkers do, and are not where a camera looks
+    with a free line of sight. A track that ends hands its person back.
+    Source: the Poisson part of J. L. Williams, Marginal multi-Bernoulli filters, IEEE Trans. AES 51 (3), 2015; handing
+    back is its recycling.
+    """
+
+    def __init__(self, area: tuple[float, float], people: float, detection: float, pace: float) -> None:
+        """`detection` is the probability in plain view; after t s people are `pace` sqrt(t) m off, along each axis."""
+        width, height = area
+        columns, rows = math.ceil(width / _CELL), math.ceil(height / _CELL)
+        even = np.full((rows, columns), people / (rows * columns))
+        self._now = Unseen(even, (-width / 2, -height / 2), (width / columns, height / rows))
+        self._detection, self._pace = detection, pace
+        self._time = 0.0
+        self._tracks: dict[int, Gaussian] = {}
+
+    @property
+    def belief(self) -> Unseen:
+        """The belief after the last step."""
+        return self._now
+
+    def step(self, time: float, looks: Sequence[tuple[Camera, Pose]], tracks: Sequence[Track], forest: Forest) -> None:
+        """Advance to a time [s] and take in what cameras have just looked at, whose finds are among the tracks."""
+        elapsed, self._time = time - self._time, time
+        people = self._now.people
+        if elapsed > 0.0 and people.any():
+            sigma = self._pace * math.sqrt(elapsed)
+            width, height = self._now.cell
+            people = gaussian_filter(people, (sigma / height, sigma / width), mode="reflect")  # nobody leaves
+        people = people + self._lost(tracks)
+        for camera, pose in looks:
+            people = self._looked(people, camera, pose, forest)
+        self._now = Unseen(people, self._now.low, self._now.cell)
+        self._tracks = {track.id: track.belief for track in tracks}
+
+    def _looked(self, people: Array, camera: Camera, pose: Pose, forest: Forest) -> Array:
+        """What is left (rows, columns) when a camera has shown nobody new."""
+        pixels = float(camera.pixels)
+        corners = np.array([(0.0, 0.0), (pixels, 0.0), (pixels, pixels), (0.0, pixels)])
+        shown = camera.ground_points(pose, corners, TARGET_HEIGHT)
+        low, cell = np.array(self._now.low), np.array(self._now.cell)
+        first = np.maximum(((shown.min(axis=0) - low) // cell).astype(int), 0)
+        last = np.maximum(((shown.max(axis=0) - low) // cell).astype(int) + 1, first)
+        window = slice(first[1], last[1]), slice(first[0], last[0])
+        if people[window].any():
+            centres = self._now.centres()[window]
+            each = centres.reshape(-1, 2)
+            evenly = np.tile(np.diag(cell**2 / 12.0), (len(each), 1, 1))  # variance of an even spread over a cell
+            share = visible_samples(camera, pose, each, evenly, forest).mean(axis=1)
+            people = people.copy()
+            people[window] *= 1.0 - self._detection * share.reshape(centres.shape[:2])
+        return people
+
+    def _lost(self, tracks: Sequence[Track]) -> Array | float:
+        """People (rows, columns) whose tracks have ended since the last step."""
+        held = {track.id for track in tracks}
+        places = np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2)
+        back: Array | float = 0.0
+        for id, belief in self._tracks.items():
+            near = np.hypot(*(places - belief.mean[:2]).T) <= _SAME
+            if id not in held and not near.any():
+                back = back + self._spread(belief)
+        return back
+
+    def _spread(self, belief: Gaussian) -> Array:
+        """One person, as likely in each cell (rows, columns) as a belief has it, correlation aside; all in the area."""
+        rows, columns = self._now.people.shape
+        shares = []
+        for axis, count in ((1, rows), (0, columns)):
+            edges = self._now.low[axis] + self._now.cell[axis] * np.arange(count + 1)
+            deviation = math.sqrt(belief.covariance[axis, axis]) + 1e-9
+            place = min(max(float(belief.mean[axis]), edges[0]), edges[-1])
+            share = np.diff(ndtr((edges - place) / deviation))
+            shares.append(share / share.sum())
+        return np.outer(*shares)
