@@ -54,11 +54,12 @@ class Checked:
     """Plans, and plans once more on a team in which everyone knows everyone's position and last plan."""
 
     def __init__(self, planner):
-        self.planner, self.exchange, self.last, self.calls = planner, planner.exchange, {}, 0
+        self.planner, self.exchange, self.calls = planner, planner.exchange, 0
 
     def plan(self, team, rng):
+        last = {s.own.id: s.intents[s.own.id] for s in team if s.own.id in s.intents}
         whole = [
-            dataclasses.replace(s, neighbours=tuple(o.own for o in team if o is not s), intents=self.last, reception=())
+            dataclasses.replace(s, neighbours=tuple(o.own for o in team if o is not s), intents=last, reception=())
             for s in team
         ]
         twin = np.random.default_rng()
@@ -66,7 +67,6 @@ class Checked:
         plans = self.planner.plan(team, rng)
         for plan, other in zip(plans, self.planner.plan(whole, twin), strict=True):
             np.testing.assert_array_equal(plan.controls, other.controls)
-        self.last = {s.own.id: plan for s, plan in zip(team, plans, strict=True)}
         self.calls += 1
         return plans
 

@@ -76,7 +76,9 @@ def test_metrics_are_those_of_a_summary():
         "share_held": 0.75,
         "nees": {"position": {"mean": 2.5}, "state": {"mean": None}},
         "detection": {"recall": 0.9, "precision": None},
-        "network": {"bytes_total": 8, "bytes_per_scan_mean": 9.0, "bytes_per_scan_max": 10, "disagreement_m": 0.25},
+        "network": {"bytes_total": 8, "bytes_per_scan_mean": 9.0, "bytes_per_scan_max": 10, "disagreement_m": 0.25}
+        | {"plans": {"bytes_total": 11, "rounds": None}},
+        "sees_truth": False,
         "faults": [{}, {}],
         "contacts": [],
         "seconds": {"planning": 6.0},
@@ -85,7 +87,15 @@ def test_metrics_are_those_of_a_summary():
     }
     found = metrics(summary, decisions=3)
     assert {name for name, value in found.items() if value != value} == {
-        *("ospa.median_m", "gospa.mean_m", "gospa.localisation_m", "gospa.false", "nees.state", "precision")
+        *(
+            "ospa.median_m",
+            "gospa.mean_m",
+            "gospa.localisation_m",
+            "gospa.false",
+            "nees.state",
+            "precision",
+            "plan_rounds",
+        )
     }
     assert (found["identity_switches"], found["faults"], found["planning_s_per_decision"]) == (4, 2, 2.0)
 

@@ -6,8 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from planning.belief import observe, outlook
-from planning.nbo import team_cost, weighted_trace_penalty
+from planning.belief import LANES, observe, outlook
+from planning.mwtp import weighted_trace_penalty
+from planning.nbo import team_cost
 from planning.view import inside, quadrangle, shortest_move
 from sim.loading import load
 from sim.mission import Mission, Trial
@@ -65,8 +66,8 @@ def test_the_planner_sees_what_brute_force_sees(random_team, occlusion):
         view = outlook(situation, points, np.tile(np.eye(4), (12, 1, 1)))
         for uav, vehicle in enumerate(situation.vehicles):
             path = vehicle.position + np.cumsum(np.column_stack([rng.uniform(-3.5, 3.5, (3, 2)), np.zeros(3)]), axis=0)
-            seen = np.zeros(36, dtype=bool)
-            observe(view, uav, path, np.zeros((36, 3)), seen)
+            lanes = [np.repeat(path[k, :2, None], LANES, axis=1) for k in range(3)]
+            seen = np.array([observe(view, uav, lanes[row // 12], row, np.zeros(3 * LANES)) for row in range(36)])
             free = [situation.forest.visible(path[k], points[k, :, 0])[0] for k in range(3)]
             np.testing.assert_array_equal(seen.reshape(3, 12), free)
             hidden += 36 - int(np.sum(free))

@@ -81,5 +81,5 @@ def test_certain_targets_leave_plans_as_they_are(random_team):
     as_one = load_planner("sma-nbo-mwtp(existence=False)").plan(team, np.random.default_rng(0))
     for a, b in zip(by_existence, as_one, strict=True):
         np.testing.assert_array_equal(a.controls, b.controls)
-    with pytest.raises(ValueError, match="existence must be True or False, is 1"):
+    with pytest.raises(ValueError, match="existence of 'sma-nbo' must be True or False, is 1"):
         load_planner("sma-nbo(existence=1)")

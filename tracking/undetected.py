@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
-from tracking.camera import Camera, Pose
+from tracking.camera import ALL_ROUND, Camera, Pose
 from tracking.compiled import Array
 from tracking.kalman import Gaussian
 from tracking.tracker import Track
@@ -81,13 +81,7 @@ class Undetected:
 
     def _looked(self, people: Array, camera: Camera, pose: Pose, forest: Forest) -> Array:
         """What is left (rows, columns) when a camera has shown nobody new."""
-        pixels = float(camera.pixels)
-        corners = np.array([(0.0, 0.0), (pixels, 0.0), (pixels, pixels), (0.0, pixels)])
-        shown = camera.ground_points(pose, corners, TARGET_HEIGHT)
-        low, cell = np.array(self._now.low), np.array(self._now.cell)
-        first = np.maximum(((shown.min(axis=0) - low) // cell).astype(int), 0)
-        last = np.maximum(((shown.max(axis=0) - low) // cell).astype(int) + 1, first)
-        window = slice(first[1], last[1]), slice(first[0], last[0])
+        window, cell = self._window(camera, pose), np.array(self._now.cell)
         if people[window].any():
             centres = self._now.centres()[window]
             each = centres.reshape(-1, 2)
@@ -96,6 +90,18 @@ class Undetected:
             people = people.copy()
             people[window] *= 1.0 - self._detection * share.reshape(centres.shape[:2])
         return people
+
+    def _window(self, camera: Camera, pose: Pose) -> tuple[slice, slice]:
+        """Rows and columns outside which a camera sees nothing."""
+        if camera.fov >= ALL_ROUND:
+            return slice(None), slice(None)
+        pixels = float(camera.pixels)
+        corners = np.array([(0.0, 0.0), (pixels, 0.0), (pixels, pixels), (0.0, pixels)])
+        shown = camera.ground_points(pose, corners, TARGET_HEIGHT)
+        low, cell = np.array(self._now.low), np.array(self._now.cell)
+        first = np.maximum(((shown.min(axis=0) - low) // cell).astype(int), 0)
+        last = np.maximum(((shown.max(axis=0) - low) // cell).astype(int) + 1, first)
+        return slice(first[1], last[1]), slice(first[0], last[0])
 
     def _lost(self, tracks: Sequence[Track]) -> Array | float:
         """People (rows, columns) whose tracks have ended since the last step."""

@@ -83,7 +83,7 @@ def compare(
     options = Options(limit, folder / "recordings" if keep else None, redo)
     rows = _flown(listed, folder, options, processes, dask)
     _answer(rows, folder, chosen.description, baseline, metric or ())
-    told = f"Results in [bold]{folder}[/bold], report.html first; the same command flies what is missing."
+    told = f"Results in [bold]{folder}[/bold] (report.html); the same command flies what is missing."
     console.print(told, soft_wrap=True)
     failures = [row for row in rows if row.status == "failed"]
     if failures:
