@@ -70,9 +70,7 @@ class CrossEntropy:
         values = objective(pool)
         used, population, scale = len(pool), math.ceil(self.evaluations / self.rounds), 1.0
         for _ in range(self.rounds):
-            order = np.argsort(values, kind="stable")
-            paths = np.cumsum(pool[order], axis=2) / max_speeds[:, None, None]
-            order = order[_distinct(paths.reshape(len(order), -1), self.elites, k * H * (scale * self.apart) ** 2)]
+            order = self._elite(pool, values, scale, max_speeds)
             pool, values = pool[order], values[order]
             parents = pool[np.arange(population) * len(pool) // population]
             normal = rng.standard_normal((population, 2 * k * (H + 1) + 1))
@@ -83,6 +81,18 @@ class CrossEntropy:
             scale *= self.shrink
         best = int(np.argmin(values))
         return Found(pool[best], float(values[best]), used)
+
+    def _elite(self, pool: Array, values: Array, scale: float, max_speeds: Array) -> NDArray[np.int64]:
+        """Indices of the best plans of `pool` (N, k, H, 2) whose paths are apart, best first."""
+        _, k, H, _ = pool.shape
+        order = np.argsort(values, kind="stable")
+        for considered in (8 * self.elites, len(order)):  # as a rule these are among the best few
+            first = order[:considered]
+            paths = np.cumsum(pool[first], axis=2) / max_speeds[:, None, None]
+            chosen = _distinct(paths.reshape(len(first), -1), self.elites, k * H * (scale * self.apart) ** 2)
+            if len(chosen) == self.elites:
+                break
+        return np.asarray(first[chosen])
 
 
 @dataclass(frozen=True)
