@@ -18,6 +18,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 REFERENCE = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
 INSTALL = ("pip install -e . && understory run", "pip install -e '.[test]' && pytest")
 SHORTER = {"run": ["--duration", "2"], "compare": ["--duration", "1", "--seeds", "0,1"], "frames": ["--time", "1"]}
+SHORTER |= {"check-planner": []}
 
 
 def blocks(text):
