@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from test_mission import fly
 
-from planning.composition import Composition
 from planning.coordination import expected
 from planning.registry import load_planner
 from planning.search import Search
@@ -79,7 +78,7 @@ def test_the_term_is_people_not_found_and_the_steps_to_them(random_team, uavs):
 
 def test_where_nobody_is_unseen_the_plan_is_as_without_search(random_team):
     team = random_team(1)
-    plain = Composition().plan(team, np.random.default_rng(0))
+    plain = load_planner("sma-nbo-mwtp(search=0)").plan(team, np.random.default_rng(0))
     for aware in (team, [unaware(s) for s in team]):
         plans = load_planner("sma-nbo-mwtp(search=100)").plan(aware, np.random.default_rng(0))
         for plan, other in zip(plans, plain, strict=True):
