@@ -108,10 +108,8 @@ def mixture_update(
                 _update(P, noise[j], K, updated)
             last = int(j)
             x, y = measurements[j, 0] - means[i, 0], measurements[j, 1] - means[i, 1]
-            for a in range(4):
-                moves[c, a] = K[a, 0] * x + K[a, 1] * y
-                for b in range(4):
-                    total[a, b] += weight * updated[a, b]
+            moves[c] = K[:, 0] * x + K[:, 1] * y
+            total += weight * updated
         move = np.zeros(4)
         for c in components:
             move += beta[i, c] * moves[c]
