@@ -1,6 +1,7 @@
 """What a scan costs beside Stone Soup's JPDA, and as scenes grow; docs/benchmarks.md says how to run this.
 
-What is compared runs in turn, so that the load of the machine falls on all of it; of several times the least counts.
+What is compared runs in turn, so that the load of the machine falls on all of it. Times are those of the processor, and
+of several the least counts.
 In ordinary test runs each comparison runs once, on little, and its times are not judged.
 """
 
@@ -38,11 +39,11 @@ class Scene:
         """Seconds of each scan but the first, and the tracker afterwards."""
         subject, seconds = Tracker(0, CAMERA, OPEN, PARAMETERS, self.known if known else ()), []
         for scan in self.scans:
-            start = time.perf_counter()
+            start = time.process_time()
             subject.step(scan)
             if whole:
                 fuse([subject], ALONE, 5)
-            seconds.append(time.perf_counter() - start)
+            seconds.append(time.process_time() - start)
             if not whole:
                 fuse([subject], ALONE, 5)
         return seconds[1:], subject
@@ -53,9 +54,9 @@ class Scene:
         subject.step(self.scans[0])
         peer, seconds = StoneSoup(PARAMETERS, subject.tracks, R=R, associator=associator), []
         for detections in [peer.detections(scan) for scan in self.scans[1:]]:
-            start = time.perf_counter()
+            start = time.process_time()
             peer.step(*detections)
-            seconds.append(time.perf_counter() - start)
+            seconds.append(time.process_time() - start)
         return seconds, peer
 
 
