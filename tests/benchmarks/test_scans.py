@@ -99,7 +99,7 @@ def test_scan_as_clusters_grow_in_number(judged):
     print(f"\nscan of {counts} people: {np.round(times, 3).tolist()} ms, exponent {slope:.2f}")
     last = np.polyfit(np.log(counts[-3:]), np.log(times[-3:]), 1)[0]
     print(f"of the last three {last:.2f}; microseconds of each further person: {np.round(1e3 * each, 1).tolist()}")
-    assert not judged or (slope <= 1.0 and each[-1] <= 1.5 * each[0])
+    assert not judged or (max(slope, last) <= 1.0 and each[-1] <= 1.5 * each[:3].mean())
 
 
 @pytest.mark.parametrize("alike", [True, False], ids=["equal covariances", "each its own"])
