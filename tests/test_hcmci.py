@@ -189,7 +189,7 @@ def test_a_kalman_update_is_split_into_prior_and_measurement():
         z = H @ np.linalg.solve(prior[1], prior[0]) + np.linalg.cholesky(S) @ rng.normal(size=2)
         seen = H.T @ np.linalg.solve(R_, z)
         covariance = np.linalg.inv(prior[1])
-        reach = farthest((covariance @ prior[0])[None], covariance[None], z[None], np.array([[True]]))
+        reach = farthest((covariance @ prior[0])[None], covariance[None], z[None], np.array([[0, 0]]))
         held, novel = split((prior[0][None], prior[1][None]), ((prior[0] + seen)[None], (prior[1] + gain)[None]), reach)
         scale = 1e-9 * np.linalg.norm(prior[1] + gain)
         np.testing.assert_allclose(held[0], np.concatenate([prior[0], prior[1].ravel()]), atol=scale)

@@ -40,10 +40,11 @@ class Evidence:
             np.concatenate([self.shared, other.shared]),
         )
 
-    def observed(self, now: float, beta: Array, expected: NDArray[np.bool_], seen: float) -> Evidence:
-        """With one UAV's scan added: beta (T, N + 1) from association; expected (T,), whether it should see them."""
-        own = own_measurements(beta, seen)
-        marks = np.column_stack([beta[:, 0] <= 1.0 - seen, own >= 0, expected])
+    def observed(
+        self, now: float, seen: NDArray[np.bool_], own: NDArray[np.bool_], expected: NDArray[np.bool_]
+    ) -> Evidence:
+        """With one UAV's scan added: which tracks (T,) it saw, gave a measurement of their own, should have seen."""
+        marks = np.column_stack([seen, own, expected])
         return Evidence(np.where(marks, now, self.times), self.misses, self.shared)
 
     def counted(self, now: float, window: int) -> Evidence:

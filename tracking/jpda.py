@@ -93,21 +93,22 @@ def mixture_update(
     means, covariances = predicted
     new_means, new_covariances = means.copy(), np.empty_like(covariances)
     moves = np.empty((len(measurements) + 1, 4))
+    K, updated = np.empty((4, 2)), np.empty((4, 4))
     for i in range(len(means)):
         P = covariances[i]
         components = np.flatnonzero(beta[i])  # few of all: a track's cost must not grow with who is far away
         moves[0] = undetected[0][i] - means[i]
         total = beta[i, 0] * undetected[1][i]
         last = -1  # measurements of equal noise, as neighbours', share gain and covariance
-        K, updated = np.empty((4, 2)), np.empty((4, 4))
         for c in components:
             if c == 0:
                 continue
             j, weight = c - 1, beta[i, c]
             if last < 0 or (noise[j] != noise[last]).any():
-                K, updated = _updated(P, noise[j])
+                _update(P, noise[j], K, updated)
             last = int(j)
-            moves[c] = K @ (measurements[j] - means[i, :2])
+            x, y = measurements[j, 0] - means[i, 0], measurements[j, 1] - means[i, 1]
+            moves[c] = K[:, 0] * x + K[:, 1] * y
             total += weight * updated
         move = np.zeros(4)
         for c in components:
@@ -121,12 +122,24 @@ def mixture_update(
 
 
 @compiled
-def _updated(P: Array, R: Array) -> tuple[Array, Array]:
-    """Gain (4, 2) and covariance (4, 4) after a measurement of noise R (2, 2), in Joseph's form."""
-    K = np.ascontiguousarray(P[:, :2]) @ np.linalg.inv(P[:2, :2] + R)
-    A = np.eye(4)
-    A[:, :2] -= K
-    return K, A @ P @ A.T + K @ R @ K.T
+def _update(P: Array, R: Array, K: Array, updated: Array) -> None:
+    """Write gain K (4, 2) and covariance (4, 4) after a measurement of noise R (2, 2), in Joseph's form.
+
+    Written out: of matrices so small, calls of a library and new arrays cost ten times the arithmetic.
+    """
+    xx, xy, yy = P[0, 0] + R[0, 0], P[0, 1] + R[0, 1], P[1, 1] + R[1, 1]
+    det = xx * yy - xy * xy
+    for a in range(4):
+        K[a, 0] = (P[a, 0] * yy - P[a, 1] * xy) / det
+        K[a, 1] = (P[a, 1] * xx - P[a, 0] * xy) / det
+    for a in range(4):
+        # Row a of A P, then of A P Aᵀ + K R Kᵀ, with A = I - K H.
+        ap0 = P[a, 0] - (K[a, 0] * P[0, 0] + K[a, 1] * P[1, 0])
+        ap1 = P[a, 1] - (K[a, 0] * P[0, 1] + K[a, 1] * P[1, 1])
+        kr0, kr1 = K[a, 0] * R[0, 0] + K[a, 1] * R[1, 0], K[a, 0] * R[0, 1] + K[a, 1] * R[1, 1]
+        for b in range(4):
+            ap = P[a, b] - (K[a, 0] * P[0, b] + K[a, 1] * P[1, b])
+            updated[a, b] = (ap - (ap0 * K[b, 0] + ap1 * K[b, 1])) + (kr0 * K[b, 0] + kr1 * K[b, 1])
 
 
 @compiled

@@ -12,12 +12,12 @@ from tracking.kalman import symmetric
 _ROUNDING = 1e-9
 
 
-def farthest(means: Array, covariances: Array, z: Array, gated: NDArray[np.bool_]) -> Array:
+def farthest(means: Array, covariances: Array, z: Array, gates: NDArray[np.int64]) -> Array:
     """Largest distance in prior standard deviations of the measurements z (N, 2) m in the gates of beliefs (T,).
 
-    means (T, 4), covariances (T, 4, 4), gated (T, N): whether each measurement is in each gate.
+    means (T, 4), covariances (T, 4, 4), gates (G, 2): pairs of a track and a measurement in its gate.
     """
-    track, measurement = np.nonzero(gated)
+    track, measurement = gates.T
     nu = z[measurement] - means[track, :2]
     squared = np.einsum("gi,gij,gj->g", nu, np.linalg.inv(covariances[:, :2, :2])[track], nu)
     most = np.zeros(len(means))

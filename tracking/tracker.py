@@ -13,11 +13,11 @@ from tracking.absence import given_undetected
 from tracking.births import IntegratedInitiator
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
+from tracking.correction import Predicted, corrected
 from tracking.evidence import Evidence, doubles
-from tracking.existence import associated, log_odds
+from tracking.existence import log_odds
 from tracking.identity import FIRST_BORN, INFORMATION, UAVS, Message, aliases_of, born_id, is_birth
 from tracking.initiation import Initiator, Tentative
-from tracking.jpda import gated_likelihood, mixture_update
 from tracking.kalman import Gaussian, information_form
 from tracking.malformed import check_track, well_formed
 from tracking.novelty import farthest, split
@@ -30,7 +30,7 @@ __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 # Weights in the average of a UAV that looked where the person may be and saw nobody, and of one that did not look: the
 # first counts only where nobody saw the person, the second only where nobody looked either.
 _LOOKED, _UNSEEN = 1e-4, 1e-9
-_NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 0), dtype=np.bool_)
+_NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
 _IN_TOUCH = 1.0  # s for which UAVs take themselves for one company without word of its leader
 
 
@@ -127,25 +127,23 @@ class Tracker:
         z, R = well_formed(scan.time, scan.pose, scan.measurements, scan.covariances)
         self.coast(scan.time)
         elapsed, self._waited = self._waited, 0
-        likelihood = gated_likelihood(self._means, self._covariances, z, R, p.gate_probability)
 
         def visible_at(means: Array, covariances: Array) -> NDArray[np.bool_]:
             return visible_samples(self._camera, scan.pose, means[:, :2], covariances[:, :2, :2], self._forest)
 
         samples = visible_at(self._means, self._covariances)
         visible = samples.mean(axis=1)
-        detection = p.detection(visible, len(z))
-        beta, given, self._existence = associated(likelihood, detection, p.clutter_density, self._existence)
-        # A wide belief far off must not swallow newcomers: it explains only what it makes likelier than clutter.
-        unexplained = p.detection_probability * likelihood.max(axis=0, initial=0.0) <= p.clutter_density
-        predicted = self._means, self._covariances
-        self._predicted = *predicted, z, likelihood > 0.0
-        undetected = given_undetected(predicted, samples, p.detection_probability, p.absence_weight)
-        self._means, self._covariances = mixture_update(predicted, undetected, z, R, given)
-        self._say = np.maximum(1.0 - beta[:, 0], _UNSEEN + _LOOKED * visible)
-        self._evidence = self._evidence.observed(scan.time, beta, visible >= p.expected, p.seen)
+        beliefs = self._means, self._covariances
+        undetected = given_undetected(beliefs, samples, p.detection_probability, p.absence_weight)
+        after = corrected(Predicted(*beliefs, undetected, self._existence, visible), z, R, p)
+        self._predicted = *beliefs, z, after.gates
+        self._means, self._covariances, self._existence = after.means, after.covariances, after.existence
+        self._say = np.maximum(1.0 - after.nobody, _UNSEEN + _LOOKED * visible)
+        seen, expected = after.nobody <= 1.0 - p.seen, visible >= p.expected
+        self._evidence = self._evidence.observed(scan.time, seen, after.own, expected)
+        left = ~after.explained
         born, self._tentative = self._initiator.step(
-            self._tentative, z[unexplained], R[unexplained], elapsed=elapsed, visible=visible_at
+            self._tentative, z[left], R[left], elapsed=elapsed, visible=visible_at
         )
         self._append(born)
 
@@ -195,11 +193,11 @@ class Tracker:
             return held, np.zeros((len(held), 0)), self._say
         novel = np.zeros((len(held), INFORMATION + self.uav + 1))
         spread = np.trace(self._covariances[:, :2, :2], axis1=1, axis2=2)
-        means, covariances, z, gated = self._predicted
+        means, covariances, z, gates = self._predicted
         seen = np.flatnonzero(self._say[: len(means)] >= p.seen)
         if len(seen):
+            reach = farthest(means, covariances, z, gates)[seen]
             means, covariances = means[seen], covariances[seen]
-            reach = farthest(means, covariances, z, gated[seen])
             spread[seen] = np.trace(covariances[:, :2, :2], axis1=1, axis2=2)
             held[seen], gained = split(information_form(means, covariances), (q[seen], omega[seen]), reach)
             novel[seen, :INFORMATION] = gained
