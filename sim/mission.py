@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
+from planning.planner import Plan, Planner, Situation, Vehicle, exchange_of
 from planning.registry import load_planner
 from sim.autopilot import Fault, decide
 from sim.forest import grow
@@ -66,9 +66,7 @@ class Mission:
         self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
         self._undetected = [self._nobody_seen() for _ in scenario.uavs]
-        exchange = getattr(self._planner, "exchange", None)  # of a stranger's, it may be anything
-        exchange = exchange if isinstance(exchange, Exchange) else Exchange()
-        self._intents = Intents(scenario.network, exchange, stream(seed, "intents"))
+        self._intents = Intents(scenario.network, exchange_of(self._planner), stream(seed, "intents"))
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
         self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
         self._working = list(range(len(scenario.uavs)))  # UAVs that have not broken down, at the last scan
