@@ -191,13 +191,13 @@ class Mission:
         if k % (rates.sensing // rates.planning) or not self._working:
             return None, Sent(np.zeros(len(bodies), dtype=np.int64), 0)
         with self.clock.measure("planning"):
-            team = self._team(time, bodies, links)
+            team = self._team(k, time, bodies, links)
             made, faults = decide(self._planner, team, self._intents.own, self._chance)
         self.faults += faults
         plans = dict(zip(self._working, made, strict=True))
         return [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(len(bodies))], self._intents.end(plans)
 
-    def _team(self, time: float, bodies: list[Pose], links: Links) -> list[Situation]:
+    def _team(self, k: int, time: float, bodies: list[Pose], links: Links) -> list[Situation]:
         """One situation per UAV that works: itself, its own tracks, and what it knows of the others."""
         fleet = [
             Vehicle(
@@ -214,7 +214,7 @@ class Mission:
         area = (self.scenario.area.width, self.scenario.area.height)
         for i in self._working:
             known = [v for v in fleet if v.id == i or (links.touch[i, v.id] and v.id in self._working)]
-            looks = [(v.camera, Pose(v.position, v.attitude)) for v in known]
+            looks = [(v.camera, Pose(v.position, v.attitude)) for v in known if self.scenario.has_frame(v.id, k)]
             self._undetected[i].step(time, looks, self._trackers[i].tracks, self._known_forest)
         return [
             self._intents.informed(
