@@ -42,13 +42,16 @@ def _summary(name: str, spec: PlannerSpec) -> str:
 def _ours() -> dict[str, str]:
     """Options of our planners; a planner of the same class as one before says what it has otherwise."""
     first: dict[str, str] = {}
+    options: dict[str, dict[str, Any]] = {}
     found: dict[str, str] = {}
     for name, spec in PLANNERS.items():
         like = first.setdefault(spec.target, name)
+        options[name] = _written(spec.target) | dict(spec.options)
         if like == name:
-            found[name] = _text(_written(spec.target) | dict(spec.options))
+            found[name] = _text(options[name])
         else:
-            found[name] = f"those of {like}, with {_text(spec.options)}" if spec.options else f"those of {like}"
+            other = {option: value for option, value in options[name].items() if value != options[like][option]}
+            found[name] = f"those of {like}, with {_text(other)}" if other else f"those of {like}"
     return found
 
 

@@ -9,9 +9,9 @@ from functools import cached_property, partial
 from statistics import median
 
 from planning.attempt import Attempt, attempt, attempt_elsewhere, difference
-from planning.planner import Planner, Situation
+from planning.planner import Planner, Situation, exchange_of
 from planning.registry import load_planner
-from planning.specimens import KNOWLEDGE, among, apart, held, ordinary_team, otherwise
+from planning.specimens import KNOWLEDGE, among, apart, held, lost, ordinary_team, otherwise
 from tracking.visibility import Forest
 
 Maker = Callable[[], Planner]
@@ -71,6 +71,7 @@ class _Subject:
         self.team = ordinary_team()
         planner = make()
         self.claims = bool(getattr(planner, "decentralised", False))
+        self.rounds = exchange_of(planner).rounds
         self.first = attempt(planner, self.team, watched=True)
 
     @cached_property
@@ -209,10 +210,12 @@ def _unheard(subject: _Subject) -> str:
 def _heard(subject: _Subject) -> str:
     _claimed(subject)
     for s in subject.team:
-        others = [o.own.id for o in subject.team if o is not s]
-        found = _influence(subject, held(subject.team, s.own.id), [s.own.id], others)
-        if found:
-            raise _Unfit(f"UAV {s.own.id}'s plan says nothing, but its {found}")
+        others, uav = [o.own.id for o in subject.team if o is not s], s.own.id
+        silent = {"says nothing": held(subject.team, uav), "is lost": lost(subject.team, uav, subject.rounds)}
+        for how, team in silent.items():
+            found = _influence(subject, team, [uav], others)
+            if found:
+                raise _Unfit(f"UAV {uav}'s plan {how}, but its {found}")
     return "what a UAV holds reaches others through its plan alone"
 
 

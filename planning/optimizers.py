@@ -52,24 +52,30 @@ class CrossEntropy:
     apart: float = (
         0.5  # of the way that maximum speed makes in a step: between elites' paths, root mean square, at first
     )
-    seconds: float = 0.0  # search anew until so much time is used; 0: once. What is found then depends on the machine
+    # Search anew until so much time is used, and begin no round after it; 0: once. What is found then varies.
+    seconds: float = 0.0
 
     def minimise(self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator) -> Found:
         """As `Optimizer.minimise`."""
-        began = perf_counter()
-        found = self._search(objective, starts, max_speeds, rng)
-        while perf_counter() - began < self.seconds:
-            again = self._search(objective, np.concatenate([found.plans[None], starts]), max_speeds, rng)
+        end = perf_counter() + self.seconds if self.seconds else math.inf
+        found = self._search(objective, starts, max_speeds, rng, end=end)
+        while self.seconds and perf_counter() < end:
+            again = self._search(objective, np.concatenate([found.plans[None], starts]), max_speeds, rng, end=end)
             found = again._replace(evaluations=found.evaluations + again.evaluations)
         return found
 
-    def _search(self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator) -> Found:
+    def _search(
+        self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator, *, end: float
+    ) -> Found:
+        """One search from the starts, which begins no round after `end` [s]."""
         _, k, H, _ = starts.shape
         max_speeds = np.ascontiguousarray(np.broadcast_to(max_speeds, k), dtype=float)
         pool = limited(starts, max_speeds)
         values = objective(pool)
         used, population, scale = len(pool), math.ceil(self.evaluations / self.rounds), 1.0
         for _ in range(self.rounds):
+            if perf_counter() >= end:
+                break
             order = self._elite(pool, values, scale, max_speeds)
             pool, values = pool[order], values[order]
             parents = pool[np.arange(population) * len(pool) // population]
@@ -140,11 +146,16 @@ class ParticleSwarm:
 
 @dataclass(frozen=True)
 class Grid:
-    """Exhaustive search over all sequences of a few controls, and the starts: ground truth for small cases."""
+    """Exhaustive search over all sequences of a few controls, and the starts: ground truth for small cases.
+
+    With a budget, in evaluations or seconds, what it has tried by then, in the order of the controls, is all.
+    """
 
     directions: int = 8
     speeds: int = 1  # besides hovering
-    most: int = 2_000_000  # plans
+    most: int = 2_000_000  # plans without a budget in seconds
+    evaluations: int = 0  # the starts aside; 0: all
+    seconds: float = 0.0  # stop after so much time; 0: no limit
 
     def controls(self, max_speed: float) -> Array:
         """The controls (D, 2) m/s of which plans are made."""
@@ -155,20 +166,23 @@ class Grid:
 
     def minimise(self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator) -> Found:
         """As `Optimizer.minimise`; ValueError where there are too many plans."""
+        end = perf_counter() + self.seconds if self.seconds else math.inf
         _, k, H, _ = starts.shape
         sets = [self.controls(speed) for speed in max_speeds.tolist() for _ in range(H)]
         count = math.prod(len(s) for s in sets)
-        if count > self.most:
+        tries = min(count, self.evaluations or count)
+        if tries > self.most and not self.seconds:
             raise ValueError(f"optimizer grid: {count} plans of {k} UAVs over {H} steps, at most {self.most} are tried")
         starts = limited(starts, max_speeds)
         values = objective(starts)
         best = int(np.argmin(values))
-        found = Found(starts[best], float(values[best]), len(starts) + count)
-        plans = itertools.product(*sets)
-        while chunk := list(itertools.islice(plans, 65_536)):
+        found = Found(starts[best], float(values[best]), len(starts))
+        plans = itertools.islice(itertools.product(*sets), tries)
+        while perf_counter() < end and (chunk := list(itertools.islice(plans, 8192))):
             candidates = np.array(chunk).reshape(-1, k, H, 2)
             values = objective(candidates)
             best = int(np.argmin(values))
+            found = found._replace(evaluations=found.evaluations + len(candidates))
             if values[best] < found.cost:
                 found = found._replace(plans=candidates[best], cost=float(values[best]))
         return found

@@ -107,7 +107,10 @@ class Composed:
         )
 
     def _optimizer(self) -> Optimizer:
-        if self.optimizer == "grid":
-            return Grid()
-        usual = CrossEntropy() if self.optimizer == "cross-entropy" else ParticleSwarm()
+        optimizers: dict[str, CrossEntropy | ParticleSwarm | Grid] = {
+            "cross-entropy": CrossEntropy(),
+            "particle-swarm": ParticleSwarm(),
+            "grid": Grid(),
+        }
+        usual = optimizers[self.optimizer]
         return replace(usual, evaluations=self.evaluations or usual.evaluations, seconds=self.seconds)

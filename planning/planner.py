@@ -59,6 +59,12 @@ class Exchange:
             raise ValueError(f"rounds must be a whole number of at least 0, is {self.rounds!r}")
 
 
+def exchange_of(planner: object) -> Exchange:
+    """What a planner says that is sent; `Exchange()` where it says nothing of the kind."""
+    exchange = getattr(planner, "exchange", None)  # of a stranger's, it may be anything
+    return exchange if isinstance(exchange, Exchange) else Exchange()
+
+
 @dataclass(frozen=True, eq=False)
 class Situation:
     """All that one UAV knows when it plans. Nothing in it is ground truth."""
@@ -72,7 +78,7 @@ class Situation:
     motion: NearlyConstantVelocity  # of the targets, over one planning step
     # Last plan known of each UAV, its own included, as made one step ago: of an older one, what was left of it then.
     intents: Mapping[int, Plan] = field(default_factory=dict)
-    # For each round of `Exchange`, whose plans of this instant reach this UAV; without any, everyone's.
+    # For each round of `Exchange`, whose plans of this instant reach this UAV; without any, all neighbours'.
     reception: tuple[tuple[int, ...], ...] = ()
     unseen: Unseen | None = None  # where people may be of whom it has no track; None: it does not ask itself
 
@@ -88,7 +94,7 @@ class Situation:
 
     def receives(self, uav: int, sent: int = 0) -> bool:
         """Whether what a UAV sends in a round of this instant reaches this one."""
-        return not self.reception or uav in self.reception[sent]
+        return uav in (self.reception[sent] if self.reception else [v.id for v in self.neighbours])
 
 
 class Planner(Protocol):

@@ -40,16 +40,18 @@ class _Raster(NamedTuple):
     side: NDArray[np.int64]  # (k,): places along each edge
     first: NDArray[np.int64]  # (k,): number of the first place
     views: _Views
-    onward: Array  # (V,): steps until people not seen by then can be, summed over them, if the UAV ends there
+    onward: Array  # (V,): steps until people whom others leave can be seen, summed, if the UAV ends there
 
 
 @dataclass(frozen=True)
 class Search:
     """People not found yet count as tracks of covariance trace `weight` [m²], at each step of the horizon.
 
-    What a camera will see is taken from the nearest of places 5 m apart. Beyond the horizon each person counts until
-    the nearest UAV can have come within sight: the search's cost-to-go. In joint plans of several UAVs each takes the
-    others to end where they intend to.
+    What a camera will see is taken from the nearest of places 5 m apart. Beyond the horizon each person whom the looks
+    of other UAVs leave counts until the nearest UAV can have come within sight: the search's cost-to-go. In joint plans
+    of several UAVs each takes the others to end where they intend to.
+
+    Note: people whom a plan itself finds count in its cost-to-go, too, so that this depends on its end alone.
     """
 
     weight: float

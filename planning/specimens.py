@@ -15,6 +15,7 @@ from tracking.compiled import Array
 from tracking.kalman import Gaussian, NearlyConstantVelocity
 from tracking.noise import NoiseModel
 from tracking.tracker import Track
+from tracking.undetected import Unseen
 from tracking.visibility import Forest, Tree
 
 KNOWLEDGE = (
@@ -22,6 +23,7 @@ KNOWLEDGE = (
     "received intents",
     "own measured position",
     "neighbours' positions",
+    "people not found",
 )  # what `otherwise` can change
 
 
@@ -61,8 +63,11 @@ def _random_covariance(rng: np.random.Generator) -> Array:
 
 
 def ordinary_team(seed: int = 0, targets: int = 4) -> list[Situation]:
-    """Three UAVs in flight: each has beliefs and a top speed of its own, and knows the last plans of two of them."""
-    rng = np.random.default_rng([seed, 1])
+    """Three UAVs in flight: each has beliefs and a top speed of its own, and knows the last plans of two of them.
+
+    Each takes people whom it has not found yet to be in some places of its own.
+    """
+    rng, places = np.random.default_rng([seed, 1]), np.random.default_rng([seed, 2])
     team = specimen_team(seed, targets=targets)
     fleet = {s.own.id: replace(s.own, max_speed=5.0 - s.own.id) for s in team}
     intents = {i: Plan(rng.uniform(-2.0, 2.0, (5, 2))) for i in (0, 1)}
@@ -74,9 +79,15 @@ def ordinary_team(seed: int = 0, targets: int = 4) -> list[Situation]:
             neighbours=tuple(fleet[v.id] for v in s.neighbours),
             tracks=tuple(_moved(track, rng.normal(0.0, 0.5, 4), 1.0) for track in s.tracks),
             intents=dict(intents),
+            unseen=_sprinkled(places),
         )
         for s in team
     ]
+
+
+def _sprinkled(rng: np.random.Generator) -> Unseen:
+    people = np.where(rng.random((20, 30)) < 0.1, rng.random((20, 30)), 0.0)
+    return Unseen(people, (-75.0, -50.0), (5.0, 5.0))
 
 
 def among(team: Sequence[Situation], ids: Collection[int]) -> list[Situation]:
@@ -110,6 +121,12 @@ def held(team: Sequence[Situation], uav: int) -> list[Situation]:
     ]
 
 
+def lost(team: Sequence[Situation], uav: int, rounds: int) -> list[Situation]:
+    """The team if of one UAV's plan nobody receives anything in any round; positions and last plans are known."""
+    heard = {s.own.id: tuple(v.id for v in s.neighbours if v.id != uav) for s in team}
+    return [replace(s, reception=(heard[s.own.id],) * max(rounds, 1)) for s in team]
+
+
 def otherwise(team: Sequence[Situation], uavs: Collection[int], kinds: Collection[str]) -> list[Situation]:
     """The team if UAVs `uavs` hold something else, of some kinds of `KNOWLEDGE`; as many tracks as before."""
     return [reduce(_other, kinds, s) if s.own.id in uavs else s for s in team]
@@ -121,6 +138,8 @@ def _other(s: Situation, kind: str) -> Situation:
         return replace(s, tracks=tuple(_moved(t, np.array([3.0, -2.0, 0.5, 0.3]), 4.0) for t in s.tracks))
     if kind == "received intents":
         return replace(s, intents={i: Plan(-plan.controls) for i, plan in s.intents.items()})
+    if kind == "people not found":
+        return s if s.unseen is None else replace(s, unseen=replace(s.unseen, people=s.unseen.people[::-1].copy()))
     if kind == "own measured position":
         return replace(s, own=replace(s.own, position=s.own.position + aside))
     return replace(s, neighbours=tuple(replace(v, position=v.position - aside) for v in s.neighbours))

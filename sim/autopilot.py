@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planning.optimizers import limited
 from planning.planner import Plan, Planner, Situation
 from tracking.compiled import Array
 
@@ -44,11 +45,10 @@ def decide(
             plans.append(_shifted(last.get(own.id)))
         else:
             controls = np.array(plan.controls, dtype=float)
-            speed = np.linalg.norm(controls, axis=1, keepdims=True)
-            if np.any(speed > own.max_speed * (1 + 1e-6)):
-                problem = f"speed {speed.max():.3g} m/s exceeds {own.max_speed:g} m/s; clipped"
-            limited = controls * np.minimum(1.0, own.max_speed / np.maximum(speed, 1e-12))
-            plans.append(Plan(limited, _others(plan)))
+            fastest = np.linalg.norm(controls, axis=1).max()
+            if fastest > own.max_speed * (1 + 1e-6):
+                problem = f"speed {fastest:.3g} m/s exceeds {own.max_speed:g} m/s; clipped"
+            plans.append(Plan(limited(controls[None], own.max_speed)[0], _others(plan)))
         if problem:
             faults.append(Fault(time, own.id, problem))
     return plans, faults

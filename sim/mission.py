@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
+from planning.planner import Plan, Planner, Situation, Vehicle, exchange_of
 from planning.registry import load_planner
 from sim.autopilot import Fault, decide
 from sim.forest import grow
@@ -66,9 +66,7 @@ class Mission:
         self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
         self._undetected = [self._nobody_seen() for _ in scenario.uavs]
-        exchange = getattr(self._planner, "exchange", None)  # of a stranger's, it may be anything
-        exchange = exchange if isinstance(exchange, Exchange) else Exchange()
-        self._intents = Intents(scenario.network, exchange, stream(seed, "intents"))
+        self._intents = Intents(scenario.network, exchange_of(self._planner), stream(seed, "intents"))
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
         self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
         self._working = list(range(len(scenario.uavs)))  # UAVs that have not broken down, at the last scan
@@ -193,13 +191,13 @@ class Mission:
         if k % (rates.sensing // rates.planning) or not self._working:
             return None, Sent(np.zeros(len(bodies), dtype=np.int64), 0)
         with self.clock.measure("planning"):
-            team = self._team(time, bodies, links)
+            team = self._team(k, time, bodies, links)
             made, faults = decide(self._planner, team, self._intents.own, self._chance)
         self.faults += faults
         plans = dict(zip(self._working, made, strict=True))
         return [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(len(bodies))], self._intents.end(plans)
 
-    def _team(self, time: float, bodies: list[Pose], links: Links) -> list[Situation]:
+    def _team(self, k: int, time: float, bodies: list[Pose], links: Links) -> list[Situation]:
         """One situation per UAV that works: itself, its own tracks, and what it knows of the others."""
         fleet = [
             Vehicle(
@@ -216,7 +214,7 @@ class Mission:
         area = (self.scenario.area.width, self.scenario.area.height)
         for i in self._working:
             known = [v for v in fleet if v.id == i or (links.touch[i, v.id] and v.id in self._working)]
-            looks = [(v.camera, Pose(v.position, v.attitude)) for v in known]
+            looks = [(v.camera, Pose(v.position, v.attitude)) for v in known if self.scenario.has_frame(v.id, k)]
             self._undetected[i].step(time, looks, self._trackers[i].tracks, self._known_forest)
         return [
             self._intents.informed(

@@ -11,7 +11,7 @@ import pytest
 from planning.baselines import Lawnmower
 from planning.composition import Composition
 from planning.coordination import Sequential
-from planning.optimizers import CrossEntropy, ParticleSwarm
+from planning.optimizers import CrossEntropy, Grid, ParticleSwarm
 from planning.propagation import MonteCarlo, Nominal
 from planning.registry import PLANNERS, installed, load_planner
 from tracking.camera import Pose
@@ -113,6 +113,8 @@ def test_options_choose_the_pieces():
     assert pieces == Composition(3, Sequential(), MonteCarlo(7), 0.25, ParticleSwarm(), "disc")
     pieces = load_planner("sma-nbo( order = worst-first , sweeps=2,visibility='expected', evaluations=99)").composition
     assert pieces == Composition(5, Sequential("worst-first", 2), Nominal(expected=True), 0.0, CrossEntropy(99), None)
+    pieces = load_planner("sma-nbo(optimizer=grid, evaluations=99, seconds=0.5)").composition
+    assert pieces.optimizer == Grid(evaluations=99, seconds=0.5)
     assert load_planner("planning.baselines:Lawnmower(pace=0.5)") == Lawnmower(0.5)
 
 

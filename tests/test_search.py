@@ -124,6 +124,18 @@ def test_each_uav_infers_what_is_unseen_from_the_cameras_it_hears_of():
     assert beliefs("tracking.unseen=9", duration=0.2)[0].sum() == pytest.approx(2.25 * together[0].sum())
 
 
+def test_nothing_is_inferred_from_a_camera_that_takes_no_frame_when_uavs_plan():
+    def left(duration):
+        settings = ("rates.planning=5", "uavs.0.rate=1", "uavs.1.rate=1", "network.range=1", "people.paths=[]")
+        settings += ("people.count=1", "sensing.mode=ideal", "tracking.initial_tracks=none", "trees.density=0")
+        mission, _ = fly(*settings, duration=duration, seed=1)
+        return [undetected.belief.people.sum() for undetected in mission._undetected]
+
+    once, again, later = left(0.1), left(0.8), left(1.0)
+    np.testing.assert_allclose(again[:2], once[:2], rtol=1e-9)
+    assert again[2] < once[2] - 1e-3 and max(np.subtract(later, again)) < -1e-3
+
+
 def test_where_all_are_known_nobody_is_unseen():
     mission, _ = fly("sensing.mode=ideal", planner="sma-nbo-mwtp", duration=3)
     assert not any(undetected.belief.people.any() for undetected in mission._undetected)
