@@ -88,9 +88,13 @@ def complete(
 ) -> list[Row]:
     """Rows of all tasks, in order: those in the store, the rest flown now and kept. What had failed is tried again.
 
+    Where recordings are to be kept, a trial without one counts as missing.
+
     StoreError where a result cannot be kept; those before are.
     """
     rows = {} if options.redo else store.done(tasks)
+    if options.recordings is not None:
+        rows = {key: row for key, row in rows.items() if (options.recordings / f"{key}.npz").exists()}
     store.label(tasks)
     for task in tasks:
         if task.key in rows:
