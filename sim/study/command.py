@@ -169,20 +169,21 @@ def _flown(listed: Sequence[Task], folder: Path, options: Options, workers: int,
         with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
             remark(*_apart(store.versions(), listed[0].version, store.path))
             with study_progress(len(listed)) as tell:
-
-                def heard(task: Task, row: Row, fresh: bool) -> None:
-                    nonlocal kept
-                    kept = (kept or 0) + 1
-                    tell(row.status == "failed", fresh)
-
-                return complete(listed, store, backend, options, heard)
+                try:
+                    return complete(
+                        listed, store, backend, options, lambda _, row, new: tell(row.status == "failed", new)
+                    )
+                except (KeyboardInterrupt, StoreError):
+                    kept = len(store.done(listed))
+                    raise
     except KeyboardInterrupt:
         reason = "interrupted"
     except StoreError as error:
         reason = str(error)
     if kept is None:
         fail(f"{reason}; no trial was flown, what {folder} holds stays", code=1)
-    fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, the same command flies the rest", code=1)
+    rest = "without --redo, the same command flies the rest" if options.redo else "the same command flies the rest"
+    fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, {rest}", code=1)
 
 
 @contextmanager
