@@ -111,6 +111,20 @@ def complete(
     return [rows[task.key] for task in tasks]
 
 
+def rows_of(tasks: Sequence[Task], backend: Backend, heard: Callable[[Row], object] = lambda row: None) -> list[Row]:
+    """Rows of all tasks, in order, kept nowhere; RuntimeError if one failed."""
+    rows: dict[str, Row] = {}
+
+    def keep(task: Task, flown: Flown) -> None:
+        if flown.row.status == "failed":
+            raise RuntimeError(f"{task.planner}, seed {task.seed}: {flown.row.error}")
+        rows[task.key] = flown.row
+        heard(flown.row)
+
+    fly_all(tasks, backend, keep)
+    return [rows[task.key] for task in tasks]
+
+
 def fly_all(
     tasks: Sequence[Task],
     backend: Backend,
