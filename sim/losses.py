@@ -17,30 +17,33 @@ from matplotlib.figure import Figure
 
 from sim.console import fail, trial_progress
 from sim.errors import InputError
-from sim.experiment import Outcome, fly_apart
 from sim.loading import load
-from sim.mission import Trial
 from sim.palette import BLUE, VERMILLION
 from sim.plots import save
 from sim.quantity import integers
+from sim.study.engine import rows_of
+from sim.study.pool import Pool
+from sim.study.row import Row
+from sim.study.tasks import check_worlds, task_of
 
 LOSSES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 FUSIONS = ("kla", "hcmci")
 _COLOURS = dict(zip(FUSIONS, (BLUE, VERMILLION), strict=True))
 
-Curves = dict[str, list[list[Outcome]]]  # of each fusion: outcomes of all seeds at each loss
+Curves = dict[str, list[list[Row]]]  # of each fusion: rows of all seeds at each loss
 
 
 def curves(fusions: Sequence[str], seeds: Sequence[int], workers: int, overrides: Sequence[str] = ()) -> Curves:
     """Missions of the default scenario in ideal sensing, at all losses, on the same forests, people and seeds."""
     cases = list(product(fusions, LOSSES, seeds))
-    trials = [
-        Trial(load("forest", ["sensing.mode=ideal", *overrides, *_network(fusion, loss)]), "sma-nbo-mwtp", seed)
+    tasks = [
+        task_of(load("forest", ["sensing.mode=ideal", *overrides, *_network(fusion, loss)]), "sma-nbo-mwtp", seed)
         for fusion, loss, seed in cases
     ]
-    with trial_progress(len(trials)) as progress:
-        outcomes = iter(fly_apart(trials, workers, progress))
-    return {fusion: [[next(outcomes) for _ in seeds] for _ in LOSSES] for fusion in fusions}
+    check_worlds(tasks)
+    with trial_progress(len(tasks)) as progress, Pool(workers) as pool:
+        rows = iter(rows_of(tasks, pool, progress))
+    return {fusion: [[next(rows) for _ in seeds] for _ in LOSSES] for fusion in fusions}
 
 
 def _network(fusion: str, loss: float) -> list[str]:
@@ -52,7 +55,7 @@ def table(found: Curves) -> str:
     lines = ["| loss | fusion | OSPA under 1 m | OSPA mean | disagreement |", "|---|---|---|---|---|"]
     for (i, loss), fusion in product(enumerate(LOSSES), found):
         share, error, gap = (
-            _summary(found[fusion][i], name) for name in ("share_under_1m", "mean_m", "disagreement_m")
+            _summary(found[fusion][i], name) for name in ("ospa.share_under_1m", "ospa.mean_m", "disagreement_m")
         )
         lines.append(
             f"| {loss:.0%} | `{fusion}` | {100 * share[0]:.1f} ± {100 * share[1]:.1f} % "
@@ -67,7 +70,7 @@ def figure(found: Curves) -> Figure:
         drawn = Figure(figsize=(7.2, 2.9), layout="constrained")
         FigureCanvasAgg(drawn)
         left, right = drawn.subplots(1, 2)
-        _plot(left, found, "share_under_1m", 100.0)
+        _plot(left, found, "ospa.share_under_1m", 100.0)
         _plot(right, found, "disagreement_m", 1.0)
         left.set_ylabel("scans with OSPA under 1 m [%]")
         left.set_ylim(0, 100)
@@ -80,7 +83,7 @@ def figure(found: Curves) -> Figure:
 
 def _plot(axes: Axes, found: Curves, name: str, scale: float) -> None:
     for fusion, levels in found.items():
-        mean, error = scale * np.array([_summary(outcomes, name) for outcomes in levels]).T
+        mean, error = scale * np.array([_summary(rows, name) for rows in levels]).T
         colour = [channel / 255 for channel in _COLOURS[fusion]]
         axes.errorbar(100 * np.array(LOSSES), mean, error, color=colour, lw=1.5, capsize=2, label=fusion)
     axes.set_xlabel("messages lost [%]")
@@ -89,9 +92,9 @@ def _plot(axes: Axes, found: Curves, name: str, scale: float) -> None:
     axes.grid(lw=0.5, alpha=0.4)
 
 
-def _summary(outcomes: Sequence[Outcome], name: str) -> tuple[float, float]:
+def _summary(rows: Sequence[Row], name: str) -> tuple[float, float]:
     """Mean and its standard error over the seeds."""
-    values = np.array([getattr(outcome, name) for outcome in outcomes])
+    values = np.array([row.metrics[name] for row in rows])
     return float(values.mean()), float(values.std(ddof=1) / math.sqrt(len(values))) if len(values) > 1 else 0.0
 
 

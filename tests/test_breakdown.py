@@ -13,7 +13,6 @@ from planning.registry import PLANNERS
 from sim.archive import load as load_recording
 from sim.autopilot import Fault
 from sim.errors import InputError
-from sim.experiment import fly as outcome_of
 from sim.frames import check_working, scenario_of
 from sim.loading import load
 from sim.mapview import MapView
@@ -22,6 +21,8 @@ from sim.mission import Mission, Trial
 from sim.palette import ALARM, FAINT, uav_colour
 from sim.plots import ospa_figure
 from sim.run import run
+from sim.study.tasks import task_of
+from sim.study.trial import fly as fly_trial
 from sim.video import Film
 from tracking.visibility import Forest
 
@@ -109,8 +110,8 @@ def test_a_mission_of_which_all_uavs_break_down_is_flown_and_shown_to_its_end(tm
     assert summary["ospa"]["mean_m"] == known.mean() and len(known) == 9
     assert summary["ospa"]["share_under_1m"] == np.mean(known < 1)
     assert frames_of(tmp_path / "out" / "mission.mp4") == ("h264", 11)
-    outcome = outcome_of(Trial(setting, "greedy", 0))
-    assert (outcome.mean_m, outcome.faults) == (pytest.approx(known.mean()), 3)
+    found = fly_trial(task_of(setting, "greedy", 0)).row.metrics
+    assert (found["ospa.mean_m"], found["faults"]) == (pytest.approx(known.mean()), 3)
 
 
 def test_people_are_held_by_those_who_work():

@@ -11,7 +11,7 @@ from sim import __main__ as cli
 from sim import console
 from sim.study import command
 from sim.study.progress import pace
-from sim.study.store import NAME, SCHEMA, read_rows
+from sim.study.store import NAME, SCHEMA, Store, StoreError, read_rows
 from sim.study.study import STUDIES
 
 FLAGS = ["--duration", "1", "--sensing", "ideal"]
@@ -96,6 +96,55 @@ def test_ctrl_c_keeps_what_is_complete_and_says_how_to_go_on(call, tmp_path):
     assert code == 1
     assert err == "understory: interrupted; 2 of 10 trials are kept in s, the same command flies the rest\n"
     assert len(read_rows(tmp_path / "s")) == 2
+
+
+def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(call, tmp_path, monkeypatch):
+    options = ["compare", "--planner", "hover", "--planner", "greedy", "--seeds", "0-1", *FLAGS, "--out", "full[x]"]
+    add, full = Store.add, StoreError("study.sqlite: database or disk is full")
+
+    def added(store, task, row):
+        if len(read_rows(store.path)) == 3:
+            raise full
+        add(store, task, row)
+
+    monkeypatch.setattr(Store, "add", added)
+    code, _, err = call(*options)
+    end = "full; 3 of 4 trials are kept in full[x], the same command flies the rest\n"
+    assert (code, err) == (1, f"understory: study.sqlite: database or disk is {end}")
+    monkeypatch.setattr(Store, "add", add)
+
+    def failing(*arguments):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pathlib.Path.write_bytes", failing)
+        backend = Serial()
+        code, _, err = call(*options, backend=backend)
+    told = (
+        "report: full[x] cannot be written: No space left on device; all 4 trials are kept in full[x], the same command"
+    )
+    assert (code, err) == (1, f"understory: {told} writes the report\n") and len(backend.flown) == 1
+    backend = Serial()
+    code, out, err = call(*options, backend=backend)
+    assert (code, err, backend.flown) == (0, "", []) and "Results in full[x] (report.html)." in out
+
+
+def test_a_disk_that_is_full_at_once_is_one_line(call, tmp_path, monkeypatch):
+    def failing(connection, path, study):
+        raise StoreError(f"{path}: database or disk is full")
+
+    monkeypatch.setattr("sim.study.store._prepare", failing)
+    code, _, err = call("compare", "--planner", "hover", *FLAGS, "--out", "s")
+    told = "understory: s/study.sqlite: database or disk is full; no trial was flown, what s holds stays\n"
+    assert (code, err) == (1, told)
+
+
+def test_recordings_asked_for_later_are_flown_again(call, tmp_path):
+    options = ["compare", "--planner", "hover", "--seeds", "0", *FLAGS, "--out", "s"]
+    for extra, flown in (([], 1), (["--keep", "recordings"], 1), (["--keep", "recordings"], 0)):
+        backend = Serial()
+        assert call(*options, *extra, backend=backend)[0] == 0 and len(backend.flown) == flown
+    assert len(list((tmp_path / "s" / "recordings").iterdir())) == len(read_rows(tmp_path / "s")) == 1
 
 
 def test_results_of_another_version_are_said_to_be_apart(call, tmp_path):

@@ -1,24 +1,35 @@
 """The curve over the loss of messages is of the missions that it says."""
 
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
 import numpy as np
 
 from sim import losses
-from sim.experiment import fly
 from sim.loading import load
-from sim.mission import Trial
+from sim.study.engine import Borrowed
+from sim.study.tasks import task_of
+from sim.study.trial import fly
+
+
+@contextmanager
+def threads(workers):
+    with ThreadPoolExecutor(workers) as executor:
+        yield Borrowed(executor)
 
 
 def test_table_and_figure_hold_the_missions_they_name(monkeypatch):
     monkeypatch.setattr(losses, "LOSSES", (0.0, 0.8))
-    monkeypatch.setattr(losses, "fly_apart", lambda trials, workers, progress: [fly(trial) for trial in trials])
+    monkeypatch.setattr(losses, "Pool", threads)
     found = losses.curves(["kla"], [3, 1], 1, ["duration=1", "trees.density=0"])
     setting = [
         load("forest", ["sensing.mode=ideal", "duration=1", "trees.density=0", f"network.loss={loss}"])
         for loss in (0.0, 0.8)
     ]
-    shares = [[fly(Trial(s, "sma-nbo-mwtp", seed)).disagreement_m for seed in (3, 1)] for s in setting]
-    assert [[o.disagreement_m for o in outcomes] for outcomes in found["kla"]] == shares
-    assert [[o.seed for o in outcomes] for outcomes in found["kla"]] == [[3, 1], [3, 1]]
+    alone = [[fly(task_of(s, "sma-nbo-mwtp", seed)).row for seed in (3, 1)] for s in setting]
+    shares = [[row.metrics["disagreement_m"] for row in rows] for rows in alone]
+    assert [[row.metrics["disagreement_m"] for row in rows] for rows in found["kla"]] == shares
+    assert [[row.seed for row in rows] for rows in found["kla"]] == [[3, 1], [3, 1]]
     mean, error = np.mean(shares[1]), np.abs(np.diff(shares[1]))[0] / 2  # of two values
     row = losses.table(found).splitlines()[-1]
     assert row.startswith("| 80% | `kla` | ") and row.endswith(f"| {mean:.4f} ± {error:.4f} m |")

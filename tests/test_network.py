@@ -10,13 +10,14 @@ from test_summary import hand_made, shown, summary
 
 from sim.archive import load as load_recording
 from sim.archive import save
-from sim.experiment import fly as outcome_of
 from sim.loading import load
 from sim.mission import Mission, Trial
 from sim.network import Cut, Network
 from sim.radio import disagreement, hearing, losses
 from sim.recording import Recorder
 from sim.scenario import resolved
+from sim.study.tasks import task_of
+from sim.study.trial import fly as fly_trial
 from tracking.kalman import Gaussian
 from tracking.ospa import ospa
 from tracking.tracker import Track
@@ -168,13 +169,13 @@ def test_people_found_by_both_parts_of_a_split_fleet_are_not_doubled_when_it_hea
     assert len(after[0]) >= seen.sum() > 1
 
 
-def test_loss_makes_the_fleet_disagree_and_an_outcome_says_by_how_much():
+def test_loss_makes_the_fleet_disagree_and_a_row_says_by_how_much():
     setting = load("forest", [*IDEAL, "duration=3", "network.loss=0.9"])
-    outcome = outcome_of(Trial(setting, "hover", 1))
+    row = fly_trial(task_of(setting, "hover", 1)).row
     snapshots = list(Mission.of(Trial(setting, "hover", 1)).fly())
-    assert outcome.disagreement_m == np.mean([disagreement(s.tracks) for s in snapshots]) > 0.01
-    whole = outcome_of(Trial(load("forest", [*IDEAL, "duration=3"]), "hover", 1))
-    assert whole.disagreement_m < 1e-9
+    assert row.metrics["disagreement_m"] == np.mean([disagreement(s.tracks) for s in snapshots]) > 0.01
+    whole = fly_trial(task_of(load("forest", [*IDEAL, "duration=3"]), "hover", 1)).row
+    assert whole.metrics["disagreement_m"] < 1e-9
 
 
 def test_bytes_survive_the_disk_and_are_summarised(tmp_path):

@@ -29,7 +29,6 @@ ABOUT = About(
     command="understory compare tried.toml --maps 6",
     versions={"understory": "0.1.0", "numpy": "2.0"},
     machine="2 cores, test",
-    workers=2,
     wall_s=5400.0,
     baseline="sma-nbo",
 )
@@ -176,6 +175,25 @@ def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
     assert after == before
 
 
+def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path):
+    few = [row("sma-nbo", 0), row("greedy", 0)]
+    larger, smaller = (About("x", metrics=names) for names in (("ospa.mean_m", "recall"), ("ospa.mean_m",)))
+    few = [msgspec.structs.replace(r, metrics={"ospa.mean_m": 1.0, "recall": 0.5}) for r in few]
+    write(few, tmp_path, larger)
+    (tmp_path / "figures" / "mine.png").write_bytes(b"")
+    assert (tmp_path / "figures" / "maps-recall.svg").exists()
+    write(few, tmp_path, smaller)
+    found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*")}
+    assert found == {*made(few, smaller), "figures/mine.png"}
+
+
+def test_what_all_trials_share_and_their_version_are_told():
+    given = [msgspec.structs.replace(r, version="0.1.0+abc") for r in study()]
+    text = made(given, About("x", versions={"understory": "0.1.0", "numpy": "2.0"}))["report.html"].decode()
+    assert "<dt>set for all trials</dt><dd>duration = 10, sensing.mode = ideal" in text
+    assert "understory 0.1.0+abc, numpy 2.0" in text
+
+
 def test_wrong_names_leave_nothing(tmp_path):
     for about in (About("x", baseline="sma-nob"), About("x", metrics=("ospa.maen_m",))):
         with pytest.raises(InputError, match="did you mean"):
@@ -212,6 +230,9 @@ def test_verdicts_follow_the_interval():
 
 
 def test_numbers_read_as_people_write_them():
+    shown = [measure("ospa.mean_m").text(value, signed=True) for value in (0.0, -0.0, 1e-6, -1e-6, 0.5)]
+    assert shown == ["0.00", "0.00", "+0.00", "-0.00", "+0.50"]
+    assert measure("ospa.mean_m").text(-1e-6) == "0.00"
     assert ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
     assert [duration(s) for s in (71.2, 600, 34000)] == ["71 s", "10 min", "9 h 27 min"]
 

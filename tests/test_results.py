@@ -3,20 +3,21 @@
 import numpy as np
 import pytest
 
-from sim.experiment import compare
 from sim.loading import load
 from sim.mission import Mission, Trial
+from sim.study.engine import rows_of
+from sim.study.pool import Pool
+from sim.study.tasks import task_of
 
 SEEDS = range(10)
 
 
 @pytest.mark.slow
 def test_the_default_planner_holds_the_people_and_baselines_do_not():
-    outcomes = compare(load("forest"), ["sma-nbo-mwtp", "greedy", "hover"], list(SEEDS), workers=2)
-    share = {
-        name: np.mean([o.share_under_1m for o in outcomes if o.planner == name])
-        for name in ("sma-nbo-mwtp", "greedy", "hover")
-    }
+    names = ("sma-nbo-mwtp", "greedy", "hover")
+    with Pool(2) as pool:
+        rows = rows_of([task_of(load("forest"), name, seed) for name in names for seed in SEEDS], pool)
+    share = {name: np.mean([r.metrics["ospa.share_under_1m"] for r in rows if r.planner == name]) for name in names}
     assert share["sma-nbo-mwtp"] >= 0.80
     assert share["greedy"] <= share["sma-nbo-mwtp"] - 0.15
     assert share["hover"] <= share["sma-nbo-mwtp"] - 0.40

@@ -160,6 +160,20 @@ def test_a_store_that_is_none_is_refused_and_left_alone(tmp_path, kind, message)
     assert before is None or path.read_bytes() == before
 
 
+def test_a_damaged_store_is_one_line(filled):
+    folder, tasks, _ = filled
+    with open(folder / NAME, "r+b") as file:
+        file.seek(4096)
+        file.write(b"damaged " * 4096)
+    with pytest.raises(InputError, match="cannot be used: database disk image is malformed"):
+        read_rows(folder)
+    with (
+        pytest.raises(InputError, match="cannot be used: database disk image is malformed"),
+        Store.opened(folder, "short") as store,
+    ):
+        store.done(tasks)
+
+
 def test_a_folder_of_another_study_is_refused(filled):
     folder, tasks, _ = filled
     with pytest.raises(InputError, match="holds study 'short', not 'long'"), Store.opened(folder, "long"):
@@ -169,7 +183,7 @@ def test_a_folder_of_another_study_is_refused(filled):
 
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
-    for folder in (tmp_path / "file" / "study", "/proc/study"):
+    for folder in (tmp_path / "file" / "study", "/proc/study", "/proc/full"):
         with pytest.raises(InputError, match=r"--out: .* cannot be used"), Store.opened(tmp_path / folder, "short"):
             pass
 

@@ -1,7 +1,9 @@
 """A dask cluster gives the rows that one process gives, whoever dies."""
 
+import gc
 import os
 import signal
+import time
 
 import pytest
 from studies import plain, short
@@ -33,9 +35,12 @@ def test_a_worker_killed_in_mid_study_loses_no_trial_and_changes_no_row(tmp_path
     assert len(read_rows(tmp_path)) == len(tasks)
 
 
-def test_an_address_that_does_not_answer_is_one_line(monkeypatch):
+def test_an_address_that_does_not_answer_is_one_line(monkeypatch, capfd):
     monkeypatch.setattr("sim.study.cluster._CONNECT", 0.5)
-    for address in ("tcp://127.0.0.1:9", "nonsense://x", "127.0.0.1:notaport"):
+    start = time.monotonic()
+    for address in ("tcp://127.0.0.1:9", "nonsense", "nonsense://x", "127.0.0.1:notaport"):
         with pytest.raises(InputError, match=f"--dask: '{address}' does not answer") as raised, connected(address):
             pass
         assert "\n" not in str(raised.value)
+    gc.collect()
+    assert capfd.readouterr() == ("", "") and time.monotonic() - start < 10

@@ -6,13 +6,14 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import msgspec
+import numpy as np
 import pytest
 from studies import Serial, plain, short
 
 from sim.archive import load as load_recording
 from sim.mission import Mission, Trial
 from sim.study import engine
-from sim.study.engine import Borrowed, Options, complete
+from sim.study.engine import Borrowed, Options, complete, rows_of
 from sim.study.pool import Pool
 from sim.study.store import Store, StoreError, read_rows
 from sim.study.trial import fly, metrics
@@ -57,10 +58,13 @@ def test_a_row_holds_what_the_mission_came_to():
     (task,) = short(["greedy"], "4")
     row = fly(task).row
     mission = Mission.of(Trial(task.setting, "greedy", 4))
-    errors = [snapshot.error for snapshot in mission.fly()]
+    snapshots = list(mission.fly())
+    errors = [snapshot.error for snapshot in snapshots]
+    distance = np.array([snapshot.ospa[:, 0] for snapshot in snapshots])
     assert row.ospa.tolist() == pytest.approx(errors, rel=1e-6) and row.ospa.dtype == "float32"
     assert row.times.tolist() == task.setting.scan_times
-    assert row.metrics["ospa.mean_m"] == pytest.approx(sum(errors) / len(errors))
+    assert row.metrics["ospa.mean_m"] == distance.mean() and row.metrics["ospa.median_m"] == np.median(distance)
+    assert row.metrics["ospa.share_under_1m"] == np.mean(distance < 1) and row.metrics["faults"] == 0
     assert row.metrics["planning_s_per_decision"] == row.metrics["seconds.planning"] / 2
     assert row.metrics["precision"] != row.metrics["precision"]  # NaN: ideal sensing has no detections
     assert (row.status, row.error, row.seed, row.planner) == ("done", "", 4, "greedy")
@@ -174,6 +178,17 @@ def test_threads_give_the_rows_of_a_single_one(tmp_path):
     with ThreadPoolExecutor(3) as executor:
         rows = run(tmp_path, tasks, Borrowed(executor))
     assert list(map(plain, rows)) == [plain(fly(task).row) for task in tasks]
+
+
+def test_rows_that_are_kept_nowhere_have_the_order_of_their_tasks_and_none_failed():
+    tasks = short(["hover", "greedy"], "2,0")[::-1]
+    heard = []
+    with ThreadPoolExecutor(2) as executor:
+        rows = rows_of(tasks, Borrowed(executor), heard.append)
+    assert list(map(plain, rows)) == [plain(fly(task).row) for task in tasks]
+    assert sorted((r.planner, r.seed) for r in heard) == [("greedy", 0), ("greedy", 2), ("hover", 0), ("hover", 2)]
+    with pytest.raises(RuntimeError, match="hover, seed 0: ValueError: no"):
+        rows_of(tasks, Serial({"hover": ["ValueError: no"] * 4}))
 
 
 def test_processes_that_die_or_hang_lose_no_trial_change_no_row_and_leave_nothing(tmp_path, ailing, monkeypatch):

@@ -65,9 +65,10 @@ def killed(tmp_path):
     return check
 
 
-def start(command):
+def start(command, **options):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, start_new_session=True)
+    options = {"stdout": subprocess.DEVNULL, "start_new_session": True, **options}
+    return subprocess.Popen(command, env=environment, **options)
 
 
 def stored(folder):
@@ -106,6 +107,20 @@ def test_killed_twice_while_it_flies(killed):
 
     kept, total = killed(THREAD, ["{file}", "{folder}"], "0-9", [after_some] * 2)
     assert 2 <= kept < total
+
+
+def test_ctrl_c_in_a_terminal_ends_all_processes_in_one_line(tmp_path):
+    (tmp_path / "killed.toml").write_text(FILE.format(seeds="0-99"))
+    words = ["compare", str(tmp_path / "killed.toml"), "--out", str(tmp_path / "out"), "--workers", "1"]
+    started = start([sys.executable, "-c", PROCESSES, *words], stderr=subprocess.PIPE, text=True)
+    while len(stored(tmp_path / "out")) < 3 and started.poll() is None:
+        time.sleep(0.02)
+    os.killpg(started.pid, signal.SIGINT)  # what a terminal sends: to workers as well
+    _, err = started.communicate(timeout=30)
+    kept = len(stored(tmp_path / "out"))
+    told = f"{kept} of 200 trials are kept in {tmp_path / 'out'}, the same command flies the rest"
+    assert (started.returncode, err) == (1, f"understory: interrupted; {told}\n") and 3 <= kept < 200
+    assert gone(started.pid)
 
 
 @pytest.mark.slow

@@ -68,9 +68,14 @@ def connected(address: str) -> Iterator[Cluster]:
     """The cluster at an address; InputError if it does not answer or dask is not installed."""
     try:
         from distributed import Client
+        from distributed.comm.addressing import parse_address, parse_host_port
+        from distributed.comm.registry import get_backend
     except ImportError as error:
         raise InputError("--dask: needs dask.distributed: pip install 'understory[dask]'") from error
     try:
+        scheme, place = parse_address(address)  # else a client half made complains 20 s later, with a traceback
+        get_backend(scheme)
+        parse_host_port(place)
         client: Any = cast(Any, Client)(address, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:  # a timeout is an OSError
         reason = " ".join(str(error).split()) or type(error).__name__

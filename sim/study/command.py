@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from planning.registry import COMPARED
 from sim.console import console, fail, remark, show_list
@@ -83,9 +84,9 @@ def compare(
     options = Options(limit, folder / "recordings" if keep else None, redo)
     rows = _flown(listed, folder, options, processes, dask)
     _answer(rows, folder, chosen.description, baseline, metric or ())
-    told = f"Results in [bold]{folder}[/bold] (report.html); the same command flies what is missing."
-    console.print(told, soft_wrap=True)
     failures = [row for row in rows if row.status == "failed"]
+    missing = "; the same command flies again what failed" if failures else ""
+    console.print(f"Results in [bold]{escape(str(folder))}[/bold] (report.html){missing}.", soft_wrap=True)
     if failures:
         first = failures[0]
         fail(f"{len(failures)} of {len(rows)} trials failed, {first.planner}, seed {first.seed}: {first.error}", code=1)
@@ -128,12 +129,11 @@ def _sensing(mode: str | None) -> list[str]:
 
 
 def _answer(rows: Sequence[Row], folder: Path, description: str, baseline: str | None, metrics: Sequence[str]) -> None:
-    """Show tables, and write the report beside the store."""
+    """Show tables, and write the report beside the store; exits with what is kept if that cannot be done."""
     from sim.run import versions
     from sim.study.report import About, write
     from sim.study.tables import show
 
-    show(rows, baseline, metrics)
     about = About(
         study=rows[0].study,
         description=description,
@@ -143,7 +143,16 @@ def _answer(rows: Sequence[Row], folder: Path, description: str, baseline: str |
         baseline=baseline,
         metrics=tuple(metrics),
     )
-    write(rows, folder, about)
+    try:
+        show(rows, baseline, metrics)
+        write(rows, folder, about)
+    except KeyboardInterrupt:
+        reason = "interrupted"
+    except InputError as error:  # names were checked before, so the disk is full or the like
+        reason = str(error)
+    else:
+        return
+    fail(f"{reason}; all {len(rows)} trials are kept in {folder}, the same command writes the report", code=1)
 
 
 def _flown(listed: Sequence[Task], folder: Path, options: Options, workers: int, dask: str | None) -> list[Row]:
@@ -153,26 +162,28 @@ def _flown(listed: Sequence[Task], folder: Path, options: Options, workers: int,
     from sim.study.store import NAME, Store, StoreError
     from sim.study.tasks import check_worlds
 
-    if not (folder / NAME).exists():
-        check_worlds(listed)
-    kept = 0
-
-    with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
-        remark(*_apart(store.versions(), listed[0].version, store.path))
-        with study_progress(len(listed)) as tell:
-
-            def heard(task: Task, row: Row, fresh: bool) -> None:
-                nonlocal kept
-                kept += 1
-                tell(row.status == "failed", fresh)
-
-            try:
-                return complete(listed, store, backend, options, heard)
-            except KeyboardInterrupt:
-                reason = "interrupted"
-            except StoreError as error:
-                reason = str(error)
-    fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, the same command flies the rest", code=1)
+    kept: int | None = None
+    try:
+        if not (folder / NAME).exists():
+            check_worlds(listed)
+        with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
+            remark(*_apart(store.versions(), listed[0].version, store.path))
+            with study_progress(len(listed)) as tell:
+                try:
+                    return complete(
+                        listed, store, backend, options, lambda _, row, new: tell(row.status == "failed", new)
+                    )
+                except (KeyboardInterrupt, StoreError):
+                    kept = len(store.done(listed))
+                    raise
+    except KeyboardInterrupt:
+        reason = "interrupted"
+    except StoreError as error:
+        reason = str(error)
+    if kept is None:
+        fail(f"{reason}; no trial was flown, what {folder} holds stays", code=1)
+    rest = "without --redo, the same command flies the rest" if options.redo else "the same command flies the rest"
+    fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, {rest}", code=1)
 
 
 @contextmanager

@@ -88,9 +88,13 @@ def complete(
 ) -> list[Row]:
     """Rows of all tasks, in order: those in the store, the rest flown now and kept. What had failed is tried again.
 
+    Where recordings are to be kept, a trial without one counts as missing.
+
     StoreError where a result cannot be kept; those before are.
     """
     rows = {} if options.redo else store.done(tasks)
+    if options.recordings is not None:
+        rows = {key: row for key, row in rows.items() if (options.recordings / f"{key}.npz").exists()}
     store.label(tasks)
     for task in tasks:
         if task.key in rows:
@@ -104,6 +108,20 @@ def complete(
         heard(task, flown.row, True)
 
     fly_all([task for task in tasks if task.key not in rows], backend, keep, options)
+    return [rows[task.key] for task in tasks]
+
+
+def rows_of(tasks: Sequence[Task], backend: Backend, heard: Callable[[Row], object] = lambda row: None) -> list[Row]:
+    """Rows of all tasks, in order, kept nowhere; RuntimeError if one failed."""
+    rows: dict[str, Row] = {}
+
+    def keep(task: Task, flown: Flown) -> None:
+        if flown.row.status == "failed":
+            raise RuntimeError(f"{task.planner}, seed {task.seed}: {flown.row.error}")
+        rows[task.key] = flown.row
+        heard(flown.row)
+
+    fly_all(tasks, backend, keep)
     return [rows[task.key] for task in tasks]
 
 

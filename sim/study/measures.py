@@ -33,11 +33,11 @@ class Measure:
         return f"{self.label} [{self.unit}]" if self.unit else self.label
 
     def text(self, value: float, *, signed: bool = False) -> str:
-        """The value in the unit, without it; a dash where it is undefined."""
+        """The value in the unit, without it; a dash where it is undefined. Signed zeros were rounded."""
         if math.isnan(value):
             return UNKNOWN
-        shown = f"{value * self.scale:{'+' if signed else ''}.{self.digits}f}"
-        return shown[1:] if float(shown) == 0 and shown[0] == "-" else shown
+        shown = f"{value * self.scale:{'+' if signed and value else ''}.{self.digits}f}"
+        return shown[1:] if float(shown) == 0 and shown[0] == "-" and not (signed and value) else shown
 
     def within(self, low: float, high: float, *, signed: bool = False) -> str:
         """An interval as text; empty where there is none."""

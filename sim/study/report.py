@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -33,6 +34,7 @@ from sim.study.row import Row
 from sim.study.statistics import LEVEL, RESAMPLES
 from sim.study.tables import NOTE, comma_separated, markdown, shortfalls
 
+_FIGURES = r"(ecdf|time|maps|runtime)(-[a-z0-9-]+)?\.(svg|png)"  # what a report calls them
 HOW_TO_READ = (
     "A map is the forest, the people and the chance that one seed gives; every planner flies the same ones. A cell is "
     "a setting of what the study varies.",
@@ -54,9 +56,10 @@ class About:
     description: str = ""
     command: str = ""  # that runs the study again
     versions: Mapping[str, str] = field(default_factory=dict)
-    machine: str = field(default_factory=lambda: f"{os.cpu_count()} cores, {platform.machine()}, {platform.system()}")
-    workers: int | None = None
-    wall_s: float | None = None  # of all trials, one after the other
+    machine: str = field(  # that made the report; trials may have flown on others
+        default_factory=lambda: f"{os.cpu_count()} cores, {platform.machine()}, {platform.system()}"
+    )
+    wall_s: float | None = None  # of all trials added up, whatever flew at the same time
     baseline: str | None = None  # a planner of the rows; None: the first
     metrics: tuple[str, ...] = ()  # flat names; none: the usual ones
 
@@ -64,7 +67,8 @@ class About:
 def write(rows: Sequence[Row], folder: Path, about: About) -> None:
     """Write report.html, table.csv, table.md and figures/*.svg, *.png into `folder`: all of them, or none.
 
-    InputError where a metric or the baseline is unknown, there are no rows, or the folder cannot be written.
+    Figures of an earlier report there that this one lacks are removed. InputError where a metric or the baseline is
+    unknown, there are no rows, or the folder cannot be written.
     """
     files = made(rows, about)
     try:
@@ -72,6 +76,9 @@ def write(rows: Sequence[Row], folder: Path, about: About) -> None:
         with ExitStack() as stack:  # every file takes its name when all are written
             for name, data in files.items():
                 stack.enter_context(whole(folder / name)).write_bytes(data)
+        for path in (folder / "figures").iterdir():
+            if re.fullmatch(_FIGURES, path.name) and f"figures/{path.name}" not in files:
+                path.unlink()
     except OSError as error:
         raise InputError(f"report: {folder} cannot be written: {error.strerror or error}") from error
 
@@ -134,20 +141,21 @@ def _in_short(found: Sequence[Answer], baseline: str, measures: Sequence[Measure
 def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, baseline: str) -> str:
     seeds, changing = sorted({row.seed for row in rows}), varying(every)
     failed = sum(row.status == "failed" for row in rows)
-    versions = dict(about.versions) or {"understory": ", ".join(sorted({row.version for row in rows}))}
+    versions = {**about.versions, "understory": ", ".join(sorted({row.version for row in rows}))}
+    settings = set.intersection(*({f"{key} = {value}" for key, value in row.settings.items()} for row in rows))
     planners = dict.fromkeys(row.planner for group in every for row in (*group.done, *group.failed))
     text = facts(
         [
             ("scenario", ", ".join(sorted({row.scenario for row in rows}))),
             ("everywhere", cell_text(constant(every))),
+            ("set for all trials", ", ".join(sorted(settings))),
             *((f"{cell_text(((name, ''),)).removesuffix(' = ')} varies", ", ".join(v)) for name, v in changing.items()),
             ("planners", "; ".join(planners)),
             ("baseline", baseline),
             ("seeds (maps)", f"{len(seeds)}: {ranges(seeds)}"),
             ("trials", f"{len(rows) - failed} done, {failed} failed"),
-            ("wall time of all trials", "" if about.wall_s is None else duration(about.wall_s)),
-            ("machine", about.machine),
-            ("workers", "" if about.workers is None else str(about.workers)),
+            ("time of all trials, added up", "" if about.wall_s is None else duration(about.wall_s)),
+            ("report made on", about.machine),
             ("versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
         ]
     )

@@ -68,7 +68,7 @@ class Store:
     def done(self, tasks: Sequence[Task]) -> dict[str, Row]:
         """Rows of the trials that are complete and did not fail, by key, at their place in the present study."""
         wanted = {task.key: task for task in tasks}
-        rows = self._connection.execute(f"SELECT key, {_COLUMNS} FROM trials WHERE status = 'done'")
+        rows = self._selected(f"SELECT key, {_COLUMNS} FROM trials WHERE status = 'done'")
         found = {key: _row(self.study, values) for key, *values in rows if key in wanted}
         return {key: _placed(row, wanted[key]) for key, row in found.items()}
 
@@ -97,7 +97,13 @@ class Store:
 
     def versions(self) -> dict[str, int]:
         """How many trials there are of each version of the package."""
-        return dict(self._connection.execute("SELECT version, count(*) FROM trials GROUP BY version ORDER BY version"))
+        return dict(self._selected("SELECT version, count(*) FROM trials GROUP BY version ORDER BY version"))
+
+    def _selected(self, query: str) -> list[Any]:
+        try:
+            return self._connection.execute(query).fetchall()
+        except sqlite3.Error as error:  # of a file that is damaged or locked
+            raise _unusable(self.path, error) from error
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -152,6 +158,8 @@ def _reading(path: Path) -> Iterator[sqlite3.Connection]:
         if _version(connection, file) == 0:
             raise InputError(f"{file}: holds no study")
         yield connection
+    except sqlite3.Error as error:
+        raise _unusable(file, error) from error
     finally:
         connection.close()
 
@@ -189,7 +197,7 @@ def _version(connection: sqlite3.Connection, path: Path) -> int:
 
 def _unusable(path: Path, error: Exception) -> Exception:
     """What to raise: a full disk is nobody's mistake, all else is the name of a folder that will not do."""
-    if getattr(error, "errno", None) == errno.ENOSPC or "full" in str(error):
+    if getattr(error, "errno", None) == errno.ENOSPC or (isinstance(error, sqlite3.Error) and "full" in str(error)):
         return StoreError(f"{path}: {getattr(error, 'strerror', None) or error}")
     return InputError(f"--out: {path} cannot be used: {getattr(error, 'strerror', None) or error}")
 
