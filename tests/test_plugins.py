@@ -244,7 +244,7 @@ def test_options_are_those_of_the_classes():
         assert told[name] == {key: str(value) if value != "" else repr(value) for key, value in had.items()}
         assert set(spec.options) <= set(defaults)
         assert like not in PLANNERS or PLANNERS[like].target == spec.target
-    assert lines["sma-nbo"] == "those of sma-nbo-mwtp, with beta=0.0, search=0.0"
+    assert lines["sma-nbo"] == "those of sma-nbo-mwtp, with visibility=nominal, beta=0.0, evaluations=0, search=0.0"
 
 
 def test_upper_bounds_are_marked(monkeypatch):
