@@ -1,11 +1,14 @@
-"""Files that appear whole or not at all."""
+"""Files and folders that appear whole or not at all."""
 
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from sim.errors import InputError
 
 
 def unfinished(path: Path) -> Path:
@@ -22,3 +25,34 @@ def whole(path: Path) -> Iterator[Path]:
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
+
+
+@contextmanager
+def new_folder(out: Path) -> Iterator[Path]:
+    """A folder under a temporary name, which takes its own when the block ends and is removed when it raises."""
+    if not out.name:
+        raise InputError(f"--out: {str(out)!r} is no name for a new folder")
+    part = unfinished(out)
+    made: list[Path] = []
+    try:
+        try:
+            if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+                what = "already holds a run" if (out / "summary.json").exists() else "exists and is not an empty folder"
+                raise InputError(f"--out: {out} {what}; name a new folder")
+            made = _missing(out.parent)
+            part.mkdir(parents=True)
+        except OSError as error:
+            raise InputError(f"--out: {out} cannot be written: {error.strerror}") from error
+        yield part
+        part.rename(out)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        for folder in made:
+            with suppress(OSError):  # never made, or in use by someone else meanwhile
+                folder.rmdir()
+        raise
+
+
+def _missing(folder: Path) -> list[Path]:
+    """The folders that would have to be made for `folder` to exist, innermost first."""
+    return [f for f in (folder, *folder.parents) if not f.exists()]

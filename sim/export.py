@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.atomic import new_folder
 from sim.errors import InputError
 from sim.frames import scenario_of
 from sim.loading import did_you_mean
 from sim.metrics import velocities
 from sim.recording import Recording
-from sim.run import new_folder
 from sim.sensing import view_of
 from sim.trajectories import COLUMNS as PEOPLE_COLUMNS
 from tracking.exchange import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from sim.archive import load
+from sim.atomic import new_folder
 from sim.errors import InputError
 from sim.framepanel import WIDTH, draw_panel
 from sim.frameview import annotated
@@ -20,7 +21,6 @@ from sim.loading import decode
 from sim.palette import PAPER, uav_colour
 from sim.recording import Recording
 from sim.renderer import Renderer
-from sim.run import new_folder
 from sim.scenario import Scenario
 from sim.sensing import camera_of
 from sim.sight import Sight

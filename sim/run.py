@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 import platform
-import shutil
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from sim.archive import save
-from sim.atomic import unfinished
-from sim.errors import InputError
+from sim.atomic import new_folder
 from sim.interrupt import stop_request
 from sim.mission import Mission, Trial
 from sim.plots import ospa_figure
@@ -108,34 +106,3 @@ def versions() -> dict[str, str]:
     """Versions of what a result depends on."""
     packages = ("understory", "pybullet", "numpy", "scipy", "numba", "opencv-python-headless", "filterpy")
     return {"python": platform.python_version(), **{name: version(name) for name in packages}}
-
-
-@contextmanager
-def new_folder(out: Path) -> Iterator[Path]:
-    """A folder under a temporary name, which takes its own when the block ends and is removed when it raises."""
-    if not out.name:
-        raise InputError(f"--out: {str(out)!r} is no name for a new folder")
-    part = unfinished(out)
-    made: list[Path] = []
-    try:
-        try:
-            if out.exists() and not (out.is_dir() and not any(out.iterdir())):
-                what = "already holds a run" if (out / "summary.json").exists() else "exists and is not an empty folder"
-                raise InputError(f"--out: {out} {what}; name a new folder")
-            made = _missing(out.parent)
-            part.mkdir(parents=True)
-        except OSError as error:
-            raise InputError(f"--out: {out} cannot be written: {error.strerror}") from error
-        yield part
-        part.rename(out)
-    except BaseException:
-        shutil.rmtree(part, ignore_errors=True)
-        for folder in made:
-            with suppress(OSError):  # never made, or in use by someone else meanwhile
-                folder.rmdir()
-        raise
-
-
-def _missing(folder: Path) -> list[Path]:
-    """The folders that would have to be made for `folder` to exist, innermost first."""
-    return [f for f in (folder, *folder.parents) if not f.exists()]

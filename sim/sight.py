@@ -84,13 +84,13 @@ def _sightings(snapshot: Snapshot, uav: int, camera: Camera, forest: Forest) -> 
     pose, people = snapshot.cameras[uav], snapshot.people
     points = np.column_stack([people, np.full(len(people), TARGET_HEIGHT)])
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
-    blocking = [~Forest((tree,)).visible(pose.position, np.nan_to_num(points))[0] for tree in forest.trees]
+    hiding = forest.hiding(pose.position, np.nan_to_num(points)) & inside[:, None]
     return tuple(
         Sighting(
             person=m,
             place=(float(people[m, 0]), float(people[m, 1])),
             inside=bool(inside[m]),
-            hidden_by=tuple(t for t, blocks in enumerate(blocking) if inside[m] and blocks[m]),
+            hidden_by=tuple(np.flatnonzero(hiding[m]).tolist()),
             pixels=int(snapshot.visible[uav, m]),
             detected=bool(snapshot.matched[uav, m]),
         )

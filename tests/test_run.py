@@ -15,10 +15,11 @@ import pytest
 
 from sim import run as module
 from sim.archive import load as load_recording
+from sim.atomic import new_folder
 from sim.errors import InputError
 from sim.loading import load
 from sim.mission import Trial
-from sim.run import new_folder, run
+from sim.run import run
 
 ROOT = Path(__file__).parents[1]
 FILES = ["mission.mp4", "mission.npz", "ospa.png", "summary.json"]

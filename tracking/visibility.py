@@ -69,6 +69,13 @@ class Forest:
         """Whether each camera (C, 3) m has a free line to each point (N, 3) m, field of view aside (C, N)."""
         return line_of_sight(cameras, points, self)
 
+    def hiding(self, camera: Array, points: Array) -> NDArray[np.bool_]:
+        """Which trees stand between a camera (3,) m and each point (N, 3) m (N, T)."""
+        origin, ends = (np.ascontiguousarray(x, dtype=float) for x in (camera, np.atleast_2d(points)))
+        touched = _touched(origin, ends, self.blockers)
+        parts = len(self.blockers) // max(len(self.trees), 1)  # of a tree
+        return np.asarray(touched.reshape(len(ends), parts, len(self.trees)).any(axis=1), dtype=np.bool_)
+
 
 @compiled
 def blocked(origin: Vector, point: Vector, cylinder: Vector) -> bool:
@@ -113,6 +120,16 @@ def _free(cameras: Array, points: Array, cylinders: Array, grid: Grid) -> NDArra
             point = points[j, 0], points[j, 1], points[j, 2]
             free[i, j] = misses(camera, point, cylinders, grid)
     return free
+
+
+@compiled
+def _touched(camera: Array, points: Array, cylinders: Array) -> NDArray[np.bool_]:
+    """Which cylinders (B, 5) the segments from a camera (3,) to points (N, 3) touch (N, B)."""
+    touched = np.empty((len(points), len(cylinders)), dtype=np.bool_)
+    for j in range(len(points)):
+        for b in range(len(cylinders)):
+            touched[j, b] = blocked(camera, points[j], cylinders[b])
+    return touched
 
 
 @compiled

@@ -1,0 +1,1 @@
+"""Missions looked at again, from their recordings alone."""
