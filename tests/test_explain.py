@@ -1,7 +1,8 @@
-"""What is explained of a person: against geometry, the trackers' own numbers, frames without trees, and later flight."""
+"""What is explained of a person: against geometry, the trackers' numbers, frames without trees, and later flight."""
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -9,7 +10,6 @@ import pytest
 
 from planning.planner import Plan
 from planning.registry import load_planner
-from sim.archive import save
 from sim.frames import Rerenderer
 from sim.loading import load
 from sim.mission import Mission
@@ -219,7 +219,7 @@ def test_a_missions_stretches_are_without_gaps_and_say_who_saw_the_person(missio
     for m in range(4):
         rows = told(history, m)
         assert rows[0][0] == 0.0 and rows[-1][1] == recording.times[-1]
-        np.testing.assert_allclose([b[0] - a[1] for a, b in zip(rows, rows[1:], strict=False)], 0.2)
+        np.testing.assert_allclose([b[0] - a[1] for a, b in pairwise(rows)], 0.2)
         for first, last, held, seen in rows:
             for k in range(round(5 * first), round(5 * last) + 1):
                 assert (held == "lost") == (history.held[k, m] == 0)
@@ -256,7 +256,7 @@ def test_pages_of_any_fleet_can_be_drawn(options):
 
 
 def test_the_page_shows_the_frame_and_the_pixels_round_the_person(mission, accounts):
-    recording, _, history, inquiry = mission
+    recording, _, _, inquiry = mission
     account = next(a for a in accounts if any(w.found for w in a.witnesses))
     page = draw_explanation(inquiry, account, explanation(account, recording))
     first = min((w for w in account.witnesses if w.found), key=lambda w: w.away)
