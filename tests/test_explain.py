@@ -65,7 +65,7 @@ def test_the_whole_of_a_person_is_what_a_forest_without_trees_shows(accounts):
             clear += w.sighting.pixels == w.whole
             assert w.whole > 0 or w.sighting.pixels == 0
     assert hidden > 10 and clear >= 10
-    bare, scenario = flown("trees.density=0", seconds=2)
+    bare, scenario = flown("trees.density=0", seconds=1)
     with Inquiry(bare, scenario) as inquiry:
         shown = [(inquiry.witness(k, i, m).whole or 0, bare.visible[k, i, m])
                  for k, i, m in np.ndindex(*bare.visible.shape)]  # fmt: skip
@@ -166,7 +166,7 @@ def test_what_a_plan_has_in_store_is_what_comes_when_it_is_flown(delay):
     history = History.of(recording, scenario)
     scans, uavs, people = history.inside.shape
     kinds = set()
-    for k, i, m in np.ndindex(scans, uavs, people):
+    for k, i, m in ((k, i, m) for k in range(0, scans, 3) for i in range(uavs) for m in range(people)):
         look = outlook(recording, scenario, k, i, m, None)
         if recording.times[k] < delay:
             assert look is None
@@ -234,7 +234,7 @@ def test_a_missions_stretches_are_without_gaps_and_say_who_saw_the_person(missio
     [
         ("uavs.0.fails_at=0.4", "uavs.2.fails_at=0.4", "uavs.1.rate=1"),
         ("sensing.mode=ideal", "sensing.field_of_view=unlimited", "tracking.initial_tracks=none"),
-        ("uavs.0.pixels=512", "uavs.1.tilt_deg=30", "tracking.life=existence", "uavs.2.mount=body"),
+        ("uavs.0.pixels=200", "uavs.1.tilt_deg=30", "tracking.life=existence", "uavs.2.mount=body"),
     ],
     ids=["broken and slow", "unlimited", "cameras"],
 )
@@ -265,4 +265,5 @@ def test_the_page_shows_the_frame_and_the_pixels_round_the_person(mission, accou
     inset = cv2.resize(image, None, fx=10, fy=10, interpolation=cv2.INTER_NEAREST)
     u, v = np.floor(first.found.pixel).astype(int)
     part = inset[10 * (v - 2) : 10 * (v + 3), 10 * (u - 2) : 10 * (u + 3)]
-    assert cv2.matchTemplate(page, part, cv2.TM_SQDIFF).min() < 1.0
+    tile = np.ascontiguousarray(page[:560, 524:1060])  # beside the map
+    assert cv2.matchTemplate(tile, part, cv2.TM_SQDIFF).min() < 1.0

@@ -1,6 +1,5 @@
 """The timeline of a mission: stretches of time counted by hand, and a figure that shows each of them."""
 
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ from matplotlib.collections import PolyCollection
 
 from sim.metrics import metrics
 from sim.palette import ALARM, CANOPY, uav_colour
-from sim.plots import rgb, save
+from sim.plots import rgb
 from sim.recording import Recorder
 from sim.replay.episodes import BROKEN, HOLDS, Episode, episodes, holds, lanes, last_looks, switches
 from sim.replay.history import STATES, History
@@ -104,8 +103,8 @@ def test_the_figure_shows_each_stretch_where_and_when_it_was():
     assert spans[uav_colour(0)] == [] and spans[uav_colour(1)] == [pytest.approx((0.0, 0.4))]
 
 
-@pytest.mark.parametrize(("uavs", "people", "scans"), [(3, 4, 21), (3, 20, 21), (8, 2, 6), (1, 0, 6), (2, 1, 1)])
-def test_any_fleet_and_any_number_of_people_can_be_shown(tmp_path, uavs, people, scans):
+@pytest.mark.parametrize(("uavs", "people", "scans"), [(3, 20, 21), (8, 2, 6), (1, 0, 6), (2, 1, 1)])
+def test_any_fleet_and_any_number_of_people_can_be_shown(uavs, people, scans):
     recording, scenario = recorded(scans, uavs=uavs, people=people)
     ospa = recording.ospa.copy()
     ospa[scans // 2 + 1 :, 0] = np.nan
@@ -116,8 +115,7 @@ def test_any_fleet_and_any_number_of_people_can_be_shown(tmp_path, uavs, people,
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     assert {"in the frame, hidden", "out of view", "lost", "track switched"} <= set(words)
     assert (scans > 1) == any("UAV 0 broke down" in text.get_text() for text in figure.axes[1].texts)
-    save(figure, tmp_path / "timeline.png")
-    assert os.listdir(tmp_path) == ["timeline.png"]
+    figure.draw_without_rendering()
 
 
 def test_a_timeline_says_how_often_people_were_lost():
