@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from sim.frames import Rerenderer
-from sim.palette import DETECTION, track_colour
+from sim.palette import DETECTION, on_dark, track_colour
 from sim.recording import Recording
 from sim.replay.association import Association
 from sim.scenario import Scenario
@@ -61,7 +61,7 @@ class Cameras:
         points = rr.Points2D(
             marks[shown],
             radii=rr.Radius.ui_points(3),
-            colors=[track_colour(number) for number in numbers],
+            colors=[on_dark(track_colour(number)) for number in numbers],
             labels=[str(number) for number in numbers],
             show_labels=True,
         )
@@ -74,7 +74,7 @@ class Cameras:
         pairs = np.argwhere((beta >= _SLIGHT) & ends).tolist()
         lines = rr.LineStrips2D(
             [np.array([marks[t], spots[n]]) for t, n in pairs],
-            colors=[track_colour(int(told.numbers[t])) for t, _ in pairs],
+            colors=[on_dark(track_colour(int(told.numbers[t]))) for t, _ in pairs],
             radii=[rr.Radius.ui_points(0.5 + 1.5 * float(beta[t, n])) for t, n in pairs],
             labels=[f"{told.numbers[t]}: {beta[t, n]:.2f}" for t, n in pairs],
             show_labels=False,
@@ -100,4 +100,4 @@ def table(told: Association) -> str:
     for number, gated, beta in zip(told.numbers.tolist(), told.gated, told.beta, strict=True):
         cells = [f"{weight:.2f}" if inside else "-" for weight, inside in zip(beta[1:], gated, strict=True)]
         lines.append(f"| {number} | {beta[0]:.2f} | {' | '.join(cells)}{' |' if cells else ''}")
-    return "\n".join(lines) + "\n\nWeight of each detection for each track; -: outside the gate."
+    return "\n".join(lines) + "\n\n-: outside the gate"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import rerun.blueprint as rrb
 
-from sim.palette import PAPER
 from sim.scenario import Scenario
 
 _CURVES = {
@@ -29,16 +28,21 @@ def layout(scenario: Scenario, *, planning: bool) -> rrb.Blueprint:
         if planning or path != "plots/planning"
     ]
     people = rrb.StateTimelineView(origin="people", name="People")
-    events = rrb.TextLogView(origin="events", name="Events")
+    events = rrb.TextLogView(
+        origin="events",
+        name="Events",
+        columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
+        rows=rrb.TextLogRows(filter_by_log_level=["INFO", "WARN", "ERROR"]),
+    )
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(_forest(scenario), rrb.Horizontal(rrb.Tabs(people, *curves), events), row_shares=[5, 3]),
             rrb.Vertical(
                 rrb.Vertical(*images) if len(images) <= _COLUMN else rrb.Grid(*images),
                 rrb.Tabs(*weights),
-                row_shares=[5, 1],
+                row_shares=[4, 1],
             ),
-            column_shares=[3, 1],
+            column_shares=[4, 1],
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -58,11 +62,10 @@ def _forest(scenario: Scenario) -> rrb.Spatial3DView:
         origin="world",
         name="Forest",
         contents=["+ $origin/**", *hidden],
-        background=PAPER,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
-            position=(0.0, -0.75 * max(width, height), 0.6 * max(width, height)),
-            look_target=(0.0, -0.05 * height, 0.0),
+            position=(0.0, -0.5 * max(width, height), 0.42 * max(width, height)),
+            look_target=(0.0, -0.08 * height, 0.0),
             eye_up=(0.0, 0.0, 1.0),
         ),
     )

@@ -13,7 +13,7 @@ import rerun as rr
 
 from planning.planner import Plan
 from sim.mapview import ellipse, intended
-from sim.palette import ALARM, CANOPY, INK, LINE, PANEL, TRUNK, Colour, track_colour, uav_colour
+from sim.palette import ALARM, CANOPY, FAINT, INK, PANEL, TRUNK, Colour, on_dark, track_colour, uav_colour
 from sim.recording import Recording
 from sim.replay.matches import TrackMatch, matches_at
 from sim.scenario import Scenario
@@ -28,8 +28,14 @@ _TURN = np.linspace(0.0, 2 * math.pi, 25)
 _SEE_THROUGH = 150  # of 255, opacity of canopies
 _ABOVE_GROUND = 0.1  # m, of what lies on it
 
-# Between two UAVs' means of the same track: the UAVs, m apart, and where (2,) m.
-Gap = NamedTuple("Gap", [("track", int), ("metres", float), ("one", Array), ("other", Array)])
+
+class Gap(NamedTuple):
+    """How far two UAVs differ on where a track is."""
+
+    track: int  # id
+    metres: float
+    one: Array  # (2,) m
+    other: Array
 
 
 def log_ground(stream: rr.RecordingStream, recording: Recording, scenario: Scenario) -> None:
@@ -43,12 +49,12 @@ def log_ground(stream: rr.RecordingStream, recording: Recording, scenario: Scena
             vertex_positions=_at(corners, 0.0),
             triangle_indices=[(0, 1, 2), (0, 2, 3)],
             vertex_normals=[(0, 0, 1)] * 4,
-            albedo_factor=PANEL,
+            albedo_factor=INK,
         ),
         static=True,
     )
     edge = np.vstack([corners, corners[:1]])
-    stream.log("world/area/edge", rr.LineStrips3D([_at(edge, 0.0)], colors=[LINE], radii=0.1), static=True)
+    stream.log("world/area/edge", rr.LineStrips3D([_at(edge, 0.0)], colors=[FAINT], radii=0.1), static=True)
     if len(recording.trees):
         _log_trees(stream, recording.trees)
     for i, uav in enumerate(scenario.uavs):
@@ -63,7 +69,7 @@ def log_ground(stream: rr.RecordingStream, recording: Recording, scenario: Scena
         )
         stream.log(f"world/camera/{i}", lens, static=True)
         stream.log(f"world/uav/{i}/frame", rr.LineStrips3D(_quadrotor(), colors=[colour], radii=0.06), static=True)
-        name = rr.Points3D([(0, 0, 0)], radii=0.2, colors=[colour], labels=[f"UAV {i}"], show_labels=True)
+        name = rr.Points3D([(0, 0, 0)], radii=0.2, colors=[on_dark(colour)], labels=[f"UAV {i}"], show_labels=True)
         stream.log(f"world/uav/{i}/name", name, static=True)
 
 
@@ -122,18 +128,28 @@ class Scene:
             lengths=[2 * TARGET_HEIGHT - 0.6] * len(here),
             radii=[0.3] * len(here),
             translations=_at(snapshot.people[here], 0.3),
-            colors=[INK if held[m] else ALARM for m in here],
+            colors=[PANEL if held[m] else ALARM for m in here],
             fill_mode="solid",
-            labels=[f"person {m}" if held[m] else f"person {m}, lost" for m in here],
+            labels=[f"person {m}" for m in here],
+            show_labels=False,
+        )
+        lost = [m for m in here if not held[m]]
+        names = rr.Points3D(
+            _at(snapshot.people[lost], 2 * TARGET_HEIGHT),
+            radii=0.1,
+            colors=[on_dark(ALARM)],
+            labels=[f"person {m} lost" for m in lost],
+            show_labels=True,
         )
         self._stream.log("world/people", people)
+        self._stream.log("world/people/lost", names)
 
     def _log_breakdown(self, uav: int) -> None:
         """Take away what a UAV that broke down no longer has."""
         self._broken.add(uav)
         for name in ("camera", "tracks", "intents", "mwtp"):
             self._stream.log(f"world/{name}/{uav}", rr.Clear(recursive=True))
-        name = rr.Points3D([(0, 0, 0)], radii=0.2, colors=[ALARM], labels=[f"UAV {uav}, broken down"])
+        name = rr.Points3D([(0, 0, 0)], radii=0.2, colors=[on_dark(ALARM)], labels=[f"UAV {uav}, broken down"])
         self._stream.log(f"world/uav/{uav}/broken", name)
 
     def _log_tracks(self, uav: int, tracks: Sequence[Track]) -> None:
@@ -142,7 +158,7 @@ class Scene:
         rings = [ellipse(t.belief.mean[:2], t.belief.covariance[:2, :2]) for t in tracks]
         lines = rr.LineStrips3D(
             [_at(np.vstack([ring, ring[:1]]), TARGET_HEIGHT) for ring in rings],
-            colors=[track_colour(number) for number in numbers],
+            colors=[on_dark(track_colour(number)) for number in numbers],
             radii=0.08,
             labels=[f"track {number}" for number in numbers],
             show_labels=False,
@@ -151,7 +167,7 @@ class Scene:
         marks = rr.Points3D(
             _at(means, TARGET_HEIGHT),
             radii=0.15,
-            colors=[track_colour(number) for number in numbers],
+            colors=[on_dark(track_colour(number)) for number in numbers],
             labels=[str(number) for number in numbers],
             show_labels=uav == self._recording.working[0].argmax(),  # once, as they agree where all is well
         )
@@ -184,7 +200,7 @@ class Scene:
         numbers = [self._recording.track_numbers[match.track] for match in matches]
         lines = rr.LineStrips3D(
             [np.array([snapshot.poses[uav].position, (*match.end, TARGET_HEIGHT)]) for match in matches],
-            colors=[track_colour(number) for number in numbers],
+            colors=[on_dark(track_colour(number)) for number in numbers],
             radii=[0.12 if match.penalty > 0 else 0.05 for match in matches],
             labels=[f"track {n}, {match.distance:.0f} m" for n, match in zip(numbers, matches, strict=True)],
         )

@@ -8,17 +8,33 @@ from typing import NamedTuple
 import numpy as np
 import rerun as rr
 
-from sim.palette import ALARM, BLUE, FAINT, INK, ORANGE, PURPLE, SKY, VERMILLION, Colour, track_colour, uav_colour
+from sim.palette import (
+    ALARM,
+    BLUE,
+    FAINT,
+    INK,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    Colour,
+    on_dark,
+    track_colour,
+    uav_colour,
+)
 from sim.recording import Recording
 from sim.replay.events import Event
 from sim.replay.history import STATES, History
 from sim.replay.rerun_scene import gaps_at
 from tracking.compiled import Array
 
-_LIGHTER = 0.45  # of the way to white, for lines on the viewer's dark ground
 _PEOPLE = (SKY, ORANGE, VERMILLION, PURPLE, BLUE)
 _STATES = dict(zip(STATES, (FAINT, (110, 110, 110), PURPLE, ORANGE, SKY), strict=True))
-_LEVELS = {"breakdown": "ERROR", "fault": "ERROR", "contact": "WARN", "link lost": "WARN", "person lost": "WARN"}
+_LEVELS = {
+    **dict.fromkeys(("breakdown", "fault"), "ERROR"),
+    **dict.fromkeys(("contact", "link lost", "person lost", "identity changed"), "WARN"),
+    **dict.fromkeys(("messages lost", "messages heard"), "DEBUG"),  # there may be hundreds
+}
 
 
 class Series(NamedTuple):
@@ -52,9 +68,9 @@ def _tracks(recording: Recording) -> list[Series]:
             own = [np.trace(track.belief.covariance[:2, :2]) for track in held if track.id == id_]
             traces[numbers[id_], k] = np.mean(own)
         for gap in gaps_at(recording, k):
-            gaps[numbers[gap.track], k] = gap.metres
+            gaps[numbers[gap.track], k] = round(gap.metres, 6)  # UAVs that agree differ by rounding
     return [
-        Series(f"{kind}/track{n}", f"track {n}", _lighter(track_colour(n)), values)
+        Series(f"{kind}/track{n}", f"track {n}", on_dark(track_colour(n)), values)
         for kind, table in (("covariance", traces), ("agreement", gaps))
         for n, values in enumerate(table)
         if not np.all(np.isnan(values))
@@ -66,7 +82,7 @@ def _bytes(recording: Recording) -> list[Series]:
         Series(f"bytes/{what}/uav{i}", f"{what}, UAV {i}", colour, np.where(sent < 0, np.nan, sent))
         for what, table in (("tracks", recording.bytes_sent), ("plans", recording.plan_bytes))
         for i, sent in enumerate(table.T.astype(float))
-        for colour in [uav_colour(i) if what == "tracks" else _lighter(uav_colour(i))]
+        for colour in [uav_colour(i) if what == "tracks" else on_dark(uav_colour(i))]
         if np.any(sent >= 0)
     ]
 
@@ -81,11 +97,6 @@ def _visible(recording: Recording) -> list[Series]:
 def person_colour(person: int) -> Colour:
     """One of five colours that are read on dark ground."""
     return _PEOPLE[person % len(_PEOPLE)]
-
-
-def _lighter(colour: Colour) -> Colour:
-    red, green, blue = (round(c + _LIGHTER * (255 - c)) for c in colour)
-    return red, green, blue
 
 
 def log_series(stream: rr.RecordingStream, recording: Recording, planning_s: Sequence[float]) -> None:
@@ -130,4 +141,4 @@ def log_events(stream: rr.RecordingStream, recording: Recording, events: Sequenc
         k = min(int(np.searchsorted(recording.times, event.time - 1e-9)), len(recording.times) - 1)
         stream.set_time("time", duration=event.time)
         stream.set_time("scan", sequence=k)
-        stream.log("events", rr.TextLog(f"{event.kind}: {event.text}", level=_LEVELS.get(event.kind, "INFO")))
+        stream.log("events", rr.TextLog(f"{event.time:.1f} s: {event.text}", level=_LEVELS.get(event.kind, "INFO")))
