@@ -7,16 +7,20 @@ import numpy as np
 import rerun as rr
 
 from sim.frames import Rerenderer
+from sim.lettering import Image
 from sim.palette import DETECTION, on_dark, track_colour
 from sim.recording import Recording
 from sim.replay.association import Association
 from sim.scenario import Scenario
 from sim.sensing import camera_of
+from sim.tiles import draw_broken
 from tracking.camera import Camera
 from tracking.compiled import Array
 from tracking.visibility import TARGET_HEIGHT
 
 _QUALITY = 90  # of JPEG
+_BOX = 0.035  # of the image, half the width of what marks a detection
+_TILE = 160  # pixels, of a drawing with words that can be read
 _SLIGHT = 0.01  # a weight below which no line is drawn
 
 
@@ -27,19 +31,34 @@ class Cameras:
         self._stream, self._recording, self._scenario, self._again = stream, recording, scenario, again
 
     def log(self, k: int) -> None:
-        """Log scan k, of cameras that took a frame."""
+        """Log scan k: images of cameras that took one, and of those that broke down what stands for one."""
+        for i in np.flatnonzero(self._recording.working[max(k - 1, 0)] & ~self._recording.working[k]).tolist():
+            self._log_breakdown(i)
         for i, uav in enumerate(self._scenario.uavs):
             told = Association.of(self._recording, self._scenario, k, i)
             if told is None:
                 continue
             root, camera = f"world/camera/{i}", camera_of(uav)
-            image = rr.EncodedImage(contents=jpeg(self._again.image(k, i)), media_type="image/jpeg", draw_order=-10)
-            self._stream.log(f"{root}/image", image)
+            self._log_image(i, self._again.image(k, i))
             spots = self._spots(k, i, camera)
-            self._stream.log(f"{root}/detections", rr.Points2D(spots, radii=rr.Radius.ui_points(5), colors=[DETECTION]))
+            self._stream.log(f"{root}/detections", _boxes(spots, camera))
             self._log_tracks(k, i, camera)
             self._log_weights(f"{root}/association", told, spots, self._project(k, i, camera, told.before.means))
             self._stream.log(f"association/{i}", rr.TextDocument(table(told), media_type="text/markdown"))
+
+    def _log_image(self, uav: int, image: Image) -> None:
+        made, content = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+        if not made:
+            raise OSError("an image cannot be compressed")
+        encoded = rr.EncodedImage(contents=content.tobytes(), media_type="image/jpeg", draw_order=-10)
+        self._stream.log(f"world/camera/{uav}/image", encoded)
+
+    def _log_breakdown(self, uav: int) -> None:
+        tile, pixels = np.empty((_TILE, _TILE, 3), dtype=np.uint8), self._scenario.uavs[uav].pixels
+        draw_broken(tile, uav)
+        self._log_image(uav, np.asarray(cv2.resize(tile, (pixels, pixels), interpolation=cv2.INTER_AREA), np.uint8))
+        for name in ("detections", "tracks", "association"):
+            self._stream.log(f"world/camera/{uav}/{name}", rr.Clear(recursive=False))
 
     def _project(self, k: int, uav: int, camera: Camera, places: Array) -> Array:
         """Pixels (N, 2) of people's middle at places (N, 2 or more) m; NaN outside the image."""
@@ -75,19 +94,18 @@ class Cameras:
         lines = rr.LineStrips2D(
             [np.array([marks[t], spots[n]]) for t, n in pairs],
             colors=[on_dark(track_colour(int(told.numbers[t]))) for t, _ in pairs],
-            radii=[rr.Radius.ui_points(0.5 + 1.5 * float(beta[t, n])) for t, n in pairs],
+            radii=rr.Radius.ui_points([0.5 + 1.5 * float(beta[t, n]) for t, n in pairs]),
             labels=[f"{told.numbers[t]}: {beta[t, n]:.2f}" for t, n in pairs],
             show_labels=False,
         )
         self._stream.log(path, lines)
 
 
-def jpeg(image: Array) -> bytes:
-    """An image (P, P, 3) RGB, compressed."""
-    made, content = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    if not made:
-        raise OSError("the image cannot be compressed")
-    return content.tobytes()
+def _boxes(spots: Array, camera: Camera) -> rr.Boxes2D:
+    """A frame round each detection that is in the image, as large in all images."""
+    inside = spots[~np.isnan(spots).any(axis=1)]
+    half = np.full(inside.shape, _BOX * camera.pixels)
+    return rr.Boxes2D(centers=inside, half_sizes=half, radii=rr.Radius.ui_points(1), colors=[DETECTION])
 
 
 def table(told: Association) -> str:
@@ -100,4 +118,4 @@ def table(told: Association) -> str:
     for number, gated, beta in zip(told.numbers.tolist(), told.gated, told.beta, strict=True):
         cells = [f"{weight:.2f}" if inside else "-" for weight, inside in zip(beta[1:], gated, strict=True)]
         lines.append(f"| {number} | {beta[0]:.2f} | {' | '.join(cells)}{' |' if cells else ''}")
-    return "\n".join(lines) + "\n\n-: outside the gate"
+    return "\n".join(lines)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import rerun.blueprint as rrb
 
+from sim.recording import Recording
 from sim.scenario import Scenario
 
 _CURVES = {
@@ -14,10 +15,11 @@ _CURVES = {
     "Pixels of people": "plots/visible",
     "Planning [ms]": "plots/planning",
 }
+_AWAY, _NEAREST = 0.75, 40.0  # of the viewer's eye: in widths of where UAVs have been, and that at least [m]
 _COLUMN = 4  # images one above the other
 
 
-def layout(scenario: Scenario, *, planning: bool) -> rrb.Blueprint:
+def layout(recording: Recording, scenario: Scenario, *, planning: bool) -> rrb.Blueprint:
     """Where everything is; `planning`, whether the time of decisions is known."""
     uavs = range(len(scenario.uavs))
     images = [rrb.Spatial2DView(origin=f"world/camera/{i}", name=f"Camera of UAV {i}") for i in uavs]
@@ -36,7 +38,9 @@ def layout(scenario: Scenario, *, planning: bool) -> rrb.Blueprint:
     )
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(_forest(scenario), rrb.Horizontal(rrb.Tabs(people, *curves), events), row_shares=[5, 3]),
+            rrb.Vertical(
+                _forest(recording, scenario), rrb.Horizontal(rrb.Tabs(people, *curves), events), row_shares=[5, 3]
+            ),
             rrb.Vertical(
                 rrb.Vertical(*images) if len(images) <= _COLUMN else rrb.Grid(*images),
                 rrb.Tabs(*weights),
@@ -50,9 +54,14 @@ def layout(scenario: Scenario, *, planning: bool) -> rrb.Blueprint:
     )
 
 
-def _forest(scenario: Scenario) -> rrb.Spatial3DView:
-    """From the south and above, the whole area in sight; what lies in image planes is left to the images."""
-    width, height = scenario.area.width, scenario.area.height
+def _forest(recording: Recording, scenario: Scenario) -> rrb.Spatial3DView:
+    """From the south and above, all places where UAVs have been in sight.
+
+    What lies in the planes of images is left to the images.
+    """
+    places = recording.poses[:, :, :2].reshape(-1, 2)
+    low, high = places.min(axis=0), places.max(axis=0)
+    (x, y), away = (low + high) / 2, _AWAY * max(*(high - low), _NEAREST)
     hidden = [
         f"- /world/camera/{i}/{name}"
         for i in range(len(scenario.uavs))
@@ -63,9 +72,5 @@ def _forest(scenario: Scenario) -> rrb.Spatial3DView:
         name="Forest",
         contents=["+ $origin/**", *hidden],
         line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            position=(0.0, -0.5 * max(width, height), 0.42 * max(width, height)),
-            look_target=(0.0, -0.08 * height, 0.0),
-            eye_up=(0.0, 0.0, 1.0),
-        ),
+        eye_controls=rrb.EyeControls3D(position=(x, y - away, 0.8 * away), look_target=(x, y, 0), eye_up=(0, 0, 1)),
     )

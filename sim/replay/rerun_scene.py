@@ -68,9 +68,9 @@ def log_ground(stream: rr.RecordingStream, recording: Recording, scenario: Scena
             color=colour,
         )
         stream.log(f"world/camera/{i}", lens, static=True)
-        stream.log(f"world/uav/{i}/frame", rr.LineStrips3D(_quadrotor(), colors=[colour], radii=0.06), static=True)
-        name = rr.Points3D([(0, 0, 0)], radii=0.2, colors=[on_dark(colour)], labels=[f"UAV {i}"], show_labels=True)
-        stream.log(f"world/uav/{i}/name", name, static=True)
+        for path in (f"world/camera/{i}", f"world/uav/{i}"):
+            stream.log(path, rr.TransformAxes3D(axis_length=0.0), static=True)  # else the viewer draws axes
+        stream.log(f"world/uav/{i}", rr.LineStrips3D(_quadrotor(), colors=[colour], radii=0.06), static=True)
 
 
 def _log_trees(stream: rr.RecordingStream, trees: Array) -> None:
@@ -104,15 +104,20 @@ class Scene:
     def log(self, k: int) -> None:
         """Log scan k: the truth, what is intended, and what is believed."""
         snapshot = self._recording.snapshot(k)
+        for i in range(len(snapshot.poses)) if k == 0 else ():
+            self._log_name(i, f"UAV {i}", uav_colour(i))
         self._log_people(snapshot, self._held[k])
         for i, body in enumerate(snapshot.poses):
-            self._stream.log(f"world/uav/{i}", rr.Transform3D(translation=body.position, quaternion=body.quaternion))
-        for i in set(range(len(snapshot.poses))) - set(snapshot.working) - self._broken:
-            self._log_breakdown(i)
-        for i in snapshot.working:
+            self._stream.log(
+                f"world/uav/{i}",
+                rr.Transform3D(translation=body.position, quaternion=rr.Quaternion(xyzw=body.quaternion)),
+            )
             pose = snapshot.cameras[i]
-            place = rr.Transform3D(translation=pose.position, quaternion=pose.quaternion)
+            place = rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.quaternion))
             self._stream.log(f"world/camera/{i}", place)
+            if i not in snapshot.working and i not in self._broken:
+                self._log_breakdown(i)
+        for i in snapshot.working:
             self._log_tracks(i, snapshot.tracks[i])
         self._log_gaps(gaps_at(self._recording, k))
         if snapshot.plans is not None:
@@ -147,10 +152,13 @@ class Scene:
     def _log_breakdown(self, uav: int) -> None:
         """Take away what a UAV that broke down no longer has."""
         self._broken.add(uav)
-        for name in ("camera", "tracks", "intents", "mwtp"):
+        for name in ("tracks", "intents", "mwtp"):
             self._stream.log(f"world/{name}/{uav}", rr.Clear(recursive=True))
-        name = rr.Points3D([(0, 0, 0)], radii=0.2, colors=[on_dark(ALARM)], labels=[f"UAV {uav}, broken down"])
-        self._stream.log(f"world/uav/{uav}/broken", name)
+        self._log_name(uav, f"UAV {uav}, broken down", ALARM)
+
+    def _log_name(self, uav: int, text: str, colour: Colour) -> None:
+        name = rr.Points3D([(0, 0, 0)], radii=0.2, colors=[on_dark(colour)], labels=[text], show_labels=True)
+        self._stream.log(f"world/uav/{uav}/name", name)
 
     def _log_tracks(self, uav: int, tracks: Sequence[Track]) -> None:
         """95 % ellipses of one UAV, at the height of people's middle."""

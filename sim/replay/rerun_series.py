@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from sim.palette import (
     ALARM,
@@ -110,7 +111,7 @@ def log_series(stream: rr.RecordingStream, recording: Recording, planning_s: Seq
         _log(stream, took, made, np.searchsorted(times, made))
 
 
-def _log(stream: rr.RecordingStream, series: Series, times: Array, scans: Array) -> None:
+def _log(stream: rr.RecordingStream, series: Series, times: Array, scans: NDArray[np.intp]) -> None:
     path = f"plots/{series.path}"
     stream.log(path, rr.SeriesLines(colors=[series.colour], names=[series.name], widths=[1.5]), static=True)
     indexes = [rr.TimeColumn("time", duration=times), rr.TimeColumn("scan", sequence=scans)]

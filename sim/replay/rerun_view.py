@@ -74,7 +74,7 @@ def _fill(
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(f"{marked(recording.planner, recording.sees_truth)}, seed {recording.seed}")
     known = len(planning_s) == len(recording.plan_times) > 0
-    stream.send_blueprint(layout(scenario, planning=known))
+    stream.send_blueprint(layout(recording, scenario, planning=known))
     history = History.of(recording, scenario)
     log_ground(stream, recording, scenario)
     log_series(stream, recording, planning_s if known else ())
