@@ -50,7 +50,7 @@ BROKEN = {
     "other/file": "",
 }
 WRONG = {
-    "unknown command": (["flyy"], ["'flyy'", "run, compare, frames, export, planners, scenarios"]),
+    "unknown command": (["flyy"], ["'flyy'", "run, compare, frames, replay, explain, export, planners, scenarios"]),
     "misspelt command": (["rum"], ["'rum'", "did you mean run?"]),
     "unknown option": (["run", "--sead", "3"], ["--sead", "--seed"]),
     "extra argument": (["run", "forest", "grove"], ["grove"]),
