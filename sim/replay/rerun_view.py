@@ -34,13 +34,25 @@ def write(
     planning_s: seconds that each decision took, which the recording does not hold; `summary.json` does.
     """
     stream = _stream(recording)
-    try:
-        with whole(path) as part:
-            stream.save(part)
+    with whole(path) as part:
+        try:
+            part.touch()
+        except OSError as error:
+            raise InputError(f"--rerun: {path} cannot be written: {error.strerror}") from error
+        stream.save(part)
+        try:
             _fill(stream, recording, scenario, progress, planning_s)
-            stream.disconnect()  # without it, the end of the file would come when the stream is forgotten
-    except OSError as error:
-        raise InputError(f"--rerun: {path} cannot be written: {error.strerror or error}") from error
+            _flush(stream, path)
+        finally:
+            stream.disconnect()  # else the file is closed when the stream is forgotten
+
+
+def _flush(stream: rr.RecordingStream, path: Path) -> None:
+    """Wait until all is written; OSError for what the thread that writes met with, such as a full disk."""
+    try:
+        stream.flush()
+    except (RuntimeError, ValueError) as error:
+        raise OSError(f"{path} cannot be written: {error}") from error
 
 
 def spawn(recording: Recording, scenario: Scenario, *, progress: Progress, planning_s: Sequence[float] = ()) -> None:
