@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from sim.atomic import unused
-from sim.console import console, trial_progress
+from sim.console import console, say, trial_progress
 from sim.errors import InputError
 from sim.quantity import interval
 
@@ -40,13 +41,27 @@ def replay(
     fitting = {"--layout": layout, "--speed": speed, "--time": time, "--out": out}
     way = _way(video, gui, rerun is not None, [name for name, value in fitting.items() if value is not None])
     factor = _speed(speed or "1")
-    start, end = (0.0, math.inf) if time is None else _window(time)
-    from sim.frames import find
+    start, end = (0.0, None) if time is None else _window(time)
+    if out is not None:
+        _check_new(out, ".mp4", "--out")
+    from sim.frames import find, scans_between
 
     recording = find(recorded)
     if rerun is not None:
         _rerun(recording, rerun)
         return
+    scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
+    if way == "--gui":
+        from sim.replay.window import show
+
+        show(recording, scans, speed=factor, say=say)
+        return
+    from sim.replay.film import AS_FLOWN, write_film
+
+    path = out or unused((recorded if recorded.is_dir() else recorded.parent) / "replay", ".mp4")
+    with trial_progress(len(scans), "scans") as progress:
+        write_film(recording, scans, path, layout=layout or AS_FLOWN, speed=factor, progress=progress)
+    console.print(f"Film: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 
 
 def _way(video: bool, gui: bool, rerun: bool, given: list[str]) -> str:
@@ -78,15 +93,24 @@ def _window(text: str) -> tuple[float, float]:
     return start, end
 
 
+def _check_new(path: Path, suffix: str, option: str) -> None:
+    """InputError unless a new file of a kind can be written at `path`."""
+    if path.suffix != suffix:
+        also = ", or spawn" if option == "--rerun" else ""
+        raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
+    if path.exists():
+        raise InputError(f"{option}: {path} exists; name a new file")
+    if not os.access(path.parent, os.W_OK):  # which it is not either where it does not exist
+        raise InputError(f"{option}: {path} cannot be written: no folder {path.parent} to write in")
+
+
 def _rerun(recording: Recording, target: str) -> None:
     """Write the recording for the Rerun viewer to a new file, or open it in the viewer."""
     from sim.frames import scenario_of
 
     path = Path(target)
-    if target != "spawn" and path.suffix != ".rrd":
-        raise InputError(f"--rerun: {target!r} is not allowed; expected a new file FILE.rrd, or spawn")
-    if target != "spawn" and path.exists():
-        raise InputError(f"--rerun: {target} exists; name a new file")
+    if target != "spawn":
+        _check_new(path, ".rrd", "--rerun")
     try:
         from sim.replay import rerun_view
     except ImportError as error:
