@@ -8,6 +8,7 @@ import uuid
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import msgspec
 import rerun as rr
 
 from sim.atomic import whole
@@ -24,6 +25,10 @@ from sim.scenario import Scenario
 from sim.summary import marked
 
 Progress = Callable[[object], None]
+
+
+class _Summary(msgspec.Struct):
+    planning_s: list[float] = []
 
 
 def write(
@@ -67,6 +72,14 @@ def spawn(recording: Recording, scenario: Scenario, *, progress: Progress, plann
         raise InputError(f"--rerun: the viewer does not start: {reason}; write a file instead") from error
     _fill(stream, recording, scenario, progress, planning_s)
     stream.flush()
+
+
+def planning_times(summary: Path) -> list[float]:
+    """Seconds that each decision took, of a run's `summary.json`; none where that is not there or does not say."""
+    try:
+        return msgspec.json.decode(summary.read_bytes(), type=_Summary).planning_s
+    except (OSError, msgspec.MsgspecError):
+        return []
 
 
 def _stream(recording: Recording) -> rr.RecordingStream:
