@@ -48,7 +48,7 @@ def replay(
 
     recording = find(recorded)
     if rerun is not None:
-        _rerun(recording, rerun)
+        _rerun(recording, rerun, recorded / "summary.json")
         return
     scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
     if way == "--gui":
@@ -104,7 +104,7 @@ def _check_new(path: Path, suffix: str, option: str) -> None:
         raise InputError(f"{option}: {path} cannot be written: no folder {path.parent} to write in")
 
 
-def _rerun(recording: Recording, target: str) -> None:
+def _rerun(recording: Recording, target: str, summary: Path) -> None:
     """Write the recording for the Rerun viewer to a new file, or open it in the viewer."""
     from sim.frames import scenario_of
 
@@ -115,9 +115,10 @@ def _rerun(recording: Recording, target: str) -> None:
         from sim.replay import rerun_view
     except ImportError as error:
         raise InputError("--rerun: needs rerun-sdk: pip install 'understory[rerun]'") from error
+    took = rerun_view.planning_times(summary)
     with trial_progress(len(recording.times), "scans") as progress:
         if target == "spawn":
-            rerun_view.spawn(recording, scenario_of(recording), progress=progress)
+            rerun_view.spawn(recording, scenario_of(recording), progress=progress, planning_s=took)
             return
-        rerun_view.write(recording, scenario_of(recording), path, progress=progress)
+        rerun_view.write(recording, scenario_of(recording), path, progress=progress, planning_s=took)
     console.print(f"Open it: [bold]rerun {escape(target)}[/bold]", soft_wrap=True)
