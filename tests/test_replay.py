@@ -227,7 +227,6 @@ def test_ideal_sensing_has_no_cameras_to_show(tmp_path):
 def test_without_the_viewers_package_one_line_says_what_to_install(call, monkeypatch, tmp_path):
     for name in [name for name in sys.modules if name.startswith("sim.replay.rerun")]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delattr("sim.replay.rerun_view", raising=False)
     monkeypatch.setitem(sys.modules, "rerun", None)
     code, _, err = call("run", "--rerun", "a.rrd")
     assert (code, err) == (2, "understory: --rerun: needs rerun-sdk: pip install 'understory[rerun]'\n")
