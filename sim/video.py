@@ -16,7 +16,7 @@ from av.container import OutputContainer
 from av.video.stream import VideoStream
 
 from sim.atomic import unfinished
-from sim.layout import GAP, Box, arrange
+from sim.layout import GAP, Box, Layout, arrange
 from sim.legend import Sparkline, draw_legend
 from sim.lettering import Image, Style, write
 from sim.mapview import MapView, aspect
@@ -34,6 +34,12 @@ _OPTIONS = {"preset": "veryfast", "crf": "23"}
 _BT601 = 6  # the matrix OpenCV converts with; players must be told, they assume another for HD
 
 
+def layout_of(scenario: Scenario) -> Layout:
+    """Where a film shows the map, and the frame of each camera if there are any."""
+    panel = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
+    return arrange(panel, aspect(scenario), len(scenario.uavs) if scenario.sensing.mode == "camera" else 0)
+
+
 class Film:
     """Draws snapshots, in order of time, as frames of 1280 x 720.
 
@@ -43,8 +49,7 @@ class Film:
     def __init__(self, scenario: Scenario, forest: Forest, *, planner: str) -> None:
         self._cameras = [Camera(math.radians(uav.fov_deg), uav.pixels) for uav in scenario.uavs]
         renders = scenario.sensing.mode == "camera"
-        panel = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
-        self._layout = arrange(panel, aspect(scenario), len(scenario.uavs) if renders else 0)
+        self._layout = layout_of(scenario)
         self._map = MapView(scenario, forest, (self._layout.map.width, self._layout.map.height))
         self._planner = planner
         self._numbers: dict[int, int] = {}
