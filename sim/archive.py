@@ -54,7 +54,7 @@ def load(path: str | os.PathLike[str]) -> Recording:
         lacking = _lacking(archive)
         for name, (kind, dtype, shape) in _fields().items():
             if name in lacking:
-                values[name] = False if kind is bool else _unknown(dtype, shape, sizes)
+                values[name] = kind() if kind in (bool, str) else _unknown(dtype, shape, sizes)
                 continue
             array = _read(archive, path, name)
             try:

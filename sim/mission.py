@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +85,8 @@ class Mission:
         commands = np.zeros((len(self._trackers), 2))
         with self._world:
             for k, time in enumerate(times):
-                snapshot = self._scan(k, time, commands)
+                known = len(self.faults)
+                snapshot = replace(self._scan(k, time, commands), faults=tuple(self.faults[known:]))
                 commands = self._commands(k, commands, snapshot.plans)
                 yield snapshot
                 if k + 1 < len(times):

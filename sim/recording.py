@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Plan
+from sim.autopilot import Fault
 from sim.contacts import KINDS, Contact
+from sim.faults import read, recorded
 from sim.snapshot import Bools, Ints, Snapshot
 from tracking.camera import Pose
 from tracking.compiled import Array
@@ -70,6 +72,7 @@ class Recording:
     sees_truth: Annotated[bool, "|b1", ""] = field(default_factory=bool)  # whether the planner does: an upper bound
     # Probability that there is somebody; NaN where nobody asks, as in life m_of_n; -1 where it was not recorded.
     track_existence: Annotated[Array, "<f8", "S"] = field(default_factory=lambda: np.zeros(0))
+    faults: Annotated[str, "<U", ""] = field(default_factory=str)  # JSON, see `sim.faults`; "" where not recorded
 
     @property
     def forest(self) -> Forest:
@@ -126,6 +129,11 @@ class Recording:
         rows = self.contacts[self.contacts[:, 0] == k].tolist()
         return tuple(Contact(uav, KINDS[kind], other) for _, uav, kind, other in rows)
 
+    def faults_at(self, k: int) -> tuple[Fault, ...]:
+        """Faults after scan k - 1 and until scan k."""
+        before = float(self.times[k - 1]) if k else -math.inf
+        return tuple(fault for fault in read(self.faults) if before < fault.time <= float(self.times[k]))
+
     def snapshot(self, k: int) -> Snapshot:
         """Scan k as the recorder was given it."""
         uavs = range(self.poses.shape[1])
@@ -147,6 +155,7 @@ class Recording:
             bytes_sent=self.bytes_sent[k],
             plan_bytes=self.plan_bytes[k],
             plan_rounds=int(self.plan_rounds[k]),
+            faults=self.faults_at(k),
         )
 
 
@@ -159,6 +168,7 @@ class Recorder:
         self._tracks: list[tuple[Track, ...]] = []
         self._plans: list[tuple[float, list[Plan]]] = []
         self._contacts: list[tuple[int, int, int, int]] = []
+        self._faults: list[Fault] = []
 
     def __len__(self) -> int:
         """Number of scans so far."""
@@ -185,6 +195,7 @@ class Recorder:
             self._dense[name].append(np.array(value, dtype=_DTYPES.get(name, np.float64)))
         self._scans.extend(zip(snapshot.scans, rows, strict=True))
         self._tracks.extend(snapshot.tracks)
+        self._faults.extend(snapshot.faults)
         if snapshot.plans is not None:
             self._plans.append((snapshot.time, snapshot.plans))
 
@@ -218,6 +229,7 @@ class Recorder:
             plans=_padded([plans for _, plans in self._plans], uavs),
             contacts=np.array(self._contacts, dtype=np.int64).reshape(-1, 4),
             sees_truth=sees_truth,
+            faults=recorded(self._faults),
         )
 
     def _measurement_table(self) -> dict[str, NDArray[Any]]:

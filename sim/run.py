@@ -68,7 +68,14 @@ def run(
                 sees_truth=mission.sees_truth,
             )
             seconds = {**mission.clock.seconds, "start_up": start_up}
-            summary = summarise(recording, seconds=seconds, wall_s=wall, faults=mission.faults, versions=versions())
+            summary = summarise(
+                recording,
+                seconds=seconds,
+                wall_s=wall,
+                faults=mission.faults,
+                versions=versions(),
+                planning_s=mission.clock.laps["planning"],
+            )
             write_results(folder, recording, summary)
     return summary
 

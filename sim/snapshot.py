@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Plan
+from sim.autopilot import Fault
 from sim.contacts import Contact
 from tracking.camera import Pose
 from tracking.compiled import Array
@@ -39,6 +40,7 @@ class Snapshot:
     bytes_sent: Ints = field(kw_only=True)  # (n,) to neighbours, in all rounds of consensus; -1 if unknown
     plan_bytes: Ints = field(kw_only=True)  # (n,) to neighbours, of plans made at this instant; -1 if unknown
     plan_rounds: int = field(kw_only=True)  # in which these were sent
+    faults: tuple[Fault, ...] = ()  # of planner and detectors at this instant, and breakdowns since the scan before
 
     @property
     def working(self) -> list[int]:

@@ -10,16 +10,22 @@ STAGES = ("physics", "rendering", "detection", "tracking", "planning", "video")
 
 
 class Stopwatch:
-    """Adds up wall time per stage [s]."""
+    """Takes wall time per stage [s]: `laps` of each block in turn, and their sums."""
 
     def __init__(self) -> None:
-        self.seconds = dict.fromkeys(STAGES, 0.0)
+        self.laps: dict[str, list[float]] = {stage: [] for stage in STAGES}
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Seconds of each stage so far."""
+        return {stage: sum(laps, 0.0) for stage, laps in self.laps.items()}
 
     @contextmanager
     def measure(self, stage: str) -> Iterator[None]:
         """Count the time of the block as part of `stage`."""
+        laps = self.laps[stage]
         start = time.perf_counter()
         try:
             yield
         finally:
-            self.seconds[stage] += time.perf_counter() - start
+            laps.append(time.perf_counter() - start)

@@ -25,12 +25,13 @@ def summarise(
     wall_s: float,
     faults: Sequence[Fault],
     versions: Mapping[str, str],
+    planning_s: Sequence[float] = (),
 ) -> dict[str, Any]:
     """The content of `summary.json`.
 
-    seconds: wall time per stage, and `start_up` if known; wall_s: wall time of all. Shares and means are over all
-    pairs of scan and UAV that works; null stands where there was nothing to count. `sim.metrics` says what the figures
-    are that need the tracks.
+    seconds: wall time per stage, and `start_up` if known; wall_s: wall time of all; planning_s: wall time of each
+    decision. Shares and means are over all pairs of scan and UAV that works; null stands where there was nothing to
+    count. `sim.metrics` says what the figures are that need the tracks.
     """
     distance = recording.ospa[:, :, 0][recording.working]
     duration = float(recording.times[-1] - recording.times[0])
@@ -56,6 +57,7 @@ def summarise(
         "faults": [asdict(fault) for fault in faults],
         "contacts": contacts(recording),
         "network": _network(recording),
+        "planning_s": [round(lap, 6) for lap in planning_s],
     }
 
 
