@@ -1,4 +1,4 @@
-"""The command line: `understory run`, `compare`, `frames`, `export`, `check-planner` and lists of what there is."""
+"""The command line: `understory run`, `compare`, `replay`, `frames`, `export`, `check-planner` and lists."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 
 from planning.catalogue import catalogue
 from planning.registry import DEFAULT_PLANNER, PlannerError, load_planner
+from sim.atomic import unused
 from sim.console import (
     console,
     fail,
@@ -33,6 +34,7 @@ from sim.errors import InputError
 from sim.loading import SCENARIOS, did_you_mean, load, remarks
 from sim.options import Duration, Overrides, with_duration
 from sim.quantity import integer, interval
+from sim.replay.command import replay
 from sim.study.command import compare, studies
 
 # Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
@@ -51,6 +53,10 @@ Compare planners on the same forests, people and seeds:
 
 See what a camera saw in a run, annotated:
   [bold]understory frames runs/forest-sma-nbo-mwtp-seed0 --uav 1 --time 12:14[/bold]
+
+See a run again, slowed down, or in a window to look round in:
+  [bold]understory replay runs/forest-sma-nbo-mwtp-seed0 --time 12:20 --speed 0.5[/bold]
+  [bold]understory replay runs/forest-sma-nbo-mwtp-seed0 --gui[/bold]
 
 See what there is; yours are --planner module:Class and a file.toml:
   [bold]understory planners[/bold]
@@ -104,7 +110,7 @@ def run(
     number = integer(seed, "--seed", least=0)
     load_planner(planner)
     remark(*remarks(setting))
-    folder = out or _unused(Path("runs") / f"{Path(scenario).stem}-{_plain(planner)}-seed{number}")
+    folder = out or unused(Path("runs") / f"{Path(scenario).stem}-{_plain(planner)}-seed{number}")
     from sim.mission import Trial
     from sim.run import run as fly
 
@@ -134,10 +140,13 @@ def frames(
     scans = scans_between(recording, start, end)
     check_working(recording, scans, number)
     span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
-    folder = out or _unused((recorded if recorded.is_dir() else recorded.parent) / f"frames-uav{number}-{span}")
+    folder = out or unused((recorded if recorded.is_dir() else recorded.parent) / f"frames-uav{number}-{span}")
     with trial_progress(len(scans), "frames") as progress:
         write_frames(recording, scans, number, folder, size=edge, progress=progress)
     show_files(folder)
+
+
+app.command()(replay)
 
 
 @app.command()
@@ -153,7 +162,7 @@ def export(
 
     writer(to)
     recording = find(recorded)
-    folder = out or _unused((recorded if recorded.is_dir() else recorded.parent) / f"export-{to}")
+    folder = out or unused((recorded if recorded.is_dir() else recorded.parent) / f"export-{to}")
     write(recording, to, folder)
     show_files(folder)
 
@@ -202,15 +211,6 @@ def check_planner(
 def _plain(planner: str) -> str:
     """A planner's text as part of a folder's name that no shell minds."""
     return re.sub(r"[^\w.=-]+", "-", planner.replace(":", ".")).strip("-")
-
-
-def _unused(folder: Path) -> Path:
-    """The folder, or the first of its numbered siblings, that does not exist yet."""
-    number, free = 1, folder
-    while free.exists():
-        number += 1
-        free = folder.with_name(f"{folder.name}-{number}")
-    return free
 
 
 def main() -> None:

@@ -16,6 +16,15 @@ def unfinished(path: Path) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.part")
 
 
+def unused(path: Path, suffix: str = "") -> Path:
+    """The path with a suffix such as .mp4 added, or its first numbered sibling, that does not exist yet."""
+    number, free = 1, path.with_name(f"{path.name}{suffix}")
+    while free.exists():
+        number += 1
+        free = path.with_name(f"{path.name}-{number}{suffix}")
+    return free
+
+
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
     """Yields a name to write to; renamed to `path` when the block ends, removed when it raises."""
