@@ -1,4 +1,4 @@
-"""One mission from its parts to its folder: recording, summary, video and OSPA curve."""
+"""One mission from its parts to its folder: recording, summary, video, page and OSPA curve."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from sim.mission import Mission, Trial
 from sim.plots import ospa_figure
 from sim.plots import save as save_figure
 from sim.recording import Recorder, Recording
+from sim.replay.page import write_page
 from sim.scenario import resolved
 from sim.snapshot import Snapshot
 from sim.summary import marked, summarise
@@ -77,6 +78,9 @@ def run(
                 planning_s=mission.clock.laps["planning"],
             )
             write_results(folder, recording, summary)
+            if video:
+                film = folder / "mission.mp4"
+                write_page(recording, trial.scenario, folder / "mission.html", video=film, place=str(out))
     return summary
 
 

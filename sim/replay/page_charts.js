@@ -58,7 +58,7 @@ function drawOspa() {
   const top = level(Math.max(1.5, 1.15 * Math.max(0, ...data.ospa.flat().map((v) => v || 0))));
   const y = (value) => bottom - (level(value) / top) * (bottom - 8);
   ctx.clearRect(0, 0, charts.ospa.clientWidth, charts.height);
-  write(ctx, "OSPA", 8, bottom / 2 + 2, colours.ink, "left");
+  write(ctx, "OSPA", 8, bottom / 2 - 7, colours.ink, "left");
   for (const tick of [0, 0.5, 1, 2, 5, 10, 20, 50]) {
     if (level(tick) > top) continue;
     ctx.strokeStyle = tick === 1 ? colours.faint : colours.line;

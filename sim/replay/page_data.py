@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -88,7 +89,7 @@ def _tracks(recording: Recording, numbers: dict[int, int]) -> list[list[list[lis
     number = [numbers[id_] for id_ in recording.track_ids.tolist()]
     rows = _rounded(np.column_stack([number, recording.track_means[:, :2], half[:, ::-1], turn]))
     uavs, offsets = recording.poses.shape[1], recording.track_offsets.tolist()
-    cells = [rows[a:b] for a, b in zip(offsets, offsets[1:], strict=False)]
+    cells = [rows[a:b] for a, b in pairwise(offsets)]
     return [cells[k : k + uavs] for k in range(0, len(cells), uavs)]
 
 

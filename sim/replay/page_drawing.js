@@ -79,7 +79,7 @@ function holders(k, m) {
   if (data.people[k][m] === null) return "";
   const byTrack = new Map();
   data.holders[k].forEach((row, i) => row[m] >= 0 && byTrack.set(row[m], [...(byTrack.get(row[m]) || []), i]));
-  if (!byTrack.size) return "lost";
+  if (!byTrack.size) return "nobody";
   const fleet = data.works[k].filter(Boolean).length;
   const whose = (holding) => (fleet > 1 && holding.length === fleet ? "all" : uavs(holding));
   return [...byTrack].map(([track, holding]) => `track ${track} of ${whose(holding)}`).join(", ");

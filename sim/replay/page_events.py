@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.faults import read
 from sim.metrics import HELD
 from sim.recording import Recording
 from sim.replay.history import History, Loss
@@ -100,7 +101,7 @@ def _witness(recording: Recording, history: History, told: Ints, loss: Loss) -> 
 
 def incidents(recording: Recording, history: History) -> list[Event]:
     """UAVs that broke down, contacts and faults, by scan."""
-    found = [*_breakdowns(history), *_contacts(recording)]
+    found = [*_breakdowns(history), *_contacts(recording), *_faults(recording, history)]
     return sorted(found, key=lambda event: event.first)
 
 
@@ -118,6 +119,22 @@ def _contacts(recording: Recording) -> list[Event]:
         touched = {"uav": "UAV", "canopy": "the canopy of tree", "trunk": "the trunk of tree"}
         what = "the ground" if entry["kind"] == "ground" else f"{touched.get(entry['kind'], 'person')} {entry['other']}"
         found.append(Event(first, last, f"UAV {entry['uav']} touched {what} {when}", uav=entry["uav"]))
+    return found
+
+
+def _faults(recording: Recording, history: History) -> list[Event]:
+    """What planners and detectors did wrong, each thing once, however often; breakdowns are told apart."""
+    times = recording.times
+    grouped: dict[tuple[int | None, str], list[int]] = {}
+    for fault in read(recording.faults):
+        k = min(int(np.searchsorted(times, fault.time - 1e-6)), len(times) - 1)
+        if fault.uav is None or history.working[k, fault.uav]:
+            grouped.setdefault((fault.uav, fault.message), []).append(k)
+    found = []
+    for (uav, message), scans in grouped.items():
+        often = f" and {len(scans) - 1} times more until {times[scans[-1]]:.1f} s" if len(scans) > 1 else ""
+        who = "the fleet" if uav is None else f"UAV {uav}"
+        found.append(Event(scans[0], scans[0], f"fault of {who} at {times[scans[0]]:.1f} s{often}", why=message, uav=uav))
     return found
 
 

@@ -156,7 +156,9 @@ function drawPerson(ctx, [x, y], k, m) {
   disc(ctx, u, v, 3.4, colours.ink);
   if (data.codes[k].every((row) => row[m] === OUT || row[m] >= HIDDEN)) disc(ctx, u, v, 1.9, colours.panel);
   if (lost(k, m)) ring(ctx, u, v, 11, colours.alarm, 2.5);
-  if (lost(k, m) || state.person === m) write(ctx, `person ${m}`, u, v + 20, lost(k, m) ? colours.alarm : colours.ink, "center");
+  const name = data.people[k].length > 8 ? String(m) : `person ${m}`;
+  if (lost(k, m)) write(ctx, name, u, v + 20, colours.alarm, "center");
+  else if (state.person === m) write(ctx, name, u, v + 20, colours.ink, "center");
 }
 
 // What is nearest to a pixel of the map, in words; "" if nothing is near.
