@@ -104,7 +104,7 @@ def run(
     ] = None,
     video: Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")] = True,
 ) -> None:
-    """Fly one mission; leave recording, summary, video, page and OSPA curve in a new folder."""
+    """Fly one mission; leave recording, summary, video, page, OSPA curve and timeline in a new folder."""
     setting = load(scenario, with_duration(overrides, duration))
     check_detector(setting.sensing.detector)
     number = integer(seed, "--seed", least=0)

@@ -20,7 +20,7 @@ from sim.lettering import Image
 from sim.loading import decode
 from sim.palette import PAPER, uav_colour
 from sim.recording import Recording
-from sim.renderer import Renderer
+from sim.renderer import Rendered, Renderer
 from sim.scenario import Scenario
 from sim.sensing import camera_of
 from sim.sight import Sight
@@ -47,11 +47,15 @@ class Rerenderer:
 
     def image(self, k: int, uav: int) -> Image:
         """What the UAV's camera showed at scan k (P, P, 3) RGB; in ideal sensing, what it would have shown."""
+        return self.rendered(k, uav).image
+
+    def rendered(self, k: int, uav: int) -> Rendered:
+        """The same, and whose each of its pixels is."""
         snapshot = self._recording.snapshot(k)
         self._world.place_people(snapshot.people, snapshot.headings)
         self._world.place_uavs(snapshot.poses)
         camera = camera_of(self.scenario.uavs[uav])
-        return self._renderer.take(uav, snapshot.time, camera, snapshot.cameras[uav]).image
+        return self._renderer.take(uav, snapshot.time, camera, snapshot.cameras[uav])
 
     def __enter__(self) -> Rerenderer:
         return self

@@ -16,22 +16,22 @@ from sim.autopilot import Fault, decide
 from sim.forest import grow
 from sim.intents import Intents, Sent
 from sim.radio import Links, hearing, losses
-from sim.scenario import Scenario, Tracking
+from sim.scenario import Scenario
 from sim.sensing import Look, Sensors, camera_pose, planned_attitude
 from sim.snapshot import Snapshot
 from sim.stopwatch import Stopwatch
 from sim.streams import stream
+from sim.trackers import initial_tracks, tracker_parameters
 from sim.trajectories import Trajectories, read
 from sim.walkers import walk
 from sim.wind import Air
 from sim.world import World
-from tracking.bounded import BoundedSpeed
 from tracking.camera import Pose
 from tracking.compiled import Array
 from tracking.consensus import fuse
-from tracking.kalman import Gaussian, NearlyConstantVelocity
+from tracking.kalman import NearlyConstantVelocity
 from tracking.ospa import ospa
-from tracking.tracker import Track, Tracker, TrackerParameters
+from tracking.tracker import Track, Tracker
 from tracking.undetected import Undetected
 from tracking.visibility import Forest
 
@@ -234,50 +234,16 @@ class Mission:
         ]
 
     def _tracker(self, uav: int) -> Tracker:
-        settings = self.scenario.tracking
-        parameters = TrackerParameters(
-            motion=motion(settings, 1 / self.scenario.rates.sensing),
-            detection_probability=settings.detection_probability,
-            clutter_density=settings.clutter_density,
-            gate_probability=settings.gate_probability,
-            confirm=settings.confirm,
-            delete=settings.delete,
-            absence_weight=settings.absence_weight,
-            recovery_after=settings.recovery_after,
-            max_variance=settings.max_variance,
-            max_speed=settings.max_speed,
-            life=settings.life,
-            survival=settings.survival,
-            birth_density=settings.birth_density,
-            sure=settings.sure,
-            doubt=settings.doubt,
-            fusion=self.scenario.network.fusion,
-        )
-        return Tracker(uav, self._sensors.cameras[uav], self.forest, parameters, self._initial_tracks())
+        scenario, (here, _) = self.scenario, self.people.at(0.0)
+        there, _ = self.people.at(1 / scenario.rates.sensing)
+        known = initial_tracks(scenario, here, there)
+        return Tracker(uav, self._sensors.cameras[uav], self.forest, tracker_parameters(scenario), known)
 
     def _nobody_seen(self) -> Undetected:
         """What a UAV believes on people without a track before it has looked."""
         area, settings = self.scenario.area, self.scenario.tracking
         people = settings.unseen if settings.initial_tracks == "none" else 0.0
         return Undetected((area.width, area.height), people, settings.detection_probability, settings.max_speed)
-
-    def _initial_tracks(self) -> list[Track]:
-        """With `initial_tracks = "known"`: everyone who is there at the start, with position and velocity."""
-        if self.scenario.tracking.initial_tracks == "none":
-            return []
-        step = 1 / self.scenario.rates.sensing
-        here, _ = self.people.at(0.0)
-        there, _ = self.people.at(step)
-        states = np.hstack([here, (there - here) / step])
-        covariance = np.diag([0.25, 0.25, 0.25, 0.25])
-        return [Track(i, Gaussian(s, covariance)) for i, s in enumerate(states) if np.all(np.isfinite(s))]
-
-
-def motion(settings: Tracking, dt: float) -> NearlyConstantVelocity:
-    """How trackers take people to move over `dt` s."""
-    if settings.motion == "bounded":
-        return BoundedSpeed(dt, settings.sigma_a, settings.max_speed)
-    return NearlyConstantVelocity(dt, settings.sigma_a)
 
 
 def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectories]:

@@ -29,7 +29,7 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
         figure = Figure(figsize=(9, 4.5), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.add_subplot()
-        mean = _fleet_mean(ospa)
+        mean = fleet_mean(ospa)
         axes.fill_between(times, 0, mean[:, 1], color=rgb(SKY), alpha=0.45, lw=0, label="localisation")
         axes.fill_between(
             times, mean[:, 1], mean[:, 0], color=rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
@@ -44,8 +44,8 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
     return figure
 
 
-def _fleet_mean(ospa: Array) -> Array:
-    """Mean (K, 3) over the UAVs that work; NaN where none does."""
+def fleet_mean(ospa: Array) -> Array:
+    """Mean (K, 3) m of OSPA and its parts (K, n, 3) m over the UAVs that work; NaN where none does."""
     count = np.sum(~np.isnan(ospa), axis=1)
     mean = np.full(count.shape, np.nan)
     np.divide(np.nansum(ospa, axis=1), count, out=mean, where=count > 0)
@@ -60,11 +60,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
 
 
 def _dress(axes: Axes, times: Array, distances: Array) -> None:
-    top = max(1.5, 1.15 * float(distances.max(initial=0.0)))
-    axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
-    axes.set_ylim(0, top)
-    axes.set_yticks([tick for tick in _TICKS if tick <= top], [f"{tick:g}" for tick in _TICKS if tick <= top])
-    axes.set_yticks([], minor=True)
+    scale_errors(axes, float(distances.max(initial=0.0)))
     axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
     axes.set_xlabel("time [s]")
     axes.set_ylabel("OSPA [m]")
@@ -75,9 +71,18 @@ def _dress(axes: Axes, times: Array, distances: Array) -> None:
         fontsize=12,
         fontweight="bold",
     )
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=6, frameon=False, fontsize=10)
+
+
+def scale_errors(axes: Axes, largest: float) -> None:
+    """An upright axis for errors of up to `largest` m, linear below 1 m and logarithmic above."""
+    top = max(1.5, 1.15 * largest)
+    axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
+    axes.set_ylim(0, top)
+    axes.set_yticks([tick for tick in _TICKS if tick <= top], [f"{tick:g}" for tick in _TICKS if tick <= top])
+    axes.set_yticks([], minor=True)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="y", lw=0.5, alpha=0.4)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=6, frameon=False, fontsize=10)
 
 
 def _mark_end(axes: Axes, times: Array, distance: Array, colour: tuple[float, float, float]) -> None:

@@ -1,4 +1,4 @@
-"""One mission from its parts to its folder: recording, summary, video, page and OSPA curve."""
+"""One mission from its parts to its folder: recording, summary, video, page, OSPA curve and timeline."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ from typing import Any
 
 from sim.archive import save
 from sim.atomic import new_folder
+from sim.frames import scenario_of
 from sim.interrupt import stop_request
 from sim.mission import Mission, Trial
 from sim.plots import ospa_figure
 from sim.plots import save as save_figure
 from sim.recording import Recorder, Recording
+from sim.replay.history import History
 from sim.replay.page import write_page
+from sim.replay.timeline import timeline_figure
 from sim.scenario import resolved
 from sim.snapshot import Snapshot
 from sim.summary import marked, summarise
@@ -111,6 +114,8 @@ def write_results(folder: Path, recording: Recording, summary: dict[str, Any]) -
     save(recording, folder / "mission.npz")
     (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     save_figure(ospa_figure(recording.times, recording.ospa), folder / "ospa.png")
+    history = History.of(recording, scenario_of(recording))
+    save_figure(timeline_figure(history, recording.ospa), folder / "timeline.png")
 
 
 def versions() -> dict[str, str]:

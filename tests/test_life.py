@@ -8,8 +8,8 @@ from scenes import ABOVE, ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
 
 from sim.errors import InputError
 from sim.loading import load
-from sim.mission import motion
 from sim.scenario import Tracking
+from sim.trackers import motion
 from tracking.bounded import BoundedSpeed
 from tracking.camera import Pose
 from tracking.consensus import fuse

@@ -165,7 +165,7 @@ def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path):
     assert (code, err) == (0, "")
     assert "4.0 of 4 s, OSPA " in out and "ailing:Ailing, seed 0, 4.0 s" in out
     assert out.count("RuntimeError: [bold]lost") == 3 and "All 5 faults" in out
-    assert "Files in runs/forest-ailing.Ailing-seed0:\n  mission.npz, ospa.png, summary.json\n" in out
+    assert "Files in runs/forest-ailing.Ailing-seed0:\n  mission.npz, ospa.png, summary.json, timeline.png\n" in out
     assert "Files in runs/forest-ailing.Ailing-seed0-2:" in call("run", *options)[1]
 
 

@@ -22,7 +22,7 @@ from sim.mission import Trial
 from sim.run import run
 
 ROOT = Path(__file__).parents[1]
-FILES = ["mission.html", "mission.mp4", "mission.npz", "ospa.png", "summary.json"]
+FILES = ["mission.html", "mission.mp4", "mission.npz", "ospa.png", "summary.json", "timeline.png"]
 
 
 @pytest.fixture(autouse=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tracking.absence import given_undetected
 from tracking.blocks import blocks
 from tracking.compiled import Array
 from tracking.evidence import own_measurements
@@ -49,6 +50,15 @@ class Corrected:
     explained: Flags  # (N,), which measurements tracks make likelier than clutter
 
 
+def foreseen(beliefs: tuple[Array, Array], existence: Array, samples: Flags, p: TrackerParameters) -> Predicted:
+    """Beliefs predicted to a scan's time, means (T, 4) and covariances (T, 4, 4), as the scan finds them.
+
+    existence (T,); samples (T, 36): at which of the points that stand for each belief a person is in plain view.
+    """
+    undetected = given_undetected(beliefs, samples, p.detection_probability, p.absence_weight)
+    return Predicted(*beliefs, undetected, existence, samples.mean(axis=1))
+
+
 def corrected(before: Predicted, z: Array, R: Array, p: TrackerParameters) -> Corrected:
     """Associate a scan's measurements z (N, 2) m, R (N, 2, 2) m², and update.
 
@@ -73,12 +83,20 @@ def corrected(before: Predicted, z: Array, R: Array, p: TrackerParameters) -> Co
     return Corrected(means, covariances, existence, nobody, own, np.concatenate(gates), explained)
 
 
-def _at_once(before: Predicted, z: Array, R: Array, p: TrackerParameters) -> Corrected:
-    predicted = before.means, before.covariances
-    likelihood = gated_likelihood(*predicted, z, R, p.gate_probability)
+def weighed(before: Predicted, z: Array, R: Array, p: TrackerParameters) -> tuple[Array, Array, Array, Array]:
+    """Whose the measurements z (N, 2) m, R (N, 2, 2) m² are.
+
+    Returns the likelihood (T, N) 1/m² of each for each track, zero outside its gate; and what
+    `tracking.existence.associated` makes of it.
+    """
+    likelihood = gated_likelihood(before.means, before.covariances, z, R, p.gate_probability)
     detection = p.detection(before.visible, len(z))
-    beta, given, existence = associated(likelihood, detection, p.clutter_density, before.existence)
-    means, covariances = mixture_update(predicted, before.undetected, z, R, given)
+    return likelihood, *associated(likelihood, detection, p.clutter_density, before.existence)
+
+
+def _at_once(before: Predicted, z: Array, R: Array, p: TrackerParameters) -> Corrected:
+    likelihood, beta, given, existence = weighed(before, z, R, p)
+    means, covariances = mixture_update((before.means, before.covariances), before.undetected, z, R, given)
     # A wide belief far off must not swallow newcomers: it explains only what it makes likelier than clutter.
     explained = p.detection_probability * likelihood.max(axis=0, initial=0.0) > p.clutter_density
     own = own_measurements(beta, p.seen) >= 0

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.absence import given_undetected
 from tracking.births import IntegratedInitiator
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
-from tracking.correction import Predicted, corrected
+from tracking.correction import corrected, foreseen
 from tracking.evidence import Evidence, doubles
 from tracking.existence import log_odds
 from tracking.identity import FIRST_BORN, INFORMATION, UAVS, Message, aliases_of, born_id, is_birth
@@ -131,15 +130,13 @@ class Tracker:
         def visible_at(means: Array, covariances: Array) -> NDArray[np.bool_]:
             return visible_samples(self._camera, scan.pose, means[:, :2], covariances[:, :2, :2], self._forest)
 
-        samples = visible_at(self._means, self._covariances)
-        visible = samples.mean(axis=1)
         beliefs = self._means, self._covariances
-        undetected = given_undetected(beliefs, samples, p.detection_probability, p.absence_weight)
-        after = corrected(Predicted(*beliefs, undetected, self._existence, visible), z, R, p)
+        before = foreseen(beliefs, self._existence, visible_at(*beliefs), p)
+        after = corrected(before, z, R, p)
         self._predicted = *beliefs, z, after.gates
         self._means, self._covariances, self._existence = after.means, after.covariances, after.existence
-        self._say = np.maximum(1.0 - after.nobody, _UNSEEN + _LOOKED * visible)
-        seen, expected = after.nobody <= 1.0 - p.seen, visible >= p.expected
+        self._say = np.maximum(1.0 - after.nobody, _UNSEEN + _LOOKED * before.visible)
+        seen, expected = after.nobody <= 1.0 - p.seen, before.visible >= p.expected
         self._evidence = self._evidence.observed(scan.time, seen, after.own, expected)
         left = ~after.explained
         born, self._tentative = self._initiator.step(

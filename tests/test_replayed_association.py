@@ -1,0 +1,100 @@
+"""Associations worked out from a recording, against those that the trackers made in flight."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tracking.correction
+from planning.registry import load_planner
+from sim.loading import load
+from sim.mission import Mission
+from sim.recording import Recorder
+from sim.replay.association import Association
+from sim.scenario import resolved
+
+CASES = {
+    "m_of_n": ["trees.density=75"],
+    "existence": ["tracking.life=existence", "tracking.initial_tracks=none", "sensing.false_alarms=1"],
+    "discs, bounded speed, a slow camera, one that breaks down": [
+        "sensing.occlusion=disc", "tracking.motion=bounded", "uavs.1.rate=1", "uavs.2.fails_at=2",
+        "network.fusion=hcmci",
+    ],
+}  # fmt: skip
+
+
+def flown(case, monkeypatch):
+    """A recording, its scenario, and what each tracker saw, found and weighed, in the order of scans and UAVs."""
+    scenario = load("forest", ["sensing.mode=ideal", "duration=5", *CASES[case]])
+    spied = []
+    weigh = tracking.correction.weighed
+
+    def weighed(before, z, R, p):
+        spied.append((before, z, R, *weigh(before, z, R, p)))
+        return spied[-1][3:]
+
+    monkeypatch.setattr(tracking.correction, "weighed", weighed)
+    mission, recorder = Mission(scenario, load_planner("greedy"), 3), Recorder()
+    for snapshot in mission.fly():
+        recorder.add(snapshot)
+    made = recorder.recording(scenario=resolved(scenario), planner="greedy", seed=3, forest=mission.forest)
+    return made, scenario, spied
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_associations_are_those_of_the_flight(case, monkeypatch):
+    recording, scenario, spied = flown(case, monkeypatch)
+    hidden, ambiguous = 0, 0
+    for k, uav in np.ndindex(recording.poses.shape[:2]):
+        found = Association.of(recording, scenario, k, uav)
+        if found is None:
+            assert (uav == 1 and k % 5) or (uav == 2 and k >= 10)
+            continue
+        before, z, R, likelihood, beta, _, existence = spied.pop(0)
+        np.testing.assert_array_equal(found.before.means, before.means)
+        np.testing.assert_array_equal(found.before.covariances, before.covariances)
+        np.testing.assert_array_equal(found.before.visible, before.visible)
+        np.testing.assert_array_equal(found.before.existence, before.existence)
+        np.testing.assert_array_equal(found.measurements, z)
+        np.testing.assert_array_equal(found.covariances, R)
+        np.testing.assert_array_equal(found.gated, likelihood > 0)
+        np.testing.assert_array_equal(found.beta, beta)
+        np.testing.assert_array_equal(found.existence, existence)
+        hidden += np.count_nonzero(found.before.visible < 0.5)
+        ambiguous += np.count_nonzero((found.beta[:, 1:] > 0.01) & (found.beta[:, 1:] < 0.99))
+    assert spied == []
+    assert hidden > 5
+    assert ambiguous > 0 or case != "existence"
+
+
+def test_weights_distances_gates_and_visibility_are_what_they_say(monkeypatch):
+    recording, scenario, _ = flown("existence", monkeypatch)
+    gate = -2 * math.log(1 - scenario.tracking.gate_probability)
+    order = list(dict.fromkeys(recording.track_ids.tolist()))
+    pairs = 0
+    for k, uav in np.ndindex(recording.poses.shape[:2]):
+        found = Association.of(recording, scenario, k, uav)
+        np.testing.assert_allclose(found.beta.sum(axis=1), 1.0, atol=1e-12)
+        np.testing.assert_array_equal(found.beta[:, 1:] > 0, found.gated)
+        np.testing.assert_array_equal(found.gated, found.distances <= gate)
+        assert [order[n] for n in found.numbers] == found.ids.tolist()
+        for t, j in np.argwhere(found.gated)[:3]:
+            nu = found.measurements[j] - found.before.means[t, :2]
+            S = found.before.covariances[t, :2, :2] + found.covariances[j]
+            assert found.distances[t, j] == pytest.approx(nu @ np.linalg.inv(S) @ nu, rel=1e-9)
+            pairs += 1
+    assert pairs > 50
+
+
+def test_a_mission_of_one_scan_has_its_first_association(monkeypatch):
+    recording, scenario, spied = flown("m_of_n", monkeypatch)
+    one = replace(
+        recording,
+        **{
+            name: getattr(recording, name)[:1]
+            for name in ("times", "people", "headings", "poses", "cameras", "commands", "ospa", "visible", "matched")
+        },
+    )
+    for uav in range(3):
+        np.testing.assert_array_equal(Association.of(one, scenario, 0, uav).beta, spied[uav][4])
