@@ -49,6 +49,7 @@ function tell() {
 
 function drawCameras() {
   if (!film || film.readyState < 2 || film.seeking) return;
+  $("cameras").dataset.time = film.currentTime; // s of the film that is shown
   cameras.forEach((canvas, i) => {
     const [x, y, w, h] = data.film.tiles[i];
     canvas.getContext("2d").drawImage(film, x, y, w, h, 0, 0, canvas.width, canvas.height);
