@@ -82,8 +82,8 @@ def run(
             )
             write_results(folder, recording, summary)
             if video:
-                film = folder / "mission.mp4"
-                write_page(recording, trial.scenario, folder / "mission.html", video=film, place=str(out))
+                shown = folder / "mission.mp4"
+                write_page(recording, trial.scenario, folder / "mission.html", video=shown, place=str(out))
     return summary
 
 

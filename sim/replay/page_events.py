@@ -132,9 +132,9 @@ def _faults(recording: Recording, history: History) -> list[Event]:
             grouped.setdefault((fault.uav, fault.message), []).append(k)
     found = []
     for (uav, message), scans in grouped.items():
-        often = f" and {len(scans) - 1} times more until {times[scans[-1]]:.1f} s" if len(scans) > 1 else ""
-        who = "the fleet" if uav is None else f"UAV {uav}"
-        found.append(Event(scans[0], scans[0], f"fault of {who} at {times[scans[0]]:.1f} s{often}", why=message, uav=uav))
+        first, last, who = scans[0], scans[-1], "the fleet" if uav is None else f"UAV {uav}"
+        often = f", {len(scans)} times until {times[last]:.1f} s" if len(scans) > 1 else ""
+        found.append(Event(first, first, f"fault of {who} at {times[first]:.1f} s{often}", why=message, uav=uav))
     return found
 
 
