@@ -22,6 +22,7 @@ class Holder:
 
     number: int  # by first appearance
     holds: tuple[int, ...]  # UAVs for which it stands for the person now
+    others: tuple[tuple[int, tuple[int, ...]], ...]  # other tracks that do now, and for which UAVs
     since: float  # s, of its first scan
     belief: Gaussian | None  # None where it has ended
     existence: float  # probability that there is somebody; NaN where nobody asks
@@ -81,6 +82,7 @@ def _holder(recording: Recording, history: History, k: int, person: int) -> Hold
     ids, counts = np.unique(held[scans[-1]][held[scans[-1]] >= 0], return_counts=True)
     id_ = int(ids[np.argmax(counts)])
     holds = np.flatnonzero(held[k] == id_).tolist()
+    rest = sorted({t for t in held[k].tolist() if t >= 0} - {id_})
     order = list(dict.fromkeys(recording.track_ids.tolist()))
     first = int(np.searchsorted(recording.track_offsets, np.argmax(recording.track_ids == id_), side="right")) - 1
     asked = [*holds, *np.flatnonzero(history.working[k]).tolist()]
@@ -93,6 +95,7 @@ def _holder(recording: Recording, history: History, k: int, person: int) -> Hold
     return Holder(
         number=order.index(id_),
         holds=tuple(holds),
+        others=tuple((order.index(t), tuple(np.flatnonzero(held[k] == t).tolist())) for t in rest),
         since=float(recording.times[first // recording.poses.shape[1]]),
         belief=belief,
         existence=existence,

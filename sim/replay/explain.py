@@ -52,14 +52,14 @@ def _holding(account: Account) -> list[str]:
     """Who holds the person; if nobody does, since when and until when."""
     times, holder = account.history.times, account.holder
     if holder and holder.holds:
-        return [f"held by {_uavs(holder.holds)} as track {holder.number}"]
+        by = [(holder.number, holder.holds), *holder.others]
+        return [f"held by {_uavs(uavs)} as track {number}" for number, uavs in by]
     (loss,) = (x for x in account.history.losses if x.person == account.person and x.first <= account.k <= x.last)
     end = loss.last + 1
     later = f"held from {times[end]:.1f} s on" if end < len(times) else "not held again by the end of the mission"
     if holder is None:
         return [f"not found yet: no track has been within {HELD:g} m so far", later]
-    gone = times[account.k] - times[loss.first]
-    lines = [f"lost since {times[loss.first]:.1f} s, for {gone:.1f} s: no UAV has a track within {HELD:g} m"]
+    lines = [f"lost since {times[loss.first]:.1f} s{_ago(times, loss.first, account.k)}: no track within {HELD:g} m"]
     return [*lines, f"last held as track {holder.number} at {holder.until:.1f} s; {later}"]
 
 
@@ -73,7 +73,11 @@ def _seen(account: Account) -> str:
     if scans[-1] == account.k:
         return f"detected by {who}"
     times = account.history.times
-    return f"last detected by {who} at {times[scans[-1]]:.1f} s, {times[account.k] - times[scans[-1]]:.1f} s ago"
+    return f"last detected by {who} at {times[scans[-1]]:.1f} s{_ago(times, int(scans[-1]), account.k)}"
+
+
+def _ago(times: Array, scan: int, k: int) -> str:
+    return f", {times[k] - times[scan]:.1f} s ago" if k > scan else ""
 
 
 def _witness(w: Witness, account: Account, recording: Recording) -> list[str]:
@@ -112,7 +116,7 @@ def _detection(w: Witness, found: Found) -> list[str]:
 
 
 def _gate(weight: Weight) -> str:
-    return f"track {weight.track} at {weight.sigmas:.1f} σ, its own with {_percent(weight.probability)}"
+    return f"track {weight.track} at {weight.sigmas:.1f} σ, weight {_percent(weight.probability)}"
 
 
 def _association(w: Witness, holder: Holder | None) -> list[str]:
@@ -126,8 +130,8 @@ def _association(w: Witness, holder: Holder | None) -> list[str]:
             owner = int(w.owners[weight.measurement])
             whose = f"person {owner}" if owner >= 0 else "nobody"
             place = _at(w.measurements[weight.measurement])
-            lines.append(f"took for track {weight.track} the measurement of {whose} at {place}"
-                         f" with {_percent(weight.probability)}")  # fmt: skip
+            weighs = f"weight {_percent(weight.probability)}"
+            lines.append(f"the measurement of {whose} at {place} was in the gate of track {weight.track} too, {weighs}")
     return lines
 
 
@@ -167,8 +171,9 @@ def _ahead(look: Outlook, states: Ints) -> str:
     for state, words in ((IN_VIEW, "in view"), (HIDDEN, "in the frame, hidden,")):
         ahead = [e for e in episodes(states) if e.value == state]
         if ahead:
-            return f"{words} from {look.times[ahead[0].first]:.1f} to {look.times[ahead[0].last]:.1f} s"
-    return "after the mission" if (states < 0).all() else "out of view"
+            first, last = (f"{look.times[s]:.1f}" for s in ahead[0][:2])
+            return f"{words} at {first} s" if first == last else f"{words} from {first} to {last} s"
+    return "not known, as the mission ends" if (states < 0).all() else "out of view"
 
 
 def told(history: History, person: int) -> list[tuple[float, float, str, str]]:
@@ -193,8 +198,10 @@ def _views(seen: Ints, trees: Ints) -> str:
     for state, words in (("seen", "seen by"), ("missed", "shown to, not detected by")):
         who = np.flatnonzero(seen == STATES.index(state)).tolist()
         parts += [f"{words} {_uavs(who)}"] if who else []
-    for i in np.flatnonzero(seen == STATES.index("hidden")).tolist():
-        parts.append(f"hidden from UAV {i}" + (f" by tree {trees[i]}" if trees[i] >= 0 else ""))
+    hidden = seen == STATES.index("hidden")
+    for tree in np.unique(trees[hidden]).tolist():
+        who = np.flatnonzero(hidden & (trees == tree)).tolist()
+        parts.append(f"hidden from {_uavs(who)}" + (f" by tree {tree}" if tree >= 0 else ""))
     if not parts:
         return "no UAV works" if (seen == BROKEN).all() else "out of view"
     return "; ".join(parts)
@@ -214,5 +221,9 @@ def _at(place: Array) -> str:
 
 
 def _percent(probability: float) -> str:
-    """In per cent, one place more where rounding would make it certain."""
-    return f"{100 * probability:.0f} %" if 0.01 <= probability <= 0.99 else f"{100 * probability:.2g} %"
+    """In per cent; what rounding would make certain is more or less than that."""
+    if 0.0 < probability < 0.001:
+        return "under 0.1 %"
+    if 0.999 < probability < 1.0:
+        return "over 99.9 %"
+    return f"{100 * probability:.{0 if 0.1 <= probability <= 0.9 or probability in (0.0, 1.0) else 1}f} %"
