@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planning.view import inside, shortest_move
 from tracking.compiled import Array, compiled
+
+
+class Match(NamedTuple):
+    """A target that nobody sees, and the UAV that Algorithm 2 sends to it."""
+
+    uav: int  # row of the sensors
+    target: int
+    distance: float  # m, from where the camera looks after its earlier matches
+    penalty: float  # m³; only the first match of a UAV has one
 
 
 @compiled
@@ -65,6 +75,20 @@ def penalise(
         sensors[nearest, 2] += shortest
         mover, moved_to = nearest, t
     return penalty, mover, moved_to
+
+
+def matching(targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Array, views: Array) -> tuple[Match, ...]:
+    """Who is sent to whom by `penalise`, of whose arguments none is changed, in the order of the matches."""
+    order = np.argsort(-traces, kind="stable")
+    later, last, found = np.ones(len(targets), dtype=np.bool_), 0.0, []
+    travelled = np.zeros(len(sensors))
+    for t in order[~seen[order]]:
+        later[t] = False
+        after = np.array(sensors, dtype=float)
+        total, uav, target = penalise(targets, traces, seen | later, after, views, order)
+        found.append(Match(uav, target, float(after[uav, 2] - travelled[uav]), total - last))
+        travelled[uav], last = after[uav, 2], total
+    return tuple(found)
 
 
 @compiled

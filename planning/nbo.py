@@ -45,6 +45,23 @@ def objective(
     return values
 
 
+class Ends(NamedTuple):
+    """What a joint plan leaves at the end of the horizon, as the MWTP takes it."""
+
+    targets: Array  # (T, 3) m
+    traces: Array  # (T,) m² of position, times the target's weight
+    seen: NDArray[np.bool_]  # (T,): in some field of view, hidden or not
+    sensors: Array  # (n, 3): x, y [m] and D_i, which is 0
+
+
+def ends(outlook: Outlook, controls: Array) -> Ends:
+    """What a joint plan (n, H, 2) m/s comes to, with one sample of targets."""
+    rest = _without(outlook, np.ascontiguousarray(controls, dtype=float), np.empty(0, dtype=np.int64))
+    count = len(outlook.weights)
+    traces = outlook.weights * rest.traces[len(rest.traces) - count :]
+    return Ends(np.ascontiguousarray(outlook.points[-1, :, 0]), traces, rest.seen, rest.ends)
+
+
 class _Rest(NamedTuple):
     """Who decides, and what the other UAVs contribute; rows count (step, target) pairs."""
 

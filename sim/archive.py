@@ -134,12 +134,12 @@ def _size(symbol: str, found: int, sizes: dict[str, int]) -> int:
 
 def _plain(kind: type, array: NDArray[Any]) -> Any:  # noqa: ANN401 - as the annotation says
     """A text, number or truth as Python has it; a number that is written as text has no digits but 0 to 9."""
-    value = array.item()
-    if isinstance(value, str):
-        value.encode()  # UnicodeEncodeError, a ValueError, where a text is none
-        if kind is int and not (value.isascii() and value.isdigit()):
-            raise ValueError(f"is {value[:50]!r}, not a number of digits 0 to 9")
-    return kind(value)
+    if array.dtype.kind != "U":
+        return kind(array.item())
+    text = array.tobytes().decode("utf-32-le").rstrip("\0")  # NumPy's own way takes what is no character
+    if kind is int and not (text.isascii() and text.isdigit()):
+        raise ValueError(f"is {text[:50]!r}, not a number of digits 0 to 9")
+    return kind(text)
 
 
 def _check_version(version: int) -> None:

@@ -49,6 +49,12 @@ def ellipse(mean: Array, covariance: Array) -> Array:
     return np.asarray(mean + _CIRCLE * (ELLIPSE * np.sqrt(np.maximum(variances, 0.0))) @ axes.T)
 
 
+def intended(position: Array, plan: Plan, age: float, step: float) -> Array:
+    """Where a plan made `age` s ago, of steps of `step` s, still takes a UAV from its position (2,) m: (H + 1, 2) m."""
+    left = np.clip(step * np.arange(1, len(plan.controls) + 1) - age, 0.0, step)
+    return np.asarray(position + np.vstack([np.zeros(2), np.cumsum(plan.controls * left[:, None], axis=0)]))
+
+
 def aspect(scenario: Scenario) -> float:
     """Width over height of the map, its margin included."""
     return (scenario.area.width + 2 * MARGIN) / (scenario.area.height + 2 * MARGIN)
@@ -183,11 +189,7 @@ class MapView:
         """Dots along the rest of each plan, from where the UAV is."""
         made, plans = self._plans
         for i in snapshot.working if plans else []:
-            plan = plans[i]
-            starts = made + self._step * np.arange(len(plan.controls))
-            left = np.clip(starts + self._step - snapshot.time, 0.0, self._step)
-            moves = np.cumsum(plan.controls * left[:, None], axis=0)
-            path = self._pixels(snapshot.poses[i].position[:2] + np.vstack([np.zeros(2), moves]))
+            path = self._pixels(intended(snapshot.poses[i].position[:2], plans[i], snapshot.time - made, self._step))
             for dot in _spaced(path, 7.0)[2:]:
                 disc(image, dot, 2.0, uav_colour(i))
             disc(image, path[-1], 4.0, uav_colour(i), 2)

@@ -102,7 +102,7 @@ def opened(path: str | os.PathLike[str]) -> Iterator[Npz]:
 
 def line(error: BaseException) -> str:
     """What an error says, as one line of printable characters."""
-    text = " ".join(str(error)[:1000].split()) or type(error).__name__
+    text = " ".join(str(error)[:400].split()) or type(error).__name__
     return "".join(c if c.isprintable() else "?" for c in text)
 
 

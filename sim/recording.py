@@ -6,6 +6,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
@@ -84,6 +85,11 @@ class Recording:
         """Which UAVs had not broken down at each scan (K, n)."""
         return ~np.isnan(self.ospa[:, :, 0])
 
+    @cached_property
+    def track_numbers(self) -> dict[int, int]:
+        """The number under which each track is shown, by id: tracks count by first appearance."""
+        return {id_: n for n, id_ in enumerate(dict.fromkeys(self.track_ids.tolist()))}
+
     def _rows(self, offsets: Ints, k: int, uav: int) -> slice:
         cell = k * self.poses.shape[1] + uav
         return slice(int(offsets[cell]), int(offsets[cell + 1]))
@@ -111,6 +117,10 @@ class Recording:
         certain = np.where(np.isnan(existence), 1.0, existence).tolist()
         table = zip(self.track_ids[rows], self.track_means[rows], self.track_covariances[rows], certain, strict=True)
         return tuple(Track(int(id_), Gaussian(mean, covariance), r) for id_, mean, covariance, r in table)
+
+    def track_ids_at(self, k: int, uav: int) -> Ints:
+        """Ids (N,) of the tracks of one UAV after scan k."""
+        return self.track_ids[self._rows(self.track_offsets, k, uav)]
 
     def existence_at(self, k: int, uav: int) -> Array:
         """For each track of one UAV after scan k the probability that there is somebody (N,); NaN if unknown."""

@@ -59,6 +59,7 @@ def _texts(r: Recording) -> Iterator[Finding]:
     yield "planner", not r.planner.isprintable() or len(r.planner) > 10_000, "is no printable text"
     yield "seed", r.seed < 0, "is negative"
     yield "scenario", not _is_object(r.scenario), "is no JSON object"
+    yield "faults", not _is_faults(r.faults), "is no list of faults, each with time, uav and message"
     faults, n = read(r.faults), r.poses.shape[1]
     yield "faults", len(faults) > MOST, f"are more than {MOST}"
     wrong = any(not f.message.isprintable() or len(f.message) > LONGEST for f in faults)
@@ -137,4 +138,11 @@ def _is_object(text: str) -> bool:
     try:
         return isinstance(msgspec.json.decode(text), dict)
     except (msgspec.MsgspecError, RecursionError, UnicodeError):
+        return False
+
+
+def _is_faults(text: str) -> bool:
+    try:
+        return len(read(text)) >= 0
+    except ValueError:
         return False

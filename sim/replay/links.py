@@ -1,0 +1,20 @@
+"""Who heard whom at each scan of a recording, the messages that were lost included."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.radio import Links, hearing, losses
+from sim.recording import Recording
+from sim.scenario import Scenario
+from sim.streams import stream
+
+
+def links_of(recording: Recording, scenario: Scenario) -> list[Links]:
+    """The links of each scan, as the mission had them: they follow from places, the scenario and the seed alone."""
+    rng, uavs = stream(recording.seed, "network"), recording.poses.shape[1]
+    found = []
+    for time, poses, working in zip(recording.times.tolist(), recording.poses, recording.working, strict=True):
+        up = hearing(scenario.network, time, poses[:, :3]) & working[:, None] & working
+        found.append(Links(np.asarray(up), losses(scenario.network, uavs, rng)))
+    return found
