@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -37,8 +37,8 @@ _SLACK = 1e-6  # s, for times that were typed
 class Rerenderer:
     """The world of a recording, in which any of its frames can be rendered again; nothing flies.
 
-    The images are those of the mission: they follow from the scenario, the seed and the poses of cameras, people and
-    UAVs alone; but in about one view of a thousand the renderer alternates a pixel by one grey level.
+    The images are those of the mission, byte for byte: they follow from the scenario, the seed and the poses of
+    cameras, people and UAVs alone.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -58,6 +58,18 @@ class Rerenderer:
         self._world.place_uavs(snapshot.poses)
         camera = camera_of(self.scenario.uavs[uav])
         return self._renderer.take(uav, snapshot.time, camera, snapshot.cameras[uav])
+
+    def frames(self, k: int, uavs: Sequence[int]) -> list[Image | None]:
+        """The images that UAVs of the mission took at scan k, at each one's place; None for the rest, and for others.
+
+        A UAV takes none when it has broken down, between those of a slow camera, and in ideal sensing.
+        """
+        taken: list[Image | None] = [None] * len(self.scenario.uavs)
+        if self.scenario.sensing.mode == "camera":
+            for i in uavs:
+                if self._recording.working[k, i] and self.scenario.has_frame(i, k):
+                    taken[i] = self.image(k, i)
+        return taken
 
     def __enter__(self) -> Rerenderer:
         return self

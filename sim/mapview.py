@@ -117,11 +117,15 @@ class MapView:
         self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
         self._ground = self._draw_ground(forest)
 
-    def draw(self, image: Image, snapshot: Snapshot) -> None:
-        """Draw one snapshot into an RGB image of the map's size."""
+    def follow(self, snapshot: Snapshot) -> None:
+        """Take note of one snapshot, for trails and intents, without drawing it."""
         if snapshot.plans is not None:
             self._plans = (snapshot.time, snapshot.plans)
         self._past.append(snapshot)
+
+    def draw(self, image: Image, snapshot: Snapshot) -> None:
+        """Draw one snapshot into an RGB image of the map's size."""
+        self.follow(snapshot)
         image[:] = self._ground
         for i in snapshot.working:
             if not self._unlimited and looks_down(self._cameras[i], snapshot.cameras[i]):

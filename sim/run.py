@@ -25,7 +25,7 @@ from sim.replay.timeline import timeline_figure
 from sim.scenario import resolved
 from sim.snapshot import Snapshot
 from sim.summary import marked, summarise
-from sim.video import Video
+from sim.video import Film, Video
 from sim.warmup import announced, warm_up
 
 Progress = Callable[[Snapshot, Recorder], None]
@@ -94,7 +94,8 @@ def _film(trial: Trial, mission: Mission, path: Path | None) -> Iterator[Callabl
         yield lambda snapshot: None
         return
     title = marked(trial.planner, mission.sees_truth)
-    video = Video(path, trial.scenario, mission.forest, planner=title, fps=trial.scenario.rates.sensing)
+    film = Film(trial.scenario, mission.forest, planner=title)
+    video = Video(path, film, fps=trial.scenario.rates.sensing)
 
     def add(snapshot: Snapshot) -> None:
         with mission.clock.measure("video"):

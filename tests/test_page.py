@@ -16,19 +16,23 @@ import synthetic
 from browser import CHROMIUM, Browser
 from test_report import Page
 from typer.main import get_command
+from typer.testing import CliRunner
 
 from sim.__main__ import app
 from sim.autopilot import Fault
 from sim.errors import InputError
 from sim.faults import recorded
+from sim.loading import load
+from sim.mission import Trial
 from sim.recording import Recorder
 from sim.replay.history import History
 from sim.replay.page import page, write_page
 from sim.replay.page_data import HIDDEN, MISSED, OUT, SEEN, codes, page_data
 from sim.replay.page_events import incidents, losses
+from sim.run import run
 from sim.scenario import resolved
 from sim.sight import Sight
-from sim.video import Video, layout_of
+from sim.video import Film, Video, parts_of
 
 EVIL = "</script><script>document.title='taken'</script><img src=x onerror=alert(1)> & \"it's\""
 LOST = ((2, 5, 9), (1, 8, 8), (0, 15, 20))  # person, first and last scan
@@ -62,7 +66,7 @@ def eventful():
 
 
 def film_of(path, recording, setting):
-    with Video(path, setting, recording.forest, planner="hover", fps=5) as video:
+    with Video(path, Film(setting, recording.forest, planner="hover"), fps=5) as video:
         for k in range(len(recording.times)):
             snapshot = recording.snapshot(k)
             video.add(snapshot, synthetic.frames(setting, recording.forest, snapshot))
@@ -163,7 +167,7 @@ def test_the_data_are_those_of_the_recording(mission, text):
     assert [people[3] is None for people in data["people"]] == [k < 5 for k in range(21)]
     assert data["works"] == [[1, 1, int(k < 10)] for k in range(21)]
     assert data["ospa"][10][2] is None and data["ospa"][9][2] is not None
-    assert data["film"]["tiles"] == [[b.x, b.y, b.width, b.height] for b in layout_of(setting).tiles]
+    assert data["film"]["tiles"] == [[b.x, b.y, b.width, b.height] for b in parts_of(setting).tiles.values()]
 
 
 def test_between_two_frames_of_a_slow_camera_the_first_counts(mission):
@@ -216,6 +220,27 @@ def test_a_film_of_another_mission_is_refused_and_leaves_nothing(tmp_path, missi
         with pytest.raises(InputError, match="video: "):
             write_page(shorter, setting, tmp_path / "mission.html", video=film)
     assert os.listdir(tmp_path) == []
+
+
+def test_replay_makes_the_page_of_the_run_again(tmp_path, monkeypatch):
+    setting = load("forest", ["duration=0.6", "people.count=2", "trees.density=5"])
+    run(Trial(setting, "hover", 2), tmp_path / "out")
+    text = (tmp_path / "out" / "mission.html").read_text()
+    assert len(data_of(text)["times"]) == 4
+    runner = CliRunner()
+    # With the film beside and without it: frames are rendered and drawn again, and are the same.
+    for name in ("beside", "again"):
+        page = tmp_path / f"{name}.html"
+        told = runner.invoke(app, ["replay", str(tmp_path / "out"), "--page", "--out", str(page)])
+        assert told.exit_code == 0, told.output
+        assert page.read_text() == text
+        (tmp_path / "out" / "mission.mp4").unlink(missing_ok=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["again.html", "beside.html", "out"]
+    monkeypatch.chdir(tmp_path)
+    assert runner.invoke(app, ["replay", "out", "--page"]).exit_code == 0
+    assert data_of((tmp_path / "out" / "mission-2.html").read_text()) == data_of(text)
+    for wrong in (["--page", "--gui"], ["--page", "--time", "0:1"], ["--page", "--out", "x.mp4"]):
+        assert isinstance(runner.invoke(app, ["replay", "out", *wrong]).exception, InputError)
 
 
 @pytest.mark.parametrize(
@@ -287,7 +312,7 @@ def test_a_browser_follows_slider_keys_lists_and_charts(tmp_path, mission, folde
 def _follows_the_slider(browser, mission, folder):
     with av.open(str(folder / "mission.mp4")) as container:
         images = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
-    box = layout_of(mission[1]).tiles[1]
+    box = parts_of(mission[1]).tiles[1]
     maps = []
     for k in (13, 6, 20, 0):
         browser.run(f"slider.value = {k}; slider.dispatchEvent(new Event('input'))")

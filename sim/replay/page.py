@@ -26,7 +26,7 @@ from sim.replay.page_data import css, page_data
 from sim.replay.page_events import Event, incidents, losses
 from sim.scenario import Scenario
 from sim.summary import marked
-from sim.video import HEIGHT, WIDTH, layout_of
+from sim.video import HEIGHT, WIDTH, parts_of
 
 SOFT: Colour = (102, 97, 90)  # of text that steps back: FAINT is too light to read
 _SCRIPTS = ("page_drawing.js", "page_map.js", "page_charts.js", "page.js")
@@ -51,7 +51,7 @@ def page(recording: Recording, scenario: Scenario, *, video: bytes | Path | None
     if film is not None:
         _check(film, recording)
     history = History.of(recording, scenario)
-    data = page_data(recording, scenario, history, None if film is None else layout_of(scenario))
+    data = page_data(recording, scenario, history, None if film is None else parts_of(scenario))
     data["colours"]["soft"] = css(SOFT)
     lost, happened = losses(recording, history), incidents(recording, history)
     style, script = _style(), _script()
@@ -74,16 +74,20 @@ def page(recording: Recording, scenario: Scenario, *, video: bytes | Path | None
 
 def _check(film: bytes, recording: Recording) -> None:
     """InputError unless the film has the size and the number of frames that this recording's has."""
-    try:
-        with av.open(io.BytesIO(film)) as container:
-            stream = container.streams.video[0]
-            found = (stream.width, stream.height, stream.frames)
-    except (av.FFmpegError, IndexError) as error:
-        raise InputError(f"video: cannot be read: {error}") from error
-    wanted = (WIDTH, HEIGHT, len(recording.times))
+    wanted, found = (WIDTH, HEIGHT, len(recording.times)), _measures(film)
     if found != wanted:
         told = ["{} x {} with {} frames".format(*size) for size in (found, wanted)]
         raise InputError(f"video: is {told[0]}, that of the recording is {told[1]}")
+
+
+def _measures(film: bytes) -> tuple[int, int, int]:
+    """Width and height [px] and number of frames; InputError if it is no film."""
+    try:
+        with av.open(io.BytesIO(film)) as container:
+            stream = container.streams.video[0]
+            return stream.width, stream.height, stream.frames
+    except (av.FFmpegError, IndexError) as error:
+        raise InputError(f"video: cannot be read: {error}") from error
 
 
 def _asset(name: str) -> str:

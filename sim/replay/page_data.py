@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from planning.planner import Plan
 from sim import palette
-from sim.layout import Layout
+from sim.layout import View
 from sim.mapview import ELLIPSE, MARGIN, TRAIL, looks_down
 from sim.recording import Recording
 from sim.replay.history import History
@@ -25,8 +25,8 @@ from tracking.compiled import Array
 OUT, MISSED, SEEN, HIDDEN = 0, 1, 2, 3  # codes of a person before a camera; above HIDDEN by 1 + the tree that hides
 
 
-def page_data(recording: Recording, scenario: Scenario, history: History, layout: Layout | None) -> dict[str, Any]:
-    """The content of the page's JSON; `layout` is that of the film, None where there is none.
+def page_data(recording: Recording, scenario: Scenario, history: History, parts: View | None) -> dict[str, Any]:
+    """The content of the page's JSON; `parts` are those of the film, None where there is none.
 
     Lists run over scans, then UAVs, then people or tracks; null stands for what is absent or does not work.
     """
@@ -50,7 +50,7 @@ def page_data(recording: Recording, scenario: Scenario, history: History, layout
         "ospa": [[None if math.isnan(v) else round(v, 3) for v in row] for row in recording.ospa[:, :, 0].tolist()],
         "plans": _plans(recording, scenario),
         "colours": _colours(),
-        "film": None if layout is None else _film(layout),
+        "film": None if parts is None else _film(parts),
     }
 
 
@@ -103,10 +103,10 @@ def _plans(recording: Recording, scenario: Scenario) -> dict[str, Any]:
     }
 
 
-def _film(layout: Layout) -> dict[str, Any]:
+def _film(parts: View) -> dict[str, Any]:
     return {
         "size": [WIDTH, HEIGHT],
-        "tiles": [[box.x, box.y, box.width, box.height] for box in layout.tiles],
+        "tiles": [[box.x, box.y, box.width, box.height] for box in parts.tiles.values()],
     }
 
 
