@@ -41,7 +41,7 @@ def replay(
         typer.Option(metavar="FILE", help="New .mp4, or .html of a page. Default: replay.mp4 or mission.html in DIR."),
     ] = None,
 ) -> None:
-    """Show a recorded mission again: as film or page, in PyBullet's window or in the Rerun viewer. Nothing is planned."""
+    """Show a recorded mission again: as film or page, in PyBullet's window or the Rerun viewer. Nothing is planned."""
     fitting = {"--layout": layout, "--speed": speed, "--time": time, "--out": out}
     asked = {"--video": video, "--gui": gui, "--rerun": rerun is not None, "--page": page}
     way = _way(asked, [name for name, value in fitting.items() if value is not None])
@@ -120,11 +120,14 @@ def _check_new(path: Path, suffix: str, option: str) -> None:
 def _page(recording: Recording, folder: Path, path: Path) -> None:
     """Write the page of a recording that lies in a folder to a new file."""
     from sim.frames import scenario_of
-    from sim.replay.film import film_of
+    from sim.replay.film import drawn
     from sim.replay.page import write_page
 
-    with trial_progress(len(recording.times), "scans") as progress:
-        film = film_of(recording, folder / "mission.mp4", progress=progress)
+    beside = folder / "mission.mp4"
+    film: bytes | Path = beside
+    if not beside.is_file():
+        with trial_progress(len(recording.times), "scans") as progress:
+            film = drawn(recording, progress=progress)
     write_page(recording, scenario_of(recording), path, video=film, place=str(folder))
     console.print(f"Page: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 

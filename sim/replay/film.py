@@ -65,10 +65,8 @@ def write_film(
             progress(k)
 
 
-def film_of(recording: Recording, beside: Path, *, progress: Callable[[int], None]) -> bytes:
-    """The film that a run makes: the file `beside` the recording, or where there is none, drawn again."""
-    if beside.is_file():
-        return beside.read_bytes()
+def drawn(recording: Recording, *, progress: Callable[[int], None]) -> bytes:
+    """The content of the film that a run makes, drawn again."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "mission.mp4"
         write_film(recording, range(len(recording.times)), path, progress=progress)
