@@ -107,9 +107,9 @@ def run(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")
     ] = None,
-    video: Annotated[bool, typer.Option(help="Make mission.mp4, or not.")] = True,
+    video: Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")] = True,
 ) -> None:
-    """Fly one mission; leave recording, summary, video, OSPA curve and timeline in a new folder."""
+    """Fly one mission; leave recording, summary, video, page, OSPA curve and timeline in a new folder."""
     setting = load(scenario, with_duration(overrides, duration))
     check_detector(setting.sensing.detector)
     number = integer(seed, "--seed", least=0)

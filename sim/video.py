@@ -17,7 +17,7 @@ from av.container import OutputContainer
 from av.video.stream import VideoStream
 
 from sim.atomic import unfinished
-from sim.layout import GAP, Box, view_of
+from sim.layout import GAP, Box, View, view_of
 from sim.legend import Shown, Sparkline, draw_legend
 from sim.lettering import Image, Style, write
 from sim.mapview import MapView, aspect
@@ -31,8 +31,15 @@ from tracking.visibility import Forest
 
 WIDTH, HEIGHT = 1280, 720
 _HEADER, _LEGEND = 48, 40
+_PANEL = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
 _OPTIONS = {"preset": "veryfast", "crf": "23"}
 _BT601 = 6  # the matrix OpenCV converts with; players must be told, they assume another for HD
+
+
+def parts_of(scenario: Scenario, layout: str = "map+cameras") -> View:
+    """Where a film shows the map and the cameras; `layout` as in `sim.layout.view_of`."""
+    renders = scenario.sensing.mode == "camera"
+    return view_of(_PANEL, aspect(scenario), len(scenario.uavs), layout if renders else "map")
 
 
 class Film:
@@ -45,9 +52,8 @@ class Film:
         """`layout` as in `sim.layout.view_of`; what is flown with ideal sensing has no cameras to show."""
         self._cameras = [Camera(math.radians(uav.fov_deg), uav.pixels) for uav in scenario.uavs]
         renders = scenario.sensing.mode == "camera"
-        panel = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
-        self._view = view_of(panel, aspect(scenario), len(scenario.uavs), layout if renders else "map")
-        room = self._view.map or panel  # the map follows what happens, shown or not
+        self._view = parts_of(scenario, layout)
+        room = self._view.map or _PANEL  # the map follows what happens, shown or not
         self._map = MapView(scenario, forest, (room.width, room.height))
         self._planner = planner
         self._numbers: dict[int, int] = {}

@@ -28,27 +28,36 @@ def replay(
     rerun: Annotated[
         str | None, typer.Option(metavar="FILE.rrd|spawn", help="Write a file for the Rerun viewer, or open it.")
     ] = None,
+    page: Annotated[
+        bool, typer.Option("--page", help="Make the page again, with the film in DIR if there is one.")
+    ] = False,
     layout: Annotated[
         str | None, typer.Option(metavar="NAME", help="Of the film: map+cameras (as flown), map, cameras, or uav1.")
     ] = None,
     speed: Annotated[str | None, typer.Option(metavar="X", help="2: twice as fast; 0.25: slow motion.")] = None,
     time: Annotated[str | None, typer.Option(metavar="T:T2", help="Only the scans from T to T2.")] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE.mp4", help="New file of the film. Default: replay.mp4 in DIR.")
+        Path | None,
+        typer.Option(metavar="FILE", help="New .mp4, or .html of a page. Default: replay.mp4 or mission.html in DIR."),
     ] = None,
 ) -> None:
-    """Show a recorded mission again: as a film, in PyBullet's window or in the Rerun viewer. Nothing is planned."""
+    """Show a recorded mission again: as film or page, in PyBullet's window or the Rerun viewer. Nothing is planned."""
     fitting = {"--layout": layout, "--speed": speed, "--time": time, "--out": out}
-    way = _way(video, gui, rerun is not None, [name for name, value in fitting.items() if value is not None])
+    asked = {"--video": video, "--gui": gui, "--rerun": rerun is not None, "--page": page}
+    way = _way(asked, [name for name, value in fitting.items() if value is not None])
     factor = _speed(speed or "1")
     start, end = (0.0, None) if time is None else _window(time)
     if out is not None:
-        _check_new(out, ".mp4", "--out")
+        _check_new(out, ".html" if page else ".mp4", "--out")
     from sim.frames import find, scans_between
 
     recording = find(recorded)
+    folder = recorded if recorded.is_dir() else recorded.parent
     if rerun is not None:
-        _rerun(recording, rerun, (recorded if recorded.is_dir() else recorded.parent) / "summary.json")
+        _rerun(recording, rerun, folder / "summary.json")
+        return
+    if page:
+        _page(recording, folder, out or unused(folder / "mission", ".html"))
         return
     scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
     if way == "--gui":
@@ -58,20 +67,24 @@ def replay(
         return
     from sim.replay.film import AS_FLOWN, write_film
 
-    path = out or unused((recorded if recorded.is_dir() else recorded.parent) / "replay", ".mp4")
+    path = out or unused(folder / "replay", ".mp4")
     with trial_progress(len(scans), "scans") as progress:
         write_film(recording, scans, path, layout=layout or AS_FLOWN, speed=factor, progress=progress)
     console.print(f"Film: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 
 
-def _way(video: bool, gui: bool, rerun: bool, given: list[str]) -> str:
+def _way(asked: dict[str, bool], given: list[str]) -> str:
     """How to show it; InputError where several ways, or options that do not belong to the one, are asked for."""
-    ways = [name for name, asked in (("--video", video), ("--gui", gui), ("--rerun", rerun)) if asked] or ["--video"]
+    ways = [name for name, wanted in asked.items() if wanted] or ["--video"]
     if len(ways) > 1:
         raise InputError(f"{ways[1]}: not allowed together with {ways[0]}; ask for one at a time")
-    allowed = {"--video": ["--layout", "--speed", "--time", "--out"], "--gui": ["--speed", "--time"], "--rerun": []}
+    allowed = {
+        "--video": ["--layout", "--speed", "--time", "--out"],
+        "--gui": ["--speed", "--time"],
+        "--page": ["--out"],
+    }
     for name in given:
-        if name not in allowed[ways[0]]:
+        if name not in allowed.get(ways[0], []):
             raise InputError(f"{name}: not allowed together with {ways[0]}; it belongs to --video")
     return ways[0]
 
@@ -102,6 +115,21 @@ def _check_new(path: Path, suffix: str, option: str) -> None:
         raise InputError(f"{option}: {path} exists; name a new file")
     if not os.access(path.parent, os.W_OK):  # which it is not either where it does not exist
         raise InputError(f"{option}: {path} cannot be written: no folder {path.parent} to write in")
+
+
+def _page(recording: Recording, folder: Path, path: Path) -> None:
+    """Write the page of a recording that lies in a folder to a new file."""
+    from sim.frames import scenario_of
+    from sim.replay.film import drawn
+    from sim.replay.page import write_page
+
+    beside = folder / "mission.mp4"
+    film: bytes | Path = beside
+    if not beside.is_file():
+        with trial_progress(len(recording.times), "scans") as progress:
+            film = drawn(recording, progress=progress)
+    write_page(recording, scenario_of(recording), path, video=film, place=str(folder))
+    console.print(f"Page: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 
 
 def _rerun(recording: Recording, target: str, summary: Path) -> None:

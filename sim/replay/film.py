@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from sim.errors import InputError
 from sim.frames import Rerenderer, scenario_of
@@ -62,3 +63,11 @@ def write_film(
         for k in scans:
             video.add(recording.snapshot(k), frames(k))
             progress(k)
+
+
+def drawn(recording: Recording, *, progress: Callable[[int], None]) -> bytes:
+    """The content of the film that a run makes, drawn again."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "mission.mp4"
+        write_film(recording, range(len(recording.times)), path, progress=progress)
+        return path.read_bytes()
