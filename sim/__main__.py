@@ -146,9 +146,6 @@ def frames(
     show_files(folder)
 
 
-app.command()(replay)
-
-
 @app.command()
 def export(
     recorded: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")],
@@ -187,6 +184,7 @@ def scenarios() -> None:
 
 
 app.command()(studies)
+app.command()(replay)
 
 
 @app.command("check-planner")
