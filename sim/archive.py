@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import io
 import os
-import struct
-import tokenize
 import zipfile
-import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -16,16 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.atomic import whole
-from sim.contacts import KINDS
+from sim.npz import Npz, line, opened
 from sim.recording import VERSION, Recording
+from sim.soundness import check
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 # Fields that recordings did not always have.
 _LATER = {field.name for field in fields(Recording) if field.default_factory is not MISSING}
-_UNREADABLE = (
-    *(zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, struct.error, ValueError),
-    *(SyntaxError, tokenize.TokenError),  # NumPy parses an array's header as Python
-)
+_LONGEST = 2**20  # characters of a text
 
 
 def save(recording: Recording, path: str | os.PathLike[str]) -> None:
@@ -43,32 +40,61 @@ def save(recording: Recording, path: str | os.PathLike[str]) -> None:
 
 
 def load(path: str | os.PathLike[str]) -> Recording:
-    """Read and check a recording; anything wrong is a ValueError of one line that names file and field."""
+    """Read and check a recording; anything wrong is a ValueError of one line that names file and field.
+
+    The file may come from anybody: nothing in it is executed, imported or opened, and it takes no more memory than
+    `sim.npz` allows its size. Fields that came after it was made have their defaults.
+    """
     try:
-        archive = zipfile.ZipFile(path)
-    except (zipfile.BadZipFile, struct.error, NotImplementedError, ValueError) as error:
-        raise ValueError(f"{path}: not a recording: {_line(error)}") from error
+        with opened(path) as archive:
+            return _loaded(archive)
+    except ValueError as error:
+        raise ValueError(f"{path}: {line(error)}") from error
+
+
+def _loaded(archive: Npz) -> Recording:
+    _check_ours(archive)
     sizes: dict[str, int] = {}
+    lacking = _lacking(archive)
+    fields = _fields()
+    for name, (_, dtype, shape) in fields.items():
+        if name not in lacking:
+            with _about(name):
+                _check(*_header(archive, name), dtype, shape, sizes)
+                if name == "version":
+                    _check_version(int(archive.read(name)))
     values: dict[str, Any] = {}
-    with archive:
-        lacking = _lacking(archive)
-        for name, (kind, dtype, shape) in _fields().items():
-            if name in lacking:
-                values[name] = kind() if kind in (bool, str) else _unknown(dtype, shape, sizes)
-                continue
-            array = _read(archive, path, name)
-            try:
-                _check(array, dtype, shape, sizes)
-                values[name] = kind(array.item()) if kind in (int, str, bool) else array
-                _check_version(values["version"])
-            except ValueError as error:
-                raise ValueError(f"{path}: field '{name}': {error}") from error
-    for name, symbol in (("measurement_offsets", "D"), ("track_offsets", "S")):
-        offsets, rows = values[name], sizes[symbol]
-        if offsets[0] != 0 or offsets[-1] != rows or np.any(np.diff(offsets) < 0):
-            raise ValueError(f"{path}: field '{name}': does not rise from 0 to {rows}")
-    _check_contacts(values["contacts"], (sizes["K"], sizes["n"], len(KINDS)), path)
-    return Recording(**values)
+    for name, (kind, dtype, shape) in fields.items():
+        if name in lacking:
+            values[name] = kind() if kind in (bool, str) else _unknown(dtype, shape, sizes)
+            continue
+        with _about(name):
+            array = archive.read(name)
+            values[name] = _plain(kind, array) if kind in (int, str, bool) else array
+    recording = Recording(**values)
+    check(recording)
+    return recording
+
+
+@contextmanager
+def _about(name: str) -> Iterator[None]:
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"field '{name}': {line(error)}") from error
+
+
+def _header(archive: Npz, name: str) -> tuple[str, tuple[int, ...]]:
+    try:
+        return archive.header(name)
+    except KeyError:
+        raise ValueError("is missing") from None
+
+
+def _check_ours(archive: Npz) -> None:
+    """ValueError that shows what an archive holds in which nothing tells a recording's version."""
+    if "version" not in archive.names:
+        raise ValueError(f"not a recording: holds {', '.join(archive.names[:5])[:200] or 'nothing'}")
 
 
 def _fields() -> dict[str, tuple[Any, str, str]]:
@@ -76,24 +102,10 @@ def _fields() -> dict[str, tuple[Any, str, str]]:
     return {name: (hint.__origin__, *hint.__metadata__) for name, hint in hints.items()}
 
 
-def _read(archive: zipfile.ZipFile, path: str | os.PathLike[str], name: str) -> NDArray[Any]:
-    try:
-        with archive.open(f"{name}.npy") as member:
-            return np.asarray(np.lib.format.read_array(member, allow_pickle=False))
-    except KeyError:
-        raise ValueError(f"{path}: field '{name}' is missing") from None
-    except _UNREADABLE as error:
-        raise ValueError(f"{path}: field '{name}' cannot be read: {_line(error)}") from error
-
-
-def _lacking(archive: zipfile.ZipFile) -> set[str]:
-    """Fields that the recording is too old to have; none if it holds something unknown, so that damage is noticed.
-
-    An entry's comment, which we never write, may have swallowed the entries behind it.
-    """
-    names = {name.removesuffix(".npy") for name in archive.namelist()}
-    intact = not any(entry.extra or entry.comment for entry in archive.infolist())
-    return _LATER - names if intact and names <= set(_fields()) else set()
+def _lacking(archive: Npz) -> set[str]:
+    """Fields that the recording is too old to have; none if it holds something unknown, so that damage is noticed."""
+    names = set(archive.names)
+    return _LATER - names if archive.plain and names <= set(_fields()) else set()
 
 
 def _unknown(dtype: str, shape: str, sizes: dict[str, int]) -> NDArray[Any]:
@@ -101,15 +113,17 @@ def _unknown(dtype: str, shape: str, sizes: dict[str, int]) -> NDArray[Any]:
     return np.full([_size(symbol, 0, sizes) for symbol in shape.split()], -1, dtype)
 
 
-def _check(array: NDArray[Any], dtype: str, shape: str, sizes: dict[str, int]) -> None:
+def _check(found: str, size: tuple[int, ...], dtype: str, shape: str, sizes: dict[str, int]) -> None:
     """Compare with the annotation; the first array that has a dimension fixes its size for the others."""
-    if array.dtype.kind != "U" if dtype == "<U" else array.dtype != np.dtype(dtype):
-        raise ValueError(f"has dtype {array.dtype}, not {dtype}")
+    if not (found.startswith("<U") and found[2:].isdigit() if dtype == "<U" else found == dtype):
+        raise ValueError(f"has dtype {found}, not {dtype}")
+    if dtype == "<U" and int(found[2:]) > _LONGEST:
+        raise ValueError(f"has dtype {found}; at most {_LONGEST} characters are allowed")
     symbols = shape.split()
-    expected = [_size(symbol, size, sizes) for symbol, size in zip(symbols, array.shape, strict=False)]
-    if array.shape != tuple(expected) or len(symbols) != array.ndim:
-        raise ValueError(f"has shape {array.shape}, not ({', '.join(symbols)}) as the fields before it")
-    sizes.update(zip(symbols, array.shape, strict=True))
+    expected = [_size(symbol, n, sizes) for symbol, n in zip(symbols, size, strict=False)]
+    if size != tuple(expected) or len(symbols) != len(size):
+        raise ValueError(f"has shape {size}, not ({', '.join(symbols)}) as the fields before it")
+    sizes.update(zip(symbols, size, strict=True))
 
 
 def _size(symbol: str, found: int, sizes: dict[str, int]) -> int:
@@ -118,15 +132,19 @@ def _size(symbol: str, found: int, sizes: dict[str, int]) -> int:
     return int(symbol) if symbol.isdigit() else sizes.get(symbol, found)
 
 
-def _check_contacts(contacts: NDArray[Any], limits: tuple[int, int, int], path: str | os.PathLike[str]) -> None:
-    if np.any(contacts < 0) or np.any(contacts[:, :3] >= limits) or np.any(np.diff(contacts[:, 0]) < 0):
-        raise ValueError(f"{path}: field 'contacts': names a scan, UAV or kind that is not there, or not in order")
+def _plain(kind: type, array: NDArray[Any]) -> Any:  # noqa: ANN401 - as the annotation says
+    """A text, number or truth as Python has it; a number that is written as text has no digits but 0 to 9."""
+    if array.dtype.kind != "U":
+        return kind(array.item())
+    text = array.tobytes().decode("utf-32-le").rstrip("\0")  # NumPy's own way takes what is no character
+    if kind is int and not (text.isascii() and text.isdigit()):
+        raise ValueError(f"is {text[:50]!r}, not a number of digits 0 to 9")
+    return kind(text)
 
 
 def _check_version(version: int) -> None:
-    if version != VERSION:
-        raise ValueError(f"is {version}, but this program reads {VERSION}")
-
-
-def _line(error: BaseException) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
+    if version > VERSION:
+        reads = f"is {version}, but this program reads {VERSION}"
+        raise ValueError(f"{reads}: made by a newer understory; upgrade understory to read it")
+    if version < 1:
+        raise ValueError(f"is {version}; the first was 1")

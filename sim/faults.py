@@ -39,6 +39,6 @@ def read(text: str) -> tuple[Fault, ...]:
 
 
 def _line(message: str) -> str:
-    plain = "".join(c if c.isprintable() else " " for c in _ADDRESS.sub("0x...", message))
+    plain = "".join(c if c.isprintable() else " " for c in _ADDRESS.sub("0x...", message[: 10 * LONGEST]))
     line = " ".join(plain.split())
     return line if len(line) <= LONGEST else line[: LONGEST - 1] + "…"

@@ -18,12 +18,14 @@ from sim.frameview import annotated
 from sim.layout import GAP
 from sim.lettering import Image
 from sim.loading import decode
+from sim.npz import line
 from sim.palette import PAPER, uav_colour
 from sim.recording import Recording
-from sim.renderer import Renderer
+from sim.renderer import Rendered, Renderer
 from sim.scenario import Scenario
 from sim.sensing import camera_of
 from sim.sight import Sight
+from sim.soundness import check_scenario
 from sim.summary import marked
 from sim.tiles import BORDER
 from sim.world import World
@@ -47,11 +49,15 @@ class Rerenderer:
 
     def image(self, k: int, uav: int) -> Image:
         """What the UAV's camera showed at scan k (P, P, 3) RGB; in ideal sensing, what it would have shown."""
+        return self.rendered(k, uav).image
+
+    def rendered(self, k: int, uav: int) -> Rendered:
+        """The same, and whose each of its pixels is."""
         snapshot = self._recording.snapshot(k)
         self._world.place_people(snapshot.people, snapshot.headings)
         self._world.place_uavs(snapshot.poses)
         camera = camera_of(self.scenario.uavs[uav])
-        return self._renderer.take(uav, snapshot.time, camera, snapshot.cameras[uav]).image
+        return self._renderer.take(uav, snapshot.time, camera, snapshot.cameras[uav])
 
     def frames(self, k: int, uavs: Sequence[int]) -> list[Image | None]:
         """The images that UAVs of the mission took at scan k, at each one's place; None for the rest, and for others.
@@ -82,21 +88,26 @@ def rerender(recording: Recording, k: int, uav: int) -> Image:
 
 def scenario_of(recording: Recording) -> Scenario:
     """The scenario that a recording was flown in; InputError if this program does not know it."""
-    scenario = decode(json.loads(recording.scenario))
-    if len(scenario.uavs) != recording.poses.shape[1]:
-        raise InputError(f"recording: {recording.poses.shape[1]} UAVs flew, but its scenario has {len(scenario.uavs)}")
+    try:
+        scenario = decode(json.loads(recording.scenario))
+    except (ValueError, RecursionError, OverflowError) as error:
+        other = "made by another understory? its summary.json names the version that reads it"
+        raise InputError(f"recording: its scenario: {line(error)}; {other}") from error
+    check_scenario(recording, scenario)
     return scenario
 
 
 def find(folder: Path) -> Recording:
     """The recording in a run's folder, or the file itself; InputError if there is none that can be read."""
-    path = folder / "mission.npz" if folder.is_dir() else folder
-    if not path.is_file():
-        raise InputError(f"DIR: {folder} " + ("holds no mission.npz" if folder.is_dir() else "does not exist"))
     try:
+        path = folder / "mission.npz" if folder.is_dir() else folder
+        if not path.exists():
+            raise InputError(f"{folder} " + ("holds no mission.npz" if folder.is_dir() else "does not exist"))
         recording = load(path)
         scenario_of(recording)
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise InputError(f"DIR: {folder} cannot be read: {error.strerror}") from error
+    except ValueError as error:
         raise InputError(f"DIR: {error}") from error
     return recording
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from pathlib import Path
@@ -49,7 +48,7 @@ def replay(
 
     recording = find(recorded)
     if rerun is not None:
-        _rerun(recording, rerun, _decisions(recorded))
+        _rerun(recording, rerun, (recorded if recorded.is_dir() else recorded.parent) / "summary.json")
         return
     scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
     if way == "--gui":
@@ -105,17 +104,7 @@ def _check_new(path: Path, suffix: str, option: str) -> None:
         raise InputError(f"{option}: {path} cannot be written: no folder {path.parent} to write in")
 
 
-def _decisions(recorded: Path) -> list[float]:
-    """Seconds that each decision took, if the run's summary lies beside the recording; else none."""
-    folder = recorded if recorded.is_dir() else recorded.parent
-    try:
-        told = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["planning_s"]
-        return [float(value) for value in told]
-    except (OSError, ValueError, KeyError, TypeError):  # nothing, or not what a run leaves
-        return []
-
-
-def _rerun(recording: Recording, target: str, planning_s: list[float]) -> None:
+def _rerun(recording: Recording, target: str, summary: Path) -> None:
     """Write the recording for the Rerun viewer to a new file, or open it in the viewer."""
     from sim.frames import scenario_of
 
@@ -123,14 +112,15 @@ def _rerun(recording: Recording, target: str, planning_s: list[float]) -> None:
     if target != "spawn":
         _check_new(path, ".rrd", "--rerun")
     try:
-        from sim.replay.rerun_view import spawn, write
+        from sim.replay.rerun_view import planning_times, spawn, write
     except ImportError as error:
         if (error.name or "").split(".")[0] != "rerun":
             raise
         raise InputError("--rerun: needs rerun-sdk: pip install 'understory[rerun]'") from error
+    took = planning_times(summary)
     with trial_progress(len(recording.times), "scans") as progress:
         if target == "spawn":
-            spawn(recording, scenario_of(recording), progress=progress, planning_s=planning_s)
+            spawn(recording, scenario_of(recording), progress=progress, planning_s=took)
             return
-        write(recording, scenario_of(recording), path, progress=progress, planning_s=planning_s)
+        write(recording, scenario_of(recording), path, progress=progress, planning_s=took)
     console.print(f"Open it: [bold]rerun {escape(target)}[/bold]", soft_wrap=True)

@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from sim.dataframes import dataframe
 from sim.errors import InputError
 from sim.study.row import Row
 from sim.study.tasks import Task
@@ -132,10 +133,6 @@ def frame(path: Path) -> Any:  # noqa: ANN401 - pandas' or polars', of which nei
 
     One row per trial: a column for each factor, as `factor.lambda`, and for each metric; no OSPA over time.
     """
-    try:
-        from pandas import DataFrame
-    except ImportError:
-        from polars import DataFrame
     rows = read_rows(path)
     names = {name: None for row in rows for name in row.metrics}
     factors = {name: None for row in rows for name, _ in row.factors}
@@ -145,7 +142,7 @@ def frame(path: Path) -> Any:  # noqa: ANN401 - pandas' or polars', of which nei
         columns[f"factor.{name}"] = [dict(row.factors).get(name) for row in rows]
     for name in names:
         columns[name] = [row.metrics.get(name, math.nan) for row in rows]
-    return DataFrame(columns)
+    return dataframe(columns)
 
 
 @contextmanager

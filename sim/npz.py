@@ -1,0 +1,131 @@
+"""Arrays of an npz file that may be anything: none is unpickled, and none is read before its size is known to fit."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import stat
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import IO, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_BYTES = 2**30  # of all arrays together
+SMALL, RATIO = 2**25, 64  # bytes that any file may inflate to, and how many times its own size a larger one
+_MOST_DIRECTORY = 2**16  # bytes of the archive's table of contents, which is read before anything can be checked
+_PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # others inflate without a limit
+_MAGIC = b"\x93NUMPY\x01\x00"
+# What NumPy writes before an array; read as text, never evaluated.
+_HEADER = re.compile(rb"\{'descr': '([^']{1,24})', 'fortran_order': (True|False), 'shape': \(([0-9, ]{0,99})\), \} *\n")
+_DAMAGED = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, RuntimeError, ValueError, OverflowError)
+
+
+class Npz:
+    """An open archive of arrays."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        """ValueError unless the table of contents is short and plain, and all members together are not too large."""
+        size = file.seek(0, os.SEEK_END)
+        _check_end(file, size)
+        try:
+            self._archive = zipfile.ZipFile(file)
+        except (*_DAMAGED, NotImplementedError) as error:
+            raise ValueError(f"is a damaged archive: {line(error)}") from error
+        entries = self._archive.infolist()
+        self.names = tuple(entry.filename.removesuffix(".npy") for entry in entries)
+        # An entry's comment, which we never write, may have swallowed the entries behind it.
+        self.plain = not any(entry.extra or entry.comment for entry in entries)
+        if len(set(self.names)) < len(self.names):
+            raise ValueError("holds two members of one name")
+        if any(entry.compress_type not in _PLAIN or entry.flag_bits & 1 for entry in entries):
+            raise ValueError("holds members that are encrypted or compressed otherwise than by deflate")
+        total, most = sum(entry.file_size for entry in entries), min(MOST_BYTES, max(SMALL, RATIO * size))
+        if total > most:
+            raise ValueError(f"would inflate to {total} bytes; a file of {size} bytes is allowed {most}")
+
+    def header(self, name: str) -> tuple[str, tuple[int, ...]]:
+        """Data type, as `<f8`, and shape of an array; KeyError if it is missing, ValueError if it cannot be read."""
+        try:
+            with self._archive.open(f"{name}.npy") as member:
+                prefix = member.read(len(_MAGIC) + 2)
+                if prefix[:-2] != _MAGIC:
+                    raise ValueError("is no array")
+                text = member.read(int.from_bytes(prefix[-2:], "little"))
+        except _DAMAGED as error:
+            raise ValueError(f"cannot be read: {line(error)}") from error
+        found = _HEADER.fullmatch(text)
+        if found is None:
+            raise ValueError("cannot be read: its header is none of a plain array")
+        kind, shape = found[1].decode("latin-1"), tuple(int(n) for n in found[3].split(b",") if n.strip())
+        if "O" in kind:
+            raise ValueError("cannot be read: Object arrays, which hold code, are never loaded")
+        if found[2] == b"True":
+            raise ValueError("cannot be read: its order of axes is Fortran's")
+        return kind, shape
+
+    def read(self, name: str) -> NDArray[np.generic]:
+        """An array whose header has been checked; ValueError unless it has as many bytes as that says."""
+        kind, shape = self.header(name)
+        entry, dtype = self._archive.getinfo(f"{name}.npy"), np.dtype(kind)
+        needed = math.prod(shape) * dtype.itemsize
+        try:
+            with self._archive.open(entry) as member:
+                before = member.read(len(_MAGIC) + 2)
+                before += member.read(int.from_bytes(before[-2:], "little"))
+                if entry.file_size != len(before) + needed:
+                    raise ValueError(f"has {entry.file_size - len(before)} bytes, its shape {shape} needs {needed}")
+                array = np.empty(shape, dtype)
+                _fill(array.reshape(-1).view(np.uint8).data, member)
+        except _DAMAGED as error:
+            raise ValueError(f"cannot be read: {line(error)}") from error
+        return array
+
+
+@contextmanager
+def opened(path: str | os.PathLike[str]) -> Iterator[Npz]:
+    """The archive at `path`; ValueError if it is none or not one to be trusted, OSError if it cannot be opened."""
+    if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe would be waited for
+        raise ValueError("not a recording: is no file")
+    with open(path, "rb") as file:
+        try:
+            archive = Npz(file)
+        except ValueError as error:
+            raise ValueError(f"not a recording: {error}") from error
+        yield archive
+
+
+def line(error: BaseException) -> str:
+    """What an error says, as one line of printable characters."""
+    text = " ".join(str(error)[:400].split()) or type(error).__name__
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def _check_end(file: BinaryIO, size: int) -> None:
+    """ValueError unless the file ends as a zip archive does, with few members: more would take memory to list."""
+    file.seek(max(0, size - 42))
+    tail = file.read(42)
+    end = tail[-22:]
+    if len(end) < 22 or end[:4] != b"PK\x05\x06" or end[20:] != b"\0\0":
+        raise ValueError("is no npz archive, or only the beginning of one")
+    (length,) = struct.unpack("<I", end[12:16])
+    if length > _MOST_DIRECTORY or tail[:4] == b"PK\x06\x07":
+        raise ValueError("is an archive of too many members")
+
+
+def _fill(buffer: memoryview, member: IO[bytes]) -> None:
+    """Read exactly as much as the buffer holds, and the checksum behind it."""
+    at = 0
+    while at < len(buffer):
+        part = member.read(min(len(buffer) - at, 2**20))
+        if not part:
+            raise EOFError("ends too early")
+        buffer[at : at + len(part)] = part
+        at += len(part)
+    if member.read(1):
+        raise ValueError("goes on behind its end")

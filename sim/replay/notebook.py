@@ -1,0 +1,205 @@
+"""A recorded mission in a notebook: arrays and tables with units, figures, and a summary that shows itself."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from sim.dataframes import dataframe
+from sim.errors import InputError
+from sim.faults import read
+from sim.frames import Rerenderer, draw, find, scenario_of
+from sim.lettering import Image
+from sim.loading import did_you_mean
+from sim.mapview import TRAIL, MapView, aspect
+from sim.metrics import metrics
+from sim.palette import FAINT, INK
+from sim.plots import fleet_mean, ospa_figure, rgb, scale_errors
+from sim.recording import Recording
+from sim.replay.events import Event, events_of
+from sim.replay.history import History
+from sim.replay.tables import TABLES, arrays, columns
+from sim.replay.timeline import timeline_figure
+from sim.scenario import Scenario
+from sim.snapshot import Snapshot
+from sim.summary import contacts, marked
+from tracking.tracker import Track
+
+_MAP = 900  # pixels, width of the map
+_CELL = "text-align:left;padding:1px 12px 1px 0;border:0"
+
+
+def load(run: str | Path) -> Flight:
+    """The mission in a run's folder, or a `mission.npz`; InputError if there is none that can be read."""
+    _show_figures()
+    return Flight(find(Path(run)))
+
+
+class Flight:
+    """One recorded mission, to look into: `recording` is what was recorded, `scenario` what it was flown in."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.recording = recording
+        self.scenario: Scenario = scenario_of(recording)
+
+    @cached_property
+    def arrays(self) -> Mapping[str, NDArray[Any]]:
+        """Arrays by name, read-only; units are in the names, docs/notebooks.md has their shapes."""
+        return arrays(self.recording)
+
+    @cached_property
+    def history(self) -> History:
+        """What became of each person, scan by scan."""
+        return History.of(self.recording, self.scenario)
+
+    @cached_property
+    def events(self) -> tuple[Event, ...]:
+        """What happened, in words and in order of time."""
+        return events_of(self.recording, self.scenario)
+
+    def columns(self, table: str) -> dict[str, NDArray[Any]]:
+        """The columns of a table, one of `TABLES`, by names with units; InputError names the nearest."""
+        if table not in TABLES:
+            raise InputError(f"table: {table!r} is unknown; {did_you_mean(table, TABLES)}")
+        return columns(table, self.recording, self.scenario, self.history)
+
+    def table(self, table: str) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise
+        """A table, one of `TABLES`, as a pandas frame, or a polars one where there is no pandas."""
+        return dataframe(self.columns(table))
+
+    def ospa_figure(self) -> Figure:
+        """OSPA over time."""
+        return ospa_figure(self.recording.times, self.recording.ospa)
+
+    def timeline_figure(self) -> Figure:
+        """Who saw, missed and held each person when."""
+        return timeline_figure(self.history, self.recording.ospa)
+
+    def map_figure(self, time: float) -> Figure:
+        """The map at the scan nearest to `time` s, with the trails of the seconds before."""
+        k = self._scan(time)
+        size = (_MAP, round(_MAP / aspect(self.scenario)))
+        view, image = MapView(self.scenario, self.recording.forest, size), np.zeros((*size[::-1], 3), np.uint8)
+        rates = self.scenario.rates
+        past = max(round(TRAIL * rates.sensing), rates.sensing // rates.planning)  # trails, and plans in force
+        for earlier in range(max(0, k - past), k + 1):
+            view.draw(image, self._numbered(earlier))
+        return _picture(image)
+
+    def frame_figure(self, time: float, uav: int) -> Figure:
+        """What a UAV's camera showed at the scan nearest to `time` s, annotated, rendered again."""
+        k, uavs = self._scan(time), len(self.scenario.uavs)
+        if not 0 <= uav < uavs:
+            raise InputError(f"uav: {uav} is not there; allowed are 0 to {uavs - 1}")
+        if not self.recording.working[k, uav]:
+            raise InputError(f"uav: {uav} had broken down at {self.recording.times[k]:g} s")
+        with Rerenderer(self.recording) as again:
+            return _picture(draw(self.recording, again, k, uav, size=640))
+
+    @cached_property
+    def facts(self) -> dict[str, str]:
+        """What the mission came to, as a summary shows it."""
+        r, scored = self.recording, metrics(self.recording)
+        errors = r.ospa[r.working][:, 0]
+        lost = [loss for loss in self.history.losses if loss.found]
+        longest = max((r.times[loss.last] - r.times[loss.first] for loss in lost), default=0.0)
+        losses = f"{len(lost)}, the longest {longest + 1 / self.scenario.rates.sensing:.1f} s" if lost else "none"
+        ended = " (interrupted)" if r.interrupted else ""
+        share = scored["share_held"]
+        return {
+            "planner": marked(r.planner, r.sees_truth),
+            "seed": str(r.seed) if r.seed < 10**12 else f"{str(r.seed)[:12]}...",
+            "duration": f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{ended}",
+            "fleet": f"{r.poses.shape[1]} UAVs, {r.people.shape[1]} people, {len(r.trees)} trees",
+            "OSPA": f"mean {errors.mean():.2f} m, {100 * np.mean(errors < 1):.1f} % under 1 m" if len(errors) else "-",
+            "people held": "-" if share is None else f"{100 * share:.1f} %",
+            "losses": losses,
+            "faults": str(len(read(r.faults))) if r.faults else "not recorded",
+            "contacts": str(len(contacts(r))),
+        }
+
+    def __repr__(self) -> str:
+        facts = self.facts
+        told = ("duration", "fleet", "OSPA", "people held", "losses")
+        rest = "; ".join(facts[name] if name in ("duration", "fleet") else f"{name} {facts[name]}" for name in told)
+        return f"<Flight: {facts['planner']}, seed {facts['seed']}; {rest}>"
+
+    def _repr_html_(self) -> str:
+        """The facts, and OSPA over time, as a notebook shows them."""
+        rows = "".join(
+            f'<tr><th style="{_CELL}">{html.escape(name)}</th><td style="{_CELL}">{html.escape(value)}</td></tr>'
+            for name, value in self.facts.items()
+        )
+        curve = base64.b64encode(_png(_curve(self.recording))).decode("ascii")
+        return (
+            '<div style="display:flex;flex-wrap:wrap;gap:16px;align-items:center">'
+            f'<table style="margin:0">{rows}</table>'
+            f'<img alt="mean OSPA over time" src="data:image/png;base64,{curve}"></div>'
+        )
+
+    def _scan(self, time: float) -> int:
+        times = self.recording.times
+        if not times[0] - 1e-6 <= time <= times[-1] + 1e-6:
+            raise InputError(f"time: {time:g} s is not in the recording; allowed are {times[0]:g} to {times[-1]:g} s")
+        return int(np.argmin(np.abs(times - time)))
+
+    def _numbered(self, k: int) -> Snapshot:
+        """Scan k, its tracks under the numbers by which they are shown."""
+        snapshot, numbers = self.recording.snapshot(k), self.recording.track_numbers
+        tracks = [tuple(Track(numbers[t.id], t.belief, t.existence) for t in held) for held in snapshot.tracks]
+        return replace(snapshot, tracks=tracks)
+
+
+def _picture(image: Image) -> Figure:
+    """An image (H, W, 3) as a figure of its own size, pixel by pixel."""
+    height, width = image.shape[:2]
+    figure = Figure(figsize=(width / 100, height / 100), dpi=100)
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.imshow(image, interpolation="none", aspect="auto")
+    axes.set_axis_off()
+    return figure
+
+
+def _curve(recording: Recording) -> Figure:
+    """The fleet's OSPA over time, small."""
+    mean = fleet_mean(recording.ospa)[:, 0]
+    with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": 9}):
+        figure = Figure(figsize=(4.6, 2.2), dpi=100, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.add_subplot()
+        axes.plot(recording.times, mean, color=rgb(INK), lw=1.2, marker="." if len(mean) == 1 else "")
+        axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+        scale_errors(axes, float(np.max(mean[~np.isnan(mean)], initial=0.0)))
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel("mean OSPA [m]")
+    return figure
+
+
+def _png(figure: Figure) -> bytes:
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=figure.dpi)
+    return content.getvalue()
+
+
+def _show_figures() -> None:
+    """Let a notebook show figures, which it does by itself only once pyplot has been imported there."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython else None
+    if shell is not None:
+        shown = shell.display_formatter.formatters["image/png"]
+        if Figure not in shown.type_printers:
+            shown.for_type(Figure, _png)

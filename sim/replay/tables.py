@@ -1,0 +1,189 @@
+"""A recording as arrays and tables whose names tell their units."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.metrics import velocities
+from sim.recording import Recording
+from sim.replay.events import events_of
+from sim.replay.history import STATES, History
+from sim.scenario import Scenario
+from sim.snapshot import Ints
+
+Column = NDArray[Any]
+Columns = dict[str, Column]
+TABLES = ("people", "uavs", "sightings", "measurements", "tracks", "ospa", "plans", "trees", "losses", "events")
+
+
+def arrays(r: Recording) -> dict[str, NDArray[Any]]:
+    """All of a recording's arrays, read-only, under names with units; docs/notebooks.md lists them with shapes."""
+    measured, tracked = _cells(r, r.measurement_offsets), _cells(r, r.track_offsets)
+    found: dict[str, NDArray[Any]] = {
+        "time_s": r.times,
+        "person_m": r.people,
+        "person_heading_rad": r.headings,
+        "uav_m": r.poses[..., :3],
+        "uav_quaternion_xyzw": r.poses[..., 3:],
+        "uav_works": r.working,
+        "camera_m": r.cameras[..., :3],
+        "camera_quaternion_xyzw": r.cameras[..., 3:],
+        "command_m_per_s": r.commands,
+        "decision_time_s": r.plan_times,
+        "plan_m_per_s": r.plans,
+        "ospa_m": r.ospa,
+        "visible_px": r.visible,
+        "detected": r.matched,
+        "sent_bytes": r.bytes_sent,
+        "sent_plans_bytes": r.plan_bytes,
+        "tree_m": r.trees,
+        "measurement_scan": measured[0],
+        "measurement_uav": measured[1],
+        "measurement_m": r.measurements,
+        "measurement_covariance_m2": r.measurement_covariances,
+        "measurement_px": r.pixels,
+        "track_scan": tracked[0],
+        "track_uav": tracked[1],
+        "track_number": _numbers(r),
+        "track_m": r.track_means[:, :2],
+        "track_m_per_s": r.track_means[:, 2:],
+        "track_covariance": r.track_covariances,
+        "track_existence": np.where(r.track_existence >= 0, r.track_existence, np.nan),
+    }
+    views = {name: array.view() for name, array in found.items()}
+    for view in views.values():
+        view.flags.writeable = False
+    return views
+
+
+def columns(name: str, recording: Recording, scenario: Scenario, history: History) -> Columns:
+    """The columns of a table, one of `TABLES`."""
+    if name in ("people", "sightings", "losses"):
+        return {"people": _people, "sightings": _sightings, "losses": _losses}[name](recording, history)
+    if name == "events":
+        happened = events_of(recording, scenario)
+        times = np.array([event.time for event in happened], dtype=float)
+        kinds, texts = ([getattr(event, part) for event in happened] for part in ("kind", "text"))
+        return {"time_s": times, "kind": _words(kinds), "text": _words(texts)}
+    plain = {"uavs": _uavs, "measurements": _measurements, "tracks": _tracks, "ospa": _ospa, "plans": _plans}
+    return {**plain, "trees": _trees}[name](recording)
+
+
+def _people(r: Recording, history: History) -> Columns:
+    k, m = np.nonzero(history.present)
+    v = velocities(r)[k, m]
+    return {
+        "time_s": r.times[k],
+        "person": m,
+        **_pair("", "m", r.people[k, m]),
+        **_pair("v", "m_per_s", v),
+        "heading_rad": r.headings[k, m],
+        "state": _words([STATES[state] for state in history.states[k, m]]),
+        "held_by_uavs": history.held[k, m],
+    }
+
+
+def _sightings(r: Recording, history: History) -> Columns:
+    """A row for each person whom a frame had inside, or a track stood for."""
+    k, i, m = np.nonzero(history.inside | history.shown | (history.tracks >= 0))
+    return {
+        "time_s": r.times[k],
+        "uav": i,
+        "person": m,
+        "inside": history.inside[k, i, m],
+        "hidden_by_tree": history.hidden_by[k, i, m],
+        "visible_px": r.visible[k, i, m],
+        "detected": history.detected[k, i, m],
+        "held_by_track": _numbered(r, history.tracks[k, i, m]),
+    }
+
+
+def _losses(r: Recording, history: History) -> Columns:
+    lost = history.losses
+    return {
+        "person": np.array([loss.person for loss in lost], dtype=np.int64),
+        "from_s": r.times[[loss.first for loss in lost]],
+        "until_s": r.times[[loss.last for loss in lost]],
+        "held_before": np.array([loss.found for loss in lost], dtype=np.bool_),
+    }
+
+
+def _uavs(r: Recording) -> Columns:
+    k, i = (index.ravel() for index in np.indices(r.poses.shape[:2]))
+    return {
+        "time_s": r.times[k],
+        "uav": i,
+        **_pair("", "m", r.poses[k, i]),
+        "z_m": r.poses[k, i, 2],
+        **_pair("command_v", "m_per_s", r.commands[k, i]),
+        "works": r.working[k, i],
+        "sent_bytes": r.bytes_sent[k, i],
+        "sent_plans_bytes": r.plan_bytes[k, i],
+    }
+
+
+def _measurements(r: Recording) -> Columns:
+    k, i = _cells(r, r.measurement_offsets)
+    R = r.measurement_covariances
+    spread = {"xx_m2": R[:, 0, 0], "xy_m2": R[:, 0, 1], "yy_m2": R[:, 1, 1]}
+    pixels = {"u_px": r.pixels[:, 0], "v_px": r.pixels[:, 1]}
+    return {"time_s": r.times[k], "uav": i, **_pair("", "m", r.measurements), **spread, **pixels}
+
+
+def _tracks(r: Recording) -> Columns:
+    k, i = _cells(r, r.track_offsets)
+    P = r.track_covariances
+    return {
+        "time_s": r.times[k],
+        "uav": i,
+        "track": _numbers(r),
+        **_pair("", "m", r.track_means),
+        **_pair("v", "m_per_s", r.track_means[:, 2:]),
+        "xx_m2": P[:, 0, 0],
+        "xy_m2": P[:, 0, 1],
+        "yy_m2": P[:, 1, 1],
+        "existence": np.where(r.track_existence >= 0, r.track_existence, np.nan),
+    }
+
+
+def _ospa(r: Recording) -> Columns:
+    k, i = np.nonzero(r.working)
+    parts = dict(zip(("ospa_m", "localisation_m", "cardinality_m"), r.ospa[k, i].T, strict=True))
+    return {"time_s": r.times[k], "uav": i, **parts}
+
+
+def _plans(r: Recording) -> Columns:
+    e, i, step = np.nonzero(~np.isnan(r.plans[..., 0]))
+    return {"time_s": r.plan_times[e], "uav": i, "step": step, **_pair("v", "m_per_s", r.plans[e, i, step])}
+
+
+def _trees(r: Recording) -> Columns:
+    parts = ("x_m", "y_m", "canopy_radius_m", "canopy_base_m", "canopy_top_m", "trunk_radius_m")
+    return {"tree": np.arange(len(r.trees)), **dict(zip(parts, r.trees.T, strict=True))}
+
+
+def _pair(prefix: str, unit: str, values: Column) -> Columns:
+    return {f"{prefix}x_{unit}": values[:, 0], f"{prefix}y_{unit}": values[:, 1]}
+
+
+def _cells(r: Recording, offsets: Ints) -> tuple[Ints, Ints]:
+    """Scan and UAV of each row of a table."""
+    scans, uavs = r.poses.shape[:2]
+    cell = np.repeat(np.arange(scans * uavs), np.diff(offsets))
+    return cell // uavs, cell % uavs
+
+
+def _numbers(r: Recording) -> Ints:
+    return _numbered(r, r.track_ids)
+
+
+def _numbered(r: Recording, ids: Ints) -> Ints:
+    """The numbers under which tracks are shown, -1 for none."""
+    return np.array([r.track_numbers.get(id_, -1) for id_ in ids.tolist()], dtype=np.int64)
+
+
+def _words(texts: list[str]) -> Column:
+    return np.array(texts, dtype=object)
