@@ -52,10 +52,10 @@ def replay(
     from sim.frames import find, scans_between
 
     recording = find(recorded)
-    if rerun is not None:
-        _rerun(recording, rerun)
-        return
     folder = recorded if recorded.is_dir() else recorded.parent
+    if rerun is not None:
+        _rerun(recording, rerun, folder / "summary.json")
+        return
     if page:
         _page(recording, folder, out or unused(folder / "mission", ".html"))
         return
@@ -132,7 +132,7 @@ def _page(recording: Recording, folder: Path, path: Path) -> None:
     console.print(f"Page: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 
 
-def _rerun(recording: Recording, target: str) -> None:
+def _rerun(recording: Recording, target: str, summary: Path) -> None:
     """Write the recording for the Rerun viewer to a new file, or open it in the viewer."""
     from sim.frames import scenario_of
 
@@ -140,12 +140,15 @@ def _rerun(recording: Recording, target: str) -> None:
     if target != "spawn":
         _check_new(path, ".rrd", "--rerun")
     try:
-        from sim.replay import rerun_view
+        from sim.replay.rerun_view import planning_times, spawn, write
     except ImportError as error:
+        if (error.name or "").split(".")[0] != "rerun":
+            raise
         raise InputError("--rerun: needs rerun-sdk: pip install 'understory[rerun]'") from error
+    took = planning_times(summary)
     with trial_progress(len(recording.times), "scans") as progress:
         if target == "spawn":
-            rerun_view.spawn(recording, scenario_of(recording), progress=progress)
+            spawn(recording, scenario_of(recording), progress=progress, planning_s=took)
             return
-        rerun_view.write(recording, scenario_of(recording), path, progress=progress)
+        write(recording, scenario_of(recording), path, progress=progress, planning_s=took)
     console.print(f"Open it: [bold]rerun {escape(target)}[/bold]", soft_wrap=True)

@@ -8,6 +8,7 @@ import uuid
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import msgspec
 import rerun as rr
 
 from sim.atomic import whole
@@ -26,6 +27,10 @@ from sim.summary import marked
 Progress = Callable[[object], None]
 
 
+class _Summary(msgspec.Struct):
+    planning_s: list[float] = []
+
+
 def write(
     recording: Recording, scenario: Scenario, path: Path, *, progress: Progress, planning_s: Sequence[float] = ()
 ) -> None:
@@ -34,13 +39,25 @@ def write(
     planning_s: seconds that each decision took, which the recording does not hold; `summary.json` does.
     """
     stream = _stream(recording)
-    try:
-        with whole(path) as part:
-            stream.save(part)
+    with whole(path) as part:
+        try:
+            part.touch()
+        except OSError as error:
+            raise InputError(f"--rerun: {path} cannot be written: {error.strerror}") from error
+        stream.save(part)
+        try:
             _fill(stream, recording, scenario, progress, planning_s)
-            stream.disconnect()  # without it, the end of the file would come when the stream is forgotten
-    except OSError as error:
-        raise InputError(f"--rerun: {path} cannot be written: {error.strerror or error}") from error
+            _flush(stream, path)
+        finally:
+            stream.disconnect()  # else the file is closed when the stream is forgotten
+
+
+def _flush(stream: rr.RecordingStream, path: Path) -> None:
+    """Wait until all is written; OSError for what the thread that writes met with, such as a full disk."""
+    try:
+        stream.flush()
+    except (RuntimeError, ValueError) as error:
+        raise OSError(f"{path} cannot be written: {error}") from error
 
 
 def spawn(recording: Recording, scenario: Scenario, *, progress: Progress, planning_s: Sequence[float] = ()) -> None:
@@ -55,6 +72,14 @@ def spawn(recording: Recording, scenario: Scenario, *, progress: Progress, plann
         raise InputError(f"--rerun: the viewer does not start: {reason}; write a file instead") from error
     _fill(stream, recording, scenario, progress, planning_s)
     stream.flush()
+
+
+def planning_times(summary: Path) -> list[float]:
+    """Seconds that each decision took, of a run's `summary.json`; none where that is not there or does not say."""
+    try:
+        return msgspec.json.decode(summary.read_bytes(), type=_Summary).planning_s
+    except (OSError, msgspec.MsgspecError):
+        return []
 
 
 def _stream(recording: Recording) -> rr.RecordingStream:

@@ -1,0 +1,218 @@
+"""A short mission, written for the Rerun viewer and read back: all that must be there is, and is the recording's."""
+
+import os
+from collections import defaultdict
+
+import cv2
+import numpy as np
+import pytest
+
+rr = pytest.importorskip("rerun")
+
+from rerun.chunk import RrdReader  # noqa: E402
+
+from sim.errors import InputError  # noqa: E402
+from sim.frames import Rerenderer, scenario_of  # noqa: E402
+from sim.loading import load  # noqa: E402
+from sim.mission import Mission, Trial  # noqa: E402
+from sim.recording import Recorder  # noqa: E402
+from sim.replay import rerun_view  # noqa: E402
+from sim.replay.association import Association  # noqa: E402
+from sim.replay.events import events_of  # noqa: E402
+from sim.replay.matches import matches_at  # noqa: E402
+from sim.replay.rerun_scene import gaps_at  # noqa: E402
+from sim.scenario import resolved  # noqa: E402
+
+BROKEN_AT = 8  # the scan, of UAV 2
+OVERRIDES = [
+    "duration=3",
+    "trees.density=75",
+    "uavs.2.fails_at=1.5",
+    "uavs.1.rate=1",
+    "network.loss=0.6",
+    "network.rounds=1",
+]
+
+
+@pytest.fixture(scope="module")
+def recording():
+    scenario, recorder = load("forest", OVERRIDES), Recorder()
+    mission = Mission.of(Trial(scenario, "greedy", 2))
+    for snapshot in mission.fly():
+        recorder.add(snapshot)
+    return recorder.recording(scenario=resolved(scenario), planner="greedy", seed=2, forest=mission.forest)
+
+
+@pytest.fixture(scope="module")
+def written(recording, tmp_path_factory):
+    path, scans = tmp_path_factory.mktemp("rerun") / "a.rrd", []
+    took = np.linspace(0.01, 0.02, len(recording.plan_times))
+    rerun_view.write(recording, scenario_of(recording), path, progress=scans.append, planning_s=took.tolist())
+    assert scans == list(range(len(recording.times)))
+    assert [file.name for file in path.parent.iterdir()] == ["a.rrd"]
+    return path
+
+
+@pytest.fixture(scope="module")
+def entities(written):
+    return tables(RrdReader(written).stream())
+
+
+def tables(stream):
+    """The rows of each entity: its components, and `time` [s] and `scan` where they are not static."""
+    found = defaultdict(list)
+    for chunk in stream.to_chunks():
+        batch = chunk.to_record_batch()
+        names = [name.split(":")[-1] for name in batch.schema.names]
+        for row in range(batch.num_rows):
+            cells = {name: batch.column(i)[row].as_py() for i, name in enumerate(names)}
+            if chunk.is_static:
+                cells["static"] = True
+            elif "time" in cells and cells["time"] is not None:
+                cells["time"] = cells["time"].total_seconds()
+            found[str(chunk.entity_path)].append(cells)
+    return found
+
+
+def rows(entities, path, component):
+    """The rows of an entity that hold a component, by scan."""
+    held = [row for row in entities[path] if row.get(component) is not None and "static" not in row]
+    return {row["scan"]: row[component] for row in held}
+
+
+def test_forest_and_lenses_stand_still(recording, entities):
+    for name in ("canopies", "trunks"):
+        (cylinders,) = entities[f"/world/forest/{name}"]
+        np.testing.assert_allclose(np.array(cylinders["centers"])[:, :2], recording.trees[:, :2], atol=1e-5)
+    for i in range(3):
+        (lens,) = (row for row in entities[f"/world/camera/{i}"] if row.get("resolution"))
+        assert lens["resolution"] == [[128.0, 128.0]] and lens["static"]
+
+
+def test_bodies_and_frusta_are_where_they_were_at_every_scan(recording, entities):
+    for kind, poses in (("uav", recording.poses), ("camera", recording.cameras)):
+        for i in range(3):
+            places = rows(entities, f"/world/{kind}/{i}", "translation")
+            turns = rows(entities, f"/world/{kind}/{i}", "quaternion")
+            for k in range(len(recording.times)):
+                np.testing.assert_allclose(np.ravel(places[k]), poses[k, i, :3], atol=1e-5)
+                np.testing.assert_allclose(np.ravel(turns[k]), poses[k, i, 3:], atol=1e-5)
+    people = rows(entities, "/world/people", "translations")
+    assert len(people) == len(recording.times)
+    np.testing.assert_allclose(np.array(people[7])[:, :2], recording.people[7], atol=1e-5)
+
+
+def test_each_frame_taken_has_its_image_and_marks(recording, entities):
+    scenario = scenario_of(recording)
+    taken = {i: [k for k in range(16) if recording.working[k, i] and scenario.has_frame(i, k)] for i in range(3)}
+    assert {i: len(scans) for i, scans in taken.items()} == {0: 16, 1: 4, 2: BROKEN_AT}
+    with Rerenderer(recording) as again:
+        for i, scans in taken.items():
+            images = rows(entities, f"/world/camera/{i}/image", "blob")
+            assert sorted(images) == [*scans, *([BROKEN_AT] if i == 2 else [])]  # at the end, what stands for one
+            for k in scans[::3]:
+                content = np.array(images[k][0], dtype=np.uint8)
+                shown = cv2.cvtColor(cv2.imdecode(content, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+                assert np.abs(shown.astype(int) - again.image(k, i)).mean() < 8  # of 255, by compression
+            found, marked = (rows(entities, f"/world/camera/{i}/{n}", "labels") for n in ("association", "tracks"))
+            boxes = rows(entities, f"/world/camera/{i}/detections", "centers")
+            assert set(scans) <= set(marked) and set(scans) <= set(boxes) and set(scans) <= set(found)
+            for k in scans:
+                np.testing.assert_allclose(np.reshape(boxes[k], (-1, 2)), recording.pixels_at(k, i), atol=1e-4)
+
+
+def test_weights_are_those_of_the_association(recording, entities):
+    scenario, lines = scenario_of(recording), 0
+    for k in range(BROKEN_AT):
+        told = Association.of(recording, scenario, k, 2)
+        (text,) = rows(entities, "/association/2", "text")[k]
+        for number, beta in zip(told.numbers, told.beta, strict=True):
+            assert f"| {number} | {beta[0]:.2f} |" in text
+        labels = rows(entities, "/world/camera/2/association", "labels")[k]
+        assert all(any(label == f"{n}: {w:.2f}" for n, b in zip(told.numbers, told.beta, strict=True) for w in b[1:])
+                   for label in labels)  # fmt: skip
+        lines += len(labels)
+    assert lines > 5
+
+
+def test_beliefs_intents_and_matches_are_drawn(recording, entities):
+    scenario, numbers = scenario_of(recording), recording.track_numbers
+    for i in range(3):
+        drawn = rows(entities, f"/world/tracks/{i}/ellipses", "labels")
+        for k in np.flatnonzero(recording.working[:, i]).tolist():
+            assert drawn[k] == [f"track {numbers[t.id]}" for t in recording.tracks_at(k, i)]
+        matched = rows(entities, f"/world/mwtp/{i}", "labels")
+        for k in [k for k in (0, 5, 10, 15) if recording.working[k, i]]:
+            told = [m for m in matches_at(recording, scenario, k, i) if m.uav == i]
+            assert matched[k] == [f"track {numbers[m.track]}, {m.distance:.0f} m" for m in told]
+        intents = rows(entities, f"/world/intents/{i}", "strips")
+        np.testing.assert_allclose(intents[5][0][0], recording.poses[5, i, :3], atol=1e-5)
+    apart = rows(entities, "/world/agreement", "labels")
+    for k in range(16):
+        assert len(apart[k]) == len(gaps_at(recording, k))
+    assert max(gap.metres for k in range(16) for gap in gaps_at(recording, k)) > 0.01
+
+
+def test_curves_have_a_value_at_every_scan(recording, entities):
+    curves = [path for path in entities if path.startswith("/plots/")]
+    kinds = {path.split("/")[2] for path in curves}
+    assert kinds == {"ospa", "covariance", "agreement", "bytes", "visible", "planning"}
+    for path in curves:
+        values = rows(entities, path, "scalars")
+        assert sorted(values) == (list(range(0, 16, 5)) if path == "/plots/planning" else list(range(16)))
+    for i in range(3):
+        ospa, sent = (rows(entities, f"/plots/{p}/uav{i}", "scalars") for p in ("ospa", "bytes/tracks"))
+        np.testing.assert_array_equal(np.ravel([ospa[k] for k in range(16)]), recording.ospa[:, i, 0])
+        np.testing.assert_array_equal(np.ravel([sent[k] for k in range(16)]), recording.bytes_sent[:, i])
+    seen = rows(entities, "/plots/visible/person1", "scalars")
+    np.testing.assert_array_equal(np.ravel([seen[k] for k in range(16)]), recording.visible[:, :, 1].sum(axis=1))
+    np.testing.assert_allclose(rows(entities, "/plots/planning", "scalars")[15], [20.0])
+
+
+def test_events_are_logged_at_their_times(recording, entities):
+    told = sorted((round(row["time"], 6), row["text"][0]) for row in entities["/events"])
+    events = events_of(recording, scenario_of(recording))
+    assert told == sorted((round(e.time, 6), f"{e.time:.1f} s: {e.text}") for e in events)
+    assert {e.kind for e in events} >= {"track born", "breakdown", "messages lost"}
+    assert entities["/people/0/tracks"]
+
+
+def test_it_opens_well_laid_out(written):
+    reader = RrdReader(written)
+    (blueprint,) = reader.blueprints()
+    views = [row["class_identifier"][0] for table in tables(reader.stream(store=blueprint)).values()
+             for row in table if row.get("class_identifier")]  # fmt: skip
+    counts = {kind: views.count(kind) for kind in views}
+    assert counts == {"3D": 1, "2D": 3, "TimeSeries": 6, "StateTimeline": 1, "TextLog": 1, "TextDocument": 3}
+    (recorded,) = reader.recordings()
+    assert recorded.application_id == "understory"
+
+
+def test_what_fails_leaves_nothing(recording, tmp_path):
+    def fail(k):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        rerun_view.write(recording, scenario_of(recording), tmp_path / "a.rrd", progress=fail)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match=r"--rerun: .*nowhere.*: No such file"):
+        rerun_view.write(recording, scenario_of(recording), tmp_path / "nowhere" / "a.rrd", progress=fail)
+
+
+def test_a_file_that_was_not_written_to_its_end_does_not_appear(recording, tmp_path, monkeypatch):
+    def full(stream):
+        raise RuntimeError("File-writer thread shut down prematurely")  # what a full disk comes to
+
+    monkeypatch.setattr(rr.RecordingStream, "flush", full)
+    with pytest.raises(OSError, match=r"a\.rrd cannot be written"):
+        rerun_view.write(recording, scenario_of(recording), tmp_path / "a.rrd", progress=lambda k: None)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="displays of Linux")
+def test_without_a_display_no_viewer_is_started(recording, monkeypatch):
+    monkeypatch.setattr("sys.platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(InputError, match=r"needs a display.*--rerun FILE\.rrd"):
+        rerun_view.spawn(recording, scenario_of(recording), progress=lambda k: None)
