@@ -46,8 +46,8 @@ class Film:
         self._cameras = [Camera(math.radians(uav.fov_deg), uav.pixels) for uav in scenario.uavs]
         renders = scenario.sensing.mode == "camera"
         panel = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
-        self._view = view_of(panel, aspect(scenario), len(scenario.uavs), layout if renders else "map")
-        room = self._view.map or panel  # the map follows what happens, shown or not
+        self._layout = view_of(panel, aspect(scenario), len(scenario.uavs), layout if renders else "map")
+        room = self._layout.map or panel  # the map follows what happens, shown or not
         self._map = MapView(scenario, forest, (room.width, room.height))
         self._planner = planner
         self._numbers: dict[int, int] = {}
@@ -55,20 +55,20 @@ class Film:
         self._last: dict[int, Image] = {}  # tiles as they were when their cameras last took a frame
         believer = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
-        shown = Shown(self._view.map is not None, bool(self._view.tiles), renders, believer)
+        shown = Shown(self._layout.map is not None, bool(self._layout.tiles), renders, believer)
         draw_legend(self._empty[-_LEGEND:, GAP:-GAP], shown, scale=self._map.scale)
 
     @property
     def cameras(self) -> tuple[int, ...]:
         """The UAVs whose images are shown."""
-        return tuple(self._view.tiles)
+        return tuple(self._layout.tiles)
 
     def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
         """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
         snapshot = self._numbered(snapshot)
         image = self._empty.copy()
-        if self._view.map is not None:
-            self._map.draw(image[self._view.map.slices], snapshot)
+        if self._layout.map is not None:
+            self._map.draw(image[self._layout.map.slices], snapshot)
         self._draw_tiles(image, snapshot, frames)
         self._draw_header(image[:_HEADER, GAP:-GAP], snapshot)
         return image
@@ -85,7 +85,7 @@ class Film:
             self._draw_tiles(self._empty.copy(), snapshot, frames)
 
     def _draw_tiles(self, image: Image, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
-        for i, tile in self._view.tiles.items():
+        for i, tile in self._layout.tiles.items():
             if i not in snapshot.working:
                 draw_broken(image[tile.slices], i)
                 continue

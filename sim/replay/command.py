@@ -48,7 +48,7 @@ def replay(
 
     recording = find(recorded)
     if rerun is not None:
-        _rerun(recording, rerun, recorded / "summary.json")
+        _rerun(recording, rerun, (recorded if recorded.is_dir() else recorded.parent) / "summary.json")
         return
     scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
     if way == "--gui":
@@ -112,13 +112,15 @@ def _rerun(recording: Recording, target: str, summary: Path) -> None:
     if target != "spawn":
         _check_new(path, ".rrd", "--rerun")
     try:
-        from sim.replay import rerun_view
+        from sim.replay.rerun_view import planning_times, spawn, write
     except ImportError as error:
+        if (error.name or "").split(".")[0] != "rerun":
+            raise
         raise InputError("--rerun: needs rerun-sdk: pip install 'understory[rerun]'") from error
-    took = rerun_view.planning_times(summary)
+    took = planning_times(summary)
     with trial_progress(len(recording.times), "scans") as progress:
         if target == "spawn":
-            rerun_view.spawn(recording, scenario_of(recording), progress=progress, planning_s=took)
+            spawn(recording, scenario_of(recording), progress=progress, planning_s=took)
             return
-        rerun_view.write(recording, scenario_of(recording), path, progress=progress, planning_s=took)
+        write(recording, scenario_of(recording), path, progress=progress, planning_s=took)
     console.print(f"Open it: [bold]rerun {escape(target)}[/bold]", soft_wrap=True)

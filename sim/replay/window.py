@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from sim.engine import pybullet, quiet
+from sim.engine import pybullet, quiet, silenced
 from sim.errors import InputError
 from sim.frames import scenario_of
 from sim.palette import uav_colour
@@ -80,7 +80,7 @@ def _world(recording: Recording, scenario: Scenario) -> Iterator[World]:
     try:
         yield world
     finally:
-        with quiet():
+        with silenced(1, 2), quiet():  # nothing else in the process prints from C
             world.close()
 
 
