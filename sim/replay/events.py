@@ -174,7 +174,9 @@ def _whereabouts(history: History, loss: Loss) -> str:
     state = STATES[history.states[loss.first, loss.person]]
     trees = history.hidden_by[loss.first, :, loss.person]
     behind = [f"from UAV {i} by tree {trees[i]}" for i in np.flatnonzero(trees >= 0).tolist()]
-    return f"hidden {', '.join(behind)}" if state == "hidden" and behind else state
+    if state == "hidden" and behind:
+        return f"hidden {', '.join(behind)}"
+    return {"seen": "although detected", "missed": "shown, but not detected"}.get(state, state)
 
 
 def _track(recording: Recording, history: History, loss: Loss) -> str:
