@@ -92,8 +92,8 @@ class _Roster:
         called = _called(message)
         means, covariances = message.beliefs()
         slots = np.array([self.slot.get(pair, _NOBODY) for pair in called], dtype=np.int64)
-        # A track lost long ago is no news of a row renewed in the meantime: another of theirs may be that person.
-        slots[(message.aliases == 0) & np.isin(slots, self.renewed)] = _NOBODY
+        # A lost track is no news of a row that somebody saw of late: another of theirs may be that person.
+        slots[(message.aliases == 0) & ~np.append(self.lost, True)[slots]] = _NOBODY
         stale = self._recognise(message, slots)
         free = np.setdiff1d(np.arange(len(self.means)), [*slots.tolist(), *self.left])
         new = np.array(
