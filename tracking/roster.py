@@ -194,7 +194,9 @@ class _Roster:
         distance = distances(theirs[0][:, None] - ours[0][None], spreads)
         outdated = np.array([self._outdated(called[k]) for k in new], dtype=np.bool_)
         able = (distance <= self.gate) & (named | ~outdated[:, None])
-        cost = distance + np.linalg.slogdet(spreads)[1] - _NAMED * named
+        # Where one side has lost the person whom the other sees, its name is no better than a newcomer it met there.
+        told = named & ((message.aliases[new] == 0)[:, None] == self.lost[free])
+        cost = distance + np.linalg.slogdet(spreads)[1] - _NAMED * told
         for a, b in likeliest(able, cost):
             slots[new[a]] = free[b]
         return self._leave(message, slots, new, free, named & able)
