@@ -15,9 +15,10 @@ NEAR, ALONE = 1.0, 3.0  # m, of a person's track, and of people whose tracks nob
 SPLITS = {
     "one apart": ("network.cuts=[{links=[[0, 2], [1, 2]], start=3, end=13}]",),
     "all apart": ("network.cuts=[{links=[[0, 1], [0, 2], [1, 2]], start=2, end=14}]",),
-    "off and on": ("network.cuts=[{links=[[0, 1], [0, 2]], start=2, end=9}, {links=[[0, 2], [1, 2]], start=11, end=15}]",),
+    "off and on": (
+        "network.cuts=[{links=[[0, 1], [0, 2]], start=2, end=9}, {links=[[0, 2], [1, 2]], start=11, end=15}]",
+    ),
     "line": ("network.links=[[0, 1], [1, 2]]", "network.cuts=[{links=[[1, 2]], start=3, end=13}]"),
-    "range": ("network.range=45",),
 }
 
 
@@ -64,4 +65,4 @@ def test_a_fleet_that_heals_agrees_at_once_and_doubles_nobody(split, seed):
 @pytest.mark.parametrize("seed", range(20))
 def test_a_fleet_that_heals_agrees_at_once_and_doubles_nobody_on_any_seed(seed, sensing):
     split = list(SPLITS)[seed % len(SPLITS)]
-    check(split, seed, *sensing)
+    assert check(split, seed, *sensing) >= 1
