@@ -84,3 +84,26 @@ def test_two_tracks_of_one_person_whose_velocities_differ_are_one_a_scan_after_t
 def test_two_people_side_by_side_of_whom_each_knew_one_stay_two():
     known = track(3, 0, 0, 0, 0, variance=0.01), track(4, 1.2, 0, 0, 0, variance=0.01)
     assert meeting(known, [[(0, 0)], [(1.2, 0)]], 20) == [[1, 1]] * 2 + [[2, 2]] * 18
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_what_others_lost_does_not_stand_between_two_who_see_the_person(first):
+    """UAVs 1 and 2 lost the person; 0 never did, and 3 has met them again as a newcomer."""
+    sees = [0.0], [0.05], [3], [901], [NOW]
+    lost = [20.0], [1.0], [3], [0], [NOW - 3.0]
+    again = [20.0, 0.2], [1.0, 0.05], [3, 50], [0, 904], [NOW - 3.0, NOW]
+    parts = [sees, lost, lost, again] if first == 0 else [lost, again, lost, sees]
+    said = []
+    for u, part in enumerate(parts):
+        sightings = np.array([(0.0, 0.0, seen) for seen in part[-1]])
+        said.append(replace(told(u, *part), degree=3, company=(u, NOW), sightings=sightings))
+    for m in exchange(said, graph("complete", 4), 5):
+        assert m.ids.tolist() == [3]
+        assert 0.0 < m.beliefs()[0][0, 0] < 0.2
+
+
+def test_of_two_tracks_in_reach_the_likelier_matches_not_the_wider():
+    """The wide one is nearer in its own standard deviations, the other is the likelier."""
+    vague = [4.0, 0.6], [9.0, 0.05], [60, 61], [0, 905], [NOW - 3.0, NOW]
+    for m in met(([0.0], [0.05], [40], [901], [NOW]), vague, "complete"):
+        assert len(m) == 2 and m[40] == pytest.approx(0.3, abs=0.05)

@@ -92,6 +92,8 @@ class _Roster:
         called = _called(message)
         means, covariances = message.beliefs()
         slots = np.array([self.slot.get(pair, _NOBODY) for pair in called], dtype=np.int64)
+        # A lost track is no news of a row that somebody saw of late: another of theirs may be that person.
+        slots[(message.aliases == 0) & ~np.append(self.lost, True)[slots]] = _NOBODY
         stale = self._recognise(message, slots)
         free = np.setdiff1d(np.arange(len(self.means)), [*slots.tolist(), *self.left])
         new = np.array(
@@ -144,14 +146,16 @@ class _Roster:
     def names(self) -> tuple[Indices, Indices]:
         """Id and alias of each row (T,); both -1 for rows that are left out.
 
-        Each id, the smallest first, goes to one row without a name: to that with the smallest alias, 0 coming last.
+        Each id, the smallest first, goes to one row without a name: to that with the smallest alias. One of alias 0
+        gets it where there is no other.
         """
         ids, aliases = np.full((2, len(self.means)), _NOBODY)
         for id, claims in sorted(self.by_id.items()):
             free = [(alias, row) for row, (_, alias) in claims.items() if row not in self.left]
-            unnamed = [(alias, row) for alias, row in free if ids[row] == _NOBODY]
+            late = [(alias, row) for alias, row in free if alias] or free
+            unnamed = [(alias, row) for alias, row in late if ids[row] == _NOBODY]
             if unnamed:
-                alias, row = min(unnamed, key=lambda claim: (claim[0] == 0, claim))
+                alias, row = min(unnamed)
                 ids[row], aliases[row] = id, alias or self._alias(row)
         taken = set(ids.tolist())
         for alias, claims in sorted(self.by_alias.items()):
@@ -190,12 +194,11 @@ class _Roster:
         distance = distances(theirs[0][:, None] - ours[0][None], spreads)
         outdated = np.array([self._outdated(called[k]) for k in new], dtype=np.bool_)
         able = (distance <= self.gate) & (named | ~outdated[:, None])
-        cost = distance + np.linalg.slogdet(spreads)[1] - _NAMED * named
-        # No pair costs more than all pairs together, so the assignment makes as many as it can.
-        rows, columns = linear_sum_assignment(np.where(able, cost, 1.0 + np.abs(cost).sum()))
-        for a, b in zip(rows.tolist(), columns.tolist(), strict=True):
-            if able[a, b]:
-                slots[new[a]] = free[b]
+        # Where one side has lost the person whom the other sees, its name is no better than a newcomer it met there.
+        told = named & ((message.aliases[new] == 0)[:, None] == self.lost[free])
+        cost = distance + np.linalg.slogdet(spreads)[1] - _NAMED * told
+        for a, b in likeliest(able, cost):
+            slots[new[a]] = free[b]
         return self._leave(message, slots, new, free, named & able)
 
     def _leave(
@@ -236,10 +239,16 @@ def distances(differences: Array, spreads: Array) -> Array:
 
 
 def matches(ours: tuple[Array, Array], theirs: tuple[Array, Array], gate: float) -> list[tuple[int, int]]:
-    """Pairs of beliefs (A, 4), (A, 4, 4) and (B, 4), (B, 4, 4) that agree best, in squared distance up to `gate`."""
+    """Likeliest pairs of beliefs (A, 4), (A, 4, 4) and (B, 4), (B, 4, 4) in squared distance up to `gate`."""
     if len(ours[0]) == 0 or len(theirs[0]) == 0:
         return []
-    distance = distances(ours[0][:, None] - theirs[0][None], ours[1][:, None] + theirs[1][None])
-    # A pair beyond the gate costs as much as no pair, so the assignment prefers many pairs within it.
-    rows, columns = linear_sum_assignment(np.minimum(distance, gate))
-    return [(int(a), int(b)) for a, b in zip(rows, columns, strict=True) if distance[a, b] <= gate]
+    spreads = ours[1][:, None] + theirs[1][None]
+    distance = distances(ours[0][:, None] - theirs[0][None], spreads)
+    return likeliest(distance <= gate, distance + np.linalg.slogdet(spreads)[1])
+
+
+def likeliest(able: NDArray[np.bool_], cost: Array) -> list[tuple[int, int]]:
+    """As many able pairs (A, B) as there can be, at the least cost (A, B) of twice a negative log-likelihood."""
+    # No pair costs more than all pairs together, so the assignment makes as many as it can.
+    rows, columns = linear_sum_assignment(np.where(able, cost, 1.0 + np.abs(cost).sum()))
+    return [(int(a), int(b)) for a, b in zip(rows, columns, strict=True) if able[a, b]]
