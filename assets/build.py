@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -78,9 +79,34 @@ class Mesh:
         lines = [f"mtllib {texture}.mtl", f"usemtl {texture}"]
         lines += [f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in self.vertices]
         lines += [f"vt {u:.4f} {v:.4f}" for u, v in self.uvs]
-        lines += [f"vn {x:.4f} {y:.4f} {z:.4f}" for x, y, z in self.normals]
+        lines += [f"vn {x:.12f} {y:.12f} {z:.12f}" for x, y, z in map(steady, self.normals)]
         lines += ["f " + " ".join(f"{k + 1}/{k + 1}/{k + 1}" for k in face) for face in self.faces]
         return "\n".join(lines) + "\n"
+
+
+def steady(normal: Array) -> Array:
+    """The direction (3,) as single precision numbers that the engine leaves as they are.
+
+    TinyRenderer normalises a mesh's normals in place at every use. Most vectors never settle then: they alternate
+    between two roundings, and with them, now and then, a pixel. Those whose length comes out as exactly one stay.
+    """
+    rounded = np.round(normal, 4) + 0.0  # no negative zeros
+    start = (rounded / np.linalg.norm(rounded)).astype(np.float32)
+    steps = [(0,) if x == 0.0 else range(-3, 4) for x in start]
+    near = [start + np.array(step) * np.spacing(np.abs(start)) for step in itertools.product(*steps)]
+    near.sort(key=lambda x: float(np.sum((x.astype(float) - rounded / np.linalg.norm(rounded)) ** 2)))
+    return next(x.astype(float) for x in near if _of_length_one(x))
+
+
+def _of_length_one(x: NDArray[np.float32]) -> bool:
+    """Whether the length in single precision is exactly one, in whatever order and with however fused sums."""
+    squares, wide = x * x, x.astype(float)
+    for i, j, k in itertools.permutations(range(3)):
+        fused = np.float32(wide[j] ** 2 + squares[i])
+        sums = ((squares[i] + squares[j]) + squares[k], np.float32(wide[k] ** 2 + fused))
+        if any(np.sqrt(np.float32(total)) != 1.0 for total in sums):
+            return False
+    return True
 
 
 def cell(name: str) -> Array:

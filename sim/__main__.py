@@ -1,4 +1,4 @@
-"""The command line: `understory run`, `compare`, `replay`, `frames`, `export`, `check-planner` and lists."""
+"""The command line: `understory run`, `compare`, `replay`, `explain`, `frames`, `export`, `check-planner` and lists."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ from sim.loading import SCENARIOS, did_you_mean, load, remarks
 from sim.options import Duration, Overrides, with_duration
 from sim.quantity import integer, interval
 from sim.replay.command import replay
+from sim.replay.explain_command import explain
 from sim.study.command import compare, studies
 
 # Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
@@ -57,6 +58,10 @@ See what a camera saw in a run, annotated:
 See a run again, slowed down, or in a window to look round in:
   [bold]understory replay runs/forest-sma-nbo-mwtp-seed0 --time 12:20 --speed 0.5[/bold]
   [bold]understory replay runs/forest-sma-nbo-mwtp-seed0 --gui[/bold]
+
+See why a person was lost: by a time, or over the whole mission:
+  [bold]understory explain runs/forest-sma-nbo-mwtp-seed0 --time 12.4 --target 2[/bold]
+  [bold]understory explain runs/forest-sma-nbo-mwtp-seed0[/bold]
 
 See what there is; yours are --planner module:Class and a file.toml:
   [bold]understory planners[/bold]
@@ -102,9 +107,9 @@ def run(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")
     ] = None,
-    video: Annotated[bool, typer.Option(help="Make mission.mp4, or not.")] = True,
+    video: Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")] = True,
 ) -> None:
-    """Fly one mission; leave recording, summary, video, OSPA curve and timeline in a new folder."""
+    """Fly one mission; leave recording, summary, video, page, OSPA curve and timeline in a new folder."""
     setting = load(scenario, with_duration(overrides, duration))
     check_detector(setting.sensing.detector)
     number = integer(seed, "--seed", least=0)
@@ -147,6 +152,7 @@ def frames(
 
 
 app.command()(replay)
+app.command()(explain)
 
 
 @app.command()

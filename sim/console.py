@@ -105,7 +105,7 @@ def show_run(summary: Mapping[str, Any], folder: Path) -> None:
 def show_files(folder: Path) -> None:
     """What is in a folder that was made; of many files, the first and the last."""
     names = sorted(path.name for path in folder.iterdir())
-    listed = ", ".join(names) if len(names) < 6 else f"{names[0]} to {names[-1]}, {len(names)} files"
+    listed = ", ".join(names) if len(names) < 8 else f"{names[0]} to {names[-1]}, {len(names)} files"
     console.print(f"Files in [bold]{escape(str(folder))}[/bold]:\n  {listed}", soft_wrap=True)
 
 

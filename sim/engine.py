@@ -1,5 +1,6 @@
 """PyBullet, without the banner that its C code writes to standard error when it is imported."""
 
+import ctypes
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,7 +21,17 @@ def silenced(*descriptors: int) -> Iterator[None]:
         os.close(nowhere)
 
 
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep off standard output and error what C code writes within the block, and that alone."""
+    c = ctypes.CDLL(None)
+    c.fflush(None)
+    with silenced(1, 2):
+        yield
+        c.fflush(None)
+
+
 with silenced(2):
     import pybullet
 
-__all__ = ["pybullet", "silenced"]
+__all__ = ["pybullet", "quiet", "silenced"]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sim.frameview import draw_detection, draw_hidden, draw_hiding, draw_measurement, draw_track, draw_truth, looks_down
-from sim.lettering import Image, Style, width, write
+from sim.lettering import Image, Style, wrapped, write
 from sim.mapview import ellipse
 from sim.palette import FAINT, PANEL
 from sim.sight import Sight, Sighting
@@ -15,7 +15,8 @@ from tracking.camera import Camera, Pose
 from tracking.compiled import Array
 
 WIDTH = 340
-_LINE, _GAP, _MARK = 19, 12, 36  # pixels: heights of a line, between sections, and of a mark in the legend
+MARK = 36  # pixels: height of a mark in the legend
+_LINE, _GAP = 19, 12  # pixels: heights of a line, and between sections
 _TEXT, _HEADING, _TITLE = Style(13), Style(13, FAINT), Style(20, bold=True)
 _MOST = 12  # people or tracks that are listed
 
@@ -48,11 +49,12 @@ def field_of_view(camera: Camera, pose: Pose) -> list[str]:
 def draw_panel(sight: Sight, notes: list[str], *, height: int) -> Image:
     """The panel (H, 340, 3) RGB of a view, at least `height` pixels high; `notes` end its first section."""
     sections = [
-        (heading, [line for text in texts for line in _wrapped(text)]) for heading, texts in _sections(sight, notes)
+        (heading, [line for text in texts for line in wrapped(text, WIDTH - 28, _TEXT)])
+        for heading, texts in _sections(sight, notes)
     ]
-    marks = _marks(sight.scenario.sensing.mode == "camera")
+    marks = marks_of(sight.scenario.sensing.mode == "camera")
     lines = sum(len(texts) for _, texts in sections)
-    needed = 44 + lines * _LINE + len(sections) * (_LINE + _GAP) + len(marks) * _MARK
+    needed = 44 + lines * _LINE + len(sections) * (_LINE + _GAP) + len(marks) * MARK
     image = np.full((max(height, needed), WIDTH, 3), PANEL, dtype=np.uint8)
     write(image, f"{sight.snapshot.time:.1f} s", (14, 22), _TITLE)
     write(image, f"UAV {sight.uav}", (WIDTH - 14, 22), _TITLE, align=1.0)
@@ -63,7 +65,7 @@ def draw_panel(sight: Sight, notes: list[str], *, height: int) -> Image:
             y += _LINE
         y += _GAP
     for k, (mark, text) in enumerate(reversed(marks)):
-        middle = image.shape[0] - (k + 0.5) * _MARK
+        middle = image.shape[0] - (k + 0.5) * MARK
         mark(image, np.array([34.0, middle]))
         write(image, text, (72, middle), _TEXT)
     return image
@@ -113,23 +115,12 @@ def _radii(covariance: Array) -> Array:
     return np.array([ring.max(), ring.min()])
 
 
-def _wrapped(text: str) -> list[str]:
-    """Lines that fit the panel; those after the first are indented."""
-    lines = [""]
-    for word in text.split():
-        longer = f"{lines[-1]} {word}" if lines[-1] else word
-        if width(longer, _TEXT) <= WIDTH - 28:
-            lines[-1] = longer
-        else:
-            lines.append(f"    {word}")
-    return lines
-
-
 def _shortened(lines: list[str]) -> list[str]:
     return lines if len(lines) <= _MOST else [*lines[:_MOST], f"and {len(lines) - _MOST} more"]
 
 
-def _marks(camera: bool) -> list[Mark]:
+def marks_of(camera: bool) -> list[Mark]:
+    """The marks of annotated frames, each drawn at a pixel of an image, and what they mean."""
     marks: list[Mark] = [(_detection, "detection")] if camera else []
     return [
         *marks,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -21,7 +21,7 @@ from sim.loading import decode
 from sim.npz import line
 from sim.palette import PAPER, uav_colour
 from sim.recording import Recording
-from sim.renderer import Renderer
+from sim.renderer import Rendered, Renderer
 from sim.scenario import Scenario
 from sim.sensing import camera_of
 from sim.sight import Sight
@@ -37,8 +37,8 @@ _SLACK = 1e-6  # s, for times that were typed
 class Rerenderer:
     """The world of a recording, in which any of its frames can be rendered again; nothing flies.
 
-    The images are those of the mission: they follow from the scenario, the seed and the poses of cameras, people and
-    UAVs alone; but in about one view of a thousand the renderer alternates a pixel by one grey level.
+    The images are those of the mission, byte for byte: they follow from the scenario, the seed and the poses of
+    cameras, people and UAVs alone.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -49,11 +49,27 @@ class Rerenderer:
 
     def image(self, k: int, uav: int) -> Image:
         """What the UAV's camera showed at scan k (P, P, 3) RGB; in ideal sensing, what it would have shown."""
+        return self.rendered(k, uav).image
+
+    def rendered(self, k: int, uav: int) -> Rendered:
+        """The same, and whose each of its pixels is."""
         snapshot = self._recording.snapshot(k)
         self._world.place_people(snapshot.people, snapshot.headings)
         self._world.place_uavs(snapshot.poses)
         camera = camera_of(self.scenario.uavs[uav])
-        return self._renderer.take(uav, snapshot.time, camera, snapshot.cameras[uav]).image
+        return self._renderer.take(uav, snapshot.time, camera, snapshot.cameras[uav])
+
+    def frames(self, k: int, uavs: Sequence[int]) -> list[Image | None]:
+        """The images that UAVs of the mission took at scan k, at each one's place; None for the rest, and for others.
+
+        A UAV takes none when it has broken down, between those of a slow camera, and in ideal sensing.
+        """
+        taken: list[Image | None] = [None] * len(self.scenario.uavs)
+        if self.scenario.sensing.mode == "camera":
+            for i in uavs:
+                if self._recording.working[k, i] and self.scenario.has_frame(i, k):
+                    taken[i] = self.image(k, i)
+        return taken
 
     def __enter__(self) -> Rerenderer:
         return self

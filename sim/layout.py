@@ -41,6 +41,46 @@ class Layout:
         return float(self.map.area * sum(tile.area for tile in self.tiles) ** 0.75)
 
 
+@dataclass(frozen=True)
+class View:
+    """The parts of a film that are shown, and where: the map, and tiles by UAV."""
+
+    map: Box | None
+    tiles: dict[int, Box]
+
+
+def view_of(panel: Box, aspect: float, uavs: int, layout: str) -> View:
+    """Where the parts of a layout stand: map+cameras, map, cameras, or uav1 for one large camera beside the map."""
+    if layout == "cameras":
+        return View(None, dict(enumerate(_grid(panel, uavs))))
+    if layout.startswith("uav"):
+        side = min(panel.height, 2 * panel.width // 3)
+        room = Box(panel.x, panel.y, panel.width - side - GAP, panel.height)
+        return View(_fitted(room, aspect), {int(layout[3:]): Box(panel.x + panel.width - side, panel.y, side, side)})
+    found = arrange(panel, aspect, 0 if layout == "map" else uavs)
+    return View(found.map, dict(enumerate(found.tiles)))
+
+
+def _grid(panel: Box, tiles: int) -> list[Box]:
+    """Square tiles, as large as can be, in rows in the middle of the panel."""
+
+    def side(columns: int) -> int:
+        rows = math.ceil(tiles / columns)
+        return min((panel.width + GAP) // columns, (panel.height + GAP) // rows) - GAP
+
+    columns = max(range(1, tiles + 1), key=side)
+    edge, rows = side(columns), math.ceil(tiles / columns)
+    pitch = edge + GAP
+    top = panel.y + (panel.height - rows * pitch + GAP) // 2
+    boxes = []
+    for i in range(tiles):
+        row, column = divmod(i, columns)
+        in_row = min(columns, tiles - row * columns)
+        left = panel.x + (panel.width - in_row * pitch + GAP) // 2
+        boxes.append(Box(left + column * pitch, top + row * pitch, edge, edge))
+    return boxes
+
+
 def arrange(panel: Box, aspect: float, tiles: int) -> Layout:
     """The arrangement of a map (width over height `aspect`) and square tiles that shows both large.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,23 +18,35 @@ _LOW, _HIGH = 0.1, 50.0  # m, range of the sparkline
 _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
 
-def draw_legend(image: Image, *, scale: float, camera: bool, believer: str) -> None:
-    """Fill an RGB strip with the marks of the map; `scale` in pixels per metre gives the scale bar.
+@dataclass(frozen=True)
+class Shown:
+    """What a film shows, and so its legend names."""
 
-    camera: whether there are images, and so hidden people and detections; believer: whose tracks are shown.
-    """
-    entries: list[tuple[Callable[[Image, Array], None], str]] = [(_tree, "tree"), (_person, "true person")]
-    if camera:
+    map: bool
+    tiles: bool
+    renders: bool  # whether the mission has images, and so people hidden from all of them
+    believer: str  # whose tracks the map has
+
+
+def draw_legend(image: Image, shown: Shown, *, scale: float) -> None:
+    """Fill an RGB strip with the marks that are shown; the map's `scale` in pixels per metre gives the scale bar."""
+    entries: list[tuple[Callable[[Image, Array], None], str]] = []
+    if shown.map:
+        entries += [(_tree, "tree"), (_person, "true person")]
+    if shown.map and shown.renders:
         entries.append((_hidden, "hidden from all cameras"))
-    entries += [(_track, f"track of {believer}, 95 % ellipse"), (_uav, "UAV, field of view"), (_intent, "intent")]
-    if camera:
+    entries.append((_track, f"track of {shown.believer}, 95 % ellipse" if shown.map else "track"))
+    if shown.map:
+        entries += [(_uav, "UAV, field of view"), (_intent, "intent")]
+    if shown.tiles:
         entries.append((_detection, "detection"))
     middle, x = image.shape[0] / 2, 4.0
     for mark, text in entries:
         mark(image, np.array([x + 14, middle]))
         write(image, text, (x + 34, middle), _TEXT)
         x += 34 + width(text, _TEXT) + 18
-    _scale_bar(image, scale, np.array([image.shape[1] - 6.0, middle + 6]))
+    if shown.map:
+        _scale_bar(image, scale, np.array([image.shape[1] - 6.0, middle + 6]))
 
 
 def _scale_bar(image: Image, scale: float, right: Array) -> None:
@@ -92,12 +105,15 @@ class Sparkline:
         self._duration = duration
         self._points: list[tuple[float, float]] = []
 
-    def draw(self, image: Image, time: float, ospa: float) -> None:
-        """Add one value [m], or NaN for none, and draw all of them into an RGB image."""
-        height, extent = image.shape[0], image.shape[1] - 34
-        metre = self._level(1.0)
+    def add(self, time: float, ospa: float) -> None:
+        """Add one value [m], or NaN for none."""
         if not math.isnan(ospa):
             self._points.append((min(time / self._duration, 1.0), self._level(ospa)))
+
+    def draw(self, image: Image) -> None:
+        """Draw all of them into an RGB image."""
+        height, extent = image.shape[0], image.shape[1] - 34
+        metre = self._level(1.0)
         stroke(image, np.array([(0, metre * height), (extent, metre * height)]), FAINT)
         write(image, "1 m", (extent + 6, metre * height), Style(12, FAINT))
         line = np.array(self._points) * [extent, height]

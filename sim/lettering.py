@@ -33,6 +33,18 @@ def width(text: str, style: Style) -> int:
     return int(_mask(text, style.size, style.bold)[0].shape[1]) - 4
 
 
+def wrapped(text: str, room: int, style: Style) -> list[str]:
+    """Lines of the text's words that take `room` pixels at most; those after the first are indented."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}" if lines[-1] else word
+        if width(longer, style) <= room:
+            lines[-1] = longer
+        else:
+            lines.append(f"    {word}")
+    return lines
+
+
 def write(image: Image, text: str, at: tuple[float, float], style: Style, align: float = 0.0) -> None:
     """Write into an RGB image (H, W, 3), vertically centred on `at` (x, y) and moved to fit inside.
 

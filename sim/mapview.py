@@ -117,14 +117,18 @@ class MapView:
         self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
         self._ground = self._draw_ground(forest)
 
-    def draw(self, image: Image, snapshot: Snapshot) -> None:
-        """Draw one snapshot into an RGB image of the map's size."""
+    def follow(self, snapshot: Snapshot) -> None:
+        """Take note of one snapshot, for trails and intents, without drawing it."""
         if snapshot.plans is not None:
             self._plans = (snapshot.time, snapshot.plans)
         self._past.append(snapshot)
+
+    def draw(self, image: Image, snapshot: Snapshot) -> None:
+        """Draw one snapshot into an RGB image of the map's size."""
+        self.follow(snapshot)
         image[:] = self._ground
         for i in snapshot.working:
-            if not self._unlimited and _looks_down(self._cameras[i], snapshot.cameras[i]):
+            if not self._unlimited and looks_down(self._cameras[i], snapshot.cameras[i]):
                 outline = self._pixels(self._cameras[i].footprint(snapshot.cameras[i]))
                 self._draw_view(image, outline, uav_colour(i))
         self._draw_trails(image, snapshot)
@@ -229,7 +233,7 @@ class MapView:
             if i not in snapshot.working:
                 write(image, f"UAV {i}: broken down", (x - 18, y - 18), Style(13, INK, True, PANEL), align=1.0)
                 continue
-            if not self._unlimited and _looks_down(camera, pose):
+            if not self._unlimited and looks_down(camera, pose):
                 x, y = self._pixels(camera.footprint(pose)).min(axis=0) + np.array([24.0, -9.0])
             style = Style(13, _mixed(uav_colour(i), INK, 0.7), True, PANEL)
             write(image, f"UAV {i}", (x, y), style, align=0.5)
@@ -246,7 +250,7 @@ def _fixed(points: Array) -> NDArray[np.int32]:
     return np.asarray(fixed, dtype=np.int32)
 
 
-def _looks_down(camera: Camera, pose: Pose) -> bool:
+def looks_down(camera: Camera, pose: Pose) -> bool:
     """Whether all four edges of the view meet the ground nearby."""
     n = float(camera.pixels)
     corners = np.array([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]])

@@ -7,15 +7,12 @@ Bodies of one mesh share its transparency, so they cannot be hidden one by one, 
 
 from __future__ import annotations
 
-import ctypes
 import functools
 import importlib.util
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 
-from sim.engine import pybullet, silenced
+from sim.engine import pybullet, quiet
 from sim.errors import InputError
 
 MOST_PIXELS = 768  # along an edge: the height of the plug-in's window
@@ -43,7 +40,7 @@ def connect(pixels: int) -> int:
     if _open:
         raise RuntimeError("EGL renders one world at a time: close the other one first")
     client = int(pybullet.connect(pybullet.DIRECT))
-    with _quiet():
+    with quiet():
         pybullet.loadPlugin(_plugin(), _PLUGIN, physicsClientId=client)
         for _ in range(2):  # it prints at both
             pybullet.getCameraImage(16, 16, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL, physicsClientId=client)
@@ -61,7 +58,7 @@ def speck(client: int, place: tuple[float, float, float]) -> int:
 def disconnect(client: int) -> None:
     """Close such a client."""
     _open.discard(client)
-    with _quiet():
+    with quiet():
         pybullet.disconnect(physicsClientId=client)
 
 
@@ -84,13 +81,3 @@ def _plugin() -> str:
     """The plug-in's file, if there is one."""
     found = importlib.util.find_spec("eglRenderer")
     return (found.origin or "") if found else ""
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep off standard output and error what C code writes within the block, and that alone."""
-    c = ctypes.CDLL(None)
-    c.fflush(None)
-    with silenced(1, 2):
-        yield
-        c.fflush(None)

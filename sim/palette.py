@@ -40,3 +40,9 @@ def ink_on(colour: Colour) -> Colour:
     """Black or white, whichever is read better on the colour."""
     red, green, blue = colour
     return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140 else PANEL
+
+
+def on_dark(colour: Colour) -> Colour:
+    """The colour, lightened so that it is read on dark ground."""
+    red, green, blue = (round(channel + 0.45 * (255 - channel)) for channel in colour)
+    return red, green, blue

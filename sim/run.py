@@ -1,4 +1,4 @@
-"""One mission from its parts to its folder: recording, summary, video, OSPA curve and timeline."""
+"""One mission from its parts to its folder: recording, summary, video, page, OSPA curve and timeline."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from sim.plots import ospa_figure
 from sim.plots import save as save_figure
 from sim.recording import Recorder, Recording
 from sim.replay.history import History
+from sim.replay.page import write_page
 from sim.replay.timeline import timeline_figure
 from sim.scenario import resolved
 from sim.snapshot import Snapshot
 from sim.summary import marked, summarise
-from sim.video import Video
+from sim.video import Film, Video
 from sim.warmup import announced, warm_up
 
 Progress = Callable[[Snapshot, Recorder], None]
@@ -80,6 +81,9 @@ def run(
                 planning_s=mission.clock.laps["planning"],
             )
             write_results(folder, recording, summary)
+            if video:
+                shown = folder / "mission.mp4"
+                write_page(recording, trial.scenario, folder / "mission.html", video=shown, place=str(out))
     return summary
 
 
@@ -90,7 +94,8 @@ def _film(trial: Trial, mission: Mission, path: Path | None) -> Iterator[Callabl
         yield lambda snapshot: None
         return
     title = marked(trial.planner, mission.sees_truth)
-    video = Video(path, trial.scenario, mission.forest, planner=title, fps=trial.scenario.rates.sensing)
+    film = Film(trial.scenario, mission.forest, planner=title)
+    video = Video(path, film, fps=trial.scenario.rates.sensing)
 
     def add(snapshot: Snapshot) -> None:
         with mission.clock.measure("video"):

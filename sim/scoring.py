@@ -18,7 +18,15 @@ def visible_pixels(people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
 
 def matched_people(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
     """Which of `count` people (M,) the detections (N, 2) at pixels (u, v) found, each detection at most one."""
-    found = np.zeros(count, dtype=np.bool_)
+    return np.asarray(matched_detections(pixels, people, count) >= 0, dtype=np.bool_)
+
+
+def matched_detections(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
+    """Which of the detections (N, 2) at pixels (u, v) found each of `count` people (M,); -1 for none.
+
+    people (P, P): whose each pixel of the image is, -1 for nobody's.
+    """
+    found = np.full(count, -1)
     rows, columns = np.nonzero(people >= 0)
     if len(rows) == 0 or len(pixels) == 0:
         return found
@@ -30,5 +38,5 @@ def matched_people(pixels: Array, people: NDArray[np.int32], count: int) -> NDAr
     far = GATE * (len(pixels) + 1)  # dearer than all pairs within the gate: as many pairs as there can be
     detections, persons = linear_sum_assignment(np.where(nearest <= GATE, nearest, far))
     close = nearest[detections, persons] <= GATE
-    found[persons[close]] = True
+    found[persons[close]] = detections[close]
     return found

@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
 
@@ -16,8 +17,8 @@ from av.container import OutputContainer
 from av.video.stream import VideoStream
 
 from sim.atomic import unfinished
-from sim.layout import GAP, Box, arrange
-from sim.legend import Sparkline, draw_legend
+from sim.layout import GAP, Box, View, view_of
+from sim.legend import Shown, Sparkline, draw_legend
 from sim.lettering import Image, Style, write
 from sim.mapview import MapView, aspect
 from sim.palette import FAINT, PAPER
@@ -30,8 +31,15 @@ from tracking.visibility import Forest
 
 WIDTH, HEIGHT = 1280, 720
 _HEADER, _LEGEND = 48, 40
+_PANEL = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
 _OPTIONS = {"preset": "veryfast", "crf": "23"}
 _BT601 = 6  # the matrix OpenCV converts with; players must be told, they assume another for HD
+
+
+def parts_of(scenario: Scenario, layout: str = "map+cameras") -> View:
+    """Where a film shows the map and the cameras; `layout` as in `sim.layout.view_of`."""
+    renders = scenario.sensing.mode == "camera"
+    return view_of(_PANEL, aspect(scenario), len(scenario.uavs), layout if renders else "map")
 
 
 class Film:
@@ -40,26 +48,50 @@ class Film:
     Tracks are numbered in the order of their appearance, as their ids are too long to read.
     """
 
-    def __init__(self, scenario: Scenario, forest: Forest, *, planner: str) -> None:
+    def __init__(self, scenario: Scenario, forest: Forest, *, planner: str, layout: str = "map+cameras") -> None:
+        """`layout` as in `sim.layout.view_of`; what is flown with ideal sensing has no cameras to show."""
         self._cameras = [Camera(math.radians(uav.fov_deg), uav.pixels) for uav in scenario.uavs]
         renders = scenario.sensing.mode == "camera"
-        panel = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
-        self._layout = arrange(panel, aspect(scenario), len(scenario.uavs) if renders else 0)
-        self._map = MapView(scenario, forest, (self._layout.map.width, self._layout.map.height))
+        self._view = parts_of(scenario, layout)
+        room = self._view.map or _PANEL  # the map follows what happens, shown or not
+        self._map = MapView(scenario, forest, (room.width, room.height))
         self._planner = planner
         self._numbers: dict[int, int] = {}
         self._sparkline = Sparkline(scenario.duration)
         self._last: dict[int, Image] = {}  # tiles as they were when their cameras last took a frame
         believer = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
-        draw_legend(self._empty[-_LEGEND:, GAP:-GAP], scale=self._map.scale, camera=renders, believer=believer)
+        shown = Shown(self._view.map is not None, bool(self._view.tiles), renders, believer)
+        draw_legend(self._empty[-_LEGEND:, GAP:-GAP], shown, scale=self._map.scale)
+
+    @property
+    def cameras(self) -> tuple[int, ...]:
+        """The UAVs whose images are shown."""
+        return tuple(self._view.tiles)
 
     def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
         """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
         snapshot = self._numbered(snapshot)
         image = self._empty.copy()
-        self._map.draw(image[self._layout.map.slices], snapshot)
-        for i, tile in enumerate(self._layout.tiles):
+        if self._view.map is not None:
+            self._map.draw(image[self._view.map.slices], snapshot)
+        self._draw_tiles(image, snapshot, frames)
+        self._draw_header(image[:_HEADER, GAP:-GAP], snapshot)
+        return image
+
+    def follow(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
+        """Take note of a snapshot that is not shown, so that those after it are drawn as in the whole film.
+
+        `frames` as in `draw`; they matter where a camera is slower than the scans, and only its last one does.
+        """
+        snapshot = self._numbered(snapshot)
+        self._map.follow(snapshot)
+        self._sparkline.add(snapshot.time, snapshot.error)
+        if frames is not None:
+            self._draw_tiles(self._empty.copy(), snapshot, frames)
+
+    def _draw_tiles(self, image: Image, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
+        for i, tile in self._view.tiles.items():
             if i not in snapshot.working:
                 draw_broken(image[tile.slices], i)
                 continue
@@ -68,8 +100,6 @@ class Film:
                 draw_tile(image[tile.slices], snapshot, i, camera=self._cameras[i], frame=frame)
                 self._last[i] = image[tile.slices].copy()
             image[tile.slices] = self._last[i]
-        self._draw_header(image[:_HEADER, GAP:-GAP], snapshot)
-        return image
 
     def _numbered(self, snapshot: Snapshot) -> Snapshot:
         for track in (track for held in snapshot.tracks for track in held):
@@ -86,7 +116,8 @@ class Film:
         write(image, "-" if math.isnan(error) else f"{error:.2f} m", (right - 14, middle), big, align=1.0)
         label = Style(13, FAINT)
         write(image, "OSPA, mean of UAVs", (right - 124, middle), label, align=1.0)
-        self._sparkline.draw(image[6:-4, right:], snapshot.time, error)
+        self._sparkline.add(snapshot.time, error)
+        self._sparkline.draw(image[6:-4, right:])
 
 
 class Video:
@@ -95,12 +126,10 @@ class Video:
     As a context manager it closes at the end of the block, and leaves nothing if the block raises.
     """
 
-    def __init__(
-        self, path: str | os.PathLike[str], scenario: Scenario, forest: Forest, *, planner: str, fps: int
-    ) -> None:
+    def __init__(self, path: str | os.PathLike[str], film: Film, *, fps: int | Fraction) -> None:
         self._path = Path(path)
         self._part = unfinished(self._path)
-        self._film = Film(scenario, forest, planner=planner)
+        self._film = film
         self._container = av.open(str(self._part), "w", format="mp4", options={"movflags": "faststart"})
         self._stream = _stream(self._container, fps)
         self._frames = 0
@@ -119,9 +148,13 @@ class Video:
         if self._frames == 0:
             self.discard()
             return
-        self._container.mux(self._stream.encode(None))
-        self._container.close()
-        os.replace(self._part, self._path)
+        try:
+            self._container.mux(self._stream.encode(None))
+            self._container.close()
+            os.replace(self._part, self._path)
+        except BaseException:
+            self.discard()
+            raise
 
     def discard(self) -> None:
         """Leave nothing behind."""
@@ -140,9 +173,9 @@ class Video:
             self.discard()
 
 
-def _stream(container: OutputContainer, fps: int) -> VideoStream:
+def _stream(container: OutputContainer, fps: int | Fraction) -> VideoStream:
     stream = container.add_stream("libx264", rate=fps, options=_OPTIONS)
     stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
     stream.codec_context.colorspace = _BT601
-    stream.codec_context.gop_size = 5 * fps
+    stream.codec_context.gop_size = math.ceil(5 * fps)
     return stream

@@ -47,13 +47,18 @@ class World:
     The seed gives it its style, which differs from the plain one where the scenario's appearance varies.
     """
 
-    def __init__(self, scenario: Scenario, forest: Forest, people: int, seed: int = 0) -> None:
-        self.opengl = scenario.sensing.mode == "camera" and scenario.sensing.renderer == "egl"
+    def __init__(
+        self, scenario: Scenario, forest: Forest, people: int, seed: int = 0, client: int | None = None
+    ) -> None:
+        """`client` is the engine's client to build in, such as one with a window; without it a new one."""
+        self.opengl = client is None and scenario.sensing.mode == "camera" and scenario.sensing.renderer == "egl"
         self.style = style_of(scenario, seed, trees=len(forest.trees), people=people)
         self._scenario = scenario
         self.trees = forest.trees
         largest = max(uav.pixels for uav in scenario.uavs)
-        self.client: int = opengl.connect(largest) if self.opengl else pybullet.connect(pybullet.DIRECT)
+        if client is None:
+            client = opengl.connect(largest) if self.opengl else pybullet.connect(pybullet.DIRECT)
+        self.client: int = client
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self.client)
         pybullet.setTimeStep(1.0 / scenario.rates.physics, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=self.client)

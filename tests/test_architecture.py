@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("sim", "planning", "tracking", "assets")
 ALLOWED = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}, "sim": set(PACKAGES)}
-ENGINE = {"sim/world.py", "sim/renderer.py", "sim/opengl.py"}
+ENGINE = {"sim/world.py", "sim/renderer.py", "sim/opengl.py", "sim/replay/window.py"}
 PLANNING = {"sim/autopilot.py", "sim/mission.py", "sim/warmup.py", "sim/__main__.py"} | {
     f"sim/study/{name}.py" for name in ("command", "tasks")
 }

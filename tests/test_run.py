@@ -22,7 +22,7 @@ from sim.mission import Trial
 from sim.run import run
 
 ROOT = Path(__file__).parents[1]
-FILES = ["mission.mp4", "mission.npz", "ospa.png", "summary.json", "timeline.png"]
+FILES = ["mission.html", "mission.mp4", "mission.npz", "ospa.png", "summary.json", "timeline.png"]
 
 
 @pytest.fixture(autouse=True)
@@ -59,7 +59,7 @@ def interrupting(*scans):
     return progress
 
 
-def test_a_run_leaves_four_files_that_agree(tmp_path):
+def test_a_run_leaves_files_that_agree(tmp_path):
     setting = load("forest", ["duration=2"])
     summary = run(Trial(setting, "greedy", 3), tmp_path / "deep" / "out")
     assert names(tmp_path) == ["deep"] and names(tmp_path / "deep") == ["out"]
@@ -77,7 +77,7 @@ def test_a_run_leaves_four_files_that_agree(tmp_path):
 
 def test_a_run_can_do_without_video(tmp_path):
     run(trial(), tmp_path / "out", video=False)
-    assert names(tmp_path / "out") == FILES[1:]
+    assert names(tmp_path / "out") == FILES[2:]
 
 
 def test_the_same_seed_gives_the_same_bytes_in_two_processes(tmp_path):

@@ -28,7 +28,7 @@ def mission():
 
 def write_video(path, mission, frames=8):
     setting, trees, snapshots = mission
-    with Video(path, setting, trees, planner="hover", fps=5) as video:
+    with Video(path, Film(setting, trees, planner="hover"), fps=5) as video:
         for snapshot in snapshots[:frames]:
             video.add(snapshot, synthetic.frames(setting, trees, snapshot))
 
@@ -215,7 +215,7 @@ def test_a_video_closed_early_plays(tmp_path, mission):
 
 def test_nothing_appears_before_the_video_is_closed(tmp_path, mission):
     setting, trees, snapshots = mission
-    video = Video(tmp_path / "mission.mp4", setting, trees, planner="hover", fps=5)
+    video = Video(tmp_path / "mission.mp4", Film(setting, trees, planner="hover"), fps=5)
     video.add(snapshots[0], None)
     assert not (tmp_path / "mission.mp4").exists()
     video.close()
@@ -224,7 +224,8 @@ def test_nothing_appears_before_the_video_is_closed(tmp_path, mission):
 
 def test_an_error_or_no_frame_at_all_leaves_nothing(tmp_path, mission):
     setting, trees, snapshots = mission
-    with pytest.raises(ZeroDivisionError), Video(tmp_path / "a.mp4", setting, trees, planner="p", fps=5) as video:
+    film = Film(setting, trees, planner="p")
+    with pytest.raises(ZeroDivisionError), Video(tmp_path / "a.mp4", film, fps=5) as video:
         video.add(snapshots[0], None)
         raise ZeroDivisionError
     write_video(tmp_path / "b.mp4", mission, frames=0)

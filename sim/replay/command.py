@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from sim.atomic import unused
-from sim.console import console, trial_progress
+from sim.console import console, say, trial_progress
 from sim.errors import InputError
 from sim.quantity import interval
 
@@ -27,36 +28,63 @@ def replay(
     rerun: Annotated[
         str | None, typer.Option(metavar="FILE.rrd|spawn", help="Write a file for the Rerun viewer, or open it.")
     ] = None,
+    page: Annotated[
+        bool, typer.Option("--page", help="Make the page again, with the film in DIR if there is one.")
+    ] = False,
     layout: Annotated[
         str | None, typer.Option(metavar="NAME", help="Of the film: map+cameras (as flown), map, cameras, or uav1.")
     ] = None,
     speed: Annotated[str | None, typer.Option(metavar="X", help="2: twice as fast; 0.25: slow motion.")] = None,
     time: Annotated[str | None, typer.Option(metavar="T:T2", help="Only the scans from T to T2.")] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE.mp4", help="New file of the film. Default: replay.mp4 in DIR.")
+        Path | None,
+        typer.Option(metavar="FILE", help="New .mp4, or .html of a page. Default: replay.mp4 or mission.html in DIR."),
     ] = None,
 ) -> None:
-    """Show a recorded mission again: as a film, in PyBullet's window or in the Rerun viewer. Nothing is planned."""
+    """Show a recorded mission again: as film or page, in PyBullet's window or in the Rerun viewer. Nothing is planned."""
     fitting = {"--layout": layout, "--speed": speed, "--time": time, "--out": out}
-    way = _way(video, gui, rerun is not None, [name for name, value in fitting.items() if value is not None])
+    asked = {"--video": video, "--gui": gui, "--rerun": rerun is not None, "--page": page}
+    way = _way(asked, [name for name, value in fitting.items() if value is not None])
     factor = _speed(speed or "1")
-    start, end = (0.0, math.inf) if time is None else _window(time)
-    from sim.frames import find
+    start, end = (0.0, None) if time is None else _window(time)
+    if out is not None:
+        _check_new(out, ".html" if page else ".mp4", "--out")
+    from sim.frames import find, scans_between
 
     recording = find(recorded)
     if rerun is not None:
         _rerun(recording, rerun)
         return
+    folder = recorded if recorded.is_dir() else recorded.parent
+    if page:
+        _page(recording, folder, out or unused(folder / "mission", ".html"))
+        return
+    scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
+    if way == "--gui":
+        from sim.replay.window import show
+
+        show(recording, scans, speed=factor, say=say)
+        return
+    from sim.replay.film import AS_FLOWN, write_film
+
+    path = out or unused(folder / "replay", ".mp4")
+    with trial_progress(len(scans), "scans") as progress:
+        write_film(recording, scans, path, layout=layout or AS_FLOWN, speed=factor, progress=progress)
+    console.print(f"Film: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 
 
-def _way(video: bool, gui: bool, rerun: bool, given: list[str]) -> str:
+def _way(asked: dict[str, bool], given: list[str]) -> str:
     """How to show it; InputError where several ways, or options that do not belong to the one, are asked for."""
-    ways = [name for name, asked in (("--video", video), ("--gui", gui), ("--rerun", rerun)) if asked] or ["--video"]
+    ways = [name for name, wanted in asked.items() if wanted] or ["--video"]
     if len(ways) > 1:
         raise InputError(f"{ways[1]}: not allowed together with {ways[0]}; ask for one at a time")
-    allowed = {"--video": ["--layout", "--speed", "--time", "--out"], "--gui": ["--speed", "--time"], "--rerun": []}
+    allowed = {
+        "--video": ["--layout", "--speed", "--time", "--out"],
+        "--gui": ["--speed", "--time"],
+        "--page": ["--out"],
+    }
     for name in given:
-        if name not in allowed[ways[0]]:
+        if name not in allowed.get(ways[0], []):
             raise InputError(f"{name}: not allowed together with {ways[0]}; it belongs to --video")
     return ways[0]
 
@@ -78,15 +106,36 @@ def _window(text: str) -> tuple[float, float]:
     return start, end
 
 
+def _check_new(path: Path, suffix: str, option: str) -> None:
+    """InputError unless a new file of a kind can be written at `path`."""
+    if path.suffix != suffix:
+        also = ", or spawn" if option == "--rerun" else ""
+        raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
+    if path.exists():
+        raise InputError(f"{option}: {path} exists; name a new file")
+    if not os.access(path.parent, os.W_OK):  # which it is not either where it does not exist
+        raise InputError(f"{option}: {path} cannot be written: no folder {path.parent} to write in")
+
+
+def _page(recording: Recording, folder: Path, path: Path) -> None:
+    """Write the page of a recording that lies in a folder to a new file."""
+    from sim.frames import scenario_of
+    from sim.replay.film import film_of
+    from sim.replay.page import write_page
+
+    with trial_progress(len(recording.times), "scans") as progress:
+        film = film_of(recording, folder / "mission.mp4", progress=progress)
+    write_page(recording, scenario_of(recording), path, video=film, place=str(folder))
+    console.print(f"Page: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
+
+
 def _rerun(recording: Recording, target: str) -> None:
     """Write the recording for the Rerun viewer to a new file, or open it in the viewer."""
     from sim.frames import scenario_of
 
     path = Path(target)
-    if target != "spawn" and path.suffix != ".rrd":
-        raise InputError(f"--rerun: {target!r} is not allowed; expected a new file FILE.rrd, or spawn")
-    if target != "spawn" and path.exists():
-        raise InputError(f"--rerun: {target} exists; name a new file")
+    if target != "spawn":
+        _check_new(path, ".rrd", "--rerun")
     try:
         from sim.replay import rerun_view
     except ImportError as error:

@@ -21,6 +21,8 @@ KINDS = (
     "contact",
     "link lost",
     "link restored",
+    "messages lost",  # all of a scan, from one UAV to another
+    "messages heard",
     "track born",  # recorded tracks are confirmed ones
     "track taken up",
     "track dropped",
@@ -72,23 +74,26 @@ def _contacts(recording: Recording) -> Iterator[Event]:
 
 
 def _links(recording: Recording, scenario: Scenario) -> Iterator[Event]:
-    """When a UAV ceases to hear another for a whole scan, and hears it again; until the start all are heard."""
+    """When links go and come back, and when all messages of a scan over one that is up are lost; first, all are up."""
     uavs = recording.poses.shape[1]
-    heard = ~np.eye(uavs, dtype=np.bool_)
-    for time, working, links in zip(
+    up, silent = ~np.eye(uavs, dtype=np.bool_), np.zeros((uavs, uavs), dtype=np.bool_)
+    for time, works, now in zip(
         recording.times.tolist(), recording.working, links_of(recording, scenario), strict=True
     ):
-        both = working[:, None] & working
-        touch = links.touch & both
-        for kind, changed in (("link lost", heard & ~touch), ("link restored", touch & ~heard)):
-            for i, j in np.argwhere(changed & both).tolist():
-                mutual = bool(changed[j, i])
-                if mutual and j < i:
-                    continue
-                ends = f"UAV {i} and UAV {j}" if mutual else f"UAV {i} from UAV {j}"
-                why = ": every message was lost" if links.up[i, j] else ": out of range, cut or not there"
-                yield Event(time, kind, f"{ends}{why if kind == 'link lost' else ''}")
-        heard = np.where(both, touch, heard)
+        quiet = now.up & ~now.touch
+        for kind, changed, words in (
+            (
+                "link lost",
+                np.triu(up & ~now.up & works & works[:, None]),
+                "UAV {} and UAV {}: too far, cut or not there",
+            ),
+            ("link restored", np.triu(now.up & ~up), "UAV {} and UAV {}"),
+            ("messages lost", quiet & ~silent, "UAV {} hears nothing of UAV {}"),
+            ("messages heard", silent & now.touch, "UAV {} hears UAV {} again"),
+        ):
+            for i, j in np.argwhere(changed).tolist():
+                yield Event(time, kind, words.format(i, j))
+        up, silent = now.up, quiet
 
 
 def _lives(recording: Recording) -> Iterator[Event]:

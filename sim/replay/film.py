@@ -1,0 +1,75 @@
+"""The film of a recorded mission, drawn again from its recording alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from fractions import Fraction
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from sim.errors import InputError
+from sim.frames import Rerenderer, scenario_of
+from sim.lettering import Image
+from sim.loading import did_you_mean
+from sim.recording import Recording
+from sim.scenario import Scenario
+from sim.summary import marked
+from sim.video import Film, Video
+
+AS_FLOWN = "map+cameras"
+
+
+def check_layout(layout: str, scenario: Scenario) -> None:
+    """InputError unless `layout` is one that a mission's film can have."""
+    uavs = [f"uav{i}" for i in range(len(scenario.uavs))]
+    if layout not in (AS_FLOWN, "map", "cameras", *uavs):
+        raise InputError(
+            f"--layout: {layout!r} is unknown; {did_you_mean(layout, [AS_FLOWN, 'map', 'cameras', *uavs])}"
+        )
+    if scenario.sensing.mode == "ideal" and layout not in (AS_FLOWN, "map"):
+        raise InputError(f"--layout: {layout!r} is not allowed, ideal sensing takes no images; expected map")
+
+
+def write_film(
+    recording: Recording,
+    scans: Sequence[int],
+    out: Path,
+    *,
+    layout: str = AS_FLOWN,
+    speed: float = 1.0,
+    progress: Callable[[int], None],
+) -> None:
+    """Write the film of successive scans to the new file `out`, whole or not at all; `progress` is told each scan.
+
+    It has one picture for each scan, shown `speed` times as fast as flown. Those of the whole mission in the layout
+    flown are what `understory run` drew; those of a part are the same pictures, with trails and intents of before.
+    """
+    scenario = scenario_of(recording)
+    check_layout(layout, scenario)
+    film = Film(scenario, recording.forest, planner=marked(recording.planner, recording.sees_truth), layout=layout)
+    with ExitStack() as stack:
+        again = stack.enter_context(Rerenderer(recording)) if film.cameras else None
+
+        def frames(k: int) -> list[Image | None] | None:
+            return again.frames(k, film.cameras) if again else None
+
+        slowest = min(uav.rate or scenario.rates.sensing for uav in scenario.uavs)
+        first, each = scans[0], scenario.rates.sensing // slowest  # of so many scans every camera has one image
+        for k in range(first):
+            film.follow(recording.snapshot(k), frames(k) if k > first - each else None)
+        rate = scenario.rates.sensing * Fraction(speed).limit_denominator(1000)
+        video = stack.enter_context(Video(out, film, fps=rate))
+        for k in scans:
+            video.add(recording.snapshot(k), frames(k))
+            progress(k)
+
+
+def film_of(recording: Recording, beside: Path, *, progress: Callable[[int], None]) -> bytes:
+    """The film that a run makes: the file `beside` the recording, or where there is none, drawn again."""
+    if beside.is_file():
+        return beside.read_bytes()
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "mission.mp4"
+        write_film(recording, range(len(recording.times)), path, progress=progress)
+        return path.read_bytes()

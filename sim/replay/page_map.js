@@ -1,0 +1,185 @@
+// The map: trees, area, people, UAVs with their views, tracks with ellipses and intents of one scan.
+
+const map = { canvas: $("map"), ctx: $("map").getContext("2d"), scale: 1, x: 0, y: 0 };
+
+// The first UAV that works at a scan, or the one that was chosen; -1 if it has broken down.
+function believer(k) {
+  const i = state.who === "" ? data.works[k].indexOf(1) : Number(state.who);
+  return i >= 0 && data.works[k][i] ? i : -1;
+}
+
+function lost(k, m) {
+  return data.people[k][m] !== null && data.holders[k].every((row) => row[m] < 0);
+}
+
+function sizeMap() {
+  const width = map.canvas.parentElement.clientWidth;
+  const aspect = (data.area[0] + 2 * data.margin) / (data.area[1] + 2 * data.margin);
+  const height = Math.min(width / aspect, Math.max(320, 0.5 * innerHeight));
+  fit(map.canvas, width, height);
+}
+
+// Sets where metres go: the whole area, or 40 m round whom the map follows.
+function aim(width, height) {
+  const [kind, index] = state.follow.split(" ");
+  const at = kind === "person" ? data.people[state.k][index] : kind === "UAV" ? data.uavs[state.k][index] : null;
+  const spans = at ? [40, 40] : data.area.map((edge) => edge + 2 * data.margin);
+  map.scale = Math.min(width / spans[0], height / spans[1]);
+  [map.x, map.y] = at || [0, 0];
+}
+
+const px = (x) => map.canvas.clientWidth / 2 + (x - map.x) * map.scale;
+const py = (y) => map.canvas.clientHeight / 2 - (y - map.y) * map.scale;
+
+function drawMap() {
+  const { ctx, canvas } = map;
+  aim(canvas.clientWidth, canvas.clientHeight);
+  ctx.fillStyle = colours.panel;
+  ctx.fillRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+  drawGround(ctx);
+  const k = state.k;
+  data.works[k].forEach((works, i) => works && data.views[k][i] && drawView(ctx, data.views[k][i], uavColour(i)));
+  drawTrails(ctx, k);
+  drawIntents(ctx, k);
+  data.uavs[k].forEach((at, i) => drawUav(ctx, at, i, data.works[k][i], data.views[k][i]));
+  const who = believer(k);
+  if (who >= 0) for (const track of data.tracks[k][who]) drawTrack(ctx, track);
+  data.people[k].forEach((at, m) => at && drawPerson(ctx, at, k, m));
+}
+
+function drawGround(ctx) {
+  const [w, h] = data.area.map((edge) => edge / 2);
+  ctx.strokeStyle = colours.line;
+  ctx.lineWidth = 0.6;
+  for (let x = -Math.floor(w / 10) * 10; x <= w; x += 10) line(ctx, [[x, -h], [x, h]]);
+  for (let y = -Math.floor(h / 10) * 10; y <= h; y += 10) line(ctx, [[-w, y], [w, y]]);
+  ctx.strokeStyle = colours.faint;
+  ctx.lineWidth = 1;
+  ctx.strokeRect(px(-w), py(h), 2 * w * map.scale, 2 * h * map.scale);
+  for (const [x, y, canopy, trunk] of data.trees) {
+    ctx.globalAlpha = 0.6;
+    disc(ctx, px(x), py(y), canopy * map.scale, colours.canopy);
+    ctx.globalAlpha = 1;
+    ring(ctx, px(x), py(y), canopy * map.scale, colours.canopy_edge, 1);
+    disc(ctx, px(x), py(y), Math.max(trunk * map.scale, 1.8), colours.trunk);
+  }
+}
+
+function drawView(ctx, corners, colour) {
+  ctx.beginPath();
+  for (let c = 0; c < 8; c += 2) ctx.lineTo(px(corners[c]), py(corners[c + 1]));
+  ctx.closePath();
+  ctx.globalAlpha = 0.14;
+  ctx.fillStyle = colour;
+  ctx.fill();
+  ctx.globalAlpha = 1;
+  ctx.strokeStyle = colour;
+  ctx.lineWidth = 1.6;
+  ctx.stroke();
+}
+
+function drawTrails(ctx, k) {
+  ctx.strokeStyle = colours.faint;
+  ctx.lineWidth = 1;
+  for (let m = 0; m < data.people[k].length; m++) {
+    const past = [];
+    for (let j = Math.max(0, k - data.trail); j <= k; j++) if (data.people[j][m]) past.push(data.people[j][m]);
+    line(ctx, past);
+  }
+}
+
+// What is left of the last plans, from where each UAV is.
+function drawIntents(ctx, k) {
+  const { times, step, controls } = data.plans;
+  let e = times.length - 1;
+  while (e >= 0 && times[e] > data.times[k] + 1e-6) e--;
+  if (e < 0) return;
+  data.works[k].forEach((works, i) => {
+    if (!works) return;
+    let [x, y] = data.uavs[k][i];
+    const path = [[x, y]];
+    controls[e][i].forEach(([vx, vy], h) => {
+      const left = Math.min(Math.max(times[e] + (h + 1) * step - data.times[k], 0), step);
+      path.push([(x += vx * left), (y += vy * left)]);
+    });
+    ctx.setLineDash([2, 4]);
+    ctx.strokeStyle = uavColour(i);
+    ctx.lineWidth = 2.5;
+    line(ctx, path);
+    ctx.setLineDash([]);
+    ring(ctx, px(x), py(y), 4, uavColour(i), 2);
+  });
+}
+
+// Named at the corner of its view, if that has one.
+function drawUav(ctx, [x, y], i, works, view) {
+  const colour = works ? uavColour(i) : colours.faint;
+  const [u, v] = [px(x), py(y)];
+  for (const [ink, width] of [[colours.panel, 5], [colour, 2.4]]) {
+    ctx.strokeStyle = ink;
+    ctx.lineWidth = width;
+    for (const way of [1, -1]) stroke(ctx, [[u - 6, v - 6 * way], [u + 6, v + 6 * way]]);
+    for (const dx of [-6, 6]) for (const dy of [-6, 6]) ring(ctx, u + dx, v + dy, 2.6, ink, width - 0.6);
+  }
+  if (!works) {
+    ctx.strokeStyle = colours.alarm;
+    ctx.lineWidth = 2.5;
+    for (const way of [1, -1]) stroke(ctx, [[u - 13, v - 13 * way], [u + 13, v + 13 * way]]);
+  }
+  if (!works) write(ctx, `UAV ${i}: broken down`, u + 18, v, colours.ink, "left");
+  else if (view) write(ctx, `UAV ${i}`, px(Math.min(view[0], view[6])), py(Math.max(view[5], view[7])) - 9, colour, "left");
+  else write(ctx, `UAV ${i}`, u, v - 19, colour, "center");
+}
+
+function drawTrack(ctx, [number, x, y, a, b, turn]) {
+  const colour = trackColour(number);
+  ctx.strokeStyle = colour;
+  ctx.lineWidth = 2;
+  ctx.beginPath();
+  ctx.ellipse(px(x), py(y), a * map.scale, b * map.scale, -turn, 0, 2 * Math.PI);
+  ctx.stroke();
+  for (const [ink, width] of [[colours.panel, 4], [colour, 2]]) {
+    ctx.strokeStyle = ink;
+    ctx.lineWidth = width;
+    for (const p of [-1, 1]) for (const q of [-1, 1]) {
+      stroke(ctx, [[px(x) + 4 * p, py(y) + 4 * q], [px(x) + 7.5 * p, py(y) + 7.5 * q]]);
+    }
+  }
+  write(ctx, String(number), px(x) + 9, py(y) - 10, colour, "left");
+}
+
+function drawPerson(ctx, [x, y], k, m) {
+  const [u, v, turn] = [px(x), py(y), data.headings[k][m]];
+  ctx.strokeStyle = colours.ink;
+  ctx.lineWidth = 2;
+  stroke(ctx, [[u, v], [u + 9 * Math.cos(turn), v - 9 * Math.sin(turn)]]);
+  disc(ctx, u, v, 3.4, colours.ink);
+  if (data.codes[k].every((row) => row[m] === OUT || row[m] >= HIDDEN)) disc(ctx, u, v, 1.9, colours.panel);
+  if (lost(k, m)) ring(ctx, u, v, 11, colours.alarm, 2.5);
+  const name = data.people[k].length > 8 ? String(m) : `person ${m}`;
+  if (lost(k, m)) write(ctx, name, u, v + 20, colours.alarm, "center");
+  else if (state.person === m) write(ctx, name, u, v + 20, colours.ink, "center");
+}
+
+// What is nearest to a pixel of the map, in words; "" if nothing is near.
+function named(u, v) {
+  const k = state.k;
+  const who = believer(k);
+  const found = [];
+  const add = (x, y, text, bonus) => found.push([Math.hypot(px(x) - u, py(y) - v) - bonus, text]);
+  data.people[k].forEach((at, m) => at && add(...at, `person ${m}: ${views(k, m)}; ${holders(k, m)}`, 6));
+  data.uavs[k].forEach(([x, y, z], i) => add(x, y, `UAV ${i}${data.works[k][i] ? `, ${z.toFixed(1)} m up` : ", broken down"}`, 4));
+  if (who >= 0) {
+    for (const [number, x, y, a, b] of data.tracks[k][who]) {
+      add(x, y, `track ${number} of UAV ${who}: 95 % within ${a.toFixed(1)} × ${b.toFixed(1)} m`, 4);
+    }
+  }
+  const near = found.filter(([gap]) => gap < 12).sort((one, other) => one[0] - other[0])[0];
+  if (near) return near[1];
+  const t = data.trees.findIndex(([x, y, r]) => Math.hypot(px(x) - u, py(y) - v) < r * map.scale);
+  return t < 0 ? "" : `tree ${t}, canopy of ${data.trees[t][2]} m radius`;
+}
+
+function line(ctx, points) {
+  stroke(ctx, points.map(([x, y]) => [px(x), py(y)]));
+}

@@ -1,0 +1,90 @@
+"""A recorded mission for the Rerun viewer, as a file or in the viewer itself."""
+
+from __future__ import annotations
+
+import os
+import sys
+import uuid
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import rerun as rr
+
+from sim.atomic import whole
+from sim.errors import InputError
+from sim.frames import Rerenderer
+from sim.recording import Recording
+from sim.replay.events import events_of
+from sim.replay.history import History
+from sim.replay.rerun_images import Cameras
+from sim.replay.rerun_layout import layout
+from sim.replay.rerun_scene import Scene, log_ground
+from sim.replay.rerun_series import log_events, log_series, log_states
+from sim.scenario import Scenario
+from sim.summary import marked
+
+Progress = Callable[[object], None]
+
+
+def write(
+    recording: Recording, scenario: Scenario, path: Path, *, progress: Progress, planning_s: Sequence[float] = ()
+) -> None:
+    """Write the file, whole or not at all; `progress` is told each scan.
+
+    planning_s: seconds that each decision took, which the recording does not hold; `summary.json` does.
+    """
+    stream = _stream(recording)
+    try:
+        with whole(path) as part:
+            stream.save(part)
+            _fill(stream, recording, scenario, progress, planning_s)
+            stream.disconnect()  # without it, the end of the file would come when the stream is forgotten
+    except OSError as error:
+        raise InputError(f"--rerun: {path} cannot be written: {error.strerror or error}") from error
+
+
+def spawn(recording: Recording, scenario: Scenario, *, progress: Progress, planning_s: Sequence[float] = ()) -> None:
+    """Open the viewer and show the recording in it; InputError where there is no display or no viewer."""
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise InputError("--rerun: spawn needs a display, and there is none; write a file instead: --rerun FILE.rrd")
+    stream, viewer = _stream(recording), Path(sys.executable).with_name("rerun")
+    try:
+        rr.spawn(recording=stream, executable_path=str(viewer) if viewer.exists() else None)
+    except (RuntimeError, OSError) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise InputError(f"--rerun: the viewer does not start: {reason}; write a file instead") from error
+    _fill(stream, recording, scenario, progress, planning_s)
+    stream.flush()
+
+
+def _stream(recording: Recording) -> rr.RecordingStream:
+    """A stream that is the same recording to the viewer whenever the same mission is shown."""
+    mission = f"{recording.planner} {recording.seed} {recording.scenario}"
+    return rr.RecordingStream("understory", recording_id=uuid.uuid5(uuid.NAMESPACE_OID, mission))
+
+
+def _fill(
+    stream: rr.RecordingStream,
+    recording: Recording,
+    scenario: Scenario,
+    progress: Progress,
+    planning_s: Sequence[float],
+) -> None:
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    stream.send_recording_name(f"{marked(recording.planner, recording.sees_truth)}, seed {recording.seed}")
+    known = len(planning_s) == len(recording.plan_times) > 0
+    stream.send_blueprint(layout(recording, scenario, planning=known))
+    history = History.of(recording, scenario)
+    log_ground(stream, recording, scenario)
+    log_series(stream, recording, planning_s if known else ())
+    log_states(stream, history)
+    log_events(stream, recording, events_of(recording, scenario))
+    with Rerenderer(recording) as again:
+        scene, cameras = Scene(stream, recording, scenario, history.held), Cameras(stream, recording, scenario, again)
+        for k, time in enumerate(recording.times.tolist()):
+            stream.set_time("time", duration=time)
+            stream.set_time("scan", sequence=k)
+            scene.log(k)
+            cameras.log(k)
+            progress(k)

@@ -1,0 +1,154 @@
+"""A recorded mission in PyBullet's own window, to look at from any side."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from sim.engine import pybullet, quiet
+from sim.errors import InputError
+from sim.frames import scenario_of
+from sim.palette import uav_colour
+from sim.recording import Recording
+from sim.scenario import Scenario
+from sim.sensing import camera_of
+from sim.world import World
+from tracking.camera import Camera, Pose
+from tracking.compiled import Array
+
+_SIZE = (1280, 800)
+_GRASS = (0.46, 0.51, 0.36, 1.0)
+_GLASS = 0.22  # opacity of what a camera looks through
+_ENDS = (ord("q"), 27)  # Q and Esc
+_TRIAL = "import pybullet; assert pybullet.connect(pybullet.GUI) >= 0; pybullet.disconnect()"
+
+
+def refusal() -> str:
+    """Why no window can be opened here; empty where one can.
+
+    Where it cannot, the engine ends the process, hence the trial in another one.
+    """
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        return "DISPLAY is not set"
+    command = [sys.executable, "-c", _TRIAL]
+    try:
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+    except subprocess.TimeoutExpired:
+        return "no answer from the display in 60 s"
+    lines = [line for line in done.stderr.splitlines() if line.strip()] or [f"it ends with {done.returncode}"]
+    return lines[-1].strip(" .\t") if done.returncode else ""
+
+
+def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say: Callable[[str], None]) -> None:
+    """Show successive scans in a window, `speed` times as fast as flown; InputError where no window can be opened.
+
+    People and UAVs move evenly between scans. It ends with the last scan, with Q or Esc, or when the window is closed;
+    the space bar stops and goes on.
+    """
+    reason = refusal()
+    if reason:
+        raise InputError(f"--gui: no window can be opened here ({reason}); --video makes a film instead")
+    scenario = scenario_of(recording)
+    with _world(recording, scenario) as world:
+        cones = [_cone(world.client, camera_of(uav), uav.altitude, i) for i, uav in enumerate(scenario.uavs)]
+        _set_scene(world.client, scenario)
+        say("Q or Esc ends it, the space bar stops and goes on; the mouse turns the view with Ctrl held, or zooms.")
+        try:
+            for moment in _moments(world.client, recording.times[list(scans)], speed):
+                _place(world, cones, recording, moment)
+        except pybullet.error:
+            if pybullet.isConnected(physicsClientId=world.client):
+                raise  # else the window was closed
+
+
+@contextmanager
+def _world(recording: Recording, scenario: Scenario) -> Iterator[World]:
+    """The world of a recording in a window; what the engine prints meanwhile goes nowhere."""
+    options = f"--width={_SIZE[0]} --height={_SIZE[1]}"
+    with quiet():
+        client = pybullet.connect(pybullet.GUI, options=options)
+        pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, 0, physicsClientId=client)
+        world = World(scenario, recording.forest, recording.people.shape[1], recording.seed, client)
+        pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, 1, physicsClientId=client)
+    try:
+        yield world
+    finally:
+        with quiet():
+            world.close()
+
+
+def _set_scene(client: int, scenario: Scenario) -> None:
+    """Lay the ground and look at all of it from the south."""
+    width, height = scenario.area.width, scenario.area.height
+    ground = pybullet.createVisualShape(
+        pybullet.GEOM_BOX, halfExtents=(width / 2, height / 2, 0.05), rgbaColor=_GRASS, physicsClientId=client
+    )
+    pybullet.createMultiBody(0.0, -1, ground, (0.0, 0.0, -0.05), physicsClientId=client)
+    for option in (pybullet.COV_ENABLE_GUI, pybullet.COV_ENABLE_SHADOWS, pybullet.COV_ENABLE_KEYBOARD_SHORTCUTS):
+        pybullet.configureDebugVisualizer(option, 0, physicsClientId=client)
+    distance = 0.47 * max(width, height * _SIZE[0] / _SIZE[1])
+    pybullet.resetDebugVisualizerCamera(distance, 0.0, -50.0, (0.0, -0.05 * height, 0.0), physicsClientId=client)
+
+
+def _cone(client: int, camera: Camera, length: float, uav: int) -> int:
+    """A pyramid of coloured glass as a camera at the origin, looking down, sees it; its id."""
+    half = length * math.tan(camera.fov / 2)
+    corners = [[x * half, y * half, -length] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    sides = [index for k in range(4) for index in (0, 1 + k, 1 + (k + 1) % 4)]
+    shape = pybullet.createVisualShape(
+        pybullet.GEOM_MESH,
+        vertices=[[0.0, 0.0, 0.0], *corners],
+        indices=sides,
+        rgbaColor=(*(tone / 255 for tone in uav_colour(uav)), _GLASS),
+        physicsClientId=client,
+    )
+    return int(pybullet.createMultiBody(0.0, -1, shape, physicsClientId=client))
+
+
+def _moments(client: int, times: Array, speed: float) -> Iterator[float]:
+    """The times [s] to show from the first to the last, at the pace of the clock, until a key ends it."""
+    now, before, runs = float(times[0]), time.monotonic(), True
+    yield now
+    while now < times[-1]:
+        time.sleep(0.01)
+        pressed = {key for key, state in pybullet.getKeyboardEvents(physicsClientId=client).items() if state & 2}
+        if pressed.intersection(_ENDS):
+            return
+        runs ^= ord(" ") in pressed
+        clock = time.monotonic()
+        if runs:
+            now = min(now + speed * (clock - before), float(times[-1]))
+            yield now
+        before = clock
+
+
+def _place(world: World, cones: Sequence[int], recording: Recording, moment: float) -> None:
+    """Put all as it was at a time [s] of the recording."""
+    k = min(int(np.searchsorted(recording.times, moment, side="right")) - 1, len(recording.times) - 1)
+    after = min(k + 1, len(recording.times) - 1)
+    share = (moment - recording.times[k]) / (recording.times[after] - recording.times[k]) if after > k else 0.0
+    people = recording.people[k] + share * (recording.people[after] - recording.people[k])
+    people = np.where(np.isnan(people), recording.people[k], people)
+    world.place_people(people, recording.headings[k])
+    world.place_uavs(_poses(recording.poses[k], recording.poses[after], share))
+    for i, pose in enumerate(_poses(recording.cameras[k], recording.cameras[after], share)):
+        place = pose.position if recording.working[k, i] else np.array([0.0, 0.0, -1000.0])
+        pybullet.resetBasePositionAndOrientation(
+            cones[i], place.tolist(), pose.quaternion.tolist(), physicsClientId=world.client
+        )
+
+
+def _poses(rows: Array, following: Array, share: float) -> list[Pose]:
+    """Poses from rows (n, 7) on the way to those that follow."""
+    same = np.sign(np.sum(rows[:, 3:] * following[:, 3:], axis=1, keepdims=True))
+    turned = (1 - share) * rows[:, 3:] + share * same * following[:, 3:]
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    places = (1 - share) * rows[:, :3] + share * following[:, :3]
+    return [Pose(place, quaternion) for place, quaternion in zip(places, turned, strict=True)]

@@ -1,0 +1,268 @@
+"""What is explained of a person: against geometry, the trackers' own numbers, frames without trees, and later flight."""
+
+import re
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from planning.planner import Plan
+from planning.registry import load_planner
+from sim.archive import save
+from sim.frames import Rerenderer
+from sim.loading import load
+from sim.mission import Mission
+from sim.recording import Recorder
+from sim.replay.account import Account
+from sim.replay.association import Association
+from sim.replay.explain import explanation, told
+from sim.replay.explain_panel import draw_explanation
+from sim.replay.history import History
+from sim.replay.outlook import HIDDEN, IN_VIEW, OUTSIDE, outlook
+from sim.replay.witness import Inquiry
+from sim.scenario import resolved
+from sim.scoring import matched_detections, matched_people
+from tracking.kalman import Gaussian
+
+
+def flown(*overrides, planner=None, seed=3, seconds=8):
+    scenario = load("forest", [f"duration={seconds}", *overrides])
+    mission, recorder = Mission(scenario, planner or load_planner("greedy"), seed), Recorder()
+    for snapshot in mission.fly():
+        recorder.add(snapshot)
+    return recorder.recording(scenario=resolved(scenario), planner="greedy", seed=seed, forest=mission.forest), scenario
+
+
+@pytest.fixture(scope="module")
+def mission():
+    """A recording, its scenario, its history and an inquiry."""
+    alarms = ("sensing.false_alarms=3", "sensing.miss_probability=0.2", "tracking.clutter_density=1e-3")
+    recording, scenario = flown("trees.density=60", *alarms)
+    with Inquiry(recording, scenario) as inquiry:
+        yield recording, scenario, History.of(recording, scenario), inquiry
+
+
+def cases(recording):
+    return [(k, m) for k in range(0, len(recording.times), 5) for m in range(recording.people.shape[1])]
+
+
+@pytest.fixture(scope="module")
+def accounts(mission):
+    recording, _, history, inquiry = mission
+    return [Account.of(inquiry, history, k, m) for k, m in cases(recording)]
+
+
+def test_the_whole_of_a_person_is_what_a_forest_without_trees_shows(accounts):
+    hidden = clear = 0
+    for account in accounts:
+        for w in account.witnesses:
+            assert (w.whole is None) == (not w.sighting.inside and not w.sighting.pixels)
+            if w.whole is None:
+                continue
+            assert w.whole >= w.sighting.pixels
+            hidden += w.sighting.pixels == 0 and bool(w.sighting.hidden_by)
+            clear += w.sighting.pixels == w.whole
+            assert w.whole > 0 or w.sighting.pixels == 0
+    assert hidden > 10 and clear >= 10
+    bare, scenario = flown("trees.density=0", seconds=2)
+    with Inquiry(bare, scenario) as inquiry:
+        shown = [(inquiry.witness(k, i, m).whole or 0, bare.visible[k, i, m])
+                 for k, i, m in np.ndindex(*bare.visible.shape)]  # fmt: skip
+    assert all(whole == pixels for whole, pixels in shown) and max(shown)[0] > 5
+
+
+def test_detections_are_found_where_they_were_with_the_error_that_they_had(mission, accounts):
+    recording, count = mission[0], 0
+    for account in accounts:
+        for w in account.witnesses:
+            assert (w.found is not None) == recording.matched[account.k, w.uav, account.person]
+            if w.found is None:
+                continue
+            scan = recording.scan_at(account.k, w.uav)
+            off = scan.measurements[w.found.measurement] - account.place
+            R = scan.covariances[w.found.measurement]
+            assert w.found.error == pytest.approx(np.hypot(*off)) and w.found.error < 3.0
+            assert w.found.sigmas == pytest.approx(np.sqrt(off @ np.linalg.inv(R) @ off))
+            np.testing.assert_array_equal(w.found.pixel, recording.pixels_at(account.k, w.uav)[w.found.measurement])
+            assert w.owners[w.found.measurement] == account.person
+            count += 1
+    assert count > 15
+
+
+def test_who_was_matched_is_whose_detection_it_is():
+    people = np.full((20, 20), -1, dtype=np.int32)
+    people[2:4, 2:4], people[10:13, 10:13] = 1, 0
+    pixels = np.array([[11.5, 11.0], [19.0, 1.0], [3.0, 5.0]])
+    assert matched_detections(pixels, people, 3).tolist() == [0, 2, -1]
+    assert matched_people(pixels, people, 3).tolist() == [True, True, False]
+
+
+def test_in_ideal_sensing_a_measurement_is_the_nearest_persons():
+    recording, scenario = flown("sensing.mode=ideal", "sensing.false_alarms=2", seconds=2)
+    count = 0
+    with Inquiry(recording, scenario) as inquiry:
+        for k, i, m in np.argwhere(recording.matched).tolist():
+            w = inquiry.witness(k, i, m)
+            gaps = np.hypot(*(w.measurements - recording.people[k, m]).T)
+            assert w.whole is None and w.found.pixel is None
+            assert w.found.error == pytest.approx(gaps.min())
+            count += len(w.measurements) > 1
+    assert count > 5
+
+
+def test_weights_and_views_are_those_of_the_association(mission, accounts):
+    recording, scenario = mission[:2]
+    shared = 0
+    for account in accounts:
+        for w in account.witnesses:
+            made = Association.of(recording, scenario, account.k, w.uav)
+            assert len(w.weights) == np.count_nonzero(made.gated)
+            for weight in w.weights:
+                t = made.numbers.tolist().index(weight.track)
+                assert weight.probability == made.beta[t, 1 + weight.measurement]
+                assert weight.sigmas == pytest.approx(made.distances[t, weight.measurement] ** 0.5)
+            assert list(w.visible.values()) == made.before.visible.tolist()
+            shared += len({x.track for x in w.weights}) < len(w.weights)
+    assert shared > 0
+
+
+def test_the_track_is_the_one_that_stands_for_the_person_or_did_last(mission, accounts):
+    recording, _, history, _ = mission
+    order = list(dict.fromkeys(recording.track_ids.tolist()))
+    lost = 0
+    for account in accounts:
+        k, m, holder = account.k, account.person, account.holder
+        held = [(j, t) for j in range(k + 1) for t in history.tracks[j, :, m].tolist() if t >= 0]
+        last = held[-1][0]
+        assert order[holder.number] in {t for j, t in held if j == last}
+        assert holder.until == recording.times[last]
+        assert set(holder.holds) == {i for i in range(3) if history.tracks[k, i, m] == order[holder.number]}
+        first = next(j for j in range(k + 1) for i in range(3)
+                     if order[holder.number] in [t.id for t in recording.tracks_at(j, i)])  # fmt: skip
+        assert holder.since == recording.times[first]
+        lost += last < k
+        uav = holder.holds[0] if holder.holds else 0
+        (track,) = (t for t in recording.tracks_at(k, uav) if t.id == order[holder.number])
+        off, P = track.belief.mean[:2] - account.place, track.belief.covariance[:2, :2]
+        assert holder.error(account.place) == pytest.approx((np.hypot(*off), off @ np.linalg.inv(P) @ off))
+        assert np.prod(holder.axes) ** 2 == pytest.approx(np.linalg.det(P)) and holder.axes[0] >= holder.axes[1]
+    assert lost > 2
+
+
+class Straight:
+    """Flies each UAV straight on for ever."""
+
+    controls = np.array([[3.0, 1.0], [2.0, -1.5], [-1.0, 4.0]])
+
+    def plan(self, team, rng):
+        return [Plan(np.tile(self.controls[s.own.id], (5, 1))) for s in team]
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4])
+def test_what_a_plan_has_in_store_is_what_comes_when_it_is_flown(delay):
+    options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=75", f"network.plan_delay={delay}")
+    recording, scenario = flown(*options, planner=Straight(), seconds=6)
+    history = History.of(recording, scenario)
+    scans, uavs, people = history.inside.shape
+    kinds = set()
+    for k, i, m in np.ndindex(scans, uavs, people):
+        look = outlook(recording, scenario, k, i, m, None)
+        if recording.times[k] < delay:
+            assert look is None
+            continue
+        made = 0.0 if k < 5 else (k - round(5 * delay)) // 5
+        assert look.made == made and look.times[-1] == pytest.approx(made + delay + 5.0)
+        left = min(len(look.times), scans - 1 - k)
+        after = slice(k + 1, k + 1 + left)
+        came = np.where(history.hidden_by[after, i, m] >= 0, HIDDEN, IN_VIEW)
+        np.testing.assert_array_equal(look.person[:left], np.where(history.inside[after, i, m], came, OUTSIDE))
+        np.testing.assert_array_equal(look.person[left:], -1)
+        np.testing.assert_allclose(look.path[:left], recording.poses[after, i, :2], atol=1e-9)
+        kinds |= set(look.person.tolist())
+    assert kinds == {-1, OUTSIDE, HIDDEN, IN_VIEW}
+
+
+def test_a_track_is_in_store_where_its_velocity_takes_it():
+    options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=0")
+    recording, scenario = flown(*options, planner=Straight(), seconds=1)
+    below = np.concatenate([recording.poses[2, 0, :2], Straight.controls[0]])
+    look = outlook(recording, scenario, 2, 0, 0, Gaussian(below, np.eye(4)))
+    assert look.track.tolist() == [IN_VIEW] * 23  # of 5 s from 0 on, 0.4 s have gone
+    other = outlook(recording, scenario, 2, 0, 0, Gaussian(below * [1, 1, -1, -1], np.eye(4)))
+    # They part by 1.2 m east and west a scan; at the height of a person half the view is 9.5 m.
+    assert other.track.tolist() == [IN_VIEW] * 7 + [OUTSIDE] * 16
+
+
+def test_the_words_say_what_is_known(mission, accounts):
+    recording, _, history, _ = mission
+    seen = set()
+    for account in accounts:
+        groups = dict(explanation(account, recording))
+        heading = f"person {account.person} at {recording.times[account.k]:.1f} s"
+        assert list(groups)[:4] == [heading, "UAV 0", "UAV 1", "UAV 2"] and list(groups)[-1] == "intents"
+        text = "\n".join(groups[heading])
+        assert ("held by UAV" in text) == (history.held[account.k, account.person] > 0) != ("lost since" in text)
+        for w in account.witnesses:
+            text = "\n".join(groups[f"UAV {w.uav}"])
+            trees = re.findall(r"^tree (\d+) stands", text, flags=re.M)
+            assert [int(tree) for tree in trees] == list(w.sighting.hidden_by)
+            assert ("detected at pixel" in text) == (w.found is not None)
+            assert (f"shows {w.sighting.pixels} of {w.whole} pixels" in text) == bool(w.whole)
+            seen |= {word for word in ("in the gate of track", "not detected", "too, weight") if word in text}
+        assert len(groups["intents"]) == 3
+    assert seen == {"in the gate of track", "not detected", "too, weight"}
+
+
+def test_a_missions_stretches_are_without_gaps_and_say_who_saw_the_person(mission):
+    recording, _, history, _ = mission
+    for m in range(4):
+        rows = told(history, m)
+        assert rows[0][0] == 0.0 and rows[-1][1] == recording.times[-1]
+        np.testing.assert_allclose([b[0] - a[1] for a, b in zip(rows, rows[1:], strict=False)], 0.2)
+        for first, last, held, seen in rows:
+            for k in range(round(5 * first), round(5 * last) + 1):
+                assert (held == "lost") == (history.held[k, m] == 0)
+                assert ("seen by" in seen) == history.detected[k, :, m].any()
+                trees = {int(tree) for tree in re.findall(r"tree (\d+)", seen)}
+                blind = ~history.shown[k, :, m] & ~history.detected[k, :, m]
+                assert trees == set(history.hidden_by[k, blind, m].tolist()) - {-1}
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("uavs.0.fails_at=0.4", "uavs.2.fails_at=0.4", "uavs.1.rate=1"),
+        ("sensing.mode=ideal", "sensing.field_of_view=unlimited", "tracking.initial_tracks=none"),
+        ("uavs.0.pixels=512", "uavs.1.tilt_deg=30", "tracking.life=existence", "uavs.2.mount=body"),
+    ],
+    ids=["broken and slow", "unlimited", "cameras"],
+)
+def test_pages_of_any_fleet_can_be_drawn(options):
+    recording, scenario = flown(*options, seconds=1)
+    gone = recording.people.copy()
+    gone[4, 1] = np.nan
+    shown, matched = recording.visible.copy(), recording.matched.copy()
+    shown[4, :, 1] = matched[4, :, 1] = 0
+    recording = replace(recording, people=gone, visible=shown, matched=matched)
+    history = History.of(recording, scenario)
+    with Inquiry(recording, scenario) as inquiry:
+        for k, m in ((4, 1), (5, 3)):
+            account = Account.of(inquiry, history, k, m)
+            groups = explanation(account, recording)
+            assert len(groups) == 1 if (k, m) == (4, 1) else len(groups) >= 5
+            page = draw_explanation(inquiry, account, groups)
+            assert page.shape[1] > 1000 and page.std() > 10
+
+
+def test_the_page_shows_the_frame_and_the_pixels_round_the_person(mission, accounts):
+    recording, _, history, inquiry = mission
+    account = next(a for a in accounts if any(w.found for w in a.witnesses))
+    page = draw_explanation(inquiry, account, explanation(account, recording))
+    first = min((w for w in account.witnesses if w.found), key=lambda w: w.away)
+    with Rerenderer(recording) as again:
+        image = again.image(account.k, first.uav)
+    inset = cv2.resize(image, None, fx=10, fy=10, interpolation=cv2.INTER_NEAREST)
+    u, v = np.floor(first.found.pixel).astype(int)
+    part = inset[10 * (v - 2) : 10 * (v + 3), 10 * (u - 2) : 10 * (u + 3)]
+    assert cv2.matchTemplate(page, part, cv2.TM_SQDIFF).min() < 1.0
