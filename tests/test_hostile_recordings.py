@@ -243,7 +243,13 @@ HOSTILE = {
     "a link to nowhere": (lambda path, saved: path.symlink_to("gone"), "holds no mission.npz"),
     "a link to itself": (lambda path, saved: path.symlink_to(path), "holds no mission.npz"),
 }
-COMMANDS = {"frames": ("--uav", "0", "--time", "1"), "export": ("--to", "csv")}
+COMMANDS = {
+    "frames": ("--uav", "0", "--time", "1"),
+    "export": ("--to", "csv"),
+    "replay": ("--video",),
+    "replay page": ("--page",),
+    "explain": ("--time", "1", "--target", "0"),
+}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -251,7 +257,7 @@ COMMANDS = {"frames": ("--uav", "0", "--time", "1"), "export": ("--to", "csv")}
 def test_commands_refuse_a_hostile_file_and_leave_nothing(saved, tmp_path, monkeypatch, capsys, case, command):
     make, reason = HOSTILE[case]
     make(tmp_path / "mission.npz", saved)
-    monkeypatch.setattr(sys, "argv", ["understory", command, str(tmp_path), *COMMANDS[command]])
+    monkeypatch.setattr(sys, "argv", ["understory", command.split()[0], str(tmp_path), *COMMANDS[command]])
     monkeypatch.setattr(sys, "path", list(sys.path))
     with pytest.raises(SystemExit) as end:
         cli.main()
