@@ -50,7 +50,7 @@ class Npz:
             raise ValueError(f"would inflate to {total} bytes; a file of {size} bytes is allowed {most}")
 
     def header(self, name: str) -> tuple[str, tuple[int, ...]]:
-        """Data type, as `<f8`, and shape of an array; KeyError if it is missing, ValueError if it cannot be read."""
+        """Data type, as `<f8`, and shape of an array that is there; ValueError if it cannot be read."""
         try:
             with self._archive.open(f"{name}.npy") as member:
                 prefix = member.read(len(_MAGIC) + 2)
