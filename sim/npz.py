@@ -23,7 +23,17 @@ _PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # others inflate without a 
 _MAGIC = b"\x93NUMPY\x01\x00"
 # What NumPy writes before an array; read as text, never evaluated.
 _HEADER = re.compile(rb"\{'descr': '([^']{1,24})', 'fortran_order': (True|False), 'shape': \(([0-9, ]{0,99})\), \} *\n")
-_DAMAGED = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, RuntimeError, ValueError, OverflowError)
+_DAMAGED = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    ArithmeticError,
+    LookupError,
+)
 
 
 class Npz:
