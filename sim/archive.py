@@ -59,8 +59,10 @@ def _loaded(archive: Npz) -> Recording:
     fields = _fields()
     for name, (_, dtype, shape) in fields.items():
         if name not in lacking:
+            if name not in archive.names:
+                raise ValueError(f"field '{name}' is missing")
             with _about(name):
-                _check(*_header(archive, name), dtype, shape, sizes)
+                _check(*archive.header(name), dtype, shape, sizes)
                 if name == "version":
                     _check_version(int(archive.read(name)))
     values: dict[str, Any] = {}
@@ -82,13 +84,6 @@ def _about(name: str) -> Iterator[None]:
         yield
     except ValueError as error:
         raise ValueError(f"field '{name}': {line(error)}") from error
-
-
-def _header(archive: Npz, name: str) -> tuple[str, tuple[int, ...]]:
-    try:
-        return archive.header(name)
-    except KeyError:
-        raise ValueError("is missing") from None
 
 
 def _check_ours(archive: Npz) -> None:

@@ -23,7 +23,17 @@ _PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # others inflate without a 
 _MAGIC = b"\x93NUMPY\x01\x00"
 # What NumPy writes before an array; read as text, never evaluated.
 _HEADER = re.compile(rb"\{'descr': '([^']{1,24})', 'fortran_order': (True|False), 'shape': \(([0-9, ]{0,99})\), \} *\n")
-_DAMAGED = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, RuntimeError, ValueError, OverflowError)
+_DAMAGED = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    ArithmeticError,
+    LookupError,
+)
 
 
 class Npz:
@@ -50,7 +60,7 @@ class Npz:
             raise ValueError(f"would inflate to {total} bytes; a file of {size} bytes is allowed {most}")
 
     def header(self, name: str) -> tuple[str, tuple[int, ...]]:
-        """Data type, as `<f8`, and shape of an array; KeyError if it is missing, ValueError if it cannot be read."""
+        """Data type, as `<f8`, and shape of an array that is there; ValueError if it cannot be read."""
         try:
             with self._archive.open(f"{name}.npy") as member:
                 prefix = member.read(len(_MAGIC) + 2)
