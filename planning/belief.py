@@ -163,16 +163,37 @@ def transition(P: Array, step: float, noise: Array, information: Array, traces: 
     uu, uv, vv with (u, v) the velocity; information (3 LANES,): xx, xy, yy. `traces` (LANES,) gets those of the
     position block. [Li22] eq. (1) and the covariance part of the Kalman update; with no information P only grows.
     """
+    _predict(P, step, noise, traces)
+    some = 0
+    for k in range(3 * LANES):  # not np.any, which takes longer
+        some |= information[k] != 0.0
+    if some:  # else the update would change nothing, not even the last bit
+        _update(P, information, traces)
+
+
+@compiled
+def _predict(P: Array, step: float, noise: Array, traces: Array) -> None:
+    """The first half of `transition`."""
     drift, both, wander = noise[0], noise[1], noise[2]
+    for k in range(LANES):
+        xu, xv, yu, yv = P[2 * LANES + k], P[3 * LANES + k], P[5 * LANES + k], P[6 * LANES + k]
+        uu, uv, vv = P[7 * LANES + k], P[8 * LANES + k], P[9 * LANES + k]
+        P[k] += step * (2 * xu + step * uu) + drift
+        P[4 * LANES + k] += step * (2 * yv + step * vv) + drift
+        P[LANES + k] += step * (xv + yu + step * uv)
+        P[2 * LANES + k], P[3 * LANES + k] = xu + step * uu + both, xv + step * uv
+        P[5 * LANES + k], P[6 * LANES + k] = yu + step * uv, yv + step * vv + both
+        P[7 * LANES + k], P[9 * LANES + k] = uu + wander, vv + wander
+        traces[k] = P[k] + P[4 * LANES + k]
+
+
+@compiled
+def _update(P: Array, information: Array, traces: Array) -> None:
+    """The second half of `transition`."""
     for k in range(LANES):
         xx, xy, xu, xv, yy = P[k], P[LANES + k], P[2 * LANES + k], P[3 * LANES + k], P[4 * LANES + k]
         yu, yv, uu = P[5 * LANES + k], P[6 * LANES + k], P[7 * LANES + k]
         uv, vv = P[8 * LANES + k], P[9 * LANES + k]
-        xx += step * (2 * xu + step * uu) + drift
-        yy += step * (2 * yv + step * vv) + drift
-        xy += step * (xv + yu + step * uv)
-        xu, xv, yu, yv = xu + step * uu + both, xv + step * uv, yu + step * uv, yv + step * vv + both
-        uu, vv = uu + wander, vv + wander
         jxx, jxy, jyy = information[k], information[LANES + k], information[2 * LANES + k]
         # S⁻¹ = (I + J P_pp)⁻¹ J, which needs no inverse of J and is 0 without information.
         a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
