@@ -43,17 +43,17 @@ def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array) -> 
     """
     normal, noise, steps, mates = drawn
     _, k, H, _ = parents.shape
-    out = np.empty((len(normal), k, H, 2))
+    out = np.zeros((len(normal), k, H, 2))
     for c in range(len(out)):
         plans, mate, kind = out[c], parents[mates[c]], c % KINDS
-        plans[:] = parents[c * len(parents) // len(out)]
+        _mix(plans, parents[c * len(parents) // len(out)], 1.0)
         size, step, j = spread * math.exp(normal[c, 2]), steps[c] // 2 % H, steps[c] // (2 * H)
         if kind == 0:
             _shake(plans, noise[c // KINDS], size * math.sqrt(0.5), max_speeds)
         elif kind < 3:
-            _bend(plans[j], step, size * max_speeds[j] * normal[c, :2], steps[c] % 2 == 0)
+            _bend(plans[j], step, size * max_speeds[j], (normal[c, 0], normal[c, 1]), steps[c] % 2 == 0)
         elif kind == 3:
-            plans += 0.5 * (1.0 + normal[c, 0]) * (mate - plans)
+            _mix(plans, mate, 0.5 * (1.0 + normal[c, 0]))
         elif kind == 4:
             _join(plans[j], mate[j], step, max_speeds[j])
         else:
@@ -62,6 +62,15 @@ def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array) -> 
                 plans[j, step, axis], plans[j, other, axis] = plans[j, other, axis], plans[j, step, axis]
         limit(plans, max_speeds)
     return out
+
+
+@compiled
+def _mix(plans: Array, mate: Array, share: float) -> None:
+    """Move plans (k, H, 2) m/s towards others by a share of the difference; a loop, as slices take much longer."""
+    for j in range(plans.shape[0]):
+        for step in range(plans.shape[1]):
+            for axis in range(2):
+                plans[j, step, axis] += share * (mate[j, step, axis] - plans[j, step, axis])
 
 
 @compiled
@@ -76,12 +85,12 @@ def _shake(plans: Array, noise: Array, size: float, max_speeds: Array) -> None:
 
 
 @compiled
-def _bend(plan: Array, step: int, change: Array, stay: bool) -> None:
-    """Move where a step of a plan (H, 2) m/s leads by `change` (2,); the path after it may stay."""
+def _bend(plan: Array, step: int, size: float, way: tuple[float, float], stay: bool) -> None:
+    """Move where a step of a plan (H, 2) m/s leads some `way`, of a size in m/s; the path after it may stay."""
     for axis in range(2):
-        plan[step, axis] += change[axis]
+        plan[step, axis] += size * way[axis]
         if stay and step + 1 < len(plan):
-            plan[step + 1, axis] -= change[axis]
+            plan[step + 1, axis] -= size * way[axis]
 
 
 @compiled
