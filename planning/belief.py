@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 from planning.planner import Situation, Vehicle
 from planning.view import quadrangle, reach
 from tracking.compiled import Array, compiled
-from tracking.noise import ground_covariance
 from tracking.visibility import TARGET_HEIGHT, Forest, Vector, blocked
 
 LANES = 64  # cameras or covariances that compiled code works on side by side, with the processor's vector instructions
@@ -90,13 +90,16 @@ def may_see(outlook: Outlook, uavs: NDArray[np.int64], boxes: Array) -> NDArray[
     for j in range(len(uavs)):
         for step in range(steps):
             x0, x1, y0, y1 = boxes[j, step, 0], boxes[j, step, 1], boxes[j, step, 2], boxes[j, step, 3]
+            v = views[uavs[j]]
+            a0, b0, a1, b1, a2, b2, a3, b3 = v[0, 0], v[0, 1], v[1, 0], v[1, 1], v[2, 0], v[2, 1], v[3, 0], v[3, 1]
+            c0, c1 = v[0, 2] + max(a0 * x0, a0 * x1) + max(b0 * y0, b0 * y1), v[1, 2] + max(a1 * x0, a1 * x1)
+            c2, c3 = v[2, 2] + max(a2 * x0, a2 * x1), v[3, 2] + max(a3 * x0, a3 * x1)
+            c1, c2, c3 = c1 + max(b1 * y0, b1 * y1), c2 + max(b2 * y0, b2 * y1), c3 + max(b3 * y0, b3 * y1)
             for t in range(targets):
                 for k in range(count):
                     x, y = points[step, t, k, 0], points[step, t, k, 1]
-                    within = True
-                    for side in range(4):
-                        a, b, c = views[uavs[j], side, 0], views[uavs[j], side, 1], views[uavs[j], side, 2]
-                        within &= a * x + b * y - max(a * x0, a * x1) - max(b * y0, b * y1) <= c
+                    within = (a0 * x + b0 * y <= c0) & (a1 * x + b1 * y <= c1)
+                    within &= (a2 * x + b2 * y <= c2) & (a3 * x + b3 * y <= c3)
                     may[step * targets + t] |= within
     return may
 
@@ -110,7 +113,8 @@ def observe(outlook: Outlook, uav: int, cameras: Array, row: int, information: A
     """
     points, quality, offsets = outlook.points, outlook.quality[uav], outlook.offsets
     targets, count, height = points.shape[1], points.shape[2], outlook.positions[uav, 2]
-    east, north = cameras[0], cameras[1]
+    c0, c1, c2, c3, c4, c5 = quality[0], quality[1], quality[2], quality[3], quality[4], quality[5]
+    east, north, least = cameras[0], cameras[1], quality[6]
     some, free = False, np.empty(LANES)
     for k in range(count):
         p, index = points[row // targets, row % targets, k], row * count + k
@@ -120,11 +124,16 @@ def observe(outlook: Outlook, uav: int, cameras: Array, row: int, information: A
             continue
         some = True
         for lane in range(LANES):
-            xx, xy, yy = ground_covariance(x - east[lane], y - north[lane], quality)
-            share = free[lane] / ((xx * yy - xy * xy) * count)
-            information[lane] += yy * share
-            information[LANES + lane] -= xy * share
-            information[2 * LANES + lane] += xx * share
+            # R⁻¹ of `tracking.noise.ground_covariance` in closed form: its eigenvalues are along and across the line.
+            dx, dy = x - east[lane], y - north[lane]
+            square = dx * dx + dy * dy
+            r = max(math.sqrt(square), least)
+            dx, square = (dx, square) if square > 0.0 else (1.0, 1.0)
+            along, across = c0 + r * (c1 + r * c2), c3 + r * (c4 + r * c5)
+            share = free[lane] / (along * across * square * count)
+            information[lane] += (across * dx * dx + along * dy * dy) * share
+            information[LANES + lane] += (across - along) * dx * dy * share
+            information[2 * LANES + lane] += (along * dx * dx + across * dy * dy) * share
     return some
 
 

@@ -10,9 +10,9 @@ from time import perf_counter
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tracking.compiled import Array, compiled
+from planning.moves import chances, distinct, varied
+from tracking.compiled import Array
 
 Objective = Callable[[Array], Array]  # candidates (N, k, H, 2) m/s -> costs (N,)
 
@@ -37,21 +37,20 @@ class Optimizer(Protocol):
 class CrossEntropy:
     """Cross-entropy search whose elites survive and keep apart: never worse than the best plan it is given.
 
-    Each round draws plans round the elites with noise that shrinks from round to round; elites compete with the new
-    plans. Half of the noise is correlated in time (a UAV rarely profits from zigzag); the other half moves one
-    waypoint, or the path from there on, which keeps what the rest of a plan has achieved. Elites whose paths
-    are alike count as one, so that several basins, some of them narrow, live on side by side; a single Gaussian, as in
-    textbook CEM, would average them. Source: [Pinneri20] for elites and coloured noise.
+    Each round changes the elites with noise that shrinks from round to round; elites compete with the new plans. Some
+    of the noise is correlated in time (a UAV rarely profits from zigzag); some moves one waypoint, or the path from
+    there on, which keeps what the rest of a plan has achieved. Other plans are put together from two elites, as in
+    genetic algorithms: one may have seen somebody early, the other late. Elites whose paths are alike count as one, so
+    that several basins, some of them narrow, live on side by side; a single Gaussian, as in textbook CEM, would average
+    them. Source: [Pinneri20] for elites and coloured noise.
     """
 
     evaluations: int = 12_288  # the starts aside
     elites: int = 32
-    rounds: int = 10
+    rounds: int = 13
     spread: float = 1.0  # of the maximum speed, at first
-    shrink: float = 0.7  # of spread and distance, per round
-    apart: float = (
-        0.5  # of the way that maximum speed makes in a step: between elites' paths, root mean square, at first
-    )
+    shrink: float = 0.76  # of spread and distance, per round
+    apart: float = 0.5  # between elites' paths, at first: of the way at maximum speed in a step, root mean square
     # Search anew until so much time is used, and begin no round after it; 0: once. What is found then varies.
     seconds: float = 0.0
 
@@ -68,37 +67,22 @@ class CrossEntropy:
         self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator, *, end: float
     ) -> Found:
         """One search from the starts, which begins no round after `end` [s]."""
-        _, k, H, _ = starts.shape
-        max_speeds = np.ascontiguousarray(np.broadcast_to(max_speeds, k), dtype=float)
+        max_speeds = np.ascontiguousarray(np.broadcast_to(max_speeds, starts.shape[1]), dtype=float)
         pool = limited(starts, max_speeds)
         values = objective(pool)
-        used, population, scale = len(pool), math.ceil(self.evaluations / self.rounds), 1.0
-        for _ in range(self.rounds):
+        used, scale = len(pool), 1.0
+        for k in range(self.rounds):
             if perf_counter() >= end:
                 break
-            order = self._elite(pool, values, scale, max_speeds)
-            pool, values = pool[order], values[order]
-            parents = pool[np.arange(population) * len(pool) // population]
-            normal = rng.standard_normal((population, 2 * k * (H + 1) + 1))
-            moves = rng.integers(2 * k * H, size=population)
-            drawn = _varied(parents, normal, moves, scale * self.spread, max_speeds)
+            population = self.evaluations * (k + 1) // self.rounds - self.evaluations * k // self.rounds
+            elite = distinct(pool, np.argsort(values, kind="stable"), self.elites, scale * self.apart, max_speeds)
+            pool, values = pool[elite], values[elite]
+            drawn = varied(pool, chances(rng, population, pool), scale * self.spread, max_speeds)
             pool, values = np.concatenate([pool, drawn]), np.concatenate([values, objective(drawn)])
             used += population
             scale *= self.shrink
         best = int(np.argmin(values))
         return Found(pool[best], float(values[best]), used)
-
-    def _elite(self, pool: Array, values: Array, scale: float, max_speeds: Array) -> NDArray[np.int64]:
-        """Indices of the best plans of `pool` (N, k, H, 2) whose paths are apart, best first."""
-        _, k, H, _ = pool.shape
-        order = np.argsort(values, kind="stable")
-        for considered in (8 * self.elites, len(order)):  # as a rule these are among the best few
-            first = order[:considered]
-            paths = np.cumsum(pool[first], axis=2) / max_speeds[:, None, None]
-            chosen = _distinct(paths.reshape(len(first), -1), self.elites, k * H * (scale * self.apart) ** 2)
-            if len(chosen) == self.elites:
-                break
-        return np.asarray(first[chosen])
 
 
 @dataclass(frozen=True)
@@ -193,63 +177,3 @@ def limited(plans: Array, max_speeds: Array | float) -> Array:
     speed = np.linalg.norm(plans, axis=-1, keepdims=True)
     most = np.reshape(max_speeds, (-1, 1, 1))
     return np.asarray(plans * np.minimum(1.0, most / np.maximum(speed, 1e-12)))
-
-
-@compiled
-def _distinct(paths: Array, most: int, apart: float) -> NDArray[np.int64]:
-    """Indices of the first rows (N, D) of which each is further than `apart`, squared, from those before it."""
-    chosen, count = np.empty(most, dtype=np.int64), 0
-    for i in range(len(paths)):
-        alike = False
-        for j in range(count):
-            square = 0.0
-            for d in range(paths.shape[1]):
-                square += (paths[i, d] - paths[chosen[j], d]) ** 2
-            if square < apart:
-                alike = True
-                break
-        if not alike:
-            chosen[count] = i
-            count += 1
-            if count == most:
-                break
-    return chosen[:count]
-
-
-@compiled
-def _varied(plans: Array, normal: Array, moves: NDArray[np.int64], spread: float, max_speeds: Array) -> Array:
-    """Plans (N, k, H, 2) m/s with noise of `spread` maximum speeds, times a factor by chance, within the limits.
-
-    Even plans get a constant offset and white noise over the steps, of equal variance. Odd ones have one waypoint
-    moved, with (moves odd) or without the path after it. normal (N, 2 k (H + 1) + 1); moves (N,) below 2 k H.
-    """
-    out = plans.copy()
-    _, k, H, _ = plans.shape
-    for c in range(len(plans)):
-        size = spread * math.exp(normal[c, -1])
-        if c % 2:
-            step, j = moves[c] // 2 % H, moves[c] // (2 * H)
-            for axis in range(2):
-                change = size * max_speeds[j] * normal[c, axis]
-                out[c, j, step, axis] += change
-                if moves[c] % 2 == 0 and step + 1 < H:
-                    out[c, j, step + 1, axis] -= change
-        else:
-            for j in range(k):
-                for step in range(H):
-                    for axis in range(2):
-                        noise = normal[c, 2 * j + axis] + normal[c, 2 * k + 2 * (j * H + step) + axis]
-                        out[c, j, step, axis] += size * max_speeds[j] * noise * math.sqrt(0.5)
-        _limit(out[c], max_speeds)
-    return out
-
-
-@compiled
-def _limit(plans: Array, max_speeds: Array) -> None:
-    """As `limited`, in place, of one joint plan (k, H, 2) m/s."""
-    for j in range(plans.shape[0]):
-        for step in range(plans.shape[1]):
-            speed = math.sqrt(plans[j, step, 0] ** 2 + plans[j, step, 1] ** 2)
-            if speed > max_speeds[j]:
-                plans[j, step, 0] *= max_speeds[j] / speed
-                plans[j, step, 1] *= max_speeds[j] / speed

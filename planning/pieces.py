@@ -30,6 +30,7 @@ _CHOICES = {
 }
 _LEAST = {"horizon": 1, "sweeps": 1, "samples": 1, "beta": 0, "evaluations": 0, "seconds": 0}
 _LEAST |= {"search": 0, "separation": 0}
+_NEEDS = {"order": ("coordination", "sequential"), "samples": ("propagation", "monte-carlo")}
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,12 @@ class Composed:
             if type(value) not in ((int,) if whole else (int, float)) or not least <= value < math.inf:
                 kind = "a whole number" if whole else "a finite number"
                 raise ValueError(f"{name} must be {kind} of at least {least}, is {value!r}")
+        for name, (piece, word) in _NEEDS.items():
+            if getattr(self, name) != getattr(Composed, name) and getattr(self, piece) != word:
+                raise ValueError(
+                    f"{name}={getattr(self, name)} has no effect with {piece} {getattr(self, piece)!r}; "
+                    f"leave it out, or set {piece}={word}"
+                )
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
