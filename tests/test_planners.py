@@ -110,7 +110,7 @@ def test_a_wrong_planner_is_named_in_one_line(name, message, tmp_path, monkeypat
 
 def test_options_choose_the_pieces():
     pieces = load_planner("mcr(horizon=3, samples=7, optimizer=particle-swarm, occlusion=disc, beta=0.25)").composition
-    assert pieces == Composition(3, Sequential(), MonteCarlo(7), 0.25, ParticleSwarm(), "disc")
+    assert pieces == Composition(3, Sequential(), MonteCarlo(7), 0.25, ParticleSwarm(evaluations=10_240), "disc")
     pieces = load_planner("sma-nbo( order = worst-first , sweeps=2,visibility='expected', evaluations=99)").composition
     assert pieces == Composition(5, Sequential("worst-first", 2), Nominal(expected=True), 0.0, CrossEntropy(99), None)
     pieces = load_planner("sma-nbo(optimizer=grid, evaluations=99, seconds=0.5)").composition
