@@ -18,7 +18,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 REFERENCE = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
 INSTALL = ("pip install -e . && understory run", "pip install -e '.[test]' && pytest")
 SHORTER = {"run": ["--duration", "2"], "compare": ["--duration", "1", "--seeds", "0,1"], "frames": ["--time", "1"]}
-SHORTER |= {"check-planner": []}
+SHORTER |= {"check-planner": [], "explain": ["--time", "1"], "replay": ["--time", "1:2"]}
 
 
 def blocks(text):
@@ -35,7 +35,8 @@ def understory(tmp_path, monkeypatch):
     def call(line):
         program, command, *options = shlex.split(line, comments=True)
         assert program == "understory"
-        monkeypatch.setattr(sys, "argv", [program, command, *options, *SHORTER[command]])
+        whole = command == "explain" and "--time" not in options
+        monkeypatch.setattr(sys, "argv", [program, command, *options, *([] if whole else SHORTER[command])])
         main()
 
     return call
