@@ -34,15 +34,18 @@ def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: f
         return [own, *received]
     deleted = _latest([own, *received])
     messages = [_surviving(m, deleted) for m in (own, *received)]
-    roster = _Roster(messages[0], gate, max_speed)
-    slots = [np.arange(len(messages[0].ids)), *(roster.admit(m) for m in messages[1:])]
+    # Whoever hears the same matches the same, in the same order.
+    first, *others = sorted(range(len(messages)), key=lambda k: messages[k].uav)
+    roster = _Roster(messages[first], gate, max_speed)
+    slots = {first: np.arange(len(messages[first].ids)), **{k: roster.admit(messages[k]) for k in others}}
     ids, aliases = roster.names()
     order = np.argsort(ids)
     order = order[np.searchsorted(ids[order], 0) :]
     row = np.full(len(ids) + 1, _NOBODY)  # the last for those left out before
     row[order] = np.arange(len(order))
     out = []
-    for message, slot in zip(messages, slots, strict=True):
+    for k, message in enumerate(messages):
+        slot = slots[k]
         outdated = (message.aliases == 0) & np.isin(slot, roster.renewed)
         rows = np.where(outdated, _NOBODY, row[slot])
         kept = np.flatnonzero(rows != _NOBODY)
