@@ -70,32 +70,37 @@ class Sight:
     def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> Sight:
         """The view of one UAV at scan k."""
         snapshot, forest = recording.snapshot(k), recording.forest
-        numbers = {id_: n for n, id_ in enumerate(dict.fromkeys(recording.track_ids.tolist()))}
+        numbers = recording.track_numbers
         tracks = [tuple(Track(numbers[t.id], t.belief) for t in held) for held in snapshot.tracks]
-        people = _sightings(snapshot, uav, camera_of(scenario.uavs[uav]), forest)
+        people = sightings(recording, scenario, k, uav, camera_of(scenario.uavs[uav]))
         if scenario.sensing.field_of_view == "unlimited":  # who is seen beyond the image is not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
-        if not scenario.has_frame(uav, k):  # nothing was shown to anybody; what would have been, geometry tells
-            people = tuple(replace(p, pixels=int(p.inside and not p.hidden_by), looked=False) for p in people)
         return Sight(scenario, forest, replace(snapshot, tracks=tracks), uav, people)
 
 
-def _sightings(snapshot: Snapshot, uav: int, camera: Camera, forest: Forest) -> tuple[Sighting, ...]:
-    pose, people = snapshot.cameras[uav], snapshot.people
+def sightings(recording: Recording, scenario: Scenario, k: int, uav: int, camera: Camera) -> tuple[Sighting, ...]:
+    """Everybody as a camera where that of a UAV was at scan k had them."""
+    pose, people, forest = recording.scan_at(k, uav).pose, recording.people[k], recording.forest
+    looked = scenario.has_frame(uav, k)
     points = np.column_stack([people, np.full(len(people), TARGET_HEIGHT)])
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
     hiding = forest.hiding(pose.position, np.nan_to_num(points)) & inside[:, None]
-    return tuple(
+    found = tuple(
         Sighting(
             person=m,
             place=(float(people[m, 0]), float(people[m, 1])),
             inside=bool(inside[m]),
             hidden_by=tuple(np.flatnonzero(hiding[m]).tolist()),
-            pixels=int(snapshot.visible[uav, m]),
-            detected=bool(snapshot.matched[uav, m]),
+            pixels=int(recording.visible[k, uav, m]),
+            detected=bool(recording.matched[k, uav, m]),
+            looked=looked,
         )
         for m in range(len(people))
     )
+    if looked:
+        return found
+    # Nothing was shown to anybody; what would have been, geometry tells.
+    return tuple(replace(p, pixels=int(p.inside and not p.hidden_by)) for p in found)
 
 
 def hidden_outlines(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:

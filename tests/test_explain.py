@@ -267,3 +267,59 @@ def test_the_page_shows_the_frame_and_the_pixels_round_the_person(mission, accou
     part = inset[10 * (v - 2) : 10 * (v + 3), 10 * (u - 2) : 10 * (u + 3)]
     tiles = np.ascontiguousarray(page[:, :1060])  # the words aside
     assert cv2.matchTemplate(tiles, part, cv2.TM_SQDIFF).min() < 1.0
+
+
+def test_a_camera_without_limits_has_in_view_whom_it_measured():
+    recording, scenario = flown("sensing.mode=ideal", "sensing.field_of_view=unlimited", seconds=1)
+    far = 0
+    with Inquiry(recording, scenario) as inquiry:
+        for k, i, m in np.ndindex(*recording.matched.shape):
+            w = inquiry.witness(k, i, m)
+            assert w.sighting.status.startswith("in view" if recording.matched[k, i, m] else "hidden by tree")
+            far += w.found is not None and w.away > scenario.uavs[i].footprint
+        page = Account.of(inquiry, History.of(recording, scenario), 0, 0)
+        assert draw_explanation(inquiry, page, explanation(page, recording)).std() > 10
+    assert far > 5
+
+
+def test_between_the_frames_of_a_slow_camera_the_tree_of_the_last_hides():
+    no, yes = np.zeros((4, 1, 1), dtype=bool), np.ones((4, 1, 1), dtype=bool)
+    first = np.array([True, False, False, False])[:, None]
+    history = History(
+        times=np.arange(4) / 5,
+        present=yes[:, 0],
+        working=yes[:, 0],
+        looked=first,
+        inside=first[:, :, None],
+        hidden_by=np.where(first, 7, -1)[:, :, None],
+        shown=no,
+        detected=no,
+        tracks=np.full((4, 1, 1), 3),
+    )
+    assert told(history, 0) == [(0.0, pytest.approx(0.6), "held", "hidden from UAV 0 by tree 7")]
+
+
+def test_stretches_differ_from_those_before_them_in_words(mission):
+    recording, scenario = mission[:2]
+    ospa = recording.ospa.copy()
+    ospa[20:, 1] = np.nan  # UAV 1 breaks down
+    history = History.of(replace(recording, ospa=ospa), scenario)
+    for m in range(history.present.shape[1]):
+        stretches = told(history, m)
+        assert all(one[2:] != other[2:] for one, other in pairwise(stretches))
+        assert (stretches[0][0], stretches[-1][1]) == (history.times[0], history.times[-1])
+
+
+def test_a_lost_track_is_told_of_as_long_as_any_uav_has_it(mission):
+    recording, _, history, inquiry = mission
+    k, m = next((k, m) for k, m in np.argwhere((history.held == 0) & history.present).tolist()
+                if np.any(history.held[:k, m]))  # fmt: skip
+    whole = Account.of(inquiry, history, k, m).holder
+    rows = np.flatnonzero(recording.track_ids_at(k, 0) == list(recording.track_numbers)[whole.number])
+    assert whole.belief is not None and len(rows) == 1
+    ids = recording.track_ids.copy()
+    ids[recording.track_offsets[k * 3] + rows[0]] = ids.max() + 1  # UAV 0 has it under another name
+    renamed = replace(recording, track_ids=ids)
+    with Inquiry(renamed, inquiry.scenario) as other:
+        holder = Account.of(other, history, k, m).holder
+    assert holder.belief is not None and holder.number == whole.number

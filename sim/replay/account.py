@@ -83,21 +83,24 @@ def _holder(recording: Recording, history: History, k: int, person: int) -> Hold
     id_ = int(ids[np.argmax(counts)])
     holds = np.flatnonzero(held[k] == id_).tolist()
     rest = sorted({t for t in held[k].tolist() if t >= 0} - {id_})
-    order = list(dict.fromkeys(recording.track_ids.tolist()))
+    numbers = recording.track_numbers
     first = int(np.searchsorted(recording.track_offsets, np.argmax(recording.track_ids == id_), side="right")) - 1
-    asked = [*holds, *np.flatnonzero(history.working[k]).tolist()]
-    belief, existence = None, float("nan")
-    for i in asked[:1]:
-        rows = [n for n, track in enumerate(recording.tracks_at(k, i)) if track.id == id_]
-        if rows:
-            belief = recording.tracks_at(k, i)[rows[0]].belief
-            existence = float(recording.existence_at(k, i)[rows[0]])
+    belief, existence = _belief(recording, k, [*holds, *np.flatnonzero(history.working[k]).tolist()], id_)
     return Holder(
-        number=order.index(id_),
+        number=numbers[id_],
         holds=tuple(holds),
-        others=tuple((order.index(t), tuple(np.flatnonzero(held[k] == t).tolist())) for t in rest),
+        others=tuple((numbers[t], tuple(np.flatnonzero(held[k] == t).tolist())) for t in rest),
         since=float(recording.times[first // recording.poses.shape[1]]),
         belief=belief,
         existence=existence,
         until=float(recording.times[scans[-1]]),
     )
+
+
+def _belief(recording: Recording, k: int, uavs: list[int], id_: int) -> tuple[Gaussian | None, float]:
+    """A track and its existence after scan k, of the first of the UAVs that has it; None and NaN if none has."""
+    for i in uavs:
+        rows = np.flatnonzero(recording.track_ids_at(k, i) == id_)
+        if len(rows):
+            return recording.tracks_at(k, i)[rows[0]].belief, float(recording.existence_at(k, i)[rows[0]])
+    return None, float("nan")

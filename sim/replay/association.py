@@ -78,8 +78,7 @@ def _assumed(recording: Recording, scenario: Scenario) -> Forest:
 
 
 def _numbers(recording: Recording, ids: Ints) -> Ints:
-    numbers = {id_: n for n, id_ in enumerate(dict.fromkeys(recording.track_ids.tolist()))}
-    return np.array([numbers.get(id_, -1) for id_ in ids.tolist()], dtype=np.int64)
+    return np.array([recording.track_numbers.get(id_, -1) for id_ in ids.tolist()], dtype=np.int64)
 
 
 def _distances(before: Predicted, z: Array, R: Array) -> Array:

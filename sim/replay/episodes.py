@@ -28,6 +28,11 @@ def episodes(values: Ints) -> list[Episode]:
     return [Episode(a, b, int(values[a])) for a, b in zip(firsts, lasts, strict=True)]
 
 
+def trees(history: History) -> Ints:
+    """The tree between each camera and each person in its last frame (K, n, M); -1 for none."""
+    return np.asarray(np.take_along_axis(history.hidden_by, last_looks(history)[:, :, None], axis=0), dtype=np.int64)
+
+
 def lanes(history: History) -> Ints:
     """What each camera made of each person (K, n, M), an index into `STATES`, or `BROKEN`.
 

@@ -41,9 +41,9 @@ class Event(NamedTuple):
     text: str  # tracks under their numbers
 
 
-def events_of(recording: Recording, scenario: Scenario) -> tuple[Event, ...]:
-    """All that happened, in order of time, then of `KINDS`."""
-    history = History.of(recording, scenario)
+def events_of(recording: Recording, scenario: Scenario, history: History | None = None) -> tuple[Event, ...]:
+    """All that happened, in order of time, then of `KINDS`; `history`, if it is known, is not worked out again."""
+    history = history or History.of(recording, scenario)
     found = [
         *_failures(recording, scenario),
         *_contacts(recording),
@@ -171,6 +171,8 @@ def _losses(recording: Recording, history: History) -> Iterator[Event]:
 
 def _whereabouts(history: History, loss: Loss) -> str:
     """Where the cameras had the person when they were lost."""
+    if not history.working[loss.first].any():
+        return "no UAV works"
     state = STATES[history.states[loss.first, loss.person]]
     trees = history.hidden_by[loss.first, :, loss.person]
     behind = [f"from UAV {i} by tree {trees[i]}" for i in np.flatnonzero(trees >= 0).tolist()]

@@ -9,7 +9,7 @@ import numpy as np
 from sim.metrics import HELD
 from sim.recording import Recording
 from sim.replay.account import Account, Holder
-from sim.replay.episodes import BROKEN, HOLDS, episodes, holds, lanes
+from sim.replay.episodes import BROKEN, HOLDS, episodes, holds, lanes, trees
 from sim.replay.history import STATES, History
 from sim.replay.outlook import HIDDEN, IN_VIEW, Outlook
 from sim.replay.witness import Found, Weight, Witness
@@ -177,30 +177,29 @@ def _ahead(look: Outlook, states: Ints) -> str:
 
 
 def told(history: History, person: int) -> list[tuple[float, float, str, str]]:
-    """A person's mission as stretches in which nothing changes: first and last scan [s], who held, and who saw what."""
-    seen, held = lanes(history)[:, :, person], holds(history)[:, person]
-    trees = np.where(seen == STATES.index("hidden"), history.hidden_by[:, :, person], -1)
-    columns = np.column_stack([held, seen, trees])
-    _, kinds = np.unique(columns, axis=0, return_inverse=True)
-    return [
-        (
-            float(history.times[e.first]),
-            float(history.times[e.last]),
-            HOLDS[held[e.first]],
-            _views(seen[e.first], trees[e.first]) if history.present[e.first, person] else "",
+    """A person's mission as stretches of one wording: first and last scan [s], who held, and who saw what."""
+    seen, between = lanes(history)[:, :, person], trees(history)[:, :, person]
+    words = [
+        (HOLDS[hold], _views(*views) if there else "")
+        for hold, there, *views in zip(
+            holds(history)[:, person], history.present[:, person], seen, between, strict=True
         )
-        for e in episodes(np.asarray(kinds).reshape(-1))
+    ]
+    numbers = {text: n for n, text in enumerate(dict.fromkeys(words))}
+    return [
+        (float(history.times[e.first]), float(history.times[e.last]), *words[e.first])
+        for e in episodes(np.array([numbers[text] for text in words], dtype=np.int64))
     ]
 
 
-def _views(seen: Ints, trees: Ints) -> str:
+def _views(seen: Ints, between: Ints) -> str:
     parts = []
     for state, words in (("seen", "seen by"), ("missed", "shown to, not detected by")):
         who = np.flatnonzero(seen == STATES.index(state)).tolist()
         parts += [f"{words} {_uavs(who)}"] if who else []
     hidden = seen == STATES.index("hidden")
-    for tree in np.unique(trees[hidden]).tolist():
-        who = np.flatnonzero(hidden & (trees == tree)).tolist()
+    for tree in np.unique(between[hidden]).tolist():
+        who = np.flatnonzero(hidden & (between == tree)).tolist()
         parts.append(f"hidden from {_uavs(who)}" + (f" by tree {tree}" if tree >= 0 else ""))
     if not parts:
         return "no UAV works" if (seen == BROKEN).all() else "out of view"

@@ -69,7 +69,7 @@ def _frame(inquiry: Inquiry, account: Account, w: Witness) -> Image:
     sight = Sight.of(inquiry.recording, inquiry.scenario, account.k, w.uav)
     image = inquiry.again.image(account.k, w.uav)
     tile = np.asarray(cv2.resize(annotated(image, sight, _TILE), (_TILE, _TILE)), dtype=np.uint8)
-    if w.sighting.pixels and w.sighting.looked:
+    if sight.people[account.person].pixels and w.sighting.looked:
         place = sight.camera.project(sight.pose, np.append(account.place, TARGET_HEIGHT)[None])[0][0]
         _inset(tile, image, place)
     return tile

@@ -68,7 +68,7 @@ class Flight:
     @cached_property
     def events(self) -> tuple[Event, ...]:
         """What happened, in words and in order of time."""
-        return events_of(self.recording, self.scenario)
+        return events_of(self.recording, self.scenario, self.history)
 
     def columns(self, table: str) -> dict[str, NDArray[Any]]:
         """The columns of a table, one of `TABLES`, by names with units; InputError names the nearest."""

@@ -14,6 +14,7 @@ from sim import palette
 from sim.layout import View
 from sim.mapview import ELLIPSE, MARGIN, TRAIL, looks_down
 from sim.recording import Recording
+from sim.replay.episodes import last_looks
 from sim.replay.history import History
 from sim.scenario import Scenario
 from sim.sensing import camera_of
@@ -30,8 +31,7 @@ def page_data(recording: Recording, scenario: Scenario, history: History, parts:
 
     Lists run over scans, then UAVs, then people or tracks; null stands for what is absent or does not work.
     """
-    numbers = {int(id_): n for n, id_ in enumerate(dict.fromkeys(recording.track_ids.tolist()))}
-    forest = recording.forest
+    numbers, forest = recording.track_numbers, recording.forest
     return {
         "area": [scenario.area.width, scenario.area.height],
         "margin": MARGIN,
@@ -62,8 +62,7 @@ def codes(history: History) -> Ints:
     found = np.where(history.inside, HIDDEN + 1 + history.hidden_by, OUT)
     found[history.shown] = MISSED
     found[history.detected] = SEEN
-    last = np.maximum.accumulate(np.where(history.looked, np.arange(len(found))[:, None], 0), axis=0)
-    found = np.take_along_axis(found, last[:, :, None], axis=0)
+    found = np.take_along_axis(found, last_looks(history)[:, :, None], axis=0)
     found[~history.working] = OUT
     return np.where(history.present[:, None, :], found, OUT)
 

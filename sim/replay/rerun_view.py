@@ -104,7 +104,7 @@ def _fill(
     log_ground(stream, recording, scenario)
     log_series(stream, recording, planning_s if known else ())
     log_states(stream, history)
-    log_events(stream, recording, events_of(recording, scenario))
+    log_events(stream, recording, events_of(recording, scenario, history))
     with Rerenderer(recording) as again:
         scene, cameras = Scene(stream, recording, scenario, history.held), Cameras(stream, recording, scenario, again)
         for k, time in enumerate(recording.times.tolist()):

@@ -64,7 +64,7 @@ def columns(name: str, recording: Recording, scenario: Scenario, history: Histor
     if name in ("people", "sightings", "losses"):
         return {"people": _people, "sightings": _sightings, "losses": _losses}[name](recording, history)
     if name == "events":
-        happened = events_of(recording, scenario)
+        happened = events_of(recording, scenario, history)
         times = np.array([event.time for event in happened], dtype=float)
         kinds, texts = ([getattr(event, part) for event in happened] for part in ("kind", "text"))
         return {"time_s": times, "kind": _words(kinds), "text": _words(texts)}

@@ -15,7 +15,8 @@ from sim.recording import Recording
 from sim.replay.association import Association
 from sim.scenario import Scenario
 from sim.scoring import matched_detections, visible_pixels
-from sim.sight import Sight, Sighting
+from sim.sensing import view_of
+from sim.sight import Sighting, sightings
 from sim.snapshot import Ints
 from tracking.compiled import Array
 
@@ -75,16 +76,16 @@ class Inquiry:
 
     def witness(self, k: int, uav: int, person: int) -> Witness:
         """What one UAV had of one person at scan k."""
-        recording = self.recording
-        sight = Sight.of(recording, self.scenario, k, uav)
-        sighting, works = sight.people[person], bool(recording.working[k, uav])
+        recording, view = self.recording, view_of(self.scenario.uavs[uav], self.scenario)
+        sighting = sightings(recording, self.scenario, k, uav, view)[person]
+        works = bool(recording.working[k, uav])
         association = Association.of(recording, self.scenario, k, uav)
-        rows = self._measured(k, uav) if association else np.full(len(sight.people), -1)
+        rows = self._measured(k, uav) if association else np.full(recording.people.shape[1], -1)
         return Witness(
             uav=uav,
             works=works,
             sighting=sighting,
-            away=float(np.hypot(*(recording.people[k, person] - sight.pose.position[:2]))),
+            away=float(np.hypot(*(recording.people[k, person] - recording.cameras[k, uav, :2]))),
             whole=self._whole(k, uav, sighting) if works else None,
             found=self._found(k, uav, person, int(rows[person])),
             owners=_owners(rows, len(recording.measurements_at(k, uav))),
