@@ -76,6 +76,8 @@ def spawn(recording: Recording, scenario: Scenario, *, progress: Progress, plann
 
 def planning_times(summary: Path) -> list[float]:
     """Seconds that each decision took, of a run's `summary.json`; none where that is not there or does not say."""
+    if not summary.is_file():
+        return []
     try:
         return msgspec.json.decode(summary.read_bytes(), type=_Summary).planning_s
     except (OSError, msgspec.MsgspecError):
