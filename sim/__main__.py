@@ -151,6 +151,10 @@ def frames(
     show_files(folder)
 
 
+app.command()(replay)
+app.command()(explain)
+
+
 @app.command()
 def export(
     recorded: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")],
@@ -189,8 +193,6 @@ def scenarios() -> None:
 
 
 app.command()(studies)
-app.command()(replay)
-app.command()(explain)
 
 
 @app.command("check-planner")

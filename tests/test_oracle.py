@@ -127,13 +127,12 @@ def test_a_person_whom_tracks_have_lost_is_looked_for_by_the_oracle_alone():
 def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch):
     titles = []
 
-    class Film:
-        def __init__(self, path, scenario, forest, *, planner, fps):
+    class Film(flights.Film):
+        def __init__(self, scenario, forest, *, planner):
             titles.append(planner)
+            super().__init__(scenario, forest, planner=planner)
 
-        add = close = discard = lambda self, *args: None
-
-    monkeypatch.setattr(flights, "Video", Film)
+    monkeypatch.setattr(flights, "Film", Film)
     setting = load("forest", [*SHORT])
     for name in ("oracle(evaluations=64)", "hover"):
         summary = run(Trial(setting, name, 0), tmp_path / name)
