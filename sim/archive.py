@@ -89,7 +89,8 @@ def _about(name: str) -> Iterator[None]:
 def _check_ours(archive: Npz) -> None:
     """ValueError that shows what an archive holds in which nothing tells a recording's version."""
     if "version" not in archive.names:
-        raise ValueError(f"not a recording: holds {', '.join(archive.names[:5])[:200] or 'nothing'}")
+        names = ", ".join(map(repr, archive.names[:5]))[:200]
+        raise ValueError(f"not a recording: its arrays are {names}" if names else "not a recording: holds nothing")
 
 
 def _fields() -> dict[str, tuple[Any, str, str]]:

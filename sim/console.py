@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -100,6 +101,8 @@ def show_run(summary: Mapping[str, Any], folder: Path) -> None:
     if len(summary["faults"]) > 3:
         console.print(f"All {len(summary['faults'])} faults are in summary.json.")
     show_files(folder)
+    asked = f"understory explain {shlex.quote(str(folder))}"
+    console.print(f"Who was lost when, and why: [bold]{escape(asked)}[/bold]", soft_wrap=True)
 
 
 def show_files(folder: Path) -> None:

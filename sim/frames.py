@@ -102,7 +102,7 @@ def find(folder: Path) -> Recording:
     try:
         path = folder / "mission.npz" if folder.is_dir() else folder
         if not path.exists():
-            raise InputError(f"{folder} " + ("holds no mission.npz" if folder.is_dir() else "does not exist"))
+            raise InputError(f"{folder} " + (_holds(folder) if folder.is_dir() else "does not exist"))
         recording = load(path)
         scenario_of(recording)
     except OSError as error:
@@ -110,6 +110,13 @@ def find(folder: Path) -> Recording:
     except ValueError as error:
         raise InputError(f"DIR: {error}") from error
     return recording
+
+
+def _holds(folder: Path) -> str:
+    """What a folder without a recording is instead."""
+    if (folder / "study.sqlite").exists():
+        return "is a study's; its report.html has the commands that fly trials again, `--keep recordings` keeps them"
+    return "holds no mission.npz"
 
 
 def scans_between(recording: Recording, start: float, end: float | None) -> list[int]:

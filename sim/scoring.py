@@ -24,13 +24,15 @@ def matched_people(pixels: Array, people: NDArray[np.int32], count: int) -> NDAr
 def matched_detections(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
     """Which of the detections (N, 2) at pixels (u, v) found each of `count` people (M,); -1 for none.
 
-    people (P, P): whose each pixel of the image is, -1 for nobody's.
+    people (P, P): whose each pixel of the image is, -1 for nobody's. A detector may place whom the edge cuts
+    outside the image; what counts then is the nearest place inside.
     """
     found = np.full(count, -1)
     rows, columns = np.nonzero(people >= 0)
     if len(rows) == 0 or len(pixels) == 0:
         return found
-    gap = np.hypot(pixels[:, :1] - (columns + 0.5), pixels[:, 1:] - (rows + 0.5))
+    inside = np.clip(pixels, 0.0, people.shape[::-1])
+    gap = np.hypot(inside[:, :1] - (columns + 0.5), inside[:, 1:] - (rows + 0.5))
     owners = people[rows, columns]
     nearest = np.full((len(pixels), count), np.inf)
     for person in np.unique(owners):

@@ -230,7 +230,7 @@ HOSTILE = {
         "compressed otherwise than by deflate",
     ),
     "two members of one name": (twice, "two members of one name"),
-    "another tool's": (other_tool, "not a recording: holds arr_0, weights"),
+    "another tool's": (other_tool, "not a recording: its arrays are 'arr_0', 'weights'"),
     "nothing": (lambda path, saved: path.write_bytes(b""), "not a recording: is no npz archive"),
     "an archive of nothing": (lambda path, saved: archive(path, []), "not a recording: holds nothing"),
     "half a recording": (

@@ -33,9 +33,10 @@ def test_its_commands_say_what_it_shows(tmp_path, monkeypatch, capsys):
             cli.main()
             told += [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert quoted > 15
-    made = {path.name for path in tmp_path.iterdir()}
-    assert made == {"docs", "runs", "timeline.png", "lost.png", "before.png", "frames", "plan.png", "regained.mp4"}
-    assert len(list((tmp_path / "frames").iterdir())) == 10
+    made = {path.name for path in (tmp_path / "runs").iterdir()}
+    pictures = {"timeline.png", "lost.png", "before.png", "frames", "plan.png", "regained.mp4"}
+    assert made == {"grove", "grove-oracle", *pictures}
+    assert len(list((tmp_path / "runs" / "frames").iterdir())) == 10
 
 
 def test_the_recording_is_of_the_scenario(tmp_path):

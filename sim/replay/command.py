@@ -65,8 +65,10 @@ def replay(
 
         show(recording, scans, speed=factor, say=say)
         return
-    from sim.replay.film import AS_FLOWN, write_film
+    from sim.frames import scenario_of
+    from sim.replay.film import AS_FLOWN, check_layout, write_film
 
+    check_layout(layout or AS_FLOWN, scenario_of(recording))
     path = out or unused(folder / "replay", ".mp4")
     with trial_progress(len(scans), "scans") as progress:
         write_film(recording, scans, path, layout=layout or AS_FLOWN, speed=factor, progress=progress)

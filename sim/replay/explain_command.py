@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -44,7 +45,7 @@ def explain(
     folder = recorded if recorded.is_dir() else recorded.parent
     history = History.of(recording, scenario_of(recording))
     if scan is None:
-        _whole(recording, history, person, out or folder / "timeline.png")
+        _whole(recording, history, person, out or folder / "timeline.png", recorded)
         return
     assert person is not None
     name = f"explain-target{person}-{recording.times[scan]:.1f}s"
@@ -106,7 +107,7 @@ def _print(groups: list[Group]) -> None:
             console.print(f"  {escape(fact)}", soft_wrap=True)
 
 
-def _whole(recording: Recording, history: History, person: int | None, path: Path) -> None:
+def _whole(recording: Recording, history: History, person: int | None, path: Path, recorded: Path) -> None:
     """Print the whole mission of one person or all, and draw its timeline unless it is there."""
     from sim.plots import save
     from sim.replay.explain import told
@@ -129,3 +130,9 @@ def _whole(recording: Recording, history: History, person: int | None, path: Pat
     if not path.exists():
         save(timeline_figure(history, recording.ospa), path)
     console.print(f"Timeline: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
+    lost = [loss for loss in history.losses if loss.person in people]
+    if lost:
+        longest = max(lost, key=lambda loss: loss.last - loss.first)
+        asked = f"understory explain {shlex.quote(str(recorded))} --target {longest.person}"
+        time = f"--time {history.times[longest.first]:.1f}"
+        console.print(f"The longest loss: [bold]{escape(asked)} {time}[/bold]", soft_wrap=True)
