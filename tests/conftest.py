@@ -1,5 +1,6 @@
-"""Random situations for tests of planning."""
+"""What tests of several parts need."""
 
+import signal
 from collections.abc import Callable
 
 import pytest
@@ -14,3 +15,11 @@ Team = Callable[..., list[Situation]]
 def random_team() -> Team:
     """Situations of a team whose members hold the same beliefs, in a random forest."""
     return specimen_team
+
+
+@pytest.fixture
+def heard():
+    """Ctrl-C reaches these tests, and the processes they start, also where the shell that runs them ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)

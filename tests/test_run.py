@@ -21,16 +21,9 @@ from sim.loading import load
 from sim.mission import Trial
 from sim.run import run
 
+pytestmark = pytest.mark.usefixtures("heard")
 ROOT = Path(__file__).parents[1]
 FILES = ["mission.html", "mission.mp4", "mission.npz", "ospa.png", "summary.json", "timeline.png"]
-
-
-@pytest.fixture(autouse=True)
-def heard():
-    """Ctrl-C reaches these tests, and the processes they start, also where the shell that runs them ignores it."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 def trial(*overrides, duration=2, planner="hover"):

@@ -109,6 +109,7 @@ def test_killed_twice_while_it_flies(killed):
     assert 2 <= kept < total
 
 
+@pytest.mark.usefixtures("heard")
 def test_ctrl_c_in_a_terminal_ends_all_processes_in_one_line(tmp_path):
     (tmp_path / "killed.toml").write_text(FILE.format(seeds="0-99"))
     words = ["compare", str(tmp_path / "killed.toml"), "--out", str(tmp_path / "out"), "--workers", "1"]
