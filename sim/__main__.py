@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import signal
@@ -70,6 +71,8 @@ See what there is; yours are --planner module:Class and a file.toml:
 
 All options of a command:
   [bold]understory run --help[/bold]"""
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # a full disk, or one that fails
 
 
 class Commands(TyperGroup):
@@ -230,6 +233,10 @@ def main() -> None:
         fail(str(error), code=2)
     except (KeyboardInterrupt, typer.Abort):
         fail("interrupted; nothing is kept", code=1)
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise
+        fail(f"{error.filename or 'a file'}: {error.strerror}; nothing is kept", code=1)
     except Exception as error:
         # Typer's own complaints about arguments; their class differs between its versions.
         if not hasattr(error, "format_message"):

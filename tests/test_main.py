@@ -1,5 +1,6 @@
 """The command line: what it answers, and how it refuses wrong input."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -200,3 +201,20 @@ def test_an_error_is_the_only_output_of_a_real_process(tmp_path):
     assert done.returncode == 2
     assert done.stderr.startswith("understory: trees.density = 9000") and done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_one_line_and_other_errors_of_files_are_not_hidden(call, monkeypatch):
+    def full(number):
+        def save(recording, path):
+            raise OSError(number, os.strerror(number), "mission.npz")
+
+        return save
+
+    monkeypatch.setattr("sim.run.save", full(errno.ENOSPC))
+    words = ["run", "--duration", "1", "--no-video", "--planner", "hover", "--set", "sensing.mode=ideal", "--out", "r"]
+    code, _, err = call(*words)
+    assert (code, err) == (1, "understory: mission.npz: No space left on device; nothing is kept\n")
+    assert not list(Path().iterdir())
+    monkeypatch.setattr("sim.run.save", full(errno.ENOENT))
+    with pytest.raises(FileNotFoundError):
+        call(*words)

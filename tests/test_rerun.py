@@ -204,7 +204,7 @@ def test_a_file_that_was_not_written_to_its_end_does_not_appear(recording, tmp_p
         raise RuntimeError("File-writer thread shut down prematurely")  # what a full disk comes to
 
     monkeypatch.setattr(rr.RecordingStream, "flush", full)
-    with pytest.raises(OSError, match=r"a\.rrd cannot be written"):
+    with pytest.raises(OSError, match=r"cannot be written.*a\.rrd"):
         rerun_view.write(recording, scenario_of(recording), tmp_path / "a.rrd", progress=lambda k: None)
     assert list(tmp_path.iterdir()) == []
 

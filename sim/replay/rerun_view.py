@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import uuid
@@ -57,7 +58,7 @@ def _flush(stream: rr.RecordingStream, path: Path) -> None:
     try:
         stream.flush()
     except (RuntimeError, ValueError) as error:
-        raise OSError(f"{path} cannot be written: {error}") from error
+        raise OSError(errno.EIO, f"cannot be written: {error}", str(path)) from error
 
 
 def spawn(recording: Recording, scenario: Scenario, *, progress: Progress, planning_s: Sequence[float] = ()) -> None:
