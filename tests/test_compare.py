@@ -5,9 +5,9 @@ import sys
 from contextlib import contextmanager
 
 import pytest
+from commands import called
 from studies import Serial
 
-from sim import __main__ as cli
 from sim import console
 from sim.study import command
 from sim.study.progress import pace
@@ -36,14 +36,7 @@ def call(tmp_path, monkeypatch, capsys):
 
         if "--dask" not in arguments:
             monkeypatch.setattr(command, "_backend", flown)
-        monkeypatch.setattr(sys, "argv", ["understory", *arguments])
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as end:
-            code = end.code or 0
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
+        return called([*arguments], monkeypatch, capsys)
 
     return run
 

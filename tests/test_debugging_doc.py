@@ -6,22 +6,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from commands import called
 
 from sim import __main__ as cli
 from sim import console
 
 TEXT = (Path(__file__).parents[1] / "docs" / "debugging.md").read_text(encoding="utf-8")
-
-
-def called(arguments, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["understory", *arguments])
-    try:
-        cli.main()
-        code = 0
-    except SystemExit as end:
-        code = end.code or 0
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
 
 
 @pytest.fixture

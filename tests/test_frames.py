@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 import synthetic
+from commands import called
 
-from sim import __main__ as cli
 from sim import frames as module
 from sim.archive import load, save
 from sim.errors import InputError
@@ -247,14 +247,7 @@ def call(tmp_path, monkeypatch, capsys):
     (tmp_path / "junk.npz").write_bytes(b"junk")
 
     def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["understory", "frames", *arguments])
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as end:
-            code = end.code
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
+        return called(["frames", *arguments], monkeypatch, capsys)
 
     return run
 

@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from commands import called
 
 from planning.registry import PLANNERS
-from sim import __main__ as cli
 from sim import console
 from sim.loading import SCENARIOS
 
@@ -29,14 +29,7 @@ def call(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(console.console, "width", 80)
 
     def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["understory", *arguments])
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as end:
-            code = end.code or 0
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
+        return called([*arguments], monkeypatch, capsys)
 
     return run
 

@@ -12,8 +12,8 @@ import av
 import numpy as np
 import pytest
 import synthetic
+from commands import called
 
-from sim import __main__ as cli
 from sim.archive import load, save
 from sim.atomic import unused
 from sim.errors import InputError
@@ -54,14 +54,7 @@ def call(flown, tmp_path, monkeypatch, capsys):
     shutil.copy(flown / "mission.npz", tmp_path / "run")
 
     def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["understory", "replay", *arguments])
-        try:
-            cli.main()
-            code = 0
-        except SystemExit as end:
-            code = end.code
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
+        return called(["replay", *arguments], monkeypatch, capsys)
 
     return run
 

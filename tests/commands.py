@@ -1,0 +1,17 @@
+"""The command line, called within the process of a test."""
+
+import sys
+
+from sim import __main__ as cli
+
+
+def called(arguments, monkeypatch, capsys):
+    """Exit code, standard output and standard error of `understory` with these arguments."""
+    monkeypatch.setattr(sys, "argv", ["understory", *arguments])
+    try:
+        cli.main()
+        code = 0
+    except SystemExit as end:
+        code = end.code or 0
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
