@@ -72,21 +72,21 @@ def _near(
         share = np.clip((cylinders[:, 4] - TARGET_HEIGHT) / height, 0.0, 1.0)
         gap = np.linalg.norm(points[:, :2] - v.position[:2], axis=1).max(initial=0.0) + v.max_speed * duration
         farthest = np.maximum(farthest, share * min(reach(v), gap))
-    gap = np.hypot(points[:, None, 0] - cylinders[:, 0], points[:, None, 1] - cylinders[:, 1])
-    rows, columns = np.nonzero(gap <= cylinders[:, 2] + farthest)
+    square = (points[:, None, 0] - cylinders[:, 0]) ** 2 + (points[:, None, 1] - cylinders[:, 1]) ** 2
+    rows, columns = np.nonzero(square <= (cylinders[:, 2] + farthest) ** 2)
     offsets = np.searchsorted(rows, np.arange(len(points) + 1)).astype(np.int64)
     return np.ascontiguousarray(cylinders[columns]), offsets
 
 
 @compiled
 def may_see(outlook: Outlook, uavs: NDArray[np.int64], boxes: Array) -> NDArray[np.bool_]:
-    """Whether, from anywhere in the boxes (k, H, 4) m: x0, x1, y0, y1, any of k UAVs may see each target (H T,).
+    """Whether, from anywhere in the boxes (k, H, 4) m: x0, x1, y0, y1, any of k UAVs may see each point (H T, K).
 
     Rows count (step, target) pairs. A bound at little cost: no is certain, yes is not.
     """
     points, views = outlook.points, outlook.views
     steps, targets, count = points.shape[0], points.shape[1], points.shape[2]
-    may = np.zeros(steps * targets, dtype=np.bool_)
+    may = np.zeros((steps * targets, count), dtype=np.bool_)
     for j in range(len(uavs)):
         for step in range(steps):
             x0, x1, y0, y1 = boxes[j, step, 0], boxes[j, step, 1], boxes[j, step, 2], boxes[j, step, 3]
@@ -100,16 +100,16 @@ def may_see(outlook: Outlook, uavs: NDArray[np.int64], boxes: Array) -> NDArray[
                     x, y = points[step, t, k, 0], points[step, t, k, 1]
                     within = (a0 * x + b0 * y <= c0) & (a1 * x + b1 * y <= c1)
                     within &= (a2 * x + b2 * y <= c2) & (a3 * x + b3 * y <= c3)
-                    may[step * targets + t] |= within
+                    may[step * targets + t, k] |= within
     return may
 
 
 @compiled
-def observe(outlook: Outlook, uav: int, cameras: Array, row: int, information: Array) -> bool:
+def observe(outlook: Outlook, uav: int, cameras: Array, row: int, near: NDArray[np.bool_], information: Array) -> bool:
     """Add R⁻¹ (xx, xy, yy) to `information` (3 LANES,) of a target that a UAV sees from `cameras` (2, LANES) m.
 
-    row: counts (step, target) pairs. Visibility is that of the points where the target may be, all or nothing for
-    each; each adds its share. Returns whether it is seen from any of the cameras.
+    row: counts (step, target) pairs; near (H T, K): which points are worth a look. Visibility is that of the points
+    where the target may be, all or nothing for each; each adds its share. Returns whether any camera sees it.
     """
     points, quality, offsets = outlook.points, outlook.quality[uav], outlook.offsets
     targets, count, height = points.shape[1], points.shape[2], outlook.positions[uav, 2]
@@ -117,6 +117,8 @@ def observe(outlook: Outlook, uav: int, cameras: Array, row: int, information: A
     east, north, least = cameras[0], cameras[1], quality[6]
     some, free = False, np.empty(LANES)
     for k in range(count):
+        if not near[row, k]:
+            continue
         p, index = points[row // targets, row % targets, k], row * count + k
         x, y = p[0], p[1]
         blockers = outlook.blockers[offsets[index] : offsets[index + 1]]

@@ -37,20 +37,20 @@ def weighted_trace_penalty(targets: Array, traces: Array, sensors: Array, views:
     busy[:, :2] = sensors
     seen, order = np.zeros(len(targets), dtype=np.bool_), np.arange(len(targets))
     for i in range(len(sensors)):
-        cover(targets, seen, sensors[i], views, i)
+        cover(targets, seen, sensors, views, i)
     penalty, last, target = penalise(targets, traces, seen, busy, views, order)
     if last >= 0:
-        _move(busy[last], targets[target], views, last)
+        _move(busy, last, targets, target, views)
     sensors[:] = busy[:, :2]
     return penalty
 
 
 @compiled
-def cover(targets: Array, seen: NDArray[np.bool_], sensor: Array, views: Array, uav: int) -> None:
+def cover(targets: Array, seen: NDArray[np.bool_], sensors: Array, views: Array, uav: int) -> None:
     """Mark in `seen` (T,) the targets (T, 2 or 3) m that a UAV's sensor at (2,) m has in its field of view."""
     for t in range(len(targets)):
         if not seen[t]:
-            seen[t] = inside(views, uav, targets[t, 0] - sensor[0], targets[t, 1] - sensor[1])
+            seen[t] = inside(views, uav, targets[t, 0] - sensors[uav, 0], targets[t, 1] - sensors[uav, 1])
 
 
 @compiled
@@ -68,8 +68,8 @@ def penalise(
         if seen[t]:
             continue
         if mover >= 0:
-            _move(sensors[mover], targets[moved_to], views, mover)
-        nearest, shortest = _nearest(targets[t], sensors, views)
+            _move(sensors, mover, targets, moved_to, views)
+        nearest, shortest = _nearest(targets, t, sensors, views)
         if sensors[nearest, 2] == 0.0:
             penalty += shortest * traces[t]
         sensors[nearest, 2] += shortest
@@ -92,11 +92,11 @@ def matching(targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Ar
 
 
 @compiled
-def _move(sensor: Array, target: Array, views: Array, uav: int) -> None:
+def _move(sensors: Array, uav: int, targets: Array, t: int, views: Array) -> None:
     """Move a sensor to where its field of view just covers the target."""
-    x, y = shortest_move(views, uav, target[0] - sensor[0], target[1] - sensor[1])
-    sensor[0] += x
-    sensor[1] += y
+    x, y = shortest_move(views, uav, targets[t, 0] - sensors[uav, 0], targets[t, 1] - sensors[uav, 1])
+    sensors[uav, 0] += x
+    sensors[uav, 1] += y
 
 
 @compiled
@@ -114,10 +114,12 @@ def _sort(order: NDArray[np.int64], traces: Array) -> None:
 
 
 @compiled
-def _nearest(target: Array, sensors: Array, views: Array) -> tuple[int, float]:
+def _nearest(targets: Array, t: int, sensors: Array, views: Array) -> tuple[int, float]:
     best, shortest, total = 0, 0.0, np.inf
     for i in range(len(sensors)):
-        dx, dy = target[0] - sensors[i, 0] - views[i, 4, 0], target[1] - sensors[i, 1] - views[i, 4, 1]
+        if sensors[i, 2] >= total:
+            continue
+        dx, dy = targets[t, 0] - sensors[i, 0] - views[i, 4, 0], targets[t, 1] - sensors[i, 1] - views[i, 4, 1]
         d = math.sqrt(dx * dx + dy * dy)
         if sensors[i, 2] + d < total:
             best, shortest, total = i, d, sensors[i, 2] + d

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.belief import LANES, Outlook, may_see, observe, transition
-from planning.mwtp import cover, penalise
+from planning.mwtp import cover
+from planning.penalties import Desk, desk, hide, penalties
 from tracking.compiled import Array, compiled
 
 _TRIANGLE = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
@@ -85,13 +86,16 @@ def _costs(outlook: Outlook, rest: _Rest, own: Array, beta: float, samples: int)
     result = np.empty(len(own))
     steps, targets = outlook.points.shape[0], outlook.points.shape[1]
     flight = _Flight(np.empty((len(rest.uavs), steps, 2, LANES)), np.empty((len(rest.uavs), steps, 4)))
-    traces, total = np.empty((targets, LANES)), np.empty(LANES)
+    traces, total, sums = np.empty((targets, LANES)), np.empty(LANES), np.empty(LANES)
+    place = desk(targets // samples, len(outlook.positions))
     for first in range(0, len(own), LANES):
         plans = own[first : first + LANES]
         _fly(outlook, rest.uavs, plans, flight)
         _sum(outlook, rest, flight, traces, total)
         if beta > 0.0:
-            total += beta * _penalties(outlook, rest, flight.cameras[:, -1], traces, samples)
+            _penalise(outlook, rest, flight.cameras[:, -1], traces, place, sums)
+            for lane in range(LANES):
+                total[lane] += beta * sums[lane]
         result[first : first + LANES] = total[: len(plans)]
     return result / samples
 
@@ -125,11 +129,12 @@ def _sum(outlook: Outlook, rest: _Rest, flight: _Flight, traces: Array, total: A
     for t in range(len(traces)):
         tracked, weight, trace = False, outlook.weights[t], traces[t]  # tracked: whether P differs from the others'
         for row in range(t, len(rest.traces), len(traces)):
-            if near[row] or tracked:
+            some = np.any(near[row])
+            if some or tracked:
                 _fill(information, rest.information[row])
             seen = tracked
-            for j in range(len(rest.uavs) if near[row] else 0):
-                seen |= observe(outlook, rest.uavs[j], flight.cameras[j, row // len(traces)], row, information)
+            for j in range(len(rest.uavs) if some else 0):
+                seen |= observe(outlook, rest.uavs[j], flight.cameras[j, row // len(traces)], row, near, information)
             if not seen:
                 shared += weight * rest.traces[row]
                 continue
@@ -161,30 +166,26 @@ def _fill(lanes: Array, values: Array) -> None:
 
 
 @compiled
-def _penalties(outlook: Outlook, rest: _Rest, own: Array, traces: Array, samples: int) -> Array:
-    """Sums (LANES,) over samples, each a set of targets in turn, of the MWTP with `uavs` at `own` (k, 2, LANES) m.
+def _penalise(outlook: Outlook, rest: _Rest, own: Array, traces: Array, place: Desk, sums: Array) -> None:
+    """Set `sums` (LANES,) over sets of targets, one for each sample, of the MWTP with `uavs` at `own` (k, 2, LANES) m.
 
     traces (T, LANES) m².
     """
-    each = len(traces) // samples
-    points, views, uavs, ends = outlook.points[-1, :, 0], outlook.views, rest.uavs, rest.ends
-    sensors, seen, lane_traces = np.empty_like(ends), np.empty(each, dtype=np.bool_), np.empty(each)
-    order, sums = np.arange(each), np.zeros(LANES)
-    for s in range(samples):
-        targets, unseen = points[s * each : (s + 1) * each], ~rest.seen[s * each : (s + 1) * each]
-        if not np.any(unseen):
+    each, points, ends = len(place.hidden), outlook.points[-1, :, 0], rest.ends
+    sums[:] = 0.0
+    for first in range(0, len(traces), max(each, 1)):
+        targets, seen = points[first : first + each], rest.seen[first : first + each]
+        if np.all(seen):
             continue
-        for lane in range(LANES):
-            for t in range(each):
-                seen[t], lane_traces[t] = not unseen[t], traces[s * each + t, lane]
-            for i in range(len(ends)):
-                sensors[i, 0], sensors[i, 1], sensors[i, 2] = ends[i, 0], ends[i, 1], 0.0
-            for j in range(len(uavs)):
-                i = uavs[j]
-                sensors[i, 0], sensors[i, 1] = own[j, 0, lane], own[j, 1, lane]
-                cover(targets, seen, sensors[i], views, i)
-            sums[lane] += penalise(targets, lane_traces, seen, sensors, views, order)[0]
-    return sums
+        for i in range(len(ends)):
+            for axis in range(3):
+                place.sensors[i, axis, :] = ends[i, axis]
+        for t in range(each):
+            place.hidden[t, :] = 0.0 if seen[t] else 1.0
+        for j in range(len(rest.uavs)):
+            place.sensors[rest.uavs[j], :2] = own[j]
+            hide(place, targets, rest.uavs[j], outlook.views)
+        penalties(place, targets, traces[first : first + each], outlook.views, sums)
 
 
 @compiled
@@ -223,11 +224,11 @@ def _add_others(outlook: Outlook, controls: Array, rest: _Rest) -> None:
             continue
         _fly(outlook, np.array([i]), controls[i : i + 1].reshape(1, 1, steps, 2), flight)
         rest.ends[i, :2] = flight.cameras[0, -1, :, 0]
-        cover(outlook.points[-1, :, 0], rest.seen, rest.ends[i], outlook.views, i)
+        cover(outlook.points[-1, :, 0], rest.seen, rest.ends, outlook.views, i)
         near = may_see(outlook, np.array([i]), flight.boxes)
         for row in range(len(near)):
-            if not near[row]:
+            if not np.any(near[row]):
                 continue
             _fill(information, rest.information[row])
-            observe(outlook, i, flight.cameras[0, row // targets], row, information)
+            observe(outlook, i, flight.cameras[0, row // targets], row, near, information)
             rest.information[row] = information[::LANES]

@@ -74,36 +74,44 @@ def shortest_move(views: Array, uav: int, dx: float, dy: float) -> tuple[float, 
 
     The nearest point of the quadrangle lies on a side if the foot of the perpendicular does, else in a corner.
     """
-    h = views[uav]
     if inside(views, uav, dx, dy):
         return 0.0, 0.0
     for k in range(4):
-        excess = h[k, 0] * dx + h[k, 1] * dy - h[k, 2]
-        if excess > 0.0 and _within_others(h, dx - excess * h[k, 0], dy - excess * h[k, 1], k):
-            return excess * h[k, 0], excess * h[k, 1]
-    x, y = _nearest_corner(h, dx, dy)
+        a, b = views[uav, k, 0], views[uav, k, 1]
+        excess = a * dx + b * dy - views[uav, k, 2]
+        if excess > 0.0 and _within_others(views, uav, (dx - excess * a, dy - excess * b), k):
+            return excess * a, excess * b
+    x, y = _nearest_corner(views, uav, dx, dy)
     return dx - x, dy - y
 
 
 @compiled
-def _nearest_corner(half_planes: Array, dx: float, dy: float) -> tuple[float, float]:
-    """The corner of the quadrangle, whose first two and last two sides are opposite, nearest to (dx, dy) [m]."""
-    h = half_planes
-    best, corner = np.inf, (dx, dy)
-    for j in range(2):
-        for k in range(2, 4):
-            scale = 1.0 / (h[j, 0] * h[k, 1] - h[k, 0] * h[j, 1])
-            x, y = (h[j, 2] * h[k, 1] - h[k, 2] * h[j, 1]) * scale, (h[j, 0] * h[k, 2] - h[k, 0] * h[j, 2]) * scale
-            distance = (dx - x) * (dx - x) + (dy - y) * (dy - y)
-            if distance < best:
-                best, corner = distance, (x, y)
-    return corner
+def _nearest_corner(views: Array, uav: int, dx: float, dy: float) -> tuple[float, float]:
+    """The corner of the quadrangle nearest to (dx, dy) [m]."""
+    best, nearest = np.inf, (dx, dy)
+    for k in range(4):
+        x, y = corner(views, uav, k)
+        distance = (dx - x) * (dx - x) + (dy - y) * (dy - y)
+        if distance < best:
+            best, nearest = distance, (x, y)
+    return nearest
 
 
 @compiled
-def _within_others(half_planes: Array, x: float, y: float, k: int) -> bool:
-    """Whether (x, y), which lies on side k, is on the inner side of the other ones."""
+def corner(views: Array, uav: int, k: int) -> tuple[float, float]:
+    """One of the four corners of a field of view, of which the first two and the last two sides are opposite [m]."""
+    i, j = k // 2, 2 + k % 2
+    a, b, c = views[uav, i, 0], views[uav, i, 1], views[uav, i, 2]
+    e, f, g = views[uav, j, 0], views[uav, j, 1], views[uav, j, 2]
+    scale = 1.0 / (a * f - e * b)
+    return (c * f - g * b) * scale, (a * g - e * c) * scale
+
+
+@compiled
+def _within_others(views: Array, uav: int, point: tuple[float, float], k: int) -> bool:
+    """Whether a point (x, y), which lies on side k, is on the inner side of the other ones."""
+    x, y = point
     for i in range(4):
-        if i != k and half_planes[i, 0] * x + half_planes[i, 1] * y > half_planes[i, 2]:
+        if i != k and views[uav, i, 0] * x + views[uav, i, 1] * y > views[uav, i, 2]:
             return False
     return True
