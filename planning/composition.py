@@ -10,11 +10,12 @@ from typing import Protocol
 import numpy as np
 
 from planning.coordination import Coordination, Sequential
-from planning.nbo import objective
+from planning.nbo import Eased, objective
 from planning.optimizers import CrossEntropy, Objective, Optimizer
 from planning.planner import Exchange, Plan, Situation
 from planning.propagation import Nominal, Propagation, nominal_positions
 from planning.pursuit import pursuits, turns
+from planning.sights import Hints, sights
 from tracking.compiled import Array
 from tracking.visibility import Forest, Occlusion
 
@@ -58,11 +59,12 @@ class Composition:
             view = view._replace(weights=np.tile([t.existence for t in situation.tracks], samples).astype(float))
         speeds = np.array([situation.vehicles[i].max_speed for i in uavs])
         starts = self._starts(situation, controls, uavs)
-        value: Objective = objective(view, controls, uavs, self.beta, samples)
+        value: Eased = objective(view, controls, uavs, self.beta, samples)
         extra = [term for term in (t.term(situation, controls, uavs) for t in self.terms) if term is not None]
         if extra:
-            value = partial(_sum, [value, *extra])
-        return self.optimizer.minimise(value, starts, speeds, rng).plans
+            value = partial(_sum, value, extra)
+        hints = Hints(value, sights(view, uavs, speeds))
+        return self.optimizer.minimise(value, starts, speeds, rng, hints).plans
 
     def _starts(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Array:
         """What the UAVs are expected to do, and the same with one of them in pursuit or on two legs (S, k, H, 2)."""
@@ -85,5 +87,6 @@ class Composition:
         return replace(situation, forest=Forest(situation.forest.trees, self.occlusion))
 
 
-def _sum(terms: Sequence[Objective], candidates: Array) -> Array:
-    return np.asarray(sum(term(candidates) for term in terms))
+def _sum(first: Eased, terms: Sequence[Objective], candidates: Array, ease: Array | None = None) -> Array:
+    """What an objective and other terms come to, of which none can be eased."""
+    return np.asarray(first(candidates, ease) + sum(term(candidates) for term in terms))

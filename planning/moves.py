@@ -1,4 +1,8 @@
-"""How a search changes plans, and which of them it takes for different, compiled."""
+"""How a search changes plans, and which of them it takes for different, compiled.
+
+Most changes are made to a path: where a plan (H, 2) m/s leads, as the sums of its controls, so in m over the length of
+a step. That is pulled tight to what the UAV can fly afterwards, which leaves what it was changed for.
+"""
 
 from __future__ import annotations
 
@@ -8,112 +12,178 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from planning.sights import Sights
+from planning.view import shortest_move
 from tracking.compiled import Array, compiled
 
-KINDS = 6
+_SHAKE, _MIX, _BEND, _JOIN, _SIGHT = range(5)
+_CYCLE = (_SHAKE, _BEND, _SIGHT, _BEND, _MIX, _BEND, _SIGHT, _JOIN)  # kinds of changes, in turn
+_NONE = -1  # of the sights
+_MARGIN = 1e-3  # m/s: so far inside the field of view is what is brought there, lest rounding puts it out again
 
 
 class Chances(NamedTuple):
     """The random numbers behind N children of plans of k UAVs over H steps."""
 
     normal: Array  # (N, 3): a change along each axis, and the logarithm of the change's size
-    noise: Array  # (ceil(N / KINDS), 2 k (H + 1)): of each UAV, then of each of its steps
-    steps: NDArray[np.int64]  # (N,) below 2 k H: a UAV, one of its steps, and whether later ones are meant too
-    mates: NDArray[np.int64]  # (N,) below the number of parents
+    noise: Array  # (ceil(N / cycle), 2 k (H + 1)): of each UAV, then of each of its steps
+    picks: NDArray[np.int64]  # (N,) below 2^62: what is chosen evenly
 
 
 def chances(rng: np.random.Generator, children: int, parents: Array) -> Chances:
     """Random numbers for so many children of `parents` (E, k, H, 2)."""
-    count, k, H, _ = parents.shape
+    _, k, H, _ = parents.shape
     return Chances(
         rng.standard_normal((children, 3)),
-        rng.standard_normal((math.ceil(children / KINDS), 2 * k * (H + 1))),
-        rng.integers(2 * k * H, size=children),
-        rng.integers(count, size=children),
+        rng.standard_normal((math.ceil(children / len(_CYCLE)), 2 * k * (H + 1))),
+        rng.integers(2**62, size=children),
     )
 
 
 @compiled
-def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array) -> Array:
+def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, sights: Sights) -> Array:
     """Children (N, k, H, 2) m/s, within the limits, of parents (E, k, H, 2), each of which has as many.
 
-    They are changed, in turn, in all steps; in one waypoint (twice as many); towards or away from a mate, another of
-    the parents; by joining a mate's path; by swapping two controls. Noise has a size of `spread` maximum speeds, times
-    a factor by chance; what comes from mates is as large as parents differ.
+    They are changed, in turn, in all steps; in one waypoint or the path from there on; so that they just get one of the
+    sights into view; towards or away from a mate, another of the parents; by joining a mate's path. Noise has a size of
+    `spread` maximum speeds, times a factor by chance; what comes from mates is as large as parents differ.
     """
-    normal, noise, steps, mates = drawn
     _, k, H, _ = parents.shape
-    out = np.zeros((len(normal), k, H, 2))
+    out, path = np.empty((len(drawn.picks), k, H, 2)), np.empty((H, 2))
     for c in range(len(out)):
-        plans, mate, kind = out[c], parents[mates[c]], c % KINDS
-        _mix(plans, parents[c * len(parents) // len(out)], 1.0)
-        size, step, j = spread * math.exp(normal[c, 2]), steps[c] // 2 % H, steps[c] // (2 * H)
-        if kind == 0:
-            _shake(plans, noise[c // KINDS], size * math.sqrt(0.5), max_speeds)
-        elif kind < 3:
-            _bend(plans[j], step, size * max_speeds[j], (normal[c, 0], normal[c, 1]), steps[c] % 2 == 0)
-        elif kind == 3:
-            _mix(plans, mate, 0.5 * (1.0 + normal[c, 0]))
-        elif kind == 4:
-            _join(plans[j], mate[j], step, max_speeds[j])
+        kind, size, pick = _CYCLE[c % len(_CYCLE)], spread * math.exp(drawn.normal[c, 2]), drawn.picks[c]
+        pick, mate = divmod(pick, len(parents))
+        _copy(out, c, parents, c * len(parents) // len(out))
+        if kind == _SHAKE:
+            _shake(out, c, drawn.noise, c // len(_CYCLE), size * math.sqrt(0.5), max_speeds)
+            limit(out, c, max_speeds)
+        elif kind == _MIX:
+            _mix(out, c, parents, mate, 0.5 * (1.0 + drawn.normal[c, 0]))
+            limit(out, c, max_speeds)
         else:
-            other = (step + 1 + mates[c] % max(H - 1, 1)) % H
-            for axis in range(2):
-                plans[j, step, axis], plans[j, other, axis] = plans[j, other, axis], plans[j, step, axis]
-        limit(plans, max_speeds)
+            pick, end = divmod(pick, 2)  # whether the end of the path stays where it can, or else what is changed
+            pick, all_later = divmod(pick, 2)
+            s = pick % len(sights.which) if kind == _SIGHT and len(sights.which) else _NONE
+            j, step = (sights.which[s, 0], sights.which[s, 1]) if s != _NONE else (pick % k, pick // k % H)
+            _follow(out, c, j, path)
+            if kind == _JOIN:
+                _cross(path, step, parents, mate, j)
+                step = 0
+            elif s == _NONE or not _show(path, sights, s):
+                size *= max_speeds[j]
+                last = H if all_later else step + 1
+                _shift(path, step, last, size * drawn.normal[c, 0], size * drawn.normal[c, 1])
+            _tighten(path, H - 1 if end else step, max_speeds[j])
+            _fly(path, out, c, j)
     return out
 
 
 @compiled
-def _mix(plans: Array, mate: Array, share: float) -> None:
-    """Move plans (k, H, 2) m/s towards others by a share of the difference; a loop, as slices take much longer."""
-    for j in range(plans.shape[0]):
-        for step in range(plans.shape[1]):
-            for axis in range(2):
-                plans[j, step, axis] += share * (mate[j, step, axis] - plans[j, step, axis])
+def _copy(plans: Array, c: int, others: Array, i: int) -> None:
+    """Set the plans of one candidate to those of another; a loop, as slices take much longer."""
+    for j in range(plans.shape[1]):
+        for step in range(plans.shape[2]):
+            plans[c, j, step, 0], plans[c, j, step, 1] = others[i, j, step, 0], others[i, j, step, 1]
 
 
 @compiled
-def _shake(plans: Array, noise: Array, size: float, max_speeds: Array) -> None:
-    """Add a constant offset and white noise over the steps, of equal variance, to plans (k, H, 2) m/s."""
-    k, H, _ = plans.shape
+def _mix(plans: Array, c: int, others: Array, i: int, share: float) -> None:
+    """Move the plans of a candidate towards those of another by a share of the difference."""
+    for j in range(plans.shape[1]):
+        for step in range(plans.shape[2]):
+            for axis in range(2):
+                plans[c, j, step, axis] += share * (others[i, j, step, axis] - plans[c, j, step, axis])
+
+
+@compiled
+def _shake(plans: Array, c: int, noise: Array, i: int, size: float, max_speeds: Array) -> None:
+    """Add a constant offset and white noise over the steps, of equal variance, to the plans of a candidate."""
+    k, H = plans.shape[1], plans.shape[2]
     for j in range(k):
         for step in range(H):
             for axis in range(2):
-                both = noise[2 * j + axis] + noise[2 * k + 2 * (j * H + step) + axis]
-                plans[j, step, axis] += size * max_speeds[j] * both
+                both = noise[i, 2 * j + axis] + noise[i, 2 * k + 2 * (j * H + step) + axis]
+                plans[c, j, step, axis] += size * max_speeds[j] * both
 
 
 @compiled
-def _bend(plan: Array, step: int, size: float, way: tuple[float, float], stay: bool) -> None:
-    """Move where a step of a plan (H, 2) m/s leads some `way`, of a size in m/s; the path after it may stay."""
-    for axis in range(2):
-        plan[step, axis] += size * way[axis]
-        if stay and step + 1 < len(plan):
-            plan[step + 1, axis] -= size * way[axis]
+def _follow(plans: Array, c: int, j: int, path: Array) -> None:
+    """Set where a plan leads."""
+    x = y = 0.0
+    for h in range(len(path)):
+        x, y = x + plans[c, j, h, 0], y + plans[c, j, h, 1]
+        path[h, 0], path[h, 1] = x, y
 
 
 @compiled
-def _join(plan: Array, mate: Array, step: int, max_speed: float) -> None:
-    """From a step on, let a plan (H, 2) m/s take to the path of another as fast as it can, and follow that."""
-    x = y = 0.0  # from where the plan has got to where the other has, in steps of 1 m/s
-    for h in range(len(plan)):
-        x, y = x + mate[h, 0], y + mate[h, 1]
+def _fly(path: Array, plans: Array, c: int, j: int) -> None:
+    """Set the plan that leads along a path."""
+    x = y = 0.0
+    for h in range(len(path)):
+        plans[c, j, h, 0], plans[c, j, h, 1] = path[h, 0] - x, path[h, 1] - y
+        x, y = path[h, 0], path[h, 1]
+
+
+@compiled
+def _shift(path: Array, first: int, last: int, dx: float, dy: float) -> None:
+    """Displace some steps of a path."""
+    for h in range(first, last):
+        path[h, 0] += dx
+        path[h, 1] += dy
+
+
+@compiled
+def _cross(path: Array, step: int, plans: Array, c: int, j: int) -> None:
+    """Let a path be that of a candidate's plan from a step on."""
+    x = y = 0.0
+    for h in range(len(path)):
+        x, y = x + plans[c, j, h, 0], y + plans[c, j, h, 1]
         if h >= step:
-            share = max_speed / max(math.sqrt(x * x + y * y), max_speed)
-            plan[h, 0], plan[h, 1] = x * share, y * share
-        x, y = x - plan[h, 0], y - plan[h, 1]
+            path[h, 0], path[h, 1] = x, y
 
 
 @compiled
-def limit(plans: Array, max_speeds: Array) -> None:
-    """Shorten controls of one joint plan (k, H, 2) m/s to the speed limits (k,) of its UAVs, in place."""
-    for j in range(plans.shape[0]):
-        for step in range(plans.shape[1]):
-            speed = math.sqrt(plans[j, step, 0] ** 2 + plans[j, step, 1] ** 2)
+def _show(path: Array, sights: Sights, s: int) -> bool:
+    """Displace a step of a path by as little as brings one of the sights into view; whether it was not."""
+    j, h = sights.which[s, 0], sights.which[s, 1]
+    dx, dy = shortest_move(sights.views, j, sights.places[s, 0] - path[h, 0], sights.places[s, 1] - path[h, 1])
+    length = math.sqrt(dx * dx + dy * dy)
+    if length == 0.0:
+        return False
+    _shift(path, h, h + 1, dx * (1.0 + _MARGIN / length), dy * (1.0 + _MARGIN / length))
+    return True
+
+
+@compiled
+def _tighten(path: Array, anchor: int, max_speed: float) -> None:
+    """Pull the steps of a path before `anchor` towards it, then all towards the start, as far as the speed asks for."""
+    for h in range(anchor - 1, -1, -1):
+        _pull(path, h, path[h + 1, 0], path[h + 1, 1], max_speed)
+    x = y = 0.0
+    for h in range(len(path)):
+        _pull(path, h, x, y, max_speed)
+        x, y = path[h, 0], path[h, 1]
+
+
+@compiled
+def _pull(path: Array, h: int, x: float, y: float, max_speed: float) -> None:
+    """Move a step of a path towards (x, y) until that is within one step at full speed."""
+    dx, dy = path[h, 0] - x, path[h, 1] - y
+    square = dx * dx + dy * dy
+    if square > max_speed * max_speed:
+        share = max_speed / math.sqrt(square)
+        path[h, 0], path[h, 1] = x + share * dx, y + share * dy
+
+
+@compiled
+def limit(plans: Array, c: int, max_speeds: Array) -> None:
+    """Shorten the controls of a candidate to the speed limits (k,) of its UAVs."""
+    for j in range(plans.shape[1]):
+        for step in range(plans.shape[2]):
+            speed = math.sqrt(plans[c, j, step, 0] ** 2 + plans[c, j, step, 1] ** 2)
             if speed > max_speeds[j]:
-                plans[j, step, 0] *= max_speeds[j] / speed
-                plans[j, step, 1] *= max_speeds[j] / speed
+                plans[c, j, step, 0] *= max_speeds[j] / speed
+                plans[c, j, step, 1] *= max_speeds[j] / speed
 
 
 @compiled

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,17 @@ from planning.penalties import Desk, desk, hide, penalties
 from tracking.compiled import Array, compiled
 
 _TRIANGLE = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
+
+
+class Eased(Protocol):
+    """An objective that can be made easier for a search."""
+
+    def __call__(self, candidates: Array, ease: Array | None = None) -> Array:
+        """Costs (N,) m² of candidates (N, k, H, 2) m/s.
+
+        With `ease` (k,) m/s, if these UAVs' fields of view were wider on each side by what that is in a step.
+        """
+        ...
 
 
 def team_cost(outlook: Outlook, controls: Array, beta: float, samples: int = 1) -> float:
@@ -28,9 +39,7 @@ def costs(
     return objective(outlook, controls, uavs, beta, samples)(candidates)
 
 
-def objective(
-    outlook: Outlook, controls: Array, uavs: Sequence[int], beta: float, samples: int = 1
-) -> Callable[[Array], Array]:
+def objective(outlook: Outlook, controls: Array, uavs: Sequence[int], beta: float, samples: int = 1) -> Eased:
     """The objective [m²] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly `controls` (n, H, 2).
 
     Σ over steps and targets of tr P (position block) times the target's weight, each P updated with the information
@@ -40,10 +49,18 @@ def objective(
     """
     rest = _without(outlook, np.ascontiguousarray(controls, dtype=float), np.asarray(uavs, dtype=np.int64))
 
-    def values(candidates: Array) -> Array:
-        return _costs(outlook, rest, np.ascontiguousarray(candidates, dtype=float), beta, samples)
+    def values(candidates: Array, ease: Array | None = None) -> Array:
+        seen = outlook if ease is None else _eased(outlook, uavs, ease)
+        return _costs(seen, rest, np.ascontiguousarray(candidates, dtype=float), beta, samples)
 
     return values
+
+
+def _eased(outlook: Outlook, uavs: Sequence[int], ease: Array) -> Outlook:
+    """The outlook with wider fields of view; what they show beyond the true ones may lack trees."""
+    views = outlook.views.copy()
+    views[list(uavs), :4, 2] += outlook.step * ease[:, None]
+    return outlook._replace(views=views)
 
 
 class Ends(NamedTuple):

@@ -10,8 +10,10 @@ from time import perf_counter
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planning.moves import chances, distinct, varied
+from planning.sights import NOTHING, Hints
 from tracking.compiled import Array
 
 Objective = Callable[[Array], Array]  # candidates (N, k, H, 2) m/s -> costs (N,)
@@ -28,9 +30,32 @@ class Found(NamedTuple):
 class Optimizer(Protocol):
     """Searches plans of k UAVs; never worse than the best start."""
 
-    def minimise(self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator) -> Found:
-        """The best plans found from `starts` (S, k, H, 2) m/s, each control within `max_speeds` (k,) m/s."""
+    def minimise(
+        self,
+        objective: Objective,
+        starts: Array,
+        max_speeds: Array,
+        rng: np.random.Generator,
+        hints: Hints | None = None,
+    ) -> Found:
+        """The best plans found from `starts` (S, k, H, 2) m/s, each control within `max_speeds` (k,) m/s.
+
+        The hints say more of the objective to those that make use of it.
+        """
         ...
+
+
+class _Task(NamedTuple):
+    """What is to be minimised."""
+
+    objective: Objective
+    starts: Array
+    max_speeds: Array
+    hints: Hints | None
+
+    def costs(self, plans: Array, ease: float) -> Array:
+        """Of plans (N, k, H, 2) m/s, with fields of view wider by `ease` of the way at maximum speed in a step."""
+        return self.hints.eased(plans, ease * self.max_speeds) if self.hints and ease else self.objective(plans)
 
 
 @dataclass(frozen=True)
@@ -38,51 +63,82 @@ class CrossEntropy:
     """Cross-entropy search whose elites survive and keep apart: never worse than the best plan it is given.
 
     Each round changes the elites with noise that shrinks from round to round; elites compete with the new plans. Some
-    of the noise is correlated in time (a UAV rarely profits from zigzag); some moves one waypoint, or the path from
-    there on, which keeps what the rest of a plan has achieved. Other plans are put together from two elites, as in
-    genetic algorithms: one may have seen somebody early, the other late. Elites whose paths are alike count as one, so
-    that several basins, some of them narrow, live on side by side; a single Gaussian, as in textbook CEM, would average
-    them. Source: [Pinneri20] for elites and coloured noise.
+    of the noise is correlated in time (a UAV rarely profits from zigzag); most moves one waypoint, or the path from
+    there on, and what the rest of a plan has achieved is kept as far as the UAV's speed allows. Other plans are put
+    together from two elites, as in genetic algorithms: one may have seen somebody early, the other late. Elites whose
+    paths are alike count as one, so that several basins, some of them narrow, live on side by side; a single Gaussian,
+    as in textbook CEM, would average them. Source: [Pinneri20] for elites and coloured noise.
+
+    The best plans often reach a target in the last moment that they can, with its image just inside the frame, so that
+    plans nearby miss it and nothing leads there. So, with hints, some changes bring a target just into view, and in the
+    first rounds fields of view are somewhat wider: a continuation from an easier problem (E. L. Allgower, K. Georg,
+    Numerical Continuation Methods, Springer, 1990).
     """
 
     evaluations: int = 12_288  # the starts aside
-    elites: int = 32
-    rounds: int = 13
+    elites: int = 32  # in the first round
+    last: int = 12  # elites in the last round
+    rounds: int = 18
     spread: float = 1.0  # of the maximum speed, at first
-    shrink: float = 0.76  # of spread and distance, per round
-    apart: float = 0.5  # between elites' paths, at first: of the way at maximum speed in a step, root mean square
+    shrink: float = 0.8  # of spread and distance, per round
+    apart: float = 0.6  # between elites' paths, at first: of the way at maximum speed in a step, root mean square
+    ease: float = 0.3  # by which fields of view are wider at first: of the way at maximum speed in a step
+    eased: float = 0.5  # of the rounds, in which this falls to none
     # Search anew until so much time is used, and begin no round after it; 0: once. What is found then varies.
     seconds: float = 0.0
 
-    def minimise(self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator) -> Found:
+    def minimise(
+        self,
+        objective: Objective,
+        starts: Array,
+        max_speeds: Array,
+        rng: np.random.Generator,
+        hints: Hints | None = None,
+    ) -> Found:
         """As `Optimizer.minimise`."""
         end = perf_counter() + self.seconds if self.seconds else math.inf
-        found = self._search(objective, starts, max_speeds, rng, end=end)
+        max_speeds = np.ascontiguousarray(np.broadcast_to(max_speeds, starts.shape[1]), dtype=float)
+        found = self._search(_Task(objective, starts, max_speeds, hints), rng, end)
         while self.seconds and perf_counter() < end:
-            again = self._search(objective, np.concatenate([found.plans[None], starts]), max_speeds, rng, end=end)
+            task = _Task(objective, np.concatenate([found.plans[None], starts]), max_speeds, hints)
+            again = self._search(task, rng, end)
             found = again._replace(evaluations=found.evaluations + again.evaluations)
         return found
 
-    def _search(
-        self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator, *, end: float
-    ) -> Found:
+    def _search(self, task: _Task, rng: np.random.Generator, end: float) -> Found:
         """One search from the starts, which begins no round after `end` [s]."""
-        max_speeds = np.ascontiguousarray(np.broadcast_to(max_speeds, starts.shape[1]), dtype=float)
-        pool = limited(starts, max_speeds)
-        values = objective(pool)
-        used, scale = len(pool), 1.0
+        sights = task.hints.sights if task.hints else NOTHING
+        pool = limited(task.starts, task.max_speeds)
+        values = task.objective(pool)
+        start, used, scale, ease = pool[np.argmin(values)], len(pool), 1.0, 0.0
         for k in range(self.rounds):
             if perf_counter() >= end:
                 break
-            population = self.evaluations * (k + 1) // self.rounds - self.evaluations * k // self.rounds
-            elite = distinct(pool, np.argsort(values, kind="stable"), self.elites, scale * self.apart, max_speeds)
+            elite = self._elite(pool, values, k, task.max_speeds)
             pool, values = pool[elite], values[elite]
-            drawn = varied(pool, chances(rng, population, pool), scale * self.spread, max_speeds)
-            pool, values = np.concatenate([pool, drawn]), np.concatenate([values, objective(drawn)])
-            used += population
+            count = self.evaluations * (k + 1) // self.rounds - self.evaluations * k // self.rounds
+            used, before, ease = used + count, ease, self._ease(k, count) if task.hints else 0.0
+            if ease != before:
+                pool = pool if ease else np.concatenate([pool, start[None]])
+                values, count = task.costs(pool, ease), count - len(pool)
+            drawn = varied(pool, chances(rng, count, pool), scale * self.spread, task.max_speeds, sights)
+            pool, values = np.concatenate([pool, drawn]), np.concatenate([values, task.costs(drawn, ease)])
             scale *= self.shrink
+        if ease:  # time is up: see what the best are really worth
+            pool = np.concatenate([start[None], pool[np.argsort(values, kind="stable")[: self.last]]])
+            values, used = task.objective(pool), used + len(pool)
         best = int(np.argmin(values))
         return Found(pool[best], float(values[best]), used)
+
+    def _elite(self, pool: Array, values: Array, k: int, max_speeds: Array) -> NDArray[np.int64]:
+        """Which plans of a pool round k begins with."""
+        most = self.elites + (self.last - self.elites) * k // max(self.rounds - 1, 1)
+        apart = self.apart * self.shrink**k
+        return distinct(pool, np.argsort(values, kind="stable"), most, apart, max_speeds)
+
+    def _ease(self, k: int, count: int) -> float:
+        """By how much fields of view are wider in round k; not at all if elites would take most evaluations."""
+        return self.ease * max(0.0, 1.0 - (k + 1) / (self.eased * self.rounds)) if count > 2 * self.elites else 0.0
 
 
 @dataclass(frozen=True)
@@ -100,7 +156,14 @@ class ParticleSwarm:
     inertia: float = 0.9  # w
     seconds: float = 0.0  # stop after so much time; 0: no limit
 
-    def minimise(self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator) -> Found:
+    def minimise(
+        self,
+        objective: Objective,
+        starts: Array,
+        max_speeds: Array,
+        rng: np.random.Generator,
+        hints: Hints | None = None,
+    ) -> Found:
         """As `Optimizer.minimise`."""
         began = perf_counter()
         shape = (self.particles_per_step * starts.shape[2], *starts.shape[1:])
@@ -148,7 +211,14 @@ class Grid:
         shares = np.arange(1, self.speeds + 1) / self.speeds
         return np.concatenate([np.zeros((1, 2)), *(share * max_speed * rim for share in shares)])
 
-    def minimise(self, objective: Objective, starts: Array, max_speeds: Array, rng: np.random.Generator) -> Found:
+    def minimise(
+        self,
+        objective: Objective,
+        starts: Array,
+        max_speeds: Array,
+        rng: np.random.Generator,
+        hints: Hints | None = None,
+    ) -> Found:
         """As `Optimizer.minimise`; ValueError where there are too many plans."""
         end = perf_counter() + self.seconds if self.seconds else math.inf
         _, k, H, _ = starts.shape

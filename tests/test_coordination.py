@@ -10,11 +10,12 @@ from test_nbo import nominal
 from planning.composition import Composition
 from planning.coordination import Centralised, Decentralised, Parallel, Sequential, expected
 from planning.intent import BASE_RANGE, base_control, policy_of_intent
-from planning.nbo import costs, team_cost
+from planning.nbo import objective, team_cost
 from planning.optimizers import CrossEntropy, Grid
 from planning.planner import Plan
 from planning.propagation import MonteCarlo, nominal_positions
 from planning.pursuit import pursuits, turns
+from planning.sights import Hints, sights
 from tracking.kalman import NearlyConstantVelocity
 from tracking.visibility import Forest
 
@@ -35,11 +36,14 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
     intent = policy_of_intent(team[0], team[0].own, 3)[None]
     chases = pursuits(nominal_positions(team[0].tracks, 1.0, 3), team[0].own, 1.0)
     chases = np.concatenate([chases, turns(5.0, 3)])
+    view = nominal(team[0], 3)
+    value = objective(view, intent, [0], 0.5)
     alone = CrossEntropy().minimise(
-        lambda c: costs(nominal(team[0], 3), intent, [0], c, 0.5),
+        value,
         np.concatenate([intent[None], chases[:, None]]),
         np.array([5.0]),
         np.random.default_rng(9),
+        Hints(value, sights(view, [0], np.array([5.0]))),
     )
     np.testing.assert_array_equal(planned(team, 9, horizon=3, coordination=coordination), alone.plans)
 

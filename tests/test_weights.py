@@ -18,7 +18,7 @@ class Kept:
     def __init__(self, candidates):
         self.candidates = candidates
 
-    def minimise(self, objective, starts, max_speeds, rng):
+    def minimise(self, objective, starts, max_speeds, rng, hints=None):
         self.values = objective(self.candidates)
         return type("Found", (), {"plans": starts[0]})()
 
