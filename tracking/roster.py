@@ -82,7 +82,7 @@ class _Roster:
         self.left: list[int] = []  # rows of tracks whose person another row has
         every = np.arange(len(own.ids))
         self.means, self.covariances = (a[every] for a in own.beliefs())
-        self.seen, self.sightings, self.lost = own.evidence.times[:, 0], own.sightings[every], own.aliases == 0
+        self.seen, self.sightings, self.lost = own.evidence.times[every, 0], own.sightings[every], own.aliases == 0
         # Every id and alias heard this round, with the rows it was heard for, and both together with the only row.
         self.slot: dict[tuple[int, int], int] = {}
         self.by_id: dict[int, dict[int, tuple[bool, int]]] = {}  # for each row the alias, those of 0 come last
@@ -97,6 +97,7 @@ class _Roster:
         slots = np.array([self.slot.get(pair, _NOBODY) for pair in called], dtype=np.int64)
         # A lost track is no news of a row that somebody saw of late: another of theirs may be that person.
         slots[(message.aliases == 0) & ~np.append(self.lost, True)[slots]] = _NOBODY
+        unknown = slots == _NOBODY
         stale = self._recognise(message, slots)
         free = np.setdiff1d(np.arange(len(self.means)), [*slots.tolist(), *self.left])
         new = np.array(
@@ -106,6 +107,7 @@ class _Roster:
         pairs = matches((self.means[free], self.covariances[free]), (means[new], covariances[new]), self.gate)
         for a, b in pairs:
             slots[new[b]] = free[a]
+        self._update(message, np.flatnonzero(unknown & (slots != _NOBODY)), slots)
         self._renew(message, slots, np.setdiff1d(free, slots), new[slots[new] == _NOBODY])
         new = np.array([*new[slots[new] == _NOBODY], *stale], dtype=np.int64)
         slots[new] = len(self.means) + np.arange(len(new))
@@ -119,6 +121,15 @@ class _Roster:
             if slot != _NOBODY:
                 self._enter(pair, slot)
         return slots
+
+    def _update(self, message: Message, tracks: Indices, slots: Indices) -> None:
+        """Let rows that these tracks were found to continue be compared by whichever saw the person last."""
+        means, covariances = message.beliefs()
+        for k in tracks[message.evidence.times[tracks, 0] > self.seen[slots[tracks]]].tolist():
+            row = slots[k]
+            self.means[row], self.covariances[row] = means[k], covariances[k]
+            self.seen[row], self.sightings[row] = message.evidence.times[k, 0], message.sightings[k]
+            self.lost[row] = message.aliases[k] == 0
 
     def _renew(self, message: Message, slots: Indices, free: Indices, new: Indices) -> None:
         """Fill in rows of whom one side knows of late and the other does not: our rows `free`, their tracks `new`."""
