@@ -30,7 +30,7 @@ def turned(seed: int, kind: str) -> list[int]:
     return [len(t.tracks) for t in trackers]
 
 
-@pytest.mark.parametrize("kind", ["complete", "line"])
+@pytest.mark.parametrize("kind", ["complete", "line", "ring", "star"])
 @pytest.mark.parametrize("seed", [20, 32])
 def test_a_track_last_seen_before_a_turn_gathers_the_newcomers_of_that_person(kind, seed):
     """Some of the four newcomers agree with each other, but not with the track that one of them was matched to."""
@@ -40,5 +40,4 @@ def test_a_track_last_seen_before_a_turn_gathers_the_newcomers_of_that_person(ki
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["complete", "line", "ring", "star"])
 def test_whatever_the_graph_all_agree_in_the_scan_of_healing_and_hardly_anybody_is_doubled(kind):
-    doubled = sum(max(turned(seed, kind)) > 1 for seed in range(100, 200))
-    assert doubled <= (0 if kind in ("complete", "line") else 3)
+    assert sum(max(turned(seed, kind)) > 1 for seed in range(100, 200)) <= 1
