@@ -21,7 +21,8 @@ _NAMED = 3.0  # what a common name is worth, in twice a log-likelihood: it is ri
 def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: float) -> list[Message]:
     """The messages, own first, with the same tracks in the same rows.
 
-    Tracks of one id and alias are the same. The others are matched, one assignment per neighbour, by their beliefs,
+    Tracks of one id and alias are the same, unless companies meet and the tracks were not seen last at one time: then
+    beliefs that agree better come first. The others are matched, one assignment per neighbour, by their beliefs,
     which must agree in squared distance up to `gate`; if any have one id or alias, by what that says besides. What then
     agrees with a track of its name, but was seen earlier than the one which that is matched to, ends: it strayed.
     If one of two was not seen of late, they match if somebody lost there can have got here at `max_speed` m/s.
@@ -36,7 +37,8 @@ def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: f
     messages = [_surviving(m, deleted) for m in (own, *received)]
     # Whoever hears the same matches the same, in the same order.
     first, *others = sorted(range(len(messages)), key=lambda k: messages[k].uav)
-    roster = _Roster(messages[first], gate, max_speed)
+    met = any(m.met or m.company[0] != own.company[0] for m in messages)
+    roster = _Roster(messages[first], gate, max_speed, met)
     slots = {first: np.arange(len(messages[first].ids)), **{k: roster.admit(messages[k]) for k in others}}
     ids, aliases = roster.names()
     order = np.argsort(ids)
@@ -76,13 +78,14 @@ def _surviving(message: Message, deleted: tuple[tuple[int, float], ...]) -> Mess
 class _Roster:
     """Rows of a table of tracks that fills up as neighbours are admitted."""
 
-    def __init__(self, own: Message, gate: float, max_speed: float) -> None:
+    def __init__(self, own: Message, gate: float, max_speed: float, met: bool) -> None:
+        self.met = met  # whether UAVs of different companies hear one another
         self.gate, self.max_speed = gate, max_speed
         self.renewed: list[int] = []  # rows of which only those tell that saw the person of late
         self.left: list[int] = []  # rows of tracks whose person another row has
         every = np.arange(len(own.ids))
         self.means, self.covariances = (a[every] for a in own.beliefs())
-        self.seen, self.sightings, self.lost = own.evidence.times[:, 0], own.sightings[every], own.aliases == 0
+        self.seen, self.sightings, self.lost = own.evidence.times[every, 0], own.sightings[every], own.aliases == 0
         # Every id and alias heard this round, with the rows it was heard for, and both together with the only row.
         self.slot: dict[tuple[int, int], int] = {}
         self.by_id: dict[int, dict[int, tuple[bool, int]]] = {}  # for each row the alias, those of 0 come last
@@ -97,6 +100,11 @@ class _Roster:
         slots = np.array([self.slot.get(pair, _NOBODY) for pair in called], dtype=np.int64)
         # A lost track is no news of a row that somebody saw of late: another of theirs may be that person.
         slots[(message.aliases == 0) & ~np.append(self.lost, True)[slots]] = _NOBODY
+        named = slots.copy()
+        if self.met:
+            # Seen at other times it may be somebody else by now: others may have given the name on less than is known.
+            slots[message.evidence.times[:, 0] != np.append(self.seen, np.nan)[slots]] = _NOBODY
+        unknown = slots == _NOBODY
         stale = self._recognise(message, slots)
         free = np.setdiff1d(np.arange(len(self.means)), [*slots.tolist(), *self.left])
         new = np.array(
@@ -106,6 +114,8 @@ class _Roster:
         pairs = matches((self.means[free], self.covariances[free]), (means[new], covariances[new]), self.gate)
         for a, b in pairs:
             slots[new[b]] = free[a]
+        new = np.setdiff1d(new, self._by_name(slots, named, stale))
+        self._update(message, np.flatnonzero(unknown & (slots != _NOBODY)), slots)
         self._renew(message, slots, np.setdiff1d(free, slots), new[slots[new] == _NOBODY])
         new = np.array([*new[slots[new] == _NOBODY], *stale], dtype=np.int64)
         slots[new] = len(self.means) + np.arange(len(new))
@@ -119,6 +129,25 @@ class _Roster:
             if slot != _NOBODY:
                 self._enter(pair, slot)
         return slots
+
+    def _by_name(self, slots: Indices, named: Indices, stale: list[int]) -> list[int]:
+        """Fill in the rows `named` of tracks that agree with none; those whose row another one agrees with better."""
+        outdated = []
+        for k in np.flatnonzero((slots == _NOBODY) & (named != _NOBODY)).tolist():
+            if named[k] in slots:
+                outdated.append(k)
+            elif k not in stale:
+                slots[k] = named[k]
+        return outdated
+
+    def _update(self, message: Message, tracks: Indices, slots: Indices) -> None:
+        """Let rows that these tracks were found to continue be compared by whichever saw the person last."""
+        means, covariances = message.beliefs()
+        for k in tracks[message.evidence.times[tracks, 0] > self.seen[slots[tracks]]].tolist():
+            row = slots[k]
+            self.means[row], self.covariances[row] = means[k], covariances[k]
+            self.seen[row], self.sightings[row] = message.evidence.times[k, 0], message.sightings[k]
+            self.lost[row] = message.aliases[k] == 0
 
     def _renew(self, message: Message, slots: Indices, free: Indices, new: Indices) -> None:
         """Fill in rows of whom one side knows of late and the other does not: our rows `free`, their tracks `new`."""
