@@ -10,12 +10,12 @@ from typing import Protocol
 import numpy as np
 
 from planning.coordination import Coordination, Sequential
-from planning.nbo import Eased, objective
+from planning.nbo import objective
 from planning.optimizers import CrossEntropy, Objective, Optimizer
 from planning.planner import Exchange, Plan, Situation
 from planning.propagation import Nominal, Propagation, nominal_positions
 from planning.pursuit import pursuits, turns
-from planning.sights import Hints, sights
+from planning.sights import Eased, Hints, sights
 from tracking.compiled import Array
 from tracking.visibility import Forest, Occlusion
 

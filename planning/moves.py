@@ -1,7 +1,7 @@
 """How a search changes plans, and which of them it takes for different, compiled.
 
 Most changes are made to a path: where a plan (H, 2) m/s leads, as the sums of its controls, so in m over the length of
-a step. That is pulled tight to what the UAV can fly afterwards, which leaves what it was changed for.
+a step. Afterwards it is pulled tight to what the UAV can fly, from where it was changed or from its end.
 """
 
 from __future__ import annotations
@@ -56,12 +56,12 @@ def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, sig
         _copy(out, c, parents, c * len(parents) // len(out))
         if kind == _SHAKE:
             _shake(out, c, drawn.noise, c // len(_CYCLE), size * math.sqrt(0.5), max_speeds)
-            limit(out, c, max_speeds)
+            _limit(out, c, max_speeds)
         elif kind == _MIX:
             _mix(out, c, parents, mate, 0.5 * (1.0 + drawn.normal[c, 0]))
-            limit(out, c, max_speeds)
+            _limit(out, c, max_speeds)
         else:
-            pick, end = divmod(pick, 2)  # whether the end of the path stays where it can, or else what is changed
+            pick, end = divmod(pick, 2)  # whether to keep the path's end, or else what is changed
             pick, all_later = divmod(pick, 2)
             s = pick % len(sights.which) if kind == _SIGHT and len(sights.which) else _NONE
             j, step = (sights.which[s, 0], sights.which[s, 1]) if s != _NONE else (pick % k, pick // k % H)
@@ -176,7 +176,7 @@ def _pull(path: Array, h: int, x: float, y: float, max_speed: float) -> None:
 
 
 @compiled
-def limit(plans: Array, c: int, max_speeds: Array) -> None:
+def _limit(plans: Array, c: int, max_speeds: Array) -> None:
     """Shorten the controls of a candidate to the speed limits (k,) of its UAVs."""
     for j in range(plans.shape[1]):
         for step in range(plans.shape[2]):

@@ -117,8 +117,6 @@ def _sort(order: NDArray[np.int64], traces: Array) -> None:
 def _nearest(targets: Array, t: int, sensors: Array, views: Array) -> tuple[int, float]:
     best, shortest, total = 0, 0.0, np.inf
     for i in range(len(sensors)):
-        if sensors[i, 2] >= total:
-            continue
         dx, dy = targets[t, 0] - sensors[i, 0] - views[i, 4, 0], targets[t, 1] - sensors[i, 1] - views[i, 4, 1]
         d = math.sqrt(dx * dx + dy * dy)
         if sensors[i, 2] + d < total:

@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planning.belief import LANES, Outlook, may_see, observe, transition
 from planning.mwtp import cover
-from planning.penalties import Desk, desk, hide, penalties
+from planning.penalties import Workspace, cover_lanes, penalties, workspace
+from planning.sights import Eased
 from tracking.compiled import Array, compiled
 
 _TRIANGLE = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
-
-
-class Eased(Protocol):
-    """An objective that can be made easier for a search."""
-
-    def __call__(self, candidates: Array, ease: Array | None = None) -> Array:
-        """Costs (N,) m² of candidates (N, k, H, 2) m/s.
-
-        With `ease` (k,) m/s, if these UAVs' fields of view were wider on each side by what that is in a step.
-        """
-        ...
 
 
 def team_cost(outlook: Outlook, controls: Array, beta: float, samples: int = 1) -> float:
@@ -104,13 +94,13 @@ def _costs(outlook: Outlook, rest: _Rest, own: Array, beta: float, samples: int)
     steps, targets = outlook.points.shape[0], outlook.points.shape[1]
     flight = _Flight(np.empty((len(rest.uavs), steps, 2, LANES)), np.empty((len(rest.uavs), steps, 4)))
     traces, total, sums = np.empty((targets, LANES)), np.empty(LANES), np.empty(LANES)
-    place = desk(targets // samples, len(outlook.positions))
+    work = workspace(targets // samples, len(outlook.positions))
     for first in range(0, len(own), LANES):
         plans = own[first : first + LANES]
         _fly(outlook, rest.uavs, plans, flight)
         _sum(outlook, rest, flight, traces, total)
         if beta > 0.0:
-            _penalise(outlook, rest, flight.cameras[:, -1], traces, place, sums)
+            _penalise(outlook, rest, flight.cameras[:, -1], traces, work, sums)
             for lane in range(LANES):
                 total[lane] += beta * sums[lane]
         result[first : first + LANES] = total[: len(plans)]
@@ -183,12 +173,12 @@ def _fill(lanes: Array, values: Array) -> None:
 
 
 @compiled
-def _penalise(outlook: Outlook, rest: _Rest, own: Array, traces: Array, place: Desk, sums: Array) -> None:
+def _penalise(outlook: Outlook, rest: _Rest, own: Array, traces: Array, work: Workspace, sums: Array) -> None:
     """Set `sums` (LANES,) over sets of targets, one for each sample, of the MWTP with `uavs` at `own` (k, 2, LANES) m.
 
     traces (T, LANES) m².
     """
-    each, points, ends = len(place.hidden), outlook.points[-1, :, 0], rest.ends
+    each, points, ends = len(work.unseen), outlook.points[-1, :, 0], rest.ends
     sums[:] = 0.0
     for first in range(0, len(traces), max(each, 1)):
         targets, seen = points[first : first + each], rest.seen[first : first + each]
@@ -196,13 +186,13 @@ def _penalise(outlook: Outlook, rest: _Rest, own: Array, traces: Array, place: D
             continue
         for i in range(len(ends)):
             for axis in range(3):
-                place.sensors[i, axis, :] = ends[i, axis]
+                work.sensors[i, axis, :] = ends[i, axis]
         for t in range(each):
-            place.hidden[t, :] = 0.0 if seen[t] else 1.0
+            work.unseen[t, :] = 0.0 if seen[t] else 1.0
         for j in range(len(rest.uavs)):
-            place.sensors[rest.uavs[j], :2] = own[j]
-            hide(place, targets, rest.uavs[j], outlook.views)
-        penalties(place, targets, traces[first : first + each], outlook.views, sums)
+            work.sensors[rest.uavs[j], :2] = own[j]
+            cover_lanes(work, targets, rest.uavs[j], outlook.views)
+        penalties(work, targets, traces[first : first + each], outlook.views, sums)
 
 
 @compiled

@@ -10,7 +10,6 @@ from time import perf_counter
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planning.moves import chances, distinct, varied
 from planning.sights import NOTHING, Hints
@@ -76,16 +75,24 @@ class CrossEntropy:
     """
 
     evaluations: int = 12_288  # the starts aside
-    elites: int = 32  # in the first round
-    last: int = 12  # elites in the last round
+    elites: int = 32  # in the first round, falling to `last_elites`
+    last_elites: int = 12
     rounds: int = 18
     spread: float = 1.0  # of the maximum speed, at first
     shrink: float = 0.8  # of spread and distance, per round
     apart: float = 0.6  # between elites' paths, at first: of the way at maximum speed in a step, root mean square
-    ease: float = 0.3  # by which fields of view are wider at first: of the way at maximum speed in a step
-    eased: float = 0.5  # of the rounds, in which this falls to none
+    ease: float = 0.3  # from which it falls by how much fields of view are wider: of the way at maximum speed in a step
+    eased_rounds: float = 0.5  # share of the rounds in which it falls to none
     # Search anew until so much time is used, and begin no round after it; 0: once. What is found then varies.
     seconds: float = 0.0
+
+    def __post_init__(self) -> None:
+        least = {"elites": 1, "last_elites": 1, "rounds": 1, "ease": 0, "eased_rounds": 0, "evaluations": 0}
+        for name, bound in least.items():
+            if getattr(self, name) < bound:
+                raise ValueError(f"{name} must be at least {bound}, is {getattr(self, name)}")
+        if self.eased_rounds > 1.0:
+            raise ValueError(f"eased_rounds must be at most 1, is {self.eased_rounds}")
 
     def minimise(
         self,
@@ -106,39 +113,40 @@ class CrossEntropy:
         return found
 
     def _search(self, task: _Task, rng: np.random.Generator, end: float) -> Found:
-        """One search from the starts, which begins no round after `end` [s]."""
+        """One search from the starts, which begins no round after `end` [s].
+
+        How many random numbers it draws depends on no value, so that who draws next learns nothing from it.
+        """
         sights = task.hints.sights if task.hints else NOTHING
         pool = limited(task.starts, task.max_speeds)
         values = task.objective(pool)
-        start, used, scale, ease = pool[np.argmin(values)], len(pool), 1.0, 0.0
+        start, used, ease, scale = pool[np.argmin(values)], len(pool), 0.0, 1.0
         for k in range(self.rounds):
             if perf_counter() >= end:
                 break
-            elite = self._elite(pool, values, k, task.max_speeds)
+            most = self.elites + (self.last_elites - self.elites) * k // max(self.rounds - 1, 1)
+            order = np.argsort(values, kind="stable")
+            elite = distinct(pool, order, most, scale * self.apart, task.max_speeds)
             pool, values = pool[elite], values[elite]
             count = self.evaluations * (k + 1) // self.rounds - self.evaluations * k // self.rounds
-            used, before, ease = used + count, ease, self._ease(k, count) if task.hints else 0.0
+            before, ease = ease, self._ease(k, count) if task.hints else 0.0
             if ease != before:
                 pool = pool if ease else np.concatenate([pool, start[None]])
-                values, count = task.costs(pool, ease), count - len(pool)
+                values, used, count = task.costs(pool, ease), used + len(pool), count - most - (not ease)
             drawn = varied(pool, chances(rng, count, pool), scale * self.spread, task.max_speeds, sights)
             pool, values = np.concatenate([pool, drawn]), np.concatenate([values, task.costs(drawn, ease)])
-            scale *= self.shrink
+            used, scale = used + count, scale * self.shrink
         if ease:  # time is up: see what the best are really worth
-            pool = np.concatenate([start[None], pool[np.argsort(values, kind="stable")[: self.last]]])
+            pool = np.concatenate([start[None], pool[np.argsort(values, kind="stable")[: self.last_elites]]])
             values, used = task.objective(pool), used + len(pool)
         best = int(np.argmin(values))
         return Found(pool[best], float(values[best]), used)
 
-    def _elite(self, pool: Array, values: Array, k: int, max_speeds: Array) -> NDArray[np.int64]:
-        """Which plans of a pool round k begins with."""
-        most = self.elites + (self.last - self.elites) * k // max(self.rounds - 1, 1)
-        apart = self.apart * self.shrink**k
-        return distinct(pool, np.argsort(values, kind="stable"), most, apart, max_speeds)
-
     def _ease(self, k: int, count: int) -> float:
         """By how much fields of view are wider in round k; not at all if elites would take most evaluations."""
-        return self.ease * max(0.0, 1.0 - (k + 1) / (self.eased * self.rounds)) if count > 2 * self.elites else 0.0
+        if count <= 2 * max(self.elites, self.last_elites) or k + 1 >= self.eased_rounds * self.rounds:
+            return 0.0
+        return self.ease * (1.0 - (k + 1) / (self.eased_rounds * self.rounds))
 
 
 @dataclass(frozen=True)

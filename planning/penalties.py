@@ -16,21 +16,21 @@ Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
 
-class Desk(NamedTuple):
-    """Where `penalties` works, so that it need not ask for memory each time: n UAVs, T targets."""
+class Workspace(NamedTuple):
+    """Arrays that `penalties` works on, so that it need not ask for memory each time: n UAVs, T targets."""
 
-    hidden: Array  # (T, LANES): 1 for a target that nobody has in view, else 0
+    unseen: Array  # (T, LANES): 1 for a target that nobody has in view, else 0
     order: NDArray[np.int64]  # (T,): the targets by falling trace
-    targets: Array  # (3, T, LANES): x, y [m] and trace [m²] of those that are hidden, in that order
+    targets: Array  # (3, T, LANES): x, y [m] and trace [m²] of those that are unseen, in that order
     counts: Array  # (LANES,): how many these are
     sensors: Array  # (n, 3, LANES): x, y [m] and D_i
     match: Array  # (3, LANES): which sensor, its distance [m], and D_i with it
 
 
 @compiled
-def desk(targets: int, uavs: int) -> Desk:
+def workspace(targets: int, uavs: int) -> Workspace:
     """For so many targets and UAVs."""
-    return Desk(
+    return Workspace(
         np.empty((targets, LANES)),
         np.arange(targets),
         np.empty((3, targets, LANES)),
@@ -41,43 +41,43 @@ def desk(targets: int, uavs: int) -> Desk:
 
 
 @compiled
-def penalties(desk: Desk, targets: Array, traces: Array, views: Array, sums: Array) -> None:
-    """Add to `sums` (LANES,) the MWTP of targets (T, 2 or 3) m with traces (T, LANES) m² that are `desk.hidden`.
+def penalties(work: Workspace, targets: Array, traces: Array, views: Array, sums: Array) -> None:
+    """Add to `sums` (LANES,) the MWTP of targets (T, 2 or 3) m with traces (T, LANES) m² that are `work.unseen`.
 
-    The sensors are at `desk.sensors` with D_i of 0, and are moved.
+    The sensors are at `work.sensors` with D_i of 0, and are moved.
     """
-    _sort(desk, targets, traces)
-    most = int(desk.counts.max())
+    _sort(work, targets, traces)
+    most = int(work.counts.max())
     for m in range(most):
-        _match(desk, m, views)
-        for i in range(len(desk.sensors)):
-            _assign(desk, m, i, sums)
+        _match(work, m, views)
+        for i in range(len(work.sensors)):
+            _assign(work, m, i, sums)
             if m + 1 < most:
-                _move(desk, m, i, views)
+                _move(work, m, i, views)
 
 
 @compiled
-def hide(desk: Desk, targets: Array, uav: int, views: Array) -> None:
-    """Take targets (T, 2 or 3) m that a UAV has in its field of view from those that are hidden."""
-    view, east, north = views[uav], desk.sensors[uav, 0], desk.sensors[uav, 1]
+def cover_lanes(work: Workspace, targets: Array, uav: int, views: Array) -> None:
+    """Mark targets (T, 2 or 3) m that a UAV has in its field of view as seen; `planning.mwtp.cover` lane by lane."""
+    view, east, north = views[uav], work.sensors[uav, 0], work.sensors[uav, 1]
     a0, b0, c0, a1, b1, c1 = view[0, 0], view[0, 1], view[0, 2], view[1, 0], view[1, 1], view[1, 2]
     a2, b2, c2, a3, b3, c3 = view[2, 0], view[2, 1], view[2, 2], view[3, 0], view[3, 1], view[3, 2]
     for t in range(len(targets)):
-        x, y, hidden = targets[t, 0], targets[t, 1], desk.hidden[t]
+        x, y, unseen = targets[t, 0], targets[t, 1], work.unseen[t]
         for lane in range(LANES):
             dx, dy = x - east[lane], y - north[lane]
             near = (a0 * dx + b0 * dy <= c0) & (a1 * dx + b1 * dy <= c1)
             near &= (a2 * dx + b2 * dy <= c2) & (a3 * dx + b3 * dy <= c3)
-            hidden[lane] = 0.0 if near else hidden[lane]
+            unseen[lane] = 0.0 if near else unseen[lane]
 
 
 @compiled
-def _sort(desk: Desk, targets: Array, traces: Array) -> None:
-    """List the hidden targets of each lane by falling trace, equal ones by index.
+def _sort(work: Workspace, targets: Array, traces: Array) -> None:
+    """List the unseen targets of each lane by falling trace, equal ones by index.
 
     By insertion, in linear time where a lane's order is nearly that of the one before.
     """
-    order = desk.order
+    order = work.order
     for lane in range(LANES):
         for k in range(1, len(order)):
             t, j = order[k], k
@@ -90,24 +90,24 @@ def _sort(desk: Desk, targets: Array, traces: Array) -> None:
             order[j] = t
         count = 0
         for t in order:
-            if desk.hidden[t, lane] > 0.0:
-                desk.targets[0, count, lane], desk.targets[1, count, lane] = targets[t, 0], targets[t, 1]
-                desk.targets[2, count, lane] = traces[t, lane]
+            if work.unseen[t, lane] > 0.0:
+                work.targets[0, count, lane], work.targets[1, count, lane] = targets[t, 0], targets[t, 1]
+                work.targets[2, count, lane] = traces[t, lane]
                 count += 1
-        desk.counts[lane] = count
+        work.counts[lane] = count
         for m in range(count, len(order)):
-            desk.targets[:, m, lane] = 0.0
+            work.targets[:, m, lane] = 0.0
 
 
 @compiled
-def _match(desk: Desk, m: int, views: Array) -> None:
+def _match(work: Workspace, m: int, views: Array) -> None:
     """Find the sensor of which D_i and the way to the target together are least; a target that is none gets none."""
-    x, y = desk.targets[0, m], desk.targets[1, m]
-    who, shortest, total = desk.match[0], desk.match[1], desk.match[2]
+    x, y = work.targets[0, m], work.targets[1, m]
+    who, shortest, total = work.match[0], work.match[1], work.match[2]
     for lane in range(LANES):
         total[lane] = np.inf
-    for i in range(len(desk.sensors)):
-        east, north, travelled = desk.sensors[i, 0], desk.sensors[i, 1], desk.sensors[i, 2]
+    for i in range(len(work.sensors)):
+        east, north, travelled = work.sensors[i, 0], work.sensors[i, 1], work.sensors[i, 2]
         aim_x, aim_y = views[i, 4, 0], views[i, 4, 1]
         for lane in range(LANES):
             dx, dy = x[lane] - east[lane] - aim_x, y[lane] - north[lane] - aim_y
@@ -117,13 +117,13 @@ def _match(desk: Desk, m: int, views: Array) -> None:
             shortest[lane] = d if better else shortest[lane]
             total[lane] = travelled[lane] + d if better else total[lane]
     for lane in range(LANES):
-        who[lane] = who[lane] if m < desk.counts[lane] else -1.0
+        who[lane] = who[lane] if m < work.counts[lane] else -1.0
 
 
 @compiled
-def _assign(desk: Desk, m: int, i: int, sums: Array) -> None:
+def _assign(work: Workspace, m: int, i: int, sums: Array) -> None:
     """Send sensor i to the target where it is matched; its first one is what counts."""
-    who, shortest, trace, travelled = desk.match[0], desk.match[1], desk.targets[2, m], desk.sensors[i, 2]
+    who, shortest, trace, travelled = work.match[0], work.match[1], work.targets[2, m], work.sensors[i, 2]
     for lane in range(LANES):
         mine = who[lane] == i
         sums[lane] += shortest[lane] * trace[lane] if mine & (travelled[lane] == 0.0) else 0.0
@@ -131,14 +131,14 @@ def _assign(desk: Desk, m: int, i: int, sums: Array) -> None:
 
 
 @compiled
-def _move(desk: Desk, m: int, i: int, views: Array) -> None:
+def _move(work: Workspace, m: int, i: int, views: Array) -> None:
     """Move sensor i by `planning.view.shortest_move` where it is matched."""
     x, y, who, east, north = (
-        desk.targets[0, m],
-        desk.targets[1, m],
-        desk.match[0],
-        desk.sensors[i, 0],
-        desk.sensors[i, 1],
+        work.targets[0, m],
+        work.targets[1, m],
+        work.match[0],
+        work.sensors[i, 0],
+        work.sensors[i, 1],
     )
     one = views[i, 0, 0], views[i, 0, 1], views[i, 0, 2]
     two = views[i, 1, 0], views[i, 1, 1], views[i, 1, 2]

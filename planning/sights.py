@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,21 @@ class Sights(NamedTuple):
     views: Array  # (k, 5, 3): fields of view, see `planning.view.quadrangle`, with lengths in m/s
 
 
+class Eased(Protocol):
+    """An objective that can be made easier for a search."""
+
+    def __call__(self, candidates: Array, ease: Array | None = None) -> Array:
+        """Costs (N,) m² of candidates (N, k, H, 2) m/s.
+
+        With `ease` (k,) m/s, if these UAVs' fields of view were wider on each side by what that is in a step.
+        """
+        ...
+
+
 class Hints(NamedTuple):
     """What a search may make use of besides the objective."""
 
-    # The objective [m²] of candidates (N, k, H, 2) m/s with the k fields of view wider on each side, by (k,) m/s.
-    eased: Callable[[Array, Array], Array]
+    eased: Eased  # the objective, and easier ones
     sights: Sights
 
 
@@ -39,7 +49,6 @@ def sights(outlook: Outlook, uavs: Sequence[int], max_speeds: Array) -> Sights:
     """
     rows = np.asarray(uavs, dtype=np.int64)
     views = outlook.views[rows] / np.array([1.0, 1.0, outlook.step])
-    views[:, 4, :2] /= outlook.step
     return _within_reach(outlook, rows, np.ascontiguousarray(views), max_speeds)
 
 

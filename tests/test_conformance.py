@@ -29,6 +29,13 @@ def test_every_planner_of_ours_conforms(name):
     assert untried == (CLAIM if name in ("centralized", "lawnmower") else set())
 
 
+@pytest.mark.parametrize("planner", ["sma-nbo-mwtp", "sma-nbo-mwtp(horizon=1)", "pma-nbo(horizon=1)"])
+def test_with_all_their_evaluations_nothing_is_known_by_what_others_drew(planner):
+    """Elites of one-step plans are few, and their number depends on beliefs."""
+    findings = {f.check: f for f in check(planner, other_process=False)}
+    assert all(findings[name].passed for name in CLAIM), [str(findings[name]) for name in CLAIM]
+
+
 class Good:
     """Flies towards the mean of the tracks at a speed drawn by chance."""
 

@@ -1,10 +1,13 @@
 """Fleets that were all apart and heal to a line, a ring, a star or a complete graph: one track per person, one id."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scenes import R
-from test_consensus import graph
+from test_consensus import exchange, graph
 from test_faults import fleet, ids, play
+from test_meeting import NOW, told
 
 
 def healing_to(kind: str, n: int) -> np.ndarray:
@@ -35,6 +38,14 @@ def turned(seed: int, kind: str) -> list[int]:
 def test_a_track_last_seen_before_a_turn_gathers_the_newcomers_of_that_person(kind, seed):
     """Some of the four newcomers agree with each other, but not with the track that one of them was matched to."""
     assert turned(seed, kind) == [1] * 5
+
+
+def test_who_is_seen_now_keeps_a_track_though_another_matches_the_older_one_of_that_name():
+    """One company saw person 3 before, elsewhere; the other sees 3, and somebody where the first has 3."""
+    first = replace(told(0, [30.0], [0.05], [3], [907], [NOW - 0.2]), degree=1)
+    second = replace(told(1, [0.0, 30.2], [0.05, 0.05], [3, 50], [907, 950], [NOW, NOW]), degree=1, company=(1, NOW))
+    for message in exchange([first, second], graph("complete", 2), 5):
+        assert sorted(message.beliefs()[0][:, 0].round(1).tolist()) == [0.0, 30.1]
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from planning.belief import LANES
 from planning.mwtp import weighted_trace_penalty
-from planning.penalties import desk, hide, penalties
+from planning.penalties import cover_lanes, penalties, workspace
 from planning.view import quadrangle
 from tracking.camera import ALL_ROUND, Camera
 
@@ -35,11 +35,11 @@ def test_side_by_side_the_penalty_is_that_of_each_plan(random_team, kind):
         traces = rng.uniform(0.1, 9.0, (T, LANES))
         if case % 3 == 0:
             traces = np.ceil(traces)  # some are equal
-        place, sums = desk(T, n), np.zeros(LANES)
-        place.hidden[:], place.sensors[:, :2], place.sensors[:, 2] = 1.0, sensors, 0.0
+        work, sums = workspace(T, n), np.zeros(LANES)
+        work.unseen[:], work.sensors[:, :2], work.sensors[:, 2] = 1.0, sensors, 0.0
         for uav in range(n):
-            hide(place, targets, uav, fields)
-        penalties(place, targets, traces, fields, sums)
+            cover_lanes(work, targets, uav, fields)
+        penalties(work, targets, traces, fields, sums)
         lanes = [(np.ascontiguousarray(traces[:, k]), np.ascontiguousarray(sensors[:, :, k])) for k in range(LANES)]
         expected = [weighted_trace_penalty(targets, trace, sensor, fields) for trace, sensor in lanes]
         np.testing.assert_array_equal(sums, expected)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tracking.compiled import Array
 from tracking.evidence import Evidence
-from tracking.identity import Message
+from tracking.identity import Message, companies_meet
 from tracking.roster import aligned
 
 
@@ -52,7 +52,7 @@ def combine(own: Message, received: Sequence[Message], gate: float, max_speed: f
     """
     if not received:
         return own
-    met = any(m.met or m.company[0] != own.company[0] for m in (own, *received))
+    met = companies_meet([own, *received])
     own, *received = aligned(own, received, gate, max_speed)
     shares = own.shares.copy()
     for message in received:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -128,6 +129,11 @@ def _placed(values: Array, slots: Indices, count: int) -> Array:
     table = np.zeros((count, values.shape[1]))
     np.add.at(table, slots, values)
     return table
+
+
+def companies_meet(messages: Sequence[Message]) -> bool:
+    """Whether UAVs of different companies hear one another, by the messages of one round, one's own included."""
+    return any(m.met or m.company[0] != messages[0].company[0] for m in messages)
 
 
 def born_id(scan: int, uav: int, counter: int) -> int:

@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
 from tracking.evidence import Indices
-from tracking.identity import Message
+from tracking.identity import Message, companies_meet
 from tracking.recovery import recoveries
 
 _NOBODY = -1  # row of a track that is left out
@@ -37,7 +37,7 @@ def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: f
     messages = [_surviving(m, deleted) for m in (own, *received)]
     # Whoever hears the same matches the same, in the same order.
     first, *others = sorted(range(len(messages)), key=lambda k: messages[k].uav)
-    met = any(m.met or m.company[0] != own.company[0] for m in messages)
+    met = companies_meet(messages)
     roster = _Roster(messages[first], gate, max_speed, met)
     slots = {first: np.arange(len(messages[first].ids)), **{k: roster.admit(messages[k]) for k in others}}
     ids, aliases = roster.names()
@@ -114,7 +114,7 @@ class _Roster:
         pairs = matches((self.means[free], self.covariances[free]), (means[new], covariances[new]), self.gate)
         for a, b in pairs:
             slots[new[b]] = free[a]
-        new = np.setdiff1d(new, self._by_name(slots, named, stale))
+        new = np.setdiff1d(new, self._by_name(message, slots, named, stale))
         self._update(message, np.flatnonzero(unknown & (slots != _NOBODY)), slots)
         self._renew(message, slots, np.setdiff1d(free, slots), new[slots[new] == _NOBODY])
         new = np.array([*new[slots[new] == _NOBODY], *stale], dtype=np.int64)
@@ -130,24 +130,28 @@ class _Roster:
                 self._enter(pair, slot)
         return slots
 
-    def _by_name(self, slots: Indices, named: Indices, stale: list[int]) -> list[int]:
-        """Fill in the rows `named` of tracks that agree with none; those whose row another one agrees with better."""
-        outdated = []
+    def _by_name(self, message: Message, slots: Indices, named: Indices, stale: list[int]) -> list[int]:
+        """Fill in the rows `named` of tracks that agree with none; those whose row a track seen later agrees with."""
+        outdated, seen = [], message.evidence.times[:, 0]
         for k in np.flatnonzero((slots == _NOBODY) & (named != _NOBODY)).tolist():
-            if named[k] in slots:
-                outdated.append(k)
-            elif k not in stale:
+            taker = np.flatnonzero(slots == named[k])
+            if len(taker) == 0 and k not in stale:
                 slots[k] = named[k]
+            elif len(taker) and seen[k] < seen[taker[0]]:
+                outdated.append(k)
         return outdated
 
     def _update(self, message: Message, tracks: Indices, slots: Indices) -> None:
         """Let rows that these tracks were found to continue be compared by whichever saw the person last."""
-        means, covariances = message.beliefs()
         for k in tracks[message.evidence.times[tracks, 0] > self.seen[slots[tracks]]].tolist():
-            row = slots[k]
-            self.means[row], self.covariances[row] = means[k], covariances[k]
-            self.seen[row], self.sightings[row] = message.evidence.times[k, 0], message.sightings[k]
-            self.lost[row] = message.aliases[k] == 0
+            self._compare_by(int(slots[k]), message, k)
+
+    def _compare_by(self, row: int, message: Message, track: int) -> None:
+        """Let a row be compared by one of their tracks."""
+        means, covariances = message.beliefs()
+        self.means[row], self.covariances[row] = means[track], covariances[track]
+        self.seen[row], self.sightings[row] = message.evidence.times[track, 0], message.sightings[track]
+        self.lost[row] = message.aliases[track] == 0
 
     def _renew(self, message: Message, slots: Indices, free: Indices, new: Indices) -> None:
         """Fill in rows of whom one side knows of late and the other does not: our rows `free`, their tracks `new`."""
@@ -158,10 +162,8 @@ class _Roster:
         for b, k in self._found(found, (self.means[ours], self.covariances[ours], self.sightings[ours])):
             row, track = int(ours[k]), int(theirs[b])
             slots[track] = row
-            self.lost[row] = False
             self.renewed.append(row)
-            self.means[row], self.covariances[row] = means[track], covariances[track]
-            self.sightings[row] = message.sightings[track]
+            self._compare_by(row, message, track)
         ours, theirs = np.setdiff1d(free[~self.lost[free]], slots), new[lost]
         found = self.means[ours], self.covariances[ours], self.sightings[ours]
         for b, k in self._found(found, (means[theirs], covariances[theirs], message.sightings[theirs])):
