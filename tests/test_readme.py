@@ -57,7 +57,7 @@ def test_every_block_of_the_readme_runs(understory, tmp_path):
             assert language in ("text", "bibtex")
     assert (tmp_path / "scan7.png").stat().st_size > 10_000
     assert len(list((tmp_path / "runs").glob("*/mission.mp4"))) == 4
-    assert len(list((tmp_path / "runs").glob("*/frames-uav2-1s/*.png"))) == 1
+    assert len(list((tmp_path / "runs").glob("*/frames-uav1-1s/*.png"))) == 1
 
 
 def test_the_two_commands_are_those_of_the_checks():
