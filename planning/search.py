@@ -119,7 +119,7 @@ def _onward(places: Array, centres: Array, sight: tuple[float, float], people: A
 def _viewed(vehicle: Vehicle, places: Array, points: Array, forest: Forest) -> _Views:
     """What a UAV sees from places (V, 3) m of cells given by four points (C, 4, 2) m each."""
     farthest = reach(vehicle) + float(np.ptp(points[0], axis=0).max(initial=0.0))
-    return _views(places, (quadrangle(vehicle)[None], farthest), points, forest.blockers, forest.grid)
+    return _views(places, (np.array([quadrangle(vehicle)]), farthest), points, forest.blockers, forest.grid)
 
 
 def _joined(rasters: Sequence[_Raster]) -> _Raster:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,20 +19,25 @@ _CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 MARKS = -0.85 * np.array([(x, y) for x in (0, -1, 1) for y in (0, -1, 1)])
 
 
+class _Sight(NamedTuple):
+    """What makes a field of view."""
+
+    fov: float
+    height: float  # m above the plane of the targets
+    attitude: tuple[float, ...]  # quaternion
+
+
 def shown_at(vehicle: Vehicle, marks: Array) -> Array:
     """Where what the image shows at `marks` (K, 2) is, in half edges from its middle; (K, 2) m from the vehicle.
 
     Note: a view all round has no image; its marks are those of an image of 90 degrees.
     """
-    height = float(vehicle.position[2] - TARGET_HEIGHT)
-    half = height * (1.0 if vehicle.camera.fov >= ALL_ROUND else math.tan(vehicle.camera.fov / 2))
-    rays = np.column_stack([half * np.asarray(marks), np.full(len(marks), -height)]) @ rotation(vehicle.attitude).T
-    return np.asarray(rays[:, :2] * (height / -rays[:, 2:]))
+    return _shown_at(_sight(vehicle), marks)
 
 
 def aim(vehicle: Vehicle) -> Array:
     """Where the middle of the image is (2,) m from the vehicle."""
-    return np.asarray(shown_at(vehicle, np.zeros((1, 2)))[0])
+    return _aim(_sight(vehicle))
 
 
 def reach(vehicle: Vehicle) -> float:
@@ -46,17 +53,45 @@ def quadrangle(vehicle: Vehicle) -> Array:
     (dx, dy) m from the vehicle is inside where a dx + b dy <= c for all four; (a, b) has length 1. A pinhole camera
     sees what has |x| <= tan(fov / 2) depth, and likewise for y; on a plane of constant height that is linear.
     """
-    if vehicle.camera.fov >= ALL_ROUND:
-        return np.array([*((x, y, math.inf) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))), (0, 0, 0)], dtype=float)
-    height, slope = float(vehicle.position[2] - TARGET_HEIGHT), math.tan(vehicle.camera.fov / 2)
-    R = rotation(vehicle.attitude)
+    return _quadrangle(_sight(vehicle))
+
+
+def _sight(vehicle: Vehicle) -> _Sight:
+    height = float(vehicle.position[2] - TARGET_HEIGHT)
+    return _Sight(vehicle.camera.fov, height, tuple(np.asarray(vehicle.attitude, dtype=float).tolist()))
+
+
+def _shown_at(sight: _Sight, marks: Array) -> Array:
+    half = sight.height * (1.0 if sight.fov >= ALL_ROUND else math.tan(sight.fov / 2))
+    rays = np.column_stack([half * np.asarray(marks), np.full(len(marks), -sight.height)])
+    rays = rays @ rotation(np.array(sight.attitude)).T
+    return np.asarray(rays[:, :2] * (sight.height / -rays[:, 2:]))
+
+
+# A team's UAVs each ask for the fields of view of all of them, at every decision.
+@lru_cache(maxsize=1024)
+def _aim(sight: _Sight) -> Array:
+    return _kept(_shown_at(sight, np.zeros((1, 2)))[0])
+
+
+@lru_cache(maxsize=1024)
+def _quadrangle(sight: _Sight) -> Array:
+    if sight.fov >= ALL_ROUND:
+        return _kept(np.array([*((x, y, math.inf) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))), (0, 0, 0)], float))
+    slope, R = math.tan(sight.fov / 2), rotation(np.array(sight.attitude))
     out = np.empty((5, 3))
     for k, (axis, sign) in enumerate(((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0))):
         normal = sign * R[:, axis] + slope * R[:, 2]
         length = math.hypot(normal[0], normal[1])
-        out[k] = normal[0] / length, normal[1] / length, height * normal[2] / length
-    out[4] = *aim(vehicle), 0.0
-    return out
+        out[k] = normal[0] / length, normal[1] / length, sight.height * normal[2] / length
+    out[4] = *_aim(sight), 0.0
+    return _kept(out)
+
+
+def _kept(array: Array) -> Array:
+    """An array that several are given and nobody can change."""
+    array.flags.writeable = False
+    return array
 
 
 @compiled
