@@ -111,7 +111,8 @@ def test_limited_shortens_and_keeps_the_direction():
     assert plans[0, 1] == pytest.approx([0.3, 0.4])
 
 
-def test_with_effort_the_optimum_of_exhaustive_search_is_found(random_team):
+@pytest.mark.parametrize("optimizer", [CrossEntropy(), ParticleSwarm(12_288, particles_per_step=100)])
+def test_with_effort_the_optimum_of_exhaustive_search_is_found(random_team, optimizer):
     """Fifty small cases: one of two UAVs, two steps; exhaustive search over 24 directions at three speeds."""
     excess = []
     for seed in range(50):
@@ -123,6 +124,6 @@ def test_with_effort_the_optimum_of_exhaustive_search_is_found(random_team):
 
         chases = pursuits(nominal_positions(situation.tracks, 1.0, 2), situation.own, 1.0)[:, None]
         best = run(Grid(24, 3), objective, plans[None, :1]).cost
-        found = run(CrossEntropy(), objective, np.concatenate([plans[None, :1], chases]), seed)
+        found = run(optimizer, objective, np.concatenate([plans[None, :1], chases]), seed)
         excess.append(found.cost / best - 1.0)
     assert max(excess) <= 0.01
