@@ -33,14 +33,11 @@ def weighted_trace_penalty(targets: Array, traces: Array, sensors: Array, views:
     Note: T is the set outside all fields of view as geometry; a target in view but hidden is not in it, because
     p^MDO, the least displacement after which the field of view covers the target, would be where the sensor is.
     """
-    busy = np.zeros((len(sensors), 3))
+    busy, seen = np.zeros((len(sensors), 3)), np.zeros(len(targets), dtype=np.bool_)
     busy[:, :2] = sensors
-    seen, order = np.zeros(len(targets), dtype=np.bool_), np.arange(len(targets))
     for i in range(len(sensors)):
         cover(targets, seen, sensors, views, i)
-    penalty, last, target = penalise(targets, traces, seen, busy, views, order)
-    if last >= 0:
-        _move(busy, last, targets, target, views)
+    penalty, _ = penalise(targets, traces, seen, busy, views)
     sensors[:] = busy[:, :2]
     return penalty
 
@@ -54,27 +51,21 @@ def cover(targets: Array, seen: NDArray[np.bool_], sensors: Array, views: Array,
 
 
 @compiled
-def penalise(
-    targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Array, views: Array, order: NDArray[np.int64]
-) -> tuple[float, int, int]:
-    """`weighted_trace_penalty` of targets that are not `seen` (T,); sensors (n, 3): x, y [m] and D_i, overwritten.
+def penalise(targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Array, views: Array) -> tuple[float, int]:
+    """`weighted_trace_penalty` of targets that are not `seen` (T,), and the row of the last match's sensor (-1: none).
 
-    order (T,): a permutation of the targets, left sorted by falling trace; one that nearly is saves time. The last
-    move, of which sensor to which target (-1: none), is left to do: without further targets it changes nothing.
+    sensors (n, 3): x, y [m] and D_i, overwritten. `planning.penalties` has the same for many plans side by side.
     """
-    _sort(order, traces)
-    penalty, mover, moved_to = 0.0, -1, 0
-    for t in order:
+    penalty, nearest = 0.0, -1
+    for t in np.argsort(-traces, kind="mergesort"):  # stable: equal ones by index
         if seen[t]:
             continue
-        if mover >= 0:
-            _move(sensors, mover, targets, moved_to, views)
         nearest, shortest = _nearest(targets, t, sensors, views)
         if sensors[nearest, 2] == 0.0:
             penalty += shortest * traces[t]
         sensors[nearest, 2] += shortest
-        mover, moved_to = nearest, t
-    return penalty, mover, moved_to
+        _move(sensors, nearest, targets, t, views)
+    return penalty, nearest
 
 
 def matching(targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Array, views: Array) -> tuple[Match, ...]:
@@ -85,8 +76,8 @@ def matching(targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Ar
     for t in order[~seen[order]]:
         later[t] = False
         after = np.array(sensors, dtype=float)
-        total, uav, target = penalise(targets, traces, seen | later, after, views, order)
-        found.append(Match(uav, target, float(after[uav, 2] - travelled[uav]), total - last))
+        total, uav = penalise(targets, traces, seen | later, after, views)
+        found.append(Match(uav, int(t), float(after[uav, 2] - travelled[uav]), total - last))
         travelled[uav], last = after[uav, 2], total
     return tuple(found)
 
@@ -97,20 +88,6 @@ def _move(sensors: Array, uav: int, targets: Array, t: int, views: Array) -> Non
     x, y = shortest_move(views, uav, targets[t, 0] - sensors[uav, 0], targets[t, 1] - sensors[uav, 1])
     sensors[uav, 0] += x
     sensors[uav, 1] += y
-
-
-@compiled
-def _sort(order: NDArray[np.int64], traces: Array) -> None:
-    """Insertion sort by falling trace, equal ones by index: in linear time where `order` is nearly sorted."""
-    for k in range(1, len(order)):
-        t, j = order[k], k
-        while j > 0:
-            before = order[j - 1]
-            if traces[before] > traces[t] or (traces[before] == traces[t] and before < t):
-                break
-            order[j] = before
-            j -= 1
-        order[j] = t
 
 
 @compiled
