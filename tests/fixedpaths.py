@@ -45,6 +45,7 @@ class Case:
     forest: Forest = OPEN
     detection: float = 0.99
     alarms: float = 1e-6  # per m²
+    absence_weight: float = TrackerParameters.absence_weight
 
 
 class Mission:
@@ -108,7 +109,13 @@ def _walked(case: Case, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarra
 def errors(mission: Mission, fusion: str) -> np.ndarray:
     """NEES of position and of state (K, UAVs, M, 2) of the track with each person's id; NaN where it has ended."""
     c = mission.case
-    parameters = TrackerParameters(MOTION, detection_probability=c.detection, clutter_density=c.alarms, fusion=fusion)
+    parameters = TrackerParameters(
+        MOTION,
+        detection_probability=c.detection,
+        clutter_density=c.alarms,
+        fusion=fusion,
+        absence_weight=c.absence_weight,
+    )
     initial = [Track(i, Gaussian(mean, START)) for i, mean in enumerate(mission.known)]
     fleet = [Tracker(u, CAMERA, c.forest, parameters, initial) for u in range(len(c.altitudes))]
     out = np.full((SCANS, len(fleet), c.people, 2), np.nan)

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from scenes import ABOVE, CAMERA, MOTION, play, scan, track, tracker
 from scipy import stats
 
 from tracking.absence import given_undetected
-from tracking.visibility import SAMPLE_VARIANCE, SAMPLES
+from tracking.visibility import SAMPLE_VARIANCE, SAMPLES, TARGET_HEIGHT, Forest, Tree
 
 
 def belief(rng):
@@ -96,3 +97,48 @@ def test_a_weight_tempers_the_likelihood_and_zero_turns_it_off():
     # Half the mass is seen: with the likelihood l there, the mean moves by (1 - l) / (1 + l) of the full shift.
     tempered, plain = (1 - 0.1) / (1 + 0.1), (1 - 0.01) / (1 + 0.01)
     assert (half - mean[0]) / (full - mean[0]) == pytest.approx(tempered / plain, rel=1e-9)
+
+
+TREE = Forest((Tree(0.0, 0.0, 5.0),))
+INSTANTS = (25, 35, 50, 65)  # scans: 5 to 13 s
+
+
+def true_posterior(count: int = 100_000) -> tuple[np.ndarray, np.ndarray]:
+    """Means and deviations (4, 4), at `INSTANTS`, of who walks under the tree and is not seen, by a particle filter."""
+    rng = np.random.default_rng(5)
+    kick, out = MOTION.sigma_a * np.kron([[MOTION.dt**2 / 2], [MOTION.dt]], np.eye(2)), []
+    x = rng.multivariate_normal([-1.0, 0.0, 1.5, 0.0], 0.05 * np.eye(4), count)
+    for k in range(INSTANTS[-1] + 1):
+        if k:
+            x = x @ MOTION.F.T + rng.normal(size=(count, 2)) @ kick.T
+        points = np.column_stack([x[:, :2], np.full(count, TARGET_HEIGHT)])
+        weights = 1.0 - 0.99 * (CAMERA.sees(ABOVE, points) & TREE.visible(ABOVE.position, points)[0])
+        x = x[rng.choice(count, count, p=weights / weights.sum())]
+        if k in INSTANTS:
+            out.append((x.mean(axis=0), x.std(axis=0)))
+    means, deviations = zip(*out, strict=True)
+    return np.array(means), np.array(deviations)
+
+
+def believed(weight: float) -> tuple[np.ndarray, np.ndarray]:
+    """The same of a tracker."""
+    subject = tracker(track(3, -1, 0, 1.5, 0), forest=TREE, absence_weight=weight, delete=(60, 60))
+    out = []
+    for k in range(INSTANTS[-1] + 1):
+        play(subject, [scan(k)])
+        if k in INSTANTS:
+            belief = subject.tracks[0].belief
+            out.append((belief.mean, np.sqrt(np.diag(belief.covariance))))
+    means, deviations = zip(*out, strict=True)
+    return np.array(means), np.array(deviations)
+
+
+def test_who_does_not_come_out_is_believed_where_particles_are_and_as_surely():
+    """About as wide, and off by a fraction of that; with the default weight narrower, with none wide of the mark."""
+    means, deviations = true_posterior()
+    found, widths = believed(0.1)
+    assert np.max(np.abs(found - means) / deviations) < 0.4
+    assert 0.7 < np.min(widths / deviations) and np.max(widths / deviations) < 1.3
+    sure, wide = believed(0.3)[1] / deviations, np.abs(believed(0.0)[0] - means) / deviations
+    assert 0.4 < np.min(sure) < 0.7 and np.max(sure) < 1.1
+    assert np.max(wide) > 2.0
