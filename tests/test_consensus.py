@@ -5,8 +5,9 @@ import math
 
 import numpy as np
 import pytest
+from scenes import scan, track, tracker
 
-from tracking.consensus import combine
+from tracking.consensus import combine, fuse
 from tracking.evidence import Evidence
 from tracking.identity import Message, born_id
 from tracking.kalman import information_form
@@ -49,6 +50,32 @@ def exchange(messages: list[Message], adjacency: np.ndarray, rounds: int) -> lis
             for m, row in zip(messages, adjacency, strict=True)
         ]
     return messages
+
+
+@pytest.mark.parametrize("fusion", ["kla", "hcmci"])
+def test_a_table_of_all_messages_gives_what_each_uav_makes_of_those_it_hears(fusion):
+    """Bit by bit: five trackers on a line, whose scans are of some of six people, with messages lost."""
+    places = np.array([[4.0 * k - 10.0, 0.0] for k in range(6)])
+    fleets = []
+    for _ in range(2):
+        rng = np.random.default_rng(3)
+        known = [track(k, *place, 0.5, 0.0, variance=0.3) for k, place in enumerate(places)]
+        fleets.append([tracker(*known, uav=u, fusion=fusion) for u in range(5)])
+        for t in fleets[-1]:
+            seen = places[rng.random(6) < 0.7] + (0.1, 0.0)
+            t.step(scan(1, *(seen + rng.normal(0, 0.1, seen.shape)), uav=t.uav))
+    adjacency, lost = graph("line", 5), np.random.default_rng(4).random((4, 5, 5)) < 0.3
+    fuse(fleets[0], adjacency, 4, lost)
+    messages = [t.message(int(row.sum())) for t, row in zip(fleets[1], adjacency, strict=True)]
+    for k in range(4):
+        messages = exchange(messages, adjacency & ~lost[k], 1)
+    for t, said in zip(fleets[1], messages, strict=True):
+        t.accept(said)
+    for ours, theirs in zip(*fleets, strict=True):
+        assert [a.id for a in ours.tracks] == [b.id for b in theirs.tracks] == list(range(6))
+        for a, b in zip(ours.tracks, theirs.tracks, strict=True):
+            np.testing.assert_array_equal(a.belief.mean, b.belief.mean)
+            np.testing.assert_array_equal(a.belief.covariance, b.belief.covariance)
 
 
 def team(means, covariances, adjacency: np.ndarray, weights=None) -> list[Message]:

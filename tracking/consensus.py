@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.compiled import Array
-from tracking.evidence import Evidence
+from tracking.compiled import Array, compiled
+from tracking.evidence import Evidence, Indices
 from tracking.identity import Message, companies_meet
 from tracking.roster import aligned
 
@@ -53,34 +53,55 @@ def combine(own: Message, received: Sequence[Message], gate: float, max_speed: f
     if not received:
         return own
     met = companies_meet([own, *received])
-    own, *received = aligned(own, received, gate, max_speed)
-    shares = own.shares.copy()
-    for message in received:
-        shares += (message.shares - own.shares) / (1 + max(own.degree, message.degree))
-    every = [own, *received]
+    every = aligned(own, received, gate, max_speed)
+    return _said(every, 0, np.arange(1, len(every)), _Tables.of(every), met)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tables:
+    """What N messages about the same T tracks hold."""
+
+    shares: Array  # (N, T, W)
+    novel: Array  # (N, T, V)
+
+    @staticmethod
+    def of(messages: Sequence[Message]) -> _Tables:
+        width = max(m.novel.shape[1] for m in messages)
+        novel = np.zeros((len(messages), len(messages[0].ids), width))
+        # Columns stand for UAVs; whoever has not yet heard of the last ones lacks theirs.
+        for row, m in zip(novel, messages, strict=True):
+            row[:, : m.novel.shape[1]] = m.novel
+        return _Tables(np.array([m.shares for m in messages]), novel)
+
+
+def _said(messages: Sequence[Message], own: int, heard: Indices, tables: _Tables, met: bool) -> Message:
+    """What one of them says next, given which others it heard; messages are about the same tracks."""
+    first, others = messages[own], [messages[j] for j in heard.tolist()]
+    every = [first, *others]
+    divisors = np.array([1.0 + max(first.degree, m.degree) for m in others])
     return replace(
-        own,
-        shares=shares,
+        first,
+        shares=_mixed(tables.shares, own, heard, divisors),
         evidence=_agreed(every),
         sightings=_latest(every),
-        novel=_mixed(every),
+        novel=_mixed(tables.novel, own, heard, divisors) if tables.novel.size else first.novel,
         company=min((m.company for m in every), key=lambda company: (company[0], -company[1])),
         met=met,
     )
 
 
-def _mixed(messages: Sequence[Message]) -> Array:
-    """The novel part that the first one holds after a round, given what it and its neighbours held."""
-    own, *received = messages
-    width = max(m.novel.shape[1] for m in messages)
-    if width == 0:
-        return own.novel
-    weights = [1.0 / (1 + max(own.degree, m.degree)) for m in received]
-    # Columns stand for UAVs; whoever has not yet heard of the last ones lacks theirs.
-    stacked = np.zeros((len(messages), len(own.ids), width))
-    for row, m in zip(stacked, messages, strict=True):
-        row[:, : m.novel.shape[1]] = m.novel
-    return np.asarray(np.tensordot([1.0 - sum(weights), *weights], stacked, 1))
+@compiled
+def _mixed(table: Array, own: int, heard: Indices, divisors: Array) -> Array:
+    """What one row of a table (N, T, W) holds when each of those heard has handed it its share of what they have more.
+
+    heard (H,): their rows; divisors (H,): one over these shares.
+    """
+    out: Array = table[own].copy()
+    for k in range(len(heard)):
+        for t in range(table.shape[1]):
+            for w in range(table.shape[2]):
+                out[t, w] += (table[heard[k], t, w] - table[own, t, w]) / divisors[k]
+    return out
 
 
 def _agreed(messages: Sequence[Message]) -> Evidence:
@@ -137,13 +158,24 @@ def fuse(
     for k in range(rounds):
         sent += [message.size if row.any() else 0 for message, row in zip(messages, linked, strict=True)]
         heard = linked if lost is None else linked & ~lost[k]
-        messages = [
-            combine(messages[i], [messages[j] for j in np.flatnonzero(row).tolist()], m.match_gate, m.max_speed)
-            for i, (m, row) in enumerate(zip(members, heard, strict=True))
-        ]
+        messages = _after_a_round(members, messages, heard)
     for member, message in zip(members, messages, strict=True):
         member.accept(message)
     return sent
+
+
+def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard: NDArray[np.bool_]) -> list[Message]:
+    """What all say next, given who heard whom (n, n)."""
+    rows = [np.flatnonzero(row) for row in heard]
+    if len({(m.called, m.deleted) for m in messages}) != 1:
+        return [
+            combine(messages[i], [messages[j] for j in row.tolist()], m.match_gate, m.max_speed)
+            for i, (m, row) in enumerate(zip(members, rows, strict=True))
+        ]
+    # All call their tracks alike, so one table does for all of them.
+    tables = _Tables.of(messages)
+    met = [companies_meet([messages[i], *(messages[j] for j in row.tolist())]) for i, row in enumerate(rows)]
+    return [_said(messages, i, row, tables, met[i]) if len(row) else messages[i] for i, row in enumerate(rows)]
 
 
 def _graph(adjacency: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
