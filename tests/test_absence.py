@@ -103,7 +103,7 @@ TREE = Forest((Tree(0.0, 0.0, 5.0),))
 INSTANTS = (25, 35, 50, 65)  # scans: 5 to 13 s
 
 
-def true_posterior(count: int = 100_000) -> tuple[np.ndarray, np.ndarray]:
+def true_posterior(count: int = 40_000) -> tuple[np.ndarray, np.ndarray]:
     """Means and deviations (4, 4), at `INSTANTS`, of who walks under the tree and is not seen, by a particle filter."""
     rng = np.random.default_rng(5)
     kick, out = MOTION.sigma_a * np.kron([[MOTION.dt**2 / 2], [MOTION.dt]], np.eye(2)), []
@@ -134,7 +134,7 @@ def believed(weight: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_who_does_not_come_out_is_believed_where_particles_are_and_as_surely():
-    """About as wide, and off by a fraction of that; with the default weight narrower, with none wide of the mark."""
+    """About as wide, and off by a fraction of that; with the default weight narrower, and far off with none."""
     means, deviations = true_posterior()
     found, widths = believed(0.1)
     assert np.max(np.abs(found - means) / deviations) < 0.4

@@ -169,6 +169,18 @@ def test_people_found_by_both_parts_of_a_split_fleet_are_not_doubled_when_it_hea
     assert len(after[0]) >= seen.sum() > 1
 
 
+@pytest.mark.parametrize("fusion", ["kla", "hcmci"])
+@pytest.mark.parametrize("initial", ["known", "none"])
+def test_with_half_of_all_messages_lost_the_fleet_agrees(fusion, initial):
+    """On every id in all but a few scans, and within centimetres in the mean."""
+    overrides = ("network.loss=0.5", f"network.fusion={fusion}", f"tracking.initial_tracks={initial}")
+    _, snapshots = fly(*overrides, seed=0, duration=12)
+    alike = [len({tuple(t.id for t in held) for held in s.tracks}) == 1 for s in snapshots]
+    assert np.mean(alike) > 0.95
+    gaps = [disagreement(s.tracks) for s, same in zip(snapshots, alike, strict=True) if same]
+    assert 0.0 < np.mean(gaps) < 0.05
+
+
 def test_loss_makes_the_fleet_disagree_and_a_row_says_by_how_much():
     setting = load("forest", [*IDEAL, "duration=3", "network.loss=0.9"])
     row = fly_trial(task_of(setting, "hover", 1)).row

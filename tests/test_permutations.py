@@ -1,5 +1,7 @@
 """The order of tracks, of detections and of UAVs changes nothing but the order."""
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -7,6 +9,7 @@ from scenes import CAMERA, MOTION, OPEN, R, track
 
 from tracking.camera import Pose
 from tracking.consensus import fuse
+from tracking.parameters import FUSIONS
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 PEOPLE, UAVS, SCANS = 5, 3, 6
@@ -19,6 +22,7 @@ class Scene:
 
     def __init__(self, seed: int) -> None:
         rng = np.random.default_rng(seed)
+        self.parameters = replace(PARAMETERS, fusion=FUSIONS[seed % 2])
         self.states = np.column_stack([rng.uniform(-1.5, 1.5, (PEOPLE, 2)), rng.uniform(-1, 1, (PEOPLE, 2))])
         self.states[-1, :2] += 7
         self.poses = [Pose.level(*rng.uniform(-3, 3, 2), 20.0) for _ in range(UAVS)]
@@ -34,7 +38,7 @@ class Scene:
         ids[i] is the id of known person i, uavs[j] the number of UAV j; with `shuffle` detections come in any order.
         """
         known = [track(id, *state, variance=0.2) for id, state in zip(ids, self.states[:-1], strict=True)]
-        fleet = [Tracker(j, CAMERA, OPEN, PARAMETERS, known) for j in range(UAVS)]
+        fleet = [Tracker(j, CAMERA, OPEN, self.parameters, known) for j in range(UAVS)]
         adjacency = np.zeros((UAVS, UAVS), dtype=bool)
         adjacency[np.ix_(uavs, uavs)] = LINE
         for k, measured in enumerate(self.measurements):

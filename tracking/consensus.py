@@ -166,8 +166,10 @@ def fuse(
 
 def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard: NDArray[np.bool_]) -> list[Message]:
     """What all say next, given who heard whom (n, n)."""
+    if not heard.any():
+        return list(messages)
     rows = [np.flatnonzero(row) for row in heard]
-    if len({(m.called, m.deleted) for m in messages}) != 1:
+    if len({(m.called, m.deleted, m.shares.shape[1]) for m in messages}) > 1:
         return [
             combine(messages[i], [messages[j] for j in row.tolist()], m.match_gate, m.max_speed)
             for i, (m, row) in enumerate(zip(members, rows, strict=True))
