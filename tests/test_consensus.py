@@ -104,6 +104,15 @@ def test_a_table_of_all_messages_gives_what_each_uav_makes_of_those_it_hears(see
         assert not ours.novel[:, width:].any()
 
 
+@pytest.mark.parametrize("columns", [0, 21])
+def test_a_fleet_without_tracks_agrees_on_that(columns):
+    rng = np.random.default_rng(0)
+    said = [m.only(np.array([], dtype=np.int64)) for m in like_named(rng, 3)]
+    members = [Heard(replace(m, novel=np.zeros((0, columns)))) for m in said]
+    fuse(members, graph("complete", 3), 2)
+    assert [(m.left.shares.shape, m.left.evidence.times.shape) for m in members] == [((0, 21), (0, 3))] * 3
+
+
 def team(means, covariances, adjacency: np.ndarray, weights=None) -> list[Message]:
     """One track, the same id, held by all."""
     weights = np.ones(len(means)) if weights is None else weights

@@ -8,7 +8,7 @@ from scenes import ABOVE, AWAY, CAMERA, MOTION, OPEN, scan, track, tracker
 from test_consensus import graph, metropolis
 
 from tracking.consensus import fuse
-from tracking.kalman import H, information_form
+from tracking.kalman import H, information_form, moment_form
 from tracking.novelty import farthest, split
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
@@ -189,8 +189,9 @@ def test_a_kalman_update_is_split_into_prior_and_measurement():
         z = H @ np.linalg.solve(prior[1], prior[0]) + np.linalg.cholesky(S) @ rng.normal(size=2)
         seen = H.T @ np.linalg.solve(R_, z)
         covariance = np.linalg.inv(prior[1])
-        reach = farthest((covariance @ prior[0])[None], covariance[None], z[None], np.array([[0, 0]]))
-        held, novel = split((prior[0][None], prior[1][None]), ((prior[0] + seen)[None], (prior[1] + gain)[None]), reach)
+        before = (covariance @ prior[0])[None], covariance[None]
+        reach = farthest(*before, z[None], np.array([[0, 0]]))
+        held, novel = split(before, ((prior[0] + seen)[None], (prior[1] + gain)[None]), reach)
         scale = 1e-9 * np.linalg.norm(prior[1] + gain)
         np.testing.assert_allclose(held[0], np.concatenate([prior[0], prior[1].ravel()]), atol=scale)
         np.testing.assert_allclose(novel[0], np.concatenate([seen, gain.ravel()]), atol=scale)
@@ -203,7 +204,7 @@ def test_parts_add_up_and_are_never_indefinite_whatever_the_posterior(seed, scal
     roots = rng.normal(size=(2, 3, 4, 4)) * np.array([1.0, 10.0**scale])[:, None, None, None]
     matrices = roots @ np.swapaxes(roots, 2, 3) + 1e-3 * np.eye(4)
     vectors = rng.normal(size=(2, 3, 4)) * 10
-    held, novel = split((vectors[0], matrices[0]), (vectors[1], matrices[1]), np.full(3, reach))
+    held, novel = split(moment_form(vectors[0], matrices[0]), (vectors[1], matrices[1]), np.full(3, reach))
     total = np.concatenate([vectors[1], matrices[1].reshape(3, 16)], axis=1)
     np.testing.assert_allclose(held + novel, total, rtol=1e-8, atol=1e-8 * np.abs(total).max())
     for t in range(3):

@@ -52,42 +52,47 @@ def combine(own: Message, received: Sequence[Message], gate: float, max_speed: f
     """
     if not received:
         return own
-    met = companies_meet([own, *received])
-    every = aligned(own, received, gate, max_speed)
-    return _said(every, 0, np.arange(1, len(every)), _Tables.of(every), met)
+    return _Tables.of(aligned(own, received, gate, max_speed)).said(0, np.arange(1, 1 + len(received)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Tables:
-    """What N messages about the same T tracks hold."""
+    """What N messages about the same T tracks say, side by side."""
 
+    messages: Sequence[Message]
+    degrees: Array  # (N,)
     shares: Array  # (N, T, W)
     novel: Array  # (N, T, V)
+    times: Array  # (N, T, 3)
+    agree: bool  # on whatever else a round may change
 
     @staticmethod
     def of(messages: Sequence[Message]) -> _Tables:
-        width = max(m.novel.shape[1] for m in messages)
-        novel = np.zeros((len(messages), len(messages[0].ids), width))
         # Columns stand for UAVs; whoever has not yet heard of the last ones lacks theirs.
+        novel = np.zeros((len(messages), len(messages[0].ids), max(m.novel.shape[1] for m in messages)))
         for row, m in zip(novel, messages, strict=True):
             row[:, : m.novel.shape[1]] = m.novel
-        return _Tables(np.array([m.shares for m in messages]), novel)
+        return _Tables(
+            messages,
+            np.array([m.degree for m in messages], dtype=float),
+            np.array([m.shares for m in messages]),
+            novel,
+            np.array([m.evidence.times for m in messages]),
+            len({(m.counts, m.seen_at, m.company, m.met) for m in messages}) == 1,
+        )
 
-
-def _said(messages: Sequence[Message], own: int, heard: Indices, tables: _Tables, met: bool) -> Message:
-    """What one of them says next, given which others it heard; messages are about the same tracks."""
-    first, others = messages[own], [messages[j] for j in heard.tolist()]
-    every = [first, *others]
-    divisors = np.array([1.0 + max(first.degree, m.degree) for m in others])
-    return replace(
-        first,
-        shares=_mixed(tables.shares, own, heard, divisors),
-        evidence=_agreed(every),
-        sightings=_latest(every),
-        novel=_mixed(tables.novel, own, heard, divisors) if tables.novel.size else first.novel,
-        company=min((m.company for m in every), key=lambda company: (company[0], -company[1])),
-        met=met,
-    )
+    def said(self, own: int, heard: Indices) -> Message:
+        """What one of them says next, given which others it heard."""
+        first = self.messages[own]
+        divisors = 1.0 + np.maximum(self.degrees[own], self.degrees[heard])
+        times = np.maximum(self.times[own], self.times[heard].max(axis=0))
+        said = replace(
+            first,
+            shares=_mixed(self.shares, own, heard, divisors),
+            evidence=replace(first.evidence, times=times),
+            novel=_mixed(self.novel, own, heard, divisors) if self.novel.size else first.novel,
+        )
+        return said if self.agree else _settled(said, [first, *(self.messages[j] for j in heard.tolist())])
 
 
 @compiled
@@ -96,20 +101,32 @@ def _mixed(table: Array, own: int, heard: Indices, divisors: Array) -> Array:
 
     heard (H,): their rows; divisors (H,): one over these shares.
     """
-    out: Array = table[own].copy()
+    count, tracks, width = table.shape
+    rows = table.reshape(count, tracks * width)  # a plain row each, so that the innermost loop is vectorised
+    out: Array = rows[own].copy()
     for k in range(len(heard)):
-        for t in range(table.shape[1]):
-            for w in range(table.shape[2]):
-                out[t, w] += (table[heard[k], t, w] - table[own, t, w]) / divisors[k]
-    return out
+        there, here, divisor = rows[heard[k]], rows[own], divisors[k]
+        for w in range(len(out)):
+            out[w] += (there[w] - here[w]) / divisor
+    return out.reshape(tracks, width)
 
 
-def _agreed(messages: Sequence[Message]) -> Evidence:
-    """The latest times that any message knows of, and what counts against tracks, from whoever saw each last.
+def _settled(said: Message, messages: Sequence[Message]) -> Message:
+    """The message with what those heard in this round, one's own first, say differently."""
+    return replace(
+        said,
+        evidence=_agreed(said.evidence.times, messages),
+        sightings=_latest(messages),
+        company=min((m.company for m in messages), key=lambda company: (company[0], -company[1])),
+        met=companies_meet(messages),
+    )
+
+
+def _agreed(times: Array, messages: Sequence[Message]) -> Evidence:
+    """The latest times (T, 3) that any message knows of, and what counts against tracks, from whoever saw each last.
 
     Where UAVs were apart, those who missed a person whom others saw in the meantime have nothing against the track.
     """
-    times = np.maximum.reduce([m.evidence.times for m in messages])
     first = messages[0].evidence
     if all(m.counts == messages[0].counts for m in messages):
         return Evidence(times, first.misses, first.shared)
@@ -176,8 +193,7 @@ def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard
         ]
     # All call their tracks alike, so one table does for all of them.
     tables = _Tables.of(messages)
-    met = [companies_meet([messages[i], *(messages[j] for j in row.tolist())]) for i, row in enumerate(rows)]
-    return [_said(messages, i, row, tables, met[i]) if len(row) else messages[i] for i, row in enumerate(rows)]
+    return [tables.said(i, row) if len(row) else messages[i] for i, row in enumerate(rows)]
 
 
 def _graph(adjacency: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:

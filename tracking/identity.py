@@ -54,8 +54,8 @@ class Message:
         Per track 25 numbers; 14 more for novel information, and 2 for each UAV that has a share in it.
         """
         per_track = 2 + (self.shares.shape[1] - _SAID_TWICE) + (3 + 2) + 3  # ids, shares, evidence, sighting
-        sources = np.count_nonzero(self.novel[:, INFORMATION:], axis=1)
-        novel = np.sum(2 * sources + (INFORMATION - _SAID_TWICE) * (sources > 0))
+        sources = self.novel[:, INFORMATION:] != 0.0
+        novel = 2 * sources.sum() + (INFORMATION - _SAID_TWICE) * sources.any(axis=1).sum()
         return 8 * int(4 + per_track * len(self.ids) + novel + 2 * len(self.deleted))
 
     def beliefs(self) -> tuple[Array, Array]:

@@ -28,7 +28,8 @@ def farthest(means: Array, covariances: Array, z: Array, gates: NDArray[np.int64
 def split(prior: tuple[Array, Array], posterior: tuple[Array, Array], reach: Array) -> tuple[Array, Array]:
     """Posterior information parted into what prior beliefs hold and what is novel, as packed (q, Ω) (T, 20) each.
 
-    prior and posterior: information vectors (T, 4) and matrices (T, 4, 4). The two parts add up to the posterior.
+    prior: means (T, 4) and covariances (T, 4, 4); posterior: information vectors (T, 4) and matrices (T, 4, 4). The
+    two parts add up to the posterior.
     With Ω⁻ = L Lᵀ and Ω⁺ = L diag(λ) Lᵀ the prior part is L diag(min(1, λ)) Lᵀ, the novel one L diag(max(λ - 1, 0)) Lᵀ:
     neither is ever indefinite, though association may leave a posterior wider than the prior along some axis.
     The shift of the mean is novel up to what a measurement at the distance `reach` (T,), in prior standard deviations,
@@ -38,20 +39,30 @@ def split(prior: tuple[Array, Array], posterior: tuple[Array, Array], reach: Arr
     Note: the bound on the shift is ours. The novel parts of UAVs are summed; where doubt between measurements moves a
     mean and gains no information, the sum of such moves would lead anywhere.
     """
-    roots = np.linalg.cholesky(prior[1])
-    whitened = np.linalg.solve(roots, np.swapaxes(np.linalg.solve(roots, posterior[1]), 1, 2))
-    ratio, axes = np.linalg.eigh(symmetric(whitened))
-    L = roots @ axes
+    # With P⁻ = C Cᵀ and V the axes of Cᵀ Ω⁺ C, the inverse of L is Vᵀ Cᵀ.
+    roots = np.asarray(np.linalg.cholesky(prior[1]), dtype=float)
+    ratio, axes = np.linalg.eigh(symmetric(_transposed(roots) @ posterior[1] @ roots))
+    inverse = np.linalg.inv(roots)
+    back = _transposed(axes)
+    L = _transposed(inverse) @ axes
     gain = np.maximum(ratio - 1.0, 0.0)
     gain[gain < _ROUNDING] = 0.0
     # Along these axes the prior has unit information: q = L y with y the information vector there.
-    before, after = (np.linalg.solve(L, q[..., None])[..., 0] for q, _ in (prior, posterior))
+    before = _times(back, _times(inverse, prior[0]))
+    after = _times(back, _times(_transposed(roots), posterior[0]))
     most = gain * reach[:, None]
     novel = gain * before + np.clip(after - ratio * before, -most, most)
     return _packed(L, after - novel, ratio - gain), _packed(L, novel, gain)
 
 
 def _packed(L: Array, y: Array, weights: Array) -> Array:
-    q = (L @ y[..., None])[..., 0]
-    omega = symmetric((L * weights[:, None, :]) @ np.swapaxes(L, 1, 2))
-    return np.concatenate([q, omega.reshape(-1, 16)], axis=1)
+    omega = symmetric((L * weights[:, None, :]) @ _transposed(L))
+    return np.concatenate([_times(L, y), omega.reshape(-1, 16)], axis=1)
+
+
+def _transposed(matrices: Array) -> Array:
+    return np.swapaxes(matrices, 1, 2)
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    return np.asarray((matrices @ vectors[..., None])[..., 0])

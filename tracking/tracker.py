@@ -196,7 +196,7 @@ class Tracker:
             reach = farthest(means, covariances, z, gates)[seen]
             means, covariances = means[seen], covariances[seen]
             spread[seen] = np.trace(covariances[:, :2, :2], axis1=1, axis2=2)
-            held[seen], gained = split(information_form(means, covariances), (q[seen], omega[seen]), reach)
+            held[seen], gained = split((means, covariances), (q[seen], omega[seen]), reach)
             novel[seen, :INFORMATION] = gained
             novel[seen, -1] = gained.any(axis=1)
         return held, novel, self._say / spread
