@@ -73,3 +73,9 @@ def test_what_is_no_graph_is_refused(adjacency, rounds, lost, complaint):
 def test_two_members_of_one_name_are_refused():
     with pytest.raises(ValueError, match=re.escape("uav must differ among members, are [0, 0]")):
         fuse([tracker(), tracker()], PAIR, 5)
+
+
+@pytest.mark.parametrize("setting", [{"life": "existence"}, {"fusion": "hcmci"}])
+def test_members_that_do_not_speak_alike_are_refused(setting):
+    with pytest.raises(ValueError, match=f"{next(iter(setting))} must be the same for all members"):
+        fuse([tracker(), tracker(uav=1, **setting)], PAIR, 5)

@@ -168,9 +168,7 @@ def fuse(
         raise ValueError(f"lost must have shape {(rounds, *adjacency.shape)}, has {lost.shape}")
     linked = adjacency & ~np.eye(len(members), dtype=np.bool_)
     messages = [m.message(int(row.sum())) for m, row in zip(members, linked, strict=True)]
-    uavs = [message.uav for message in messages]
-    if len(set(uavs)) < len(uavs):
-        raise ValueError(f"uav must differ among members, are {uavs}")
+    _check(messages)
     sent = np.zeros(len(members), dtype=np.int64)
     for k in range(rounds):
         sent += [message.size if row.any() else 0 for message, row in zip(messages, linked, strict=True)]
@@ -179,6 +177,19 @@ def fuse(
     for member, message in zip(members, messages, strict=True):
         member.accept(message)
     return sent
+
+
+def _check(messages: Sequence[Message]) -> None:
+    """Whether they can be understood together."""
+    uavs = [m.uav for m in messages]
+    if len(set(uavs)) < len(uavs):
+        raise ValueError(f"uav must differ among members, are {uavs}")
+    for setting, said in (
+        ("life", {m.shares.shape[1] for m in messages}),
+        ("fusion", {m.novel.shape[1] > 0 for m in messages}),
+    ):
+        if len(said) > 1:
+            raise ValueError(f"{setting} must be the same for all members, is not")
 
 
 def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard: NDArray[np.bool_]) -> list[Message]:
