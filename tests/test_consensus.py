@@ -104,6 +104,35 @@ def test_a_table_of_all_messages_gives_what_each_uav_makes_of_those_it_hears(see
         assert not ours.novel[:, width:].any()
 
 
+@pytest.mark.parametrize("kind", ["line", "complete"])
+def test_what_a_fleet_agrees_on_stays_and_the_rest_is_mixed_by_metropolis_weights(kind):
+    rng, adjacency = np.random.default_rng(3), graph(kind, 6)
+    first, *_ = said = like_named(rng, 6)
+    novel = rng.normal(size=(6, 5, 26))
+    agreed = [
+        replace(
+            m,
+            evidence=Evidence(m.evidence.times, first.evidence.misses, first.evidence.shared),
+            sightings=first.sightings,
+            company=first.company,
+            novel=part,
+        )
+        for m, part in zip(said, novel, strict=True)
+    ]
+    members = [Heard(m) for m in agreed]
+    fuse(members, adjacency, 1)
+    weights, hears = metropolis(adjacency), adjacency | np.eye(6, dtype=bool)
+    for u, left in enumerate(m.left for m in members):
+        for ours, all_of_them in ((left.shares, np.array([m.shares for m in said])), (left.novel, novel)):
+            np.testing.assert_allclose(ours, np.tensordot(weights[u], all_of_them, 1), rtol=1e-12, atol=1e-12)
+        heard = [m.evidence.times for m, one in zip(said, hears[u], strict=True) if one]
+        np.testing.assert_array_equal(left.evidence.times, np.max(heard, axis=0))
+        np.testing.assert_array_equal(left.evidence.misses, first.evidence.misses)
+        np.testing.assert_array_equal(left.evidence.shared, first.evidence.shared)
+        np.testing.assert_array_equal(left.sightings, first.sightings)
+        assert (left.company, left.met) == (first.company, False)
+
+
 @pytest.mark.parametrize("columns", [0, 21])
 def test_a_fleet_without_tracks_agrees_on_that(columns):
     rng = np.random.default_rng(0)

@@ -197,7 +197,7 @@ def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard
     if not heard.any():
         return list(messages)
     rows = [np.flatnonzero(row) for row in heard]
-    if len({(m.called, m.deleted, m.shares.shape[1]) for m in messages}) > 1:
+    if len({(m.called, m.deleted) for m in messages}) > 1:
         return [
             combine(messages[i], [messages[j] for j in row.tolist()], m.match_gate, m.max_speed)
             for i, (m, row) in enumerate(zip(members, rows, strict=True))
