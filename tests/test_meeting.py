@@ -97,6 +97,37 @@ def test_a_lost_track_whose_name_somebody_else_has_of_late_ends_though_that_one_
 
 @KINDS
 @pytest.mark.parametrize("swapped", [False, True])
+def test_of_two_who_were_taken_for_each_other_the_lost_one_is_kept(kind, swapped):
+    """One part calls 5 whom the other calls 3, and each has lost its other one, who is the same person, too."""
+    first = [0.0, 20.5], [0.05, 1.0], [3, 5], [901, 0], [NOW, NOW - 3.0]
+    second = [20.0, 0.2], [1.0, 0.05], [3, 5], [0, 903], [NOW - 2.0, NOW]
+    for held in met(*((second, first) if swapped else (first, second)), kind):
+        assert held == pytest.approx({3: 0.1, 5: 20.25}, abs=0.15)
+
+
+@KINDS
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_name_that_both_parts_have_lost_keeps_no_track_from_whom_it_fits(kind, swapped):
+    """Both have lost 5, one of them hardly knows where. Where the other lost it, the first sees 3."""
+    first = [0.0, 90.0], [0.05, 100.0], [3, 5], [901, 0], [NOW, NOW - 3.0]
+    second = [40.0, 0.5], [1.0, 1.0], [3, 5], [0, 0], [NOW - 3.0, NOW - 2.0]
+    for held in met(*((second, first) if swapped else (first, second)), kind):
+        assert [place for place in held.values() if abs(place) < 5.0] == pytest.approx([0.25], abs=0.25)
+
+
+def test_a_name_without_alias_is_no_sign_that_two_companies_mean_the_same():
+    """UAVs 0 and 2 take each other's 3 and 4 for the other, and 2 has just met again whom it had lost."""
+    lost = [0.0, 20.0], [1.0, 1.0], [3, 4], [0, 0], [NOW, NOW]
+    sees = [0.1, 20.1], [0.05, 0.05], [3, 4], [901, 902], [NOW, NOW]
+    other = [20.2, 0.2], [0.05, 0.05], [3, 4], [903, 0], [NOW, NOW]
+    said = [replace(told(u, *part), degree=2, company=(u, NOW)) for u, part in enumerate([lost, sees, other])]
+    for m in exchange(said, graph("complete", 3), 5):
+        assert m.ids.tolist() == [3, 4]
+        np.testing.assert_allclose(m.beliefs()[0][:, 0], [0.1, 20.1], atol=0.1)
+
+
+@KINDS
+@pytest.mark.parametrize("swapped", [False, True])
 def test_the_name_of_a_lost_track_does_not_outweigh_a_newcomer_who_fits_better(kind, swapped):
     """The newcomer is likelier by 1.9 in twice a log-likelihood, which is less than a common name is worth."""
     again = [0.0, 0.3], [0.15, 0.05], [3, 50], [0, 904], [NOW - 3.0, NOW]

@@ -26,6 +26,7 @@ def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: f
     which must agree in squared distance up to `gate`; if any have one id or alias, by what that says besides. What then
     agrees with a track of its name, but was seen earlier than the one which that is matched to, ends: it strayed.
     If one of two was not seen of late, they match if somebody lost there can have got here at `max_speed` m/s.
+    If neither of two was, each side may have taken one person for another: names do not count against beliefs.
     What finds no match is taken over without any share of ours, so that nothing counts twice.
     The smallest id stays. Where it would name two people, as when a network that was split heals, the track of
     the smaller alias keeps it and the other one goes by its alias, unless it was not seen of late: then it ends. All
@@ -82,6 +83,7 @@ class _Roster:
         self.met = met  # whether UAVs of different companies hear one another
         self.gate, self.max_speed = gate, max_speed
         self.renewed: list[int] = []  # rows of which only those tell that saw the person of late
+        self.swapped: list[int] = []  # rows of lost people whom each side called by a name that may be another's
         self.left: list[int] = []  # rows of tracks whose person another row has
         every = np.arange(len(own.ids))
         self.means, self.covariances = (a[every] for a in own.beliefs())
@@ -103,7 +105,9 @@ class _Roster:
         named = slots.copy()
         if self.met:
             # Seen at other times it may be somebody else by now: others may have given the name on less than is known.
-            slots[message.evidence.times[:, 0] != np.append(self.seen, np.nan)[slots]] = _NOBODY
+            # So may those of no alias, which says nothing of who made the track.
+            elsewhen = message.evidence.times[:, 0] != np.append(self.seen, np.nan)[slots]
+            slots[elsewhen | (message.aliases == 0)] = _NOBODY
         unknown = slots == _NOBODY
         stale = self._recognise(message, slots)
         free = np.setdiff1d(np.arange(len(self.means)), [*slots.tolist(), *self.left])
@@ -181,7 +185,7 @@ class _Roster:
         """Id and alias of each row (T,); both -1 for rows that are left out.
 
         Each id, the smallest first, goes to one row without a name: to that with the smallest alias. One of alias 0
-        gets it where there is no other.
+        gets it where there is no other. Lost people whom two sides call otherwise take a name of theirs that is left.
         """
         ids, aliases = np.full((2, len(self.means)), _NOBODY)
         for id, claims in sorted(self.by_id.items()):
@@ -197,6 +201,11 @@ class _Roster:
                 if alias not in {0, *taken} and ids[row] == _NOBODY and row not in self.left:
                     ids[row] = aliases[row] = alias
                     taken.add(alias)
+        for row in self.swapped:
+            unused = [id for id, claims in sorted(self.by_id.items()) if row in claims and id not in taken]
+            if unused and ids[row] == _NOBODY and row not in self.left:
+                ids[row], aliases[row] = unused[0], 0
+                taken.add(unused[0])
         return ids, aliases
 
     def _alias(self, row: int) -> int:
@@ -227,12 +236,14 @@ class _Roster:
         spreads = theirs[1][:, None] + ours[1][None]
         distance = distances(theirs[0][:, None] - ours[0][None], spreads)
         outdated = np.array([self._outdated(called[k]) for k in new], dtype=np.bool_)
-        able = (distance <= self.gate) & (named | ~outdated[:, None])
+        able = (distance <= self.gate) & (named | ~outdated[:, None] | self.lost[free])
         # Where one side has lost the person whom the other sees, its name is no better than a newcomer it met there.
         told = named & ((message.aliases[new] == 0)[:, None] == self.lost[free])
         cost = distance + np.linalg.slogdet(spreads)[1] - _NAMED * told
         for a, b in likeliest(able, cost):
             slots[new[a]] = free[b]
+            if outdated[a] and not named[a, b]:
+                self.swapped.append(int(free[b]))
         return self._leave(message, slots, new, free, named & able)
 
     def _leave(
@@ -260,7 +271,7 @@ class _Roster:
     def _outdated(self, called: tuple[int, int]) -> bool:
         """Whether a track is a person of whom others have later news."""
         id, alias = called
-        return alias == 0 and id in self.by_id
+        return alias == 0 and not all(self.lost[row] for row in self.by_id.get(id, ()))
 
 
 def _called(message: Message) -> list[tuple[int, int]]:
