@@ -73,7 +73,7 @@ def like_named(rng: np.random.Generator, uavs: int) -> list[Message]:
     for u in range(uavs):
         seen = rng.integers(0, 3, 5) / 5.0
         evidence = Evidence(rng.integers(0, 3, (5, 3)) / 5.0, rng.integers(0, 4, 5), rng.integers(0, 4, 5))
-        said = message(u, range(5), *beliefs(rng, 5), degree=0, weight=rng.uniform(0.1, 1.0, 5))
+        said = message(u, range(1, 6), *beliefs(rng, 5), degree=0, weight=rng.uniform(0.1, 1.0, 5))
         sightings = np.column_stack([rng.normal(size=(5, 2)), seen])
         novel = rng.normal(size=(5, 20 + u + 1)) * (rng.random((5, 1)) < 0.5)
         company = (int(rng.integers(0, uavs)), float(rng.integers(0, 3)))

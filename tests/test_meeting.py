@@ -105,6 +105,34 @@ def test_of_two_who_were_taken_for_each_other_the_lost_one_is_kept(kind, swapped
         assert held == pytest.approx({3: 0.1, 5: 20.25}, abs=0.15)
 
 
+@pytest.mark.parametrize("swapped", [False, True])
+def test_names_that_cross_say_as_much_as_common_ones(swapped):
+    """As above, but both parts' 5 agree, too, and are the likelier pair by 2 in twice a log-likelihood."""
+    first = [0.0, 2.0], [0.05, 1.0], [3, 5], [901, 0], [NOW, NOW - 3.0]
+    second = [4.0, 1.1], [1.0, 0.05], [3, 5], [0, 903], [NOW - 2.0, NOW]
+    for held in met(*((second, first) if swapped else (first, second)), "complete"):
+        assert held == pytest.approx({3: 0.55, 5: 3.0}, abs=0.6)
+
+
+@KINDS
+@pytest.mark.parametrize("swapped", [False, True])
+def test_who_is_seen_elsewhere_does_not_come_between_lost_ones_rightly_named(kind, swapped):
+    """One part sees 5; where the other believes 5 to be, the first has lost 7, whom the other has lost nearby."""
+    first = [0.0, 20.0, 26.0], [0.05, 1.0, 1.0], [5, 7, 8], [901, 0, 0], [NOW, NOW - 3.0, NOW - 3.0]
+    second = [18.0, 22.5], [1.0, 1.0], [5, 7], [0, 0], [NOW - 2.0, NOW - 2.0]
+    for held in met(*((second, first) if swapped else (first, second)), kind):
+        assert held == pytest.approx({5: 0.0, 7: 21.25, 8: 26.0}, abs=0.7)
+
+
+@KINDS
+def test_two_whom_both_parts_have_lost_under_each_others_name_stay_apart(kind):
+    held = met(
+        ([0.0, 20.0], [1.0, 1.0], [3, 5], [0, 0], [NOW] * 2), ([20.0, 0.0], [1.0, 1.0], [3, 5], [0, 0], [NOW] * 2), kind
+    )
+    for places in held:
+        np.testing.assert_allclose(sorted(places.values()), [0.0, 20.0], atol=1e-6)
+
+
 @KINDS
 @pytest.mark.parametrize("swapped", [False, True])
 def test_a_name_that_both_parts_have_lost_keeps_no_track_from_whom_it_fits(kind, swapped):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tracking.compiled import Array, compiled
 from tracking.evidence import Evidence, Indices
-from tracking.identity import Message, companies_meet
+from tracking.identity import Message, alike, companies_meet
 from tracking.roster import aligned
 
 
@@ -197,7 +197,7 @@ def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard
     if not heard.any():
         return list(messages)
     rows = [np.flatnonzero(row) for row in heard]
-    if len({(m.called, m.deleted) for m in messages}) > 1:
+    if not alike(messages):
         return [
             combine(messages[i], [messages[j] for j in row.tolist()], m.match_gate, m.max_speed)
             for i, (m, row) in enumerate(zip(members, rows, strict=True))

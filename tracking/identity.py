@@ -131,6 +131,17 @@ def _placed(values: Array, slots: Indices, count: int) -> Array:
     return table
 
 
+def alike(messages: Sequence[Message]) -> bool:
+    """Whether messages are about the same tracks in the same rows.
+
+    Where companies meet, those of a name without alias need not be the same.
+    """
+    first = messages[0]
+    if any(m.called != first.called or m.deleted != first.deleted for m in messages):
+        return False
+    return not ((first.aliases == 0).any() and companies_meet(messages))
+
+
 def companies_meet(messages: Sequence[Message]) -> bool:
     """Whether UAVs of different companies hear one another, by the messages of one round, one's own included."""
     return any(m.met or m.company[0] != messages[0].company[0] for m in messages)

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
 from tracking.evidence import Indices
-from tracking.identity import Message, companies_meet
+from tracking.identity import Message, alike, companies_meet
+from tracking.matching import crosswise, distances, likeliest, matches
 from tracking.recovery import recoveries
 
 _NOBODY = -1  # row of a track that is left out
@@ -26,13 +26,14 @@ def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: f
     which must agree in squared distance up to `gate`; if any have one id or alias, by what that says besides. What then
     agrees with a track of its name, but was seen earlier than the one which that is matched to, ends: it strayed.
     If one of two was not seen of late, they match if somebody lost there can have got here at `max_speed` m/s.
-    If neither of two was, each side may have taken one person for another: names do not count against beliefs.
+    Names come before beliefs where one side sees whom it is named after; but where neither side agrees with its
+    namesakes, each may have taken one person for another.
     What finds no match is taken over without any share of ours, so that nothing counts twice.
     The smallest id stays. Where it would name two people, as when a network that was split heals, the track of
     the smaller alias keeps it and the other one goes by its alias, unless it was not seen of late: then it ends. All
     this depends on what the tracks are called, not on who decides, so all UAVs decide alike.
     """
-    if all(m.called == own.called and m.deleted == own.deleted for m in received):
+    if alike([own, *received]):
         return [own, *received]
     deleted = _latest([own, *received])
     messages = [_surviving(m, deleted) for m in (own, *received)]
@@ -235,16 +236,25 @@ class _Roster:
         ours, theirs = (self.means[free], self.covariances[free]), (means[new], covariances[new])
         spreads = theirs[1][:, None] + ours[1][None]
         distance = distances(theirs[0][:, None] - ours[0][None], spreads)
-        outdated = np.array([self._outdated(called[k]) for k in new], dtype=np.bool_)
-        able = (distance <= self.gate) & (named | ~outdated[:, None] | self.lost[free])
+        near = distance <= self.gate
+        # Names speak against a pair if one of the two is lost and the other side sees whom it is named after, or both
+        # are lost and have namesakes.
+        lost = message.aliases[new] == 0
+        both = lost[:, None] & self.lost[free]
+        outdated = np.array([self._outdated(called[k]) for k in new])[:, None] | self._overtaken(free, called)
+        namesakes = np.any(named, axis=1)[:, None] | np.any(named, axis=0)
+        against = ~named & (outdated | both & namesakes)
         # Where one side has lost the person whom the other sees, its name is no better than a newcomer it met there.
-        told = named & ((message.aliases[new] == 0)[:, None] == self.lost[free])
+        told = named & (lost[:, None] == self.lost[free]) | crosswise(named, near)
         cost = distance + np.linalg.slogdet(spreads)[1] - _NAMED * told
-        for a, b in likeliest(able, cost):
+        for a, b in likeliest(near & ~against, cost):
             slots[new[a]] = free[b]
-            if outdated[a] and not named[a, b]:
-                self.swapped.append(int(free[b]))
-        return self._leave(message, slots, new, free, named & able)
+        # But each side may have taken one person for another. Of whom it then lost, only beliefs tell.
+        rest = against & both & (slots[new] == _NOBODY)[:, None] & ~np.isin(free, slots)
+        for a, b in likeliest(near & rest, cost):
+            slots[new[a]] = free[b]
+            self.swapped.append(int(free[b]))
+        return self._leave(message, slots, new, free, named & near)
 
     def _leave(
         self, message: Message, slots: Indices, new: Indices, free: Indices, same: NDArray[np.bool_]
@@ -273,27 +283,11 @@ class _Roster:
         id, alias = called
         return alias == 0 and not all(self.lost[row] for row in self.by_id.get(id, ()))
 
+    def _overtaken(self, rows: Indices, called: list[tuple[int, int]]) -> NDArray[np.bool_]:
+        """Which rows (R,) are of lost people of whom these tracks are later news."""
+        known = [row for id, alias in called if alias for row in self.by_id.get(id, ())]
+        return np.asarray(self.lost[rows] & np.isin(rows, known))
+
 
 def _called(message: Message) -> list[tuple[int, int]]:
     return list(zip(message.ids.tolist(), message.aliases.tolist(), strict=True))
-
-
-def distances(differences: Array, spreads: Array) -> Array:
-    """Squared Mahalanobis distances (...) of differences (..., 4) with covariances (..., 4, 4)."""
-    return np.asarray((differences * np.linalg.solve(spreads, differences[..., None])[..., 0]).sum(axis=-1))
-
-
-def matches(ours: tuple[Array, Array], theirs: tuple[Array, Array], gate: float) -> list[tuple[int, int]]:
-    """Likeliest pairs of beliefs (A, 4), (A, 4, 4) and (B, 4), (B, 4, 4) in squared distance up to `gate`."""
-    if len(ours[0]) == 0 or len(theirs[0]) == 0:
-        return []
-    spreads = ours[1][:, None] + theirs[1][None]
-    distance = distances(ours[0][:, None] - theirs[0][None], spreads)
-    return likeliest(distance <= gate, distance + np.linalg.slogdet(spreads)[1])
-
-
-def likeliest(able: NDArray[np.bool_], cost: Array) -> list[tuple[int, int]]:
-    """As many able pairs (A, B) as there can be, at the least cost (A, B) of twice a negative log-likelihood."""
-    # No pair costs more than all pairs together, so the assignment makes as many as it can.
-    rows, columns = linear_sum_assignment(np.where(able, cost, 1.0 + np.abs(cost).sum()))
-    return [(int(a), int(b)) for a, b in zip(rows, columns, strict=True) if able[a, b]]

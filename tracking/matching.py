@@ -1,0 +1,42 @@
+"""Which tracks are likeliest to be the same people, by their beliefs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from tracking.compiled import Array
+
+
+def distances(differences: Array, spreads: Array) -> Array:
+    """Squared Mahalanobis distances (...) of differences (..., 4) with covariances (..., 4, 4)."""
+    return np.asarray((differences * np.linalg.solve(spreads, differences[..., None])[..., 0]).sum(axis=-1))
+
+
+def matches(ours: tuple[Array, Array], theirs: tuple[Array, Array], gate: float) -> list[tuple[int, int]]:
+    """Likeliest pairs of beliefs (A, 4), (A, 4, 4) and (B, 4), (B, 4, 4) in squared distance up to `gate`."""
+    if len(ours[0]) == 0 or len(theirs[0]) == 0:
+        return []
+    spreads = ours[1][:, None] + theirs[1][None]
+    distance = distances(ours[0][:, None] - theirs[0][None], spreads)
+    return likeliest(distance <= gate, distance + np.linalg.slogdet(spreads)[1])
+
+
+def likeliest(able: NDArray[np.bool_], cost: Array) -> list[tuple[int, int]]:
+    """As many able pairs (A, B) as there can be, at the least cost (A, B) of twice a negative log-likelihood."""
+    # No pair costs more than all pairs together, so the assignment makes as many as it can.
+    rows, columns = linear_sum_assignment(np.where(able, cost, 1.0 + np.abs(cost).sum()))
+    return [(int(a), int(b)) for a, b in zip(rows, columns, strict=True) if able[a, b]]
+
+
+def crosswise(named: NDArray[np.bool_], near: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Pairs (A, B) of which each one's namesake agrees with the other's, too, while the namesakes do not both agree.
+
+    named, near (A, B): which pairs have a common name, and which agree.
+    """
+    out = np.zeros_like(named)
+    for a, b in np.argwhere(near & ~named).tolist():
+        for k, j in np.argwhere(named[:, b][:, None] & named[a][None] & near).tolist():
+            out[a, b] |= not (near[a, j] and near[k, b])
+    return out
