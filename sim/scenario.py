@@ -145,7 +145,7 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     gate_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.9999
     confirm: tuple[PositiveInt, PositiveInt] = (2, 3)  # m of n scans
     delete: tuple[PositiveInt, PositiveInt] = (5, 5)  # m of n scans in which the person should have been seen
-    absence_weight: NonNegative = 0.3  # exponent of the likelihood of seeing nobody; 0: an empty place is no evidence
+    absence_weight: NonNegative = 1.0  # exponent of the likelihood of seeing nobody; 0: an empty place is no evidence
     recovery_after: NonNegative = 1.0  # s unseen, after which somebody who turns up may be this person
     max_variance: Positive = 400.0  # m², trace of the position's covariance beyond which a track ends
     max_speed: Positive = 3.0  # m/s, of people

@@ -45,7 +45,6 @@ class Case:
     forest: Forest = OPEN
     detection: float = 0.99
     alarms: float = 1e-6  # per m²
-    absence_weight: float = TrackerParameters.absence_weight
 
 
 class Mission:
@@ -106,26 +105,32 @@ def _walked(case: Case, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarra
     return truth[0] + rng.normal(size=truth[0].shape) @ np.linalg.cholesky(START).T, truth
 
 
-def errors(mission: Mission, fusion: str) -> np.ndarray:
-    """NEES of position and of state (K, UAVs, M, 2) of the track with each person's id; NaN where it has ended."""
+def errors(mission: Mission, fusion: str) -> tuple[np.ndarray, np.ndarray]:
+    """NEES of position and of state (K, UAVs, M, 2) of the track with each person's id; NaN where it has ended.
+
+    And where that track is elsewhere (K, UAVs, M): nearer to somebody else, by the NEES of state as that person's.
+    """
     c = mission.case
     parameters = TrackerParameters(
         MOTION,
         detection_probability=c.detection,
         clutter_density=c.alarms,
         fusion=fusion,
-        absence_weight=c.absence_weight,
     )
     initial = [Track(i, Gaussian(mean, START)) for i, mean in enumerate(mission.known)]
     fleet = [Tracker(u, CAMERA, c.forest, parameters, initial) for u in range(len(c.altitudes))]
     out = np.full((SCANS, len(fleet), c.people, 2), np.nan)
+    elsewhere = np.zeros(out.shape[:3], dtype=bool)
     for k, scans in enumerate(mission.scans):
         step(fleet, scans, c.adjacency, rounds=c.rounds)
         for u, tracker in enumerate(fleet):
             held = [track for track in tracker.tracks if track.id < c.people]
             if held:
                 ids = [track.id for track in held]
-                e = np.array([track.belief.mean for track in held]) - mission.truth[k, ids]
+                means = np.array([track.belief.mean for track in held])
                 P = np.array([track.belief.covariance for track in held])
+                e = means - mission.truth[k, ids]
                 out[k, u, ids] = np.column_stack([nees(e[:, :2], P[:, :2, :2]), nees(e, P)])
-    return out
+                as_others = [nees(means - person, P) for person in mission.truth[k]]
+                elsewhere[k, u, ids] = np.min(as_others, axis=0) < out[k, u, ids, 1]
+    return out, elsewhere

@@ -26,7 +26,8 @@ def scene(rng, people, side):
     z = rng.permutation(np.concatenate([z[rng.random(people) < 0.9], rng.uniform(-0.2 * side, 1.2 * side, (30, 2))]))
     noise = R * rng.uniform(0.5, 2.0, (len(z), 1, 1))
     undetected = means + 0.1 * rng.normal(size=means.shape), 0.9 * covariances
-    return Predicted(means, covariances, undetected, rng.uniform(0.5, 0.999, people), rng.random(people)), z, noise
+    existence, visible, shown = rng.uniform(0.5, 0.999, people), rng.random(people), rng.random(people)
+    return Predicted(means, covariances, undetected, existence, visible, shown), z, noise
 
 
 @pytest.mark.parametrize("side", [400.0, 150.0, 60.0, 15.0], ids=["far apart", "some near", "groups", "one crowd"])

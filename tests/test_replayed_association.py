@@ -55,6 +55,9 @@ def test_associations_are_those_of_the_flight(case, monkeypatch):
         np.testing.assert_array_equal(found.before.means, before.means)
         np.testing.assert_array_equal(found.before.covariances, before.covariances)
         np.testing.assert_array_equal(found.before.visible, before.visible)
+        np.testing.assert_array_equal(found.before.shown, before.shown)
+        for theirs, own in zip(found.before.undetected, before.undetected, strict=True):
+            np.testing.assert_array_equal(theirs, own)
         np.testing.assert_array_equal(found.before.existence, before.existence)
         np.testing.assert_array_equal(found.measurements, z)
         np.testing.assert_array_equal(found.covariances, R)

@@ -44,5 +44,6 @@ def test_the_recording_is_of_the_scenario(tmp_path):
     from sim.loading import load as load_scenario
 
     recording = load(DOCS / "examples" / "grove" / "mission.npz")
-    assert scenario_of(recording) == load_scenario(str(DOCS / "examples" / "grove" / "grove.toml"), ())
+    grove = str(DOCS / "examples" / "grove" / "grove.toml")
+    assert scenario_of(recording) == load_scenario(grove, ("tracking.absence_weight=0.3",))  # the default then
     assert recording.seed == 7 and len(recording.trees) == 12 and len(recording.times) == 151

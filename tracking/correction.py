@@ -29,12 +29,14 @@ class Predicted:
     undetected: tuple[Array, Array]  # the same, given that the person gives no measurement
     existence: Array  # (T,)
     visible: Array  # (T,), probability to be in plain view
+    shown: Array  # (T,), the same, less where the last frame has shown nobody
 
     def __getitem__(self, rows: NDArray[np.int64]) -> Predicted:
         """Of some of the tracks."""
         means, covariances = self.undetected
         undetected = means[rows], covariances[rows]
-        return Predicted(self.means[rows], self.covariances[rows], undetected, self.existence[rows], self.visible[rows])
+        rest = self.existence[rows], self.visible[rows], self.shown[rows]
+        return Predicted(self.means[rows], self.covariances[rows], undetected, *rest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +52,16 @@ class Corrected:
     explained: Flags  # (N,), which measurements tracks make likelier than clutter
 
 
-def foreseen(beliefs: tuple[Array, Array], existence: Array, samples: Flags, p: TrackerParameters) -> Predicted:
+def foreseen(
+    beliefs: tuple[Array, Array], existence: Array, seen: Flags, missed: Array, p: TrackerParameters
+) -> Predicted:
     """Beliefs predicted to a scan's time, means (T, 4) and covariances (T, 4, 4), as the scan finds them.
 
-    existence (T,); samples (T, 36): at which of the points that stand for each belief a person is in plain view.
+    existence (T,); seen and missed (T, 36): what `tracking.absence.look` says of the frame.
     """
-    undetected = given_undetected(beliefs, samples, p.detection_probability, p.absence_weight)
-    return Predicted(*beliefs, undetected, existence, samples.mean(axis=1))
+    undetected = given_undetected(beliefs, missed**p.absence_weight)
+    shown = (1.0 - missed.mean(axis=1)) / p.detection_probability
+    return Predicted(*beliefs, undetected, existence, seen.mean(axis=1), shown)
 
 
 def corrected(before: Predicted, z: Array, R: Array, p: TrackerParameters) -> Corrected:
@@ -90,7 +95,7 @@ def weighed(before: Predicted, z: Array, R: Array, p: TrackerParameters) -> tupl
     `tracking.existence.associated` makes of it.
     """
     likelihood = gated_likelihood(before.means, before.covariances, z, R, p.gate_probability)
-    detection = p.detection(before.visible, len(z))
+    detection = p.detection(before.shown, len(z))
     return likelihood, *associated(likelihood, detection, p.clutter_density, before.existence)
 
 

@@ -30,7 +30,7 @@ class TrackerParameters:
     expected: float = 0.9  # probability of being in plain view from which on a UAV should see the person
     seen: float = 0.1  # probability that a measurement is the person's from which on the person counts as seen
     double: int = 15  # scans of only shared measurements after which a track that equals another one ends
-    absence_weight: float = 0.3  # exponent of the likelihood of seeing nobody; 0: an empty place is no evidence
+    absence_weight: float = 1.0  # exponent of the likelihood of seeing nobody; 0: an empty place is no evidence
     recovery_after: float = 1.0  # s unseen, after which somebody who turns up may be this person; inf: never
     max_variance: float = 400.0  # m², trace of the position's covariance beyond which a track says nothing and ends
     max_speed: float = 3.0  # of people, m/s
@@ -101,13 +101,13 @@ class TrackerParameters:
         """Probability that somebody who is there still is one step of motion later."""
         return float(self.survival**self.motion.dt) if self.life == "existence" else 1.0
 
-    def detection(self, visible: Array, count: int) -> Array:
+    def detection(self, shown: Array, count: int) -> Array:
         """Probabilities of detection (T, count + 1), as `tracking.jpda.association_probabilities` takes them.
 
-        visible (T,): of each track's person to be in plain view. Where a measurement was made the view is free: only
-        the chance of a miss depends on the whole belief. So somebody who steps out from behind a tree earlier than
-        foreseen is taken up at once.
+        shown (T,): of each track's person to be where the frame shows more than the last one did. Where a measurement
+        was made the view is free: only the chance of a miss depends on the whole belief. So somebody who steps out from
+        behind a tree earlier than foreseen is taken up at once.
         """
-        detection = np.full((len(visible), count + 1), self.detection_probability * self.gate_probability)
-        detection[:, 0] *= visible
+        detection = np.full((len(shown), count + 1), self.detection_probability * self.gate_probability)
+        detection[:, 0] *= shown
         return detection

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tracking.absence import Moment, look
 from tracking.births import IntegratedInitiator
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
@@ -84,6 +85,7 @@ class Tracker:
         self._time = -math.inf
         self._scans = self._steps = 0  # scans so far, and steps of motion since the first one
         self._began = 0.0  # s, the time of the first scan
+        self._looked: Moment | None = None  # when and from where it last had a frame
         self._ids = np.array(ids, dtype=np.int64)
         self._means = np.array([t.belief.mean for t in known], dtype=float).reshape(-1, 4)
         self._covariances = np.array([t.belief.covariance for t in known], dtype=float).reshape(-1, 4, 4)
@@ -131,7 +133,10 @@ class Tracker:
             return visible_samples(self._camera, scan.pose, means[:, :2], covariances[:, :2, :2], self._forest)
 
         beliefs = self._means, self._covariances
-        before = foreseen(beliefs, self._existence, visible_at(*beliefs), p)
+        now = scan.time, scan.pose
+        shows = look(self._camera, self._forest, beliefs, now, self._looked, p.detection_probability)
+        self._looked = now
+        before = foreseen(beliefs, self._existence, *shows, p)
         after = corrected(before, z, R, p)
         self._predicted = *beliefs, z, after.gates
         self._means, self._covariances, self._existence = after.means, after.covariances, after.existence

@@ -11,10 +11,11 @@ from sim.scenario import Scenario
 from sim.sensing import view_of
 from sim.snapshot import Bools, Ints
 from sim.trackers import initial_tracks, tracker_parameters
+from tracking.absence import Moment, look
 from tracking.compiled import Array
 from tracking.correction import Predicted, foreseen, weighed
 from tracking.tracker import Track
-from tracking.visibility import Forest, visible_samples
+from tracking.visibility import Forest
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ class Association:
         first scan they are the initial tracks; where that is the only scan, with people taken to stand still.
 
         Note: of more than 10 000 pairs the tracker works on parts that have nothing to do with each other, which
-        rounds differently.
+        rounds differently. A recording of an earlier version is read by the rules of this one.
         """
         if not (recording.working[k, uav] and scenario.has_frame(uav, k)):
             return None
@@ -58,8 +59,10 @@ class Association:
             existence = existence * p.step_survival
         scan = recording.scan_at(k, uav)
         camera, forest = view_of(scenario.uavs[uav], scenario), _assumed(recording, scenario)
-        samples = visible_samples(camera, scan.pose, means[:, :2], covariances[:, :2, :2], forest)
-        before = foreseen((means, covariances), existence, samples, p)
+        last = _last(recording, scenario, k, uav)
+        now = scan.time, scan.pose
+        shows = look(camera, forest, (means, covariances), now, last, p.detection_probability)
+        before = foreseen((means, covariances), existence, *shows, p)
         z, R = (np.ascontiguousarray(table) for table in (scan.measurements, scan.covariances))
         likelihood, beta, _, after = weighed(before, z, R, p)
         ids = np.array([t.id for t in tracks], dtype=np.int64)
@@ -70,6 +73,15 @@ class Association:
 def _first_tracks(recording: Recording, scenario: Scenario) -> list[Track]:
     people = recording.people
     return initial_tracks(scenario, people[0], people[min(1, len(people) - 1)])
+
+
+def _last(recording: Recording, scenario: Scenario, k: int, uav: int) -> Moment | None:
+    """When and from where the UAV took its last frame before scan k."""
+    for j in range(k - 1, -1, -1):
+        if recording.working[j, uav] and scenario.has_frame(uav, j):
+            scan = recording.scan_at(j, uav)
+            return scan.time, scan.pose
+    return None
 
 
 def _assumed(recording: Recording, scenario: Scenario) -> Forest:
