@@ -199,11 +199,15 @@ def test_a_look_says_all_where_the_last_one_did_not_reach():
     points = np.column_stack([2.0 * SAMPLES, np.full(len(SAMPLES), TARGET_HEIGHT)])
     there, before = (CAMERA.sees(p, points) & tree.visible(p.position, points)[0] for p in (ABOVE, beside))
     assert (there & before).any() and (there & ~before).any()
-    seen, missed = look(CAMERA, tree, beliefs, (1.2, ABOVE), (1.0, beside), 0.9)
+
+    def looked(time, last):
+        return look(CAMERA, tree, beliefs, now=(time, ABOVE), last=last, detection_probability=0.9)
+
+    seen, missed = looked(1.2, (1.0, beside))
     np.testing.assert_array_equal(seen[0], there)
     again = math.exp(-4.5 * 0.2 * math.sqrt(2 / 8))
     np.testing.assert_allclose(missed[0], np.where(there, np.where(before, again, 0.1), 1.0), rtol=1e-12)
-    late, first = (look(CAMERA, tree, beliefs, (9.0, ABOVE), last, 0.9)[1] for last in ((1.0, beside), None))
+    late, first = looked(9.0, (1.0, beside))[1], looked(9.0, None)[1]
     np.testing.assert_allclose(late[0], np.where(there, 0.1, 1.0), rtol=1e-12)
     np.testing.assert_array_equal(first, late)
 

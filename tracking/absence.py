@@ -21,6 +21,7 @@ def look(
     camera: Camera,
     forest: Forest,
     beliefs: tuple[Array, Array],
+    *,
     now: Moment,
     last: Moment | None,
     detection_probability: float,
@@ -41,9 +42,9 @@ def look(
     missed = np.asarray(1.0 - detection_probability * seen, dtype=float)
     partly = np.flatnonzero(seen.any(axis=1) & ~seen.all(axis=1))
     if last is not None and len(partly):
-        means, covariances = means[partly], covariances[partly]
-        before = visible_samples(camera, last[1], means[:, :2], covariances[:, :2, :2], forest)
-        again = np.exp(-_AGAIN * crossed((means, covariances), now[0] - last[0]))[:, None]
+        some, spreads = means[partly], covariances[partly]
+        before = visible_samples(camera, last[1], some[:, :2], spreads[:, :2, :2], forest)
+        again = np.exp(-_AGAIN * crossed((some, spreads), now[0] - last[0]))[:, None]
         missed[partly] = np.where(before & seen[partly], np.maximum(missed[partly], again), missed[partly])
     return seen, missed
 

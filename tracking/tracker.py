@@ -133,9 +133,10 @@ class Tracker:
             return visible_samples(self._camera, scan.pose, means[:, :2], covariances[:, :2, :2], self._forest)
 
         beliefs = self._means, self._covariances
-        now = scan.time, scan.pose
-        shows = look(self._camera, self._forest, beliefs, now, self._looked, p.detection_probability)
+        now, last = (scan.time, scan.pose), self._looked
         self._looked = now
+        certainty = p.detection_probability
+        shows = look(self._camera, self._forest, beliefs, now=now, last=last, detection_probability=certainty)
         before = foreseen(beliefs, self._existence, *shows, p)
         after = corrected(before, z, R, p)
         self._predicted = *beliefs, z, after.gates

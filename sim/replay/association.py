@@ -60,9 +60,9 @@ class Association:
         scan = recording.scan_at(k, uav)
         camera, forest = view_of(scenario.uavs[uav], scenario), _assumed(recording, scenario)
         last = _last(recording, scenario, k, uav)
-        now = scan.time, scan.pose
-        shows = look(camera, forest, (means, covariances), now, last, p.detection_probability)
-        before = foreseen((means, covariances), existence, *shows, p)
+        beliefs, now, certainty = (means, covariances), (scan.time, scan.pose), p.detection_probability
+        shows = look(camera, forest, beliefs, now=now, last=last, detection_probability=certainty)
+        before = foreseen(beliefs, existence, *shows, p)
         z, R = (np.ascontiguousarray(table) for table in (scan.measurements, scan.covariances))
         likelihood, beta, _, after = weighed(before, z, R, p)
         ids = np.array([t.id for t in tracks], dtype=np.int64)
