@@ -135,6 +135,22 @@ def test_two_whom_both_parts_have_lost_under_each_others_name_stay_apart(kind):
 
 @KINDS
 @pytest.mark.parametrize("swapped", [False, True])
+def test_of_whom_all_have_lost_the_last_to_see_them_tell(kind, swapped):
+    """However much the others weigh: they have looked where the person is not, and know no better for it."""
+    last, before = ([2.0], [0.3], [3], [0], [NOW - 1.2]), ([0.0], [4.0], [3], [0], [NOW - 4.0])
+    adjacency, said = graph(kind, 4), []
+    for u in range(4):
+        part = last if (u < 2) ^ swapped else before
+        sighting, weight = np.array([(part[0][0], 0.0, part[-1][0])]), 1.0 if part is last else 1e5
+        m = told(u, *part)
+        said.append(replace(m, degree=int(adjacency[u].sum()), sightings=sighting, shares=weight * m.shares))
+    for m in exchange(said, adjacency, 5):
+        assert m.ids.tolist() == [3]
+        assert m.beliefs()[0][0, 0] == pytest.approx(2.0, abs=0.01)
+
+
+@KINDS
+@pytest.mark.parametrize("swapped", [False, True])
 def test_a_name_that_both_parts_have_lost_keeps_no_track_from_whom_it_fits(kind, swapped):
     """Both have lost 5, one of them hardly knows where. Where the other lost it, the first sees 3."""
     first = [0.0, 90.0], [0.05, 100.0], [3, 5], [901, 0], [NOW, NOW - 3.0]

@@ -27,7 +27,7 @@ def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: f
     agrees with a track of its name, but was seen earlier than the one which that is matched to, ends: it strayed.
     If one of two was not seen of late, they match if somebody lost there can have got here at `max_speed` m/s.
     Names come before beliefs where one side sees whom it is named after; but where neither side agrees with its
-    namesakes, each may have taken one person for another.
+    namesakes, each may have taken one person for another. Of those who have lost a person, who lost them last tells.
     What finds no match is taken over without any share of ours, so that nothing counts twice.
     The smallest id stays. Where it would name two people, as when a network that was split heals, the track of
     the smaller alias keeps it and the other one goes by its alias, unless it was not seen of late: then it ends. All
@@ -47,10 +47,13 @@ def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: f
     order = order[np.searchsorted(ids[order], 0) :]
     row = np.full(len(ids) + 1, _NOBODY)  # the last for those left out before
     row[order] = np.arange(len(order))
-    out = []
+    out, last = [], np.full(len(ids) + 1, -np.inf)  # s, the latest sighting of each row
+    for k, message in enumerate(messages):
+        np.maximum.at(last, slots[k], message.sightings[:, 2])
     for k, message in enumerate(messages):
         slot = slots[k]
-        outdated = (message.aliases == 0) & np.isin(slot, roster.renewed)
+        older = met & (message.sightings[:, 2] < last[slot])
+        outdated = (message.aliases == 0) & (older | np.isin(slot, roster.renewed))
         rows = np.where(outdated, _NOBODY, row[slot])
         kept = np.flatnonzero(rows != _NOBODY)
         left = message if len(kept) == len(rows) else message.only(kept)
