@@ -104,9 +104,9 @@ class TrackerParameters:
     def detection(self, shown: Array, count: int) -> Array:
         """Probabilities of detection (T, count + 1), as `tracking.jpda.association_probabilities` takes them.
 
-        shown (T,): of each track's person to be where the frame shows more than the last one did. Where a measurement
-        was made the view is free: only the chance of a miss depends on the whole belief. So somebody who steps out from
-        behind a tree earlier than foreseen is taken up at once.
+        shown (T,): of each track's person to be in plain view, where the last frame has shown nobody less
+        (`tracking.absence`). Where a measurement was made the view is free: only the chance of a miss depends on the
+        whole belief. So somebody who steps out from behind a tree earlier than foreseen is taken up at once.
         """
         detection = np.full((len(shown), count + 1), self.detection_probability * self.gate_probability)
         detection[:, 0] *= shown

@@ -26,8 +26,8 @@ def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: f
     which must agree in squared distance up to `gate`; if any have one id or alias, by what that says besides. What then
     agrees with a track of its name, but was seen earlier than the one which that is matched to, ends: it strayed.
     If one of two was not seen of late, they match if somebody lost there can have got here at `max_speed` m/s.
-    Names come before beliefs where one side sees whom it is named after; but where neither side agrees with its
-    namesakes, each may have taken one person for another. Of those who have lost a person, who lost them last tells.
+    Lost tracks whose namesakes are known match others last: each side may have taken one person for another. Of those
+    who have lost a person, only who saw them last tells where they may be.
     What finds no match is taken over without any share of ours, so that nothing counts twice.
     The smallest id stays. Where it would name two people, as when a network that was split heals, the track of
     the smaller alias keeps it and the other one goes by its alias, unless it was not seen of late: then it ends. All
