@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from sim.scenario import Appearance, Scenario
 from sim.streams import stream
 from tracking.compiled import Array
+from tracking.elementary import cos, power_each, sin, standard_normal
+from tracking.matrices import length
 
 # Strengths with `randomise = true`, where the scenario gives no other.
 FULL: dict[str, float | bool] = {
@@ -64,7 +66,7 @@ class Style:
         exposed = np.float32(gain) * image.astype(np.float32)
         if self.noise > 0.0:
             rng = stream(self.seed, "appearance", uav, round(1e6 * time))
-            exposed += np.float32(self.noise) * rng.standard_normal(image.shape, dtype=np.float32)
+            exposed += np.float32(self.noise) * standard_normal(rng, image.shape).astype(np.float32)
         return np.asarray(np.clip(np.rint(exposed), 0, 255), dtype=np.uint8)
 
 
@@ -89,7 +91,7 @@ def style_of(scenario: Scenario, seed: int, *, trees: int, people: int) -> Style
         ground_place=_placed(*place.tolist()),
         clothes=shade[:, None] * np.column_stack([np.ones(people), *[1 + hue / PERSON_HUE] * 2]),
         canopies=(1 + season) * (1 + each),
-        gains=(1 + strength["exposure"]) ** cameras.uniform(-1, 1, len(scenario.uavs)),
+        gains=power_each(1 + strength["exposure"], cameras.uniform(-1, 1, len(scenario.uavs))),
         blur=strength["blur"],
         noise=strength["noise"],
     )
@@ -106,15 +108,15 @@ def _strengths(settings: Appearance) -> dict[str, float]:
 def _towards(zenith: float, azimuth: float) -> tuple[float, float, float]:
     """Unit vector from angles in degrees."""
     z, a = math.radians(zenith), math.radians(azimuth)
-    return math.sin(z) * math.cos(a), math.sin(z) * math.sin(a), math.cos(z)
+    return sin(z) * cos(a), sin(z) * sin(a), cos(z)
 
 
 def _on_the_ground(light: tuple[float, float, float], ambient: float) -> float:
     """How bright a level surface is."""
-    return ambient + DIFFUSE * light[2] / math.hypot(*light)
+    return ambient + DIFFUSE * light[2] / float(length(np.array(light)))
 
 
 def _placed(turn: float, east: float, north: float) -> Array:
     """Map (2, 3) that turns by an angle [rad], then shifts [m]."""
-    cos, sin = math.cos(turn), math.sin(turn)
-    return np.array([[cos, -sin, east], [sin, cos, north]])
+    c, s = cos(turn), sin(turn)
+    return np.array([[c, -s, east], [s, c, north]])

@@ -10,6 +10,7 @@ import numpy as np
 from planning.optimizers import limited
 from planning.planner import Plan, Planner, Situation
 from tracking.compiled import Array
+from tracking.matrices import length
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def decide(
             plans.append(_shifted(last.get(own.id)))
         else:
             controls = np.array(plan.controls, dtype=float)
-            fastest = np.linalg.norm(controls, axis=1).max()
+            fastest = length(controls).max()
             if fastest > own.max_speed * (1 + 1e-6):
                 problem = f"speed {fastest:.3g} m/s exceeds {own.max_speed:g} m/s; clipped"
             plans.append(Plan(limited(controls[None], own.max_speed)[0], _others(plan)))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracking.compiled import Array, compiled
+from tracking.elementary import cos, hypot, sin, tan
 
 NEAR, FAR = 0.5, 500.0  # m, along the optical axis; the carrier's own body is nearer than NEAR
 # Of meshes to the cylinders that they stand for: from the corners, which are outside, to the faces, which are inside.
@@ -21,14 +22,14 @@ def in_frustum(centres: Array, radii: Array, position: Array, rotation: Array, f
 
     rotation (3, 3) from the camera to the world; fov in rad.
     """
-    sin, cos = math.sin(fov / 2), math.cos(fov / 2)
+    s, c = sin(fov / 2), cos(fov / 2)
     seen = np.empty(len(centres), dtype=np.bool_)
     for k in range(len(centres)):
         x, y, z = centres[k, 0] - position[0], centres[k, 1] - position[1], centres[k, 2] - position[2]
         right = x * rotation[0, 0] + y * rotation[1, 0] + z * rotation[2, 0]
         up = x * rotation[0, 1] + y * rotation[1, 1] + z * rotation[2, 1]
         depth = -(x * rotation[0, 2] + y * rotation[1, 2] + z * rotation[2, 2])
-        seen[k] = max(abs(right), abs(up)) * cos - depth * sin <= radii[k] and depth + radii[k] >= NEAR
+        seen[k] = max(abs(right), abs(up)) * c - depth * s <= radii[k] and depth + radii[k] >= NEAR
     return seen
 
 
@@ -61,7 +62,7 @@ def _covers(tree: Array, body: tuple[float, float, float, float], position: Arra
     """Whether a tree's canopy hides an upright cylinder, x, y, radius, height, from a camera at position (3,) m."""
     radius, base, top = _INNER * tree[2], tree[3], tree[4]
     # Else the near plane could cut away what hides the body: so high above a canopy it is too far for that.
-    clearance = NEAR * math.sqrt(1 + 2 * math.tan(fov / 2) ** 2)
+    clearance = NEAR * math.sqrt(1 + 2 * tan(fov / 2) * tan(fov / 2))
     if position[2] < top + clearance or body[3] > base:
         return False
     # From the axis to the body and to the camera; lines from the body's foot and head meet the canopy's base, from
@@ -70,7 +71,7 @@ def _covers(tree: Array, body: tuple[float, float, float, float], position: Arra
     dx, dy = position[0] - tree[0], position[1] - tree[1]
     foot, head = base / position[2], (base - body[3]) / (position[2] - body[3])
     farthest = max(
-        math.sqrt((x + foot * (dx - x)) ** 2 + (y + foot * (dy - y)) ** 2),
-        math.sqrt((x + head * (dx - x)) ** 2 + (y + head * (dy - y)) ** 2),
+        hypot(x + foot * (dx - x), y + foot * (dy - y)),
+        hypot(x + head * (dx - x), y + head * (dy - y)),
     )
     return bool(farthest + body[2] <= radius)

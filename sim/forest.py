@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from sim.errors import InputError
 from sim.scenario import Area, Trees
 from tracking.compiled import Array
+from tracking.matrices import length
 from tracking.visibility import Forest, Tree
 
 MAX_TREES = 10_000
@@ -40,7 +41,7 @@ def _most(trees: Trees, area: Area) -> float:
     """How many discs at most have their centres in the area: the densest packing of the plane."""
     reach = 2 * trees.canopy_radius
     packed = math.pi / math.sqrt(12) * (area.width + reach) * (area.height + reach)
-    return min(packed / (math.pi * trees.canopy_radius**2), MAX_TREES)
+    return min(packed / (math.pi * trees.canopy_radius * trees.canopy_radius), MAX_TREES)
 
 
 def _too_dense(trees: Trees, area: Area, fit: str) -> InputError:
@@ -64,7 +65,7 @@ def _place(count: int, trees: Trees, area: Area, rng: np.random.Generator, keep_
         for candidate in candidates[free]:
             if n == count:
                 return centres
-            if np.all(np.hypot(*(centres[earlier:n] - candidate).T) >= spacing):
+            if np.all(length(centres[earlier:n] - candidate) >= spacing):
                 centres[n] = candidate
                 n += 1
     return centres[:n]

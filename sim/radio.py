@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sim.network import Link, Network
 from tracking.compiled import Array
+from tracking.matrices import length
 from tracking.ospa import ospa
 from tracking.tracker import Track
 
@@ -33,7 +34,7 @@ class Links(NamedTuple):
 
 def hearing(network: Network, time: float, positions: Array) -> Bools:
     """Who hears whom (n, n) of UAVs at positions (n, 3) m: those within range whose link exists and is not cut."""
-    gap = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+    gap = length(positions[:, None] - positions[None])
     heard = np.asarray((gap <= network.range) & ~np.eye(len(gap), dtype=np.bool_))
     if network.links:
         heard &= _adjacency(network.links, len(gap))

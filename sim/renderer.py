@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass
 from typing import Any
@@ -18,6 +17,8 @@ from sim.engine import pybullet
 from sim.world import World
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
+from tracking.elementary import tan
+from tracking.matrices import applied, product
 
 _TEXELS = 10.0  # of the ground per m
 _SKY = np.array([186, 208, 226], dtype=np.uint8)
@@ -106,7 +107,7 @@ def capture(
     rotation, position = pose.rotation, pose.position
     view = np.eye(4)
     view[:3, :3] = rotation.T
-    view[:3, 3] = -rotation.T @ position
+    view[:3, 3] = -applied(rotation.T, position)
     _, _, rgba, depth, bodies = pybullet.getCameraImage(
         camera.pixels,
         camera.pixels,
@@ -121,7 +122,7 @@ def capture(
 
 def _projection(camera: Camera, shift: float) -> Array:
     """OpenGL projection (4, 4), shifted by half a pixel for TinyRenderer, which samples pixels at their corners."""
-    scale = 1.0 / math.tan(camera.fov / 2)
+    scale = 1.0 / tan(camera.fov / 2)
     projection = np.zeros((4, 4))
     projection[0, 0] = projection[1, 1] = scale
     projection[0, 2] = projection[1, 2] = 2.0 * shift / camera.pixels
@@ -136,14 +137,14 @@ def _background(texture: NDArray[np.uint8], place: Array, camera: Camera, pose: 
     n, focal, position = camera.pixels, camera.focal, pose.position
     # Rows: world components of the ray through the pixel of index (column, row, 1).
     offset = 0.5 - n / 2
-    rays = pose.rotation @ np.array([[1.0, 0.0, offset], [0.0, -1.0, -offset], [0.0, 0.0, -focal]]) / focal
+    rays = product(pose.rotation, np.array([[1.0, 0.0, offset], [0.0, -1.0, -offset], [0.0, 0.0, -focal]])) / focal
     plane = np.stack(
         [position[0] * rays[2] - position[2] * rays[0], position[1] * rays[2] - position[2] * rays[1], rays[2]]
     )
-    plane[:2] = _TEXELS * (place[:, :2] @ plane[:2] + np.outer(place[:, 2], plane[2]))
+    plane[:2] = _TEXELS * (product(place[:, :2], plane[:2]) + np.outer(place[:, 2], plane[2]))
     # The texture is three tiles wide: shift by whole tiles until the camera stands over the middle one, because
     # wrapping round its border is slow.
-    tile, over = len(texture) // 3, place[:, :2] @ position[:2] + place[:, 2]
+    tile, over = len(texture) // 3, applied(place[:, :2], position[:2]) + place[:, 2]
     plane[:2] -= np.outer(tile * (np.floor(over * _TEXELS / tile) - 1), plane[2])
     ground = cv2.warpPerspective(
         texture, plane, (n, n), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_WRAP

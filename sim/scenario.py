@@ -10,6 +10,7 @@ import msgspec
 from msgspec import Meta, Struct, field
 
 from sim.network import Network
+from tracking.elementary import tan
 
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
@@ -90,7 +91,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def altitude(self) -> float:
         """Height of the camera above ground at which the footprint has its edge [m]."""
-        return self.footprint / (2 * math.tan(math.radians(self.fov_deg) / 2))
+        return self.footprint / (2 * tan(math.radians(self.fov_deg) / 2))
 
 
 DEFAULT_FLEET = (

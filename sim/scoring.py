@@ -32,7 +32,7 @@ def matched_detections(pixels: Array, people: NDArray[np.int32], count: int) -> 
     if len(rows) == 0 or len(pixels) == 0:
         return found
     inside = np.clip(pixels, 0.0, people.shape[::-1])
-    gap = np.hypot(inside[:, :1] - (columns + 0.5), inside[:, 1:] - (rows + 0.5))
+    gap = np.sqrt(np.square(inside[:, :1] - (columns + 0.5)) + np.square(inside[:, 1:] - (rows + 0.5)))
     owners = people[rows, columns]
     nearest = np.full((len(pixels), count), np.inf)
     for person in np.unique(owners):

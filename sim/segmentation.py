@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tracking.blob_detector import located
 from tracking.detector import Detections, Frame
+from tracking.matrices import length
 from tracking.visibility import Forest
 
 
@@ -31,5 +32,5 @@ class MaskDetector:
         blobs = [pixels[owners == owners[k]] for k in np.sort(first)]
         found = located(frame, blobs, self._forest)
         # A pixel of their own stands for each, so that a score never takes somebody at the edge for a false alarm.
-        own = [blob[np.argmin(np.linalg.norm(blob - blob.mean(axis=0), axis=1))] for blob in blobs]
+        own = [blob[np.argmin(length(blob - blob.mean(axis=0)))] for blob in blobs]
         return replace(found, pixels=np.array(own).reshape(-1, 2))

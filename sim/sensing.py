@@ -19,6 +19,8 @@ from sim.world import World
 from tracking.camera import ALL_ROUND, Camera, Pose
 from tracking.compiled import Array
 from tracking.detector import Detections, Frame, whole_covariances
+from tracking.elementary import arctan2, cos, sin, standard_normal
+from tracking.matrices import applied, cholesky, eigen
 from tracking.noise import NoiseModel
 from tracking.tracker import Scan
 from tracking.visibility import TARGET_HEIGHT, Forest
@@ -73,8 +75,8 @@ def planned_attitude(uav: Uav, body: Pose) -> Array:
     """
     heading = 0.0
     if uav.mount == "body" and uav.tilt_deg:
-        heading = math.atan2(body.rotation[1, 0], body.rotation[0, 0])
-    level = np.array([0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2)])
+        heading = arctan2(body.rotation[1, 0], body.rotation[0, 0])
+    level = np.array([0.0, 0.0, sin(heading / 2), cos(heading / 2)])
     return _pitched(level, math.radians(uav.tilt_deg))
 
 
@@ -83,8 +85,8 @@ def _pitched(quaternion: Array, angle: float) -> Array:
     if angle == 0.0:
         return quaternion
     x, y, z, w = quaternion.tolist()
-    sin, cos = -math.sin(angle / 2), math.cos(angle / 2)
-    return np.array([cos * x - sin * z, cos * y + sin * w, cos * z + sin * x, cos * w - sin * y])
+    s, c = -sin(angle / 2), cos(angle / 2)
+    return np.array([c * x - s * z, c * y + s * w, c * z + s * x, c * w - s * y])
 
 
 class Sensors:
@@ -179,8 +181,8 @@ class Sensors:
         """
         z = np.array(ground, dtype=float).reshape(-1, 2)
         if len(z):
-            roots = np.linalg.cholesky(self._covariances(uav, pose, z))
-            z = z + np.einsum("nij,nj->ni", roots, self._rng.standard_normal(z.shape))
+            roots = cholesky(self._covariances(uav, pose, z))
+            z = z + applied(roots, standard_normal(self._rng, z.shape))
         return Scan(uav, time, pose, z, self._covariances(uav, pose, z))
 
     def _covariances(self, uav: int, pose: Pose, points: Array) -> Array:
@@ -204,7 +206,11 @@ def checked(found: Detections) -> Detections:
         return replace(found, pixels=np.zeros((0, 2)), ground=np.zeros((0, 2)), covariances=np.zeros((0, 2, 2)))
     if np.abs(ground).max() > _FARTHEST:
         raise ValueError(f"ground is more than {_FARTHEST:g} m away")
-    eigenvalues = np.linalg.eigvalsh(R)
-    if not np.allclose(R, np.swapaxes(R, 1, 2)) or eigenvalues.min() < _SUREST or eigenvalues.max() > _FARTHEST**2:
+    eigenvalues = eigen(R)[0]
+    if (
+        not np.allclose(R, np.swapaxes(R, 1, 2))
+        or eigenvalues.min() < _SUREST
+        or eigenvalues.max() > _FARTHEST * _FARTHEST
+    ):
         raise ValueError("covariances are not symmetric and positive definite, from 1e-12 to 1e12 m²")
     return replace(found, pixels=pixels, ground=ground, covariances=R)

@@ -6,6 +6,7 @@ import numpy as np
 
 from sim.trajectories import SAMPLES_PER_SECOND
 from tracking.compiled import Array, compiled
+from tracking.elementary import arctan2, cos, exp, hypot, sin
 
 SEPARATION = 0.6  # m, between the axes of two people
 
@@ -54,7 +55,7 @@ def _advance(state: Array, route: Array, progress: int) -> int:
     """Index of the first point of the route, from `progress` on, that is at least the look-ahead away."""
     while progress < len(route):
         dx, dy = route[progress, 0] - state[0], route[progress, 1] - state[1]
-        if not math.hypot(dx, dy) < _LOOK_AHEAD:
+        if not hypot(dx, dy) < _LOOK_AHEAD:
             break
         progress += 1
     return progress
@@ -65,7 +66,7 @@ def _goal(state: Array, route: Array, progress: int, drift: float) -> float:
     """Heading [rad] to the route, or, when it is over, the one that turns at the rate `drift`."""
     if progress == len(route) or math.isnan(route[progress, 0]):
         return float(state[2] + 2 * drift / _RESPONSE)
-    return math.atan2(route[progress, 1] - state[1], route[progress, 0] - state[0])
+    return arctan2(route[progress, 1] - state[1], route[progress, 0] - state[0])
 
 
 @compiled
@@ -74,16 +75,16 @@ def _hazards(i: int, states: Array, paces: Array, trunks: Array) -> Array:
     hazards, n = np.zeros((len(trunks) + len(states), 5)), 0
     time = _HORIZON * _ROLLOUT_STEP
     for trunk in trunks:
-        if math.hypot(trunk[0] - states[i, 0], trunk[1] - states[i, 1]) < paces[i] * time + trunk[2] + 1:
+        if hypot(trunk[0] - states[i, 0], trunk[1] - states[i, 1]) < paces[i] * time + trunk[2] + 1:
             hazards[n, :2] = trunk[:2]
             hazards[n, 4] = trunk[2] + _SLACK
             n += 1
     for j in range(len(states)):
-        away = math.hypot(states[j, 0] - states[i, 0], states[j, 1] - states[i, 1])
+        away = hypot(states[j, 0] - states[i, 0], states[j, 1] - states[i, 1])
         if j != i and away < (paces[i] + paces[j]) * time + SEPARATION + 1:
             hazards[n, :2] = states[j, :2]
-            hazards[n, 2] = paces[j] * math.cos(states[j, 2])
-            hazards[n, 3] = paces[j] * math.sin(states[j, 2])
+            hazards[n, 2] = paces[j] * cos(states[j, 2])
+            hazards[n, 3] = paces[j] * sin(states[j, 2])
             hazards[n, 4] = SEPARATION + _SLACK
             n += 1
     return hazards[:n]
@@ -121,9 +122,9 @@ def _conflict(state: Array, heading: float, pace: float, hazards: Array, half: A
     for n in range(_HORIZON):
         x, y = ahead[0], ahead[1]
         _turn(ahead, heading, pace, _ROLLOUT_STEP)
-        dx, dy = pace * math.cos(ahead[2]) * _ROLLOUT_STEP, pace * math.sin(ahead[2]) * _ROLLOUT_STEP
+        dx, dy = pace * cos(ahead[2]) * _ROLLOUT_STEP, pace * sin(ahead[2]) * _ROLLOUT_STEP
         ahead[0], ahead[1] = x + dx, y + dy
-        weight = math.exp(-n * _ROLLOUT_STEP / _FORESIGHT) * _ROLLOUT_STEP
+        weight = exp(-n * _ROLLOUT_STEP / _FORESIGHT) * _ROLLOUT_STEP
         cost += _ROLLOUT_STEP * _discomfort(_to_border(ahead, half), _BORDER_COMFORT)
         for h in hazards:
             hx, hy = h[2] * _ROLLOUT_STEP, h[3] * _ROLLOUT_STEP
@@ -146,7 +147,7 @@ def _to_border(state: Array, half: Array) -> float:
     """Distance inside the rectangle of these half edges (2,) m, corners rounded so that one can turn in them."""
     radius = min(_CORNER, min(half[0], half[1]))
     x, y = abs(state[0]) - half[0] + radius, abs(state[1]) - half[1] + radius
-    return float(radius - math.hypot(max(x, 0.0), max(y, 0.0)) - min(max(x, y), 0.0))
+    return float(radius - hypot(max(x, 0.0), max(y, 0.0)) - min(max(x, y), 0.0))
 
 
 @compiled
@@ -154,7 +155,7 @@ def _nearest(x: float, y: float, dx: float, dy: float) -> float:
     """Distance of the segment from (x, y) to (x + dx, y + dy) from the origin."""
     length = dx * dx + dy * dy
     s = min(max(-(x * dx + y * dy) / length, 0.0), 1.0) if length > 0 else 0.0
-    return math.hypot(x + s * dx, y + s * dy)
+    return hypot(x + s * dx, y + s * dy)
 
 
 @compiled
@@ -173,21 +174,21 @@ def _move(i: int, states: Array, pace: float, trunks: Array, half: Array) -> Non
     for n in range(73):
         side = (n + 1) // 2 if n % 2 else -(n // 2)
         turned = heading + side * math.radians(5.0)
-        x, y = states[i, 0] + length * math.cos(turned), states[i, 1] + length * math.sin(turned)
+        x, y = states[i, 0] + length * cos(turned), states[i, 1] + length * sin(turned)
         if _free(i, states, x, y, trunks) and abs(x) <= half[0] and abs(y) <= half[1]:
             states[i, 0], states[i, 1], states[i, 2] = x, y, turned
             return
-    states[i, 0] += length * math.cos(heading)
-    states[i, 1] += length * math.sin(heading)
+    states[i, 0] += length * cos(heading)
+    states[i, 1] += length * sin(heading)
 
 
 @compiled
 def _free(i: int, states: Array, x: float, y: float, trunks: Array) -> bool:
     """Whether person i may stand at (x, y)."""
     for trunk in trunks:
-        if math.hypot(trunk[0] - x, trunk[1] - y) < trunk[2] + _SLACK:
+        if hypot(trunk[0] - x, trunk[1] - y) < trunk[2] + _SLACK:
             return False
     for j in range(len(states)):
-        if j != i and math.hypot(states[j, 0] - x, states[j, 1] - y) < SEPARATION + _SLACK:
+        if j != i and hypot(states[j, 0] - x, states[j, 1] - y) < SEPARATION + _SLACK:
             return False
     return True

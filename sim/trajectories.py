@@ -14,6 +14,8 @@ from scipy.interpolate import PchipInterpolator
 from sim.errors import InputError
 from sim.scenario import Area
 from tracking.compiled import Array
+from tracking.elementary import arctan2_each
+from tracking.matrices import length
 
 SAMPLES_PER_SECOND = 60
 COLUMNS = ("t", "id", "x", "y")
@@ -47,8 +49,8 @@ class Trajectories:
     def _headings(self) -> Array:
         """Direction of the step that follows each sample (K, M); whoever stands still keeps the last one."""
         steps = np.diff(self.positions, axis=0)
-        headings = np.arctan2(steps[..., 1], steps[..., 0])
-        headings[np.hypot(steps[..., 0], steps[..., 1]) < 1e-4] = np.nan
+        headings = arctan2_each(steps[..., 1], steps[..., 0])
+        headings[length(steps) < 1e-4] = np.nan
         headings = np.vstack([headings, np.full((1, headings.shape[1]), np.nan)])
         for k in range(1, len(headings)):
             headings[k] = np.where(np.isnan(headings[k]), headings[k - 1], headings[k])

@@ -6,6 +6,7 @@ import numpy as np
 
 from tracking.camera import rotation
 from tracking.compiled import Array, compiled
+from tracking.elementary import exp, hypot, tan
 
 GRAVITY = 9.81  # m/s²
 MASS = 1.2  # kg
@@ -16,6 +17,7 @@ ROTORS = ARM * np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0], [
 MAX_ROTOR_THRUST = 7.0  # N
 MAX_YAW_TORQUE = 0.3  # N m
 MAX_TILT = math.radians(35.0)
+_STEEPEST = tan(MAX_TILT)
 MAX_ACCELERATION = 6.0  # m/s², horizontal
 MAX_CLIMB_ACCELERATION = 4.0  # m/s²
 # Rotors and body in moving air: to hover in a wind of 5 m/s takes a tilt of 9 degrees, in 12 m/s of 20 degrees.
@@ -54,7 +56,7 @@ def steady_thrusts(state: Array, target: Array, memory: Array, dt: float) -> tup
     and saturated rotors do not wind up, because it takes the thrusts that are applied, not those wished for.
     Source: reduced-order disturbance observer, Chen et al., IEEE Trans. Industrial Electronics 63(2), 2016.
     """
-    share = 1.0 - math.exp(-_DISTURBANCE_RATE * dt)
+    share = 1.0 - exp(-_DISTURBANCE_RATE * dt)
     gain = share / dt
     disturbance = memory + gain * state[7:10]
     thrusts = rotor_thrusts(state, target, disturbance)
@@ -79,8 +81,8 @@ def _acceleration(state: Array, target: Array, R: Array, disturbance: Array) -> 
     gained_north = coasting * R[1, 2] + _ATTITUDE_LAG * disturbance[1]
     east = _VELOCITY_GAIN * (target[0] - state[7] - gained_east) - disturbance[0]
     north = _VELOCITY_GAIN * (target[1] - state[8] - gained_north) - disturbance[1]
-    limit = min(MAX_ACCELERATION, math.tan(MAX_TILT) * (GRAVITY + climb))
-    scale = min(1.0, limit / max(math.hypot(east, north), 1e-9))
+    limit = min(MAX_ACCELERATION, _STEEPEST * (GRAVITY + climb))
+    scale = min(1.0, limit / max(hypot(east, north), 1e-9))
     return np.array([scale * east, scale * north, climb])
 
 

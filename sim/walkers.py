@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import ndtr
 
 from sim.errors import InputError
 from sim.scenario import Area, People, Point
 from sim.steering import SEPARATION, simulate
 from sim.trajectories import SAMPLES_PER_SECOND, Trajectories
-from tracking.compiled import Array
+from tracking.compiled import Array, compiled
+from tracking.elementary import arctan2, exp_each, normal_cdf_each, power, power_each, standard_normal
+from tracking.matrices import length
 from tracking.visibility import Forest
 
 TRUNK_CLEARANCE = 0.4  # m, from a trunk's bark to a person's axis
@@ -53,9 +54,9 @@ def paces(people: People, samples: int, rng: np.random.Generator) -> Array:
     Gaussian process, mapped through its distribution to that law's quantiles.
     """
     gaussian = _smooth_noise(people.count, samples, _PACE_TIME, rng)
-    power = 1 - people.levy_exponent
-    slowest, fastest = people.min_speed**power, people.max_speed**power
-    speeds = (slowest + ndtr(gaussian) * (fastest - slowest)) ** (1 / power)
+    exponent = 1 - people.levy_exponent
+    slowest, fastest = power(people.min_speed, exponent), power(people.max_speed, exponent)
+    speeds = power_each(slowest + normal_cdf_each(gaussian) * (fastest - slowest), 1 / exponent)
     return np.asarray(np.clip(speeds, people.min_speed, people.max_speed))
 
 
@@ -63,12 +64,21 @@ def _smooth_noise(count: int, samples: int, time: float, rng: np.random.Generato
     """Independent Gaussian processes (K, M) of unit variance with correlation exp(-(lag / time)²)."""
     width = time / 2 * SAMPLES_PER_SECOND
     reach = math.ceil(4 * width)
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
-    kernel /= math.sqrt(np.sum(kernel**2))
+    kernel = exp_each(-0.5 * np.square(np.arange(-reach, reach + 1) / width))
+    kernel /= length(kernel)
     # Drawn instant by instant, so that a longer mission begins as a shorter one.
-    white = rng.standard_normal((samples + 2 * reach, count))
-    smooth = [np.convolve(row, kernel, mode="valid") for row in white.T]
-    return np.ascontiguousarray(np.array(smooth).reshape(count, samples).T)
+    return _smoothed(standard_normal(rng, (samples + 2 * reach, count)), kernel)
+
+
+@compiled
+def _smoothed(white: Array, kernel: Array) -> Array:
+    """Moving averages (K, M) of numbers (K + L - 1, M) along the first axis, weighted by a kernel (L,)."""
+    smooth = np.zeros((len(white) - len(kernel) + 1, white.shape[1]))
+    for k in range(len(smooth)):
+        for n in range(len(kernel)):
+            for i in range(white.shape[1]):
+                smooth[k, i] += kernel[n] * white[k + n, i]
+    return smooth
 
 
 def _jittered(i: int, path: tuple[Point, ...], half: Array, rng: np.random.Generator) -> Array:
@@ -83,7 +93,7 @@ def _jittered(i: int, path: tuple[Point, ...], half: Array, rng: np.random.Gener
             f"people.paths[{i}]: ({x:g}, {y:g}) is not inside the area; "
             f"allowed are |x| <= {half[0]:g} and |y| <= {half[1]:g} m"
         )
-    return np.clip(points + _JITTER * rng.standard_normal(points.shape), -half, half)
+    return np.clip(points + _JITTER * standard_normal(rng, points.shape), -half, half)
 
 
 def _starts(count: int, paths: list[Array], trunks: Array, half: Array, rng: np.random.Generator) -> Array:
@@ -95,7 +105,7 @@ def _starts(count: int, paths: list[Array], trunks: Array, half: Array, rng: np.
     for i in range(count):
         for attempt in range(_ATTEMPTS):
             if i < len(paths):
-                drawn = paths[i][0] + 0.01 * attempt * rng.standard_normal(2)
+                drawn = paths[i][0] + 0.01 * attempt * standard_normal(rng, 2)
             else:
                 drawn = rng.uniform(-half, half)
             # In a thicket, less and less room has to do.
@@ -106,7 +116,7 @@ def _starts(count: int, paths: list[Array], trunks: Array, half: Array, rng: np.
         if i < len(paths):
             paths[i][0] = drawn  # the route begins where the person does
         ahead = paths[i][1] if i < len(paths) else rng.uniform(-half, half)
-        states[i, :3] = *drawn, math.atan2(ahead[1] - drawn[1], ahead[0] - drawn[0])
+        states[i, :3] = *drawn, arctan2(ahead[1] - drawn[1], ahead[0] - drawn[0])
     return states
 
 
@@ -114,8 +124,8 @@ def _clear(point: Array, others: Array, trunks: Array, half: Array, *, room: flo
     """Whether a point (2,) m is inside and `room` m beyond what must be kept from trunks and others."""
     return bool(
         np.all(np.abs(point) <= half)
-        and np.all(np.hypot(*(others[:, :2] - point).T) > SEPARATION + room)
-        and np.all(np.hypot(*(trunks[:, :2] - point).T) > trunks[:, 2] + room)
+        and np.all(length(others[:, :2] - point) > SEPARATION + room)
+        and np.all(length(trunks[:, :2] - point) > trunks[:, 2] + room)
     )
 
 
@@ -123,7 +133,7 @@ def _routes(count: int, paths: list[Array]) -> Array:
     """Points (M, P, 2) m about 1 m apart along each path, NaN after its end."""
     dense = []
     for path in paths:
-        lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+        lengths = np.concatenate([[0.0], np.cumsum(length(np.diff(path, axis=0)))])
         along = np.arange(0.0, lengths[-1], 1.0)
         dense.append(np.column_stack([np.interp(along, lengths, path[:, axis]) for axis in (0, 1)]))
     routes = np.full((count, max(map(len, dense), default=0), 2), np.nan)

@@ -8,6 +8,7 @@ import numpy as np
 
 from sim.scenario import Wind
 from tracking.compiled import Array
+from tracking.elementary import exp, standard_normal
 
 
 class Air:
@@ -20,13 +21,13 @@ class Air:
 
     def __init__(self, wind: Wind, rate: int, rng: np.random.Generator) -> None:
         self._wind = wind
-        self._kept = math.exp(-1.0 / (rate * wind.gust_time))
+        self._kept = exp(-1.0 / (rate * wind.gust_time))
         self._rng = rng
-        self._gust = wind.gust * rng.standard_normal(2)
+        self._gust = wind.gust * standard_normal(rng, 2)
 
     def steps(self, count: int) -> Array:
         """Velocities (count, 2) m/s, east and north, of the air in the next physics steps."""
-        drawn = self._wind.gust * math.sqrt(1.0 - self._kept**2) * self._rng.standard_normal((count, 2))
+        drawn = self._wind.gust * math.sqrt(1.0 - self._kept * self._kept) * standard_normal(self._rng, (count, 2))
         gusts = np.empty((count, 2))
         for k in range(count):
             gusts[k] = self._gust

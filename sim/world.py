@@ -20,6 +20,7 @@ from sim.scenario import Scenario
 from sim.uav import GRAVITY, ROTORS, drag, rotor_thrusts, steady_thrusts
 from tracking.camera import Pose
 from tracking.compiled import Array
+from tracking.elementary import arctan2, cos, hypot, sin
 from tracking.visibility import TARGET_HEIGHT, Forest, Tree
 
 # Where absent people wait: far below everything.
@@ -174,8 +175,8 @@ class World:
     def _glide(self, body: Body, east: float, north: float) -> None:
         """Move one UAV as [Li22] eq. (5) says; at zero velocity, where the heading has no meaning, it is kept."""
         dt = 1.0 / self._scenario.rates.physics
-        (x, y, z), (_, _, sin, cos) = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
-        yaw = math.atan2(north, east) if east or north else 2 * math.atan2(sin, cos)
+        (x, y, z), (_, _, s, c) = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
+        yaw = arctan2(north, east) if east or north else 2 * arctan2(s, c)
         self._put(body, (x + east * dt, y + north * dt, z), yaw)
         pybullet.resetBaseVelocity(body.id, (east, north, 0.0), (0.0, 0.0, 0.0), physicsClientId=self.client)
 
@@ -183,7 +184,7 @@ class World:
         pybullet.resetBasePositionAndOrientation(
             body.id,
             position,
-            (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)),
+            (0.0, 0.0, sin(yaw / 2), cos(yaw / 2)),
             physicsClientId=self.client,
         )
 
@@ -235,7 +236,7 @@ class World:
                 if key not in shapes:
                     shapes[key] = (self._cylinder(radius, height), self._mesh(kind, (radius, radius, height)))
                 id_ = self._fixed(*shapes[key], (tree.x, tree.y, base))
-                sphere = math.hypot(1.01 * radius, height / 2)
+                sphere = hypot(1.01 * radius, height / 2)
                 tint = _times(_foliage(k), self.style.canopies[k]) if canopy else _WHITE
                 bodies.append(self._paint(Body(id_, "canopy" if canopy else "trunk", tint, sphere)))
         return bodies

@@ -5,11 +5,12 @@ import math
 
 import numpy as np
 from peers import StoneSoup
-from scenes import OPEN
+from scenes import OPEN, H
 
 from tracking.camera import Camera, Pose
 from tracking.consensus import fuse
-from tracking.kalman import Gaussian, H, NearlyConstantVelocity, symmetric
+from tracking.kalman import Gaussian, NearlyConstantVelocity
+from tracking.matrices import symmetric
 from tracking.noise import NoiseModel
 from tracking.ospa import ospa
 from tracking.tracker import Scan, Track, Tracker, TrackerParameters

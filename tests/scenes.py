@@ -14,6 +14,7 @@ CAMERA = Camera(math.radians(60), 128)
 MOTION = NearlyConstantVelocity(0.2, 0.5)
 OPEN = Forest(())
 R = 0.05 * np.eye(2)
+H = np.eye(2, 4)  # what a ground measurement tells of a state
 ABOVE = Pose.level(0.0, 0.0, 20.0)  # sees some 11 m each way
 AWAY = Pose.level(60.0, 0.0, 20.0)
 ALONE = np.zeros((1, 1), bool)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import ABOVE, AWAY, CAMERA, MOTION, OPEN, scan, track, tracker
+from scenes import ABOVE, AWAY, CAMERA, MOTION, OPEN, H, scan, track, tracker
 from test_consensus import graph, metropolis
 
 from tracking.consensus import fuse
-from tracking.kalman import H, information_form, moment_form
+from tracking.kalman import information_form, moment_form
 from tracking.novelty import farthest, split
 from tracking.tracker import Scan, Tracker, TrackerParameters
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
+from scenes import H
 
 from tracking.kalman import (
     Gaussian,
-    H,
     NearlyConstantVelocity,
     information_form,
     innovation,

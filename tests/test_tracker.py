@@ -11,11 +11,11 @@ from tracking.visibility import Forest, Tree
 def test_initial_tracks_hold_at_the_first_scan_and_are_predicted_from_then_on():
     subject = tracker(track(3, 1, 2, 1, 0), forest=Forest((Tree(0, 0, 8),)))
     play(subject, [scan(0)])
-    np.testing.assert_allclose(subject.tracks[0].belief.mean, [1, 2, 1, 0])
+    np.testing.assert_allclose(subject.tracks[0].belief.mean, [1, 2, 1, 0], atol=1e-12)
     play(subject, [scan(1)])
-    np.testing.assert_allclose(subject.tracks[0].belief.mean, [1.2, 2, 1, 0])
+    np.testing.assert_allclose(subject.tracks[0].belief.mean, [1.2, 2, 1, 0], atol=1e-12)
     play(subject, [scan(4)])  # two scans were lost
-    np.testing.assert_allclose(subject.tracks[0].belief.mean, [1.8, 2, 1, 0])
+    np.testing.assert_allclose(subject.tracks[0].belief.mean, [1.8, 2, 1, 0], atol=1e-12)
 
 
 def test_the_track_of_a_hidden_person_coasts_for_a_hundred_scans():

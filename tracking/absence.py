@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tracking.camera import Camera, Pose
-from tracking.compiled import Array
-from tracking.kalman import symmetric
+from tracking.compiled import Array, compiled
+from tracking.elementary import exp_each
 from tracking.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, visible_samples
 
 Moment = tuple[float, Pose]  # s, when a frame was taken, and where the camera was
@@ -44,7 +46,7 @@ def look(
     if last is not None and len(partly):
         some, spreads = means[partly], covariances[partly]
         before = visible_samples(camera, last[1], some[:, :2], spreads[:, :2, :2], forest)
-        again = np.exp(-_AGAIN * crossed((some, spreads), now[0] - last[0]))[:, None]
+        again = exp_each(-_AGAIN * crossed((some, spreads), now[0] - last[0]))[:, None]
         missed[partly] = np.where(before & seen[partly], np.maximum(missed[partly], again), missed[partly])
     return seen, missed
 
@@ -53,7 +55,7 @@ def crossed(beliefs: tuple[Array, Array], elapsed: float) -> Array:
     """Share of its belief's width that each person crosses in so many seconds (T,), in root mean squares."""
     means, covariances = beliefs
     width = np.trace(covariances[:, :2, :2], axis1=1, axis2=2)
-    speed = np.trace(covariances[:, 2:, 2:], axis1=1, axis2=2) + np.sum(means[:, 2:] ** 2, axis=1)
+    speed = np.trace(covariances[:, 2:, 2:], axis1=1, axis2=2) + np.sum(np.square(means[:, 2:]), axis=1)
     return np.asarray(elapsed * np.sqrt(speed / width))
 
 
@@ -70,13 +72,46 @@ def given_undetected(predicted: tuple[Array, Array], missed: Array) -> tuple[Arr
     partly = missed.min(axis=1) < missed.max(axis=1)
     if not partly.any():
         return means, covariances
-    weights = missed / missed.sum(axis=1, keepdims=True)
-    shift = weights @ SAMPLES
-    spread = np.einsum("tk,ki,kj->tij", weights, SAMPLES, SAMPLES) - shift[:, :, None] * shift[:, None, :]
-    spread += SAMPLE_VARIANCE * np.eye(2)
-    # State = mean + G u + what position says nothing of, with u the standardised position.
-    roots = np.linalg.cholesky(covariances[:, :2, :2])
-    G = np.swapaxes(np.linalg.solve(roots, covariances[:, :2, :]), 1, 2)
-    moved = means + (G @ shift[..., None])[..., 0]
-    shrunk = symmetric(covariances - G @ (np.eye(2) - spread) @ np.swapaxes(G, 1, 2))
-    return np.where(partly[:, None], moved, means), np.where(partly[:, None, None], shrunk, covariances)
+    return _given(means, covariances, missed, partly)
+
+
+@compiled
+def _given(means: Array, covariances: Array, missed: Array, partly: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """`given_undetected` for the beliefs that a scan says something of, `partly` (T,).
+
+    State = mean + G u + what position says nothing of, with u the standardised position: P_pp = L Lᵀ and G Lᵀ = P_xp.
+    """
+    moved, spread = means.copy(), covariances.copy()
+    G, narrowed = np.empty((4, 2)), np.empty(3)
+    for t in np.flatnonzero(partly):
+        P = covariances[t]
+        one = math.sqrt(P[0, 0])
+        across = P[1, 0] / one
+        two = math.sqrt(P[1, 1] - across * across)
+        for i in range(4):
+            G[i, 0] = P[i, 0] / one
+            G[i, 1] = (P[i, 1] - G[i, 0] * across) / two
+        x, y = _sample_moments(missed[t], narrowed)
+        for i in range(4):
+            moved[t, i] += G[i, 0] * x + G[i, 1] * y
+            for j in range(i, 4):
+                lost = G[i, 0] * G[j, 0] * narrowed[0] + G[i, 1] * G[j, 1] * narrowed[2]
+                lost += (G[i, 0] * G[j, 1] + G[i, 1] * G[j, 0]) * narrowed[1]
+                spread[t, i, j] = spread[t, j, i] = P[i, j] - lost
+    return moved, spread
+
+
+@compiled
+def _sample_moments(missed: Array, narrowed: Array) -> tuple[float, float]:
+    """Mean of the samples, weighted by `missed` (K,); `narrowed` (3,) becomes I less their covariance: xx, xy, yy."""
+    total = x = y = xx = xy = yy = 0.0
+    for k in range(len(missed)):
+        total += missed[k]
+        u, v = missed[k] * SAMPLES[k, 0], missed[k] * SAMPLES[k, 1]
+        x, y = x + u, y + v
+        xx, xy, yy = xx + u * SAMPLES[k, 0], xy + u * SAMPLES[k, 1], yy + v * SAMPLES[k, 1]
+    x, y = x / total, y / total
+    narrowed[0] = 1.0 - (xx / total - x * x + SAMPLE_VARIANCE)
+    narrowed[1] = x * y - xy / total
+    narrowed[2] = 1.0 - (yy / total - y * y + SAMPLE_VARIANCE)
+    return x, y

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracking.compiled import Array
+from tracking.elementary import power
 from tracking.existence import associated
 from tracking.initiation import Tentative, VisibleSamples, coasted, newborn
 from tracking.jpda import gated_likelihood, mixture_update
@@ -48,7 +49,7 @@ class IntegratedInitiator:
         return Tentative(
             coasted(p.motion, track.belief, elapsed),
             scans=track.scans + elapsed,
-            existence=track.existence * p.step_survival**elapsed,
+            existence=track.existence * power(p.step_survival, elapsed),
         )
 
     def _updated(

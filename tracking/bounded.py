@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracking.compiled import Array, compiled
-from tracking.kalman import Gaussian, NearlyConstantVelocity, symmetric
+from tracking.kalman import NearlyConstantVelocity
+from tracking.matrices import cholesky, forward_solved, length, product, symmetric
 from tracking.visibility import SAMPLES
 
 # Equally probable points of the plane (36, 2) with the moments of a standard normal distribution.
 _POINTS = SAMPLES / SAMPLES.std(axis=0)
-_FARTHEST = float(np.linalg.norm(_POINTS, axis=1).max())
+_FARTHEST = float(length(_POINTS).max())
 
 
 @dataclass(frozen=True)
@@ -32,14 +33,9 @@ class BoundedSpeed(NearlyConstantVelocity):
         if not self.max_speed > 0.0:
             raise ValueError(f"max_speed must be positive, is {self.max_speed}")
 
-    def predict(self, belief: Gaussian) -> Gaussian:
-        """The belief one step later, without a measurement."""
-        means, covariances = _limited(belief.mean[None], belief.covariance[None], self.max_speed)
-        return super().predict(Gaussian(means[0], covariances[0]))
-
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """`predict` for a stack of beliefs: means (T, 4), covariances (T, 4, 4)."""
-        reach = np.hypot(means[:, 2], means[:, 3]) + _FARTHEST * np.sqrt(covariances[:, 2, 2] + covariances[:, 3, 3])
+        reach = length(means[:, 2:]) + _FARTHEST * np.sqrt(covariances[:, 2, 2] + covariances[:, 3, 3])
         fast = np.flatnonzero(reach > self.max_speed)
         if len(fast):
             means, covariances = means.copy(), covariances.copy()
@@ -54,13 +50,14 @@ def _limited(means: Array, covariances: Array, max_speed: float) -> tuple[Array,
     G u + d over the samples u and of this rest, and cannot lose its positive definite position block; that of the
     velocity gets the step's noise before anybody divides by it.
     """
-    roots = np.asarray(np.linalg.cholesky(covariances[:, 2:, 2:]), dtype=float)
+    roots = cholesky(covariances[:, 2:, 2:])
     moments = _shortened(means[:, 2:], roots, max_speed) / len(_POINTS)
     shift, within, across = moments[:, 0], moments[:, 1:3], moments[:, 3:]
-    G = np.swapaxes(np.linalg.solve(roots, covariances[:, 2:, :]), 1, 2)
+    G = np.swapaxes(forward_solved(roots, covariances[:, 2:, :]), 1, 2)
     limited = covariances.copy()
-    limited[:, :, 2:] += G @ across
-    limited[:, 2:, :] += np.swapaxes(G @ across, 1, 2)
+    both = product(G, across)
+    limited[:, :, 2:] += both
+    limited[:, 2:, :] += np.swapaxes(both, 1, 2)
     limited[:, 2:, 2:] += within - shift[:, :, None] * shift[:, None, :]
     moved = means.copy()
     moved[:, 2:] += shift

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracking.compiled import Array, compiled
+from tracking.elementary import tan
+from tracking.matrices import applied
 
 ALL_ROUND = math.tau  # rad, angle of view of who sees in all directions; of such a camera there is no image
 
@@ -73,14 +75,14 @@ class Camera:
         """Focal length [pixel]; 0 for a view all round."""
         if self.fov >= ALL_ROUND:
             return 0.0
-        return self.pixels / 2 / math.tan(self.fov / 2)
+        return self.pixels / 2 / tan(self.fov / 2)
 
     def project(self, pose: Pose, points: Array) -> tuple[Array, Array]:
         """Pixels (N, 2) and depths along the optical axis (N,) m of world points (N, 3) m.
 
         A point behind the camera has a depth <= 0 and no meaningful pixel.
         """
-        body = (np.atleast_2d(points) - pose.position) @ pose.rotation
+        body = applied(pose.rotation.T, np.atleast_2d(points) - pose.position)
         depth = -body[:, 2]
         safe = np.where(depth > 0, depth, np.nan)
         uv = self.pixels / 2 + self.focal * np.column_stack([body[:, 0], -body[:, 1]]) / safe[:, None]
@@ -99,7 +101,7 @@ class Camera:
         """Directions in the world (N, 3), of unit depth along the optical axis, through pixels (N, 2)."""
         offset = (np.atleast_2d(uv) - self.pixels / 2) / self.focal
         body = np.column_stack([offset[:, 0], -offset[:, 1], -np.ones(len(offset))])
-        return body @ pose.rotation.T
+        return applied(pose.rotation, body)
 
     def ground_points(self, pose: Pose, uv: Array, height: float = 0.0) -> Array:
         """World points (N, 2) m where the pixels' rays meet the horizontal plane at `height` m."""

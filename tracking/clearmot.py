@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
+from tracking.matrices import length
 
 Indices = NDArray[np.int64]
 
@@ -24,7 +25,7 @@ def correspondence(tracks: Array, people: Array, within: float) -> Indices:
         raise ValueError(f"tracks and people must be (K, A, 2) and (K, M, 2), are {X.shape} and {Y.shape}")
     if not within > 0:
         raise ValueError(f"within must be positive, is {within}")
-    gaps = np.hypot(X[:, :, None, 0] - Y[:, None, :, 0], X[:, :, None, 1] - Y[:, None, :, 1])
+    gaps = length(X[:, :, None] - Y[:, None])
     gaps[~(gaps <= within)] = np.inf  # absent or too far
     matches = np.full(Y.shape[:2], -1)
     last, since = np.full(Y.shape[1], -1), np.full(Y.shape[1], -1)  # track, and the scan at which it was matched

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tracking.absence import given_undetected
 from tracking.blocks import blocks
 from tracking.compiled import Array
+from tracking.elementary import power_each
 from tracking.evidence import own_measurements
 from tracking.existence import associated
 from tracking.jpda import gated_likelihood, mixture_update
@@ -59,7 +60,7 @@ def foreseen(
 
     existence (T,); seen and missed (T, 36): what `tracking.absence.look` says of the frame.
     """
-    undetected = given_undetected(beliefs, missed**p.absence_weight)
+    undetected = given_undetected(beliefs, power_each(missed, p.absence_weight))
     shown = (1.0 - missed.mean(axis=1)) / p.detection_probability
     return Predicted(*beliefs, undetected, existence, seen.mean(axis=1), shown)
 

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from tracking.camera import Camera, Lens, Pose, ground_point, image_point
 from tracking.compiled import Array, compiled
 from tracking.components import components as components_of
+from tracking.elementary import cos, sin
+from tracking.matrices import applied, eigen, length, product
 from tracking.noise import SPLIT, WHOLE, covariances_along, footprints, sight
 from tracking.visibility import TARGET_HEIGHT
 
@@ -22,9 +24,9 @@ from tracking.visibility import TARGET_HEIGHT
 _CIRCLES = ((0.0, 0.25), (1.4, 0.23), (1.7, 0.08))
 _OUTLINE = np.array(
     [
-        (radius * math.cos(angle), radius * math.sin(angle), height)
+        (radius * cos(angle), radius * sin(angle), height)
         for height, radius in _CIRCLES
-        for angle in np.linspace(0.0, 2 * math.pi, 12, endpoint=False)
+        for angle in (np.arange(12) * (math.pi / 6)).tolist()
     ]
 )
 # A component of more than this many mean silhouettes is more than one person.
@@ -114,7 +116,7 @@ def whole_covariances(frame: Frame, ground: Array) -> Array:
     axes, tangents = sight(frame.pose, ground)
     variances = WHOLE.detected(tangents, footprints(frame.camera, frame.pose, ground))
     # Towards the horizon a pixel's ground grows without bounds, but nobody is less certain than by their distance.
-    distances = np.sum((ground - frame.pose.position[:2]) ** 2, axis=1) + frame.pose.position[2] ** 2
+    distances = np.sum(np.square(ground - frame.pose.position[:2]), axis=1) + np.square(frame.pose.position[2])
     return covariances_along(axes, np.minimum(variances, distances[:, None]))
 
 
@@ -130,9 +132,9 @@ def split_covariances(frame: Frame, pixels: Array, components: NDArray[np.int64]
 def split_gaps(frame: Frame, pixels: Array, components: NDArray[np.int64]) -> Array:
     """Distances (N,), in extents of a person, to the nearest detection of the same component; else infinite."""
     size = sizes(frame, pixels)
-    offsets = (pixels[None] - pixels[:, None]) @ size.axes / size.extents[:, None]
+    offsets = product(pixels[None] - pixels[:, None], size.axes) / size.extents[:, None]
     siblings = (components[:, None] == components) & ~np.eye(len(components), dtype=np.bool_)
-    gaps = np.where(siblings, np.linalg.norm(offsets, axis=2), np.inf).min(axis=1)
+    gaps = np.where(siblings, length(offsets), np.inf).min(axis=1)
     return np.asarray(np.nan_to_num(gaps, posinf=np.inf))
 
 
@@ -197,7 +199,7 @@ def _joined(frame: Frame, blobs: list[Array], origins: Sequence[int]) -> tuple[l
         return blobs, list(origins)
     blobs, origins, lens = list(blobs), list(origins), frame.camera.lens(frame.pose)
     centres = np.array([blob.mean(axis=0) for blob in blobs])
-    reach = np.linalg.norm(sizes_at(lens, centres)[1], axis=1)
+    reach = length(sizes_at(lens, centres)[1])
     joins = [0] * len(blobs)  # of each blob so far; what was found before the last one is out of date
     pairs = [(distance, i, j, 0, 0) for k in range(len(blobs)) for distance, i, j in _near(centres, reach, k, k)]
     heapq.heapify(pairs)
@@ -210,7 +212,7 @@ def _joined(frame: Frame, blobs: list[Array], origins: Sequence[int]) -> tuple[l
             continue
         origins[i] = origins[max(i, j, key=lambda k: len(blobs[k]))]
         blobs[i], centres[i], centres[j] = both, both.mean(axis=0), math.nan
-        reach[i] = np.linalg.norm(sizes_at(lens, centres[i : i + 1])[1], axis=1)[0]
+        reach[i] = length(sizes_at(lens, centres[i : i + 1])[1])[0]
         joins[i], joins[j] = joins[i] + 1, -1
         for distance, low, high in _near(centres, reach, i, len(blobs)):
             heapq.heappush(pairs, (distance, low, high, joins[low], joins[high]))
@@ -237,11 +239,11 @@ def _split(frame: Frame, blob: Array) -> list[Array]:
         return [blob]
     people = min(max(2, round(len(blob) / area)), len(blob))
     offset = blob - blob.mean(axis=0)
-    principal = np.linalg.eigh(offset.T @ offset)[1][:, -1]
-    order = np.argsort(offset @ principal, kind="stable")
+    principal = eigen(product(offset.T, offset))[1][:, -1]
+    order = np.argsort(applied(principal[None], offset)[:, 0], kind="stable")
     means = np.array([blob[part].mean(axis=0) for part in np.array_split(order, people)])
     for _ in range(10):
-        nearest = np.argmin(np.linalg.norm(blob[:, None] - means, axis=2), axis=1)
+        nearest = np.argmin(length(blob[:, None] - means), axis=1)
         parts = [blob[nearest == i] for i in range(len(means)) if np.any(nearest == i)]
         means = np.array([part.mean(axis=0) for part in parts])
     return parts

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracking.compiled import Array, compiled
+from tracking.matrices import squared_distance
 
 Indices = NDArray[np.int64]
 
@@ -101,7 +102,5 @@ def doubles(means: Array, covariances: Array, suspects: NDArray[np.bool_], gate:
     """
     found = np.zeros(len(means), dtype=np.bool_)
     for i in np.flatnonzero(suspects).tolist():
-        difference = means[:i] - means[i]
-        solved = np.linalg.solve(covariances[:i] + covariances[i], difference[..., None])[..., 0]
-        found[i] = bool(np.any((difference * solved).sum(axis=1) <= gate))
+        found[i] = bool(np.any(squared_distance(means[:i] - means[i], covariances[:i] + covariances[i]) <= gate))
     return found

@@ -13,6 +13,7 @@ import numpy as np
 
 from tracking.camera import ALL_ROUND, Camera, Pose
 from tracking.malformed import UNIT
+from tracking.matrices import length
 from tracking.tracker import Scan
 from tracking.visibility import Forest, Tree
 
@@ -112,7 +113,7 @@ class _Row:
     def pose(self) -> tuple[float, ...]:
         """Position and unit quaternion of the camera."""
         pose = tuple(self.number(name) for name in POSE)
-        norm = math.hypot(*pose[3:])
+        norm = float(length(np.array(pose[3:])))
         if abs(norm - 1) > UNIT:
             raise self.wrong("camera_qx", f"the quaternion's norm is {norm:g}, not 1")
         return pose

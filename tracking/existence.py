@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tracking.compiled import Array
+from tracking.elementary import exp_each, log_each
 from tracking.jpda import association_probabilities
 
 _SUREST = 1e-9  # of existing, or of not: however long the evidence, as much as this can be argued against
@@ -13,12 +14,12 @@ _SUREST = 1e-9  # of existing, or of not: however long the evidence, as much as 
 def log_odds(existence: Array) -> Array:
     """Logarithms of r / (1 - r) of probabilities of existence, kept finite."""
     r = np.clip(existence, _SUREST, 1.0 - _SUREST)
-    return np.asarray(np.log(r) - np.log1p(-r))
+    return np.asarray(log_each(r) - log_each(1.0 - r))
 
 
 def from_log_odds(odds: Array) -> Array:
     """Probabilities of existence."""
-    return 1.0 / (1.0 + np.exp(-odds))
+    return 1.0 / (1.0 + exp_each(-odds))
 
 
 def associated(

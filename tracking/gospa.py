@@ -8,6 +8,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
+from tracking.elementary import power, power_each
+from tracking.matrices import length
 from tracking.ospa import points
 
 
@@ -32,8 +34,9 @@ def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> G
     if not (c > 0 and p >= 1):
         raise ValueError(f"c must be positive and p at least 1, are {c} and {p}")
     X, Y = points("estimates", estimates), points("truths", truths)
-    gaps = np.linalg.norm(X[:, None] - Y[None], axis=2)
-    chosen = gaps[linear_sum_assignment(np.minimum(gaps, c) ** p)]
+    gaps = length(X[:, None] - Y[None])
+    chosen = gaps[linear_sum_assignment(power_each(np.minimum(gaps, c), p))]
     near = chosen[chosen < c]
-    parts = (float((near**p).sum()), (len(Y) - len(near)) * c**p / 2, (len(X) - len(near)) * c**p / 2)
-    return Gospa(sum(parts) ** (1 / p), *(part ** (1 / p) for part in parts))
+    far = power(c, p) / 2
+    parts = (float(power_each(near, p).sum()), (len(Y) - len(near)) * far, (len(X) - len(near)) * far)
+    return Gospa(power(sum(parts), 1 / p), *(power(part, 1 / p) for part in parts))

@@ -65,5 +65,5 @@ def _pairs(
     rank = np.arange(len(disc)) - np.repeat(np.cumsum(count) - count, count)
     at = first[disc] + np.column_stack([rank % size[disc, 0], rank // size[disc, 0]])
     gap = np.maximum(np.abs(centres[disc] - cell * (at + 0.5)) - cell / 2, 0.0)
-    near = gap[:, 0] ** 2 + gap[:, 1] ** 2 <= reach[disc] ** 2
+    near = np.sum(np.square(gap), axis=1) <= np.square(reach[disc])
     return (at[:, 1] * shape[0] + at[:, 0])[near], disc[near]

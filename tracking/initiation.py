@@ -11,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
 from tracking.kalman import Gaussian, NearlyConstantVelocity, innovation, update
+from tracking.matrices import squared_distance
 
 # At which of the points that stand for beliefs, means (T, 4) and covariances (T, 4, 4), a person would be seen (T, K).
 VisibleSamples = Callable[[Array, Array], NDArray[np.bool_]]
@@ -69,7 +70,7 @@ class Initiator:
         means = np.array([belief.mean for belief in predicted])[:, None]
         covariances = np.array([belief.covariance for belief in predicted])[:, None]
         nu = innovation(Gaussian(means, covariances), z, R)
-        distance = (nu.mean * np.linalg.solve(nu.covariance, nu.mean[..., None])[..., 0]).sum(axis=2)
+        distance = squared_distance(nu.mean, nu.covariance)
         rows, columns = linear_sum_assignment(np.minimum(distance, self.gate))
         pairs = zip(rows.tolist(), columns.tolist(), strict=True)
         return {k: j for k, j in pairs if distance[k, j] <= self.gate}
@@ -90,5 +91,5 @@ def newborn(z: Array, R: Array, max_speed: float) -> Tentative:
     """
     covariance = np.zeros((4, 4))
     covariance[:2, :2] = R
-    covariance[2, 2] = covariance[3, 3] = max_speed**2 / 4
+    covariance[2, 2] = covariance[3, 3] = max_speed * max_speed / 4
     return Tentative(Gaussian(np.array([z[0], z[1], 0.0, 0.0]), covariance))

@@ -8,6 +8,7 @@ import numpy as np
 
 from tracking.association import EXACT_SIDE, marginals
 from tracking.compiled import Array, compiled
+from tracking.elementary import exp, log
 
 
 def association_probabilities(likelihood: Array, detection_probability: Array, clutter_density: float) -> Array:
@@ -59,7 +60,7 @@ def gated_likelihood(
     means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m². The gate is the ellipse that
     holds a person's measurement with `gate_probability`.
     """
-    threshold = -2.0 * math.log(1.0 - gate_probability)
+    threshold = -2.0 * log(1.0 - gate_probability)
     out = np.zeros((len(means), len(measurements)))
     for i in range(len(means)):
         for j in range(len(measurements)):
@@ -72,7 +73,7 @@ def gated_likelihood(
             det = xx * yy - xy * xy
             d2 = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / det
             if d2 <= threshold:
-                out[i, j] = math.exp(-0.5 * d2) / (2.0 * math.pi * math.sqrt(det) * gate_probability)
+                out[i, j] = exp(-0.5 * d2) / (2.0 * math.pi * math.sqrt(det) * gate_probability)
     return out
 
 

@@ -1,4 +1,4 @@
-"""Nearly constant velocity model and Gaussian beliefs: filterpy, wrapped once."""
+"""Nearly constant velocity model, Gaussian beliefs and the Kalman filter's two steps."""
 
 from __future__ import annotations
 
@@ -7,13 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from filterpy.common import Q_discrete_white_noise
-from filterpy.kalman import predict
-from filterpy.kalman import update as filterpy_update
 
-from tracking.compiled import Array
-
-H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
+from tracking.compiled import Array, compiled
+from tracking.matrices import applied, congruent, inverse, product
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,16 +43,19 @@ class NearlyConstantVelocity:
     @cached_property
     def Q(self) -> Array:
         """Process noise (4, 4)."""
-        Q = Q_discrete_white_noise(2, self.dt, self.sigma_a**2, block_size=2, order_by_dim=False)
-        return np.asarray(Q, dtype=float)
+        square = self.dt * self.dt
+        block = self.sigma_a * self.sigma_a * np.array([[square * square / 4, self.dt * square / 2], [0.0, square]])
+        block[1, 0] = block[0, 1]
+        return np.asarray(np.kron(block, np.eye(2)), dtype=float)
 
     def predict(self, belief: Gaussian) -> Gaussian:
         """The belief one step later, without a measurement."""
-        return Gaussian(*predict(belief.mean, belief.covariance, self.F, self.Q))
+        means, covariances = self.predict_all(belief.mean[None], belief.covariance[None])
+        return Gaussian(means[0], covariances[0])
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """`predict` for a stack of beliefs: means (T, 4), covariances (T, 4, 4), at the cost of one."""
-        return means @ self.F.T, symmetric(self.F @ covariances @ self.F.T + self.Q)
+        return _predicted(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.F, self.Q)
 
 
 def innovation(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
@@ -69,26 +68,42 @@ def innovation(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
 
 def update(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
     """The belief after a ground measurement z (2,) m with covariance R (2, 2) m², in Joseph's form."""
-    mean, covariance = filterpy_update(predicted.mean, predicted.covariance, z, R, H)
-    return Gaussian(mean, symmetric(covariance))
+    nu = innovation(predicted, z, R)
+    K = product(predicted.covariance[:, :2], inverse(nu.covariance))
+    left = np.eye(4)
+    left[:, :2] -= K
+    return Gaussian(
+        predicted.mean + applied(K, nu.mean), congruent(left, predicted.covariance) + congruent(K, np.asarray(R))
+    )
 
 
 def information_form(means: Array, covariances: Array) -> tuple[Array, Array]:
     """Information vectors q = Ω ξ (..., 4) and matrices Ω = P⁻¹ (..., 4, 4) of a stack of beliefs."""
-    omega = _inverse(covariances)
-    return (omega @ means[..., None])[..., 0], omega
+    omega = inverse(covariances)
+    return applied(omega, means), omega
 
 
 def moment_form(q: Array, omega: Array) -> tuple[Array, Array]:
     """Means ξ (..., 4) and covariances P (..., 4, 4) of a stack of beliefs in information form."""
-    covariances = _inverse(omega)
-    return (covariances @ q[..., None])[..., 0], covariances
+    covariances = inverse(omega)
+    return applied(covariances, q), covariances
 
 
-def symmetric(matrices: Array) -> Array:
-    """Matrices (..., n, n) without the asymmetry that rounding left in them."""
-    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
-
-
-def _inverse(matrices: Array) -> Array:
-    return symmetric(np.asarray(np.linalg.inv(matrices), dtype=float))
+@compiled
+def _predicted(means: Array, covariances: Array, F: Array, Q: Array) -> tuple[Array, Array]:
+    """F ξ (T, 4) and the symmetric F P Fᵀ + Q (T, 4, 4)."""
+    moved, spread, half = np.zeros_like(means), np.empty_like(covariances), np.empty((4, 4))
+    for t in range(len(means)):
+        for i in range(4):
+            for j in range(4):
+                moved[t, i] += F[i, j] * means[t, j]
+                half[i, j] = 0.0
+                for k in range(4):
+                    half[i, j] += F[i, k] * covariances[t, k, j]
+        for i in range(4):
+            for j in range(i, 4):
+                total = 0.0
+                for k in range(4):
+                    total += half[i, k] * F[j, k]
+                spread[t, i, j] = spread[t, j, i] = total + Q[i, j]
+    return moved, spread

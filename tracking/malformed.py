@@ -9,6 +9,7 @@ import numpy as np
 from tracking.camera import Pose
 from tracking.compiled import Array, compiled
 from tracking.kalman import Gaussian
+from tracking.matrices import eigen, length
 
 # Rounding may leave this share of a covariance's trace between its off-diagonal elements.
 _ASYMMETRY = 1e-9
@@ -53,14 +54,14 @@ def _definite(covariance: Array) -> bool:
     if not np.isfinite(covariance).all():
         return False
     asymmetry = np.abs(covariance - covariance.T).max()
-    return bool(asymmetry <= _ASYMMETRY * np.trace(covariance) and np.linalg.eigvalsh(covariance).min() > 0.0)
+    return bool(asymmetry <= _ASYMMETRY * np.trace(covariance) and eigen(covariance)[0].min() > 0.0)
 
 
 def _check_pose(pose: Pose) -> None:
     position, quaternion = _floats("pose.position", pose.position), _floats("pose.quaternion", pose.quaternion)
     if position.shape != (3,) or not np.isfinite(position).all():
         raise ValueError(f"pose.position of a scan must be three finite numbers, is {position.tolist()}")
-    if quaternion.shape != (4,) or not abs(math.hypot(*quaternion.tolist()) - 1.0) <= UNIT:
+    if quaternion.shape != (4,) or not abs(length(quaternion) - 1.0) <= UNIT:
         raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
 
 

@@ -7,11 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
-
-
-def distances(differences: Array, spreads: Array) -> Array:
-    """Squared Mahalanobis distances (...) of differences (..., 4) with covariances (..., 4, 4)."""
-    return np.asarray((differences * np.linalg.solve(spreads, differences[..., None])[..., 0]).sum(axis=-1))
+from tracking.matrices import log_determinant, squared_distance
 
 
 def matches(ours: tuple[Array, Array], theirs: tuple[Array, Array], gate: float) -> list[tuple[int, int]]:
@@ -19,8 +15,8 @@ def matches(ours: tuple[Array, Array], theirs: tuple[Array, Array], gate: float)
     if len(ours[0]) == 0 or len(theirs[0]) == 0:
         return []
     spreads = ours[1][:, None] + theirs[1][None]
-    distance = distances(ours[0][:, None] - theirs[0][None], spreads)
-    return likeliest(distance <= gate, distance + np.linalg.slogdet(spreads)[1])
+    distance = squared_distance(ours[0][:, None] - theirs[0][None], spreads)
+    return likeliest(distance <= gate, distance + log_determinant(spreads))
 
 
 def likeliest(able: NDArray[np.bool_], cost: Array) -> list[tuple[int, int]]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 from scipy.stats import chi2
 
 from tracking.compiled import Array
+from tracking.matrices import squared_distance
 
 
 def nees(errors: Array, covariances: Array) -> Array:
@@ -14,7 +14,7 @@ def nees(errors: Array, covariances: Array) -> Array:
     Of a consistent Gaussian belief it is chi-square with d degrees of freedom, so d on average.
     Source: [BarShalom11].
     """
-    return np.asarray((errors * np.linalg.solve(covariances, errors[..., None])[..., 0]).sum(axis=-1))
+    return squared_distance(errors, covariances)
 
 
 def nees_interval(count: int, dof: int, probability: float = 0.95) -> tuple[float, float]:

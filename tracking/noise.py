@@ -10,6 +10,7 @@ import numpy as np
 
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array, compiled
+from tracking.elementary import exp_each, power
 from tracking.visibility import TARGET_HEIGHT
 
 Quadratic = tuple[float, float, float]
@@ -43,8 +44,8 @@ class WholeError:
     def variances(self, gsd: Array) -> tuple[Array, Array]:
         """Radial and tangential variance as polynomials in t, (..., 3) m² each, for pixels of edge gsd (...) m."""
         pixels = np.square(gsd)
-        posture = np.full(np.shape(gsd), self.posture**2)
-        rounding = self.rounding**2 * pixels / 12 * pixels / (self.limb**2 + pixels)
+        posture = np.full(np.shape(gsd), self.posture * self.posture)
+        rounding = self.rounding * self.rounding * pixels / 12 * pixels / (self.limb * self.limb + pixels)
 
         def polynomial(p: tuple[float, float], q: tuple[float, float]) -> Array:
             return np.asarray(np.multiply.outer(posture, [1.0, *p]) + np.multiply.outer(rounding, [1.0, *q]))
@@ -87,8 +88,8 @@ class SplitError:
 
     def variances(self, tangents: Array, gaps: Array) -> Array:
         """Radial and tangential variances (N, 2) m² at gaps (N,), in extents of a person, between the parts."""
-        growth = np.column_stack([(self.radial * tangents) ** 2, (self.tangential * tangents) ** 2])
-        return np.asarray(np.exp(-self.decay * gaps)[:, None] * (self.base**2 + growth))
+        growth = np.square(np.multiply.outer(tangents, [self.radial, self.tangential]))
+        return exp_each(-self.decay * gaps)[:, None] * (self.base * self.base + growth)
 
 
 SPLIT = SplitError()
@@ -137,7 +138,7 @@ class NoiseModel:
 
 def _in_range(polynomial: Array, height: float) -> Quadratic:
     """A polynomial in the tangent of the angle off nadir as one in the planar distance."""
-    constant, slope, curve = (polynomial / [1.0, height, height**2]).tolist()
+    constant, slope, curve = (polynomial / [1.0, height, height * height]).tolist()
     return constant, slope, curve
 
 
@@ -195,8 +196,8 @@ def _footprints(eye: Array, rotation: Array, focal: float, ground: Array) -> Arr
         for j in range(2):
             east = rotation[0, j] - rotation[2, j] * x / z
             north = rotation[1, j] - rotation[2, j] * y / z
-            radial += (cos * east + sin * north) ** 2
-            tangential += (cos * north - sin * east) ** 2
+            along, across = cos * east + sin * north, cos * north - sin * east
+            radial, tangential = radial + along * along, tangential + across * across
         out[k] = depth / focal * math.sqrt(radial), depth / focal * math.sqrt(tangential)
     return out
 
@@ -204,19 +205,22 @@ def _footprints(eye: Array, rotation: Array, focal: float, ground: Array) -> Arr
 @compiled
 def _detected(tangents: Array, footprints: Array, constants: tuple[Array, Array, Array]) -> Array:
     numbers, knots, factors = constants
-    posture, rounding, limb, corner = numbers[0] ** 2, numbers[1] ** 2 / 12, numbers[2] ** 2, numbers[3]
-    slopes, curves, powers = numbers[4:12:2], numbers[5:12:2], numbers[12:16]
+    posture, rounding = numbers[0] * numbers[0], numbers[1] * numbers[1] / 12
+    limb, corner = numbers[2] * numbers[2], numbers[3]
+    growth = np.empty(4)
     excess = np.interp(tangents, knots, factors)
     out = np.empty((len(tangents), 2))
     for k in range(len(tangents)):
         within, beyond = min(tangents[k], corner), max(tangents[k] / corner, 1.0)
-        growth = (1.0 + slopes * within + curves * within**2) * beyond**powers
+        for j in range(4):
+            growth[j] = 1.0 + within * (numbers[4 + 2 * j] + numbers[5 + 2 * j] * within)
+            growth[j] *= power(beyond, numbers[12 + j])
         # Rounding averages over a silhouette's pixels; that of its long sides over those in its length, the fewer if
         # they are long themselves.
         area, longer = footprints[k, 0] * footprints[k, 1], footprints[k, 0] / footprints[k, 1]
         for j in range(2):
-            grain = area * longer ** (j * numbers[16])
-            pixel = rounding * footprints[k, j] ** 2 * grain / (limb + grain)
+            grain = area * power(longer, j * numbers[16])
+            pixel = rounding * footprints[k, j] * footprints[k, j] * grain / (limb + grain)
             out[k, j] = excess[k] * (posture * growth[2 * j] + pixel * growth[2 * j + 1])
     return out
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracking.compiled import Array
-from tracking.kalman import symmetric
+from tracking.matrices import applied, cholesky, congruent, eigen, forward_solved, product, squared_distance, symmetric
 
 # Gains of information below this share of the prior's are rounding.
 _ROUNDING = 1e-9
@@ -19,7 +19,7 @@ def farthest(means: Array, covariances: Array, z: Array, gates: NDArray[np.int64
     """
     track, measurement = gates.T
     nu = z[measurement] - means[track, :2]
-    squared = np.einsum("gi,gij,gj->g", nu, np.linalg.inv(covariances[:, :2, :2])[track], nu)
+    squared = squared_distance(nu, covariances[track, :2, :2])
     most = np.zeros(len(means))
     np.maximum.at(most, track, squared)
     return np.sqrt(most)
@@ -40,29 +40,25 @@ def split(prior: tuple[Array, Array], posterior: tuple[Array, Array], reach: Arr
     mean and gains no information, the sum of such moves would lead anywhere.
     """
     # With P⁻ = C Cᵀ and V the axes of Cᵀ Ω⁺ C, the inverse of L is Vᵀ Cᵀ.
-    roots = np.asarray(np.linalg.cholesky(prior[1]), dtype=float)
-    ratio, axes = np.linalg.eigh(symmetric(_transposed(roots) @ posterior[1] @ roots))
-    inverse = np.linalg.inv(roots)
+    roots = cholesky(prior[1])
+    ratio, axes = eigen(congruent(_transposed(roots), posterior[1]))
+    inverse = forward_solved(roots, np.eye(4))
     back = _transposed(axes)
-    L = _transposed(inverse) @ axes
+    L = product(_transposed(inverse), axes)
     gain = np.maximum(ratio - 1.0, 0.0)
     gain[gain < _ROUNDING] = 0.0
     # Along these axes the prior has unit information: q = L y with y the information vector there.
-    before = _times(back, _times(inverse, prior[0]))
-    after = _times(back, _times(_transposed(roots), posterior[0]))
+    before = applied(back, applied(inverse, prior[0]))
+    after = applied(back, applied(_transposed(roots), posterior[0]))
     most = gain * reach[:, None]
     novel = gain * before + np.clip(after - ratio * before, -most, most)
     return _packed(L, after - novel, ratio - gain), _packed(L, novel, gain)
 
 
 def _packed(L: Array, y: Array, weights: Array) -> Array:
-    omega = symmetric((L * weights[:, None, :]) @ _transposed(L))
-    return np.concatenate([_times(L, y), omega.reshape(-1, 16)], axis=1)
+    omega = symmetric(product(L * weights[:, None, :], _transposed(L)))
+    return np.concatenate([applied(L, y), omega.reshape(-1, 16)], axis=1)
 
 
 def _transposed(matrices: Array) -> Array:
     return np.swapaxes(matrices, 1, 2)
-
-
-def _times(matrices: Array, vectors: Array) -> Array:
-    return np.asarray((matrices @ vectors[..., None])[..., 0])

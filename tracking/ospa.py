@@ -8,6 +8,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
+from tracking.elementary import power, power_each
+from tracking.matrices import length
 
 
 class Ospa(NamedTuple):
@@ -25,7 +27,7 @@ def ospa(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Os
     Note: [Li22] IV prints the distances without the power p of the definition; here they have it.
     """
     X, Y = points("estimates", estimates), points("truths", truths)
-    return _between(np.linalg.norm(X[:, None] - Y[None], axis=2), c, p)
+    return _between(length(X[:, None] - Y[None]), c, p)
 
 
 def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Ospa:
@@ -43,7 +45,7 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
     here, there = ~np.isnan(X[..., 0]), ~np.isnan(Y[..., 0])
     X, Y = X[:, here.any(axis=0)], Y[:, there.any(axis=0)]
     here, there = here[:, here.any(axis=0)], there[:, there.any(axis=0)]
-    gaps = np.hypot(X[:, :, None, 0] - Y[:, None, :, 0], X[:, :, None, 1] - Y[:, None, :, 1])
+    gaps = length(X[:, :, None] - Y[:, None])
     both, either = here[:, :, None] & there[:, None], here[:, :, None] | there[:, None]
     total = np.where(both, np.minimum(gaps, c), np.where(either, c, 0.0)).sum(axis=0)
     return _between(total / either.sum(axis=0), c, p)
@@ -72,7 +74,7 @@ def _between(gaps: Array, c: float, p: float) -> Ospa:
     most, fewest = max(gaps.shape), min(gaps.shape)
     if most == 0:
         return Ospa(0.0, 0.0, 0.0)
-    cost = np.minimum(gaps, c) ** p
+    cost = power_each(np.minimum(gaps, c), p)
     near = float(cost[linear_sum_assignment(cost)].sum()) / most
-    missing = (c**p * (most - fewest)) / most
-    return Ospa((near + missing) ** (1 / p), near ** (1 / p), missing ** (1 / p))
+    missing = (power(c, p) * (most - fewest)) / most
+    return Ospa(power(near + missing, 1 / p), power(near, 1 / p), power(missing, 1 / p))

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import gammaincinv
 
 from tracking.compiled import Array
+from tracking.elementary import log, power
 from tracking.kalman import NearlyConstantVelocity
 
 LIVES = ("m_of_n", "existence")
@@ -89,17 +89,21 @@ class TrackerParameters:
     @cached_property
     def measurement_gate(self) -> float:
         """Squared distance of a measurement that `gate_probability` keeps (two degrees of freedom)."""
-        return -2.0 * math.log(1.0 - self.gate_probability)
+        return -2.0 * log(1.0 - self.gate_probability)
 
     @cached_property
     def match_gate(self) -> float:
         """Squared distance between two tracks of one person that `gate_probability` keeps (four)."""
-        return float(2.0 * gammaincinv(2.0, self.gate_probability))
+        # P(distance > g) = (1 + g / 2) exp(-g / 2): a fixed point, which iterations near by factors of 1 + g / 2.
+        gate = self.measurement_gate
+        for _ in range(1000):
+            gate = self.measurement_gate + 2.0 * log(1.0 + gate / 2.0)
+        return gate
 
     @cached_property
     def step_survival(self) -> float:
         """Probability that somebody who is there still is one step of motion later."""
-        return float(self.survival**self.motion.dt) if self.life == "existence" else 1.0
+        return power(self.survival, self.motion.dt) if self.life == "existence" else 1.0
 
     def detection(self, shown: Array, count: int) -> Array:
         """Probabilities of detection (T, count + 1), as `tracking.jpda.association_probabilities` takes them.

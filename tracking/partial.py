@@ -11,6 +11,7 @@ import numpy as np
 from tracking.camera import Lens, ground_point
 from tracking.compiled import Array, compiled
 from tracking.detector import Frame, sizes_at, whole_covariances
+from tracking.elementary import exp, log
 from tracking.shadows import Clearing, Pair, clearing_at, is_open, relative, with_shadows
 from tracking.silhouette import TALLEST, Silhouette, shown, silhouette_of
 from tracking.visibility import TARGET_HEIGHT, Forest
@@ -141,7 +142,19 @@ def _seen(clearing: Clearing, whole: Array, area: float, shown: float) -> Seen:
     """What was seen, given the covariance (2, 2) m² of a whole person in the world's axes, and areas in pixels."""
     x, y = clearing.away
     turn, pixel = np.array([[x, -y], [y, x]]), clearing.footprint
-    return Seen(turn.T @ whole @ turn, pixel @ pixel.T, area, shown)
+    return Seen(_congruent(turn.T, whole), _congruent(pixel, np.eye(2)), area, shown)
+
+
+@compiled
+def _congruent(outer: Array, inner: Array) -> Array:
+    """A B Aᵀ of two matrices (2, 2)."""
+    out = np.zeros((2, 2))
+    for i in range(2):
+        for j in range(2):
+            for k in range(2):
+                for m in range(2):
+                    out[i, j] += outer[i, k] * inner[k, m] * outer[j, m]
+    return out
 
 
 @compiled
@@ -166,8 +179,8 @@ def _all_open(lens: Lens, clearing: Clearing, blob: Array) -> bool:
 def _places(clearing: Clearing, seen: Seen, altitude: float, constants: _Constants) -> Places:
     """Where the person may be, as a grid that covers all of it and no more."""
     silhouette = silhouette_of(clearing.distance, altitude)
-    rounding = constants[1] ** 2 * max(seen.pixel[0, 0], seen.pixel[1, 1])
-    slack = 4 * math.sqrt(max(seen.whole[0, 0], seen.whole[1, 1]) + constants[0] ** 2 + rounding)
+    rounding = constants[1] * constants[1] * max(seen.pixel[0, 0], seen.pixel[1, 1])
+    slack = 4 * math.sqrt(max(seen.whole[0, 0], seen.whole[1, 1]) + constants[0] * constants[0] + rounding)
     half = silhouette.half + slack
     low, high = (-silhouette.high - slack, -half), (slack - silhouette.low, half)
     coarse = _grid(clearing, seen, silhouette, (low, high, _COARSE))
@@ -216,17 +229,20 @@ def _surprises(places: Places, constants: _Constants) -> Array:
             if share < _LEAST:
                 continue
             # A mean silhouette knows well what half a person looks like, and badly what a tenth does.
-            hidden = (posture * max(1.0 - share, 0.0) ** 3) ** 2
+            lack = max(1.0 - share, 0.0)
+            hidden = posture * lack * lack * lack
+            hidden *= hidden
             expected = max(share * seen.area, 0.3)
-            few = rounding**2 * max(1.0 / max(expected, 0.5) - 1.0 / seen.area, 0.0)
-            a = seen.whole[0, 0] + hidden + few * seen.pixel[0, 0] + cell[0] ** 2 / 12
+            few = rounding * rounding * max(1.0 / max(expected, 0.5) - 1.0 / seen.area, 0.0)
+            a = seen.whole[0, 0] + hidden + few * seen.pixel[0, 0] + cell[0] * cell[0] / 12
             b = seen.whole[0, 1] + few * seen.pixel[0, 1]
-            c = seen.whole[1, 1] + hidden + few * seen.pixel[1, 1] + cell[1] ** 2 / 12
+            c = seen.whole[1, 1] + hidden + few * seen.pixel[1, 1] + cell[1] * cell[1] / 12
             x, y = places.centroids[i, j, 0], places.centroids[i, j, 1]
             volume = a * c - b * b
-            area = fringe**2 * math.sqrt(expected) + limb**2 * expected * seen.area
-            out[i, j] = (c * x * x - 2 * b * x * y + a * y * y) / volume + math.log(volume * area)
-            out[i, j] += (seen.shown - share * seen.area) ** 2 / area
+            area = fringe * fringe * math.sqrt(expected) + limb * limb * expected * seen.area
+            out[i, j] = (c * x * x - 2 * b * x * y + a * y * y) / volume + log(volume * area)
+            surplus = seen.shown - share * seen.area
+            out[i, j] += surplus * surplus / area
     return out
 
 
@@ -237,15 +253,16 @@ def _moments(places: Places, surprises: Array) -> tuple[Array, Array, float]:
     total = along = across = uu = uv = vv = hidden = 0.0
     for i in range(len(places.v)):
         for j in range(len(places.u)):
-            weight = math.exp(0.5 * (least - surprises[i, j]))
+            weight = exp(0.5 * (least - surprises[i, j]))
             u, v = weight * places.u[j], weight * places.v[i]
             total, along, across = total + weight, along + u, across + v
             uu, uv, vv = uu + u * places.u[j], uv + u * places.v[i], vv + v * places.v[i]
             hidden += weight * (1.0 - min(places.shares[i, j], 1.0))
     u, v = along / total, across / total
     # Without the variance within the cells a single place would be sure.
-    uu, uv, vv = uu / total - u * u + places.cell[0] ** 2 / 12, uv / total - u * v, vv / total - v * v
-    vv += places.cell[1] ** 2 / 12
+    cell = places.cell
+    uu, uv, vv = uu / total - u * u + cell[0] * cell[0] / 12, uv / total - u * v, vv / total - v * v
+    vv += cell[1] * cell[1] / 12
     (x, y), (cos, sin) = places.clearing.origin, places.clearing.away
     xx, yy = cos * cos * uu - 2 * cos * sin * uv + sin * sin * vv, sin * sin * uu + 2 * cos * sin * uv + cos * cos * vv
     xy = cos * sin * (uu - vv) + (cos * cos - sin * sin) * uv

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from tracking.compiled import Array
+from tracking.matrices import length, log_determinant, squared_distance
 
 # A person's position may differ by this much from where it was measured last, and from where it is measured now [m].
 _MARGIN = 1.0
@@ -23,9 +24,9 @@ def recoveries(
     """
     nu = lost[0][None, :, :2] - born[0][:, None, :2]
     S = lost[1][None, :, :2, :2] + born[1][:, None, :2, :2]
-    surprise = (nu * np.linalg.solve(S, nu[..., None])[..., 0]).sum(axis=2) + np.log(np.linalg.det(S))
+    surprise = squared_distance(nu, S) + log_determinant(S)
     reach = max_speed * (now - seen[:, 2]) + _MARGIN
-    able = np.linalg.norm(seen[None, :, :2] - born[0][:, None, :2], axis=2) <= reach
+    able = length(seen[None, :, :2] - born[0][:, None, :2]) <= reach
     # A pair out of reach costs more than all others together, so the assignment makes as many in reach as it can.
     ceiling = 1.0 + np.sum(np.abs(surprise))
     rows, columns = linear_sum_assignment(np.where(able, surprise, ceiling))

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from tracking.compiled import Array
 from tracking.evidence import Indices
 from tracking.identity import Message, alike, companies_meet
-from tracking.matching import crosswise, distances, likeliest, matches
+from tracking.matching import crosswise, likeliest, matches
+from tracking.matrices import log_determinant, squared_distance
 from tracking.recovery import recoveries
 
 _NOBODY = -1  # row of a track that is left out
@@ -43,7 +44,7 @@ def aligned(own: Message, received: Sequence[Message], gate: float, max_speed: f
     roster = _Roster(messages[first], gate, max_speed, met)
     slots = {first: np.arange(len(messages[first].ids)), **{k: roster.admit(messages[k]) for k in others}}
     ids, aliases = roster.names()
-    order = np.argsort(ids)
+    order = np.argsort(ids, kind="stable")
     order = order[np.searchsorted(ids[order], 0) :]
     row = np.full(len(ids) + 1, _NOBODY)  # the last for those left out before
     row[order] = np.arange(len(order))
@@ -238,7 +239,7 @@ class _Roster:
         means, covariances = message.beliefs()
         ours, theirs = (self.means[free], self.covariances[free]), (means[new], covariances[new])
         spreads = theirs[1][:, None] + ours[1][None]
-        distance = distances(theirs[0][:, None] - ours[0][None], spreads)
+        distance = squared_distance(theirs[0][:, None] - ours[0][None], spreads)
         near = distance <= self.gate
         # Names speak against a pair if one of the two is lost and the other side sees whom it is named after, or both
         # are lost and have namesakes.
@@ -249,7 +250,7 @@ class _Roster:
         against = ~named & (outdated | both & namesakes)
         # Where one side has lost the person whom the other sees, its name is no better than a newcomer it met there.
         told = named & (lost[:, None] == self.lost[free]) | crosswise(named, near)
-        cost = distance + np.linalg.slogdet(spreads)[1] - _NAMED * told
+        cost = distance + log_determinant(spreads) - _NAMED * told
         for a, b in likeliest(near & ~against, cost):
             slots[new[a]] = free[b]
         # But each side may have taken one person for another. Of whom it then lost, only beliefs tell.

@@ -12,6 +12,7 @@ import numpy as np
 
 from tracking.camera import Lens, ground_point
 from tracking.compiled import Array, compiled
+from tracking.elementary import hypot
 from tracking.visibility import TARGET_HEIGHT, Vector
 
 Pair = tuple[float, float]
@@ -84,11 +85,12 @@ def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float
         length = du * du + dv * dv
         s = min(max(-(u0 * du + v0 * dv) / length, 0.0), 1.0) if length > 0.0 else 0.0
         most = reach + radius * far
-        if (u0 + s * du) ** 2 + (v0 + s * dv) ** 2 > most * most:
+        u, v = u0 + s * du, v0 + s * dv
+        if u * u + v * v > most * most:
             continue
         if count == len(shadows):
             shadows = np.concatenate((shadows, np.empty_like(shadows)))
-        front = math.sqrt((x - eye[0]) ** 2 + (y - eye[1]) ** 2) - radius if cylinders[k, 3] <= TARGET_HEIGHT else 0.0
+        front = hypot(x - eye[0], y - eye[1]) - radius if cylinders[k, 3] <= TARGET_HEIGHT else 0.0
         shadows[count] = (u0, v0, radius * near, u1, v1, radius * far, max(front, 0.0))
         count += 1
     c = clearing
@@ -98,7 +100,7 @@ def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float
 @compiled
 def behind(clearing: Clearing, u: float, v: float) -> Clearing:
     """The clearing with the shadows only of what may hide somebody at (u, v): no trunk hides who is in front of it."""
-    c, distance = clearing, math.sqrt((clearing.distance + u) ** 2 + v * v)
+    c, distance = clearing, hypot(clearing.distance + u, v)
     return Clearing(c.origin, c.away, c.distance, c.edges, c.footprint, c.shadows[c.shadows[:, 6] <= distance])
 
 
@@ -109,7 +111,7 @@ def crossing(hull: Hull, v: float) -> Pair:
     low, high = math.inf, -math.inf
     if v < min(v0 - r0, v1 - r1) or v > max(v0 + r0, v1 + r1):
         return low, high
-    for u, square in ((u0, r0 * r0 - (v - v0) ** 2), (u1, r1 * r1 - (v - v1) ** 2)):
+    for u, square in ((u0, r0 * r0 - (v - v0) * (v - v0)), (u1, r1 * r1 - (v - v1) * (v - v1))):
         if square >= 0.0:
             half = math.sqrt(square)
             low, high = min(low, u - half), max(high, u + half)

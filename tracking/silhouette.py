@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.compiled import Array, compiled
+from tracking.elementary import hypot
 from tracking.shadows import Clearing, behind, crossing, openings
 from tracking.visibility import TARGET_HEIGHT
 
@@ -104,7 +105,7 @@ def shown(clearing: Clearing, silhouette: Silhouette, u: Array, v: Array) -> Arr
 @compiled
 def _same(clearing: Clearing, v: float, u: tuple[float, float]) -> bool:
     """Whether two people of a row are in front of the same trunks."""
-    one, other = math.sqrt((clearing.distance + u[0]) ** 2 + v * v), math.sqrt((clearing.distance + u[1]) ** 2 + v * v)
+    one, other = hypot(clearing.distance + u[0], v), hypot(clearing.distance + u[1], v)
     for k in range(len(clearing.shadows)):
         front = clearing.shadows[k, 6]
         if (front <= one) != (front <= other):

@@ -14,6 +14,7 @@ from tracking.births import IntegratedInitiator
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
 from tracking.correction import corrected, foreseen
+from tracking.elementary import power
 from tracking.evidence import Evidence, doubles
 from tracking.existence import log_odds
 from tracking.identity import FIRST_BORN, INFORMATION, UAVS, Message, aliases_of, born_id, is_birth
@@ -163,7 +164,7 @@ class Tracker:
         self._waited += elapsed
         for _ in range(elapsed):
             self._means, self._covariances = self.parameters.motion.predict_all(self._means, self._covariances)
-        self._existence = self._existence * self.parameters.step_survival**elapsed
+        self._existence = self._existence * power(self.parameters.step_survival, elapsed)
 
     def message(self, degree: int) -> Message:
         """What it says in the first round, given how many neighbours hear it."""
@@ -278,7 +279,7 @@ class Tracker:
         for b, k in pairs:
             ids[born[b]] = self._ids[lost[k]]
         left = np.setdiff1d(np.arange(len(ids)), [lost[k] for _, k in pairs])
-        order = left[np.argsort(ids[left])]
+        order = left[np.argsort(ids[left], kind="stable")]
         self._ids, self._evidence, self._sightings = ids[order], self._evidence[order], self._sightings[order]
         self._means, self._covariances, self._say = self._means[order], self._covariances[order], self._say[order]
         self._existence = self._existence[order]

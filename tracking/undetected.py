@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
-from scipy.special import ndtr
 
 from tracking.camera import ALL_ROUND, Camera, Pose
-from tracking.compiled import Array
+from tracking.compiled import Array, compiled
+from tracking.elementary import exp, normal_cdf_each
 from tracking.kalman import Gaussian
+from tracking.matrices import length
 from tracking.tracker import Track
 from tracking.visibility import TARGET_HEIGHT, Forest, visible_samples
 
@@ -72,7 +72,9 @@ class Undetected:
         if elapsed > 0.0 and people.any():
             sigma = self._pace * math.sqrt(elapsed)
             width, height = self._now.cell
-            people = gaussian_filter(people, (sigma / height, sigma / width), mode="reflect")  # nobody leaves
+            people = _blurred(
+                np.ascontiguousarray(_blurred(people, sigma / height).T), sigma / width
+            ).T  # nobody leaves
         people = people + self._lost(tracks)
         for camera, pose in looks:
             people = self._looked(people, camera, pose, forest)
@@ -85,7 +87,9 @@ class Undetected:
         if people[window].any():
             centres = self._now.centres()[window]
             each = centres.reshape(-1, 2)
-            evenly = np.tile(np.diag(cell**2 / 12.0), (len(each), 1, 1))  # variance of an even spread over a cell
+            evenly = np.tile(
+                np.diag(np.square(cell) / 12.0), (len(each), 1, 1)
+            )  # variance of an even spread over a cell
             share = visible_samples(camera, pose, each, evenly, forest).mean(axis=1)
             people = people.copy()
             people[window] *= 1.0 - self._detection * share.reshape(centres.shape[:2])
@@ -109,7 +113,7 @@ class Undetected:
         places = np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2)
         back: Array | float = 0.0
         for id, belief in self._tracks.items():
-            near = np.hypot(*(places - belief.mean[:2]).T) <= _SAME
+            near = length(places - belief.mean[:2]) <= _SAME
             if id not in held and not near.any():
                 back = back + self._spread(belief)
         return back
@@ -122,6 +126,24 @@ class Undetected:
             edges = self._now.low[axis] + self._now.cell[axis] * np.arange(count + 1)
             deviation = math.sqrt(belief.covariance[axis, axis]) + 1e-9
             place = min(max(float(belief.mean[axis]), edges[0]), edges[-1])
-            share = np.diff(ndtr((edges - place) / deviation))
+            share = np.diff(normal_cdf_each((edges - place) / deviation))
             shares.append(share / share.sum())
         return np.outer(*shares)
+
+
+@compiled
+def _blurred(rows: Array, sigma: float) -> Array:
+    """A raster (N, M) convolved along its first axis with a Gaussian of `sigma` rows, reflected at its edges."""
+    reach = int(4.0 * sigma + 0.5)
+    kernel = np.empty(2 * reach + 1)
+    for k in range(len(kernel)):
+        kernel[k] = exp(-0.5 * ((k - reach) / sigma) * ((k - reach) / sigma))
+    kernel /= kernel.sum()
+    out = np.zeros(rows.shape)
+    for i in range(len(rows)):
+        for k in range(len(kernel)):
+            at = (i + k - reach) % (2 * len(rows))
+            source = rows[at] if at < len(rows) else rows[2 * len(rows) - 1 - at]
+            for j in range(rows.shape[1]):
+                out[i, j] += kernel[k] * source[j]
+    return out

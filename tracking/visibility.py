@@ -9,11 +9,12 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from tracking.camera import Camera, Lens, Pose, in_image
 from tracking.compiled import Array, compiled
+from tracking.elementary import exp_each, normal_quantile_each
 from tracking.grid import PIECE, Grid, gridded
+from tracking.matrices import cholesky
 
 # Half of a walking person's 1.7 m: the point that stands for a person wherever one point must.
 TARGET_HEIGHT = 0.85
@@ -177,8 +178,8 @@ def _inside(origin: Vector, point: Vector, low: Vector, high: Vector) -> tuple[f
 
 def _centroids(count: int) -> Array:
     """Means of `count` equally probable parts of a standard normal distribution (count,)."""
-    edges = ndtri(np.linspace(0.0, 1.0, count + 1))
-    density = np.exp(-0.5 * edges**2) / np.sqrt(2 * np.pi)
+    edges = normal_quantile_each(np.arange(1, count) / count)
+    density = np.concatenate([[0.0], exp_each(-0.5 * edges * edges) / math.sqrt(2 * math.pi), [0.0]])
     return np.asarray(count * (density[:-1] - density[1:]))
 
 
@@ -187,7 +188,7 @@ def _centroids(count: int) -> Array:
 # fail: three Gauss-Hermite points per axis give 1/6 or 5/6 at an edge through the mean. With an even number per axis
 # no point lies on such an edge, and the moments of either side are exact.
 SAMPLES = np.array([(a, b) for a in _centroids(6) for b in _centroids(6)])
-SAMPLE_VARIANCE = float(1.0 - np.mean(_centroids(6) ** 2))
+SAMPLE_VARIANCE = float(1.0 - np.mean(np.square(_centroids(6))))
 
 
 def visible_samples(camera: Camera, pose: Pose, means: Array, covariances: Array, forest: Forest) -> NDArray[np.bool_]:
@@ -195,7 +196,7 @@ def visible_samples(camera: Camera, pose: Pose, means: Array, covariances: Array
 
     means (N, 2) m, covariances (N, 2, 2) m²; the points are mean + L `SAMPLES`, with L Lᵀ the covariance.
     """
-    roots = np.asarray(np.linalg.cholesky(covariances), dtype=float)
+    roots = cholesky(covariances)
     return _seen(means, roots, camera.lens(pose), forest.blockers, forest.grid)
 
 

@@ -1,0 +1,125 @@
+"""Elementary functions against arithmetic of 40 digits and SciPy's distributions."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.special import ndtr, ndtri
+
+from tracking import elementary
+
+_RNG = np.random.default_rng(20261122)
+_WIDE = np.concatenate([_RNG.normal(0, 1, 1000), _RNG.normal(0, 100, 1000), _RNG.uniform(-1e-6, 1e-6, 200)])
+_POSITIVE = np.concatenate([np.exp(_RNG.uniform(-700, 700, 1000)), _RNG.uniform(0.5, 2, 1000), [5e-324, 1.0, 1e-310]])
+_DIRECTIONS = np.concatenate([_RNG.normal(0, 1, (2000, 2)), _RNG.normal(0, 1, (500, 2)) * [1e-9, 1.0]])
+
+
+def _units(found, function, *arguments):
+    """Errors in units of the last place of the true value."""
+    with mpmath.workdps(40):
+        true = [function(*map(mpmath.mpf, xs)) for xs in zip(*(a.tolist() for a in arguments), strict=True)]
+        return np.array(
+            [abs(mpmath.mpf(f) - t) / math.ulp(float(t)) for f, t in zip(found.tolist(), true, strict=True)]
+        )
+
+
+def test_exponential_is_within_two_units_in_the_last_place():
+    assert _units(elementary.exp_each(_WIDE), mpmath.exp, _WIDE).max() < 2
+
+
+def test_logarithm_is_within_two_units_in_the_last_place():
+    assert _units(elementary.log_each(_POSITIVE), mpmath.log, _POSITIVE).max() < 2
+
+
+@pytest.mark.parametrize("name", ["sin", "cos"])
+def test_sine_and_cosine_are_exact_to_three_ten_quadrillionths(name):
+    angles = np.concatenate([_WIDE, _RNG.uniform(-1e5, 1e5, 1000), np.arange(-40, 41) * (math.pi / 4)])
+    found = getattr(elementary, f"{name}_each")(angles)
+    with mpmath.workdps(40):
+        true = np.array([getattr(mpmath, name)(mpmath.mpf(x)) for x in angles.tolist()])
+    assert np.abs(found - true).max() < 3e-16
+
+
+def test_small_angles_keep_all_digits_of_their_sine():
+    angles = _RNG.uniform(-0.8, 0.8, 2000) * 10.0 ** _RNG.integers(-12, 1, 2000)
+    assert _units(elementary.sin_each(angles), mpmath.sin, angles).max() < 2
+
+
+def test_direction_is_within_two_units_in_the_last_place():
+    y, x = _DIRECTIONS.T
+    assert _units(elementary.arctan2_each(y, x), mpmath.atan2, y, x).max() < 2
+
+
+def test_direction_along_the_axes_is_exact():
+    along = [(0, 1), (1, 0), (0, -1), (-1, 0), (0, 0)]
+    found = [elementary.arctan2(float(y), float(x)) for y, x in along]
+    assert found == [0.0, math.pi / 2, math.pi, -math.pi / 2, 0.0]
+
+
+def test_tangent_has_fifteen_digits():
+    angles = _RNG.uniform(-1.5, 1.5, 1000)
+    found = np.array([elementary.tan(x) for x in angles.tolist()])
+    np.testing.assert_allclose(found, [float(mpmath.tan(x)) for x in angles], rtol=1e-15)
+
+
+@pytest.mark.parametrize("exponent", [2.0, 1.0, 0.5, 0.0])
+def test_powers_with_simple_exponents_are_exact(exponent):
+    bases = _RNG.uniform(0, 50, 500)
+    assert np.array_equal(elementary.power_each(bases, exponent), bases**exponent)
+
+
+def test_error_of_a_power_grows_with_its_logarithm():
+    bases, exponents = _RNG.uniform(1e-3, 50, 2000), _RNG.uniform(-5, 5, 2000)
+    errors = _units(elementary.power_each(bases, exponents), mpmath.power, bases, exponents)
+    assert np.all(errors < 2 + 3 * np.abs(exponents * np.log(bases)))
+
+
+@pytest.mark.parametrize(
+    ("name", "x", "value"),
+    [
+        ("exp", math.inf, math.inf),
+        ("exp", 710.0, math.inf),
+        ("exp", -math.inf, 0.0),
+        ("exp", -746.0, 0.0),
+        ("exp", -744.0, 5e-324 * round(math.exp(-744.0) / 5e-324)),
+        ("exp", 0.0, 1.0),
+        ("log", 0.0, -math.inf),
+        ("log", math.inf, math.inf),
+        ("log", 1.0, 0.0),
+    ],
+)
+def test_ends_of_the_range_are_those_of_the_real_line(name, x, value):
+    assert getattr(elementary, name)(x) == value
+
+
+@pytest.mark.parametrize(("name", "x"), [("exp", math.nan), ("log", math.nan), ("log", -1.0), ("sin", math.nan)])
+def test_what_has_no_value_is_not_a_number(name, x):
+    assert math.isnan(getattr(elementary, name)(x))
+
+
+def test_normal_distribution_agrees_with_scipy():
+    x = np.linspace(-37.0, 37.0, 4001)
+    np.testing.assert_allclose(elementary.normal_cdf_each(x), ndtr(x), rtol=0.0, atol=1e-15)
+
+
+def test_normal_quantiles_agree_with_scipy():
+    p = np.concatenate(
+        [np.linspace(0.0, 1.0, 4001)[1:-1], 10.0 ** np.arange(-300, -1, 7.0), 1 - 2.0 ** -np.arange(2, 53)]
+    )
+    np.testing.assert_allclose(elementary.normal_quantile_each(p), ndtri(p), rtol=2e-15, atol=1e-16)
+
+
+def test_drawn_normal_numbers_have_the_moments_of_their_distribution():
+    drawn = elementary.standard_normal(np.random.default_rng(3), (1000, 1000))
+    errors = [np.mean(drawn), np.mean(drawn**2) - 1, np.mean(drawn**3), np.mean(drawn**4) - 3]
+    # Four standard deviations of the means of a million draws.
+    assert np.all(np.abs(errors) < 4e-3 * np.sqrt([1.0, 2.0, 15.0, 96.0]))
+
+
+def test_the_least_uniform_number_gives_a_finite_normal_one():
+    class Zero:
+        def random(self, shape):
+            return np.zeros(shape)
+
+    assert np.all(np.isfinite(elementary.standard_normal(Zero(), 3)))
