@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
 from planning.coordination import Coordination, Sequential
+from planning.intent import followed
 from planning.nbo import objective
 from planning.optimizers import CrossEntropy, Objective, Optimizer
 from planning.planner import Exchange, Plan, Situation
 from planning.propagation import Nominal, Propagation, nominal_positions
 from planning.pursuit import pursuits, turns
-from planning.sights import Eased, Hints, sights
+from planning.sights import Eased, Hints, sights, soonest
 from tracking.compiled import Array
 from tracking.visibility import Forest, Occlusion
+
+Prediction = Literal["scans", "step"]
+Actions = Literal["all", "first"]
 
 
 class Term(Protocol):
@@ -40,11 +44,12 @@ class Composition:
     occlusion: Occlusion | None = None  # how trees hide; None: as the situation's forest has it
     existence: bool = True  # a target counts by the probability that it exists; False: as one
     terms: tuple[Term, ...] = ()  # of the objective, besides that of the tracks
+    prediction: Prediction = "scans"  # of targets: as trackers predict, or with the process noise of one long step
+    actions: Actions = "all"  # which are optimised: of the first alone, the base policy follows
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
-        seen = [self._with_occlusion(situation) for situation in team]
-        return self.coordination.plans(seen, self, rng)
+        return self.coordination.plans([self._modelled(situation) for situation in team], self, rng)
 
     @property
     def exchange(self) -> Exchange:
@@ -64,27 +69,48 @@ class Composition:
         if extra:
             value = partial(_sum, value, extra)
         hints = Hints(value, sights(view, uavs, speeds))
-        return self.optimizer.minimise(value, starts, speeds, rng, hints).plans
+        if self.actions == "all":
+            return self.optimizer.minimise(value, starts, speeds, rng, hints).plans
+        complete = partial(self._completed, situation, uavs)
+        value = partial(_of_whole, value, complete)
+        first = self.optimizer.minimise(value, starts, speeds, rng, Hints(value, soonest(hints.sights))).plans
+        whole: Array = complete(first[None])[0]
+        return whole
+
+    def _completed(self, situation: Situation, uavs: Sequence[int], firsts: Array) -> Array:
+        """Plans (N, k, H, 2) m/s of the UAVs in rows `uavs`: first controls (N, k, 1, 2), then the base policy."""
+        plans = [followed(situation, situation.vehicles[i], firsts[:, j, 0], self.horizon) for j, i in enumerate(uavs)]
+        return np.stack(plans, axis=1)
 
     def _starts(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Array:
-        """What the UAVs are expected to do, and the same with one of them in pursuit or on two legs (S, k, H, 2)."""
-        intents = controls[list(uavs)]
-        nominal = nominal_positions(situation.tracks, situation.step, self.horizon)
+        """What the UAVs are expected to do, and the same with one of them in pursuit or on two legs (S, k, h, 2).
+
+        They are as long as what is optimised.
+        """
+        length = self.horizon if self.actions == "all" else 1
+        intents = controls[list(uavs), :length]
+        nominal = nominal_positions(situation.tracks, situation.step, length)
         starts = [intents[None]]
         for j, i in enumerate(uavs):
             vehicle = situation.vehicles[i]
-            others = np.concatenate(
-                [pursuits(nominal, vehicle, situation.step), turns(vehicle.max_speed, self.horizon)]
-            )
+            others = np.concatenate([pursuits(nominal, vehicle, situation.step), turns(vehicle.max_speed, length)])
             joint = np.repeat(intents[None], len(others), axis=0)
             joint[:, j] = others
             starts.append(joint)
         return np.concatenate(starts)
 
-    def _with_occlusion(self, situation: Situation) -> Situation:
-        if self.occlusion is None or self.occlusion == situation.forest.occlusion:
-            return situation
-        return replace(situation, forest=Forest(situation.forest.trees, self.occlusion))
+    def _modelled(self, situation: Situation) -> Situation:
+        """The situation with the occlusion and the prediction of this planner."""
+        if self.occlusion is not None and self.occlusion != situation.forest.occlusion:
+            situation = replace(situation, forest=Forest(situation.forest.trees, self.occlusion))
+        if self.prediction == "step":
+            situation = replace(situation, motion=replace(situation.motion, scans=1))
+        return situation
+
+
+def _of_whole(value: Eased, complete: Callable[[Array], Array], firsts: Array, ease: Array | None = None) -> Array:
+    """What an objective of whole plans comes to, of their beginnings."""
+    return value(complete(firsts), ease)
 
 
 def _sum(first: Eased, terms: Sequence[Objective], candidates: Array, ease: Array | None = None) -> Array:

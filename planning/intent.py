@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from planning.planner import Plan, Situation, Vehicle
 from planning.propagation import beliefs
 from planning.view import aim
-from tracking.compiled import Array
+from tracking.compiled import Array, compiled
 from tracking.tracker import Track
 
 BASE_RANGE = 40.0  # m: the base policy looks no further
@@ -22,7 +23,8 @@ def base_control(vehicle: Vehicle, position: Array, tracks: Sequence[Track], ahe
     when it can be there, with the covariances they have now. What flies towards a track is the middle of the image.
     Arrives rather than overshoots; hovers where no track is near.
     """
-    return _towards(vehicle, position + aim(vehicle), beliefs(tracks), ahead, step)
+    control: Array = _towards((position + aim(vehicle))[None], beliefs(tracks), ahead, step, vehicle.max_speed)[0]
+    return control
 
 
 def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Array:
@@ -34,22 +36,39 @@ def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Ar
     step, tracks = situation.step, beliefs(situation.tracks)
     aimed = vehicle.position[:2] + step * np.sum(controls, axis=0) + aim(vehicle)
     while len(controls) < horizon:
-        control = _towards(vehicle, aimed, tracks, len(controls) * step, step)
+        control = _towards(aimed[None], tracks, len(controls) * step, step, vehicle.max_speed)[0]
         controls.append(control)
         aimed = aimed + step * control
     return np.array(controls)
 
 
-def _towards(vehicle: Vehicle, aimed: Array, tracks: tuple[Array, Array], ahead: float, step: float) -> Array:
-    """`base_control` of a vehicle that is `aimed` at (2,) m, among tracks of means (T, 4), covariances (T, 4, 4)."""
+def followed(situation: Situation, vehicle: Vehicle, firsts: Array, horizon: int) -> Array:
+    """Plans (N, H, 2) m/s that begin with the controls `firsts` (N, 2) and go on by the base policy."""
+    step, tracks = situation.step, beliefs(situation.tracks)
+    plans = np.empty((len(firsts), horizon, 2))
+    plans[:, 0] = firsts
+    aimed = vehicle.position[:2] + step * firsts + aim(vehicle)
+    for k in range(1, horizon):
+        plans[:, k] = _towards(aimed, tracks, k * step, step, vehicle.max_speed)
+        aimed = aimed + step * plans[:, k]
+    return plans
+
+
+@compiled
+def _towards(aimed: Array, tracks: tuple[Array, Array], ahead: float, step: float, max_speed: float) -> Array:
+    """`base_control` (N, 2) m/s of a vehicle that is aimed at (N, 2) m; tracks: means (T, 4), covariances (T, 4, 4)."""
     means, covariances = tracks
-    gaps = means[:, :2] + (ahead + step) * means[:, 2:] - aimed
-    traces = np.where(np.hypot(gaps[:, 0], gaps[:, 1]) <= BASE_RANGE, covariances[:, 0, 0] + covariances[:, 1, 1], 0.0)
-    if not traces.any():
-        return np.zeros(2)
-    control = gaps[np.argmax(traces)] / step
-    speed = np.hypot(*gaps[np.argmax(traces)]) / step
-    return np.asarray(control if speed <= vehicle.max_speed else control * (vehicle.max_speed / speed))
+    controls = np.zeros_like(aimed)
+    for n in range(len(aimed)):
+        most = 0.0
+        for t in range(len(means)):
+            x = means[t, 0] + (ahead + step) * means[t, 2] - aimed[n, 0]
+            y = means[t, 1] + (ahead + step) * means[t, 3] - aimed[n, 1]
+            distance, trace = math.sqrt(x * x + y * y), covariances[t, 0, 0] + covariances[t, 1, 1]
+            if distance <= BASE_RANGE and trace > most:
+                most, slower = trace, min(1.0, max_speed * step / max(distance, 1e-300))
+                controls[n, 0], controls[n, 1] = x / step * slower, y / step * slower
+    return controls
 
 
 def paths(positions: Array, controls: Array, step: float) -> Array:

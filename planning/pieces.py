@@ -10,7 +10,7 @@ from typing import cast
 
 import numpy as np
 
-from planning.composition import Composition
+from planning.composition import Actions, Composition, Prediction
 from planning.coordination import Centralised, Coordination, Decentralised, Order, Parallel, Sequential
 from planning.optimizers import CrossEntropy, Grid, Optimizer, ParticleSwarm
 from planning.planner import Exchange, Plan, Situation
@@ -27,6 +27,8 @@ _CHOICES = {
     "visibility": ("nominal", "expected"),
     "optimizer": ("cross-entropy", "particle-swarm", "grid"),
     "occlusion": ("", "line_of_sight", "disc"),
+    "prediction": ("scans", "step"),
+    "actions": ("all", "first"),
 }
 _LEAST = {"horizon": 1, "sweeps": 1, "samples": 1, "beta": 0, "evaluations": 0, "seconds": 0}
 _LEAST |= {"search": 0, "separation": 0}
@@ -52,6 +54,8 @@ class Composed:
     existence: bool = True  # targets count by their probability of existence; False: as one
     search: float = 0.0  # m²: what each person not found yet counts, as a trace of covariance; 0: nobody is looked for
     separation: float = 0.0  # m, of planned paths in space; 0: UAVs need not keep apart
+    prediction: str = "scans"  # of targets: as trackers do, scan by scan, or with the process noise of one long step
+    actions: str = "all"  # that are optimised; or the first, which the base policy follows
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
@@ -111,6 +115,8 @@ class Composed:
                 *([Search(self.search)] if self.search else []),
                 *([Separation(self.separation)] if self.separation else []),
             ),
+            prediction=cast("Prediction", self.prediction),
+            actions=cast("Actions", self.actions),
         )
 
     def _optimizer(self) -> Optimizer:

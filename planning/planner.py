@@ -75,7 +75,7 @@ class Situation:
     tracks: tuple[Track, ...]  # of its own tracker
     forest: Forest
     area: tuple[float, float]  # m, centred on the origin
-    motion: NearlyConstantVelocity  # of the targets, over one planning step
+    motion: NearlyConstantVelocity  # of the targets, over one planning step of so many scans of the trackers
     # Last plan known of each UAV, its own included, as made one step ago: of an older one, what was left of it then.
     intents: Mapping[int, Plan] = field(default_factory=dict)
     # For each round of `Exchange`, whose plans of this instant reach this UAV; without any, all neighbours'.

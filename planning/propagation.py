@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -70,7 +71,7 @@ class MonteCarlo:
         points = np.empty((horizon, S, T, 1, 3))
         points[..., 2] = TARGET_HEIGHT
         for step in range(horizon):
-            states = states @ situation.motion.F.T + _disturbance(situation.motion, rng.standard_normal((S, T, 2)))
+            states = states @ situation.motion.F.T + _disturbance(situation.motion, rng.standard_normal((S, T, 2, 2)))
             points[step, :, :, 0, :2] = states[..., :2]
         return outlook(situation, points.reshape(horizon, S * T, 1, 3), np.tile(covariances, (S, 1, 1)))
 
@@ -95,6 +96,12 @@ def _drawn(means: Array, covariances: Array, normal: Array) -> Array:
 
 
 def _disturbance(motion: NearlyConstantVelocity, normal: Array) -> Array:
-    """What an acceleration that is constant over a step does to states (S, T, 4), from normal numbers (S, T, 2)."""
-    acceleration = motion.sigma_a * normal
-    return np.concatenate([0.5 * motion.dt**2 * acceleration, motion.dt * acceleration], axis=-1)
+    """Process noise of a step on states (S, T, 4), from normal numbers (S, T, 2, 2): of each axis, in its last, two.
+
+    These are multiplied by the Cholesky factor of an axis' block of Q, which has rank one over a single scan.
+    """
+    position, both, velocity = float(motion.Q[0, 0]), float(motion.Q[0, 2]), float(motion.Q[2, 2])
+    first = math.sqrt(position)
+    second = both / first if first else 0.0
+    rest = math.sqrt(max(velocity - second * second, 0.0)) if motion.scans > 1 else 0.0
+    return np.concatenate([first * normal[..., 0], second * normal[..., 0] + rest * normal[..., 1]], axis=-1)

@@ -52,6 +52,12 @@ def sights(outlook: Outlook, uavs: Sequence[int], max_speeds: Array) -> Sights:
     return _within_reach(outlook, rows, np.ascontiguousarray(views), max_speeds)
 
 
+def soonest(sights: Sights) -> Sights:
+    """Those of sights that can be had after the first step."""
+    first = sights.which[:, 1] == 0
+    return sights._replace(which=sights.which[first], places=sights.places[first])
+
+
 @compiled
 def _within_reach(outlook: Outlook, uavs: NDArray[np.int64], views: Array, max_speeds: Array) -> Sights:
     points, (H, T, K) = outlook.points, outlook.points.shape[:3]

@@ -50,7 +50,7 @@ def specimen_team(
         Track(t, Gaussian(np.r_[rng.uniform(-spread, spread, 2), rng.normal(0, 1.2, 2)], _random_covariance(rng)))
         for t in range(targets)
     )
-    motion = NearlyConstantVelocity(1.0, 0.5)
+    motion = NearlyConstantVelocity(1.0, 0.5, scans=5)
     return [
         Situation(0.0, v, tuple(w for w in vehicles if w is not v), tracks, forest, (150.0, 100.0), motion)
         for v in vehicles

@@ -21,7 +21,7 @@ from sim.sensing import Look, Sensors, camera_pose, planned_attitude
 from sim.snapshot import Snapshot
 from sim.stopwatch import Stopwatch
 from sim.streams import stream
-from sim.trackers import initial_tracks, tracker_parameters
+from sim.trackers import initial_tracks, planned_motion, tracker_parameters
 from sim.trajectories import Trajectories, read
 from sim.walkers import walk
 from sim.wind import Air
@@ -29,7 +29,6 @@ from sim.world import World
 from tracking.camera import Pose
 from tracking.compiled import Array
 from tracking.consensus import fuse
-from tracking.kalman import NearlyConstantVelocity
 from tracking.ospa import ospa
 from tracking.tracker import Track, Tracker
 from tracking.undetected import Undetected
@@ -63,7 +62,7 @@ class Mission:
         self._known_forest = Forest(self.forest.trees, self.forest.occlusion)
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed)
         self._sensors = Sensors(scenario, self._world, self.forest, rng=stream(seed, "sensors"), clock=self.clock)
-        self._motion = NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a)
+        self._motion = planned_motion(scenario)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
         self._undetected = [self._nobody_seen() for _ in scenario.uavs]
         self._intents = Intents(scenario.network, exchange_of(self._planner), stream(seed, "intents"))

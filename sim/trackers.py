@@ -41,6 +41,15 @@ def motion(settings: Tracking, dt: float) -> NearlyConstantVelocity:
     return NearlyConstantVelocity(dt, settings.sigma_a)
 
 
+def planned_motion(scenario: Scenario) -> NearlyConstantVelocity:
+    """How planners take people to move over a planning step: as trackers predict them, scan by scan.
+
+    Note: to planners nobody's speed is bounded.
+    """
+    rates = scenario.rates
+    return NearlyConstantVelocity(1 / rates.planning, scenario.tracking.sigma_a, scans=rates.sensing // rates.planning)
+
+
 def initial_tracks(scenario: Scenario, here: Array, there: Array) -> list[Track]:
     """The tracks that the trackers of a scenario begin with, of people (M, 2) m at the first scan and the second.
 

@@ -32,6 +32,8 @@ class BoundedSpeed(NearlyConstantVelocity):
         super().__post_init__()
         if not self.max_speed > 0.0:
             raise ValueError(f"max_speed must be positive, is {self.max_speed}")
+        if self.scans != 1:
+            raise ValueError(f"scans must be 1 where speed is bounded, which no sum over scans is, is {self.scans}")
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """`predict` for a stack of beliefs: means (T, 4), covariances (T, 4, 4)."""

@@ -120,6 +120,7 @@ def whole_covariances(frame: Frame, ground: Array) -> Array:
     return covariances_along(axes, np.minimum(variances, distances[:, None]))
 
 
+@np.errstate(invalid="ignore")
 def split_covariances(frame: Frame, pixels: Array, components: NDArray[np.int64] | None) -> Array:
     """What is added (N, 2, 2) m² to the covariances of detections at pixels (N, 2); zero but for split components."""
     if components is None or len(np.unique(components)) == len(components):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -22,16 +22,23 @@ class Gaussian:
 
 @dataclass(frozen=True)
 class NearlyConstantVelocity:
-    """The motion model of [Li22] eq. (1)."""
+    """The motion model of [Li22] eq. (1), over one scan or several.
+
+    The acceleration is constant over each of `scans` equal parts of `dt`, and independent of that of other parts: one
+    such step is to the last moment what so many steps of dt / scans are.
+    """
 
     dt: float  # s
     sigma_a: float  # standard deviation of the acceleration, m/s²
+    scans: int = field(default=1, kw_only=True)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.dt < math.inf:
             raise ValueError(f"dt must be positive and finite, is {self.dt}")
         if not 0.0 <= self.sigma_a < math.inf:
             raise ValueError(f"sigma_a must be 0 or more and finite, is {self.sigma_a}")
+        if not (isinstance(self.scans, int | np.integer) and self.scans >= 1):
+            raise ValueError(f"scans must be an integer, 1 or more, is {self.scans}")
 
     @cached_property
     def F(self) -> Array:
@@ -42,11 +49,12 @@ class NearlyConstantVelocity:
 
     @cached_property
     def Q(self) -> Array:
-        """Process noise (4, 4)."""
-        square = self.dt * self.dt
-        block = self.sigma_a * self.sigma_a * np.array([[square * square / 4, self.dt * square / 2], [0.0, square]])
-        block[1, 0] = block[0, 1]
-        return np.asarray(np.kron(block, np.eye(2)), dtype=float)
+        """Process noise (4, 4): over n scans Σ Fᵏ Q F'ᵏ of one scan's, for k from 0 to n - 1."""
+        n, dt = self.scans, self.dt / self.scans
+        square = dt * dt
+        position, both, velocity = n * (4 * n * n - 1) // 3 * square * square / 4, n * n * dt * square / 2, n * square
+        block = np.array([[position, both], [both, velocity]])
+        return np.asarray(self.sigma_a * self.sigma_a * np.kron(block, np.eye(2)), dtype=float)
 
     def predict(self, belief: Gaussian) -> Gaussian:
         """The belief one step later, without a measurement."""

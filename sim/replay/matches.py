@@ -13,8 +13,8 @@ from planning.propagation import Nominal
 from sim.recording import Recording
 from sim.scenario import Scenario
 from sim.sensing import noise_of, planned_attitude, view_of
+from sim.trackers import planned_motion
 from tracking.compiled import Array
-from tracking.kalman import NearlyConstantVelocity
 from tracking.visibility import Forest
 
 
@@ -78,7 +78,7 @@ def situation_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> 
         tracks=recording.tracks_at(k, uav),
         forest=Forest(recording.forest.trees, scenario.sensing.occlusion),
         area=(scenario.area.width, scenario.area.height),
-        motion=NearlyConstantVelocity(1 / scenario.rates.planning, scenario.tracking.sigma_a),
+        motion=planned_motion(scenario),
     )
 
 
