@@ -13,6 +13,7 @@ from planning.optimizers import limited
 from planning.planner import Exchange, Plan, Situation
 from planning.view import aim, reach
 from tracking.compiled import Array
+from tracking.matrices import length
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Lawnmower:
     def _step(self, situation: Situation, strip: int, strips: int) -> Plan:
         own = situation.own
         corners = _lines(situation, strip, strips)
-        lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+        lengths = length(np.diff(corners, axis=0))
         run = self.pace * own.max_speed * (situation.time + situation.step)
         reached = np.concatenate([[0.0], np.cumsum(lengths)])
         run = _to_and_fro(run, float(reached[-1]))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from planning.planner import Situation, Vehicle
 from planning.view import quadrangle, reach
 from tracking.compiled import Array, compiled
+from tracking.matrices import length
 from tracking.visibility import TARGET_HEIGHT, Forest, Vector, blocked
 
 LANES = 64  # cameras or covariances that compiled code works on side by side, with the processor's vector instructions
@@ -70,10 +71,10 @@ def _near(
     for v in vehicles:
         height = v.position[2] - TARGET_HEIGHT
         share = np.clip((cylinders[:, 4] - TARGET_HEIGHT) / height, 0.0, 1.0)
-        gap = np.linalg.norm(points[:, :2] - v.position[:2], axis=1).max(initial=0.0) + v.max_speed * duration
+        gap = length(points[:, :2] - v.position[:2]).max(initial=0.0) + v.max_speed * duration
         farthest = np.maximum(farthest, share * min(reach(v), gap))
-    square = (points[:, None, 0] - cylinders[:, 0]) ** 2 + (points[:, None, 1] - cylinders[:, 1]) ** 2
-    rows, columns = np.nonzero(square <= (cylinders[:, 2] + farthest) ** 2)
+    square = np.square(points[:, None, 0] - cylinders[:, 0]) + np.square(points[:, None, 1] - cylinders[:, 1])
+    rows, columns = np.nonzero(square <= np.square(cylinders[:, 2] + farthest))
     offsets = np.searchsorted(rows, np.arange(len(points) + 1)).astype(np.int64)
     return np.ascontiguousarray(cylinders[columns]), offsets
 

@@ -11,6 +11,7 @@ import numpy as np
 from planning.intent import BASE_RANGE, policy_of_intent
 from planning.planner import Exchange, Plan, Situation
 from tracking.compiled import Array
+from tracking.matrices import length
 
 Order = Literal["fixed", "random", "worst-first"]
 
@@ -153,6 +154,6 @@ def _worst(situation: Situation) -> float:
     near = [
         float(np.trace(t.belief.covariance[:2, :2]))
         for t in situation.tracks
-        if np.hypot(*(t.belief.mean[:2] - situation.own.position[:2])) <= BASE_RANGE
+        if length(t.belief.mean[:2] - situation.own.position[:2]) <= BASE_RANGE
     ]
     return max(near, default=0.0)

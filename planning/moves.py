@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from planning.sights import Sights
 from planning.view import shortest_move
 from tracking.compiled import Array, compiled
+from tracking.elementary import exp, hypot, standard_normal
 
 _SHAKE, _MIX, _BEND, _JOIN, _SIGHT = range(5)
 _CYCLE = (_SHAKE, _BEND, _SIGHT, _BEND, _MIX, _BEND, _SIGHT, _JOIN)  # kinds of changes, in turn
@@ -34,8 +35,8 @@ def chances(rng: np.random.Generator, children: int, parents: Array) -> Chances:
     """Random numbers for so many children of `parents` (E, k, H, 2)."""
     _, k, H, _ = parents.shape
     return Chances(
-        rng.standard_normal((children, 3)),
-        rng.standard_normal((math.ceil(children / len(_CYCLE)), 2 * k * (H + 1))),
+        standard_normal(rng, (children, 3)),
+        standard_normal(rng, (math.ceil(children / len(_CYCLE)), 2 * k * (H + 1))),
         rng.integers(2**62, size=children),
     )
 
@@ -51,7 +52,7 @@ def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, sig
     _, k, H, _ = parents.shape
     out, path = np.empty((len(drawn.picks), k, H, 2)), np.empty((H, 2))
     for c in range(len(out)):
-        kind, size, pick = _CYCLE[c % len(_CYCLE)], spread * math.exp(drawn.normal[c, 2]), drawn.picks[c]
+        kind, size, pick = _CYCLE[c % len(_CYCLE)], spread * exp(drawn.normal[c, 2]), drawn.picks[c]
         pick, mate = divmod(pick, len(parents))
         _copy(out, c, parents, c * len(parents) // len(out))
         if kind == _SHAKE:
@@ -180,7 +181,7 @@ def _limit(plans: Array, c: int, max_speeds: Array) -> None:
     """Shorten the controls of a candidate to the speed limits (k,) of its UAVs."""
     for j in range(plans.shape[1]):
         for step in range(plans.shape[2]):
-            speed = math.sqrt(plans[c, j, step, 0] ** 2 + plans[c, j, step, 1] ** 2)
+            speed = hypot(plans[c, j, step, 0], plans[c, j, step, 1])
             if speed > max_speeds[j]:
                 plans[c, j, step, 0] *= max_speeds[j] / speed
                 plans[c, j, step, 1] *= max_speeds[j] / speed
@@ -228,7 +229,7 @@ def _within(one: Array, other: Array, square: float) -> bool:
     """Whether the squared distance of two points (D,) is less; the last coordinates, which differ most, come first."""
     total = 0.0
     for d in range(len(one) - 1, -1, -1):
-        total += (one[d] - other[d]) ** 2
+        total += (one[d] - other[d]) * (one[d] - other[d])
         if total >= square:
             return False
     return True

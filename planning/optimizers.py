@@ -14,6 +14,8 @@ import numpy as np
 from planning.moves import chances, distinct, varied
 from planning.sights import NOTHING, Hints
 from tracking.compiled import Array
+from tracking.elementary import cos_each, sin_each
+from tracking.matrices import length
 
 Objective = Callable[[Array], Array]  # candidates (N, k, H, 2) m/s -> costs (N,)
 
@@ -215,7 +217,7 @@ class Grid:
     def controls(self, max_speed: float) -> Array:
         """The controls (D, 2) m/s of which plans are made."""
         angles = 2 * math.pi * np.arange(self.directions) / self.directions
-        rim = np.column_stack([np.cos(angles), np.sin(angles)])
+        rim = np.column_stack([cos_each(angles), sin_each(angles)])
         shares = np.arange(1, self.speeds + 1) / self.speeds
         return np.concatenate([np.zeros((1, 2)), *(share * max_speed * rim for share in shares)])
 
@@ -252,6 +254,6 @@ class Grid:
 
 def limited(plans: Array, max_speeds: Array | float) -> Array:
     """Plans (..., k, H, 2) m/s, each control shortened to the speed limit of its UAV, (k,) or one for all [m/s]."""
-    speed = np.linalg.norm(plans, axis=-1, keepdims=True)
+    speed = length(plans)[..., None]
     most = np.reshape(max_speeds, (-1, 1, 1))
     return np.asarray(plans * np.minimum(1.0, most / np.maximum(speed, 1e-12)))

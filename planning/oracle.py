@@ -15,6 +15,7 @@ from planning.planner import Exchange, Plan, Planner, Situation
 from planning.propagation import beliefs
 from tracking.compiled import Array
 from tracking.kalman import Gaussian
+from tracking.matrices import length
 from tracking.tracker import Track
 from tracking.visibility import TARGET_HEIGHT
 
@@ -84,7 +85,7 @@ def true_tracks(situation: Situation, people: Whereabouts) -> tuple[Track, ...]:
     states = np.hstack([here, velocities])[present]
     means, covariances = beliefs(situation.tracks)
     spread = np.tile(_UNKNOWN, (len(present), 1, 1))
-    gaps = np.linalg.norm(states[:, None, :2] - means[None, :, :2], axis=2)
+    gaps = length(states[:, None, :2] - means[None, :, :2])
     for row, track in zip(*linear_sum_assignment(gaps), strict=True):
         spread[row] = covariances[track]
     rows = zip(present.tolist(), states, spread, strict=True)

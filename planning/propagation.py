@@ -12,7 +12,9 @@ import numpy as np
 from planning.belief import Outlook, outlook
 from planning.planner import Situation
 from tracking.compiled import Array
+from tracking.elementary import standard_normal
 from tracking.kalman import NearlyConstantVelocity
+from tracking.matrices import applied, cholesky, eigen
 from tracking.tracker import Track
 from tracking.visibility import TARGET_HEIGHT
 
@@ -48,8 +50,8 @@ class Nominal:
         ahead, spread = means, covariances
         for step in range(horizon if self.expected else 0):
             ahead, spread = situation.motion.predict_all(ahead, spread)
-            roots = np.linalg.cholesky(spread[:, :2, :2])
-            points[step, :, :, :2] = points[step, :, :1, :2] + np.einsum("tij,kj->tki", roots, _NINE)
+            roots = cholesky(spread[:, :2, :2])
+            points[step, :, :, :2] = points[step, :, :1, :2] + applied(roots[:, None], _NINE)
         return outlook(situation, points, covariances)
 
 
@@ -67,11 +69,12 @@ class MonteCarlo:
         """As `Propagation.outlook`, of `samples` samples."""
         means, covariances = beliefs(situation.tracks)
         S, T = self.samples, len(means)
-        states = _drawn(means, covariances, rng.standard_normal((S, T, 4)))
+        states = _drawn(means, covariances, standard_normal(rng, (S, T, 4)))
         points = np.empty((horizon, S, T, 1, 3))
         points[..., 2] = TARGET_HEIGHT
         for step in range(horizon):
-            states = states @ situation.motion.F.T + _disturbance(situation.motion, rng.standard_normal((S, T, 2, 2)))
+            drift = _disturbance(situation.motion, standard_normal(rng, (S, T, 2, 2)))
+            states = applied(situation.motion.F, states) + drift
             points[step, :, :, 0, :2] = states[..., :2]
         return outlook(situation, points.reshape(horizon, S * T, 1, 3), np.tile(covariances, (S, 1, 1)))
 
@@ -90,9 +93,8 @@ def beliefs(tracks: Sequence[Track]) -> tuple[Array, Array]:
 
 def _drawn(means: Array, covariances: Array, normal: Array) -> Array:
     """States (S, T, 4) from standard normal numbers (S, T, 4); a covariance may be singular."""
-    values, axes = np.linalg.eigh(covariances)
-    roots = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    return np.asarray(means + np.einsum("tij,stj->sti", roots, normal))
+    values, axes = eigen(covariances)
+    return np.asarray(means + applied(axes * np.sqrt(np.maximum(values, 0.0))[:, None, :], normal))
 
 
 def _disturbance(motion: NearlyConstantVelocity, normal: Array) -> Array:

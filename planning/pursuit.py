@@ -11,6 +11,8 @@ from planning.optimizers import limited
 from planning.planner import Vehicle
 from planning.view import MARKS, shown_at
 from tracking.compiled import Array
+from tracking.elementary import cos_each, sin_each
+from tracking.matrices import length
 
 NEAREST = 6  # targets that a UAV considers pursuing
 HEADINGS = 16
@@ -22,7 +24,7 @@ def pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
     nominal (H, T, 2) m: where targets are after each step of `step` s.
     """
     position, spots = vehicle.position[:2], shown_at(vehicle, MARKS)
-    near = np.argsort(np.linalg.norm(nominal[0] - position - spots[0], axis=1), kind="stable")[:NEAREST]
+    near = np.argsort(length(nominal[0] - position - spots[0]), kind="stable")[:NEAREST]
     goals = [nominal[:, t] - spot for t in near for spot in spots]
     goals += [(nominal[:, a] + nominal[:, b]) / 2 - spots[0] for a, b in combinations(near, 2)]
     goals.append(np.tile(position, (len(nominal), 1)))
@@ -38,7 +40,7 @@ def pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
 def turns(max_speed: float, horizon: int) -> Array:
     """Plans (S, H, 2) m/s of two legs, each at full speed in one of 16 directions, or hovering."""
     angles = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
-    controls = np.concatenate([max_speed * np.column_stack([np.cos(angles), np.sin(angles)]), np.zeros((1, 2))])
+    controls = np.concatenate([max_speed * np.column_stack([cos_each(angles), sin_each(angles)]), np.zeros((1, 2))])
     first = horizon // 2
     before, after = np.repeat(controls, len(controls) if first else 1, axis=0), np.tile(controls, (len(controls), 1))
     return np.array([[a] * first + [b] * (horizon - first) for a, b in zip(before, after, strict=False)])

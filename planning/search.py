@@ -16,6 +16,7 @@ from planning.optimizers import Objective
 from planning.planner import Situation, Vehicle
 from planning.view import inside, quadrangle, reach
 from tracking.compiled import Array, compiled
+from tracking.elementary import hypot
 from tracking.grid import Grid
 from tracking.visibility import TARGET_HEIGHT, Forest, misses
 
@@ -102,7 +103,7 @@ def _steps_off(place: Array, centres: Array, sight: tuple[float, float]) -> Arra
     """Steps (C,) that a UAV takes from a place (2 or 3,) m until it can have cells (C, 2) m in its field of view."""
     steps = np.empty(len(centres))
     for c in range(len(centres)):
-        gap = math.sqrt((place[0] - centres[c, 0]) ** 2 + (place[1] - centres[c, 1]) ** 2)
+        gap = hypot(place[0] - centres[c, 0], place[1] - centres[c, 1])
         steps[c] = max(gap - sight[0], 0.0) / sight[1]
     return steps
 

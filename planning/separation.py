@@ -11,6 +11,7 @@ from planning.intent import paths
 from planning.optimizers import Objective
 from planning.planner import Situation
 from tracking.compiled import Array
+from tracking.matrices import length
 
 _PRICE = 1e6  # m² per m and step: no gain in knowledge is worth it
 
@@ -49,4 +50,4 @@ def _closest(relative: Array) -> Array:
     """Least length (N, H) m of vectors that move straight from each of (N, H + 1, 3) m to the next."""
     start, way = relative[:, :-1], np.diff(relative, axis=1)
     along = -(start * way).sum(axis=-1) / np.maximum((way * way).sum(axis=-1), 1e-12)
-    return np.asarray(np.linalg.norm(start + np.clip(along, 0.0, 1.0)[..., None] * way, axis=-1))
+    return np.asarray(length(start + np.clip(along, 0.0, 1.0)[..., None] * way))

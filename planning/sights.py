@@ -69,7 +69,7 @@ def _within_reach(outlook: Outlook, uavs: NDArray[np.int64], views: Array, max_s
                     x = (points[h, t, k, 0] - outlook.positions[uavs[j], 0]) / outlook.step
                     y = (points[h, t, k, 1] - outlook.positions[uavs[j], 1]) / outlook.step
                     dx, dy = shortest_move(views, j, x, y)
-                    if dx * dx + dy * dy <= ((h + 1) * max_speeds[j]) ** 2:
+                    if dx * dx + dy * dy <= (h + 1) * max_speeds[j] * (h + 1) * max_speeds[j]:
                         which[count, 0], which[count, 1] = j, h
                         places[count, 0], places[count, 1] = x, y
                         count += 1

@@ -11,6 +11,8 @@ import numpy as np
 from planning.planner import Vehicle
 from tracking.camera import ALL_ROUND, rotation
 from tracking.compiled import Array, compiled
+from tracking.elementary import hypot, tan
+from tracking.matrices import applied, length
 from tracking.visibility import TARGET_HEIGHT
 
 _CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
@@ -44,7 +46,7 @@ def reach(vehicle: Vehicle) -> float:
     """The longest planar distance at which the vehicle can see a target [m]."""
     if vehicle.camera.fov >= ALL_ROUND:
         return math.inf
-    return float(np.max(np.linalg.norm(shown_at(vehicle, _CORNERS), axis=1)))
+    return float(np.max(length(shown_at(vehicle, _CORNERS))))
 
 
 def quadrangle(vehicle: Vehicle) -> Array:
@@ -62,9 +64,9 @@ def _sight(vehicle: Vehicle) -> _Sight:
 
 
 def _shown_at(sight: _Sight, marks: Array) -> Array:
-    half = sight.height * (1.0 if sight.fov >= ALL_ROUND else math.tan(sight.fov / 2))
+    half = sight.height * (1.0 if sight.fov >= ALL_ROUND else tan(sight.fov / 2))
     rays = np.column_stack([half * np.asarray(marks), np.full(len(marks), -sight.height)])
-    rays = rays @ rotation(np.array(sight.attitude)).T
+    rays = applied(rotation(np.array(sight.attitude)), rays)
     return np.asarray(rays[:, :2] * (sight.height / -rays[:, 2:]))
 
 
@@ -78,12 +80,12 @@ def _aim(sight: _Sight) -> Array:
 def _quadrangle(sight: _Sight) -> Array:
     if sight.fov >= ALL_ROUND:
         return _kept(np.array([*((x, y, math.inf) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))), (0, 0, 0)], float))
-    slope, R = math.tan(sight.fov / 2), rotation(np.array(sight.attitude))
+    slope, R = tan(sight.fov / 2), rotation(np.array(sight.attitude))
     out = np.empty((5, 3))
     for k, (axis, sign) in enumerate(((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0))):
         normal = sign * R[:, axis] + slope * R[:, 2]
-        length = math.hypot(normal[0], normal[1])
-        out[k] = normal[0] / length, normal[1] / length, sight.height * normal[2] / length
+        size = hypot(normal[0], normal[1])
+        out[k] = normal[0] / size, normal[1] / size, sight.height * normal[2] / size
     out[4] = *_aim(sight), 0.0
     return _kept(out)
 

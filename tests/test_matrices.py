@@ -39,7 +39,7 @@ def test_roots_and_inverses_agree_with_lapack(n):
     assert np.array_equal(matrices.inverse(P), np.swapaxes(matrices.inverse(P), 1, 2))
 
 
-def test_a_semidefinite_matrix_has_a_root():
+def test_axes_without_variance_have_a_root_of_zeros():
     singular = np.array([np.zeros((4, 4)), np.diag([1.0, 0.0, 4.0, 0.0])])
     roots = matrices.cholesky(singular)
     assert np.array_equal(roots @ np.swapaxes(roots, 1, 2), singular)

@@ -36,9 +36,9 @@ def congruent(outer: Array, inner: Array) -> Array:
 
 
 def cholesky(matrices: Array) -> Array:
-    """Lower triangular roots (..., n, n) of symmetric matrices that are positive definite or semidefinite.
+    """Lower triangular roots (..., n, n) of symmetric positive definite matrices; NaN where one is indefinite.
 
-    NaN fills the root of a matrix that is neither.
+    An axis without any variance gives a column of zeros; of other semidefinite matrices rounding decides.
     """
     return _unstacked(_roots, matrices)
 
