@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from planning.sights import Sights
 from planning.view import shortest_move
 from tracking.compiled import Array, compiled
-from tracking.elementary import exp, hypot, standard_normal
+from tracking.elementary import exp, hypot
+from tracking.normal import standard_normal
 
 _SHAKE, _MIX, _BEND, _JOIN, _SIGHT = range(5)
 _CYCLE = (_SHAKE, _BEND, _SIGHT, _BEND, _MIX, _BEND, _SIGHT, _JOIN)  # kinds of changes, in turn
@@ -26,7 +27,7 @@ _MARGIN = 1e-3  # m/s: so far inside the field of view is what is brought there,
 class Chances(NamedTuple):
     """The random numbers behind N children of plans of k UAVs over H steps."""
 
-    normal: Array  # (N, 3): a change along each axis, and the logarithm of the change's size
+    normals: Array  # (N, 3): a change along each axis, and the logarithm of the change's size
     noise: Array  # (ceil(N / cycle), 2 k (H + 1)): of each UAV, then of each of its steps
     picks: NDArray[np.int64]  # (N,) below 2^62: what is chosen evenly
 
@@ -52,14 +53,14 @@ def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, sig
     _, k, H, _ = parents.shape
     out, path = np.empty((len(drawn.picks), k, H, 2)), np.empty((H, 2))
     for c in range(len(out)):
-        kind, size, pick = _CYCLE[c % len(_CYCLE)], spread * exp(drawn.normal[c, 2]), drawn.picks[c]
+        kind, size, pick = _CYCLE[c % len(_CYCLE)], spread * exp(drawn.normals[c, 2]), drawn.picks[c]
         pick, mate = divmod(pick, len(parents))
         _copy(out, c, parents, c * len(parents) // len(out))
         if kind == _SHAKE:
             _shake(out, c, drawn.noise, c // len(_CYCLE), size * math.sqrt(0.5), max_speeds)
             _limit(out, c, max_speeds)
         elif kind == _MIX:
-            _mix(out, c, parents, mate, 0.5 * (1.0 + drawn.normal[c, 0]))
+            _mix(out, c, parents, mate, 0.5 * (1.0 + drawn.normals[c, 0]))
             _limit(out, c, max_speeds)
         else:
             pick, end = divmod(pick, 2)  # whether to keep the path's end, or else what is changed
@@ -73,7 +74,7 @@ def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, sig
             elif s == _NONE or not _show(path, sights, s):
                 size *= max_speeds[j]
                 last = H if all_later else step + 1
-                _shift(path, step, last, size * drawn.normal[c, 0], size * drawn.normal[c, 1])
+                _shift(path, step, last, size * drawn.normals[c, 0], size * drawn.normals[c, 1])
             _tighten(path, H - 1 if end else step, max_speeds[j])
             _fly(path, out, c, j)
     return out

@@ -12,9 +12,9 @@ import numpy as np
 from planning.belief import Outlook, outlook
 from planning.planner import Situation
 from tracking.compiled import Array
-from tracking.elementary import standard_normal
 from tracking.kalman import NearlyConstantVelocity
 from tracking.matrices import applied, cholesky, eigen
+from tracking.normal import standard_normal
 from tracking.tracker import Track
 from tracking.visibility import TARGET_HEIGHT
 

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from sim.scenario import Appearance, Scenario
 from sim.streams import stream
 from tracking.compiled import Array
-from tracking.elementary import cos, power_each, sin, standard_normal
+from tracking.elementary import cos, power_each, sin
 from tracking.matrices import length
+from tracking.normal import standard_normal
 
 # Strengths with `randomise = true`, where the scenario gives no other.
 FULL: dict[str, float | bool] = {

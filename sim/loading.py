@@ -80,7 +80,7 @@ def remarks(scenario: Scenario) -> list[str]:
 
 def _about_false_alarms(scenario: Scenario) -> list[str]:
     """Settings of the tracker with which false alarms swamp it."""
-    expected = scenario.sensing.false_alarms / min(uav.footprint for uav in scenario.uavs) ** 2
+    expected = scenario.sensing.false_alarms / min(uav.footprint * uav.footprint for uav in scenario.uavs)
     if expected == 0.0:
         return []
     found = []

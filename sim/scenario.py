@@ -7,10 +7,12 @@ from itertools import combinations
 from typing import Annotated, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta, Struct, field
 
 from sim.network import Network
-from tracking.elementary import tan
+from tracking.elementary import hypot, tan
+from tracking.matrices import length
 
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
@@ -194,8 +196,8 @@ class Wind(Struct, frozen=True, forbid_unknown_fields=True):
     gust_time: Positive = 5.0  # s, correlation time
 
     def __post_init__(self) -> None:
-        if math.hypot(*self.velocity) > _STRONGEST_WIND:
-            speed, allowed = math.hypot(*self.velocity), f"at most {_STRONGEST_WIND:g} m/s is allowed"
+        if (speed := hypot(*self.velocity)) > _STRONGEST_WIND:
+            allowed = f"at most {_STRONGEST_WIND:g} m/s is allowed"
             raise ValueError(f"velocity {list(self.velocity)} is a wind of {speed:.3g} m/s; {allowed}")
 
     @property
@@ -235,7 +237,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
             text = f"{self.network.plan_delay:g} s is no multiple of the {1 / self.rates.sensing:g} s between scans"
             raise ValueError(f"network.plan_delay: {text}; the nearest are {near}")
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
-            if math.dist((*one.start, one.altitude), (*other.start, other.altitude)) < _CLEARANCE:
+            if length(np.subtract((*one.start, one.altitude), (*other.start, other.altitude))) < _CLEARANCE:
                 raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {_CLEARANCE:g} m from uavs.{i}")
 
     def _check_uav(self, i: int, uav: Uav) -> None:

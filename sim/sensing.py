@@ -19,9 +19,10 @@ from sim.world import World
 from tracking.camera import ALL_ROUND, Camera, Pose
 from tracking.compiled import Array
 from tracking.detector import Detections, Frame, whole_covariances
-from tracking.elementary import arctan2, cos, sin, standard_normal
+from tracking.elementary import arctan2, cos, sin
 from tracking.matrices import applied, cholesky, eigen
 from tracking.noise import NoiseModel
+from tracking.normal import standard_normal
 from tracking.tracker import Scan
 from tracking.visibility import TARGET_HEIGHT, Forest
 

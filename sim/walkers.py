@@ -11,8 +11,9 @@ from sim.scenario import Area, People, Point
 from sim.steering import SEPARATION, simulate
 from sim.trajectories import SAMPLES_PER_SECOND, Trajectories
 from tracking.compiled import Array, compiled
-from tracking.elementary import arctan2, exp_each, normal_cdf_each, power, power_each, standard_normal
+from tracking.elementary import arctan2, exp_each, power, power_each
 from tracking.matrices import length
+from tracking.normal import normal_cdf_each, standard_normal
 from tracking.visibility import Forest
 
 TRUNK_CLEARANCE = 0.4  # m, from a trunk's bark to a person's axis

@@ -8,7 +8,8 @@ import numpy as np
 
 from sim.scenario import Wind
 from tracking.compiled import Array
-from tracking.elementary import exp, standard_normal
+from tracking.elementary import exp
+from tracking.normal import standard_normal
 
 
 class Air:

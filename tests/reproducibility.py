@@ -59,7 +59,7 @@ run(Trial(load("forest", overrides), DEFAULT_PLANNER, int(seed)), Path(out), vid
 
 
 def recording_hash(python: str, mission: str, *, duration: float = 40.0, **environment: str) -> str:
-    """SHA-256 of the recording of a mission, flown by an interpreter in an environment of its own and another folder."""
+    """SHA-256 of the recording of a mission, flown by an interpreter in its own environment and folder."""
     seed, overrides = _SETTINGS[mission]
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "mission"

@@ -1,11 +1,10 @@
-"""Elementary functions against arithmetic of 40 digits and SciPy's distributions."""
+"""Elementary functions against arithmetic of 40 digits."""
 
 import math
 
 import mpmath
 import numpy as np
 import pytest
-from scipy.special import ndtr, ndtri
 
 from tracking import elementary
 
@@ -96,30 +95,3 @@ def test_ends_of_the_range_are_those_of_the_real_line(name, x, value):
 @pytest.mark.parametrize(("name", "x"), [("exp", math.nan), ("log", math.nan), ("log", -1.0), ("sin", math.nan)])
 def test_what_has_no_value_is_not_a_number(name, x):
     assert math.isnan(getattr(elementary, name)(x))
-
-
-def test_normal_distribution_agrees_with_scipy():
-    x = np.linspace(-37.0, 37.0, 4001)
-    np.testing.assert_allclose(elementary.normal_cdf_each(x), ndtr(x), rtol=0.0, atol=1e-15)
-
-
-def test_normal_quantiles_agree_with_scipy():
-    p = np.concatenate(
-        [np.linspace(0.0, 1.0, 4001)[1:-1], 10.0 ** np.arange(-300, -1, 7.0), 1 - 2.0 ** -np.arange(2, 53)]
-    )
-    np.testing.assert_allclose(elementary.normal_quantile_each(p), ndtri(p), rtol=2e-15, atol=1e-16)
-
-
-def test_drawn_normal_numbers_have_the_moments_of_their_distribution():
-    drawn = elementary.standard_normal(np.random.default_rng(3), (1000, 1000))
-    errors = [np.mean(drawn), np.mean(drawn**2) - 1, np.mean(drawn**3), np.mean(drawn**4) - 3]
-    # Four standard deviations of the means of a million draws.
-    assert np.all(np.abs(errors) < 4e-3 * np.sqrt([1.0, 2.0, 15.0, 96.0]))
-
-
-def test_the_least_uniform_number_gives_a_finite_normal_one():
-    class Zero:
-        def random(self, shape):
-            return np.zeros(shape)
-
-    assert np.all(np.isfinite(elementary.standard_normal(Zero(), 3)))

@@ -42,7 +42,7 @@ def _members(values: Indices, numbers: Indices) -> list[Indices]:
 @compiled
 def _roots(means: Array, covariances: Array, measurements: Array, noise: Array, gate: float) -> Indices:
     """For each track, then each measurement (T + N,), the smallest index of all connected by boxes round gates."""
-    order = np.argsort(measurements[:, 0])
+    order = np.argsort(measurements[:, 0], kind="mergesort")
     xs = measurements[order, 0]
     parents = np.arange(len(means) + len(measurements))
     widest = noise[:, 0, 0].max() if len(noise) > 0 else 0.0

@@ -10,9 +10,10 @@ import numpy as np
 
 from tracking.camera import ALL_ROUND, Camera, Pose
 from tracking.compiled import Array, compiled
-from tracking.elementary import exp, normal_cdf_each
+from tracking.elementary import exp
 from tracking.kalman import Gaussian
 from tracking.matrices import length
+from tracking.normal import normal_cdf_each
 from tracking.tracker import Track
 from tracking.visibility import TARGET_HEIGHT, Forest, visible_samples
 

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from tracking.camera import Camera, Lens, Pose, in_image
 from tracking.compiled import Array, compiled
-from tracking.elementary import exp_each, normal_quantile_each
+from tracking.elementary import exp_each
 from tracking.grid import PIECE, Grid, gridded
 from tracking.matrices import cholesky
+from tracking.normal import normal_quantile_each
 
 # Half of a walking person's 1.7 m: the point that stands for a person wherever one point must.
 TARGET_HEIGHT = 0.85
