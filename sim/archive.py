@@ -1,7 +1,8 @@
-"""A recording on disk: compressed npz, never pickled, the same bytes for the same mission."""
+"""A recording on disk: npz, never pickled, the same bytes for the same mission."""
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
 import zipfile
@@ -9,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, BinaryIO, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +27,23 @@ _LONGEST = 2**20  # characters of a text
 
 
 def save(recording: Recording, path: str | os.PathLike[str]) -> None:
-    """Write the recording whole or not at all; equal content gives equal bytes."""
-    with whole(Path(path)) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
+    """Write the recording whole or not at all; equal content gives equal bytes.
+
+    They are not compressed: versions of the compression library differ in what they write.
+    """
+    with whole(Path(path)) as part:
+        _write(recording, part)
+
+
+def digest(recording: Recording) -> str:
+    """SHA-256 of the bytes that `save` writes."""
+    content = io.BytesIO()
+    _write(recording, content)
+    return hashlib.sha256(content.getbuffer()).hexdigest()
+
+
+def _write(recording: Recording, to: Path | BinaryIO) -> None:
+    with zipfile.ZipFile(to, "w", zipfile.ZIP_STORED) as archive:
         for name, (_, dtype, _) in _fields().items():
             value = getattr(recording, name)
             array = np.array(str(value)) if dtype == "<U" else np.ascontiguousarray(value, dtype=dtype)
@@ -35,7 +51,7 @@ def save(recording: Recording, path: str | os.PathLike[str]) -> None:
             np.lib.format.write_array(content, array.reshape(np.shape(value)), allow_pickle=False)
             # Time stamp and system are the only parts of an entry that do not follow from its content.
             info = zipfile.ZipInfo(f"{name}.npy", date_time=_EPOCH)
-            info.compress_type, info.create_system = zipfile.ZIP_DEFLATED, 3
+            info.create_system = 3
             archive.writestr(info, content.getvalue())
 
 
