@@ -66,6 +66,7 @@ class Mission:
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
         self._undetected = [self._nobody_seen() for _ in scenario.uavs]
         self._intents = Intents(scenario.network, exchange_of(self._planner), stream(seed, "intents"))
+        self._first = round(scenario.first_decision * scenario.rates.sensing)  # scan
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
         self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
         self._working = list(range(len(scenario.uavs)))  # UAVs that have not broken down, at the last scan
@@ -185,10 +186,10 @@ class Mission:
     def _plan(self, k: int, time: float, bodies: list[Pose], links: Links) -> tuple[list[Plan] | None, Sent]:
         """What the planner decides, and what is sent; an empty plan where a UAV has broken down.
 
-        None between decisions, and where all have broken down.
+        None between decisions, before the first, and where all have broken down.
         """
         rates = self.scenario.rates
-        if k % (rates.sensing // rates.planning) or not self._working:
+        if k % (rates.sensing // rates.planning) or k < self._first or not self._working:
             return None, Sent(np.zeros(len(bodies), dtype=np.int64), 0)
         with self.clock.measure("planning"):
             team = self._team(k, time, bodies, links)

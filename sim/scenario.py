@@ -211,6 +211,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
 
     version: Literal[1] = 1
     duration: Positive = 40.0  # s
+    first_decision: NonNegative = 0.0  # s; until then UAVs hover
     dynamics: Literal["quadrotor", "kinematic"] = "quadrotor"
     area: Area = field(default_factory=Area)
     trees: Trees = field(default_factory=Trees)
@@ -231,14 +232,17 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         if not any(self.works(i, 0.0) for i in range(len(self.uavs))):
             raise ValueError("uavs: all have fails_at 0; one or more have to work at the start")
         self.network.check(len(self.uavs))
-        scans = self.network.plan_delay * self.rates.sensing
-        if not math.isclose(scans, round(scans), abs_tol=1e-9):
-            near = " and ".join(f"{k / self.rates.sensing:g}" for k in (math.floor(scans), math.ceil(scans)))
-            text = f"{self.network.plan_delay:g} s is no multiple of the {1 / self.rates.sensing:g} s between scans"
-            raise ValueError(f"network.plan_delay: {text}; the nearest are {near}")
+        self._check_times()
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
             if length(np.subtract((*one.start, one.altitude), (*other.start, other.altitude))) < _CLEARANCE:
                 raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {_CLEARANCE:g} m from uavs.{i}")
+
+    def _check_times(self) -> None:
+        """ValueError if a time falls between scans or decisions, or after the end."""
+        if self.first_decision > self.duration:
+            raise ValueError(f"first_decision: {self.first_decision:g} s is after the duration of {self.duration:g} s")
+        _check_multiple("network.plan_delay", self.network.plan_delay, self.rates.sensing, "scans")
+        _check_multiple("first_decision", self.first_decision, self.rates.planning, "decisions")
 
     def _check_uav(self, i: int, uav: Uav) -> None:
         """ValueError if a UAV does not go with the rest of the scenario."""
@@ -270,6 +274,16 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         """Whether a UAV has not broken down at a time [s]."""
         fails_at = self.uavs[uav].fails_at
         return fails_at is None or time < fails_at
+
+
+def _check_multiple(key: str, value: float, rate: int, what: str) -> None:
+    """ValueError if a time [s] is no multiple of that between things that happen at a rate [Hz]."""
+    count = value * rate
+    if not math.isclose(count, round(count), abs_tol=1e-9):
+        near = " and ".join(f"{k / rate:g}" for k in (math.floor(count), math.ceil(count)))
+        raise ValueError(
+            f"{key}: {value:g} s is no multiple of the {1 / rate:g} s between {what}; the nearest are {near}"
+        )
 
 
 def resolved(scenario: Scenario) -> str:

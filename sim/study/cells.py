@@ -16,7 +16,7 @@ from sim.study.row import Row
 from tracking.compiled import Array
 
 Cell = tuple[tuple[str, str], ...]  # name and value of what varies over the study
-_SYMBOLS = {"lambda": "λ"}
+SYMBOLS = {"lambda": "λ"}
 BOUND = ", upper bound"  # follows the name of a planner that sees the truth
 
 
@@ -189,4 +189,4 @@ def trimmed(groups: Sequence[Group]) -> list[Group]:
 
 def cell_text(cell: Cell) -> str:
     """A cell as people read it."""
-    return ", ".join(f"{_SYMBOLS.get(name, name)} = {value}" for name, value in cell)
+    return ", ".join(f"{SYMBOLS.get(name, name)} = {value}" for name, value in cell)
