@@ -50,7 +50,9 @@ PLANNERS = {
         beta=0.0,
         evaluations=10_240,
     ),
-    "dec-pomdp": _composed("each UAV plans for all, sends nothing, flies its share", coordination="decentralised"),
+    "dec-pomdp": _composed(
+        "each UAV plans for all, sends nothing, flies its share", coordination="decentralised", beta=0.0
+    ),
     "centralized": _composed("one joint plan for all UAVs", coordination="centralised"),
     "lawnmower": PlannerSpec("planning.baselines:Lawnmower", {}, "each UAV mows a strip of the area, whatever it sees"),
     "greedy": PlannerSpec("planning.baselines:Greedy", {}, "each UAV to the most uncertain track within 40 m"),

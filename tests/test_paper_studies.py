@@ -1,13 +1,16 @@
 """The studies of the paper's own setting: what they set, where they begin and where they end."""
 
 import itertools
+import math
 
 import msgspec
+import pytest
 
 from planning.registry import DEFAULT_PLANNER, load_planner
 from sim.scenario import Scenario
 from sim.study.study import adapted, cells, read
 from sim.study.tasks import tasks
+from tracking.visibility import TARGET_HEIGHT
 
 WALK = adapted(read("paper-to-default"), seeds="0")
 ORIGINAL = adapted(read("paper-original"), seeds="0")
@@ -64,7 +67,7 @@ def test_each_step_of_the_walk_takes_back_what_it_is_called():
         {"tracking.initial_tracks", "first_decision"},
         {"sensing.occlusion"},
         {"dynamics"},
-        {"sensing.mode"},
+        {"sensing.mode", "uavs"},
         {"tracking.sigma_a"},
         {f"tracking.{k}" for k in ("detection_probability", "gate_probability", "absence_weight", "recovery_after")},
         set(),
@@ -88,7 +91,10 @@ def test_the_papers_setting_is_the_papers():
         assert (s.network.fusion, s.network.rounds, s.network.links, s.network.loss) == ("kla", 5, (), 0.0)
         assert s.tracking.absence_weight == 0.0 and s.tracking.recovery_after > s.duration
         assert s.trees.canopy_radius == 5.0 and (s.area.width, s.area.height) == (150.0, 100.0)
-        assert [(u.footprint, u.alpha, u.max_speed) for u in s.uavs] == [(20, 0.1, 5), (25, 0.15, 5), (22, 0.12, 5)]
+        assert [(u.alpha, u.max_speed) for u in s.uavs] == [(0.1, 5), (0.15, 5), (0.12, 5)]
+        edges = [2 * (u.altitude - TARGET_HEIGHT) * math.tan(math.radians(u.fov_deg / 2)) for u in s.uavs]
+        assert edges == pytest.approx([20, 25, 22], abs=0.002)
+        assert [u.start for u in s.uavs] == [u.start for u in Scenario().uavs]
         assert (s.rates.sensing, s.rates.planning, s.people.count) == (5, 1, 4)
         pieces = load_planner(task.planner)
         assert pieces.visibility == "nominal" and pieces.search == 0.0 and pieces.optimizer == "particle-swarm"

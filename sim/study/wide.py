@@ -15,11 +15,11 @@ import typer
 from sim.console import fail
 from sim.errors import InputError
 from sim.loading import did_you_mean
-from sim.study.answers import paired
+from sim.study.answers import answers, paired
 from sim.study.cells import SYMBOLS, Group, baseline_of, grouped, trimmed, varying
 from sim.study.measures import Measure, chosen
 from sim.study.row import Row
-from sim.study.statistics import Estimate, means, share_under
+from sim.study.statistics import Estimate, share_under
 from sim.study.store import read_rows
 
 _LESS = ("left", "above")
@@ -79,7 +79,7 @@ def _entry(group: Group | None, base: Group | None, measure: Measure) -> str:
     """Mean of a group with its interval, or with its difference to another's."""
     if group is None:
         return "-"
-    (mean,) = means(group.values(measure.name)[:, None])
+    mean = answers([group], [measure], group.planner)[0].mean
     if base is None:
         return _text(measure, mean)
     (difference,) = paired(group, base, [measure]).differences([measure])
