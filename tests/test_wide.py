@@ -38,6 +38,15 @@ def test_planners_side_by_side_are_compared_with_the_first():
         assert lines[density] == [shown(a), f"{100 * b.mean():.1f}: {shown(b - a, signed=True)}"]
 
 
+def test_the_baseline_comes_first_and_is_what_others_are_compared_with():
+    rows = study(planners=("a(x=1)", "b"))
+    head, lines = parsed(table(rows, "planner", baseline="b"))
+    assert head == ["λ", "b", "a(x=1)"]
+    a, b = (shares(rows, name, "15") for name in ("a(x=1)", "b"))
+    assert lines["15"] == [shown(b), f"{100 * a.mean():.1f}: {shown(a - b, signed=True)}"]
+    assert table(rows, "planner", baseline="a") == table(rows, "planner")
+
+
 def test_levels_one_below_the_other_are_compared_with_the_line_before():
     steps = ("1-paper", "2-known", "10-default")
     rows = [
@@ -94,6 +103,7 @@ def test_the_start_of_a_mission_can_be_left_out():
     [
         ({"columns": "lamda"}, "--columns: 'lamda' is unknown; allowed are lambda, planner; did you mean lambda?"),
         ({"less": "right"}, "--less: 'right' is unknown; allowed are left, above"),
+        ({"columns": "planner", "baseline": "c"}, "--baseline: 'c' is none of the study's planners"),
         ({}, "there is no store of a study"),
     ],
 )

@@ -26,13 +26,16 @@ _LESS = ("left", "above")
 _SHARE = "ospa.share_under_1m"
 
 
-def table(rows: Sequence[Row], columns: str, less: str = "left", metric: str = _SHARE) -> str:
+def table(
+    rows: Sequence[Row], columns: str, less: str = "left", metric: str = _SHARE, baseline: str | None = None
+) -> str:
     """Markdown: a line for each cell, a column for each level of the factor `columns`, or each planner if it is that.
 
     With `less` a mean is followed by its paired difference to that of the first column ("left"), or of the line before
-    in the same column, whose last factor alone has another level ("above"); where there is none, by its interval.
+    in the same column, whose last factor alone has another level ("above"); where there is none, by its interval. The
+    baseline, if none is named the first by alphabet, is the first of the planners.
     """
-    groups = trimmed(grouped(rows, baseline_of(rows, None)))
+    groups = trimmed(grouped(rows, baseline_of(rows, baseline)))
     (measure,) = chosen(rows, [metric])
     by = {**varying(groups), "planner": list(dict.fromkeys(group.planner for group in groups))}
     if columns not in by:
@@ -98,12 +101,13 @@ def main(
     first: Annotated[
         int, typer.Option("--from-scan", min=0, help="Count OSPA under 1 m from this scan on; the paper's: 10.")
     ] = 0,
+    baseline: Annotated[str | None, typer.Option(metavar="NAME", help="The planner that comes first.")] = None,
     metric: Annotated[str, typer.Option(metavar="NAME", help="See docs/studies.md.")] = _SHARE,
 ) -> None:
     """Print a study's results as one wide table in Markdown."""
     if less not in _LESS:
         raise InputError(f"--less: {less!r} is unknown; {did_you_mean(less, _LESS)}")
-    print(table(without_start(read_rows(folder), first), columns, less, metric))
+    print(table(without_start(read_rows(folder), first), columns, less, metric, baseline))
 
 
 if __name__ == "__main__":
