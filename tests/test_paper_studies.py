@@ -16,7 +16,7 @@ WALK = adapted(read("paper-to-default"), seeds="0")
 ORIGINAL = adapted(read("paper-original"), seeds="0")
 STEPS = (
     "1-paper", "2-tracks-known", "3-line-of-sight", "4-quadrotors", "5-pixels",
-    "6-process-noise", "7-tracker", "8-optimizer", "9-default",
+    "6-tracker", "7-process-noise", "8-optimizer", "9-default",
 )  # fmt: skip
 
 
@@ -68,8 +68,8 @@ def test_each_step_of_the_walk_takes_back_what_it_is_called():
         {"sensing.occlusion"},
         {"dynamics"},
         {"sensing.mode", "uavs"},
-        {"tracking.sigma_a"},
         {f"tracking.{k}" for k in ("detection_probability", "gate_probability", "absence_weight", "recovery_after")},
+        {"tracking.sigma_a"},
         set(),
         set(),
     ]
