@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,8 +29,9 @@ _CHOICES = {
     "prediction": ("scans", "step"),
     "actions": ("all", "first"),
 }
-_LEAST = {"horizon": 1, "sweeps": 1, "samples": 1, "beta": 0, "evaluations": 0, "seconds": 0}
-_LEAST |= {"search": 0, "separation": 0}
+# Least and most: beyond any that was ever of use, and short of what takes all memory.
+_RANGES = {"horizon": (1, 100), "sweeps": (1, 100), "samples": (1, 10_000), "beta": (0, 1e6)}
+_RANGES |= {"evaluations": (0, 10_000_000), "seconds": (0, 3600), "search": (0, 1e6), "separation": (0, 1e4)}
 _NEEDS = {"order": ("coordination", "sequential"), "samples": ("propagation", "monte-carlo")}
 
 
@@ -65,11 +65,11 @@ class Composed:
                 raise ValueError(f"{name} {getattr(self, name)!r} is unknown; allowed are {allowed}{near}")
         if not isinstance(self.existence, bool):
             raise ValueError(f"existence must be True or False, is {self.existence!r}")
-        for name, least in _LEAST.items():
+        for name, (least, most) in _RANGES.items():
             value, whole = getattr(self, name), isinstance(getattr(Composed, name), int)
-            if type(value) not in ((int,) if whole else (int, float)) or not least <= value < math.inf:
+            if type(value) not in ((int,) if whole else (int, float)) or not least <= value <= most:
                 kind = "a whole number" if whole else "a finite number"
-                raise ValueError(f"{name} must be {kind} of at least {least}, is {value!r}")
+                raise ValueError(f"{name} must be {kind} from {least} to {most:g}, is {value!r}")
         for name, (piece, word) in _NEEDS.items():
             if getattr(self, name) != getattr(Composed, name) and getattr(self, piece) != word:
                 raise ValueError(

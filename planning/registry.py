@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -171,8 +172,10 @@ def _parsed(text: str) -> tuple[str, dict[str, Any]]:
 
 def _value(text: str) -> Any:  # noqa: ANN401 - any literal
     try:
-        return ast.literal_eval(text)
-    except (ValueError, SyntaxError):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what is no good Python need be none
+            return ast.literal_eval(text)
+    except (ValueError, SyntaxError, RecursionError, MemoryError):  # the last of brackets by the hundred
         return text
 
 

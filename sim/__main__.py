@@ -34,7 +34,7 @@ from sim.detectors import check_detector
 from sim.errors import InputError
 from sim.loading import SCENARIOS, did_you_mean, load, remarks
 from sim.options import Duration, Overrides, with_duration
-from sim.quantity import integer, interval
+from sim.quantity import MOST_SEED, integer, interval
 from sim.replay.command import replay
 from sim.replay.explain_command import explain
 from sim.study.command import compare, studies
@@ -72,7 +72,9 @@ See what there is; yours are --planner module:Class and a file.toml:
 All options of a command:
   [bold]understory run --help[/bold]"""
 
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # a full disk, or one that fails
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a full disk, or one that fails
+# A place that nothing can be written to, or read from.
+_NO_PLACE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG, errno.ELOOP)
 
 
 class Commands(TyperGroup):
@@ -115,7 +117,7 @@ def run(
     """Fly one mission; leave recording, summary, video, page, OSPA curve and timeline in a new folder."""
     setting = load(scenario, with_duration(overrides, duration))
     check_detector(setting.sensing.detector)
-    number = integer(seed, "--seed", least=0)
+    number = integer(seed, "--seed", least=0, most=MOST_SEED)
     load_planner(planner)
     remark(*remarks(setting))
     folder = out or unused(Path("runs") / f"{Path(scenario).stem}-{_plain(planner)}-seed{number}")
@@ -234,9 +236,10 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort):
         fail("interrupted; nothing is kept", code=1)
     except OSError as error:
-        if error.errno not in _NO_ROOM:
+        if error.errno not in (*_NO_ROOM, *_NO_PLACE):
             raise
-        fail(f"{error.filename or 'a file'}: {error.strerror}; nothing is kept", code=1)
+        code = 1 if error.errno in _NO_ROOM else 2
+        fail(f"{error.filename or 'a file'}: {error.strerror}; nothing is kept", code=code)
     except Exception as error:
         # Typer's own complaints about arguments; their class differs between its versions.
         if not hasattr(error, "format_message"):

@@ -16,6 +16,22 @@ def unfinished(path: Path) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.part")
 
 
+def check_new(path: Path, suffix: str, option: str, *, also: str = "") -> None:
+    """InputError unless a new file that ends in `suffix` can be written at `path`, which is tried."""
+    if path.suffix != suffix:
+        raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
+    part = unfinished(path)
+    try:
+        if path.exists():
+            raise InputError(f"{option}: {path} exists; name a new file")
+        if not path.parent.is_dir():
+            raise InputError(f"{option}: {path} cannot be written: there is no folder {path.parent}")
+        part.touch()
+        part.unlink()
+    except OSError as error:
+        raise InputError(f"{option}: {path} cannot be written: {error.strerror}") from error
+
+
 def unused(path: Path, suffix: str = "") -> Path:
     """The path with a suffix such as .mp4 added, or its first numbered sibling, that does not exist yet."""
     number, free = 1, path.with_name(f"{path.name}{suffix}")
@@ -33,7 +49,8 @@ def whole(path: Path) -> Iterator[Path]:
         yield part
         os.replace(part, path)
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):  # what has happened before says more
+            part.unlink()
 
 
 @contextmanager

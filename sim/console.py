@@ -23,19 +23,26 @@ if TYPE_CHECKING:  # commands that fly nothing answer without what these import
     from sim.snapshot import Snapshot
 
 console = Console(highlight=False)
+_LONGEST = 2000  # characters of a message
 _START_UP = "starting up"
 
 
 def fail(message: str, *, code: int) -> NoReturn:
     """Say in one line why there is no result, and exit."""
-    print(f"understory: {' '.join(message.split())}", file=sys.stderr)
+    print(f"understory: {_line(message)}", file=sys.stderr)
     sys.exit(code)
+
+
+def _line(message: str) -> str:
+    """A message as one printable line; a long one keeps its ends: the field at first, what is allowed at last."""
+    text = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
 
 
 def remark(*messages: str) -> None:
     """Say what the user may not expect, one line each."""
     for message in messages:
-        print(f"understory: {message}", file=sys.stderr)
+        print(f"understory: {_line(message)}", file=sys.stderr)
 
 
 def say(message: str) -> None:

@@ -166,6 +166,13 @@ def draw(recording: Recording, again: Rerenderer, k: int, uav: int, *, size: int
     return page
 
 
+def png(image: Image) -> bytes:
+    """An image (H, W, 3) RGB as a PNG file has it."""
+    done, data = cv2.imencode(".png", image[..., ::-1], _PNG)
+    assert done
+    return data.tobytes()
+
+
 def write_frames(
     recording: Recording, scans: list[int], uav: int, out: Path, *, size: int, progress: Callable[[int], None]
 ) -> None:
@@ -174,6 +181,5 @@ def write_frames(
         for k in scans:
             name = f"uav{uav}-scan{k:04d}-{recording.times[k]:.1f}s.png"
             page = draw(recording, again, k, uav, size=size)
-            if not cv2.imwrite(str(folder / name), page[..., ::-1], _PNG):
-                raise OSError(f"{folder / name} cannot be written")
+            (folder / name).write_bytes(png(page))
             progress(k)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import math
 import re
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
@@ -15,12 +14,8 @@ import msgspec
 from assets import ASSETS
 from sim.errors import InputError
 from sim.network import Cut
+from sim.reading import toml, toml_file
 from sim.scenario import People, Scenario, Uav
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 # What is asked for beside a scenario, and the options that do.
 _ELSEWHERE = {
@@ -31,6 +26,7 @@ _ELSEWHERE = {
     "video": "--no-video",
     "workers": "--workers",
 }
+_DEEPEST = 10  # parts of a key that are looked at
 _ROWS = {"uavs": Uav, "cuts": Cut}  # lists of tables
 SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.toml"))}
 
@@ -41,11 +37,7 @@ def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
     The path of a trajectory file starts at the scenario file's folder, in an override at the current one.
     """
     path = _locate(name)
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"scenario: {name}: {reason}") from error
+    data = toml_file(path, "scenario")
     for override in overrides:
         _override(data, override)
     named_here = any(o.partition("=")[0].strip() in ("people", "people.trajectories") for o in overrides)
@@ -123,7 +115,7 @@ def _override(data: dict[str, Any], override: str) -> None:
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
         raise InputError(f"--set: {override!r} is not of the form key=value, for instance trees.density=75")
-    *path, last = key.strip().split(".")
+    *path, last = key.strip().split(".", _DEEPEST)
     node: Any = data
     for i, part in enumerate(path):
         if isinstance(node, list):
@@ -139,7 +131,7 @@ def _override(data: dict[str, Any], override: str) -> None:
 
 
 def _index(text: str, length: int, key: str) -> int:
-    if not text.isdigit() or int(text) >= length:
+    if not re.fullmatch("[0-9]{1,9}", text) or int(text) >= length:
         raise InputError(f"--set: {key}: {text!r} is not an index; allowed are 0 to {length - 1}")
     return int(text)
 
@@ -151,8 +143,8 @@ def _defaults(key: str) -> Any:  # noqa: ANN401 - plain TOML data
 
 def _value(text: str) -> Any:  # noqa: ANN401 - plain TOML data
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        return toml(f"value = {text}", "--set")["value"]
+    except InputError:
         return text.strip()
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
+DAY = 86_400.0  # s, longer than any mission
 Index = Annotated[int, Meta(ge=0)]
 Link = tuple[Index, Index]
 
@@ -15,8 +16,8 @@ class Cut(Struct, frozen=True, forbid_unknown_fields=True):
     """Links that are down for a while."""
 
     links: Annotated[tuple[Link, ...], Meta(min_length=1)]
-    start: Annotated[float, Meta(ge=0)] = 0.0  # s
-    end: float | None = None  # s, when they are up again; None: never
+    start: Annotated[float, Meta(ge=0, le=DAY)] = 0.0  # s
+    end: Annotated[float, Meta(le=DAY)] | None = None  # s, when they are up again; None: never
 
     def __post_init__(self) -> None:
         if self.end is not None and self.end <= self.start:
@@ -26,13 +27,13 @@ class Cut(Struct, frozen=True, forbid_unknown_fields=True):
 class Network(Struct, frozen=True, forbid_unknown_fields=True):
     """Who talks to whom, how often per scan, and what comes of it."""
 
-    rounds: Annotated[int, Meta(ge=0)] = 5
-    range: Annotated[float, Meta(gt=0)] = 1000.0  # m
+    rounds: Annotated[int, Meta(ge=0, le=1000)] = 5
+    range: Annotated[float, Meta(gt=0, le=1e6)] = 1000.0  # m
     fusion: Literal["kla", "hcmci"] = "kla"
     loss: Annotated[float, Meta(ge=0, le=1)] = 0.0  # probability per message, that is per round and direction
     links: tuple[Link, ...] = ()  # the only ones there are; empty: all
-    cuts: tuple[Cut, ...] = ()
-    plan_delay: Annotated[float, Meta(ge=0)] = 0.0  # s from a decision until it is flown, a multiple of scans'
+    cuts: Annotated[tuple[Cut, ...], Meta(max_length=1000)] = ()
+    plan_delay: Annotated[float, Meta(ge=0, le=DAY)] = 0.0  # s from a decision until it is flown, a multiple of scans'
 
     def check(self, uavs: int) -> None:
         """ValueError if links are not between two UAVs of a fleet of so many, each named once."""

@@ -8,14 +8,17 @@ import re
 from sim.errors import InputError
 from sim.loading import did_you_mean
 
+MOST_SEED = 2**128 - 1
+MOST_LISTED = 100_000
+_LONGEST = 366 * 86_400.0  # s
 _SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 
 
 def seconds(text: str, field: str) -> float:
-    """A positive duration such as 40, 40s or 1.5 min [s]; InputError names the field."""
+    """A positive duration such as 40, 40s or 1.5 min [s], up to a year; InputError names the field."""
     value = _seconds(text, field)
-    if value <= 0:
-        raise InputError(f"{field}: {text!r} is not allowed; expected more than 0 s")
+    if not 0 < value <= _LONGEST:
+        raise InputError(f"{field}: {text!r} is not allowed; expected more than 0 s, at most {_LONGEST:g} s")
     return value
 
 
@@ -42,13 +45,10 @@ def _seconds(text: str, field: str) -> float:
     return value * _SECONDS.get(match[2], 1.0)
 
 
-def integer(text: str, field: str, *, least: int, most: int | None = None) -> int:
+def integer(text: str, field: str, *, least: int, most: int) -> int:
     """One integer, `least` or more and `most` or less; InputError names the field."""
-    if not re.fullmatch(r"\s*[-+]?\d+\s*", text, flags=re.ASCII) or not least <= int(text) <= (
-        int(text) if most is None else most
-    ):
-        allowed = f"{least} or more" if most is None else f"{least} to {most}"
-        raise InputError(f"{field}: {text!r} is not allowed; expected an integer, {allowed}")
+    if not re.fullmatch(r"\s*[-+]?\d{1,99}\s*", text, flags=re.ASCII) or not least <= int(text) <= most:
+        raise InputError(f"{field}: {text!r} is not allowed; expected an integer, {least} to {most}")
     return int(text)
 
 
@@ -56,8 +56,12 @@ def integers(text: str, field: str) -> list[int]:
     """Distinct non-negative integers such as 0-9 or 0,3,7-8, in the order given; InputError names the field."""
     found: list[int] = []
     for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?", part, flags=re.ASCII)
-        if match is None or int(match[2] or match[1]) < int(match[1]):
-            raise InputError(f"{field}: {part!r} is not allowed; expected numbers and ranges such as 0-9 or 0,3,7")
-        found += range(int(match[1]), int(match[2] or match[1]) + 1)
+        match = re.fullmatch(r"\s*(\d{1,99})\s*(?:-\s*(\d{1,99})\s*)?", part, flags=re.ASCII)
+        if match is None or not int(match[1]) <= int(match[2] or match[1]) <= MOST_SEED:
+            forms = f"numbers and ranges such as 0-9 or 0,3,7, none above {MOST_SEED}"
+            raise InputError(f"{field}: {part!r} is not allowed; expected {forms}")
+        listed = range(int(match[1]), int(match[2] or match[1]) + 1)
+        if listed[-1] - listed[0] + len(found) >= MOST_LISTED:
+            raise InputError(f"{field}: {part!r} makes them too many; at most {MOST_LISTED} are allowed")
+        found += listed
     return list(dict.fromkeys(found))

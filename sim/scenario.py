@@ -10,35 +10,48 @@ import msgspec
 import numpy as np
 from msgspec import Meta, Struct, field
 
-from sim.network import Network
+from sim.network import DAY, Network
+from sim.workload import check_workload
 from tracking.elementary import hypot, tan
 from tracking.matrices import length
 
-Positive = Annotated[float, Meta(gt=0)]
-NonNegative = Annotated[float, Meta(ge=0)]
-PositiveInt = Annotated[int, Meta(ge=1)]
+# Bounds are far beyond any mission, and short of what overflows or ends no more.
+Side = Annotated[float, Meta(ge=1, le=20_000)]  # m
+Length = Annotated[float, Meta(ge=0.01, le=200)]  # m
+Speed = Annotated[float, Meta(ge=0.01, le=100)]  # m/s
+Time = Annotated[float, Meta(ge=0, le=DAY)]  # s
+Density = Annotated[float, Meta(ge=1e-15, le=1000)]  # per m²
 Probability = Annotated[float, Meta(ge=0, le=1)]
+Count = Annotated[int, Meta(ge=0, le=10_000)]
+Expected = Annotated[float, Meta(ge=0, le=10_000)]  # number of trees or people
+Weight = Annotated[float, Meta(ge=0, le=100)]
+Variance = Annotated[float, Meta(ge=1e-3, le=1e8)]  # m²
+Footprint = Annotated[float, Meta(ge=0.01, le=10_000)]  # m
+Scans = Annotated[int, Meta(ge=1)]
 Point = tuple[float, float]
+Path = Annotated[tuple[Point, ...], Meta(max_length=1000)]  # waypoints, m
+Paths = Annotated[tuple[Path, ...], Meta(max_length=10_000)]
 _MOST_SCANS = 62  # as of the tracker, whose module is not imported: it takes a second
 _CLEARANCE = 1.0  # m, between UAVs at the start: rotors reach 0.3 m out
 _STRONGEST_WIND = 12.0  # m/s, against which a quadrotor still flies at 5 m/s
+_HIGHEST = 10_000.0  # m above ground
 
 
 class Area(Struct, frozen=True, forbid_unknown_fields=True):
     """The rectangle of the mission, centred on the origin."""
 
-    width: Positive = 150.0  # m, east-west
-    height: Positive = 100.0  # m, north-south
+    width: Side = 150.0  # m, east-west
+    height: Side = 100.0  # m, north-south
 
 
 class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     """A Poisson forest ([Li22] IV-A)."""
 
-    density: NonNegative = 45.0  # expected number of trees in the area, the paper's lambda
-    canopy_radius: Positive = 5.0  # m, the paper's R
-    canopy_base: Positive = 3.0  # m above ground
-    canopy_top: Positive = 6.0  # m above ground
-    trunk_radius: Positive = 0.2  # m
+    density: Expected = 45.0  # expected number of trees in the area, the paper's lambda
+    canopy_radius: Length = 5.0  # m, the paper's R
+    canopy_base: Length = 3.0  # m above ground
+    canopy_top: Length = 6.0  # m above ground
+    trunk_radius: Length = 0.2  # m
 
     def __post_init__(self) -> None:
         if self.canopy_base >= self.canopy_top:
@@ -48,7 +61,7 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 # Waypoints [m] of the default four: they come in from the west, cross near the centre, bend, and part.
-DEFAULT_PATHS: tuple[tuple[Point, ...], ...] = (
+DEFAULT_PATHS: Paths = (
     ((-30.0, -18.0), (-8.0, -4.0), (10.0, 9.0), (38.0, 12.0), (65.0, 14.0)),
     ((-30.0, -6.0), (-8.0, -9.0), (12.0, -6.0), (36.0, 2.0), (65.0, 4.0)),
     ((-30.0, 6.0), (-10.0, 6.0), (10.0, -2.0), (32.0, -12.0), (60.0, -20.0)),
@@ -59,10 +72,10 @@ DEFAULT_PATHS: tuple[tuple[Point, ...], ...] = (
 class People(Struct, frozen=True, forbid_unknown_fields=True):
     """Walking people: Levy walkers along waypoints (or wandering), or recorded trajectories."""
 
-    count: Annotated[int, Meta(ge=0)] = 4
-    paths: tuple[tuple[Point, ...], ...] = DEFAULT_PATHS  # waypoints of the first people; others wander
-    min_speed: Positive = 1.0  # m/s
-    max_speed: Positive = 3.0  # m/s
+    count: Count = 4
+    paths: Paths = DEFAULT_PATHS  # waypoints of the first people; others wander
+    min_speed: Speed = 1.0  # m/s
+    max_speed: Speed = 3.0  # m/s
     levy_exponent: Annotated[float, Meta(gt=1, le=3)] = 2.0  # density of step lengths ~ length^-exponent
     trajectories: str = ""  # CSV file `t,id,x,y` that replaces the walkers
 
@@ -75,15 +88,15 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     """One quadrotor and its camera."""
 
     start: Point  # m
-    footprint: Positive = 20.0  # edge of the square field of view on the ground, m; gives the altitude
-    alpha: Positive = 0.1  # sensing quality of [Li22] eq. (4)
-    fov_deg: Annotated[float, Meta(gt=0, lt=180)] = 60.0  # full angle
+    footprint: Footprint = 20.0  # edge of the square field of view on the ground, m; gives the altitude
+    alpha: Annotated[float, Meta(ge=1e-6, le=100)] = 0.1  # sensing quality of [Li22] eq. (4)
+    fov_deg: Annotated[float, Meta(ge=1, lt=180)] = 60.0  # full angle
     pixels: Annotated[int, Meta(ge=16, le=4096)] = 128
-    max_speed: Positive = 5.0  # m/s
+    max_speed: Speed = 5.0  # m/s
     mount: Literal["gimbal", "body"] = "gimbal"
-    rate: Annotated[int, Meta(ge=0)] = 0  # of the camera, Hz; 0: rates.sensing
+    rate: Annotated[int, Meta(ge=0, le=1000)] = 0  # of the camera, Hz; 0: rates.sensing
     tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0  # of the camera, off nadir, towards the body's front
-    fails_at: NonNegative | None = None  # s, when all but its flight controller breaks down; None: never
+    fails_at: Time | None = None  # s, when all but its flight controller breaks down; None: never
 
     def __post_init__(self) -> None:
         if self.tilt_deg + self.fov_deg / 2 >= 90:
@@ -106,9 +119,9 @@ DEFAULT_FLEET = (
 class Rates(Struct, frozen=True, forbid_unknown_fields=True):
     """How often things happen [Hz]; each divides the one before."""
 
-    physics: PositiveInt = 240
-    sensing: PositiveInt = 5
-    planning: PositiveInt = 1
+    physics: Annotated[int, Meta(ge=1, le=10_000)] = 240
+    sensing: Annotated[int, Meta(ge=1, le=1000)] = 5
+    planning: Annotated[int, Meta(ge=1, le=1000)] = 1
 
     def __post_init__(self) -> None:
         if self.physics % self.sensing:
@@ -141,24 +154,24 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
 class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     """Parameters of the trackers."""
 
-    sigma_a: Positive = 0.5  # m/s², of the NCV model
+    sigma_a: Annotated[float, Meta(ge=1e-3, le=100)] = 0.5  # m/s², of the NCV model
     initial_tracks: Literal["known", "none"] = "known"
     detection_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.99  # of a person in plain view
-    clutter_density: Positive = 1e-6  # false alarms per m²
+    clutter_density: Density = 1e-6  # false alarms per m²
     gate_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.9999
-    confirm: tuple[PositiveInt, PositiveInt] = (2, 3)  # m of n scans
-    delete: tuple[PositiveInt, PositiveInt] = (5, 5)  # m of n scans in which the person should have been seen
-    absence_weight: NonNegative = 1.0  # exponent of the likelihood of seeing nobody; 0: an empty place is no evidence
-    recovery_after: NonNegative = 1.0  # s unseen, after which somebody who turns up may be this person
-    max_variance: Positive = 400.0  # m², trace of the position's covariance beyond which a track ends
-    max_speed: Positive = 3.0  # m/s, of people
+    confirm: tuple[Scans, Scans] = (2, 3)  # m of n scans
+    delete: tuple[Scans, Scans] = (5, 5)  # m of n scans in which the person should have been seen
+    absence_weight: Weight = 1.0  # exponent of the likelihood of seeing nobody; 0: an empty place is no evidence
+    recovery_after: Time = 1.0  # s unseen, after which somebody who turns up may be this person
+    max_variance: Variance = 400.0  # m², trace of the position's covariance beyond which a track ends
+    max_speed: Speed = 3.0  # m/s, of people
     life: Literal["m_of_n", "existence"] = "m_of_n"  # what begins and ends tracks
     survival: Annotated[float, Meta(gt=0, le=1)] = 0.999  # probability of a person to be there still after a second
-    birth_density: Positive = 1e-5  # people detected for the first time per m² and scan
+    birth_density: Density = 1e-5  # people detected for the first time per m² and scan
     sure: Annotated[float, Meta(gt=0, lt=1)] = 0.99  # probability of existence that confirms a track
     doubt: Annotated[float, Meta(gt=0, lt=1)] = 0.001  # probability of existence below which a track ends
     motion: Literal["ncv", "bounded"] = "ncv"  # of people, to trackers
-    unseen: NonNegative = 4.0  # people expected, anywhere in the area, where initial_tracks is "none"
+    unseen: Expected = 4.0  # people expected, anywhere in the area, where initial_tracks is "none"
 
     def __post_init__(self) -> None:
         for name, (m, n) in (("confirm", self.confirm), ("delete", self.delete)):
@@ -166,8 +179,6 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
                 raise ValueError(f"{name} {m} of {n} can never happen")
             if n > _MOST_SCANS:
                 raise ValueError(f"{name} {m} of {n} counts too many scans; at most {_MOST_SCANS} are allowed")
-        if not self.recovery_after >= 0.0:
-            raise ValueError(f"recovery_after must be 0 or more, is {self.recovery_after:g}")
         if self.doubt >= self.sure:
             raise ValueError(f"doubt {self.doubt:g} must be below sure {self.sure:g}")
 
@@ -193,7 +204,7 @@ class Wind(Struct, frozen=True, forbid_unknown_fields=True):
 
     velocity: Point = (0.0, 0.0)  # m/s, the mean, to the east and to the north
     gust: Annotated[float, Meta(ge=0, le=5)] = 0.0  # m/s, standard deviation of each component
-    gust_time: Positive = 5.0  # s, correlation time
+    gust_time: Annotated[float, Meta(ge=0.01, le=DAY)] = 5.0  # s, correlation time
 
     def __post_init__(self) -> None:
         if (speed := hypot(*self.velocity)) > _STRONGEST_WIND:
@@ -210,13 +221,13 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     """A whole mission, planner and seed aside."""
 
     version: Literal[1] = 1
-    duration: Positive = 40.0  # s
-    first_decision: NonNegative = 0.0  # s; until then UAVs hover
+    duration: Annotated[float, Meta(gt=0, le=DAY)] = 40.0  # s
+    first_decision: Time = 0.0  # s; until then UAVs hover
     dynamics: Literal["quadrotor", "kinematic"] = "quadrotor"
     area: Area = field(default_factory=Area)
     trees: Trees = field(default_factory=Trees)
     people: People = field(default_factory=People)
-    uavs: Annotated[tuple[Uav, ...], Meta(min_length=1)] = DEFAULT_FLEET
+    uavs: Annotated[tuple[Uav, ...], Meta(min_length=1, max_length=200)] = DEFAULT_FLEET
     rates: Rates = field(default_factory=Rates)
     sensing: Sensing = field(default_factory=Sensing)
     tracking: Tracking = field(default_factory=Tracking)
@@ -232,6 +243,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         if not any(self.works(i, 0.0) for i in range(len(self.uavs))):
             raise ValueError("uavs: all have fails_at 0; one or more have to work at the start")
         self.network.check(len(self.uavs))
+        check_workload(self)
         self._check_times()
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
             if length(np.subtract((*one.start, one.altitude), (*other.start, other.altitude))) < _CLEARANCE:
@@ -251,6 +263,9 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
                 f"uavs.{i}: footprint {uav.footprint:g} m means an altitude of {uav.altitude:.1f} m, "
                 f"not above trees.canopy_top {self.trees.canopy_top:g} m"
             )
+        if uav.altitude > _HIGHEST:
+            text = f"with fov_deg {uav.fov_deg:g} means an altitude of {uav.altitude:.3g} m; allowed are {_HIGHEST:g} m"
+            raise ValueError(f"uavs.{i}: footprint {uav.footprint:g} m {text}")
         if abs(uav.start[0]) > self.area.width / 2 or abs(uav.start[1]) > self.area.height / 2:
             raise ValueError(f"uavs.{i}.start: {list(uav.start)} lies outside the area")
         if uav.rate and self.rates.sensing % uav.rate:

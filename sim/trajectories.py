@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from sim.errors import InputError
+from sim.reading import text
 from sim.scenario import Area
+from sim.workload import MOST_WALKED
 from tracking.compiled import Array
 from tracking.elementary import arctan2_each
 from tracking.matrices import length
 
 SAMPLES_PER_SECOND = 60
 COLUMNS = ("t", "id", "x", "y")
+_LATEST = 1e12  # s, either way
+_SOONEST = 1e-4  # s, between two rows of one person: nearer ones mean speeds beyond counting
+_LONGEST_ID = 100  # characters
 _EXACT = 1e-6  # of a step: nearer than this to a sample is that sample
 
 
@@ -66,7 +73,11 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
     Anything wrong is an InputError that names file, line, column and value.
     """
     times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - _EXACT) + 1) / SAMPLES_PER_SECOND
-    tracks = [_resampled(path, person, rows, times) for person, rows in _people(path, area).items()]
+    people = _people(path, area)
+    if len(people) * duration > MOST_WALKED:
+        walked = f"{len(people)} people for a duration of {duration:g} s"
+        raise InputError(f"{path}: {walked} are too many; at most {MOST_WALKED:g} s of all together are allowed")
+    tracks = [_resampled(path, person, rows, times) for person, rows in people.items()]
     present = [track for track in tracks if not np.all(np.isnan(track))]
     if not present:
         raise InputError(f"{path}: column t: nobody is there between 0 and {duration:g} s")
@@ -77,10 +88,10 @@ def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
     """Position (2,) m by time [s], by person in order of appearance in the file."""
     people: dict[str, dict[float, Array]] = {}
     table = csv.reader(_text(path).splitlines())
-    header = [name.strip() for name in next(table, [])]
+    header = [name.strip() for name in next(_rows(path, table), [])]
     if sorted(header) != sorted(COLUMNS):
         raise InputError(f"{path}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
-    for fields in table:
+    for fields in _rows(path, table):
         if fields:
             where = f"{path}, line {table.line_num}"
             if len(fields) > len(header):
@@ -97,14 +108,18 @@ def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
 
 def _text(path: Path) -> str:
     """What a file holds, which is not nothing."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"people.trajectories: {path} cannot be read: {reason}") from error
-    if not text.strip():
+    found = text(path, "people.trajectories")
+    if not found.strip():
         raise InputError(f"{path}: is empty; its first line must name the columns {','.join(COLUMNS)}")
-    return text
+    return found
+
+
+def _rows(path: Path, table: Any) -> Iterator[list[str]]:  # noqa: ANN401 - a reader of `csv`, whose type has no name
+    """Rows as they are read; InputError where one is longer than Python's reader takes."""
+    try:
+        yield from table
+    except csv.Error as error:
+        raise InputError(f"{path}, line {table.line_num}: {error}") from error
 
 
 def _row(where: str, row: dict[str, str], area: Area) -> tuple[str, float, Array]:
@@ -120,7 +135,12 @@ def _row(where: str, row: dict[str, str], area: Area) -> tuple[str, float, Array
         if abs(number[column]) > size / 2:
             inside = f"{-size / 2:g} to {size / 2:g} m"
             raise InputError(f"{where}, column {column}: {number[column]:g} is outside the area, {inside}")
-    return row["id"].strip(), number["t"], np.array([number["x"], number["y"]])
+    person = row["id"].strip()
+    if len(person) > _LONGEST_ID or not person.isprintable():
+        raise InputError(f"{where}, column id: is not printable, or longer than the {_LONGEST_ID} characters allowed")
+    if abs(number["t"]) > _LATEST:
+        raise InputError(f"{where}, column t: {number['t']:g} s is not allowed; expected at most {_LATEST:g} s")
+    return person, number["t"], np.array([number["x"], number["y"]])
 
 
 def _finite(where: str, value: str) -> float:
@@ -138,6 +158,10 @@ def _resampled(path: Path, person: str, rows: dict[float, Array], times: Array) 
     if len(rows) < 2:
         raise InputError(f"{path}: column id: {person} has a single row; a path needs two or more")
     known = np.array(sorted(rows))
+    if np.diff(known).min() < _SOONEST:
+        k = int(np.diff(known).argmin())
+        near = f"{known[k]:g} and {known[k + 1]:g} s"
+        raise InputError(f"{path}, column t: id {person} has rows at {near}; {_SOONEST:g} s or more apart are allowed")
     curve = PchipInterpolator(known, np.array([rows[t] for t in known]), extrapolate=False)
     # The first and last of a person's times may differ by rounding from the sample they mean.
     first, last = np.searchsorted(times, [known[0] - 1e-9, known[-1] + 1e-9])

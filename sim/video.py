@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -158,8 +159,10 @@ class Video:
 
     def discard(self) -> None:
         """Leave nothing behind."""
-        self._container.close()
-        self._part.unlink(missing_ok=True)
+        with suppress(OSError):  # of a full disk, which it is discarded for
+            self._container.close()
+        with suppress(OSError):
+            self._part.unlink()
 
     def __enter__(self) -> Video:
         return self

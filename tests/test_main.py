@@ -77,8 +77,8 @@ WRONG = {
     "no duration": (["run", "--duration", "long"], ["--duration", "'long'", "1.5min"]),
     "negative duration": (["run", "--duration", "-5"], ["--duration", "'-5'", "more than 0 s"]),
     "endless duration": (["run", "--duration", "inf"], ["--duration", "'inf'"]),
-    "broken seed": (["run", "--seed", "1.5"], ["--seed", "'1.5'", "an integer, 0 or more"]),
-    "negative seed": (["run", "--seed", "-1"], ["--seed", "'-1'", "an integer, 0 or more"]),
+    "broken seed": (["run", "--seed", "1.5"], ["--seed", "'1.5'", "an integer, 0 to 3402823669"]),
+    "negative seed": (["run", "--seed", "-1"], ["--seed", "'-1'", "an integer, 0 to 3402823669"]),
     "unknown planner": (["run", "--planner", "hoover"], ["planner", "'hoover'", "did you mean hover?"]),
     "unknown module": (["run", "--planner", "nowhere:It"], ["planner", "'nowhere:It'", "No module named 'nowhere'"]),
     "unknown class": (["run", "--planner", "sim:It"], ["planner", "'sim:It'", "no class 'It'"]),
@@ -93,7 +93,7 @@ WRONG = {
     "one wrong planner": (["compare", "--planner", "hover", "--planner", "gredy"], ["'gredy'", "did you mean greedy?"]),
     "unknown format": (["export", "full", "--to", "cvs"], ["--to", "'cvs'", "did you mean csv?"]),
     "export of no run": (["export", "full", "--to", "csv"], ["DIR", "full", "holds no mission.npz"]),
-    "no worker": (["compare", "--workers", "0"], ["--workers", "'0'", "an integer, 1 or more"]),
+    "no worker": (["compare", "--workers", "0"], ["--workers", "'0'", "an integer, 1 to 1024"]),
 }
 
 

@@ -116,7 +116,7 @@ def test_gusts_are_the_seeds_and_change_nothing_else():
     [
         (["wind.velocity=[12, 5]"], ["wind", "velocity [12.0, 5.0]", "13 m/s", "at most 12 m/s"]),
         (["wind.gust=-1"], ["wind.gust", "-1", ">= 0"]),
-        (["wind.gust_time=0"], ["wind.gust_time", "> 0"]),
+        (["wind.gust_time=0"], ["wind.gust_time", ">= 0.01"]),
         (["wind.velocty=[1, 0]"], ["wind.velocty", "did you mean velocity"]),
         (["wind.gust=1", "dynamics=kinematic"], ["wind", "kinematic", "quadrotor"]),
     ],

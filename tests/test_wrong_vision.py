@@ -68,7 +68,7 @@ WRONG = {
     "no pixels": (["run", SET, "uavs.0.pixels=0"], ["uavs.0.pixels: 0 is not allowed", ">= 16"]),
     "half pixels": (["run", SET, "uavs.0.pixels=99.5"], ["uavs.0.pixels: 99.5 is not allowed", "int"]),
     "too many pixels": (["run", SET, "uavs.0.pixels=9999"], ["uavs.0.pixels: 9999", "<= 4096"]),
-    "no field of view": (["run", SET, "uavs.0.fov_deg=0"], ["uavs.0.fov_deg: 0", "> 0"]),
+    "no field of view": (["run", SET, "uavs.0.fov_deg=0"], ["uavs.0.fov_deg: 0", ">= 1"]),
     "false alarms beyond count": (["run", SET, "sensing.false_alarms=1e19"], ["sensing.false_alarms: 1", "<= 1000"]),
     "negative false alarms": (["run", SET, "sensing.false_alarms=-1"], ["sensing.false_alarms: -1", ">= 0"]),
     "unknown renderer": (["run", SET, "sensing.renderer=elg"], ["sensing.renderer: 'elg'", "did you mean egl?"]),

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
-from sim.atomic import unused
+from sim.atomic import check_new, unused
 from sim.console import console, say, trial_progress
 from sim.errors import InputError
 from sim.quantity import interval
@@ -48,7 +47,7 @@ def replay(
     factor = _speed(speed or "1")
     start, end = (0.0, None) if time is None else _window(time)
     if out is not None:
-        _check_new(out, ".html" if page else ".mp4", "--out")
+        check_new(out, ".html" if page else ".mp4", "--out")
     from sim.frames import find, scans_between
 
     recording = find(recorded)
@@ -108,17 +107,6 @@ def _window(text: str) -> tuple[float, float]:
     return start, end
 
 
-def _check_new(path: Path, suffix: str, option: str) -> None:
-    """InputError unless a new file of a kind can be written at `path`."""
-    if path.suffix != suffix:
-        also = ", or spawn" if option == "--rerun" else ""
-        raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
-    if path.exists():
-        raise InputError(f"{option}: {path} exists; name a new file")
-    if not os.access(path.parent, os.W_OK):  # which it is not either where it does not exist
-        raise InputError(f"{option}: {path} cannot be written: no folder {path.parent} to write in")
-
-
 def _page(recording: Recording, folder: Path, path: Path) -> None:
     """Write the page of a recording that lies in a folder to a new file."""
     from sim.frames import scenario_of
@@ -140,7 +128,7 @@ def _rerun(recording: Recording, target: str, summary: Path) -> None:
 
     path = Path(target)
     if target != "spawn":
-        _check_new(path, ".rrd", "--rerun")
+        check_new(path, ".rrd", "--rerun", also=", or spawn")
     try:
         from sim.replay.rerun_view import planning_times, spawn, write
     except ImportError as error:

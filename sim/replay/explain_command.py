@@ -10,7 +10,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from sim.atomic import unused, whole
+from sim.atomic import check_new, unused, whole
 from sim.console import console
 from sim.errors import InputError
 from sim.quantity import integer, interval
@@ -35,7 +35,8 @@ def explain(
     moment = None if time is None else _moment(time)
     if moment is not None and target is None:
         raise InputError("--target: missing; --time asks about one person, so say which, from 0")
-    _check_new(out)
+    if out is not None:
+        check_new(out, ".png", "--out")
     from sim.frames import find, scans_between, scenario_of
     from sim.replay.history import History
 
@@ -66,23 +67,9 @@ def _person(recording: Recording, text: str) -> int:
     return integer(text, "--target", least=0, most=count - 1)
 
 
-def _check_new(path: Path | None) -> None:
-    """InputError unless a picture may go there."""
-    if path is None:
-        return
-    if path.suffix != ".png":
-        raise InputError(f"--out: {str(path)!r} is not allowed; expected a new file that ends in .png")
-    if path.exists():
-        raise InputError(f"--out: {path} exists; name a new file")
-    if not path.parent.is_dir():
-        raise InputError(f"--out: {path} cannot be written: there is no folder {path.parent}")
-
-
 def _moment_of(recording: Recording, history: History, asked: tuple[int, int], path: Path) -> None:
     """Print and draw one person at one scan."""
-    import cv2
-
-    from sim.frames import scenario_of
+    from sim.frames import png, scenario_of
     from sim.replay.account import Account
     from sim.replay.explain import explanation
     from sim.replay.explain_panel import draw_explanation
@@ -92,10 +79,8 @@ def _moment_of(recording: Recording, history: History, asked: tuple[int, int], p
         account = Account.of(inquiry, history, *asked)
         groups = explanation(account, recording)
         page = draw_explanation(inquiry, account, groups)
-    done, data = cv2.imencode(".png", page[..., ::-1])
-    assert done
     with whole(path) as part:
-        part.write_bytes(data.tobytes())
+        part.write_bytes(png(page))
     _print(groups)
     console.print(f"Picture: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 

@@ -15,6 +15,7 @@ import rerun as rr
 from sim.atomic import whole
 from sim.errors import InputError
 from sim.frames import Rerenderer
+from sim.reading import content
 from sim.recording import Recording
 from sim.replay.events import events_of
 from sim.replay.history import History
@@ -77,11 +78,9 @@ def spawn(recording: Recording, scenario: Scenario, *, progress: Progress, plann
 
 def planning_times(summary: Path) -> list[float]:
     """Seconds that each decision took, of a run's `summary.json`; none where that is not there or does not say."""
-    if not summary.is_file():
-        return []
     try:
-        return msgspec.json.decode(summary.read_bytes(), type=_Summary).planning_s
-    except (OSError, msgspec.MsgspecError):
+        return msgspec.json.decode(content(summary, "DIR"), type=_Summary).planning_s
+    except (InputError, msgspec.MsgspecError, RecursionError):
         return []
 
 

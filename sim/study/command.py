@@ -18,7 +18,7 @@ from sim.console import console, fail, remark, show_list
 from sim.errors import InputError
 from sim.loading import SCENARIOS, did_you_mean, remarks
 from sim.options import Duration, Overrides, with_duration
-from sim.quantity import integer, integers, seconds
+from sim.quantity import MOST_LISTED, integer, integers, seconds
 from sim.study.study import STUDIES, Study, adapted, is_study, read
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.study.row import Row
     from sim.study.tasks import Task
 
+_MOST_WORKERS = 1024
 _SENSING = ("camera", "ideal")
 
 
@@ -67,7 +68,7 @@ def compare(
     """Fly planners on the same forests, people and seeds; show the results side by side. Goes on where it stopped."""
     changes = [*_sensing(sensing), *with_duration(overrides, duration)]
     chosen = adapted(_study(study), planners=planner or (), seeds=_seeds(seeds, maps), overrides=changes)
-    processes = integer(workers, "--workers", least=1) if workers else os.cpu_count() or 1
+    processes = integer(workers, "--workers", least=1, most=_MOST_WORKERS) if workers else os.cpu_count() or 1
     limit = None if timeout is None else seconds(timeout, "--timeout")
     if keep not in (None, "recordings"):
         raise InputError(f"--keep: {keep!r} is unknown; {did_you_mean(keep, ['recordings'])}")
@@ -117,7 +118,7 @@ def _seeds(seeds: str | None, maps: str | None) -> str | None:
         return seeds
     if seeds is not None:
         raise InputError("--maps: not allowed together with --seeds; --maps 50 is --seeds 0-49")
-    return f"0-{integer(maps, '--maps', least=1) - 1}"
+    return f"0-{integer(maps, '--maps', least=1, most=MOST_LISTED) - 1}"
 
 
 def _sensing(mode: str | None) -> list[str]:

@@ -8,13 +8,14 @@ import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
 
 from sim.dataframes import dataframe
 from sim.errors import InputError
+from sim.npz import line
 from sim.study.row import Row
 from sim.study.tasks import Task
 
@@ -57,6 +58,8 @@ class Store:
         path = folder / NAME
         try:
             folder.mkdir(parents=True, exist_ok=True)
+            if path.exists() and not path.is_file():
+                raise InputError(f"--out: {path} cannot be used: is no file")  # a pipe would be waited for
             connection = sqlite3.connect(path, timeout=60.0, isolation_level=None)
         except (OSError, sqlite3.Error) as error:
             raise _unusable(path, error) from error
@@ -70,7 +73,7 @@ class Store:
         """Rows of the trials that are complete and did not fail, by key, at their place in the present study."""
         wanted = {task.key: task for task in tasks}
         rows = self._selected(f"SELECT key, {_COLUMNS} FROM trials WHERE status = 'done'")
-        found = {key: _row(self.study, values) for key, *values in rows if key in wanted}
+        found = {key: _row(self.path, self.study, values) for key, *values in rows if key in wanted}
         return {key: _placed(row, wanted[key]) for key, row in found.items()}
 
     def label(self, tasks: Sequence[Task]) -> None:
@@ -123,9 +126,9 @@ class Store:
 def read_rows(path: Path) -> list[Row]:
     """All rows of a store, of any version, by scenario, factors, planner and seed; InputError if it is none."""
     with _reading(path) as connection:
-        (study,) = connection.execute("SELECT name FROM study").fetchone()
+        study = _name(connection, path)
         rows = connection.execute(f"SELECT {_COLUMNS} FROM trials ORDER BY scenario, factors, planner, seed, version")
-        return [_row(study, values) for values in rows]
+        return [_row(path, study, values) for values in rows]
 
 
 def frame(path: Path) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise
@@ -170,12 +173,21 @@ def _prepare(connection: sqlite3.Connection, path: Path, study: str) -> None:
                 connection.execute(table)
             connection.execute("INSERT INTO study VALUES (?)", (study,))
             connection.execute(f"PRAGMA user_version = {SCHEMA}")
-        (name,) = connection.execute("SELECT name FROM study").fetchone()
+        name = _name(connection, path)
         if name != study:
             raise InputError(f"--out: {path.parent} holds study {name!r}, not {study!r}; name another folder")
         connection.execute("COMMIT")
     except sqlite3.Error as error:
         raise _unusable(path, error) from error
+
+
+def _name(connection: sqlite3.Connection, path: Path) -> str:
+    """The study that a store is of; InputError if it does not say, or its tables are none and may never end."""
+    kinds = dict(connection.execute("SELECT name, type FROM sqlite_master WHERE name IN ('study', 'trials')"))
+    names = connection.execute("SELECT name FROM study LIMIT 2").fetchall() if kinds.get("study") == "table" else []
+    if kinds.get("trials") != "table" or len(names) != 1 or not isinstance(names[0][0], str):
+        raise InputError(f"{path}: is a damaged store: it names no study; name another folder")
+    return str(names[0][0])
 
 
 def _version(connection: sqlite3.Connection, path: Path) -> int:
@@ -210,24 +222,46 @@ def _placed(row: Row, task: Task) -> Row:
     )
 
 
-def _row(study: str, values: Sequence[Any]) -> Row:
-    scenario, factors, settings, planner, seed, version, status, error, metrics, ospa, rate = values
-    numbers = msgspec.json.decode(metrics, type=dict[str, float | None])
-    distances = np.frombuffer(ospa, dtype="<f4").astype(np.float32)
-    return Row(
-        study=study,
-        scenario=scenario,
-        factors=msgspec.json.decode(factors, type=tuple[tuple[str, str], ...]),
-        planner=planner,
-        seed=int(seed),
-        version=version,
-        status=status,
-        error=error,
-        metrics={name: math.nan if value is None else value for name, value in numbers.items()},
-        ospa=distances,
-        times=np.arange(len(distances)) / rate,
-        settings=msgspec.json.decode(settings, type=dict[str, str]),
-    )
+class _Kept(msgspec.Struct, frozen=True):
+    """A trial as its row of the table has it."""
+
+    scenario: str
+    factors: str
+    settings: str
+    planner: str
+    seed: int | str
+    version: str
+    status: Literal["done", "failed"]
+    error: str
+    metrics: str
+    ospa: bytes
+    scans_per_s: float
+
+
+def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
+    """A trial that was read; InputError where it is none that was written."""
+    try:
+        kept = msgspec.convert(dict(zip(_Kept.__struct_fields__, values, strict=True)), _Kept, builtin_types=(bytes,))
+        distances = np.frombuffer(kept.ospa, dtype="<f4").astype(np.float32)
+        if not kept.scans_per_s > 0:
+            raise ValueError(f"scans_per_s is {kept.scans_per_s:g}")
+        numbers = msgspec.json.decode(kept.metrics, type=dict[str, float | None])
+        return Row(
+            study=study,
+            scenario=kept.scenario,
+            factors=msgspec.json.decode(kept.factors, type=tuple[tuple[str, str], ...]),
+            planner=kept.planner,
+            seed=int(kept.seed),
+            version=kept.version,
+            status=kept.status,
+            error=kept.error,
+            metrics={name: math.nan if value is None else value for name, value in numbers.items()},
+            ospa=distances,
+            times=np.arange(len(distances)) / kept.scans_per_s,
+            settings=msgspec.json.decode(kept.settings, type=dict[str, str]),
+        )
+    except (ValueError, RecursionError) as error:  # msgspec's own are ValueErrors
+        raise InputError(f"{path}: is a damaged store: a trial in it: {line(error)}; name another folder") from error
 
 
 def _integer(seed: int) -> int | str:

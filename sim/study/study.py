@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -15,12 +14,8 @@ from assets import ASSETS
 from sim.errors import InputError
 from sim.loading import did_you_mean
 from sim.quantity import integers
+from sim.reading import toml_file
 from sim.study.text import flat, option, toml
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
 _OTHER = ("planner", "scenario")  # what trials are left out by, beside factors
@@ -61,7 +56,7 @@ class Cell(Struct, frozen=True):
 
 def is_study(path: Path) -> bool:
     """Whether a TOML file has what makes it a study, not a scenario."""
-    return path.is_file() and "study" in _parsed(path)
+    return path.is_file() and "study" in toml_file(path, "study")
 
 
 def read(name: str) -> Study:
@@ -71,7 +66,7 @@ def read(name: str) -> Study:
         raise InputError(f"study: {name!r} is unknown; {did_you_mean(name, STUDIES)} (or a .toml file)")
     if not path.is_file():
         raise InputError(f"study: there is no file {name}")
-    data = _parsed(path)
+    data = toml_file(path, "study")
     known = ("study", "set", "factors", "exclude")
     _check_keys(data, known, f"{name}: ")
     table = data.get("study", {})
@@ -177,11 +172,3 @@ def _check_keys(data: Mapping[str, Any], known: Sequence[str], where: str) -> No
 def _anchored(scenario: str, folder: Path) -> str:
     """A scenario file's path relative to the study file's folder."""
     return str(folder / scenario) if scenario.endswith(".toml") else scenario
-
-
-def _parsed(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"study: {path}: {reason}") from error

@@ -17,6 +17,7 @@ from sim.detectors import DETECTORS, check_detector
 from sim.errors import InputError
 from sim.loading import load
 from sim.quantity import integers
+from sim.reading import content
 from sim.scenario import Scenario, resolved
 from sim.study.study import Cell, Study, cells
 from tracking.plugin import imported
@@ -100,8 +101,8 @@ def _contents(setting: Scenario, planner: str) -> list[str]:
 
 def _digest(path: Path) -> str:
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError:
+        return hashlib.sha256(content(path, "people.trajectories")).hexdigest()
+    except InputError:
         return ""  # building the world says what is wrong with it
 
 
@@ -129,7 +130,7 @@ def check_worlds(found: Sequence[Task]) -> None:
 
     tried: dict[bytes, None] = {}
     for task in found:
-        content = msgspec.json.encode(task.setting)
-        if content not in tried:
-            tried[content] = None
+        setting = msgspec.json.encode(task.setting)
+        if setting not in tried:
+            tried[setting] = None
             forest_and_people(task.setting, task.seed)
