@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -107,7 +108,7 @@ def _anchored(scenario: Scenario, folder: Path) -> Scenario:
     """The scenario with its trajectory file found relative to the scenario file."""
     if not scenario.people.trajectories:
         return scenario
-    path = str((folder / scenario.people.trajectories).resolve())
+    path = os.path.abspath(folder / scenario.people.trajectories)
     return msgspec.structs.replace(scenario, people=msgspec.structs.replace(scenario.people, trajectories=path))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import stat
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ else:
 MOST_BYTES = 2**26  # of a table
 _MOST_TOML = 2**22  # bytes, read at about a megabyte a second
 _DEEPEST = 30  # tables and lists within one another
+_MOST_PARTS = 100  # between dots
 
 
 def content(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
@@ -52,6 +54,9 @@ def toml_file(path: Path, where: str) -> dict[str, Any]:
 
 def toml(written: str, where: str) -> dict[str, Any]:
     """The tables of a TOML text; InputError begins with `where`."""
+    # Keys of many parts take a parser time that grows with their square.
+    if any(sum(map(bool, part.split("."))) > _MOST_PARTS for part in re.split("[=,\n]", written) if "." in part):
+        raise _too_deep(where)
     try:
         found = tomllib.loads(written)
     except ValueError as error:  # of the format, or an integer of thousands of digits

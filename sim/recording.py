@@ -41,7 +41,7 @@ class Recording:
     version: Annotated[int, "<i8", ""]
     scenario: Annotated[str, "<U", ""]  # resolved, JSON
     planner: Annotated[str, "<U", ""]
-    seed: Annotated[int, "<U", ""]  # text, as a seed has no upper limit
+    seed: Annotated[int, "<U", ""]  # text, as a seed may have more than 64 bits
     interrupted: Annotated[bool, "|b1", ""]
     times: Annotated[Array, "<f8", "K"]  # s
     trees: Annotated[Array, "<f8", "T 6"]  # m: x, y, canopy radius, base and top, trunk radius

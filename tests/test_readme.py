@@ -10,7 +10,8 @@ import pytest
 
 from planning.registry import PLANNERS
 from sim.__main__ import main
-from sim.loading import decode, load, tomllib
+from sim.loading import decode, load
+from sim.reading import tomllib
 from sim.scenario import Scenario, Uav
 
 ROOT = Path(__file__).parents[1]

@@ -148,7 +148,7 @@ def broken(tmp_path, kind):
         ("text", "cannot be used: file is not a database"),
         ("newer", f"is a store of version {SCHEMA + 1}, but this program reads {SCHEMA}"),
         ("other", "is a database, but no store of a study"),
-        ("folder", "cannot be used: unable to open database file"),
+        ("folder", "cannot be used: is no file"),
     ],
 )
 def test_a_store_that_is_none_is_refused_and_left_alone(tmp_path, kind, message):

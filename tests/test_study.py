@@ -167,6 +167,16 @@ WRONG = {
         "'abd' is no level; .* did you mean abc",
     ),
     "name that is no folder": ("[study]\nname = '../up'\nplanners = ['hover']", "name"),
+    "factors without end": (
+        "[study]\nplanners = ['hover']\n[factors]\n"
+        + "".join(f"f{i} = {{ {', '.join(f'l{j} = {{}}' for j in range(10))} }}\n" for i in range(30)),
+        r"mine has 1e\+30 cells; at most 10000 are allowed",
+    ),
+    "trials without end": (
+        "[study]\nplanners = ['hover']\nseeds = '0-99999'\n[factors.x]\n"
+        + "".join(f"l{j}.trees.density = {j}\n" for j in range(11)),
+        "11 cells by 100000 seeds are 1100000 trials; at most 1000000 are allowed",
+    ),
     "no TOML": ("[study", "mine.toml: Expected"),
     "table as value": ("study = 3", "expected a table"),
 }

@@ -36,6 +36,9 @@ _TABLES = (
 _COLUMNS = "scenario, factors, settings, planner, seed, version, status, error, metrics, ospa, scans_per_s"
 
 
+_DAMAGED = (sqlite3.Error, UnicodeDecodeError)  # of a file of other bytes, or a locked one
+
+
 class StoreError(Exception):
     """Results cannot be written; the message is one line. What is in the store stays."""
 
@@ -106,7 +109,7 @@ class Store:
     def _selected(self, query: str) -> list[Any]:
         try:
             return self._connection.execute(query).fetchall()
-        except sqlite3.Error as error:  # of a file that is damaged or locked
+        except _DAMAGED as error:
             raise _unusable(self.path, error) from error
 
     @contextmanager
@@ -158,7 +161,7 @@ def _reading(path: Path) -> Iterator[sqlite3.Connection]:
         if _version(connection, file) == 0:
             raise InputError(f"{file}: holds no study")
         yield connection
-    except sqlite3.Error as error:
+    except _DAMAGED as error:
         raise _unusable(file, error) from error
     finally:
         connection.close()
@@ -177,7 +180,7 @@ def _prepare(connection: sqlite3.Connection, path: Path, study: str) -> None:
         if name != study:
             raise InputError(f"--out: {path.parent} holds study {name!r}, not {study!r}; name another folder")
         connection.execute("COMMIT")
-    except sqlite3.Error as error:
+    except _DAMAGED as error:
         raise _unusable(path, error) from error
 
 
@@ -192,11 +195,8 @@ def _name(connection: sqlite3.Connection, path: Path) -> str:
 
 def _version(connection: sqlite3.Connection, path: Path) -> int:
     """The schema's version, 0 of an empty file; InputError if it is no store or a newer one."""
-    try:
-        (version,) = connection.execute("PRAGMA user_version").fetchone()
-        (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-    except sqlite3.DatabaseError as error:
-        raise _unusable(path, error) from error
+    (version,) = connection.execute("PRAGMA user_version").fetchone()
+    (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
     if version > SCHEMA:
         raise InputError(f"{path}: is a store of version {version}, but this program reads {SCHEMA}; update it")
     if version == 0 and tables:
@@ -217,9 +217,8 @@ def _place(task: Task) -> tuple[str, str, str]:
 
 
 def _placed(row: Row, task: Task) -> Row:
-    return msgspec.structs.replace(
-        row, study=task.study, scenario=task.scenario, factors=task.factors, settings=task.settings
-    )
+    place = {name: getattr(task, name) for name in ("study", "scenario", "factors", "settings")}
+    return msgspec.structs.replace(row, **place, planner=task.planner, seed=task.seed, version=task.version)
 
 
 class _Kept(msgspec.Struct, frozen=True):
@@ -229,7 +228,7 @@ class _Kept(msgspec.Struct, frozen=True):
     factors: str
     settings: str
     planner: str
-    seed: int | str
+    seed: int | str | float  # as SQLite takes text that is a number of more than 64 bits
     version: str
     status: Literal["done", "failed"]
     error: str
@@ -260,7 +259,7 @@ def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
             times=np.arange(len(distances)) / kept.scans_per_s,
             settings=msgspec.json.decode(kept.settings, type=dict[str, str]),
         )
-    except (ValueError, RecursionError) as error:  # msgspec's own are ValueErrors
+    except (ValueError, OverflowError, RecursionError) as error:  # msgspec's own are ValueErrors
         raise InputError(f"{path}: is a damaged store: a trial in it: {line(error)}; name another folder") from error
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -18,6 +19,7 @@ from sim.reading import toml_file
 from sim.study.text import flat, option, toml
 
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
+_MOST_CELLS = 10_000
 _OTHER = ("planner", "scenario")  # what trials are left out by, beside factors
 
 
@@ -116,6 +118,9 @@ def adapted(
 def cells(study: Study) -> list[Cell]:
     """All cells of a study by all its planners, in order; InputError if there are none."""
     _check_levels(study)
+    count = math.prod([len(study.scenarios), len(study.planners), *map(len, study.factors.values())])
+    if count > _MOST_CELLS:  # before they are listed: factors multiply
+        raise InputError(f"study: {study.name} has {count:g} cells; at most {_MOST_CELLS} are allowed")
     found = []
     for scenario, *chosen in product(study.scenarios, *(levels for levels in study.factors.values())):
         levels = tuple(zip(study.factors, chosen, strict=True))

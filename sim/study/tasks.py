@@ -22,6 +22,7 @@ from sim.scenario import Scenario, resolved
 from sim.study.study import Cell, Study, cells
 from tracking.plugin import imported
 
+_MOST_TRIALS = 1_000_000
 _OURS = ("planning", "sim", "tracking")
 
 
@@ -41,8 +42,11 @@ class Task(Struct, frozen=True, kw_only=True):
 
 def tasks(study: Study) -> list[Task]:
     """All trials of a study, seed by seed, so that an interrupted one has pairs; InputError or PlannerError."""
-    found = [(cell, *_prepared(cell)) for cell in cells(study)]
-    number, seeds = release(), integers(study.seeds, "seeds")
+    listed, seeds = cells(study), integers(study.seeds, "seeds")
+    if len(listed) * len(seeds) > _MOST_TRIALS:
+        text = f"{len(listed)} cells by {len(seeds)} seeds are {len(listed) * len(seeds)} trials"
+        raise InputError(f"study: {study.name}: {text}; at most {_MOST_TRIALS} are allowed")
+    found, number = [(cell, *_prepared(cell)) for cell in listed], release()
     made = [
         Task(
             key=_key(digest, seed),

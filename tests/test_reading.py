@@ -1,0 +1,64 @@
+"""Text comes from plain files of a sensible size alone, and TOML from what a parser ends with."""
+
+import os
+
+import pytest
+
+from sim.errors import InputError
+from sim.reading import MOST_BYTES, content, text, toml, toml_file
+
+
+def sparse(path):
+    with path.open("wb") as file:
+        file.truncate(MOST_BYTES + 1)
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (os.mkfifo, "is no file"),
+        (lambda path: path.mkdir(), "is no file"),
+        (lambda path: path.symlink_to("/dev/zero"), "is no file"),
+        (lambda path: path.symlink_to("/dev/random"), "is no file"),
+        (lambda path: path.symlink_to(path.name), "symbolic links"),
+        (lambda path: None, "No such file"),
+        (sparse, f"more than the {MOST_BYTES} bytes that are allowed"),
+        (lambda path: path.write_bytes(b"\xff"), "codec can't decode"),
+    ],
+    ids=["pipe", "folder", "zeros", "chance", "loop", "nothing", "too large", "no text"],
+)
+def test_what_is_no_plain_text_is_refused(tmp_path, make, reason):
+    path = tmp_path / "given"
+    make(path)
+    with pytest.raises(InputError, match=rf"^field: .*given cannot be read: .*{reason}"):
+        text(path, "field")
+
+
+def test_a_file_of_as_much_as_is_allowed_is_read_and_its_byte_order_mark_left_out(tmp_path):
+    path = tmp_path / "given.toml"
+    path.write_bytes(b"\xef\xbb\xbfx = 1")
+    assert content(path, "field", 8) == b"\xef\xbb\xbfx = 1" and toml_file(path, "field") == {"x": 1}
+    with pytest.raises(InputError, match="more than the 7 bytes"):
+        content(path, "field", 7)
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        f"x = {'[' * 5000}{']' * 5000}",
+        f"x = {'{a=' * 5000}1{'}' * 5000}",
+        f"{'a.' * 300_000}a = 1",
+        f"[{'a.' * 300_000}a]",
+        f"x = {'[' * 31}{']' * 31}",
+    ],
+    ids=["lists", "tables", "key", "header", "a few too many"],
+)
+def test_nests_are_refused_at_once(written):
+    with pytest.raises(InputError, match=r"^field: is nested too deep; at most 30 levels are allowed$"):
+        toml(written, "field")
+
+
+def test_thirty_levels_are_read_and_long_integers_refused():
+    assert toml(f"x = {'[' * 29}{']' * 29}", "field")["x"]
+    with pytest.raises(InputError, match=r"^field: "):
+        toml(f"x = {'9' * 5000}", "field")
