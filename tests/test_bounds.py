@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from hostile_values import numbers
 from msgspec import inspect
 
 from sim.errors import InputError
@@ -18,19 +19,6 @@ REFERENCE = (Path(__file__).parents[1] / "docs" / "scenarios.md").read_text(enco
 # Checked against the area, the strongest wind, the number of UAVs and the scans that a tracker counts.
 ELSEWHERE = {"uavs.0.start", "wind.velocity", "network.links", "network.cuts.links", "people.paths"}
 ELSEWHERE |= {"tracking.confirm", "tracking.delete"}
-
-
-def numbers(kind, name):
-    """Names and types of the numbers in a type."""
-    if isinstance(kind, inspect.IntType | inspect.FloatType):
-        yield name, kind
-    elif isinstance(kind, inspect.StructType):
-        for field in kind.fields:
-            yield from numbers(field.type, f"{name}.{field.encode_name}".lstrip("."))
-    else:
-        parts = [getattr(kind, attribute, ()) for attribute in ("types", "item_types")]
-        for inner in [*parts[0], *parts[1], *([kind.item_type] if isinstance(kind, inspect.VarTupleType) else [])]:
-            yield from numbers(inner, "uavs.0" if name == "uavs" else name)
 
 
 def bounded():

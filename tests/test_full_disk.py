@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import pytest
 from commands import called
-from hostile_inputs import recording
+from hostile_stores import recording
 
 COMMANDS = {
     "frames": ["frames", "run", "--uav", "0", "--time", "0:0.4"],

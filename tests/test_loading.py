@@ -1,9 +1,13 @@
 """Scenario files are read strictly; every mistake gives one clear line."""
 
+from pathlib import Path
+
 import pytest
 
+from sim.errors import InputError
 from sim.loading import SCENARIOS, load
 from sim.scenario import Scenario
+from sim.trajectories import read
 
 
 def test_the_default_scenario_is_what_an_empty_file_gives(tmp_path):
@@ -81,3 +85,10 @@ def test_a_broken_file_is_refused(tmp_path):
     path.write_text("duration = = 3")
     with pytest.raises(ValueError, match=r"broken\.toml"):
         load(str(path))
+
+
+def test_a_trajectory_file_that_links_to_itself_is_refused_where_it_is_read(tmp_path):
+    (tmp_path / "walk.csv").symlink_to("walk.csv")
+    scenario = load("forest", [f'people.trajectories="{tmp_path / "walk.csv"}"'])
+    with pytest.raises(InputError, match="symbolic links"):
+        read(Path(scenario.people.trajectories), scenario.area, duration=1.0)

@@ -206,3 +206,57 @@ def test_failed_trials_are_flown_again_and_done_ones_only_on_demand(tmp_path):
         complete(tasks, store, redone, Options(redo=True))
         assert len(redone.flown) == 4
     assert len(read_rows(tmp_path)) == 4
+
+
+@pytest.mark.parametrize(
+    ("statement", "message"),
+    [
+        ("DELETE FROM study", "it names no study"),
+        ("INSERT INTO study VALUES ('another')", "it names no study"),
+        ("UPDATE study SET name = x'ff'", "it names no study"),
+        ("ALTER TABLE study RENAME COLUMN name TO title", "no such column: name"),
+        ("DROP TABLE trials", "it names no study"),
+        ("UPDATE trials SET metrics = '[]'", "a trial in it: Expected `object`, got `array`"),
+        ("UPDATE trials SET factors = 'x'", "a trial in it: JSON is malformed"),
+        ("UPDATE trials SET ospa = x'ffffff'", "a trial in it: buffer size must be a multiple"),
+        ("UPDATE trials SET ospa = 'text'", "a trial in it: Expected `bytes`, got `str`"),
+        ("UPDATE trials SET scans_per_s = 0", "a trial in it: scans_per_s is 0"),
+        ("UPDATE trials SET seed = 'x'", "a trial in it: invalid literal for int"),
+        ("UPDATE trials SET seed = 9e999", "a trial in it: cannot convert float infinity to integer"),
+        ("UPDATE trials SET planner = x'ff'", "a trial in it: Expected `str`, got `bytes`"),
+    ],
+)
+def test_a_store_of_which_something_was_changed_is_one_line(filled, statement, message):
+    folder, tasks, _ = filled
+    sql = sqlite3.connect(folder / NAME)
+    with sql:
+        sql.execute(statement)
+    sql.close()
+    with pytest.raises(InputError, match=message) as raised:
+        read_rows(folder)
+    assert "\n" not in str(raised.value) and str(folder) in str(raised.value)
+    with pytest.raises(InputError, match=message), Store.opened(folder, "short") as store:
+        store.done(tasks)
+
+
+def test_a_view_in_place_of_a_table_is_not_asked_as_it_may_never_end(filled):
+    folder, *_ = filled
+    sql = sqlite3.connect(folder / NAME)
+    with sql:
+        sql.execute("DROP TABLE study")
+        endless = "WITH RECURSIVE n(name) AS (SELECT 'x' UNION ALL SELECT 'x' FROM n) SELECT count(name) AS name FROM n"
+        sql.execute(f"CREATE VIEW study AS {endless}")
+    sql.close()
+    with pytest.raises(InputError, match="it names no study"):
+        read_rows(folder)
+
+
+def test_a_stored_trial_is_what_its_key_says(filled):
+    folder, tasks, rows = filled
+    sql = sqlite3.connect(folder / NAME)
+    with sql:
+        sql.execute("UPDATE trials SET seed = 3, planner = 'other'")
+    sql.close()
+    with Store.opened(folder, "short") as store:
+        found = store.done(tasks)
+    assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))

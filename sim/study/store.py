@@ -130,8 +130,9 @@ def read_rows(path: Path) -> list[Row]:
     """All rows of a store, of any version, by scenario, factors, planner and seed; InputError if it is none."""
     with _reading(path) as connection:
         study = _name(connection, path)
-        rows = connection.execute(f"SELECT {_COLUMNS} FROM trials ORDER BY scenario, factors, planner, seed, version")
-        return [_row(path, study, values) for values in rows]
+        order = "scenario, factors, planner, seed, version"
+        rows = connection.execute(f"SELECT {_COLUMNS} FROM trials ORDER BY {order}").fetchall()
+    return [_row(path, study, values) for values in rows]
 
 
 def frame(path: Path) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise
