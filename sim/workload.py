@@ -27,9 +27,14 @@ def _loads(scenario: Scenario) -> Iterator[Load]:
     scans = scenario.duration * rates.sensing
     yield "duration, rates.physics and uavs", scenario.duration * rates.physics * uavs, "steps of a UAV", 1e9
     yield "duration, rates.sensing and uavs", scans * uavs, "scans", 2e6
-    yield "duration, rates.sensing, network.rounds and uavs", scans * scenario.network.rounds * uavs**2, "messages", 1e9
+    yield (
+        "duration, rates.sensing, network.rounds and uavs",
+        scans * scenario.network.rounds * uavs * uavs,
+        "messages",
+        1e9,
+    )
     if scenario.sensing.mode == "camera":
-        pixels = scans * sum(uav.pixels**2 for uav in scenario.uavs)
+        pixels = scans * sum(uav.pixels * uav.pixels for uav in scenario.uavs)
         yield "duration, rates.sensing, uavs and their pixels", pixels, "pixels", 1e12
     area = scenario.area.width * scenario.area.height
     yield "area and uavs, each of which keeps a map of it,", area * uavs, "m² of maps", 6e8
@@ -43,4 +48,4 @@ def _loads(scenario: Scenario) -> Iterator[Load]:
 
 def _length(path: Path) -> float:
     """Length of a path [m]."""
-    return sum(math.dist(one, other) for one, other in pairwise(path))
+    return sum(math.sqrt((x - u) * (x - u) + (y - v) * (y - v)) for (x, y), (u, v) in pairwise(path))
