@@ -34,7 +34,7 @@ from sim.detectors import check_detector
 from sim.errors import InputError
 from sim.loading import SCENARIOS, did_you_mean, load, remarks
 from sim.options import Duration, Overrides, with_duration
-from sim.quantity import MOST_SEED, integer, interval
+from sim.quantity import MOST_SEED, REPEATS, integer, interval
 from sim.replay.command import replay
 from sim.replay.explain_command import explain
 from sim.study.command import compare, studies
@@ -107,6 +107,9 @@ def run(
         str, typer.Option(metavar="NAME", help="Name (see `understory planners`) or yours, module:Class.")
     ] = DEFAULT_PLANNER,
     seed: Annotated[str, typer.Option(metavar="N", help="Gives forest, people, noise and planner their chance.")] = "0",
+    repeat: Annotated[
+        str, typer.Option(metavar="N", help="Another chance of noise, network and planner on the seed's map.")
+    ] = "0",
     duration: Duration = None,
     overrides: Overrides = None,
     out: Annotated[
@@ -118,14 +121,16 @@ def run(
     setting = load(scenario, with_duration(overrides, duration))
     check_detector(setting.sensing.detector)
     number = integer(seed, "--seed", least=0, most=MOST_SEED)
+    again = integer(repeat, "--repeat", least=0, most=REPEATS - 1)
     load_planner(planner)
     remark(*remarks(setting))
-    folder = out or unused(Path("runs") / f"{Path(scenario).stem}-{_plain(planner)}-seed{number}")
+    place = Path("runs") / f"{Path(scenario).stem}-{_plain(planner)}-seed{number}"
+    folder = out or unused(place.with_name(f"{place.name}-repeat{again}") if again else place)
     from sim.mission import Trial
     from sim.run import run as fly
 
     with mission_progress(setting) as progress:
-        summary = fly(Trial(setting, planner, number), folder, video=video, progress=progress, say=say)
+        summary = fly(Trial(setting, planner, number, again), folder, video=video, progress=progress, say=say)
     show_run(summary, folder)
 
 

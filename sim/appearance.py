@@ -44,6 +44,7 @@ class Style:
     """
 
     seed: int
+    repeat: int  # of the noise alone
     light: tuple[float, float, float]  # towards it
     ambient: float
     ground_tint: Array  # (3,) with the light's share
@@ -57,7 +58,7 @@ class Style:
     def develop(self, image: NDArray[np.uint8], uav: int, time: float) -> NDArray[np.uint8]:
         """The image (P, P, 3) as a UAV's camera delivers it at a time [s]: blurred, exposed, with noise.
 
-        The noise depends on seed, UAV and time alone, so that a frame can be made again from a recording.
+        The noise depends on seed, repeat, UAV and time alone, so that a frame can be made again from a recording.
         """
         gain = float(self.gains[uav])
         if self.blur > 0.0:
@@ -66,13 +67,13 @@ class Style:
             return image
         exposed = np.float32(gain) * image.astype(np.float32)
         if self.noise > 0.0:
-            rng = stream(self.seed, "appearance", uav, round(1e6 * time))
+            rng = stream(self.seed, "appearance", uav, round(1e6 * time), repeat=self.repeat)
             exposed += np.float32(self.noise) * standard_normal(rng, image.shape).astype(np.float32)
         return np.asarray(np.clip(np.rint(exposed), 0, 255), dtype=np.uint8)
 
 
-def style_of(scenario: Scenario, seed: int, *, trees: int, people: int) -> Style:
-    """The style of a mission; every aspect has a stream of its own, so that none changes with another's strength."""
+def style_of(scenario: Scenario, seed: int, *, trees: int, people: int, repeat: int = 0) -> Style:
+    """The style of a map; every aspect has a stream of its own, so that none changes with another's strength."""
     strength = _strengths(scenario.appearance)
     scene, clothing, leaves, cameras = stream(seed, "appearance").spawn(4)
     zenith, azimuth = strength["light_deg"] * scene.random(), scene.uniform(-180.0, 180.0)
@@ -86,6 +87,7 @@ def style_of(scenario: Scenario, seed: int, *, trees: int, people: int) -> Style
     each = strength["canopy_tint"] * leaves.uniform(-1, 1, (trees, 1))
     return Style(
         seed=seed,
+        repeat=repeat,
         light=light,
         ambient=ambient,
         ground_tint=tint * _on_the_ground(light, ambient) / _on_the_ground(LIGHT, AMBIENT),

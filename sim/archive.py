@@ -84,7 +84,7 @@ def _loaded(archive: Npz) -> Recording:
     values: dict[str, Any] = {}
     for name, (kind, dtype, shape) in fields.items():
         if name in lacking:
-            values[name] = kind() if kind in (bool, str) else _unknown(dtype, shape, sizes)
+            values[name] = kind() if kind in (bool, str, int) else _unknown(dtype, shape, sizes)
             continue
         with _about(name):
             array = archive.read(name)

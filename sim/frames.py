@@ -26,7 +26,7 @@ from sim.scenario import Scenario
 from sim.sensing import camera_of
 from sim.sight import Sight
 from sim.soundness import check_scenario
-from sim.summary import marked
+from sim.summary import titled
 from sim.tiles import BORDER
 from sim.world import World
 
@@ -37,14 +37,15 @@ _SLACK = 1e-6  # s, for times that were typed
 class Rerenderer:
     """The world of a recording, in which any of its frames can be rendered again; nothing flies.
 
-    The images are those of the mission, byte for byte: they follow from the scenario, the seed and the poses of
-    cameras, people and UAVs alone.
+    The images are those of the mission, byte for byte: they follow from the scenario, seed, repeat and the poses
+    of cameras, people and UAVs alone.
     """
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
         self.scenario = scenario_of(recording)
-        self._world = World(self.scenario, recording.forest, recording.people.shape[1], recording.seed)
+        people = recording.people.shape[1]
+        self._world = World(self.scenario, recording.forest, people, recording.seed, repeat=recording.repeat)
         self._renderer = Renderer(self._world)
 
     def image(self, k: int, uav: int) -> Image:
@@ -150,7 +151,7 @@ def draw(recording: Recording, again: Rerenderer, k: int, uav: int, *, size: int
     side = view.shape[0] + 2 * BORDER
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[again.scenario.uavs[uav].mount]
     notes = [
-        f"{marked(recording.planner, recording.sees_truth)}, seed {recording.seed}",
+        titled(recording),
         f"scan {k} of {len(recording.times) - 1}, {mount}",
     ]
     if again.scenario.sensing.mode == "ideal":

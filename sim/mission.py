@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -42,12 +43,13 @@ class Trial:
     scenario: Scenario
     planner: str  # as `planning.registry` knows it
     seed: int
+    repeat: int = 0  # of sensors, network, wind and planner on the map of the seed
 
 
 class Mission:
-    """A mission that is ready to fly. The planner's and the sensors' chance leave forest and people untouched."""
+    """A mission that is ready to fly. The seed gives forest and people, seed and repeat all other chance."""
 
-    def __init__(self, scenario: Scenario, planner: Planner, seed: int) -> None:
+    def __init__(self, scenario: Scenario, planner: Planner, seed: int, repeat: int = 0) -> None:
         """Grow the forest, let the people walk and build the world; ValueError where the scenario cannot be built."""
         self.scenario = scenario
         self.clock = Stopwatch()
@@ -57,26 +59,27 @@ class Mission:
         knowing = getattr(planner, "knowing", None)  # an oracle's way to the truth, which no situation holds
         self.sees_truth = knowing is not None
         self._planner: Planner = planner if knowing is None else knowing(lambda time: self.people.at(time)[0])
-        self._chance = stream(seed, "planner")
+        chance = partial(stream, seed, repeat=repeat)
+        self._chance = chance("planner")
         # Planners get a map of their own: whatever they do to it, trees still hide what they hide.
         self._known_forest = Forest(self.forest.trees, self.forest.occlusion)
-        self._world = World(scenario, self.forest, self.people.positions.shape[1], seed)
-        self._sensors = Sensors(scenario, self._world, self.forest, rng=stream(seed, "sensors"), clock=self.clock)
+        self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
+        self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
         self._motion = planned_motion(scenario)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
         self._undetected = [self._nobody_seen() for _ in scenario.uavs]
-        self._intents = Intents(scenario.network, exchange_of(self._planner), stream(seed, "intents"))
+        self._intents = Intents(scenario.network, exchange_of(self._planner), chance("intents"))
         self._first = round(scenario.first_decision * scenario.rates.sensing)  # scan
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
         self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
         self._working = list(range(len(scenario.uavs)))  # UAVs that have not broken down, at the last scan
-        self._radio = stream(seed, "network")
-        self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, stream(seed, "wind"))
+        self._radio = chance("network")
+        self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, chance("wind"))
 
     @staticmethod
     def of(trial: Trial) -> Mission:
         """The mission of a trial, its planner loaded."""
-        return Mission(trial.scenario, load_planner(trial.planner), trial.seed)
+        return Mission(trial.scenario, load_planner(trial.planner), trial.seed, trial.repeat)
 
     def fly(self) -> Iterator[Snapshot]:
         """The whole mission, one snapshot per scan. Ends early, cleanly, when no further scan is asked for."""

@@ -11,6 +11,7 @@ from sim.loading import did_you_mean
 MOST_SEED = 2**128 - 1
 MOST_LISTED = 100_000
 _LONGEST = 366 * 86_400.0  # s
+REPEATS = 10_000  # of one map at most
 _SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 
 

@@ -74,6 +74,7 @@ class Recording:
     # Probability that there is somebody; NaN where nobody asks, as in life m_of_n; -1 where it was not recorded.
     track_existence: Annotated[Array, "<f8", "S"] = field(default_factory=lambda: np.zeros(0))
     faults: Annotated[str, "<U", ""] = field(default_factory=str)  # JSON, see `sim.faults`; "" where not recorded
+    repeat: Annotated[int, "<i8", ""] = field(default_factory=int)  # of the chance on the map of the seed
 
     @property
     def forest(self) -> Forest:
@@ -172,7 +173,9 @@ class Recording:
 class Recorder:
     """Takes snapshots, copies what they hold, and gives the recording so far at any time."""
 
-    def __init__(self) -> None:
+    def __init__(self, repeat: int = 0) -> None:
+        """`repeat` is the mission's, on the map of its seed."""
+        self._repeat = repeat
         self._dense: defaultdict[str, list[NDArray[Any]]] = defaultdict(list)
         self._scans: list[tuple[Scan, Array]] = []
         self._tracks: list[tuple[Track, ...]] = []
@@ -230,6 +233,7 @@ class Recorder:
             scenario=scenario,
             planner=planner,
             seed=seed,
+            repeat=self._repeat,
             interrupted=interrupted,
             trees=np.array(rows, dtype=float).reshape(-1, 6),
             **dense,

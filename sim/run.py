@@ -53,7 +53,7 @@ def run(
         with announced(say):
             warm_up()
         start_up = time.perf_counter() - start
-        recorder = Recorder()
+        recorder = Recorder(trial.repeat)
         with stop_request() as stop:
             with _film(trial, mission, folder / "mission.mp4" if video else None) as film:
                 for snapshot in mission.fly():

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sim.contacts import KINDS
 from sim.errors import InputError
 from sim.faults import LONGEST, MOST, read
+from sim.quantity import REPEATS
 from sim.recording import Recording
 from sim.scenario import Scenario
 from tracking.compiled import Array
@@ -57,6 +58,7 @@ def _counts(r: Recording) -> Iterator[Finding]:
 def _texts(r: Recording) -> Iterator[Finding]:
     yield "planner", not r.planner.isprintable() or len(r.planner) > 10_000, "is no printable text"
     yield "seed", r.seed < 0, "is negative"
+    yield "repeat", not 0 <= r.repeat < REPEATS, f"is {r.repeat}, not 0 to {REPEATS - 1}"
     yield "scenario", not _is_object(r.scenario), "is no JSON object"
     yield "faults", not _is_faults(r.faults), "is no list of faults, each with time, uav and message"
     faults, n = read(r.faults), r.poses.shape[1]

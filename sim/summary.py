@@ -16,6 +16,7 @@ from sim.metrics import mean, metrics
 from sim.radio import disagreement
 from sim.recording import Recording
 from sim.stopwatch import STAGES
+from sim.streams import numbered
 
 
 def summarise(
@@ -40,6 +41,7 @@ def summarise(
         "planner": recording.planner,
         "sees_truth": recording.sees_truth,
         "seed": recording.seed,
+        "repeat": recording.repeat,
         "scenario": json.loads(recording.scenario),
         "versions": dict(versions),
         "duration_s": duration,
@@ -66,6 +68,11 @@ def marked(planner: str, sees_truth: bool) -> str:
     return f"{planner} (sees the truth: an upper bound)" if sees_truth else planner
 
 
+def titled(recording: Recording) -> str:
+    """Planner, seed and repeat of a recording as they are shown."""
+    return f"{marked(recording.planner, recording.sees_truth)}, {numbered(recording.seed, recording.repeat)}"
+
+
 def contacts(recording: Recording) -> list[dict[str, Any]]:
     """Who touched what, and from when to when [s] by scan; one that lasts from scan to scan counts once."""
     found: list[dict[str, Any]] = []
@@ -84,9 +91,8 @@ def contacts(recording: Recording) -> list[dict[str, Any]]:
 def results_table(summary: Mapping[str, Any]) -> Table:
     """The summary as it is shown at the end of a run."""
     ospa, detection = summary["ospa"], summary["detection"]
-    title = (
-        f"{marked(summary['planner'], summary['sees_truth'])}, seed {summary['seed']}, {summary['duration_s']:.1f} s"
-    )
+    flown = numbered(summary["seed"], summary["repeat"])
+    title = f"{marked(summary['planner'], summary['sees_truth'])}, {flown}, {summary['duration_s']:.1f} s"
     table = Table(title=title + (" (interrupted)" if summary["interrupted"] else ""), title_justify="left")
     table.add_column("result")
     table.add_column("value", justify="right")

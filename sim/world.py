@@ -45,15 +45,23 @@ class World:
 
     `bodies` lists canopies, trunks, people and UAVs, each kind in the order of the forest, the people and the
     scenario; `centres` gives their places. Trees stand still, people are placed, UAVs obey velocity commands.
-    The seed gives it its style, which differs from the plain one where the scenario's appearance varies.
+    The seed gives it its style, which differs from the plain one where the scenario's appearance varies, and the
+    repeat the noise of its images.
     """
 
     def __init__(
-        self, scenario: Scenario, forest: Forest, people: int, seed: int = 0, client: int | None = None
+        self,
+        scenario: Scenario,
+        forest: Forest,
+        people: int,
+        seed: int = 0,
+        client: int | None = None,
+        *,
+        repeat: int = 0,
     ) -> None:
         """`client` is the engine's client to build in, such as one with a window; without it a new one."""
         self.opengl = client is None and scenario.sensing.mode == "camera" and scenario.sensing.renderer == "egl"
-        self.style = style_of(scenario, seed, trees=len(forest.trees), people=people)
+        self.style = style_of(scenario, seed, trees=len(forest.trees), people=people, repeat=repeat)
         self._scenario = scenario
         self.trees = forest.trees
         largest = max(uav.pixels for uav in scenario.uavs)

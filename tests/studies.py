@@ -22,7 +22,7 @@ def short(planners=("hover", "greedy"), seeds="0-1", **changes):
 
 def invented(task):
     """A row as a flight gives it, its numbers drawn by the seed."""
-    rng = np.random.default_rng(task.seed)
+    rng = np.random.default_rng([task.seed, task.repeat] if task.repeat else task.seed)
     row = failed(task, "").row
     values = dict(zip(NUMBERS, rng.uniform(size=len(NUMBERS)).tolist(), strict=True))
     return msgspec.structs.replace(
@@ -37,7 +37,7 @@ def invented(task):
 def plain(row):
     """A row as values that compare, what depends on the machine left out."""
     metrics = {name: repr(value) for name, value in row.metrics.items() if not is_timing(name)}
-    names = ("study", "scenario", "factors", "planner", "seed", "version", "status", "error", "settings")
+    names = ("study", "scenario", "factors", "planner", "seed", "repeat", "version", "status", "error", "settings")
     fixed = tuple(getattr(row, name) for name in names)
     return *fixed, metrics, row.ospa.dtype.str, row.ospa.tobytes(), row.times.tobytes()
 

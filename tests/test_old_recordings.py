@@ -20,11 +20,20 @@ from sim.summary import summarise
 DATA = Path(__file__).parent / "data"
 # What each lacked, and what stands there.
 LACKED = {
-    "first": {"contacts", "bytes_sent", "plan_bytes", "plan_rounds", "sees_truth", "track_existence", "faults"},
-    "contacts": {"bytes_sent", "plan_bytes", "plan_rounds", "sees_truth", "track_existence", "faults"},
-    "bytes": {"plan_bytes", "plan_rounds", "sees_truth", "track_existence", "faults"},
-    "plans": {"track_existence", "faults"},
-    "existence": {"plan_bytes", "plan_rounds", "sees_truth", "faults"},
+    "first": {
+        "contacts",
+        "bytes_sent",
+        "plan_bytes",
+        "plan_rounds",
+        "sees_truth",
+        "track_existence",
+        "faults",
+        "repeat",
+    },
+    "contacts": {"bytes_sent", "plan_bytes", "plan_rounds", "sees_truth", "track_existence", "faults", "repeat"},
+    "bytes": {"plan_bytes", "plan_rounds", "sees_truth", "track_existence", "faults", "repeat"},
+    "plans": {"track_existence", "faults", "repeat"},
+    "existence": {"plan_bytes", "plan_rounds", "sees_truth", "faults", "repeat"},
 }
 
 
@@ -34,7 +43,8 @@ def test_an_older_form_loads_with_defaults_for_what_it_lacks(form):
         assert {field.name for field in fields(Recording)} - set(archive) == LACKED[form]
     recording = load(DATA / f"mission-{form}.npz")
     assert recording.times.tolist() == [k / 5 for k in range(11)]
-    assert (recording.planner, recording.seed, recording.sees_truth, recording.faults) == ("hover", 0, False, "")
+    assert (recording.planner, recording.seed, recording.repeat) == ("hover", 0, 0)
+    assert (recording.sees_truth, recording.faults) == (False, "")
     lacks = LACKED[form]
     assert len(recording.contacts) == 0
     assert np.all(recording.bytes_sent == -1) == ("bytes_sent" in lacks) and recording.bytes_sent.shape == (11, 3)

@@ -11,8 +11,8 @@ from sim.streams import stream
 
 
 def links_of(recording: Recording, scenario: Scenario) -> list[Links]:
-    """The links of each scan, as the mission had them: they follow from places, the scenario and the seed alone."""
-    rng, uavs = stream(recording.seed, "network"), recording.poses.shape[1]
+    """The links of each scan, as the mission had them: they follow from places, scenario, seed and repeat alone."""
+    rng, uavs = stream(recording.seed, "network", repeat=recording.repeat), recording.poses.shape[1]
     found = []
     for time, poses, working in zip(recording.times.tolist(), recording.poses, recording.working, strict=True):
         up = hearing(scenario.network, time, poses[:, :3]) & working[:, None] & working

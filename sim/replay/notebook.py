@@ -122,6 +122,7 @@ class Flight:
         return {
             "planner": marked(r.planner, r.sees_truth),
             "seed": str(r.seed) if r.seed < 10**12 else f"{str(r.seed)[:12]}...",
+            "repeat": str(r.repeat),
             "duration": f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{ended}",
             "fleet": f"{r.poses.shape[1]} UAVs, {r.people.shape[1]} people, {len(r.trees)} trees",
             "OSPA": f"mean {errors.mean():.2f} m, {100 * np.mean(errors < 1):.1f} % under 1 m" if len(errors) else "-",
@@ -135,7 +136,8 @@ class Flight:
         facts = self.facts
         told = ("duration", "fleet", "OSPA", "people held", "losses")
         rest = "; ".join(facts[name] if name in ("duration", "fleet") else f"{name} {facts[name]}" for name in told)
-        return f"<Flight: {facts['planner']}, seed {facts['seed']}; {rest}>"
+        again = "" if facts["repeat"] == "0" else f", repeat {facts['repeat']}"
+        return f"<Flight: {facts['planner']}, seed {facts['seed']}{again}; {rest}>"
 
     def _repr_html_(self) -> str:
         """The facts, and OSPA over time, as a notebook shows them."""

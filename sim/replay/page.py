@@ -25,7 +25,7 @@ from sim.replay.history import History
 from sim.replay.page_data import css, page_data
 from sim.replay.page_events import Event, incidents, losses
 from sim.scenario import Scenario
-from sim.summary import marked
+from sim.summary import titled
 from sim.video import HEIGHT, WIDTH, parts_of
 
 SOFT: Colour = (102, 97, 90)  # of text that steps back: FAINT is too light to read
@@ -58,7 +58,7 @@ def page(recording: Recording, scenario: Scenario, *, video: bytes | Path | None
     policy = f"default-src 'none'; img-src data:; media-src data:; style-src {_hash(style)}; script-src {_hash(script)}"
     return Template(_asset("page.html")).substitute(
         policy=policy,
-        title=escape(f"{marked(recording.planner, recording.sees_truth)}, seed {recording.seed}"),
+        title=escape(titled(recording)),
         warnings=_warnings(recording, scenario),
         facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording, scenario)),
         film="" if film is None else _film(film),

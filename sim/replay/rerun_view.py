@@ -24,7 +24,7 @@ from sim.replay.rerun_layout import layout
 from sim.replay.rerun_scene import Scene, log_ground
 from sim.replay.rerun_series import log_events, log_series, log_states
 from sim.scenario import Scenario
-from sim.summary import marked
+from sim.summary import titled
 
 Progress = Callable[[object], None]
 
@@ -86,7 +86,8 @@ def planning_times(summary: Path) -> list[float]:
 
 def _stream(recording: Recording) -> rr.RecordingStream:
     """A stream that is the same recording to the viewer whenever the same mission is shown."""
-    mission = f"{recording.planner} {recording.seed} {recording.scenario}"
+    again = f" {recording.repeat}" if recording.repeat else ""
+    mission = f"{recording.planner} {recording.seed}{again} {recording.scenario}"
     return rr.RecordingStream("understory", recording_id=uuid.uuid5(uuid.NAMESPACE_OID, mission))
 
 
@@ -99,7 +100,7 @@ def _fill(
 ) -> None:
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
-    stream.send_recording_name(f"{marked(recording.planner, recording.sees_truth)}, seed {recording.seed}")
+    stream.send_recording_name(titled(recording))
     known = len(planning_s) == len(recording.plan_times) > 0
     stream.send_blueprint(layout(recording, scenario, planning=known))
     history = History.of(recording, scenario)

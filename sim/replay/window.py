@@ -75,7 +75,8 @@ def _world(recording: Recording, scenario: Scenario) -> Iterator[World]:
     with quiet():
         client = pybullet.connect(pybullet.GUI, options=options)
         pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, 0, physicsClientId=client)
-        world = World(scenario, recording.forest, recording.people.shape[1], recording.seed, client)
+        people, chance = recording.people.shape[1], recording.repeat
+        world = World(scenario, recording.forest, people, recording.seed, client, repeat=chance)
         pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, 1, physicsClientId=client)
     try:
         yield world

@@ -18,7 +18,7 @@ from sim.console import console, fail, remark, show_list
 from sim.errors import InputError
 from sim.loading import SCENARIOS, did_you_mean, remarks
 from sim.options import Duration, Overrides, with_duration
-from sim.quantity import MOST_LISTED, integer, integers, seconds
+from sim.quantity import MOST_LISTED, REPEATS, integer, integers, seconds
 from sim.study.study import STUDIES, Study, adapted, is_study, read
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
@@ -42,6 +42,9 @@ def compare(
         str | None, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. [default: 0-9]")
     ] = None,
     maps: Annotated[str | None, typer.Option(metavar="N", help="Seeds 0 to N - 1; the paper has 50.")] = None,
+    repeats: Annotated[
+        str | None, typer.Option(metavar="K", help="Flights on each map, with other noise each. [default: 1]")
+    ] = None,
     sensing: Annotated[str | None, typer.Option(metavar="MODE", help="camera or ideal.")] = None,
     duration: Duration = None,
     overrides: Overrides = None,
@@ -67,12 +70,16 @@ def compare(
 ) -> None:
     """Fly planners on the same forests, people and seeds; show the results side by side. Goes on where it stopped."""
     changes = [*_sensing(sensing), *with_duration(overrides, duration)]
-    chosen = adapted(_study(study), planners=planner or (), seeds=_seeds(seeds, maps), overrides=changes)
+    number = None if repeats is None else integer(repeats, "--repeats", least=1, most=REPEATS)
+    chosen = adapted(
+        _study(study), planners=planner or (), seeds=_seeds(seeds, maps), repeats=number, overrides=changes
+    )
     processes = integer(workers, "--workers", least=1, most=_MOST_WORKERS) if workers else os.cpu_count() or 1
     limit = None if timeout is None else seconds(timeout, "--timeout")
     if keep not in (None, "recordings"):
         raise InputError(f"--keep: {keep!r} is unknown; {did_you_mean(keep, ['recordings'])}")
     folder = out or Path("runs") / chosen.name
+    from sim.streams import numbered
     from sim.study.cells import baseline_of
     from sim.study.engine import Options
     from sim.study.measures import check
@@ -90,7 +97,8 @@ def compare(
     console.print(f"Results in [bold]{escape(str(folder))}[/bold] (report.html){missing}.", soft_wrap=True)
     if failures:
         first = failures[0]
-        fail(f"{len(failures)} of {len(rows)} trials failed, {first.planner}, seed {first.seed}: {first.error}", code=1)
+        place = f"{first.planner}, {numbered(first.seed, first.repeat)}"
+        fail(f"{len(failures)} of {len(rows)} trials failed, {place}: {first.error}", code=1)
 
 
 def studies() -> None:

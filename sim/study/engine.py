@@ -12,6 +12,7 @@ from queue import Empty, SimpleQueue
 from typing import Protocol
 
 from sim.atomic import whole
+from sim.streams import numbered
 from sim.study.row import Row
 from sim.study.store import Store, StoreError
 from sim.study.tasks import Task
@@ -117,7 +118,7 @@ def rows_of(tasks: Sequence[Task], backend: Backend, heard: Callable[[Row], obje
 
     def keep(task: Task, flown: Flown) -> None:
         if flown.row.status == "failed":
-            raise RuntimeError(f"{task.planner}, seed {task.seed}: {flown.row.error}")
+            raise RuntimeError(f"{task.planner}, {numbered(task.seed, task.repeat)}: {flown.row.error}")
         rows[task.key] = flown.row
         heard(flown.row)
 

@@ -8,6 +8,7 @@ from html import escape
 from itertools import groupby
 from string import Template
 
+from sim.streams import numbered
 from sim.study.answers import Answer, Difference
 from sim.study.cells import Cell, Group, cell_text
 from sim.study.measures import Measure
@@ -195,9 +196,9 @@ def maps(groups: Sequence[Group], measure: Measure) -> tuple[str, str]:
         group, cells = extreme.group, []
         for k, (what, row) in enumerate((("best", extreme.best), ("worst", extreme.worst))):
             name, value = anchor(row, 2 * number + k), measure.text(row.metrics[measure.name])
-            cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">seed {row.seed}</a></td>')
+            cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">{numbered(row.seed, row.repeat)}</a></td>')
             shown = f"{value} {measure.unit}".rstrip()
-            label = ", ".join(filter(None, [cell_text(group.cell), row.planner, f"seed {row.seed}"]))
+            label = ", ".join(filter(None, [cell_text(group.cell), row.planner, numbered(row.seed, row.repeat)]))
             text = f"{label}: {what}, {shown}"
             places.append(f'<div class="map" id="{name}">{escape(text)}{commanded(command(row))}</div>')
         first = f'<td>{escape(cell_text(group.cell))}</td><td class="name">{escape(group.planner)}</td>'
@@ -210,7 +211,7 @@ def failures(rows: Sequence[Row]) -> str:
     """Every trial that failed, with its error and command."""
     parts = []
     for number, row in enumerate(rows, start=1):
-        label = ", ".join(filter(None, [cell_text(row.factors), row.planner, f"seed {row.seed}"]))
+        label = ", ".join(filter(None, [cell_text(row.factors), row.planner, numbered(row.seed, row.repeat)]))
         parts.append(
             f'<div class="map failed" id="failure-{number}">{escape(label)}: <strong>{escape(row.error or "no error")}'
             f"</strong>{commanded(command(row))}</div>"

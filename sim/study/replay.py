@@ -8,6 +8,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from sim.streams import numbered
 from sim.study.cells import Group
 from sim.study.measures import Measure
 from sim.study.row import Row
@@ -25,6 +26,8 @@ class Extreme:
 def command(row: Row) -> str:
     """The command line that flies a trial again, for a POSIX shell."""
     words = ["understory", "run", row.scenario, "--planner", row.planner, "--seed", str(row.seed)]
+    if row.repeat:
+        words += ["--repeat", str(row.repeat)]
     for key, value in row.settings.items():
         words += ["--set", f"{key}={value}"]
     return shlex.join(words)
@@ -32,7 +35,8 @@ def command(row: Row) -> str:
 
 def anchor(row: Row, number: int) -> str:
     """A name for a trial's place on a page; `number` makes it the only one."""
-    return f"map-{number}-{re.sub(r'[^a-z0-9]+', '-', row.planner.lower()).strip('-')}-seed-{row.seed}"
+    flown = re.sub(r"[^a-z0-9]+", "-", f"{row.planner} {numbered(row.seed, row.repeat)}".lower()).strip("-")
+    return f"map-{number}-{flown}"
 
 
 def extremes(groups: Sequence[Group], measure: Measure) -> list[Extreme]:
@@ -41,7 +45,7 @@ def extremes(groups: Sequence[Group], measure: Measure) -> list[Extreme]:
     for group in groups:
         rows = [row for row in group.done if math.isfinite(row.metrics.get(measure.name, math.nan))]
         if rows:
-            ordered = sorted(rows, key=lambda row: (row.metrics[measure.name], row.seed))
+            ordered = sorted(rows, key=lambda row: (row.metrics[measure.name], row.seed, row.repeat))
             ends = (ordered[-1], ordered[0]) if measure.better == "higher" else (ordered[0], ordered[-1])
             found.append(Extreme(group, *ends))
     return found

@@ -19,6 +19,7 @@ class Row(Struct, frozen=True, kw_only=True, eq=False):
     factors: tuple[tuple[str, str], ...]  # what varies by cell, as shown: (("lambda", "45"), ("R", "5"))
     planner: str  # as --planner takes it
     seed: int
+    repeat: int = 0  # of the chance on the seed's map
     version: str  # of the package
     status: Literal["done", "failed"]
     error: str = ""

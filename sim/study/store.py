@@ -19,7 +19,7 @@ from sim.npz import line
 from sim.study.row import Row
 from sim.study.tasks import Task
 
-SCHEMA = 1  # in the file's user_version; docs/studies.md describes it
+SCHEMA = 2  # in the file's user_version; docs/studies.md describes it
 NAME = "study.sqlite"
 _TABLES = (
     "CREATE TABLE study (name TEXT NOT NULL)",
@@ -27,13 +27,14 @@ _TABLES = (
         key TEXT PRIMARY KEY, scenario TEXT NOT NULL, factors TEXT NOT NULL, settings TEXT NOT NULL,
         planner TEXT NOT NULL, seed INTEGER NOT NULL, version TEXT NOT NULL, status TEXT NOT NULL,
         error TEXT NOT NULL, metrics TEXT NOT NULL, ospa BLOB NOT NULL, scans_per_s REAL NOT NULL,
-        finished TEXT NOT NULL DEFAULT (datetime('now'))
+        finished TEXT NOT NULL DEFAULT (datetime('now')), repeat INTEGER NOT NULL DEFAULT 0
     )""",
     "CREATE VIEW metrics AS SELECT t.key, j.key AS name, j.value FROM trials t, json_each(t.metrics) j",
     "CREATE VIEW factors AS SELECT t.key, j.value ->> 0 AS name, j.value ->> 1 AS level"
     " FROM trials t, json_each(t.factors) j",
 )
-_COLUMNS = "scenario, factors, settings, planner, seed, version, status, error, metrics, ospa, scans_per_s"
+_REPEAT = "ALTER TABLE trials ADD COLUMN repeat INTEGER NOT NULL DEFAULT 0"  # which version 1 lacks
+_COLUMNS = "scenario, factors, settings, planner, seed, repeat, version, status, error, metrics, ospa, scans_per_s"
 
 
 _DAMAGED = (sqlite3.Error, UnicodeDecodeError)  # of a file of other bytes, or a locked one
@@ -91,9 +92,9 @@ class Store:
 
     def add(self, task: Task, row: Row) -> None:
         """Keep a complete trial, in place of an earlier try; StoreError if that fails."""
-        place = ", ".join("?" * 12)
+        place = ", ".join("?" * 13)
         metrics = msgspec.json.encode(row.metrics).decode()
-        values = (row.planner, _integer(row.seed), row.version, row.status, row.error, metrics)
+        values = (row.planner, _integer(row.seed), row.repeat, row.version, row.status, row.error, metrics)
         rate = task.setting.rates.sensing
         blob = row.ospa.astype("<f4").tobytes()
         with self._writing():
@@ -127,11 +128,12 @@ class Store:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """All rows of a store, of any version, by scenario, factors, planner and seed; InputError if it is none."""
+    """All rows of a store, of any version, by scenario, factors, planner, seed and repeat; InputError if it is none."""
     with _reading(path) as connection:
-        study = _name(connection, path)
-        order = "scenario, factors, planner, seed, version"
-        rows = connection.execute(f"SELECT {_COLUMNS} FROM trials ORDER BY {order}").fetchall()
+        study, version = _name(connection, path), _version(connection, path)
+        columns = _COLUMNS if version > 1 else _COLUMNS.replace("repeat", "0 AS repeat")
+        order = "scenario, factors, planner, seed, repeat, version"
+        rows = connection.execute(f"SELECT {columns} FROM trials ORDER BY {order}").fetchall()
     return [_row(path, study, values) for values in rows]
 
 
@@ -143,7 +145,7 @@ def frame(path: Path) -> Any:  # noqa: ANN401 - pandas' or polars', of which nei
     rows = read_rows(path)
     names = {name: None for row in rows for name in row.metrics}
     factors = {name: None for row in rows for name, _ in row.factors}
-    plain = ("study", "scenario", "planner", "seed", "version", "status", "error")
+    plain = ("study", "scenario", "planner", "seed", "repeat", "version", "status", "error")
     columns: dict[str, list[Any]] = {name: [getattr(row, name) for row in rows] for name in plain}
     for name in factors:
         columns[f"factor.{name}"] = [dict(row.factors).get(name) for row in rows]
@@ -169,14 +171,17 @@ def _reading(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _prepare(connection: sqlite3.Connection, path: Path, study: str) -> None:
-    """Make the tables of a new store, or check that an old one is this study's."""
+    """Make the tables of a new store, or check that an old one is this study's and bring it to the present schema."""
     try:
         connection.execute("BEGIN IMMEDIATE")
-        if _version(connection, path) == 0:
+        version = _version(connection, path)
+        if version == 0:
             for table in _TABLES:
                 connection.execute(table)
             connection.execute("INSERT INTO study VALUES (?)", (study,))
-            connection.execute(f"PRAGMA user_version = {SCHEMA}")
+        elif version == 1:
+            connection.execute(_REPEAT)
+        connection.execute(f"PRAGMA user_version = {SCHEMA}")
         name = _name(connection, path)
         if name != study:
             raise InputError(f"--out: {path.parent} holds study {name!r}, not {study!r}; name another folder")
@@ -219,7 +224,7 @@ def _place(task: Task) -> tuple[str, str, str]:
 
 def _placed(row: Row, task: Task) -> Row:
     place = {name: getattr(task, name) for name in ("study", "scenario", "factors", "settings")}
-    return msgspec.structs.replace(row, **place, planner=task.planner, seed=task.seed, version=task.version)
+    return msgspec.structs.replace(row, **place, planner=task.planner, seed=task.seed, repeat=task.repeat, version=task.version)
 
 
 class _Kept(msgspec.Struct, frozen=True):
@@ -230,6 +235,7 @@ class _Kept(msgspec.Struct, frozen=True):
     settings: str
     planner: str
     seed: int | str | float  # as SQLite takes text that is a number of more than 64 bits
+    repeat: int
     version: str
     status: Literal["done", "failed"]
     error: str
@@ -252,6 +258,7 @@ def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
             factors=msgspec.json.decode(kept.factors, type=tuple[tuple[str, str], ...]),
             planner=kept.planner,
             seed=int(kept.seed),
+            repeat=kept.repeat,
             version=kept.version,
             status=kept.status,
             error=kept.error,

@@ -14,7 +14,7 @@ from msgspec import Meta, Struct
 from assets import ASSETS
 from sim.errors import InputError
 from sim.loading import did_you_mean
-from sim.quantity import integers
+from sim.quantity import REPEATS, integers
 from sim.reading import toml_file
 from sim.study.text import flat, option, toml
 
@@ -30,6 +30,7 @@ class Study(Struct, frozen=True):
     planners: tuple[str, ...]
     description: str = ""
     seeds: str = "0-9"  # as --seeds takes them
+    repeats: Annotated[int, Meta(ge=1, le=REPEATS)] = 1  # of each seed's map
     scenarios: tuple[str, ...] = ("forest",)
     settings: dict[str, str] = {}  # overrides for all trials, values as --set takes them
     factors: dict[str, dict[str, dict[str, Any]]] = {}  # of each name and level: overrides, and `planner` options
@@ -74,7 +75,7 @@ def read(name: str) -> Study:
     table = data.get("study", {})
     if not isinstance(table, Mapping):
         raise InputError(f"{name}: study: {table!r} is not allowed; expected a table [study]")
-    _check_keys(table, ("name", "description", "scenarios", "seeds", "planners"), f"{name}: study.")
+    _check_keys(table, ("name", "description", "scenarios", "seeds", "repeats", "planners"), f"{name}: study.")
     common = data.get("set", {})
     if not isinstance(common, Mapping):
         raise InputError(f"{name}: set: {common!r} is not allowed; expected a table [set]")
@@ -95,9 +96,10 @@ def adapted(
     *,
     planners: Sequence[str] = (),
     seeds: str | None = None,
+    repeats: int | None = None,
     overrides: Sequence[str] = (),
 ) -> Study:
-    """The study with other planners, seeds and overrides for all trials; InputError where a factor sets them."""
+    """The study with what is given in place of its own; InputError where an override is what a factor sets."""
     added: dict[str, str] = {}
     for override in overrides:
         key, equals, value = (part.strip() for part in override.partition("="))
@@ -111,6 +113,7 @@ def adapted(
         study,
         planners=tuple(dict.fromkeys(planners)) or study.planners,
         seeds=study.seeds if seeds is None else seeds,
+        repeats=study.repeats if repeats is None else repeats,
         settings={**study.settings, **added},
     )
 

@@ -33,6 +33,7 @@ class Task(Struct, frozen=True, kw_only=True):
     setting: Scenario
     planner: str
     seed: int
+    repeat: int = 0
     version: str
     study: str = ""
     scenario: str = ""
@@ -41,15 +42,18 @@ class Task(Struct, frozen=True, kw_only=True):
 
 
 def tasks(study: Study) -> list[Task]:
-    """All trials of a study, seed by seed, so that an interrupted one has pairs; InputError or PlannerError."""
+    """All trials of a study, seed by seed and repeat by repeat, so that an interrupted one has pairs.
+
+    InputError or PlannerError where one cannot be flown.
+    """
     listed, seeds = cells(study), integers(study.seeds, "seeds")
-    if len(listed) * len(seeds) > _MOST_TRIALS:
-        text = f"{len(listed)} cells by {len(seeds)} seeds are {len(listed) * len(seeds)} trials"
+    if (count := len(listed) * len(seeds) * study.repeats) > _MOST_TRIALS:
+        text = f"{len(listed)} cells by {len(seeds)} seeds by {study.repeats} repeats are {count} trials"
         raise InputError(f"study: {study.name}: {text}; at most {_MOST_TRIALS} are allowed")
     found, number = [(cell, *_prepared(cell)) for cell in listed], release()
     made = [
         Task(
-            key=_key(digest, seed),
+            key=_key(digest, seed, repeat),
             study=study.name,
             scenario=cell.scenario,
             factors=cell.factors,
@@ -57,8 +61,10 @@ def tasks(study: Study) -> list[Task]:
             setting=setting,
             planner=cell.spec,
             seed=seed,
+            repeat=repeat,
             version=number,
         )
+        for repeat in range(study.repeats)
         for seed in seeds
         for cell, setting, digest in found
     ]
@@ -68,7 +74,7 @@ def tasks(study: Study) -> list[Task]:
 
 def task_of(setting: Scenario, planner: str, seed: int) -> Task:
     """A trial by itself, of no study."""
-    key = _key(_digest_of(setting, planner), seed)
+    key = _key(_digest_of(setting, planner), seed, 0)
     return Task(key=key, setting=setting, planner=planner, seed=seed, version=release())
 
 
@@ -82,7 +88,7 @@ def release() -> str:
 
 
 def _prepared(cell: Cell) -> tuple[Scenario, str]:
-    """The resolved scenario of a cell, and a digest of all that decides its trials but the seed."""
+    """The resolved scenario of a cell, and a digest of all that decides its trials but seed and repeat."""
     setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
     check_detector(setting.sensing.detector)
     return setting, _digest_of(setting, cell.spec)
@@ -110,8 +116,9 @@ def _digest(path: Path) -> str:
         return ""  # building the world says what is wrong with it
 
 
-def _key(digest: str, seed: int) -> str:
-    return hashlib.sha256(f"{digest} {seed}".encode()).hexdigest()[:32]
+def _key(digest: str, seed: int, repeat: int) -> str:
+    place = f"{seed} {repeat}" if repeat else f"{seed}"
+    return hashlib.sha256(f"{digest} {place}".encode()).hexdigest()[:32]
 
 
 def _check_distinct(first: Sequence[Task]) -> None:

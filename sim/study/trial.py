@@ -60,9 +60,9 @@ def warm() -> float:
 
 def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
     start = time.perf_counter()
-    mission = Mission.of(Trial(task.setting, task.planner, task.seed))
+    mission = Mission.of(Trial(task.setting, task.planner, task.seed, task.repeat))
     start_up = time.perf_counter() - start
-    recorder, ospa = Recorder(), []
+    recorder, ospa = Recorder(task.repeat), []
     for snapshot in mission.fly():
         recorder.add(snapshot)
         ospa.append(snapshot.error)
@@ -124,6 +124,7 @@ def _row(task: Task, **results: Any) -> Row:  # noqa: ANN401 - the row's fields 
         factors=task.factors,
         planner=task.planner,
         seed=task.seed,
+        repeat=task.repeat,
         version=task.version,
         settings=task.settings,
         **{"metrics": {}, **results},
