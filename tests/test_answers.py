@@ -1,5 +1,6 @@
 """Cells, pairs and differences are those that a count by hand gives."""
 
+import msgspec
 import numpy as np
 import pytest
 from trials import failed, row, study
@@ -8,7 +9,7 @@ from sim.errors import InputError
 from sim.study.answers import answers
 from sim.study.cells import baseline_of, constant, grouped, trimmed, varying
 from sim.study.measures import available, check, chosen, measure
-from sim.study.statistics import means
+from sim.study.statistics import chances, holm, maps_needed, means, medians, spreads
 
 MEAN, SHARE, NEES = measure("ospa.mean_m"), measure("ospa.share_under_1m"), measure("nees.position")
 
@@ -44,11 +45,12 @@ def test_failed_undefined_and_lonely_maps_are_counted_and_left_out():
     rows = [*flown("sma-nbo", {0: 1.0, 1: 1.0, 2: np.nan, 3: 1.0}), failed("sma-nbo", 4)]
     rows += [*flown("greedy", {0: 2.0, 1: np.inf, 2: 2.0, 4: 2.0, 9: 3.0}), failed("greedy", 3)]
     one = answer(rows, "sma-nbo")
-    assert (one.maps, one.failed, one.undefined) == (5, 1, 1)
+    assert (one.maps, one.flown, one.trials, one.failed, one.undefined) == (4, 6, 5, 1, 1)
     assert one.mean == means(np.array([[2.0], [2.0], [2.0], [3.0]]))[0]
     assert (one.difference.pairs, one.difference.unpaired) == (1, 5)  # seeds 1, 2, 3, 4 and 9 lack one of both
     base = answer(rows, "sma-nbo", planner="sma-nbo")
-    assert (base.maps, base.failed, base.undefined, base.difference) == (4, 1, 1, None)
+    assert (base.maps, base.flown, base.trials, base.failed, base.undefined) == (3, 5, 4, 1, 1)
+    assert base.difference is None
 
 
 def test_a_cell_without_the_baseline_has_no_pairs():
@@ -61,6 +63,83 @@ def test_a_group_that_failed_whole_is_there():
     rows = [*flown("sma-nbo", {0: 1.0}), failed("greedy", 0)]
     one = answer(rows, "sma-nbo")
     assert (one.maps, one.failed) == (0, 1) and np.isnan(one.mean.value)
+
+
+def again(planner, values, factors=()):
+    """Rows of maps by seed, each with the values of its repeats; None where one failed."""
+    return [
+        failed(planner, seed, factors, repeat=r)
+        if v is None
+        else row(planner, seed, factors, {"ospa.mean_m": v}, repeat=r)
+        for seed, found in values.items()
+        for r, v in enumerate(found)
+    ]
+
+
+def test_a_map_counts_once_with_the_mean_of_its_repeats():
+    rows = again("sma-nbo", {0: [1.0, 3.0], 1: [4.0, 8.0], 2: [0.0, 2.0]})
+    rows += again("greedy", {0: [3.0, 3.0], 1: [4.0, 8.0], 2: [1.0, 2.0]})
+    one, base = answer(rows, "sma-nbo"), answer(rows, "sma-nbo", planner="sma-nbo")
+    expected = means(np.array([[2.0], [6.0], [1.0]]))[0]
+    assert (base.mean.value, base.mean.low, base.mean.high) == (3.0, 0.0, expected.high)  # no error is below zero
+    assert base.median == medians(np.array([[2.0], [6.0], [1.0]]))[0]
+    assert (base.maps, base.flown, base.trials) == (3, 3, 6)
+    gaps = np.array([[1.0], [0.0], [0.5]])
+    gap = one.difference
+    assert gap.mean == means(gaps)[0] and gap.chance == chances(gaps)[0] and [gap.needed] == maps_needed(gaps)
+    assert (gap.pairs, gap.unpaired, gap.won, gap.tied, gap.lost) == (3, 0, 0, 1, 2)
+    repeats = np.repeat([0, 1, 2], 2)
+    assert [gap.spread] == spreads(np.array([2.0, 0, 0, 0, 1, 0])[:, None], repeats)
+    assert [base.spread] == spreads(np.array([1.0, 3, 4, 8, 0, 2])[:, None], repeats)
+
+
+def test_the_order_of_repeats_and_rows_does_not_matter():
+    rows = again("sma-nbo", {0: [1.0, 3.0], 1: [4.0, 8.0]}) + again("greedy", {0: [3.0, 3.0], 1: [4.0, 9.0]})
+    assert answer(rows[::-1], "sma-nbo") == answer(rows, "sma-nbo")
+
+
+def test_a_repeat_that_failed_leaves_its_map_the_others():
+    rows = again("sma-nbo", {0: [1.0, 3.0], 1: [4.0, None], 2: [5.0, 5.0]})
+    rows += again("greedy", {0: [None, 4.0], 1: [None, 6.0], 2: [5.0, 6.0]})
+    one = answer(rows, "sma-nbo")
+    assert (one.maps, one.flown, one.trials, one.failed) == (3, 3, 4, 2)
+    gap = one.difference
+    assert gap.mean == means(np.array([[1.0], [0.5]]))[0]  # map 1 has no repeat that both flew
+    assert (gap.pairs, gap.unpaired) == (2, 1)
+
+
+def test_intervals_end_where_values_do():
+    rows = flown("sma-nbo", {s: v for s, v in enumerate((1.0, 1.0, 1.0, 1.0, 0.2))}, "ospa.share_under_1m")
+    share = answer(rows, "sma-nbo", SHARE, "sma-nbo").mean
+    free = means(np.array([[1.0, 1, 1, 1, 0.2]]).T)[0]
+    assert (share.low, share.high) == (0.0, 1.0) and free.low < 0 and free.high > 1
+    error = answer(flown("sma-nbo", {0: 0.0, 1: 0.1, 2: 9.0}), "sma-nbo", planner="sma-nbo").mean
+    assert error.low == 0.0 and error.high > 9.0
+
+
+def test_over_all_cells_repeats_are_paired_and_maps_counted():
+    cells = [(("R", "1"),), (("R", "5"),)]
+    rows = again("sma-nbo", {0: [0.0, 0.0], 1: [0.0, 0.0]}, cells[0]) + again(
+        "greedy", {0: [1.0, 2.0], 1: [3.0, 3.0]}, cells[0]
+    )
+    rows += again("sma-nbo", {0: [0.0, 0.0], 1: [0.0, None]}, cells[1]) + again(
+        "greedy", {0: [3.0, 4.0], 1: [5.0, 7.0]}, cells[1]
+    )
+    gap = answer(rows, "sma-nbo", cell=None).difference
+    assert gap.mean == means(np.array([[2.5], [4.0]]))[0] and (gap.pairs, gap.unpaired, gap.cells) == (2, 0, 2)
+
+
+def test_all_differences_are_judged_together():
+    rows = [row("base", s, metrics={"ospa.mean_m": 1.0, "recall": 0.5}) for s in range(8)]
+    rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s, "recall": 0.4 + 0.001 * s}) for s in range(8)]
+    found = [a.difference for a in answers(grouped(rows, "base"), [MEAN, measure("recall")], "base") if a.difference]
+    assert [gap.survives for gap in found] == holm([gap.chance for gap in found]) == [True, True]
+    many = [
+        *rows,
+        *(msgspec.structs.replace(r, planner=f"w{k}") for k in range(6) for r in rows if r.planner == "worse"),
+    ]
+    crowd = [a.difference for a in answers(grouped(many, "base"), [MEAN], "base") if a.difference]
+    assert {gap.chance for gap in crowd} == {2 / 2**8} and not any(gap.survives for gap in crowd)  # 7 x 2 / 2⁸ > 5 %
 
 
 def test_over_all_cells_each_seed_counts_once_and_whole():

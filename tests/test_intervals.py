@@ -1,21 +1,23 @@
-"""Intervals, distributions and bands are those of their definitions."""
+"""Intervals, tests, spreads, distributions and bands are those of their definitions."""
 
-from itertools import product
-from types import SimpleNamespace
+from math import comb
 
 import numpy as np
 import pytest
-from scipy.stats import bootstrap
+from scipy import stats
 
+from sim.study import statistics
 from sim.study.statistics import (
-    RESAMPLES,
+    NO_SPREAD,
     bands,
+    chances,
     ecdf,
+    holm,
+    maps_needed,
     means,
     medians,
-    resampled_means,
-    resampled_medians,
     share_under,
+    spreads,
 )
 
 
@@ -27,50 +29,151 @@ def three(estimate):
     return estimate.value, estimate.low, estimate.high
 
 
-@pytest.mark.parametrize(("n", "seed"), [(5, 1), (10, 2), (50, 3)])
-def test_intervals_of_means_are_bca_intervals_of_the_same_resamples(n, seed):
-    values = skewed(n, seed=seed)
-    drawn = SimpleNamespace(bootstrap_distribution=resampled_means(values)[0])
-    peer = bootstrap(
-        (values[:, 0],), np.mean, n_resamples=0, bootstrap_result=drawn, method="BCa", vectorized=True
-    ).confidence_interval
-    np.testing.assert_allclose(three(means(values)[0]), (values.mean(), peer.low, peer.high), rtol=1e-9)
+@pytest.mark.parametrize(("n", "seed"), [(3, 1), (5, 1), (10, 2), (50, 3)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_intervals_of_means_are_students_lengthened_by_the_edgeworth_term(n, seed, sign):
+    values = sign * skewed(n, seed=seed)[:, 0]
+    student = stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
+    quantile = stats.t.ppf(0.975, n - 1)
+    reach = stats.skew(values, bias=False) * values.std(ddof=1) * (1 + 2 * quantile**2) / (6 * n)
+    assert reach != 0
+    expected = values.mean(), student.low + min(reach, 0), student.high + max(reach, 0)
+    np.testing.assert_allclose(three(means(values[:, None])[0]), expected, rtol=1e-9)
 
 
-def test_intervals_of_medians_are_percentiles_of_the_same_resamples():
-    values = skewed(9)
-    drawn = SimpleNamespace(bootstrap_distribution=resampled_medians(values)[0])
-    peer = bootstrap(
-        (values[:, 0],), np.median, n_resamples=0, bootstrap_result=drawn, method="percentile", vectorized=True
-    ).confidence_interval
-    np.testing.assert_allclose(three(medians(values)[0]), (np.median(values), peer.low, peer.high), rtol=1e-12)
+def test_the_interval_of_symmetric_values_is_students():
+    values = np.array([-3.0, -1.0, 0.0, 1.0, 3.0]) + 7.0
+    student = stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
+    np.testing.assert_allclose(three(means(values[:, None])[0]), (7.0, student.low, student.high), rtol=1e-12)
 
 
-@pytest.mark.parametrize("n", [3, 4, 5])
-def test_resamples_spread_as_all_samples_with_replacement_do(n):
-    values = skewed(n)
-    every = np.array([values[list(chosen), 0] for chosen in product(range(n), repeat=n)])
-    for drawn, exact in (
-        (resampled_means(values)[0], every.mean(axis=1)),
-        (resampled_medians(values)[0], np.median(every, axis=1)),
-    ):
-        at = np.unique(np.round(exact, 9)) + 1e-9
-        error = np.abs(np.mean(drawn[:, None] <= at, axis=0) - np.mean(exact[:, None] <= at, axis=0))
-        assert error.max() < 1.63 / np.sqrt(RESAMPLES)  # Kolmogorov's bound at 1 %
+@pytest.mark.parametrize("n", [2, 5, 6, 8, 9, 25, 50])
+def test_intervals_of_medians_are_the_innermost_values_that_hold_95_percent(n):
+    values = np.random.default_rng(n).permutation(np.arange(1.0, n + 1))
+    covered = {
+        rank: 1 - 2 * sum(comb(n, k) for k in range(rank)) / 2**n for rank in range(1, n // 2 + 1)
+    }  # the true median lies below fewer than `rank` of n values as often as a coin shows so few heads
+    enough = [rank for rank, share in covered.items() if share >= 0.95] or [1]
+    assert three(medians(values[:, None])[0]) == ((n + 1) / 2, enough[-1], n + 1 - enough[-1])
 
 
-def test_intervals_come_near_those_of_a_fresh_bootstrap():
-    values = skewed(20)
-    peer = bootstrap((values[:, 0],), np.mean, n_resamples=20000, rng=np.random.default_rng(9)).confidence_interval
-    estimate = means(values)[0]
-    width = peer.high - peer.low
-    assert abs(estimate.low - peer.low) < 0.05 * width and abs(estimate.high - peer.high) < 0.05 * width
+def test_intervals_of_medians_hold_the_median_as_often_as_they_say():
+    values = np.random.default_rng(5).lognormal(0.0, 1.5, (8, 4000))
+    held = np.mean([e.low <= 1.0 <= e.high for e in medians(values)])
+    assert held == pytest.approx(1 - 2 / 2**8, abs=0.006)
 
 
 def test_intervals_of_means_cover_the_truth_nearly_as_often_as_they_say():
-    values = np.random.default_rng(1).normal(3.0, 1.0, (30, 600))
+    values = np.random.default_rng(1).normal(3.0, 1.0, (30, 2000))
     covered = np.mean([e.low <= 3.0 <= e.high for e in means(values)])
-    assert 0.92 <= covered <= 0.97
+    assert 0.94 <= covered <= 0.97
+
+
+@pytest.mark.parametrize("n", [6, 8, 20])
+def test_the_p_value_is_that_of_the_interval_that_ends_at_zero(n, monkeypatch):
+    for seed, shift in ((1, 0.8), (2, -1.5), (3, 3.0)):
+        values = skewed(n, seed=seed) - shift
+        (chance,) = chances(values)
+        if chance in (1.0, 2.0 ** (1 - n)):
+            continue
+        with monkeypatch.context() as patch:
+            patch.setattr(statistics, "LEVEL", 1 - chance)
+            estimate = means(values)[0]
+        assert (
+            estimate.low == pytest.approx(0, abs=1e-9)
+            if estimate.value > 0
+            else estimate.high == pytest.approx(0, abs=1e-9)
+        )
+
+
+@pytest.mark.parametrize("n", [6, 8, 12, 40])
+def test_p_values_below_5_percent_are_intervals_without_zero(n):
+    values = np.random.default_rng(n).gamma(1.0, 1.0, (n, 500)) - np.linspace(0.0, 2.0, 500)
+    apart = [not e.low <= 0 <= e.high for e in means(values)]
+    assert [chance <= 0.05 for chance in chances(values)] == apart and 50 < sum(apart) < 450
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 6])
+def test_no_p_value_is_below_what_so_many_maps_can_give(n):
+    equal, nearly = np.full((n, 1), 3.0), np.full((n, 1), 3.0) + 1e-6 * np.arange(n)[:, None]
+    assert chances(equal) == [2.0 ** (1 - n)] and chances(nearly) == [2.0 ** (1 - n)]
+    assert chances(np.zeros((n, 1))) == [1.0]
+    assert (chances(equal)[0] <= 0.05) == (n >= 6)
+
+
+def test_of_nothing_there_is_no_evidence():
+    assert chances(np.full((3, 1), np.nan)) == [1.0] and chances(np.zeros((0, 1))) == [1.0]
+
+
+def test_holms_correction_is_that_of_its_definition():
+    assert holm([0.01, 0.04, 0.03, 0.005]) == [True, False, False, True]
+    assert holm([]) == [] and holm([0.05]) == [True] and holm([0.026, 0.026]) == [False, False]
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        given = rng.beta(0.3, 3.0, rng.integers(1, 8)).round(3).tolist()
+        rejected = [False] * len(given)
+        for k, i in enumerate(sorted(range(len(given)), key=given.__getitem__)):  # the least against 5 %/m, and so on
+            if given[i] * (len(given) - k) > 0.05:
+                break
+            rejected[i] = True
+        assert holm(given) == rejected
+
+
+def test_holms_correction_errs_in_one_family_of_twenty():
+    families = np.random.default_rng(2).uniform(size=(4000, 5))
+    assert np.mean([any(holm(row)) for row in families.tolist()]) == pytest.approx(0.05, abs=0.01)
+
+
+def test_spreads_are_those_of_the_analysis_of_variance_by_hand():
+    # Maps of means 1, 4 and 7, each with repeats of -1, 0 and +1 about it: MS within 1, MS between 27.
+    values = np.array([[c + d] for c in (1.0, 4.0, 7.0) for d in (-1.0, 0.0, 1.0)])
+    (spread,) = spreads(values, np.repeat([0, 1, 2], 3))
+    assert (spread.between, spread.within) == pytest.approx((np.sqrt(26 / 3), 1.0))
+    (noise,) = spreads(np.array([[0.0], [2.0], [0.0], [2.0]]), np.array([0, 0, 1, 1]))
+    assert (noise.between, noise.within) == pytest.approx((0.0, np.sqrt(2.0)))  # a negative variance is none
+
+
+def test_spreads_of_unequal_repeats_come_out_right_on_average():
+    rng = np.random.default_rng(3)
+    maps = np.repeat(np.arange(9), [1, 2, 3, 1, 4, 2, 5, 1, 3])
+    found = [spreads((rng.normal(0, 2, 9)[maps] + rng.normal(0, 1, len(maps)))[:, None], maps)[0] for _ in range(2000)]
+    assert np.mean([s.between**2 for s in found]) == pytest.approx(4.0, rel=0.05)
+    assert np.mean([s.within**2 for s in found]) == pytest.approx(1.0, rel=0.03)
+
+
+def test_without_repeats_nothing_is_known_of_the_spread_within_maps():
+    assert spreads(skewed(5), np.arange(5)) == [NO_SPREAD]
+    (one,) = spreads(np.array([[1.0], [3.0], [np.nan]]), np.array([4, 4, 5]))
+    assert np.isnan(one.between) and one.within == pytest.approx(np.sqrt(2))
+
+
+@pytest.mark.parametrize("shift", [0.3, 0.6, 1.0, -0.6])
+def test_maps_needed_are_the_fewest_with_the_power(shift):
+    values = np.random.default_rng(4).normal(0, 1, (30, 1))
+    values = (values - values.mean()) / values.std(ddof=1) + shift
+    (needed,) = maps_needed(values)
+
+    def power(n):
+        end = stats.t.ppf(0.975, n - 1)
+        return stats.nct.sf(end, n - 1, abs(shift) * np.sqrt(n))
+
+    assert power(needed) >= 0.8 > power(needed - 1)
+
+
+def test_maps_needed_find_the_difference_in_four_comparisons_of_five():
+    rng = np.random.default_rng(6)
+    values = rng.normal(0, 1, (20, 1))
+    values = (values - values.mean()) / values.std(ddof=1) + 0.5
+    (needed,) = maps_needed(values)
+    told = np.array(chances(rng.normal(0.5, 1.0, (int(needed), 4000)))) <= 0.05
+    assert told.mean() == pytest.approx(0.8, abs=0.03)
+
+
+def test_maps_needed_have_ends():
+    assert maps_needed(np.full((4, 1), 2.0)) == [6.0]
+    assert maps_needed(np.array([[1.0], [-1.0]])) == [np.inf]
+    assert maps_needed(1e-6 + np.array([[1.0], [-1.0]])) == [np.inf]
+    assert np.isnan(maps_needed(np.ones((1, 1)))).all()
 
 
 def test_columns_do_not_depend_on_one_another():
@@ -95,13 +198,6 @@ def test_one_map_has_no_interval_and_none_has_no_value():
 def test_equal_values_have_an_interval_of_no_width(n):
     for function in (means, medians):
         np.testing.assert_allclose(three(function(np.full((n, 1), 0.1))[0]), (0.1, 0.1, 0.1), rtol=1e-15)
-
-
-def test_ties_count_half():
-    values = np.array([[0.0], [0.0], [0.0], [1.0]])
-    drawn = SimpleNamespace(bootstrap_distribution=resampled_means(values)[0])
-    peer = bootstrap((values[:, 0],), np.mean, n_resamples=0, bootstrap_result=drawn, method="BCa").confidence_interval
-    np.testing.assert_allclose(three(means(values)[0]), (0.25, peer.low, peer.high), rtol=1e-9)
 
 
 @pytest.mark.parametrize("gap", [np.nan, np.inf, -np.inf])

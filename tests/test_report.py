@@ -8,6 +8,7 @@ import subprocess
 from html.parser import HTMLParser
 
 import msgspec
+import numpy as np
 import pytest
 from trials import failed, row, study
 from typer.main import get_command
@@ -20,7 +21,7 @@ from sim.study.answers import Difference
 from sim.study.measures import measure
 from sim.study.page import verdict
 from sim.study.report import About, duration, made, ranges, write
-from sim.study.statistics import Estimate
+from sim.study.statistics import Estimate, chances, maps_needed, means
 
 EVIL = "<script>alert('x')</script> & \"quoted\" --rm"
 ABOUT = About(
@@ -216,17 +217,70 @@ def test_odd_studies_have_a_report_too(given):
     assert page.of("h1") and page.of("table")
 
 
+def gap_of(values, shown=1):
+    (mean,), (chance,) = means(values), chances(values)
+    signs = np.sign(values)
+    counts = [int(np.sum(signs == sign)) for sign in (1, 0, -1)]
+    return Difference(mean, len(values), 0, *counts, chance=chance, needed=maps_needed(values)[0], survives=shown == 1)
+
+
 def test_verdicts_follow_the_interval():
     share = measure("ospa.share_under_1m")
-    for low, high, told in (
-        (0.01, 0.2, "is better than"),
-        (-0.2, -0.01, "is worse than"),
-        (-0.1, 0.2, "cannot be told from"),
-    ):
-        gap = Difference(Estimate((low + high) / 2, low, high), 9, 0, 5, 1, 3)
-        assert f"mine {told} base: " in verdict("mine", "base", share, gap)
-    assert "one map" in verdict("mine", "base", share, Difference(Estimate(0.1), 1, 0, 1, 0, 0))
-    assert "no map in common" in verdict("mine", "base", share, Difference(Estimate(), 0, 2, 0, 0, 0))
+    spread = np.linspace(-0.05, 0.05, 9)[:, None]
+    one = "mine and base cannot be told apart: scans with OSPA under 1 m +1.0 points (95 %: -1.6 to +3.6)"
+    for middle, told in ((0.1, "mine is better than base: "), (-0.1, "mine is worse than base: ")):
+        gap = gap_of(spread + middle)
+        assert verdict("mine", "base", share, gap).startswith(told)
+        assert "Holm" not in verdict("mine", "base", share, gap, shown=4)
+        lone = gap_of(spread + middle, shown=4)
+        assert verdict("mine", "base", share, lone, shown=4).endswith(
+            "survive Holm's correction for all 4 differences."
+        )
+    text = verdict("mine", "base", share, gap_of(spread + 0.01))
+    assert text.startswith(one)
+    assert text.endswith("of 9 maps it won 5, tied 0 and lost 4. A difference as large takes some 94 maps.")
+    alone = verdict("mine", "base", share, Difference(Estimate(), 0, 2, 0, 0, 0))
+    assert alone == "mine and base cannot be told apart: they have no map in common."
+
+
+@pytest.mark.parametrize("maps", [1, 2, 3, 4, 5])
+def test_few_maps_tell_nothing_apart_however_large_the_difference(maps):
+    share = measure("ospa.share_under_1m")
+    for values in (np.full((maps, 1), 0.5), 0.5 + 1e-3 * np.arange(maps)[:, None]):
+        text = verdict("mine", "base", share, gap_of(values))
+        assert text.startswith("mine and base cannot be told apart: scans with OSPA under 1 m +50.")
+        assert f"{maps} map{'s' * (maps > 1)} cannot tell any planners apart, six at least are needed." in text
+
+
+@pytest.mark.parametrize("maps", [1, 2, 5])
+def test_the_headline_says_that_planners_cannot_be_told_apart(maps):
+    rows = [
+        row(p, s, metrics={"ospa.share_under_1m": v})
+        for p, v in (("sma-nbo", 0.9), ("greedy", 0.2))
+        for s in range(maps)
+    ]
+    page = made(rows, About("few"))["report.html"].decode()
+    short = page[page.index("In short</h2>") : page.index("What was run</h2>")]
+    assert "greedy and sma-nbo cannot be told apart" in short
+    assert "is worse" not in page and "is better than" not in short
+
+
+def test_repeats_are_told_and_flown_again():
+    rows = [
+        row(p, s, metrics={"ospa.share_under_1m": 0.1 * s + 0.01 * r + 0.02 * i}, repeat=r)
+        for i, p in enumerate(("sma-nbo", "greedy"))
+        for s in range(8)
+        for r in range(3)
+    ]
+    page = Page(made(rows, About("again"))["report.html"].decode())
+    ((_, text),) = page.of("main")
+    assert "repeats of each map3" in re.sub(r"\s+(?=\d)", "", text) and "48 done, 0 failed" in text
+    assert "scans with OSPA under 1 m [%]: spread" in text
+    best = [words for words in page.commands() if "--seed 7" in words]
+    assert len(best) == 2 and all("--seed 7 --repeat 2 --set" in words for words in best)
+    worst = [words for words in page.commands() if "--seed 0" in words]
+    assert len(worst) == 2 and not any("--repeat" in words for words in worst)
+    assert len(page.of("a")) and "seed 7, repeat 2" in text
 
 
 def test_numbers_read_as_people_write_them():

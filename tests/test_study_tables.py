@@ -5,6 +5,7 @@ import io
 import math
 import re
 
+import msgspec
 import numpy as np
 import pytest
 from rich.console import Console
@@ -13,8 +14,10 @@ from trials import failed, row, study
 from sim.errors import InputError
 from sim.study.answers import answers
 from sim.study.cells import grouped
+from sim.study.coverage import ERRORS, SHARES
+from sim.study.formats import comma_separated, markdown
 from sim.study.measures import measure
-from sim.study.tables import comma_separated, markdown, show
+from sim.study.tables import show
 
 MEAN = measure("ospa.mean_m")
 
@@ -41,6 +44,7 @@ def test_the_terminal_shows_every_number_whole(width):
         if gap := answer.difference:
             pieces += [f"{gap.mean.value:+.2f} [{gap.mean.low:+.2f}, {gap.mean.high:+.2f}]"]
             pieces += [f"{gap.won}, {gap.tied}, {gap.lost}"]
+            pieces += [f"{gap.needed:.0f}"] if width >= 100 else []
         else:
             pieces.append("baseline")
         line = r"\s+".join(map(re.escape, pieces))
@@ -61,7 +65,7 @@ def test_what_does_not_count_is_said():
     for text in (shown(rows, 120), markdown(answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")):
         assert "1/3" in text
         assert "greedy: 1 of 3 trials failed and do not count" in text
-        assert "greedy: OSPA mean is undefined on 1 of 2 maps" in text
+        assert "greedy: OSPA mean is undefined in 1 of 2 trials" in text
         assert "greedy: 1 of 3 maps have a pair with the baseline's" in text
 
 
@@ -106,3 +110,79 @@ def test_markdown_tables_are_regular_and_escaped():
     table = [line for line in text.splitlines() if line.startswith("|")]
     assert len({len(re.findall(r"(?<!\\)\|", line)) for line in table}) == 1
     assert r"a\|b:C" in text and "<b>" not in text
+
+
+def repeated(gap=1.0, seeds=8, repeats=3):
+    """Two planners that differ by about `gap`, maps apart by about 1 and repeats by a tenth of it."""
+    rng = np.random.default_rng(2)
+    maps, noise = rng.normal(5, 1, seeds), rng.normal(0, 0.1, (2, seeds, repeats))
+    return [
+        row(planner, seed, metrics={"ospa.mean_m": float(maps[seed] + gap * i + noise[i, seed, r])}, repeat=r)
+        for i, planner in enumerate(("sma-nbo", "greedy"))
+        for seed in range(seeds)
+        for r in range(repeats)
+    ]
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_spreads_between_and_within_maps_are_shown_where_maps_are_repeated(width):
+    text = shown(repeated(), width, metrics=["ospa.mean_m"])
+    assert max(map(len, text.splitlines())) <= width
+    base, other = answers(grouped(repeated(), "sma-nbo"), [MEAN], "sma-nbo")
+    gap = other.difference
+    assert 0.5 < base.spread.between < 2 and 0.05 < base.spread.within < 0.2 and 0.05 < gap.spread.within < 0.3
+    own = [f"{value:.2f}" for value in (other.spread.between, other.spread.within)]
+    shared = [f"{gap.spread.between:.2f}", f"{gap.spread.within:.2f}", f"{gap.needed:.0f}"]
+    table = text[text.index("OSPA mean [m]: spread") :]
+    assert re.search(r"^ *" + r" +".join(map(re.escape, ["greedy", *own, *shared])) + r" *$", table, flags=re.M)
+    assert re.search(
+        rf"^ *sma-nbo +{base.spread.between:.2f} +{base.spread.within:.2f} +baseline *$", table, flags=re.M
+    )
+    assert "Each map counts once, with the mean of its repeats." in text
+    assert "spread" not in shown(repeated(repeats=1), width).lower()
+    assert "spread**" in markdown([base, other], "sma-nbo")
+
+
+def test_stars_mark_what_survives_holms_correction():
+    rows = [
+        *repeated(3.0),
+        *(msgspec.structs.replace(r, planner="weak") for r in repeated(0.02) if r.planner == "greedy"),
+    ]
+    found = answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo")
+    strong, weak = (next(a.difference for a in found if a.planner == name) for name in ("greedy", "weak"))
+    assert (strong.told, strong.survives, weak.told, weak.survives) == (True, True, False, False)
+    for text in (shown(rows, 120), markdown(found, "sma-nbo").replace("\\*", "*")):
+        assert re.search(r"greedy .*\* \+3\.", text) and not re.search(r"weak .*\* [+-]", text)
+        assert "* survives Holm's correction for all 2 differences shown (5 %)." in text
+    assert "Holm" not in shown(repeated(), 120)
+
+
+def test_a_difference_may_hold_by_itself_and_not_with_others():
+    rows = [row("base", s, metrics={"ospa.mean_m": 1.0}) for s in range(10)]
+    around = np.linspace(-1.0, 1.0, 10)
+    for k in range(6):  # the first is a difference of 0.8 standard deviations, the others are none
+        shift = 0.8 * (k == 0) * around.std(ddof=1)
+        rows += [row(f"p{k}", s, metrics={"ospa.mean_m": 1.0 + shift + v}) for s, v in enumerate(around)]
+    found = answers(grouped(rows, "base"), [MEAN], "base")
+    first = next(a.difference for a in found if a.planner == "p0")
+    assert first.told and not first.survives and 0.05 / 6 < first.chance < 0.05
+
+
+def test_tables_say_what_intervals_of_so_many_maps_cover():
+    eight = shown(repeated(repeats=1), 120)
+    assert f"Intervals of mean errors over 8 maps may hold the truth in {ERRORS[8]} % of cases only." in eight
+    shares = [row(p, s, metrics={"ospa.share_under_1m": 0.1 * s}) for p in ("sma-nbo", "greedy") for s in range(8)]
+    assert "truth" not in shown(shares, 120)
+    few = [r for r in shares if r.seed < 5]
+    assert f"Intervals over 5 maps, which are few, hold the truth in {SHARES[5]} % of cases." in shown(few, 120)
+    assert f"Intervals over 4 maps, which are few, hold the truth in {SHARES[3]} %" in shown(few[:4] + few[5:9], 120)
+
+
+def test_the_csv_holds_spreads_chances_and_maps_needed():
+    found = answers(grouped(repeated(), "sma-nbo"), [MEAN], "sma-nbo")
+    base, other = csv.DictReader(io.StringIO(comma_separated(found, "sma-nbo")))
+    gap = found[1].difference
+    assert (other["maps"], other["flown"], other["trials"], base["holm"], other["holm"]) == ("8", "8", "24", "", "1")
+    assert (other["p"], other["maps_needed"]) == (repr(gap.chance), repr(gap.needed))
+    assert other["difference_between_maps"] == repr(gap.spread.between)
+    assert base["within_maps"] == repr(found[0].spread.within) and base["difference_within_maps"] == ""

@@ -16,10 +16,10 @@ def row(planner="sma-nbo", seed=0, factors=(), metrics=None, **fields):
     return Row(planner=planner, seed=seed, factors=factors, metrics=metrics, **{**whole, **fields})
 
 
-def failed(planner="sma-nbo", seed=0, factors=(), error="ValueError: no place for the forest"):
+def failed(planner="sma-nbo", seed=0, factors=(), error="ValueError: no place for the forest", **fields):
     """A trial that failed."""
     empty = {"metrics": {}, "ospa": np.zeros(0, dtype=np.float32), "times": np.zeros(0)}
-    return row(planner, seed, factors, status="failed", error=error, **empty)
+    return row(planner, seed, factors, status="failed", error=error, **empty, **fields)
 
 
 def study(planners=("sma-nbo", "greedy", "hover"), densities=("15", "75"), seeds=6, scans=26):

@@ -12,6 +12,7 @@ import numpy as np
 
 from sim.errors import InputError
 from sim.loading import did_you_mean
+from sim.streams import numbered
 from sim.study.row import Row
 from tracking.compiled import Array
 
@@ -42,7 +43,7 @@ class Placed(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """All trials of one planner in one cell, by seed."""
+    """All trials of one planner in one cell, by seed and repeat."""
 
     cell: Cell
     planner: str  # without the options that vary with the cell
@@ -55,12 +56,12 @@ class Group:
 
     @property
     def ospa(self) -> Array:
-        """OSPA of all scans of all maps together (N,) m."""
+        """OSPA of all scans of all trials together (N,) m."""
         return np.concatenate([np.zeros(0), *(row.ospa for row in self.done)])
 
     @property
     def curves(self) -> tuple[Array, Array]:
-        """Times (T,) s and OSPA (n, T) m of each map; a mission that is shorter than the longest ends in NaN."""
+        """Times (T,) s and OSPA (n, T) m of each trial; a mission that is shorter than the longest ends in NaN."""
         times = max((row.times for row in self.done), key=len, default=np.zeros(0))
         found = np.full((len(self.done), len(times)), np.nan)
         for curve, row in zip(found, self.done, strict=True):
@@ -77,12 +78,13 @@ def grouped(rows: Sequence[Row], baseline: str | None = None) -> list[Group]:
     cells = cells_of(rows)
     labels = planner_labels(rows, cells)
     first = None if baseline is None else _named(labels, baseline)
-    found: dict[tuple[Cell, str], dict[int, Row]] = defaultdict(dict)
+    found: dict[tuple[Cell, str], dict[tuple[int, int], Row]] = defaultdict(dict)
     for row, cell in zip(rows, cells, strict=True):
         group = found[cell, labels[row.planner]]
-        if row.seed in group:
-            raise ValueError(f"{row.planner}, seed {row.seed} is there twice{_where(cell)}")
-        group[row.seed] = row
+        flight = row.seed, row.repeat
+        if flight in group:
+            raise ValueError(f"{row.planner}, {numbered(*flight)} is there twice{_where(cell)}")
+        group[flight] = row
     order = sorted(found, key=lambda key: (_natural_cell(key[0]), key[1] != first, _natural(key[1])))
     return [_group(*key, found[key]) for key in order]
 
@@ -93,8 +95,8 @@ def cells_of(rows: Sequence[Placed]) -> list[Cell]:
     return [(*((name, getattr(row, name)) for name in differing), *row.factors) for row in rows]
 
 
-def _group(cell: Cell, planner: str, rows: dict[int, Row]) -> Group:
-    ordered = [rows[seed] for seed in sorted(rows)]
+def _group(cell: Cell, planner: str, rows: dict[tuple[int, int], Row]) -> Group:
+    ordered = [rows[flight] for flight in sorted(rows)]
     parts = (tuple(row for row in ordered if (row.status == "done") == wanted) for wanted in (True, False))
     return Group(cell, planner, *parts)
 

@@ -17,11 +17,11 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from sim.palette import FAINT
 from sim.plots import rgb
-from sim.study.answers import paired_values
+from sim.study.answers import map_means, paired_values
 from sim.study.cells import Group, cell_text
 from sim.study.measures import Measure
 from sim.study.panels import COLOURS, COLUMNS, Curve, Sheet, Style
-from sim.study.statistics import bands, ecdf, means
+from sim.study.statistics import bands, ecdf
 from tracking.compiled import Array
 
 AT = np.geomspace(0.1, 50.0, 300)  # m, where distributions are drawn
@@ -49,7 +49,7 @@ def ecdf_figure(sheet: Sheet) -> Figure:
 
 
 def time_figure(sheet: Sheet) -> Figure:
-    """Median OSPA of the maps at each scan; with few curves in a panel, shaded from lower to upper quartile."""
+    """Median OSPA of the trials at each scan; with few curves in a panel, shaded from lower to upper quartile."""
     few = all(len(panel.curves) <= _FEW for panel in sheet.panels)
     longest = max((group_end(c.group) for panel in sheet.panels for c in panel.curves), default=0.0)
 
@@ -86,7 +86,7 @@ def runtime_figure(groups: Sequence[Group], measure: Measure) -> Figure:
     with drawing(1.2 + 0.3 * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
         axes = figure.add_subplot()
         for group in groups:
-            (estimate,) = means(group.values(measure.name)[:, None])
+            estimate = map_means(group, measure)
             index = planners.index(group.planner)
             place = cells.index(group.cell) + 0.5 * (index + 0.5 - len(planners) / 2) / len(planners)
             value, low, high = measure.scale * np.array([estimate.value, estimate.low, estimate.high])

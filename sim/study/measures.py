@@ -26,6 +26,8 @@ class Measure:
     scale: float = 1.0
     digits: int = 2
     better: Better = "lower"
+    least: float = 0.0  # that a value can be, not in the unit
+    most: float = math.inf
 
     @property
     def title(self) -> str:
@@ -47,7 +49,7 @@ class Measure:
 
 
 def _percent(name: str, label: str) -> Measure:
-    return Measure(name, label, "%", 100.0, 1, "higher")
+    return Measure(name, label, "%", 100.0, 1, "higher", most=1.0)
 
 
 _KNOWN = {
@@ -96,7 +98,7 @@ def measure(name: str) -> Measure:
         return _KNOWN[name]
     label = name.replace("_", " ").replace(".", ": ")
     unit = next((plain.unit for ending, plain in _ENDINGS if name.endswith(ending)), "")
-    return Measure(name, label, unit, digits=3, better="neither")
+    return Measure(name, label, unit, digits=3, better="neither", least=-math.inf)
 
 
 def check(asked: Iterable[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import groupby
@@ -15,7 +16,7 @@ from sim.study.measures import Measure
 from sim.study.pictures import Picture
 from sim.study.replay import anchor, command, extremes
 from sim.study.row import Row
-from sim.study.tables import columns, texts_of
+from sim.study.tables import Layout, layouts, texts_of
 
 _PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
@@ -101,22 +102,25 @@ def commanded(text: str) -> str:
 
 
 def result_tables(found: Sequence[Answer], baseline: str) -> str:
-    """A table for each metric."""
-    return "\n".join(_table(measure, list(lines), baseline) for measure, lines in groupby(found, lambda a: a.measure))
+    """The tables of each metric."""
+    parts = []
+    for _, group in groupby(found, lambda answer: answer.measure):
+        lines = list(group)
+        parts += [_table(layout, lines) for layout in layouts(lines, baseline)]
+    return "\n".join(parts)
 
 
-def _table(measure: Measure, found: Sequence[Answer], baseline: str) -> str:
-    compared = any(answer.difference for answer in found)
-    heads = columns(baseline, compared=compared)
+def _table(layout: Layout, found: Sequence[Answer]) -> str:
     rows = []
     for cell, lines in groupby(found, lambda answer: answer.cell):
         if cell != ():
-            rows.append(f'<tr><th colspan="{len(heads)}">{escape(_place(cell))}</th></tr>')
+            rows.append(f'<tr><th colspan="{len(layout.heads)}">{escape(_place(cell))}</th></tr>')
         for answer in lines:
-            first, *rest = texts_of(answer, compared=compared)
+            first, *rest = layout.texts(answer)
             cells = "".join(f"<td>{escape(text)}</td>" for text in rest)
             rows.append(f'<tr><td class="name">{escape(first)}</td>{cells}</tr>')
-    return f"<h3>{escape(measure.title)}{_aim(measure)}</h3>\n{_tabled(heads, rows)}"
+    aim = _aim(found[0].measure) if layout.first else ""
+    return f"<h3>{escape(layout.title)}{aim}</h3>\n{_tabled(layout.heads, rows)}"
 
 
 def runtime_tables(found: Sequence[Answer]) -> str:
@@ -151,25 +155,35 @@ def _place(cell: Cell | None) -> str:
     return "all cells, seed by seed" if cell is None else cell_text(cell)
 
 
-def verdict(planner: str, baseline: str, measure: Measure, gap: Difference) -> str:
-    """One sentence that says whether a planner is better than the baseline."""
+def verdict(planner: str, baseline: str, measure: Measure, gap: Difference, *, shown: int = 1) -> str:
+    """One sentence that says whether a planner can be told from the baseline, and how.
+
+    shown: how many differences the page shows, of which this is one.
+    """
     if not gap.pairs:
-        return f"{planner} has no map in common with {baseline}."
+        return f"{planner} and {baseline} cannot be told apart: they have no map in common."
     unit = " points" if measure.unit == "%" else f" {measure.unit}".rstrip()
     mean, low, high = (measure.text(v, signed=True) for v in (gap.mean.value, gap.mean.low, gap.mean.high))
     over = f", mean over {gap.cells} cells" if gap.cells > 1 else ""
-    if gap.pairs < 2:
-        return (
-            f"{planner} has one map in common with {baseline}, which tells little: {measure.label} {mean}{unit}{over}."
-        )
-    told = f"{planner} {_told(measure, gap)} {baseline}: {measure.label} {mean}{unit} (95 %: {low} to {high}{over})"
-    counted = f"; of {gap.pairs} maps it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
-    return f"{told}{counted if measure.better != 'neither' else ''}."
+    within = f" (95 %: {low} to {high}{over})" if gap.pairs > 1 else over
+    counted = f"; of {gap.pairs} map{'s' * (gap.pairs > 1)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
+    ending = counted if measure.better != "neither" else ""
+    apart = f"{planner} {_told(measure, gap)} {baseline}"
+    start = apart if gap.told else f"{planner} and {baseline} cannot be told apart"
+    return f"{start}: {measure.label} {mean}{unit}{within}{ending}. {_remark(gap, shown)}".strip()
+
+
+def _remark(gap: Difference, shown: int) -> str:
+    """What the reader of a verdict has to know beside it."""
+    if gap.told:
+        lone = gap.survives or shown == 1
+        return "" if lone else f"This does not survive Holm's correction for all {shown} differences."
+    few = f"{gap.pairs} map{'s' * (gap.pairs > 1)} cannot tell any planners apart, six at least are needed. "
+    needed = f"A difference as large takes some {gap.needed:.0f} maps." if math.isfinite(gap.needed) else ""
+    return (few if gap.pairs < 6 else "") + needed
 
 
 def _told(measure: Measure, gap: Difference) -> str:
-    if gap.mean.low <= 0 <= gap.mean.high:
-        return "cannot be told from"
     above = gap.mean.value > 0
     if measure.better == "neither":
         return "is above" if above else "is below"

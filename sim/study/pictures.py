@@ -54,7 +54,7 @@ def _ecdf(sheet: Sheet) -> Picture:
     shares = [(_named(c.group), share_under(c.group.ospa, 1.0)) for panel in sheet.panels for c in panel.curves]
     alt = "Share of scans with an OSPA under 1 m: " + "; ".join(f"{name} {_percent(share)}" for name, share in shares)
     caption = (
-        "Share of scans whose OSPA, the mean of the UAVs, is no more than x; all scans of all maps together. Further "
+        "Share of scans whose OSPA, the mean of the UAVs, is no more than x; all scans of all trials together. Further "
         "left is better. The axis is logarithmic; dashed: 1 m."
     )
     return _picture(f"ecdf{_suffix(sheet)}", f"Distribution of OSPA{_of(sheet)}", caption, alt, ecdf_figure(sheet))
@@ -67,8 +67,8 @@ def _over_time(sheet: Sheet) -> Picture:
         last = medians[~np.isnan(medians)][-1:]
         ends.append(f"{_named(curve.group)} {last[0]:.2f} m" if len(last) else f"{_named(curve.group)} {UNKNOWN}")
     caption = (
-        "Median over the maps at each scan; shaded, with up to four curves in a panel: lower to upper quartile of the "
-        "maps. The axis is linear below 1 m (dashed) and logarithmic above."
+        "Median over the trials at each scan; shaded, with up to four curves in a panel: lower to upper quartile of "
+        "them. The axis is linear below 1 m (dashed) and logarithmic above."
     )
     alt = "Median OSPA at the last scan: " + "; ".join(ends)
     return _picture(f"time{_suffix(sheet)}", f"OSPA over time{_of(sheet)}", caption, alt, time_figure(sheet))

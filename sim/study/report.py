@@ -15,6 +15,8 @@ from sim.atomic import whole
 from sim.errors import InputError
 from sim.study.answers import Answer, answers
 from sim.study.cells import Group, baseline_of, cell_text, constant, grouped, trimmed, varying
+from sim.study.coverage import COVERED
+from sim.study.formats import comma_separated, markdown
 from sim.study.measures import RUNTIME, Measure, available, chosen, measure
 from sim.study.page import (
     commanded,
@@ -31,17 +33,21 @@ from sim.study.page import (
 )
 from sim.study.pictures import pictures, runtime_pictures
 from sim.study.row import Row
-from sim.study.statistics import LEVEL, RESAMPLES
-from sim.study.tables import NOTE, comma_separated, markdown, shortfalls
+from sim.study.tables import notes, shortfalls
 
 _FIGURES = r"(ecdf|time|maps|runtime)(-[a-z0-9-]+)?\.(svg|png)"  # what a report calls them
 HOW_TO_READ = (
-    "A map is the forest, the people and the chance that one seed gives; every planner flies the same ones. A cell is "
-    "a setting of what the study varies.",
-    f"Brackets hold {LEVEL:.0%} bootstrap intervals over the maps of a cell ({RESAMPLES} resamples, the same in every "
-    "report): BCa for means and mean differences, percentiles for medians. Each holds for itself; of twenty, one is "
-    "expected to miss. Few maps make them too narrow: of errors as skewed as OSPA, those of 10 maps hold the mean in "
-    "nine cases of ten, those of 5 in eight.",
+    "A map is the forest and the people that one seed gives; every planner flies the same ones. A cell is a setting of "
+    "what the study varies.",
+    "Brackets hold 95 % intervals over the maps of a cell: Student's, lengthened for skewness, for means and mean "
+    "differences, and values of the sample for medians. Each holds for itself; of twenty, one is expected to miss.",
+    *COVERED,
+    "Two planners are called apart where the interval of their difference leaves zero out and they share six maps at "
+    "least. Where several differences are shown, a star marks those that survive Holm's correction for all of them.",
+    "Maps needed is the number at which a paired t test of 5 % finds a difference as large as the one observed in four "
+    "comparisons of five. It is as uncertain as the difference itself.",
+    "Where maps are repeated, a map's value is the mean of its repeats, and the spreads are standard deviations of two "
+    "kinds: between maps, of what a map is worth, and within maps, of the chance of sensors, network and planner.",
     "A difference is the planner less the baseline on the same map. The last lines of a table take the mean over all "
     "cells for each seed, and compare seeds.",
     "Trials that failed and values that are undefined do not count, and are listed wherever they are left out.",
@@ -97,7 +103,7 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
         ("", f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"),
         ("In short", _in_short(found, baseline, measures)),
         ("What was run", _what_was_run(rows, every, about, baseline)),
-        ("Results", f"{paragraph(NOTE)}\n{result_tables(found, baseline)}"),
+        ("Results", f"{listed(notes(found))}\n{result_tables(found, baseline)}"),
         ("Figures", figures(drawn)),
         *([("Run time", figures(timing) + runtime_tables(times))] if times else []),
         *_trials(groups, every, measures),
@@ -127,11 +133,14 @@ def _trials(groups: Sequence[Group], every: Sequence[Group], measures: Sequence[
 
 def _in_short(found: Sequence[Answer], baseline: str, measures: Sequence[Measure]) -> str:
     """What came out in the first metric, a sentence for each planner, and what the numbers leave out."""
+    shown = sum(answer.difference is not None for answer in found)
     told = [answer for answer in found if answer.difference and answer.measure in measures[:1]]
     summed = {answer.planner for answer in told if answer.cell is None}
     overall = [answer for answer in told if answer.cell is None or answer.planner not in summed]
     sentences = [
-        verdict(answer.planner, baseline, answer.measure, answer.difference) for answer in overall if answer.difference
+        verdict(answer.planner, baseline, answer.measure, answer.difference, shown=shown)
+        for answer in overall
+        if answer.difference
     ]
     lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
     left_out = shortfalls([answer for answer in found if answer.measure in measures[:1]])
@@ -140,7 +149,7 @@ def _in_short(found: Sequence[Answer], baseline: str, measures: Sequence[Measure
 
 def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, baseline: str) -> str:
     seeds, changing = sorted({row.seed for row in rows}), varying(every)
-    failed = sum(row.status == "failed" for row in rows)
+    failed, repeats = sum(row.status == "failed" for row in rows), len({row.repeat for row in rows})
     versions = {**about.versions, "understory": ", ".join(sorted({row.version for row in rows}))}
     settings = set.intersection(*({f"{key} = {value}" for key, value in row.settings.items()} for row in rows))
     planners = dict.fromkeys(row.planner for group in every for row in (*group.done, *group.failed))
@@ -153,6 +162,7 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
             ("planners", "; ".join(planners)),
             ("baseline", baseline),
             ("seeds (maps)", f"{len(seeds)}: {ranges(seeds)}"),
+            ("repeats of each map", str(repeats) if repeats > 1 else ""),
             ("trials", f"{len(rows) - failed} done, {failed} failed"),
             ("time of all trials, added up", "" if about.wall_s is None else duration(about.wall_s)),
             ("report made on", about.machine),

@@ -1,25 +1,24 @@
-"""Means and medians over maps with bootstrap intervals, empirical distributions, and bands over time.
+"""Means and medians over maps with their intervals, tests, spreads, empirical distributions, and bands over time.
 
-Intervals are of 95 %, each for itself: of twenty comparisons, one is expected to miss.
+Maps are what is sampled: a map's value is the mean over its repeats. Intervals are of 95 %, each for itself: of twenty
+comparisons, one is expected to miss.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
+from scipy.special import nctdtr, stdtr, stdtrit
 
 from tracking.compiled import Array
 
 LEVEL = 0.95
-RESAMPLES = 5000
-_SEED = 20220  # the same numbers give the same intervals, in any process
-_CHUNK = 1_000_000  # indices drawn at once
-_PRODUCT = 250_000  # multiplications at once: OpenBLAS does so many in one thread, and threads wait for busy cores
+POWER = 0.8  # with which `maps_needed` finds a difference
+MOST_MAPS = 9999  # beyond which no number is told
 
 
 @dataclass(frozen=True)
@@ -31,112 +30,173 @@ class Estimate:
     high: float = np.nan
 
 
+@dataclass(frozen=True)
+class Spread:
+    """Standard deviations: between maps, of what a map is worth, and within maps, of the repeats of one."""
+
+    between: float = np.nan
+    within: float = np.nan
+
+
 NO_ESTIMATE = Estimate()
-
-
-@lru_cache(maxsize=4)
-def _resamples(n: int) -> tuple[NDArray[np.uint16], NDArray[np.int64]]:
-    """How often each of n maps is in each resample (B, n), and the ranks of its two middle maps (B, 2)."""
-    rng = np.random.default_rng((_SEED, n))
-    counts = np.empty((RESAMPLES, n), dtype=np.uint16)
-    middle = np.empty((RESAMPLES, 2), dtype=np.int64)
-    places = [(n - 1) // 2, n // 2]
-    step = max(1, _CHUNK // n)
-    for start in range(0, RESAMPLES, step):
-        drawn = rng.integers(0, n, (min(step, RESAMPLES - start), n))
-        rows = slice(start, start + len(drawn))
-        flat = (drawn + n * np.arange(len(drawn))[:, None]).ravel()
-        counts[rows] = np.bincount(flat, minlength=drawn.size).reshape(drawn.shape)
-        middle[rows] = np.partition(drawn, places, axis=1)[:, places]
-    return counts, middle
-
-
-def resampled_means(values: Array) -> Array:
-    """Means (M, B) of the resamples of n maps; values (n, M), finite."""
-    counts, _ = _resamples(len(values))
-    step = max(1, _PRODUCT // max(1, values.size))
-    chunks = (counts[start : start + step].astype(float) for start in range(0, RESAMPLES, step))
-    return np.concatenate([values.T @ chunk.T for chunk in chunks], axis=1) / len(values)
-
-
-def resampled_medians(values: Array) -> Array:
-    """Medians (M, B) of the same resamples; values (n, M), finite.
-
-    A resample of ranks stands for one of the sorted values, so one draw serves every column.
-    """
-    _, middle = _resamples(len(values))
-    ordered = np.sort(values.T, axis=1)
-    return 0.5 * (ordered[:, middle[:, 0]] + ordered[:, middle[:, 1]])
+NO_SPREAD = Spread()
 
 
 def means(values: Array) -> list[Estimate]:
-    """The mean of each column of values (n, M) with its BCa interval; NaN and infinity are left out.
+    """The mean of each column of values (n, M) with its interval; NaN and infinity are left out.
 
-    BCa, as errors are skewed: it shifts the percentiles by bias and skewness, and is second-order accurate. A column
-    whose values are all equal has an interval of no width, one of a single value has none.
-    Source: B. Efron, Better bootstrap confidence intervals, JASA, 1987.
+    Student's t interval, with the end on the side of the longer tail moved outwards by the Edgeworth term of the
+    sample's skewness γ, γ s (1 + 2 t²) / 6n; the other end stays. A column whose values are all equal has an interval
+    of no width, one of a single value has none. docs/reports.md has what these intervals cover.
+    Source: N. J. Johnson, Modified t tests and confidence intervals for asymmetrical populations, JASA, 1978; P. Hall,
+    On the removal of skewness by transformation, JRSS B, 1992.
     """
     return _by_column(values, _means)
 
 
 def medians(values: Array) -> list[Estimate]:
-    """The median of each column of values (n, M) with its percentile interval; NaN and infinity are left out.
+    """The median of each column of values (n, M) with its interval; NaN and infinity are left out.
 
-    Percentiles, as the jackknife that BCa rests on is inconsistent for a median.
+    The interval ends at two of the values, of equal rank from below and from above: the innermost that hold the median
+    of any distribution with 95 % at least. Of fewer than six values these are the least and the greatest, which hold
+    it with 1 - 2 / 2ⁿ.
     """
     return _by_column(values, _medians)
 
 
-def _by_column(values: Array, estimates: Callable[[Array], list[Estimate]]) -> list[Estimate]:
-    """Estimates of every column, those without gaps together, the others one by one."""
+def chances(values: Array) -> list[float]:
+    """For each column of differences (n, M) the p-value of no difference in the mean; 1 where nothing is known.
+
+    The interval of `means` at the level 1 - p ends at zero, so p is below 5 % where that of 95 % leaves zero out. It
+    is never below 2 / 2ⁿ, the least that n maps can give a test without assumptions on the distribution; so nothing
+    is told apart on fewer than six.
+    """
     found = np.isfinite(values)
-    whole: NDArray[np.bool_] = np.all(found, axis=0)
-    together = iter(estimates(values[:, whole]))
-    kept = (values[column, j : j + 1] for j, column in enumerate(found.T))
-    return [next(together) if full else estimates(part)[0] for full, part in zip(whole, kept, strict=True)]
+    return [_chance(column[kept]) for column, kept in zip(values.T, found.T, strict=True)]
 
 
-def _means(values: Array) -> list[Estimate]:
-    if len(values) < 2 or values.shape[1] == 0:
-        return _without_interval(values)
-    centre = values.mean(axis=0)
-    drawn = resampled_means(values)
-    # A resample that holds each map once has the mean itself, whatever the order in which it was added.
-    slack = 1e-12 * np.abs(values).max(axis=0)
-    under, over = (np.mean(drawn < (centre + side)[:, None], axis=1) for side in (-slack, slack))
+def holm(chances: Sequence[float]) -> list[bool]:
+    """Which of these p-values stay below 5 % when all are judged together.
+
+    Source: S. Holm, A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics, 1979.
+    """
+    order = np.argsort(chances, kind="stable")
+    adjusted = np.array(chances)[order] * np.arange(len(chances), 0, -1)
+    kept = np.zeros(len(chances), dtype=bool)
+    kept[order] = np.maximum.accumulate(adjusted) <= 1 - LEVEL
+    return kept.tolist()
+
+
+def spreads(values: Array, maps: NDArray[np.object_]) -> list[Spread]:
+    """Of each column of values (N, M) of trials on `maps` (N,) its variance components, as standard deviations.
+
+    Estimates of the one-way random effects analysis of variance, for unequal numbers of repeats too; NaN and infinity
+    are left out. A variance that comes out negative is zero. Without a map that has repeats, nothing can be told.
+    Source: S. R. Searle, G. Casella and C. E. McCulloch, Variance Components, 1992, section 3.6.
+    """
+    found = np.isfinite(values)
+    return [_spread(column[kept], maps[kept]) for column, kept in zip(values.T, found.T, strict=True)]
+
+
+def maps_needed(values: Array) -> list[float]:
+    """For each column of differences (n, M) the number of maps that would tell it apart from zero; infinity: too many.
+
+    The least number for which a paired t test of 5 %, two-sided, finds a true difference of the mean observed with a
+    probability of 80 %, if maps differ by the standard deviation observed; never fewer than six. NaN of fewer than two.
+    """
+    found = np.isfinite(values)
+    return [_needed(column[kept]) for column, kept in zip(values.T, found.T, strict=True)]
+
+
+def _by_column(values: Array, estimate: Callable[[Array], Estimate]) -> list[Estimate]:
+    """Estimates of every column (n,), of its finite values."""
+    return [_estimated(column[np.isfinite(column)], estimate) for column in values.T]
+
+
+def _estimated(values: Array, estimate: Callable[[Array], Estimate]) -> Estimate:
+    if len(values) < 2:
+        return Estimate(float(values[0])) if len(values) else NO_ESTIMATE
+    return estimate(values)
+
+
+def _moments(values: Array) -> tuple[float, float, float]:
+    """Mean, its standard error, and the unit γ s / 6n of the Edgeworth term, of two values or more."""
+    n, centre = len(values), float(values.mean())
+    if np.ptp(values) == 0:
+        return float(values[0]), 0.0, 0.0
     residuals = values - centre
-    spread = np.sum(residuals**2, axis=0)
-    flat = np.ptp(values, axis=0) == 0
-    # The jackknife's skewness, which for a mean is that of the values themselves.
-    skewness = np.sum(residuals**3, axis=0) / (6 * np.where(flat, 1.0, spread) ** 1.5)
-    shift = np.where(flat, 0.0, ndtri(0.5 * (under + over)))
-    z = shift + ndtri([[(1 - LEVEL) / 2], [(1 + LEVEL) / 2]])
-    low, high = _quantiles(drawn, ndtr(shift + z / (1 - skewness * z)))
-    low[flat], high[flat] = centre[flat], centre[flat]
-    return [Estimate(*row) for row in np.column_stack([centre, low, high]).tolist()]
+    spread = float(np.sqrt(np.sum(residuals**2) / (n - 1)))
+    cubes = float(np.sum((residuals / spread) ** 3))
+    skewness = cubes * n / ((n - 1) * (n - 2)) if n > 2 else 0.0
+    return centre, spread / float(np.sqrt(n)), skewness * spread / (6 * n)
 
 
-def _medians(values: Array) -> list[Estimate]:
-    if len(values) < 2 or values.shape[1] == 0:
-        return _without_interval(values)
-    sides = np.broadcast_to([[(1 - LEVEL) / 2], [(1 + LEVEL) / 2]], (2, values.shape[1]))
-    low, high = _quantiles(resampled_medians(values), sides)
-    return [Estimate(*row) for row in np.column_stack([np.median(values, axis=0), low, high]).tolist()]
+def _means(values: Array) -> Estimate:
+    centre, error, unit = _moments(values)
+    quantile = float(stdtrit(len(values) - 1, (1 + LEVEL) / 2))
+    reach = unit * (1 + 2 * quantile**2)
+    return Estimate(centre, centre - quantile * error + min(reach, 0.0), centre + quantile * error + max(reach, 0.0))
 
 
-def _without_interval(values: Array) -> list[Estimate]:
-    return [Estimate(float(column[0])) if len(column) else NO_ESTIMATE for column in values.T]
+def _medians(values: Array) -> Estimate:
+    n, ordered = len(values), np.sort(values)
+    outside, rank = 1 / 2**n, 1  # probability that the median lies below the value of that rank
+    while 2 * (outside + comb(n, rank) / 2**n) <= 1 - LEVEL:
+        outside, rank = outside + comb(n, rank) / 2**n, rank + 1
+    return Estimate(float(np.median(ordered)), float(ordered[rank - 1]), float(ordered[n - rank]))
 
 
-def _quantiles(drawn: Array, shares: Array) -> Array:
-    """Of each row of drawn (M, B) the quantiles at its column of shares (K, M), linear between resamples."""
-    ordered = np.sort(drawn, axis=1)
-    place = shares * (drawn.shape[1] - 1)
-    before = np.floor(place).astype(int)
-    rows = np.arange(len(drawn))
-    start, end = ordered[rows, before], ordered[rows, np.minimum(before + 1, drawn.shape[1] - 1)]
-    found: Array = start + (place - before) * (end - start)
-    return found
+def _chance(values: Array) -> float:
+    n = len(values)
+    if n < 2:
+        return 1.0
+    centre, error, unit = _moments(values)
+    least = 2.0 ** (1 - n)
+    if error == 0.0:
+        return least if centre else 1.0
+    # The quantile at which the end towards zero is zero: |centre| = q error + reach (1 + 2 q²).
+    reach = max(-unit if centre > 0 else unit, 0.0)
+    room = abs(centre) - reach
+    if room <= 0:
+        return 1.0
+    quantile = 2 * room / (error + np.sqrt(error**2 + 8 * reach * room))
+    return max(least, 2 * float(stdtr(n - 1, -quantile)))
+
+
+def _spread(values: Array, maps: NDArray[np.object_]) -> Spread:
+    _, place, counts = np.unique(maps, return_inverse=True, return_counts=True)
+    trials, number = len(values), len(counts)
+    if trials == number:
+        return NO_SPREAD
+    own = np.bincount(place, values) / counts
+    within = float(np.sum((values - own[place]) ** 2)) / (trials - number)
+    if number < 2:
+        return Spread(np.nan, float(np.sqrt(within)))
+    among = float(np.sum(counts * (own - values.mean()) ** 2)) / (number - 1)
+    size = (trials - float(np.sum(counts**2)) / trials) / (number - 1)
+    return Spread(float(np.sqrt(max(0.0, (among - within) / size))), float(np.sqrt(within)))
+
+
+def _needed(values: Array) -> float:
+    if len(values) < 2:
+        return np.nan
+    centre, error, _ = _moments(values)
+    if centre == 0:
+        return np.inf
+    effect = abs(centre) / (error * np.sqrt(len(values))) if error else np.inf
+    low, high = 5, MOST_MAPS
+    if not _found(effect, high):
+        return np.inf
+    while high - low > 1:  # `high` maps are enough, `low` are not
+        middle = (low + high) // 2
+        low, high = (low, middle) if _found(effect, middle) else (middle, high)
+    return float(high)
+
+
+def _found(effect: float, maps: int) -> bool:
+    """Whether so many maps tell a mean of `effect` standard deviations apart with the power that is asked for."""
+    shift = effect * np.sqrt(maps)
+    return bool(shift > 30 or nctdtr(maps - 1, shift, stdtrit(maps - 1, (1 + LEVEL) / 2)) <= 1 - POWER)
 
 
 def ecdf(values: Array, at: Array) -> Array:

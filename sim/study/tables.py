@@ -1,12 +1,12 @@
-"""The answers of a study as tables: in the terminal, as CSV and as Markdown."""
+"""The answers of a study as tables, in the terminal and as text for other forms."""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import groupby
+from typing import NamedTuple
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -16,15 +16,62 @@ from rich.table import Table
 from sim.console import console as terminal
 from sim.study.answers import Answer, Difference, answers
 from sim.study.cells import Cell, baseline_of, cell_text, constant, grouped, trimmed
+from sim.study.coverage import caveats
 from sim.study.measures import UNKNOWN, Measure, chosen
 from sim.study.row import Row
-from sim.study.statistics import NO_ESTIMATE, Estimate
+from sim.study.statistics import LEVEL, MOST_MAPS, POWER, Estimate, Spread
 
-WIDE = 100  # columns from which on the terminal has room for medians
-NOTE = (
-    "In brackets: 95 % bootstrap intervals over the maps. Differences are means over the maps (seeds) that both flew; "
-    "won, tied, lost counts these maps."
+WIDE = 100  # columns from which on the terminal has room for all columns
+_OF_PAIRS = ("won, tied, lost", "maps needed")
+_WIDE_ONLY = ("median", "maps needed")
+_NOTE = "In brackets: 95 % intervals over the maps (seeds)."
+_COMPARED = (
+    "Differences are means over the maps that both flew; won, tied, lost counts these maps. Maps needed: so many find "
+    f"a difference as large with a probability of {100 * POWER:.0f} %."
 )
+_REPEATED = "Each map counts once, with the mean of its repeats. Spreads are standard deviations."
+
+
+class Layout(NamedTuple):
+    """A table of one metric: its title, its headings, and what stands under them for an answer."""
+
+    title: str
+    heads: list[str]
+    texts: Callable[[Answer], list[str]]
+
+    @property
+    def first(self) -> bool:
+        """Whether it is the metric's main table."""
+        return "mean" in self.heads
+
+
+def layouts(found: Sequence[Answer], baseline: str) -> list[Layout]:
+    """The tables of the answers of one metric: the results and, where maps were repeated, the spreads."""
+    measure, compared = found[0].measure, any(answer.difference for answer in found)
+    main = Layout(measure.title, columns(baseline, compared=compared), partial(texts_of, compared=compared))
+    if not repeated(found):
+        return [main]
+    heads = ["planner", "between maps", "within maps"]
+    heads += [f"less {baseline}: between", "within", "maps needed"] if compared else []
+    return [main, Layout(f"{measure.title}: spread", heads, partial(_spread_texts, compared=compared))]
+
+
+def repeated(found: Sequence[Answer]) -> bool:
+    """Whether any map was flown more than once."""
+    return any(answer.trials + answer.failed > answer.flown for answer in found)
+
+
+def notes(found: Sequence[Answer]) -> list[str]:
+    """What the tables of these answers need said, a line each."""
+    compared = [answer.difference for answer in found if answer.difference]
+    many = (
+        f"* survives Holm's correction for all {len(compared)} differences shown ({100 - 100 * LEVEL:.0f} %)."
+        if len(compared) > 1
+        else ""
+    )
+    told = caveats((answer.measure, answer.maps) for answer in found if answer.cell is not None)
+    parts = [_NOTE, *told, _COMPARED if compared else "", many, _REPEATED if repeated(found) else ""]
+    return [part for part in parts if part]
 
 
 def show(
@@ -39,9 +86,12 @@ def show(
     found = answers(trimmed(groups), chosen(rows, metrics), first)
     if constant(groups):
         on.print(f"Everywhere: {escape(cell_text(constant(groups)))}")
-    for measure, lines in groupby(found, lambda answer: answer.measure):
-        on.print(_terminal_table(measure, list(lines), first, on.width >= WIDE))
-    on.print(NOTE, style="dim")
+    for _, group in groupby(found, lambda answer: answer.measure):
+        lines = list(group)
+        for layout in layouts(lines, first):
+            on.print(_terminal_table(layout, lines, on.width >= WIDE))
+    for note in notes(found):
+        on.print(note, style="dim")
     for line in shortfalls(found):
         on.print(escape(line), style="bold red")
 
@@ -50,11 +100,11 @@ def shortfalls(found: Sequence[Answer]) -> list[str]:
     """What the numbers leave out, one line each: trials that failed, values that are undefined, maps without a pair."""
     lines: dict[str, None] = {}
     for answer in found:
-        who = f"{answer.planner} ({_heading(answer.cell)})" if answer.cell != () else answer.planner
+        who = f"{answer.planner} ({heading(answer.cell)})" if answer.cell != () else answer.planner
         if answer.failed:
-            lines[f"{who}: {answer.failed} of {answer.maps + answer.failed} trials failed and do not count"] = None
+            lines[f"{who}: {answer.failed} of {answer.trials + answer.failed} trials failed and do not count"] = None
         if answer.undefined:
-            what = f"{answer.measure.label} is undefined on {answer.undefined} of {answer.maps} maps"
+            what = f"{answer.measure.label} is undefined in {answer.undefined} of {answer.trials} trials"
             lines[f"{who}: {what}"] = None
         gaps = answer.difference
         if gaps and gaps.unpaired:
@@ -65,7 +115,7 @@ def shortfalls(found: Sequence[Answer]) -> list[str]:
 
 def columns(baseline: str, *, compared: bool) -> list[str]:
     """Headings of the table of one metric."""
-    return ["planner", "maps", "mean", "median", *([f"less {baseline}", "won, tied, lost"] if compared else [])]
+    return ["planner", "maps", "mean", "median", *([f"less {baseline}", *_OF_PAIRS] if compared else [])]
 
 
 def texts_of(answer: Answer, *, compared: bool) -> list[str]:
@@ -79,8 +129,7 @@ def texts_of(answer: Answer, *, compared: bool) -> list[str]:
 
 def maps(answer: Answer) -> str:
     """How many maps count, and of how many if not all do."""
-    counted, flown = answer.maps - answer.undefined, answer.maps + answer.failed
-    return str(counted) if counted == flown else f"{counted}/{flown}"
+    return str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
 
 
 def _estimate(measure: Measure, estimate: Estimate, *, signed: bool = False) -> str:
@@ -90,8 +139,17 @@ def _estimate(measure: Measure, estimate: Estimate, *, signed: bool = False) -> 
 
 def _compared(measure: Measure, difference: Difference | None) -> list[str]:
     if difference is None:
-        return ["baseline", ""]
-    return [_estimate(measure, difference.mean, signed=True), record(measure, difference)]
+        return ["baseline", "", ""]
+    mark = "* " if difference.survives else ""
+    shown = mark + _estimate(measure, difference.mean, signed=True)
+    return [shown, record(measure, difference), _needed(difference)]
+
+
+def _needed(difference: Difference) -> str:
+    """How many maps tell the difference apart."""
+    if math.isinf(difference.needed):
+        return f"> {MOST_MAPS}" if difference.mean.value else UNKNOWN
+    return UNKNOWN if math.isnan(difference.needed) else str(round(difference.needed))
 
 
 def record(measure: Measure, difference: Difference) -> str:
@@ -101,84 +159,39 @@ def record(measure: Measure, difference: Difference) -> str:
     return f"{difference.won}, {difference.tied}, {difference.lost}"
 
 
-def _terminal_table(measure: Measure, found: Sequence[Answer], baseline: str, wide: bool) -> Table:
-    compared = any(answer.difference for answer in found)
-    heads = columns(baseline, compared=compared)
-    kept = [i for i, name in enumerate(heads) if wide or name != "median"]
+def _spread_texts(answer: Answer, *, compared: bool) -> list[str]:
+    """What stands under the headings of the spreads."""
+    own = ["", ""] if answer.cell is None else _spread(answer.measure, answer.spread)
+    if not compared:
+        return [answer.planner, *own]
+    gap = answer.difference
+    return [answer.planner, *own, *(["baseline", "", ""] if gap is None else _spread(answer.measure, gap.spread))] + (
+        [] if gap is None else [_needed(gap)]
+    )
+
+
+def _spread(measure: Measure, spread: Spread) -> list[str]:
+    return [measure.text(spread.between), measure.text(spread.within)]
+
+
+def _terminal_table(layout: Layout, found: Sequence[Answer], wide: bool) -> Table:
+    kept = [i for i, name in enumerate(layout.heads) if wide or not layout.first or name not in _WIDE_ONLY]
     table = Table(
-        title=escape(measure.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
+        title=escape(layout.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
     )
     for i in kept:
-        table.add_column(
-            escape(heads[i]).replace("tied, ", "tied,\n"), justify="left" if i == 0 else "right", overflow="fold"
-        )
+        name = escape(layout.heads[i]).replace("tied, ", "tied,\n").replace("maps needed", "maps\nneeded")
+        table.add_column(name, justify="left" if i == 0 else "right", overflow="fold")
     for cell, lines in groupby(found, lambda answer: answer.cell):
         table.add_section()
         if cell != ():
-            table.add_row(f"[bold]{escape(_heading(cell))}[/bold]")
+            table.add_row(f"[bold]{escape(heading(cell))}[/bold]")
         for answer in lines:
-            texts = texts_of(answer, compared=compared)
+            texts = layout.texts(answer)
             table.add_row(*(escape(texts[i]) for i in kept))
     return table
 
 
-def _heading(cell: Cell | None) -> str:
+def heading(cell: Cell | None) -> str:
+    """The heading of a cell's lines."""
     return "all cells" if cell is None else cell_text(cell)
-
-
-def markdown(found: Sequence[Answer], baseline: str) -> str:
-    """One table per metric."""
-    parts = []
-    for measure, group in groupby(found, lambda answer: answer.measure):
-        lines = list(group)
-        compared = any(answer.difference for answer in lines)
-        names = list(dict.fromkeys(name for answer in lines for name, _ in answer.cell or ()))
-        head = [*names, *columns(baseline, compared=compared)]
-        rows = [[*_levels(answer.cell, names), *texts_of(answer, compared=compared)] for answer in lines]
-        rule = ["---"] * (len(names) + 1) + ["---:"] * (len(head) - len(names) - 1)
-        parts.append("\n".join([f"**{measure.title}**", "", *(_markdown_line(line) for line in (head, rule, *rows))]))
-    left_out = "\n".join(f"- {_plain(line)}" for line in shortfalls(found))
-    return "\n\n".join([*parts, NOTE, *([left_out] if left_out else [])]) + "\n"
-
-
-def _levels(cell: Cell | None, names: Sequence[str]) -> list[str]:
-    return [dict(cell).get(name, "") if cell is not None else "all" for name in names]
-
-
-def _plain(text: str) -> str:
-    return text.replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;").replace("\n", " ")
-
-
-def _markdown_line(texts: Sequence[str]) -> str:
-    return f"| {' | '.join(_plain(text) for text in texts)} |"
-
-
-def comma_separated(found: Sequence[Answer], baseline: str) -> str:
-    """One line per cell, planner and metric, values in SI units; empty where undefined."""
-    names = list(dict.fromkeys(name for answer in found for name, _ in answer.cell or ()))
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*names, *_CSV])
-    for answer in found:
-        own = [answer.planner, answer.measure.name, answer.maps, answer.failed, answer.undefined]
-        difference = answer.difference
-        counts = (
-            [""] * 6
-            if difference is None
-            else [baseline, difference.pairs, difference.unpaired, difference.won, difference.tied, difference.lost]
-        )
-        estimates = (answer.mean, answer.median, difference.mean if difference else NO_ESTIMATE)
-        numbers = [_number(value) for e in estimates for value in (e.value, e.low, e.high)]
-        writer.writerow([*_levels(answer.cell, names), *own, *numbers, *counts])
-    return text.getvalue()
-
-
-_CSV = (
-    *("planner", "metric", "maps", "failed", "undefined"),
-    *(f"{name}{part}" for name in ("mean", "median", "difference") for part in ("", "_low", "_high")),
-    *("baseline", "pairs", "unpaired", "won", "tied", "lost"),
-)
-
-
-def _number(value: float) -> str:
-    return "" if math.isnan(value) else repr(value)
