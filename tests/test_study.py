@@ -175,7 +175,7 @@ WRONG = {
     "trials without end": (
         "[study]\nplanners = ['hover']\nseeds = '0-99999'\n[factors.x]\n"
         + "".join(f"l{j}.trees.density = {j}\n" for j in range(11)),
-        "11 cells by 100000 seeds are 1100000 trials; at most 1000000 are allowed",
+        "11 cells by 100000 seeds by 1 repeats are 1100000 trials; at most 1000000 are allowed",
     ),
     "no TOML": ("[study", "mine.toml: Expected"),
     "table as value": ("study = 3", "expected a table"),

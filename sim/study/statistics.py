@@ -47,7 +47,10 @@ def means(values: Array) -> list[Estimate]:
 
     Student's t interval, with the end on the side of the longer tail moved outwards by the Edgeworth term of the
     sample's skewness γ, γ s (1 + 2 t²) / 6n; the other end stays. A column whose values are all equal has an interval
-    of no width, one of a single value has none. docs/reports.md has what these intervals cover.
+    of no width, one of a single value has none.
+
+    Of 8, 10, 20 and 50 maps drawn from trials that were flown, these intervals held the mean share of scans under 1 m
+    in 94, 93, 94 and 95 % of cases at least, Student's in 91, 91, 92 and 94 %; `sim.study.coverage` has mean errors.
     Source: N. J. Johnson, Modified t tests and confidence intervals for asymmetrical populations, JASA, 1978; P. Hall,
     On the removal of skewness by transformation, JRSS B, 1992.
     """
