@@ -57,6 +57,21 @@ def test_a_study_file_is_flown_once_and_shown_by_cell(call, tmp_path):
     assert len(backend.flown) == 4
 
 
+def test_more_repeats_are_flown_on_the_same_maps_and_shown(call, tmp_path):
+    options = ["compare", "--planner", "hover", "--planner", "greedy", "--maps", "2", *FLAGS, "--metric", "ospa.mean_m"]
+    code, out, _ = call(*options)
+    assert code == 0 and "4/4 trials" in out and "spread" not in out
+    backend = Serial()
+    code, out, _ = call(*options, "--repeats", "2", backend=backend)
+    assert code == 0 and backend.flown == [("hover", 0), ("greedy", 0), ("hover", 1), ("greedy", 1)]
+    assert "8/8 trials" in out and "OSPA mean [m]: spread" in out
+    rows = read_rows(tmp_path / "runs" / "compare")
+    assert sorted((r.seed, r.repeat) for r in rows if r.planner == "hover") == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert len({r.ospa.tobytes() for r in rows}) == 8
+    page = (tmp_path / "runs" / "compare" / "report.html").read_text()
+    assert "--repeat 1 --set" in page and "greedy and hover cannot be told apart" in page
+
+
 def test_a_scenario_name_or_file_is_compared_by_flags(call, tmp_path):
     (tmp_path / "grove.toml").write_text("duration = 1.0\ntrees.density = 3\nsensing.mode = 'ideal'\n")
     code, out, _ = call("compare", "grove.toml", "--planner", "hover", "--seeds", "4", "--keep", "recordings")
