@@ -224,7 +224,9 @@ def _place(task: Task) -> tuple[str, str, str]:
 
 def _placed(row: Row, task: Task) -> Row:
     place = {name: getattr(task, name) for name in ("study", "scenario", "factors", "settings")}
-    return msgspec.structs.replace(row, **place, planner=task.planner, seed=task.seed, repeat=task.repeat, version=task.version)
+    return msgspec.structs.replace(
+        row, **place, planner=task.planner, seed=task.seed, repeat=task.repeat, version=task.version
+    )
 
 
 class _Kept(msgspec.Struct, frozen=True):
