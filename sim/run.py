@@ -121,5 +121,5 @@ def write_results(folder: Path, recording: Recording, summary: dict[str, Any]) -
 
 def versions() -> dict[str, str]:
     """Versions of what a result depends on."""
-    packages = ("understory", "pybullet", "numpy", "scipy", "numba", "opencv-python-headless", "filterpy")
+    packages = ("understory", "pybullet", "numpy", "scipy", "numba", "opencv-python-headless")
     return {"python": platform.python_version(), **{name: version(name) for name in packages}}

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from sim.archive import digest
 from sim.autopilot import Fault
 from sim.contacts import KINDS
+from sim.machine import machine
 from sim.metrics import mean, metrics
 from sim.radio import disagreement
 from sim.recording import Recording
@@ -43,6 +45,8 @@ def summarise(
         "seed": recording.seed,
         "repeat": recording.repeat,
         "scenario": json.loads(recording.scenario),
+        "recording_sha256": digest(recording),
+        "machine": machine(),
         "versions": dict(versions),
         "duration_s": duration,
         "interrupted": recording.interrupted,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 import re
@@ -165,11 +166,19 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
             ("repeats of each map", str(repeats) if repeats > 1 else ""),
             ("trials", f"{len(rows) - failed} done, {failed} failed"),
             ("time of all trials, added up", "" if about.wall_s is None else duration(about.wall_s)),
+            ("trials flown on", "; ".join(sorted({row.machine for row in rows} - {""}))),
+            ("hash of all recordings", recordings_hash(rows)),
             ("report made on", about.machine),
             ("versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
         ]
     )
     return text + (paragraph("The command that runs it again:") + commanded(about.command) if about.command else "")
+
+
+def recordings_hash(rows: Sequence[Row]) -> str:
+    """SHA-256 over the hashes of all recordings, in any order of the rows: equal where all missions went the same."""
+    hashes = sorted(row.recording for row in rows if row.recording)
+    return hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else ""
 
 
 def ranges(numbers: Sequence[int]) -> str:

@@ -26,6 +26,8 @@ class Row(Struct, frozen=True, kw_only=True, eq=False):
     metrics: dict[str, float]  # flat names, as in docs/studies.md; NaN: undefined
     ospa: NDArray[np.float32]  # (T,) m at each scan, mean over the UAVs that work; NaN if none does
     times: Array  # (T,) s
+    recording: str = ""  # SHA-256 of its file, wherever it was flown; empty if it failed
+    machine: str = ""  # that flew it: processor and BLAS
     settings: dict[str, str]  # overrides: `understory run SCENARIO --set key=value ... --planner ... --seed ...`
 
 

@@ -27,14 +27,20 @@ _TABLES = (
         key TEXT PRIMARY KEY, scenario TEXT NOT NULL, factors TEXT NOT NULL, settings TEXT NOT NULL,
         planner TEXT NOT NULL, seed INTEGER NOT NULL, version TEXT NOT NULL, status TEXT NOT NULL,
         error TEXT NOT NULL, metrics TEXT NOT NULL, ospa BLOB NOT NULL, scans_per_s REAL NOT NULL,
-        finished TEXT NOT NULL DEFAULT (datetime('now')), repeat INTEGER NOT NULL DEFAULT 0
+        finished TEXT NOT NULL DEFAULT (datetime('now')), repeat INTEGER NOT NULL DEFAULT 0,
+        recording TEXT NOT NULL DEFAULT '', machine TEXT NOT NULL DEFAULT ''
     )""",
     "CREATE VIEW metrics AS SELECT t.key, j.key AS name, j.value FROM trials t, json_each(t.metrics) j",
     "CREATE VIEW factors AS SELECT t.key, j.value ->> 0 AS name, j.value ->> 1 AS level"
     " FROM trials t, json_each(t.factors) j",
 )
-_REPEAT = "ALTER TABLE trials ADD COLUMN repeat INTEGER NOT NULL DEFAULT 0"  # which version 1 lacks
-_COLUMNS = "scenario, factors, settings, planner, seed, repeat, version, status, error, metrics, ospa, scans_per_s"
+# Which version 1 lacks, and how they read there.
+_LATER = {"repeat": "INTEGER NOT NULL DEFAULT 0", "recording": "TEXT NOT NULL DEFAULT ''"}
+_LATER["machine"] = _LATER["recording"]
+_COLUMNS = (
+    "scenario, factors, settings, planner, seed, repeat, recording, machine, version, status, error, metrics, ospa,"
+    " scans_per_s"
+)
 
 
 _DAMAGED = (sqlite3.Error, UnicodeDecodeError)  # of a file of other bytes, or a locked one
@@ -92,9 +98,10 @@ class Store:
 
     def add(self, task: Task, row: Row) -> None:
         """Keep a complete trial, in place of an earlier try; StoreError if that fails."""
-        place = ", ".join("?" * 13)
+        place = ", ".join("?" * 15)
         metrics = msgspec.json.encode(row.metrics).decode()
-        values = (row.planner, _integer(row.seed), row.repeat, row.version, row.status, row.error, metrics)
+        flown = (_integer(row.seed), row.repeat, row.recording, row.machine)
+        values = (row.planner, *flown, row.version, row.status, row.error, metrics)
         rate = task.setting.rates.sensing
         blob = row.ospa.astype("<f4").tobytes()
         with self._writing():
@@ -131,7 +138,8 @@ def read_rows(path: Path) -> list[Row]:
     """All rows of a store, of any version, by scenario, factors, planner, seed and repeat; InputError if it is none."""
     with _reading(path) as connection:
         study, version = _name(connection, path), _version(connection, path)
-        columns = _COLUMNS if version > 1 else _COLUMNS.replace("repeat", "0 AS repeat")
+        old = "0 AS repeat, '' AS recording, '' AS machine"
+        columns = _COLUMNS if version > 1 else _COLUMNS.replace("repeat, recording, machine", old)
         order = "scenario, factors, planner, seed, repeat, version"
         rows = connection.execute(f"SELECT {columns} FROM trials ORDER BY {order}").fetchall()
     return [_row(path, study, values) for values in rows]
@@ -145,7 +153,7 @@ def frame(path: Path) -> Any:  # noqa: ANN401 - pandas' or polars', of which nei
     rows = read_rows(path)
     names = {name: None for row in rows for name in row.metrics}
     factors = {name: None for row in rows for name, _ in row.factors}
-    plain = ("study", "scenario", "planner", "seed", "repeat", "version", "status", "error")
+    plain = ("study", "scenario", "planner", "seed", "repeat", "version", "machine", "recording", "status", "error")
     columns: dict[str, list[Any]] = {name: [getattr(row, name) for row in rows] for name in plain}
     for name in factors:
         columns[f"factor.{name}"] = [dict(row.factors).get(name) for row in rows]
@@ -180,7 +188,8 @@ def _prepare(connection: sqlite3.Connection, path: Path, study: str) -> None:
                 connection.execute(table)
             connection.execute("INSERT INTO study VALUES (?)", (study,))
         elif version == 1:
-            connection.execute(_REPEAT)
+            for name, kind in _LATER.items():
+                connection.execute(f"ALTER TABLE trials ADD COLUMN {name} {kind}")
         connection.execute(f"PRAGMA user_version = {SCHEMA}")
         name = _name(connection, path)
         if name != study:
@@ -238,6 +247,8 @@ class _Kept(msgspec.Struct, frozen=True):
     planner: str
     seed: int | str | float  # as SQLite takes text that is a number of more than 64 bits
     repeat: int
+    recording: str
+    machine: str
     version: str
     status: Literal["done", "failed"]
     error: str
@@ -261,6 +272,8 @@ def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
             planner=kept.planner,
             seed=int(kept.seed),
             repeat=kept.repeat,
+            recording=kept.recording,
+            machine=kept.machine,
             version=kept.version,
             status=kept.status,
             error=kept.error,

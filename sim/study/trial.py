@@ -14,6 +14,7 @@ import numpy as np
 from msgspec import Struct
 
 from sim.archive import save
+from sim.machine import machine_line
 from sim.mission import Mission, Trial
 from sim.recording import Recorder, Recording
 from sim.scenario import resolved
@@ -84,6 +85,8 @@ def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
         metrics=metrics(summary, decisions=len(recording.plan_times)),
         ospa=np.array(ospa, dtype=np.float32),
         times=recording.times,
+        recording=summary["recording_sha256"],
+        machine=machine_line(),
     )
     return Flown(row, _content(recording) if keep else b"")
 

@@ -1,0 +1,35 @@
+"""What a mission was computed on, so that a difference between machines can be seen."""
+
+from __future__ import annotations
+
+import platform
+from functools import cache
+from pathlib import Path
+
+from threadpoolctl import threadpool_info
+
+
+@cache
+def machine() -> dict[str, str]:
+    """The processor, and the BLAS that NumPy uses with the kernels it has chosen; recordings depend on neither."""
+    return {"processor": _processor(), "blas": _blas()}
+
+
+def machine_line() -> str:
+    """The same in one line."""
+    return ", ".join(machine().values())
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:  # not Linux
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def _blas() -> str:
+    found = [library for library in threadpool_info() if library["user_api"] == "blas"]
+    names = {f"{b['internal_api']} {b.get('version') or ''} {b.get('architecture') or ''}".strip() for b in found}
+    return " and ".join(sorted(names)) or "unknown"
