@@ -7,13 +7,10 @@ from itertools import combinations
 from typing import Annotated, Literal
 
 import msgspec
-import numpy as np
 from msgspec import Meta, Struct, field
 
 from sim.network import DAY, Network
 from sim.workload import check_workload
-from tracking.elementary import hypot, tan
-from tracking.matrices import length
 
 # Bounds are far beyond any mission, and short of what overflows or ends no more.
 Side = Annotated[float, Meta(ge=1, le=20_000)]  # m
@@ -106,7 +103,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def altitude(self) -> float:
         """Height of the camera above ground at which the footprint has its edge [m]."""
-        return self.footprint / (2 * tan(math.radians(self.fov_deg) / 2))
+        return self.footprint / (2 * _tangent(math.radians(self.fov_deg) / 2))
 
 
 DEFAULT_FLEET = (
@@ -207,7 +204,8 @@ class Wind(Struct, frozen=True, forbid_unknown_fields=True):
     gust_time: Annotated[float, Meta(ge=0.01, le=DAY)] = 5.0  # s, correlation time
 
     def __post_init__(self) -> None:
-        if (speed := hypot(*self.velocity)) > _STRONGEST_WIND:
+        east, north = self.velocity
+        if (speed := math.sqrt(east * east + north * north)) > _STRONGEST_WIND:
             allowed = f"at most {_STRONGEST_WIND:g} m/s is allowed"
             raise ValueError(f"velocity {list(self.velocity)} is a wind of {speed:.3g} m/s; {allowed}")
 
@@ -246,7 +244,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         check_workload(self)
         self._check_times()
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
-            if length(np.subtract((*one.start, one.altitude), (*other.start, other.altitude))) < _CLEARANCE:
+            gaps = (one.start[0] - other.start[0], one.start[1] - other.start[1], one.altitude - other.altitude)
+            if math.sqrt(sum(gap * gap for gap in gaps)) < _CLEARANCE:
                 raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {_CLEARANCE:g} m from uavs.{i}")
 
     def _check_times(self) -> None:
@@ -304,3 +303,15 @@ def _check_multiple(key: str, value: float, rate: int, what: str) -> None:
 def resolved(scenario: Scenario) -> str:
     """The scenario as JSON with every default written out."""
     return msgspec.json.encode(scenario).decode()
+
+
+def _tangent(angle: float) -> float:
+    """Tangent of an angle in (0, π / 2) [rad], by Lambert's continued fraction.
+
+    That of `tracking.elementary` would have every command wait for the compiler, and the C library's depends on the
+    processor.
+    """
+    fraction = 0.0
+    for k in range(59, 0, -2):
+        fraction = angle * angle / (k - fraction)
+    return fraction / angle
