@@ -12,15 +12,17 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
+from itertools import islice
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from planning.planner import Plan, Planner, Situation
+from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
 from planning.registry import load_planner
 from tracking.compiled import Array
+from tracking.containment import ForeignError, contained, numbers
 
 _CHILD = """
 import pickle, sys
@@ -59,12 +61,13 @@ def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watc
     with _global_chance(world) as drew:
         start = perf_counter()
         try:
-            plans = list(planner.plan(situations, rng))
-        except (Exception, SystemExit) as error:  # a stranger's code may raise anything
-            reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            with contained():
+                plans = list(islice(planner.plan(situations, rng), len(team) + 1))
+        except ForeignError as error:
+            reason = str(error)
         seconds = perf_counter() - start
     if not reason and len(plans) != len(team):
-        reason = f"{len(plans)} plans for {len(team)} UAVs"
+        reason = f"{len(plans) if len(plans) < len(team) else f'more than {len(team)}'} plans for {len(team)} UAVs"
     controls, problems = _controls(plans)
     defects = {"plans": reason or problems} if reason or problems else _defects(controls, team)
     touched = _changed(before, _state(situations)) if watched else ""
@@ -111,9 +114,10 @@ def _controls(plans: Sequence[Any]) -> tuple[tuple[Array, ...], str]:
     problems: list[str] = []
     for k, plan in enumerate(plans):
         try:
-            controls = np.array(plan.controls, dtype=float)
-        except (AttributeError, TypeError, ValueError):
-            problems.append(f"plan {k} is no Plan of numbers but {type(plan).__name__}")
+            with contained():
+                controls = numbers("controls", plan.controls, 2 * LONGEST_PLAN)
+        except ForeignError as error:
+            problems.append(f"plan {k} is no Plan of numbers but {type(plan).__name__}: {error}")
             continue
         copies.append(controls)
         if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:

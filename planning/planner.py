@@ -10,11 +10,15 @@ import numpy as np
 
 from tracking.camera import Camera
 from tracking.compiled import Array
+from tracking.containment import contained
 from tracking.kalman import NearlyConstantVelocity
 from tracking.noise import NoiseModel
 from tracking.tracker import Track
 from tracking.undetected import Unseen
 from tracking.visibility import Forest
+
+LONGEST_PLAN = 1000  # steps; recordings hold them all
+_MOST_ROUNDS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +61,16 @@ class Exchange:
     def __post_init__(self) -> None:
         if type(self.rounds) is not int or self.rounds < 0:
             raise ValueError(f"rounds must be a whole number of at least 0, is {self.rounds!r}")
+        if self.rounds > _MOST_ROUNDS:
+            raise ValueError(f"rounds must be at most {_MOST_ROUNDS}, is {self.rounds}")
 
 
 def exchange_of(planner: object) -> Exchange:
-    """What a planner says that is sent; `Exchange()` where it says nothing of the kind."""
-    exchange = getattr(planner, "exchange", None)  # of a stranger's, it may be anything
-    return exchange if isinstance(exchange, Exchange) else Exchange()
+    """What a planner says that is sent; `Exchange()` where it says nothing of the kind, `ForeignError` if it fails."""
+    with contained():
+        exchange = getattr(planner, "exchange", None)  # of a stranger's, it may be anything
+        # A copy, as what is said stays said, and has been checked.
+        return Exchange(exchange.rounds, exchange.centre is True) if isinstance(exchange, Exchange) else Exchange()
 
 
 @dataclass(frozen=True, eq=False)

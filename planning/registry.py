@@ -5,17 +5,22 @@ from __future__ import annotations
 import ast
 import inspect
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.machinery import PathFinder
 from importlib.metadata import Distribution, EntryPoint, distributions, entry_points
 from typing import TYPE_CHECKING, Any, cast
 
+from tracking.containment import ForeignError, Unusable, contained
 from tracking.plugin import imported, nearest
 
 if TYPE_CHECKING:  # naming planners needs none of their code
     from planning.planner import Planner
+    from tracking.compiled import Array
+
+    Whereabouts = Callable[[float], Array]
 
 
 class PlannerError(ValueError):
@@ -103,21 +108,47 @@ def load_planner(text: str) -> Planner:
     name, options = _parsed(text)
     spec = _spec(name)
     make = _import(name, spec)
-    _check(name, make, options)
-    try:
+    with contained_as(name, "be made", PlannerError):
+        _check(name, make, options)
         planner = make(**{**spec.options, **options})
-    except Exception as error:
-        if not options and not isinstance(error, TypeError):
-            raise  # the planner's own fault, not that of what was asked for
-        raise PlannerError(f"planner: {name!r} cannot be made: {' '.join(str(error).split())}") from error
-    plan = getattr(planner, "plan", None)
-    if not callable(plan):
-        raise PlannerError(
-            f"planner: {name!r} has no method plan(team, rng){nearest('plan', _methods(planner), cutoff=0.6)}"
-        )
-    if not _takes_two(plan):
-        raise PlannerError(f"planner: plan of {name!r} takes {inspect.signature(plan)}; it must take (team, rng)")
+        plan = getattr(planner, "plan", None)
+        if not callable(plan):
+            raise PlannerError(
+                f"planner: {name!r} has no method plan(team, rng){nearest('plan', _methods(planner), cutoff=0.6)}"
+            )
+        if not _takes_two(plan):
+            raise PlannerError(f"planner: plan of {name!r} takes {inspect.signature(plan)}; it must take (team, rng)")
     return cast("Planner", planner)
+
+
+def is_ours(text: str) -> bool:
+    """Whether a planner's code comes with this package; PlannerError where there is no planner of that name."""
+    return _spec(_parsed(text)[0]).target.partition(".")[0] == __package__
+
+
+def told(planner: Planner, people: Whereabouts) -> tuple[Planner, bool]:
+    """The planner to fly, an oracle's being that which is told where people are, and whether it is such a one.
+
+    PlannerError where it fails to say.
+    """
+    with contained_as(type(planner).__qualname__, "be given the truth by its method `knowing`"):
+        knowing = getattr(planner, "knowing", None)
+        if knowing is None:
+            return planner, False
+        seer = knowing(people)
+        if not callable(getattr(seer, "plan", None)):
+            raise Unusable("what it returns has no method plan(team, rng)")
+    return cast("Planner", seer), True
+
+
+@contextmanager
+def contained_as(name: str, what: str, *passing: type[BaseException]) -> Iterator[None]:
+    """Raises a PlannerError, "NAME cannot WHAT: why", for whatever a planner raises in the block."""
+    try:
+        with contained(*passing):
+            yield
+    except ForeignError as error:
+        raise PlannerError(f"planner: {name!r} cannot {what}: {error.explained}") from error
 
 
 def _methods(planner: object) -> list[str]:

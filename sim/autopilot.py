@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
 from planning.optimizers import limited
-from planning.planner import Plan, Planner, Situation
+from planning.planner import LONGEST_PLAN, Plan, Planner, Situation, Vehicle
 from tracking.compiled import Array
+from tracking.containment import ForeignError, Unusable, contained, numbers
+from tracking.kalman import Gaussian
 from tracking.matrices import length
+
+_MOST_OTHERS = 1000
 
 
 @dataclass(frozen=True)
@@ -20,66 +25,94 @@ class Fault:
     time: float  # s
     uav: int | None  # None: the whole team
     message: str
+    trace: tuple[str, ...] = ()  # the last lines of the plug-in's own code, "file:line, in function: text"
 
 
 def decide(
     planner: Planner, team: Sequence[Situation], last: Mapping[int, Plan], rng: np.random.Generator
 ) -> tuple[list[Plan], list[Fault]]:
-    """One valid plan per situation, whatever the planner does.
+    """One valid plan per situation, whatever the planner does, which it does to copies.
 
     A UAV without a valid plan flies on with the rest of its `last` plan, then hovers. Commands beyond the speed limit
     are shortened to it, and that is a fault too.
     """
     time = team[0].time
     try:
-        proposed = list(planner.plan(team, rng))
-        if len(proposed) != len(team):
-            raise ValueError(f"{len(proposed)} plans for {len(team)} UAVs")
-    except (Exception, SystemExit) as error:  # a stranger's code may raise anything
-        fault = Fault(time, None, f"{type(error).__name__}: {error}")
-        return [_shifted(last.get(s.own.id)) for s in team], [fault]
+        with contained():
+            proposed = _proposed(planner.plan([_handed(situation) for situation in team], rng), len(team))
+    except ForeignError as error:
+        return [_shifted(last.get(s.own.id)) for s in team], [Fault(time, None, str(error), error.trace)]
     plans, faults = [], []
-    for situation, plan in zip(team, proposed, strict=True):
+    for situation, given in zip(team, proposed, strict=True):
         own = situation.own
-        problem = _problem(plan)
-        if problem:
+        try:
+            with contained():
+                plan = _usable(given)
+        except ForeignError as error:
             plans.append(_shifted(last.get(own.id)))
-        else:
-            controls = np.array(plan.controls, dtype=float)
+            faults.append(Fault(time, own.id, str(error), error.trace))
+            continue
+        controls = plan.controls
+        with np.errstate(over="ignore"):  # of what is finite, but beyond all speeds
             fastest = length(controls).max()
-            if fastest > own.max_speed * (1 + 1e-6):
-                problem = f"speed {fastest:.3g} m/s exceeds {own.max_speed:g} m/s; clipped"
-            plans.append(Plan(limited(controls[None], own.max_speed)[0], _others(plan)))
-        if problem:
-            faults.append(Fault(time, own.id, problem))
+            plans.append(Plan(limited(controls[None], own.max_speed)[0], plan.others))
+        if fastest > own.max_speed * (1 + 1e-6):
+            faults.append(Fault(time, own.id, f"speed {fastest:.3g} m/s exceeds {own.max_speed:g} m/s; clipped"))
     return plans, faults
 
 
-def _problem(plan: object) -> str:
-    """What is wrong with a plan, or nothing."""
+def _handed(s: Situation) -> Situation:
+    """A copy that a planner may do anything to; map, cameras and motion are planners' own already."""
+    return replace(
+        s,
+        own=_vehicle(s.own),
+        neighbours=tuple(_vehicle(v) for v in s.neighbours),
+        tracks=tuple(replace(t, belief=Gaussian(_same(t.belief.mean), _same(t.belief.covariance))) for t in s.tracks),
+        intents={
+            uav: Plan(_same(plan.controls), {j: _same(controls) for j, controls in plan.others.items()})
+            for uav, plan in s.intents.items()
+        },
+        unseen=None if s.unseen is None else replace(s.unseen, people=_same(s.unseen.people)),
+    )
+
+
+def _vehicle(v: Vehicle) -> Vehicle:
+    return replace(v, position=_same(v.position), attitude=_same(v.attitude))
+
+
+def _same(array: Array) -> Array:
+    """A copy that lies in memory as the array does."""
+    return array.copy(order="K")
+
+
+def _proposed(plans: Iterable[object], uavs: int) -> list[object]:
+    """What a planner returned, as far as there are UAVs to fly it."""
+    found = list(islice(plans, uavs + 1))
+    if len(found) != uavs:
+        raise Unusable(f"{len(found) if len(found) < uavs else f'more than {uavs}'} plans for {uavs} UAVs")
+    return found
+
+
+def _usable(plan: object) -> Plan:
+    """A copy of what is to be a plan; `Unusable` says why it is none."""
     others = getattr(plan, "others", {})
     if not isinstance(others, Mapping):
-        return "others is no mapping"
-    wrong = _wrong("controls", getattr(plan, "controls", None))
-    return wrong or next(filter(None, (_wrong(f"others[{j!r}]", given) for j, given in others.items())), "")
+        raise Unusable("others is no mapping")
+    expected = list(islice(others.items(), _MOST_OTHERS + 1))
+    if len(expected) > _MOST_OTHERS:
+        raise Unusable(f"others has more than {_MOST_OTHERS} entries")
+    controls = _controls("controls", getattr(plan, "controls", None))
+    return Plan(controls, {j: _controls(f"others[{j!r}]", given) for j, given in expected})
 
 
-def _wrong(name: str, given: object) -> str:
-    """What is wrong with controls, or nothing."""
-    try:
-        controls = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        return f"{name} are not numbers"
+def _controls(name: str, given: object) -> Array:
+    """Controls (H, 2) m/s."""
+    controls = numbers(name, given, 2 * LONGEST_PLAN)
     if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
-        return f"{name} of shape {controls.shape}, not (H, 2)"
+        raise Unusable(f"{name} of shape {controls.shape}, not (H, 2)")
     if not np.all(np.isfinite(controls)):
-        return f"{name} are not finite"
-    return ""
-
-
-def _others(plan: object) -> dict[int, Array]:
-    """What a plan expects of others, if it says so."""
-    return {j: np.array(given, dtype=float) for j, given in getattr(plan, "others", {}).items()}
+        raise Unusable(f"{name} are not finite")
+    return controls
 
 
 def _shifted(plan: Plan | None) -> Plan:

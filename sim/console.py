@@ -9,22 +9,20 @@ from contextlib import contextmanager
 from math import isnan
 from pathlib import Path
 from statistics import fmean
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from sim.flight import Moment
 from sim.scenario import Scenario
-
-if TYPE_CHECKING:  # commands that fly nothing answer without what these import
-    from sim.recording import Recorder
-    from sim.snapshot import Snapshot
 
 console = Console(highlight=False)
 _LONGEST = 2000  # characters of a message
 _START_UP = "starting up"
+_SHOWN = 3  # faults of different kinds
 
 
 def fail(message: str, *, code: int) -> NoReturn:
@@ -58,7 +56,7 @@ def starting() -> Iterator[None]:
 
 
 @contextmanager
-def mission_progress(scenario: Scenario) -> Iterator[Callable[[Snapshot, Recorder], None]]:
+def mission_progress(scenario: Scenario) -> Iterator[Callable[[Moment], None]]:
     """A bar with the simulated time and the running mean of the OSPA distance."""
     last = scenario.scan_times[-1]
     columns = (SpinnerColumn(), BarColumn(bar_width=20), TextColumn("{task.description}"), TimeRemainingColumn())
@@ -67,14 +65,14 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[Snapshot, Recorde
     task = progress.add_task("", total=len(scenario.scan_times))
     with console.status(_START_UP) as status:  # which goes away, whether a mission follows or a complaint
 
-        def show(snapshot: Snapshot, recorder: Recorder) -> None:
+        def show(moment: Moment) -> None:
             if not distances:
                 status.stop()
                 progress.start()
-            distances.extend(snapshot.ospa[snapshot.working, 0].tolist())
-            error = "-" if isnan(snapshot.error) else f"{snapshot.error:.2f} m"
-            now = f"{snapshot.time:.1f} of {last:g} s, OSPA {error}, mean {fmean(distances):.2f} m"
-            progress.update(task, completed=len(recorder), description=now)
+            distances.extend(moment.distances)
+            error = "-" if isnan(moment.error) else f"{moment.error:.2f} m"
+            now = f"{moment.time:.1f} of {last:g} s, OSPA {error}, mean {fmean(distances):.2f} m"
+            progress.update(task, completed=moment.scans, description=now)
 
         try:
             yield show
@@ -101,15 +99,29 @@ def show_run(summary: Mapping[str, Any], folder: Path) -> None:
     """The results of a mission and where its files are."""
     from sim.summary import results_table  # late, as it needs NumPy
 
+    show_faults(summary["faults"])
     console.print(results_table(summary))
-    for fault in summary["faults"][:3]:
-        who = "team" if fault["uav"] is None else f"UAV {fault['uav']}"
-        console.print(f"[red]fault[/red] at {fault['time']:.1f} s, {who}: {escape(fault['message'])}", soft_wrap=True)
-    if len(summary["faults"]) > 3:
-        console.print(f"All {len(summary['faults'])} faults are in summary.json.")
     show_files(folder)
     asked = f"understory explain {shlex.quote(str(folder))}"
     console.print(f"Who was lost when, and why: [bold]{escape(asked)}[/bold]", soft_wrap=True)
+
+
+def show_faults(faults: Sequence[Mapping[str, Any]]) -> None:
+    """What went wrong, the first few things, each once."""
+    if not faults:
+        return
+    alike: dict[tuple[object, str], list[Mapping[str, Any]]] = {}
+    for fault in faults:
+        alike.setdefault((fault["uav"], fault["message"]), []).append(fault)
+    for first, *more in list(alike.values())[:_SHOWN]:
+        who = "team" if first["uav"] is None else f"UAV {first['uav']}"
+        often = f", {1 + len(more)} times until {more[-1]['time']:.1f} s" if more else ""
+        text = f"at {first['time']:.1f} s{often}, {who}: {first['message']}"
+        console.print(f"[bold red]fault[/bold red] {escape(text)}", soft_wrap=True)
+        for line in first.get("trace", ()):
+            console.print(f"  {escape(line)}", soft_wrap=True)
+    if len(faults) > _SHOWN:
+        console.print(f"All {len(faults)} faults are in summary.json.")
 
 
 def show_files(folder: Path) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from sim.errors import InputError
 from sim.loading import did_you_mean
+from tracking.containment import ForeignError, contained
 from tracking.plugin import imported
 
 if TYPE_CHECKING:  # checking a name needs none of their code
@@ -22,11 +23,15 @@ _FIELD = "sensing.detector"
 
 def check_detector(name: str) -> None:
     """InputError unless `name` is a detector's, or "package.module:Class" that can be imported."""
-    if name in DETECTORS:
-        return
-    if ":" not in name:
+    if not comes_with(name):
+        _import(name)
+
+
+def comes_with(name: str) -> bool:
+    """Whether a detector is one of the testbed's own; InputError if the name is neither theirs nor an import string."""
+    if name not in DETECTORS and ":" not in name:
         raise InputError(f"{_FIELD}: {name!r} is unknown; {did_you_mean(name, DETECTORS)} (or package.module:Class)")
-    _import(name)
+    return name in DETECTORS
 
 
 def load_detector(name: str, forest: Forest | None) -> Detector | MaskDetector:
@@ -36,15 +41,14 @@ def load_detector(name: str, forest: Forest | None) -> Detector | MaskDetector:
     without arguments.
     """
     check_detector(name)
-    made: Any
-    if name in DETECTORS:
-        made = _import(DETECTORS[name])(forest)
-    else:
-        try:
-            made = _import(name)()
-        except TypeError as error:
-            raise InputError(f"{_FIELD}: {name!r} cannot be made: {error}") from error
-    if not callable(getattr(made, "detect", None)):
+    make = _import(DETECTORS.get(name, name))
+    try:
+        with contained():
+            made = make(forest) if name in DETECTORS else make()
+            usable = callable(getattr(made, "detect", None))
+    except ForeignError as error:
+        raise InputError(f"{_FIELD}: {name!r} cannot be made: {error.explained}") from error
+    if not usable:
         raise InputError(f"{_FIELD}: {name!r} has no method detect(frame)")
     return made  # type: ignore[no-any-return]
 

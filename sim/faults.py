@@ -10,6 +10,7 @@ from dataclasses import replace
 import msgspec
 
 from sim.autopilot import Fault
+from tracking.containment import one_line
 
 MOST = 1000  # faults that are kept; a planner may fail at every decision
 LONGEST = 300  # characters of a message
@@ -20,9 +21,10 @@ def recorded(faults: Sequence[Fault]) -> str:
     """Faults as JSON text: a list of objects with `time` [s], `uav` (null: the whole team) and `message`.
 
     Messages become one line of printable characters, without addresses in memory, cut after `LONGEST`; of more than
-    `MOST` faults the last that is kept tells how many more there are. `summary.json` has them all, as they are.
+    `MOST` faults the last that is kept tells how many more there are. `summary.json` has them all, and their traces,
+    which name files and so differ from machine to machine.
     """
-    kept = [replace(fault, message=_line(fault.message)) for fault in faults[:MOST]]
+    kept = [replace(fault, message=one_line(_ADDRESS.sub("0x...", fault.message), LONGEST)) for fault in faults[:MOST]]
     if len(faults) > MOST:
         kept[-1] = Fault(kept[-1].time, None, f"{len(faults) - MOST + 1} more faults are not recorded")
     return json.dumps([{"time": float(f.time), "uav": f.uav, "message": f.message} for f in kept])
@@ -36,9 +38,3 @@ def read(text: str) -> tuple[Fault, ...]:
         return msgspec.json.decode(text, type=tuple[Fault, ...])
     except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
         raise ValueError(f"is no list of faults: {error}") from error
-
-
-def _line(message: str) -> str:
-    plain = "".join(c if c.isprintable() else " " for c in _ADDRESS.sub("0x...", message[: 10 * LONGEST]))
-    line = " ".join(plain.split())
-    return line if len(line) <= LONGEST else line[: LONGEST - 1] + "…"

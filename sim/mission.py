@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Plan, Planner, Situation, Vehicle, exchange_of
-from planning.registry import load_planner
+from planning.registry import contained_as, load_planner, told
 from sim.autopilot import Fault, decide
 from sim.forest import grow
 from sim.intents import Intents, Sent
@@ -56,19 +57,21 @@ class Mission:
         self.faults: list[Fault] = []
         self.frames: list[NDArray[np.uint8] | None] = []  # of the last scan, one per UAV; None without rendering
         self.forest, self.people = forest_and_people(scenario, seed)
-        knowing = getattr(planner, "knowing", None)  # an oracle's way to the truth, which no situation holds
-        self.sees_truth = knowing is not None
-        self._planner: Planner = planner if knowing is None else knowing(lambda time: self.people.at(time)[0])
+        # An oracle's way to the truth, which no situation holds.
+        self._planner, self.sees_truth = told(planner, lambda time: self.people.at(time)[0])
         chance = partial(stream, seed, repeat=repeat)
         self._chance = chance("planner")
-        # Planners get a map of their own: whatever they do to it, trees still hide what they hide.
-        self._known_forest = Forest(self.forest.trees, self.forest.occlusion)
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
-        self._motion = planned_motion(scenario)
+        # Planners get a map, cameras and a model of their own: whatever they do to them, trees hide what they hide.
+        self._known_forest = Forest(tuple(map(replace, self.forest.trees)), self.forest.occlusion)
+        self._known_cameras = deepcopy([*zip(self._sensors.cameras, self._sensors.noises, strict=True)])
+        self._known_motion = planned_motion(scenario)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
         self._undetected = [self._nobody_seen() for _ in scenario.uavs]
-        self._intents = Intents(scenario.network, exchange_of(self._planner), chance("intents"))
+        with contained_as(type(planner).__qualname__, "say what it sends"):
+            exchange = exchange_of(self._planner)
+        self._intents = Intents(scenario.network, exchange, chance("intents"))
         self._first = round(scenario.first_decision * scenario.rates.sensing)  # scan
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
         self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
@@ -131,7 +134,7 @@ class Mission:
             for i, pose in enumerate(cameras)
         ]
         self.frames = [look.image for look in looks]
-        self.faults += [Fault(time, look.scan.uav, look.fault) for look in looks if look.fault]
+        self.faults += [fault for look in looks for fault in look.faults]
         links = self._links(time, bodies)
         with self.clock.measure("tracking"):
             sent = self._track(time, looks, links)
@@ -207,19 +210,23 @@ class Mission:
             Vehicle(
                 id=i,
                 position=body.position.copy(),
-                camera=self._sensors.cameras[i],
-                noise=self._sensors.noises[i],
+                camera=self._known_cameras[i][0],
+                noise=self._known_cameras[i][1],
                 max_speed=uav.max_speed,
                 attitude=planned_attitude(uav, body),
             )
             for i, (uav, body) in enumerate(zip(self.scenario.uavs, bodies, strict=True))
         ]
-        self._intents.begin(fleet, links, self._working, self._motion.dt)
+        self._intents.begin(fleet, links, self._working, 1 / self.scenario.rates.planning)
         area = (self.scenario.area.width, self.scenario.area.height)
         for i in self._working:
             known = [v for v in fleet if v.id == i or (links.touch[i, v.id] and v.id in self._working)]
-            looks = [(v.camera, Pose(v.position, v.attitude)) for v in known if self.scenario.has_frame(v.id, k)]
-            self._undetected[i].step(time, looks, self._trackers[i].tracks, self._known_forest)
+            looks = [
+                (self._sensors.cameras[v.id], Pose(v.position, v.attitude))
+                for v in known
+                if self.scenario.has_frame(v.id, k)
+            ]
+            self._undetected[i].step(time, looks, self._trackers[i].tracks, self.forest)
         return [
             self._intents.informed(
                 Situation(
@@ -229,7 +236,7 @@ class Mission:
                     tracks=self._trackers[i].tracks,
                     forest=self._known_forest,
                     area=area,
-                    motion=self._motion,
+                    motion=self._known_motion,
                     unseen=self._undetected[i].belief,
                 )
             )

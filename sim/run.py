@@ -13,6 +13,7 @@ from typing import Any
 
 from sim.archive import save
 from sim.atomic import new_folder
+from sim.flight import Moment
 from sim.frames import scenario_of
 from sim.interrupt import stop_request
 from sim.mission import Mission, Trial
@@ -28,7 +29,8 @@ from sim.summary import marked, summarise
 from sim.video import Film, Video
 from sim.warmup import announced, warm_up
 
-Progress = Callable[[Snapshot, Recorder], None]
+Progress = Callable[[Moment], None]
+Say = Callable[[str], None]
 
 
 def run(
@@ -36,8 +38,8 @@ def run(
     out: Path,
     *,
     video: bool = True,
-    progress: Progress = lambda snapshot, recorder: None,
-    say: Callable[[str], None] = lambda text: None,
+    progress: Progress = lambda moment: None,
+    say: Say = lambda text: None,
 ) -> dict[str, Any]:
     """Fly a mission and leave its files in the new folder `out`; returns the summary.
 
@@ -47,43 +49,48 @@ def run(
     is kept, marked as interrupted; a second one, or one before take-off, is a KeyboardInterrupt and leaves nothing.
     InputError where the input is wrong.
     """
-    start = time.perf_counter()
     with new_folder(out) as folder:
-        mission = Mission.of(trial)
-        with announced(say):
-            warm_up()
-        start_up = time.perf_counter() - start
-        recorder = Recorder(trial.repeat)
-        with stop_request() as stop:
-            with _film(trial, mission, folder / "mission.mp4" if video else None) as film:
-                for snapshot in mission.fly():
-                    recorder.add(snapshot)
-                    film(snapshot)
-                    progress(snapshot, recorder)
-                    if stop.is_set():
-                        break
-            wall = time.perf_counter() - start
-            recording = recorder.recording(
-                scenario=resolved(trial.scenario),
-                planner=trial.planner,
-                seed=trial.seed,
-                forest=mission.forest,
-                interrupted=len(recorder) < len(trial.scenario.scan_times),
-                sees_truth=mission.sees_truth,
-            )
-            seconds = {**mission.clock.seconds, "start_up": start_up}
-            summary = summarise(
-                recording,
-                seconds=seconds,
-                wall_s=wall,
-                faults=mission.faults,
-                versions=versions(),
-                planning_s=mission.clock.laps["planning"],
-            )
-            write_results(folder, recording, summary)
-            if video:
-                shown = folder / "mission.mp4"
-                write_page(recording, trial.scenario, folder / "mission.html", video=shown, place=str(out))
+        return fly(trial, folder, str(out), video=video, progress=progress, say=say)
+
+
+def fly(trial: Trial, folder: Path, place: str, *, video: bool, progress: Progress, say: Say) -> dict[str, Any]:
+    """As `run`, into a folder that is there; `place` is what it will be called."""
+    start = time.perf_counter()
+    mission = Mission.of(trial)
+    with announced(say):
+        warm_up()
+    start_up = time.perf_counter() - start
+    recorder = Recorder(trial.repeat)
+    with stop_request() as stop:
+        with _film(trial, mission, folder / "mission.mp4" if video else None) as film:
+            for snapshot in mission.fly():
+                recorder.add(snapshot)
+                film(snapshot)
+                distances = snapshot.ospa[snapshot.working, 0].tolist()
+                progress(Moment(snapshot.time, len(recorder), distances, snapshot.error))
+                if stop.is_set():
+                    break
+        wall = time.perf_counter() - start
+        recording = recorder.recording(
+            scenario=resolved(trial.scenario),
+            planner=trial.planner,
+            seed=trial.seed,
+            forest=mission.forest,
+            interrupted=len(recorder) < len(trial.scenario.scan_times),
+            sees_truth=mission.sees_truth,
+        )
+        summary = summarise(
+            recording,
+            seconds={**mission.clock.seconds, "start_up": start_up},
+            wall_s=wall,
+            faults=mission.faults,
+            versions=versions(),
+            planning_s=mission.clock.laps["planning"],
+        )
+        write_results(folder, recording, summary)
+        if video:
+            shown = folder / "mission.mp4"
+            write_page(recording, trial.scenario, folder / "mission.html", video=shown, place=place)
     return summary
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.autopilot import Fault
 from sim.clutter import Clutter
 from sim.detectors import load_detector
 from sim.renderer import Rendered, Renderer
@@ -18,6 +19,7 @@ from sim.stopwatch import Stopwatch
 from sim.world import World
 from tracking.camera import ALL_ROUND, Camera, Pose
 from tracking.compiled import Array
+from tracking.containment import ForeignError, Unusable, contained, numbers
 from tracking.detector import Detections, Frame, whole_covariances
 from tracking.elementary import arctan2, cos, sin
 from tracking.matrices import applied, cholesky, eigen
@@ -28,6 +30,7 @@ from tracking.visibility import TARGET_HEIGHT, Forest
 
 # Beyond these no detection means anything, and arithmetic suffers.
 _FARTHEST, _SUREST = 1e6, 1e-12  # m, m²
+_MOST = 200  # detections of a plug-in in one frame: trackers take seconds over so many
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +43,7 @@ class Look:
     visible: NDArray[np.int64]  # (M,) pixels the renderer shows of each person; in ideal sensing 1 for seen
     matched: NDArray[np.bool_]  # (M,) people detected
     taken: bool = True  # whether the camera took a frame; without one the scan is empty and says nothing
-    fault: str = ""  # of the detector
+    faults: tuple[Fault, ...] = ()  # of the detector
 
 
 def camera_of(uav: Uav) -> Camera:
@@ -116,7 +119,7 @@ class Sensors:
             rendered = self._renderer.take(uav, time, self.cameras[uav], pose)
         with self._clock.measure("detection"):
             frame = Frame(uav, time, self.cameras[uav], pose, rendered.image)
-            found, fault = self._detected(frame, rendered)
+            found, faults = self._detected(frame, rendered)
             if self._scenario.sensing.noise == "range_bearing":
                 scan = self._sampled(uav, time, pose, found.ground)
             else:
@@ -125,19 +128,21 @@ class Sensors:
             scan, pixels = self._cluttered(scan, found.pixels, kept, frame)
         visible = visible_pixels(rendered.people, len(people))
         matched = matched_people(found.pixels[kept], rendered.people, len(people))
-        return Look(scan, pixels, rendered.image, visible, matched, fault=fault)
+        return Look(scan, pixels, rendered.image, visible, matched, faults=faults)
 
-    def _detected(self, frame: Frame, rendered: Rendered) -> tuple[Detections, str]:
-        """What the detector finds, and its fault; then nothing is found."""
+    def _detected(self, frame: Frame, rendered: Rendered) -> tuple[Detections, tuple[Fault, ...]]:
+        """What the detector finds, and its faults; then nothing is found."""
+        if isinstance(self._detector, MaskDetector):
+            return self._detector.detect(frame, rendered.people), ()
         try:
-            if isinstance(self._detector, MaskDetector):
-                return self._detector.detect(frame, rendered.people), ""
-            # What a stranger's code does to its frame must not show in scans, recordings and videos.
-            pose = Pose(frame.pose.position.copy(), frame.pose.quaternion.copy())
-            return checked(self._detector.detect(replace(frame, pose=pose, image=frame.image.copy()))), ""
-        except Exception as error:  # a stranger's code may raise anything
+            with contained():
+                # What a stranger's code does to its frame must not show in scans, recordings and videos.
+                pose = Pose(frame.pose.position.copy(), frame.pose.quaternion.copy())
+                given = replace(frame, camera=replace(frame.camera), pose=pose, image=frame.image.copy())
+                return checked(self._detector.detect(given)), ()
+        except ForeignError as error:
             nothing = Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
-            return nothing, f"detector: {type(error).__name__}: {error}"
+            return nothing, (Fault(frame.time, frame.uav, f"detector: {error}", error.trace),)
 
     @staticmethod
     def rest(uav: int, time: float, pose: Pose, people: Array) -> Look:
@@ -193,25 +198,27 @@ class Sensors:
 
 
 def checked(found: Detections) -> Detections:
-    """Detections that trackers can use, as arrays of floats; ValueError says what is wrong with them."""
-    pixels, ground, R = (np.array(a, dtype=float) for a in (found.pixels, found.ground, found.covariances))
-    count = len(ground)
+    """Detections that trackers can use, as arrays of floats; `Unusable` says what is wrong with them."""
+    pixels, ground = numbers("pixels", found.pixels, 2 * _MOST), numbers("ground", found.ground, 2 * _MOST)
+    R = numbers("covariances", found.covariances, 4 * _MOST)
+    count = len(ground) if ground.ndim else 0
     for name, array, shape in (("pixels", pixels, (2,)), ("ground", ground, (2,)), ("covariances", R, (2, 2))):
-        if count == 0 == array.size:
-            continue
-        if array.shape != (count, *shape):
-            raise ValueError(f"{name} of shape {array.shape}, not {(count, *shape)}")
-        if not np.all(np.isfinite(array)):
-            raise ValueError(f"{name} are not finite")
+        if count or array.size:
+            _check_shape(name, array, (count, *shape))
     if count == 0:
-        return replace(found, pixels=np.zeros((0, 2)), ground=np.zeros((0, 2)), covariances=np.zeros((0, 2, 2)))
-    if np.abs(ground).max() > _FARTHEST:
-        raise ValueError(f"ground is more than {_FARTHEST:g} m away")
+        return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    for name, array, unit in (("ground", ground, "m"), ("pixels", pixels, "pixels")):
+        if np.abs(array).max() > _FARTHEST:
+            raise Unusable(f"{name} more than {_FARTHEST:g} {unit} away")
     eigenvalues = eigen(R)[0]
-    if (
-        not np.allclose(R, np.swapaxes(R, 1, 2))
-        or eigenvalues.min() < _SUREST
-        or eigenvalues.max() > _FARTHEST * _FARTHEST
-    ):
-        raise ValueError("covariances are not symmetric and positive definite, from 1e-12 to 1e12 m²")
-    return replace(found, pixels=pixels, ground=ground, covariances=R)
+    symmetric = np.allclose(R, np.swapaxes(R, 1, 2))
+    if not symmetric or eigenvalues.min() < _SUREST or eigenvalues.max() > _FARTHEST * _FARTHEST:
+        raise Unusable("covariances are not symmetric and positive definite, from 1e-12 to 1e12 m²")
+    return Detections(pixels, ground, R)
+
+
+def _check_shape(name: str, array: Array, shape: tuple[int, ...]) -> None:
+    if array.shape != shape:
+        raise Unusable(f"{name} of shape {array.shape}, not {shape}")
+    if not np.all(np.isfinite(array)):
+        raise Unusable(f"{name} are not finite")

@@ -60,7 +60,7 @@ def summarise(
         "real_time_factor": duration / flown if flown > 0 else None,
         "wall_s": wall_s,
         "seconds": {stage: float(seconds.get(stage, 0.0)) for stage in (*STAGES, *_others(seconds))},
-        "faults": [asdict(fault) for fault in faults],
+        "faults": [{name: value for name, value in asdict(f).items() if name != "trace" or value} for f in faults],
         "contacts": contacts(recording),
         "network": _network(recording),
         "planning_s": [round(lap, 6) for lap in planning_s],
@@ -120,11 +120,9 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     table.add_row("real-time factor", "-" if factor is None else f"{factor:.1f}", end_section=True)
     for stage, spent in summary["seconds"].items():
         table.add_row(stage.replace("_", "-"), f"{spent:.2f} s")
-    table.add_section()
-    faults = len(summary["faults"])
-    table.add_row("faults", str(faults), style="bold red" if faults else None)
     touched = summary["contacts"]
     if touched:
+        table.add_section()
         table.add_row("contacts", str(len(touched)), style="bold red")
     for contact in touched[:3]:
         table.add_row(f"  at {contact['time']:.1f} s", f"UAV {contact['uav']}, {contact['kind']} {contact['other']}")

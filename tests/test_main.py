@@ -113,10 +113,13 @@ def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(call, tmp_path, 
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_a_fault_of_the_program_is_no_fault_of_the_input(call, tmp_path):
+@pytest.mark.parametrize("command", [["run", "--planner"], ["compare", "--planner"], ["check-planner"]])
+def test_a_planner_whose_constructor_raises_is_one_line_that_says_where(call, tmp_path, command):
     (tmp_path / "faulty.py").write_text(PLANNER)
-    with pytest.raises(ValueError, match="a fault of the program"):
-        call("run", "--planner", "faulty:Wrong")
+    code, out, err = call(*command, "faulty:Wrong")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    place = f"({tmp_path / 'faulty.py'}:4, in __init__)"
+    assert f"'faulty:Wrong' cannot be made: a fault of the program, not of its user {place}" in err
     assert [path.name for path in tmp_path.iterdir() if path.name != "__pycache__"] == ["faulty.py"]
 
 

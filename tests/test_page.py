@@ -258,6 +258,25 @@ def test_odd_missions_have_a_page_too(changes):
     assert "Interrupted at " in text
 
 
+def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
+    recording, setting = flown(scans=6)
+    faults = [Fault(0.2 * k, None, message) for k, message in enumerate(["<i>a</i>", "<i>a</i>", "b", "c", "d"])]
+    text = page(dataclasses.replace(recording, faults=recorded(faults)), setting)
+    header = text.partition("</header>")[0]
+    assert re.findall(r'<p class="warning">(.*?)</p>', header) == [
+        "fault of the fleet at 0.0 s, 2 times until 0.2 s: &lt;i&gt;a&lt;/i&gt;",
+        "fault of the fleet at 0.4 s: b",
+        "fault of the fleet at 0.6 s: c",
+        "1 more kinds of fault are listed below.",
+    ]
+    broken = Fault(0.0, 1, "broke down, hovers from now on")
+    still = dataclasses.replace(recording, ospa=np.where(np.arange(3)[:, None] == 1, np.nan, recording.ospa))
+    assert (
+        'class="warning"'
+        not in page(dataclasses.replace(still, faults=recorded([broken])), setting).partition("</header>")[0]
+    )
+
+
 def test_the_data_of_forty_seconds_weigh_less_than_a_megabyte():
     recording, setting = flown(scans=201)
     data = page_data(recording, setting, History.of(recording, setting), None)

@@ -44,7 +44,7 @@ def interrupting(*scans):
     """A progress function that presses Ctrl-C at the given scans."""
     counter = itertools.count(1)
 
-    def progress(snapshot, recorder):
+    def progress(moment):
         k = next(counter)
         for _ in range(scans.count(k)):
             signal.raise_signal(signal.SIGINT)

@@ -8,6 +8,7 @@ import pytest
 from rich.console import Console
 
 from sim.autopilot import Fault
+from sim.console import show_run
 from sim.recording import VERSION, Recording
 from sim.stopwatch import STAGES
 from sim.summary import results_table, summarise
@@ -111,10 +112,24 @@ def test_the_table_shows_every_number():
     assert "interrupted" not in text
 
 
-def test_the_table_marks_interruption_and_faults():
-    result = summary(
-        dataclasses.replace(hand_made(), interrupted=True), faults=[Fault(1.0, 0, "NaN"), Fault(2.0, 1, "NaN")]
-    )
+def test_the_table_marks_interruption():
+    result = summary(dataclasses.replace(hand_made(), interrupted=True))
     text = shown({**result, "detection": {"recall": None, "precision": None}})
     assert "interrupted" in text
-    assert [line for line in text.splitlines() if "faults" in line and " 2 " in line]
+
+
+def test_what_went_wrong_is_shown_above_the_table_each_once_with_its_place(tmp_path, capsys):
+    faults = [Fault(float(t), 0, "[red]NaN", ("mine.py:3, in plan: return x[0]",)) for t in (1, 2)]
+    show_run(summary(hand_made(), faults=[*faults, Fault(2.0, None, "gone")]), tmp_path)
+    before, _, after = capsys.readouterr().out.partition("┏")
+    assert before.splitlines()[:3] == [
+        "fault at 1.0 s, 2 times until 2.0 s, UAV 0: [red]NaN",
+        "  mine.py:3, in plan: return x[0]",
+        "fault at 2.0 s, team: gone",
+    ]
+    assert "fault" not in after
+
+
+def test_where_nothing_went_wrong_nothing_is_shown(tmp_path, capsys):
+    show_run(summary(hand_made()), tmp_path)
+    assert "fault" not in capsys.readouterr().out

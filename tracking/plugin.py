@@ -8,6 +8,8 @@ import pkgutil
 from collections.abc import Iterable
 from typing import Any
 
+from tracking.containment import ForeignError, contained
+
 
 def imported(target: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
     """The class "package.module:Class" names; ImportError says in one line why there is none.
@@ -20,16 +22,17 @@ def imported(target: str) -> Any:  # noqa: ANN401 - whatever a user's module hol
     if not attribute:
         raise ImportError(f"it names no class; write {module}:Class")
     try:
-        loaded = importlib.import_module(module)
+        with contained(ModuleNotFoundError):
+            loaded = importlib.import_module(module)
+            found: Any = loaded
+            for part in attribute.split("."):
+                found = getattr(found, part, None)
+            usable = callable(found)
     except ModuleNotFoundError as error:
         raise ImportError(_missing(module, error)) from error
-    except (Exception, SystemExit) as error:
-        text = " ".join(str(error).split())
-        raise ImportError(text if isinstance(error, ImportError) else f"{type(error).__name__}: {text}") from error
-    found: Any = loaded
-    for part in attribute.split("."):
-        found = getattr(found, part, None)
-    if not callable(found):
+    except ForeignError as error:
+        raise ImportError(error.text if error.kind == "ImportError" else str(error)) from error
+    if not usable:
         classes = [name for name, value in vars(loaded).items() if isinstance(value, type)]
         raise ImportError(f"{module} has no class {attribute!r}{nearest(attribute, classes)}")
     return found

@@ -29,6 +29,7 @@ from sim.summary import titled
 from sim.video import HEIGHT, WIDTH, parts_of
 
 SOFT: Colour = (102, 97, 90)  # of text that steps back: FAINT is too light to read
+_SHOWN = 3  # faults at the top, of different kinds
 _SCRIPTS = ("page_drawing.js", "page_map.js", "page_charts.js", "page.js")
 _VARIABLES = {"ink": INK, "soft": SOFT, "edge": FAINT, "line": LINE, "paper": PAPER, "panel": PANEL, "blue": BLUE}
 
@@ -59,7 +60,7 @@ def page(recording: Recording, scenario: Scenario, *, video: bytes | Path | None
     return Template(_asset("page.html")).substitute(
         policy=policy,
         title=escape(titled(recording)),
-        warnings=_warnings(recording, scenario),
+        warnings=_warnings(recording, scenario, [event for event in happened if event.fault]),
         facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording, scenario)),
         film="" if film is None else _film(film),
         lost=len(lost),
@@ -123,10 +124,14 @@ def _film(film: bytes) -> str:
     )
 
 
-def _warnings(recording: Recording, scenario: Scenario) -> str:
-    if not recording.interrupted:
-        return ""
-    return f'<p class="warning">Interrupted at {recording.times[-1]:g} s of {scenario.duration:g} s.</p>'
+def _warnings(recording: Recording, scenario: Scenario, faults: Sequence[Event]) -> str:
+    """What takes from the results' worth: what was not flown, and the first faults of planner and detector."""
+    lines = [f"{event.text}: {event.why}" for event in faults[:_SHOWN]]
+    if len(faults) > _SHOWN:
+        lines.append(f"{len(faults) - _SHOWN} more kinds of fault are listed below.")
+    if recording.interrupted:
+        lines.insert(0, f"Interrupted at {recording.times[-1]:g} s of {scenario.duration:g} s.")
+    return "\n".join(f'<p class="warning">{escape(line)}</p>' for line in lines)
 
 
 def _facts(recording: Recording, scenario: Scenario) -> Iterable[tuple[str, str]]:

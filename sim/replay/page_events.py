@@ -30,6 +30,7 @@ class Event:
     why: str = ""
     person: int | None = None
     uav: int | None = None  # whose frames tell most about it
+    fault: bool = False  # of planner or detector
 
 
 def losses(recording: Recording, history: History) -> list[Event]:
@@ -134,7 +135,9 @@ def _faults(recording: Recording, history: History) -> list[Event]:
     for (uav, message), scans in grouped.items():
         first, last, who = scans[0], scans[-1], "the fleet" if uav is None else f"UAV {uav}"
         often = f", {len(scans)} times until {times[last]:.1f} s" if len(scans) > 1 else ""
-        found.append(Event(first, first, f"fault of {who} at {times[first]:.1f} s{often}", why=message, uav=uav))
+        found.append(
+            Event(first, first, f"fault of {who} at {times[first]:.1f} s{often}", why=message, uav=uav, fault=True)
+        )
     return found
 
 

@@ -9,10 +9,10 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
 from types import TracebackType
 
+from sim.apart import end_with_parent
 from sim.study.tasks import Task
 from sim.study.trial import Flown, fly, warm
 
@@ -103,16 +103,8 @@ class _Lane:
 def _begin() -> None:
     """What a process does first: leave Ctrl-C to its parent, not outlive it, and load compiled code."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
     warm()
-
-
-def _end_with_parent() -> None:
-    """A killed parent ends nobody: its processes would wait for work for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
 
 
 @contextmanager

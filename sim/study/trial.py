@@ -22,6 +22,7 @@ from sim.study.row import Row
 from sim.study.tasks import Task, release
 from sim.summary import summarise
 from sim.warmup import warm_up
+from tracking.containment import ForeignError, contained
 
 
 class Flown(Struct, frozen=True):
@@ -40,8 +41,11 @@ def fly(task: Task, *, keep: bool = False, timeout: float | None = None) -> Flow
         if release() != task.version:
             raise RuntimeError(f"understory is {release()} here, not {task.version}")
         warm()
-        return _flown(task, keep, timeout)
-    except (Exception, SystemExit) as error:
+        with contained():
+            return _flown(task, keep, timeout)
+    except ForeignError as error:
+        return failed(task, str(error))
+    except Exception as error:
         return failed(task, f"{type(error).__name__}: {error}")
 
 
