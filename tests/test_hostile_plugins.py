@@ -91,7 +91,8 @@ def test_whatever_a_plug_in_does_a_run_ends_and_says_so(claim, tmp_path):
 
 @pytest.mark.slow
 def test_without_a_timeout_a_second_ctrl_c_ends_what_hangs(tmp_path):
-    (tmp_path / "hostile.py").write_text(HEAD + planner("print('hanging', flush=True)", "while True: time.sleep(1)"))
+    hanging = "if team[0].time < 0.5: return still(team)", "print('hanging', flush=True)", "while True: time.sleep(1)"
+    (tmp_path / "hostile.py").write_text(HEAD + planner(*hanging))
     command = [sys.executable, "-m", "sim", "run", *PLANNER.split(), "--no-video", "--out", "out"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
