@@ -10,9 +10,14 @@ PACKAGES = ("sim", "planning", "tracking", "assets")
 ALLOWED = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}, "sim": set(PACKAGES)}
 ENGINE = {"sim/world.py", "sim/renderer.py", "sim/opengl.py", "sim/replay/window.py"}
 # Of these, matches.py asks what the MWTP makes of plans that were flown.
-PLANNING = {"sim/autopilot.py", "sim/mission.py", "sim/warmup.py", "sim/__main__.py", "sim/replay/matches.py"} | {
-    f"sim/study/{name}.py" for name in ("command", "tasks")
-}
+PLANNING = {
+    "sim/autopilot.py",
+    "sim/flight.py",
+    "sim/mission.py",
+    "sim/warmup.py",
+    "sim/__main__.py",
+    "sim/replay/matches.py",
+} | {f"sim/study/{name}.py" for name in ("command", "tasks")}
 MODULES = sorted(p for package in PACKAGES for p in (ROOT / package).rglob("*.py"))
 
 
