@@ -77,7 +77,8 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[Moment], None]]:
         try:
             yield show
         finally:
-            progress.stop()
+            if progress.live.is_started:  # else a refusal would follow an empty line
+                progress.stop()
 
 
 @contextmanager

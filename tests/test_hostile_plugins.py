@@ -81,7 +81,7 @@ def test_whatever_a_plug_in_does_a_run_ends_and_says_so(claim, tmp_path):
     names = sorted(path.name for path in tmp_path.iterdir() if path.name != "__pycache__")
     if exit_code:
         assert done.stderr.startswith("understory: ") and done.stderr.count("\n") == 1
-        assert words in done.stderr and names == ["hostile.py"]
+        assert words in done.stderr and done.stdout.strip() == "" and names == ["hostile.py"]
         return
     assert names == ["hostile.py", "out"] and sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES
     faults = json.loads((tmp_path / "out" / "summary.json").read_text())["faults"]
