@@ -114,7 +114,8 @@ def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(call, tmp_path, 
 
 
 @pytest.mark.parametrize("command", [["run", "--planner"], ["compare", "--planner"], ["check-planner"]])
-def test_a_planner_whose_constructor_raises_is_one_line_that_says_where(call, tmp_path, command):
+def test_a_planner_whose_constructor_raises_is_one_line_that_says_where(call, tmp_path, monkeypatch, command):
+    monkeypatch.delitem(sys.modules, "faulty", raising=False)
     (tmp_path / "faulty.py").write_text(PLANNER)
     code, out, err = call(*command, "faulty:Wrong")
     assert (code, out, err.count("\n")) == (2, "", 1)
@@ -161,7 +162,9 @@ def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path):
     code, out, err = call("run", *options)
     assert (code, err) == (0, "")
     assert "4.0 of 4 s, OSPA " in out and "ailing:Ailing, seed 0, 4.0 s" in out
-    assert out.count("RuntimeError: [bold]lost") == 3 and "All 5 faults" in out
+    before, _, after = out.partition("┏")
+    assert "fault at 0.0 s, 5 times until 4.0 s, team: RuntimeError: [bold]lost\n" in before and "fault" not in after
+    assert f"{tmp_path / 'ailing.py'}:4, in plan: raise RuntimeError" in before and "All 5 faults" in before
     assert "Files in runs/forest-ailing.Ailing-seed0:\n  mission.npz, ospa.png, summary.json, timeline.png\n" in out
     assert "Files in runs/forest-ailing.Ailing-seed0-2:" in call("run", *options)[1]
 

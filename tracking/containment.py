@@ -10,10 +10,10 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from tracking.compiled import Array
+if TYPE_CHECKING:  # naming plug-ins needs no arithmetic, whose import takes a while
+    from tracking.compiled import Array
 
 _LONGEST = 1000  # characters of a message
 _LAST = 3  # lines of a plug-in's own that are kept of a traceback
@@ -52,6 +52,8 @@ def contained(*passing: type[BaseException]) -> Iterator[None]:
     That one is the user's. What the block changes for the whole process is as before: what NumPy does about overflows,
     which warnings are errors, how deep calls may go.
     """
+    import numpy as np
+
     filters, depth = warnings.filters[:], sys.getrecursionlimit()
     try:
         with np.errstate():
@@ -79,6 +81,8 @@ def one_line(text: str, longest: int = _LONGEST) -> str:
 
 def numbers(name: str, given: object, most: int) -> Array:
     """An array of floats, of its own, from whatever a plug-in gave; `Unusable` if it is not, or is more than `most`."""
+    import numpy as np
+
     if not hasattr(type(given), "__array__"):
         given = _listed(name, given, [most])
     try:
@@ -100,7 +104,7 @@ def _listed(name: str, given: object, left: list[int], depth: int = _DEEPEST) ->
     if isinstance(given, str | bytes | Mapping) or not (hasattr(kind, "__len__") and hasattr(kind, "__getitem__")):
         return given
     if hasattr(kind, "__array__"):
-        return np.asarray(given)
+        return given
     if depth == 0:
         raise Unusable(f"{name} are not numbers")
     most = left[0]
