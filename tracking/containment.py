@@ -104,6 +104,8 @@ def _listed(name: str, given: object, left: list[int], depth: int = _DEEPEST) ->
     if isinstance(given, str | bytes | Mapping) or not (hasattr(kind, "__len__") and hasattr(kind, "__getitem__")):
         return given
     if hasattr(kind, "__array__"):
+        if getattr(given, "size", 0) > left[0]:
+            raise Unusable(_too_many(name, left[0]))
         return given
     if depth == 0:
         raise Unusable(f"{name} are not numbers")
