@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from sim.fleet import DEFAULT_FLEET, Uav
 from sim.forest import grow
 from sim.renderer import Renderer
-from sim.scenario import DEFAULT_FLEET, Area, Scenario, Trees, Uav
+from sim.scenario import Area, Scenario, Trees
 from sim.sensing import camera_pose
 from sim.world import World
 from tracking.camera import Camera, Pose

@@ -14,9 +14,10 @@ import msgspec
 
 from assets import ASSETS
 from sim.errors import InputError
+from sim.fleet import Uav
 from sim.network import Cut
 from sim.reading import toml, toml_file
-from sim.scenario import People, Scenario, Uav
+from sim.scenario import People, Scenario
 
 # What is asked for beside a scenario, and the options that do.
 _ELSEWHERE = {

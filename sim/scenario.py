@@ -9,25 +9,26 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta, Struct, field
 
+from sim.bounds import (
+    Count,
+    Density,
+    Expected,
+    Length,
+    Paths,
+    Point,
+    Probability,
+    Scans,
+    Side,
+    Speed,
+    Time,
+    Variance,
+    Weight,
+)
+from sim.fleet import DEFAULT_FLEET, Uav
 from sim.network import DAY, Network
 from sim.workload import check_workload
 
 # Bounds are far beyond any mission, and short of what overflows or ends no more.
-Side = Annotated[float, Meta(ge=1, le=20_000)]  # m
-Length = Annotated[float, Meta(ge=0.01, le=200)]  # m
-Speed = Annotated[float, Meta(ge=0.01, le=100)]  # m/s
-Time = Annotated[float, Meta(ge=0, le=DAY)]  # s
-Density = Annotated[float, Meta(ge=1e-15, le=1000)]  # per m²
-Probability = Annotated[float, Meta(ge=0, le=1)]
-Count = Annotated[int, Meta(ge=0, le=10_000)]
-Expected = Annotated[float, Meta(ge=0, le=10_000)]  # number of trees or people
-Weight = Annotated[float, Meta(ge=0, le=100)]
-Variance = Annotated[float, Meta(ge=1e-3, le=1e8)]  # m²
-Footprint = Annotated[float, Meta(ge=0.01, le=10_000)]  # m
-Scans = Annotated[int, Meta(ge=1)]
-Point = tuple[float, float]
-Path = Annotated[tuple[Point, ...], Meta(max_length=1000)]  # waypoints, m
-Paths = Annotated[tuple[Path, ...], Meta(max_length=10_000)]
 _MOST_SCANS = 62  # as of the tracker, whose module is not imported: it takes a second
 _CLEARANCE = 1.0  # m, between UAVs at the start: rotors reach 0.3 m out
 _STRONGEST_WIND = 12.0  # m/s, against which a quadrotor still flies at 5 m/s
@@ -79,38 +80,6 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
     def __post_init__(self) -> None:
         if self.min_speed >= self.max_speed:
             raise ValueError(f"min_speed {self.min_speed:g} must be below max_speed {self.max_speed:g}")
-
-
-class Uav(Struct, frozen=True, forbid_unknown_fields=True):
-    """One quadrotor and its camera."""
-
-    start: Point  # m
-    footprint: Footprint = 20.0  # edge of the square field of view on the ground, m; gives the altitude
-    alpha: Annotated[float, Meta(ge=1e-6, le=100)] = 0.1  # sensing quality of [Li22] eq. (4)
-    fov_deg: Annotated[float, Meta(ge=1, lt=180)] = 60.0  # full angle
-    pixels: Annotated[int, Meta(ge=16, le=4096)] = 128
-    max_speed: Speed = 5.0  # m/s
-    mount: Literal["gimbal", "body"] = "gimbal"
-    rate: Annotated[int, Meta(ge=0, le=1000)] = 0  # of the camera, Hz; 0: rates.sensing
-    tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0  # of the camera, off nadir, towards the body's front
-    fails_at: Time | None = None  # s, when all but its flight controller breaks down; None: never
-
-    def __post_init__(self) -> None:
-        if self.tilt_deg + self.fov_deg / 2 >= 90:
-            limit = f"allowed with fov_deg {self.fov_deg:g} is less than {90 - self.fov_deg / 2:g}"
-            raise ValueError(f"tilt_deg {self.tilt_deg:g} lets the camera look at the horizon; {limit}")
-
-    @property
-    def altitude(self) -> float:
-        """Height of the camera above ground at which the footprint has its edge [m]."""
-        return self.footprint / (2 * _tangent(math.radians(self.fov_deg) / 2))
-
-
-DEFAULT_FLEET = (
-    Uav(start=(-28.0, -14.0), footprint=20.0, alpha=0.10),
-    Uav(start=(-28.0, 0.0), footprint=25.0, alpha=0.15),
-    Uav(start=(-28.0, 14.0), footprint=22.0, alpha=0.12),
-)
 
 
 class Rates(Struct, frozen=True, forbid_unknown_fields=True):
@@ -303,15 +272,3 @@ def _check_multiple(key: str, value: float, rate: int, what: str) -> None:
 def resolved(scenario: Scenario) -> str:
     """The scenario as JSON with every default written out."""
     return msgspec.json.encode(scenario).decode()
-
-
-def _tangent(angle: float) -> float:
-    """Tangent of an angle in (0, π / 2) [rad], by Lambert's continued fraction.
-
-    That of `tracking.elementary` would have every command wait for the compiler, and the C library's depends on the
-    processor.
-    """
-    fraction = 0.0
-    for k in range(59, 0, -2):
-        fraction = angle * angle / (k - fraction)
-    return fraction / angle

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from sim.autopilot import Fault
 from sim.clutter import Clutter
 from sim.detectors import load_detector
+from sim.fleet import Uav
 from sim.renderer import Rendered, Renderer
-from sim.scenario import Scenario, Uav
+from sim.scenario import Scenario
 from sim.scoring import matched_people, visible_pixels
 from sim.segmentation import MaskDetector
 from sim.stopwatch import Stopwatch

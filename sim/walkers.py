@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from sim.bounds import Point
 from sim.errors import InputError
-from sim.scenario import Area, People, Point
+from sim.scenario import Area, People
 from sim.steering import SEPARATION, simulate
 from sim.trajectories import SAMPLES_PER_SECOND, Trajectories
 from tracking.compiled import Array, compiled

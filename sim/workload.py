@@ -8,7 +8,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # which has itself checked here
-    from sim.scenario import Path, Scenario
+    from sim.bounds import Path
+from sim.scenario import Scenario
 
 MOST_WALKED = 3.6e5  # seconds of all people together, which take about a gigabyte
 _MOST_PATHS = 2e7  # m, of which each is a point to walk to

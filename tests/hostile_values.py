@@ -8,7 +8,8 @@ from pathlib import Path
 import msgspec
 from msgspec import inspect
 
-from sim.scenario import Scenario, Uav
+from sim.fleet import Uav
+from sim.scenario import Scenario
 
 NUMBERS = [
     0,

@@ -7,7 +7,8 @@ import numpy as np
 
 from planning.planner import Plan
 from sim.contacts import Contact
-from sim.scenario import Area, People, Rates, Scenario, Sensing, Uav
+from sim.fleet import Uav
+from sim.scenario import Area, People, Rates, Scenario, Sensing
 from sim.snapshot import Snapshot
 from tracking.camera import Camera, Pose
 from tracking.kalman import Gaussian

@@ -13,9 +13,10 @@ from views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
 from assets.build import PALETTE
 from sim.appearance import FULL, style_of
+from sim.fleet import Uav
 from sim.mission import Mission, Trial
 from sim.renderer import Renderer
-from sim.scenario import Appearance, Scenario, Uav
+from sim.scenario import Appearance, Scenario
 from sim.world import World
 from tracking.camera import Pose
 from tracking.detector import detect

@@ -7,8 +7,9 @@ import pytest
 
 from planning.registry import load_planner
 from sim.clutter import Clutter
+from sim.fleet import Uav
 from sim.mission import Mission
-from sim.scenario import People, Scenario, Sensing, Trees, Uav
+from sim.scenario import People, Scenario, Sensing, Trees
 from tracking.camera import Camera, Pose
 from tracking.detector import Frame, whole_covariances
 from tracking.noise import NoiseModel

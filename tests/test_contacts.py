@@ -13,12 +13,13 @@ from planning.planner import Plan
 from sim.archive import load as load_recording
 from sim.archive import save
 from sim.contacts import Contact
+from sim.fleet import Uav
 from sim.loading import load
 from sim.mapview import ALERT, MapView
 from sim.mission import Mission
 from sim.palette import ALARM
 from sim.recording import Recorder
-from sim.scenario import Scenario, Uav
+from sim.scenario import Scenario
 from sim.summary import contacts, results_table, summarise
 from sim.world import World
 from tracking.visibility import Forest, Tree

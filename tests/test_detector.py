@@ -7,8 +7,9 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 from views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
+from sim.fleet import Uav
 from sim.renderer import Renderer
-from sim.scenario import Scenario, Uav
+from sim.scenario import Scenario
 from sim.world import World
 from tracking.camera import Camera, Pose
 from tracking.components import components

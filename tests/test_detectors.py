@@ -10,9 +10,10 @@ from planning.registry import load_planner
 from sim.__main__ import main
 from sim.detectors import DETECTORS, check_detector, load_detector
 from sim.errors import InputError
+from sim.fleet import Uav
 from sim.mission import Mission
 from sim.renderer import Renderer
-from sim.scenario import People, Scenario, Sensing, Trees, Uav
+from sim.scenario import People, Scenario, Sensing, Trees
 from sim.scoring import matched_people
 from sim.segmentation import MaskDetector
 from sim.sensing import checked

@@ -10,11 +10,12 @@ from scenes import CAMERA, MOTION, OPEN, track
 from scipy.spatial.transform import Rotation
 
 from planning.registry import load_planner
+from sim.fleet import Uav
 from sim.loading import load
 from sim.mapview import MapView
 from sim.mission import Mission, Trial
 from sim.palette import PANEL
-from sim.scenario import Scenario, Uav
+from sim.scenario import Scenario
 from sim.sensing import Sensors, camera_pose, planned_attitude
 from sim.stopwatch import Stopwatch
 from sim.video import Film

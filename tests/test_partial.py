@@ -5,8 +5,9 @@ import math
 import cv2
 import numpy as np
 
+from sim.fleet import Uav
 from sim.renderer import Renderer
-from sim.scenario import Scenario, Uav
+from sim.scenario import Scenario
 from sim.scoring import matched_people
 from sim.world import World
 from tracking.blob_detector import BlobDetector

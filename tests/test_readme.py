@@ -10,9 +10,10 @@ import pytest
 
 from planning.registry import PLANNERS
 from sim.__main__ import main
+from sim.fleet import Uav
 from sim.loading import decode, load
 from sim.reading import tomllib
-from sim.scenario import Scenario, Uav
+from sim.scenario import Scenario
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -7,9 +7,10 @@ import msgspec
 import numpy as np
 from views import SCENARIO, random_forest
 
+from sim.fleet import DEFAULT_FLEET
 from sim.mission import Mission, Trial
 from sim.renderer import Renderer
-from sim.scenario import DEFAULT_FLEET, Scenario
+from sim.scenario import Scenario
 from sim.world import World
 from tracking.camera import Camera, Pose
 

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from sim.fleet import DEFAULT_FLEET, Uav
 from sim.renderer import Renderer
-from sim.scenario import DEFAULT_FLEET, Scenario, Sensing, Uav
+from sim.scenario import Scenario, Sensing
 from sim.sensing import Sensors, camera_of, camera_pose
 from sim.stopwatch import Stopwatch
 from sim.world import World

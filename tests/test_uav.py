@@ -6,7 +6,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from sim.scenario import Scenario, Uav
+from sim.fleet import Uav
+from sim.scenario import Scenario
 from sim.uav import GRAVITY, INERTIA, MASS, MAX_ROTOR_THRUST, ROTORS, _mix, _torque, rotor_thrusts
 from sim.world import World
 from tracking.visibility import Forest

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from sim.fleet import Uav
 from sim.loading import load
 from sim.mission import Mission, Trial
-from sim.scenario import Scenario, Uav, Wind
+from sim.scenario import Scenario, Wind
 from sim.uav import DRAG, GRAVITY, MASS
 from sim.wind import Air
 from sim.world import World

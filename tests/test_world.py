@@ -5,7 +5,8 @@ import numpy as np
 import pybullet
 import pytest
 
-from sim.scenario import Scenario, Uav
+from sim.fleet import Uav
+from sim.scenario import Scenario
 from sim.uav import GRAVITY, INERTIA, MASS, ROTORS, rotor_thrusts
 from sim.world import World
 from tracking.visibility import Forest, Tree, line_of_sight

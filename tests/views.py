@@ -2,7 +2,8 @@
 
 import math
 
-from sim.scenario import Scenario, Uav
+from sim.fleet import Uav
+from sim.scenario import Scenario
 from tracking.camera import Camera
 from tracking.visibility import Forest, Tree
 

@@ -13,9 +13,10 @@ import pytest
 
 from planning.registry import load_planner
 from sim.culling import in_frustum
+from sim.fleet import Uav
 from sim.mission import Mission
 from sim.renderer import Renderer, capture
-from sim.scenario import Scenario, Sensing, Trees, Uav
+from sim.scenario import Scenario, Sensing, Trees
 from sim.sensing import camera_of
 from sim.world import World
 from tracking.blob_detector import BlobDetector
