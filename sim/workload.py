@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from sim.bounds import Path
+
 if TYPE_CHECKING:  # which has itself checked here
-    from sim.bounds import Path
-from sim.scenario import Scenario
+    from sim.scenario import Scenario
 
 MOST_WALKED = 3.6e5  # seconds of all people together, which take about a gigabyte
 _MOST_PATHS = 2e7  # m, of which each is a point to walk to

@@ -45,7 +45,7 @@ _SETTINGS: dict[str, tuple[int, tuple[str, ...]]] = {
     "unknown tracks": (6, ("tracking.initial_tracks=none",)),
     "body-fixed, wind": (7, ("wind.gust=1.5", "wind.velocity=[3, 1]", "uavs.0.mount=body")),
 }
-SHORT = ("seed 0", 10.0)  # mission and its duration [s]
+SHORT = ("seed 0", 6.0)  # mission and its duration [s]
 _FLY = """
 import sys
 from pathlib import Path

@@ -1,0 +1,40 @@
+"""The same bytes of a recording, whatever the processor: a short form of `python tests/reproducibility.py`."""
+
+import json
+import sys
+
+import pytest
+from reproducibility import SHORT, VARIANTS, recording_hash
+
+from sim.archive import digest, load
+from sim.loading import load as load_scenario
+from sim.machine import machine, machine_line
+from sim.mission import Trial
+from sim.run import run
+
+# Of the short mission on any machine: what `python tests/reproducibility.py --short` prints, in full.
+EXPECTED = "0"
+# At once, as each alone flies the mission again.
+EVERYTHING = {
+    **VARIANTS["OpenBLAS for Prescott"],
+    **VARIANTS["NumPy without AVX-512 and AVX2"],
+    **VARIANTS["OpenCV without AVX-512 and AVX2"],
+    **VARIANTS["C library without AVX2 and FMA"],
+    **VARIANTS["8 threads"],
+    **VARIANTS["other hash seed, locale and time zone"],
+}
+
+
+@pytest.mark.parametrize("environment", [{}, EVERYTHING], ids=["here", "other kernels everywhere"])
+def test_a_recording_has_the_same_bytes_on_every_processor(environment):
+    mission, duration = SHORT
+    assert recording_hash(sys.executable, mission, duration=duration, **environment) == EXPECTED
+
+
+def test_the_summary_names_the_machine_and_the_recordings_hash(tmp_path):
+    scenario = load_scenario("forest", ["duration=1", "sensing.mode=ideal", "trees.density=5"])
+    run(Trial(scenario, "hover", 0), tmp_path / "out", video=False)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["recording_sha256"] == digest(load(tmp_path / "out" / "mission.npz"))
+    assert summary["machine"] == machine() and set(machine()) == {"processor", "blas"}
+    assert all(machine().values()) and machine_line() == ", ".join(machine().values())
