@@ -212,7 +212,7 @@ def checked(found: Detections) -> Detections:
         if np.abs(array).max() > _FARTHEST:
             raise Unusable(f"{name} more than {_FARTHEST:g} {unit} away")
     eigenvalues = eigen(R)[0]
-    symmetric = np.allclose(R, np.swapaxes(R, 1, 2))
+    symmetric = bool(np.all(np.abs(R - np.swapaxes(R, 1, 2)) <= 1e-8 + 1e-5 * np.abs(R)))
     if not symmetric or eigenvalues.min() < _SUREST or eigenvalues.max() > _FARTHEST * _FARTHEST:
         raise Unusable("covariances are not symmetric and positive definite, from 1e-12 to 1e12 m²")
     return Detections(pixels, ground, R)

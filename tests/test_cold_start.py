@@ -77,7 +77,8 @@ from sim.loading import load
 from sim.mission import Mission, Trial
 from sim.warmup import warm_up
 def signatures():
-    return {(d.py_func.__qualname__, s) for d in gc.get_objects() if isinstance(d, Dispatcher) for s in d.overloads}
+    compiled = [d for d in gc.get_objects() if issubclass(type(d), Dispatcher)]
+    return {(d.py_func.__qualname__, s) for d in compiled for s in d.overloads}
 warm_up()
 before = signatures()
 for _ in Mission.of(Trial(load("forest", ["duration=1"]), DEFAULT_PLANNER, 0)).fly():

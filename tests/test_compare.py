@@ -179,7 +179,7 @@ WRONG = {
     "misspelt key": (["misspelt.toml"], ["study.planers: unknown key", "did you mean planners?"]),
     "empty study": (["empty.toml"], ["no trial"]),
     "maps and seeds": (["--maps", "3", "--seeds", "1"], ["--maps", "--seeds 0-49"]),
-    "no map": (["--maps", "0"], ["--maps", "1 or more"]),
+    "no map": (["--maps", "0"], ["--maps", "1 to 100000"]),
     "unknown sensing": (["--sensing", "idel"], ["--sensing: 'idel'", "did you mean ideal?"]),
     "unknown thing to keep": (["--keep", "recording"], ["--keep: 'recording'", "did you mean recordings?"]),
     "timeout of nothing": (["--timeout", "0"], ["--timeout", "more than 0 s"]),

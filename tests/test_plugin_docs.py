@@ -27,4 +27,8 @@ def test_every_check_is_listed_in_its_order():
 def test_links_lead_somewhere():
     for page in (DOCS / "plugins.md", DOCS / "examples" / "shepherd" / "README.md"):
         for target in re.findall(r"\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
-            assert (page.parent / target).is_file(), target
+            file, _, heading = target.partition("#")
+            assert (page.parent / file).is_file() or not file, target
+            text = (page.parent / file if file else page).read_text(encoding="utf-8")
+            headings = [line.lstrip("# ") for line in text.splitlines() if line.startswith("#")]
+            assert not heading or heading in [line.lower().replace(" ", "-") for line in headings], target

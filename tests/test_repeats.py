@@ -174,7 +174,8 @@ def old_store(folder, task):
     with Store.opened(folder, "short") as store:
         store.add(task, invented(task))
     sql = sqlite3.connect(folder / NAME)
-    sql.execute("ALTER TABLE trials DROP COLUMN repeat")
+    for column in ("repeat", "recording", "machine"):
+        sql.execute(f"ALTER TABLE trials DROP COLUMN {column}")
     sql.execute("PRAGMA user_version = 1")
     sql.commit()
     sql.close()

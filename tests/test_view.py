@@ -15,6 +15,7 @@ from planning.nbo import team_cost
 from planning.planner import Vehicle
 from planning.view import aim, inside, quadrangle, reach, shortest_move, shown_at
 from tracking.camera import Camera, Pose
+from tracking.elementary import tan
 from tracking.kalman import Gaussian
 from tracking.noise import NoiseModel
 from tracking.tracker import Track
@@ -56,7 +57,7 @@ def test_the_half_planes_hold_exactly_what_the_camera_sees():
 def test_a_level_camera_sees_a_square_to_the_last_bit():
     for fov, height in ((60.0, 17.3), (75.0, 21.7), (33.3, 8.1)):
         v = vehicle(fov=fov, height=height)
-        half = (height - TARGET_HEIGHT) * math.tan(math.radians(fov) / 2)
+        half = (height - TARGET_HEIGHT) * tan(math.radians(fov) / 2)
         np.testing.assert_array_equal(quadrangle(v), squares([half])[0])
 
 

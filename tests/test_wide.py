@@ -26,7 +26,8 @@ def shares(rows, planner, density):
 def shown(values, *, signed=False):
     (estimate,) = means(values[:, None])
     sign = "+" if signed else ""
-    return f"{100 * estimate.value:{sign}.1f} [{100 * estimate.low:{sign}.1f}, {100 * estimate.high:{sign}.1f}]"
+    low, high = estimate.low, min(estimate.high, 1.0)  # a share has no more
+    return f"{100 * estimate.value:{sign}.1f} [{100 * low:{sign}.1f}, {100 * high:{sign}.1f}]"
 
 
 def test_planners_side_by_side_are_compared_with_the_first():

@@ -19,7 +19,7 @@ _LONGEST = 1000  # characters of a message
 _LAST = 3  # lines of a plug-in's own that are kept of a traceback
 _DEEPEST = 5  # lists in lists
 _OURS = tuple(f"{Path(__file__).parents[1] / name}{os.sep}" for name in ("sim", "planning", "tracking"))
-_IMPORT = ("<frozen ", f"{Path(importlib.__file__).parent}{os.sep}")
+_IMPORT = ("<frozen ", "<string>", f"{Path(importlib.__file__).parent}{os.sep}")
 
 
 class Unusable(ValueError):
