@@ -90,7 +90,8 @@ def main() -> int:
         hashes = [recording_hash(python, mission, duration=duration, **environment) for mission in missions]
         for mission, found in zip(missions, hashes, strict=True):
             seen[mission].add(found)
-        print(f"| {name} | {' | '.join(f'`{found[:12]}`' for found in hashes)} |", flush=True)
+        shown = [found if arguments.short else found[:12] for found in hashes]
+        print(f"| {name} | {' | '.join(f'`{found}`' for found in shown)} |", flush=True)
     return int(any(len(found) > 1 for found in seen.values()))
 
 
