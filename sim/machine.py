@@ -30,6 +30,8 @@ def _processor() -> str:
 
 
 def _blas() -> str:
-    found = [library for library in threadpool_info() if library["user_api"] == "blas"]
+    every = [library for library in threadpool_info() if library["user_api"] == "blas"]
+    # SciPy and OpenCV may each bring one of their own.
+    found = [library for library in every if "numpy" in library["filepath"]] or every
     names = {f"{b['internal_api']} {b.get('version') or ''} {b.get('architecture') or ''}".strip() for b in found}
     return " and ".join(sorted(names)) or "unknown"

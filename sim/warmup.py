@@ -12,11 +12,12 @@ from numba.core import event
 from planning.registry import DEFAULT_PLANNER, load_planner
 from sim.mission import Mission
 from sim.scenario import Scenario, Sensing, Tracking, Trees, Wind
+from tracking.absence import given_undetected
 from tracking.blob_detector import BlobDetector
 from tracking.camera import Camera, Pose
 from tracking.compiled import not_kept
 from tracking.detector import Frame
-from tracking.visibility import Forest, Tree
+from tracking.visibility import SAMPLES, Forest, Tree
 
 _BEFORE = "Compiling the numerical code, which takes up to about a minute"  # on one idle core
 _LOST = "no folder for it can be written to, so it is compiled anew each time; NUMBA_CACHE_DIR may name one that can"
@@ -57,10 +58,12 @@ def warm_up() -> float:
     """Fly a second in an open forest, so that all compiled code is loaded, or made and cached; wall time [s]."""
     start = time.perf_counter()
     windy = Scenario(duration=1.0, trees=Trees(density=5.0), sensing=Sensing(mode="ideal"), wind=Wind(gust=1.0))
-    rendered = Scenario(duration=0.2, trees=Trees(density=5.0), tracking=Tracking(initial_tracks="none"))  # and search
+    rendered = Scenario(duration=1.0, trees=Trees(density=5.0), tracking=Tracking(initial_tracks="none"))  # and search
     for scenario in (windy, rendered):
         for _ in Mission(scenario, load_planner(DEFAULT_PLANNER), 0).fly():
             pass
+    # A place seen empty, which not every forest has in a second.
+    given_undetected((np.zeros((1, 4)), np.eye(4)[None]), np.linspace(0.1, 1.0, len(SAMPLES))[None])
     image = np.zeros((64, 64, 3), dtype=np.uint8)
     image[28:36, 28:36] = image[:4, :4] = (230, 62, 0)  # somebody in front of a tree, and somebody at the edge
     under = Forest((Tree(4.0, 0.0),))
