@@ -1,11 +1,13 @@
 """The same bytes of a recording, whatever the processor: a short form of `python tests/reproducibility.py`."""
 
 import json
+import re
 import sys
 
 import pytest
-from reproducibility import SHORT, VARIANTS, recording_hash
+from reproducibility import ROOT, SHORT, VARIANTS, recording_hash
 
+from planning.registry import DEFAULT_PLANNER
 from sim.archive import digest, load
 from sim.loading import load as load_scenario
 from sim.machine import machine, machine_line
@@ -29,6 +31,13 @@ EVERYTHING = {
 def test_a_recording_has_the_same_bytes_on_every_processor(environment):
     mission, duration = SHORT
     assert recording_hash(sys.executable, mission, duration=duration, **environment) == EXPECTED
+
+
+def test_the_readme_has_the_figure_of_its_first_command(tmp_path):
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    (figure,) = re.findall(r"Seed 0,\s+which the first command flies, has ([0-9.]+) %", readme)
+    summary = run(Trial(load_scenario("forest"), DEFAULT_PLANNER, 0), tmp_path / "out", video=False)
+    assert f"{100 * summary['ospa']['share_under_1m']:.1f}" == figure
 
 
 def test_the_summary_names_the_machine_and_the_recordings_hash(tmp_path):
