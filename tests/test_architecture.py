@@ -71,7 +71,9 @@ DISPATCHED = {"linalg", "dot", "vdot", "matmul", "einsum", "inner", "tensordot",
 DISPATCHED |= {"exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "sin", "cos", "tan", "arcsin", "arccos"}
 DISPATCHED |= {"arctan", "arctan2", "sinh", "cosh", "tanh", "hypot", "power", "float_power", "cbrt", "deg2rad"}
 DISPATCHED |= {"radians", "partition", "argpartition", "geomspace", "logspace"}
-CHANCE = {"standard_normal", "normal", "exponential", "standard_exponential", "gamma", "multivariate_normal"}
+CHANCE = {"standard_normal", "normal", "exponential", "standard_exponential", "gamma", "multivariate_normal", "beta"}
+CHANCE |= {"binomial", "gumbel", "laplace", "logistic", "lognormal", "negative_binomial", "rayleigh", "standard_t"}
+FOREIGN = {"scipy", "filterpy", "math"}
 LIBRARIES = {"scipy.optimize.linear_sum_assignment", "scipy.spatial.cKDTree", "scipy.interpolate.PchipInterpolator"}
 # What checks planners, and metrics of finished recordings, compute nothing that a mission flies by.
 BESIDE = {"planning/attempt.py", "planning/specimens.py", "planning/conformance.py"}
@@ -105,8 +107,12 @@ def _dispatched(node: ast.AST) -> str:
             return "" if any(k.arg == "kind" for k in keywords) else "argsort without kind='stable'"
         case ast.Attribute(value=value, attr=name):
             return _named(value.id if isinstance(value, ast.Name) else "", name)
-        case ast.ImportFrom(module=str(module), names=names) if module.split(".")[0] in ("scipy", "filterpy"):
+        case ast.ImportFrom(module=str(module), names=names) if module.split(".")[0] in FOREIGN:
             return ", ".join(f"{module}.{a.name}" for a in names if f"{module}.{a.name}" not in LIBRARIES)
+        case ast.Import(names=names):
+            return ", ".join(a.name for a in names if a.name.split(".")[0] in FOREIGN - {"math"})
+        case ast.Name(id="pow"):
+            return "pow"
     return ""
 
 
@@ -140,6 +146,9 @@ def test_arithmetic_on_a_missions_path_is_the_same_on_every_processor(path):
         "x = y.dot(z)",
         "x = y.argsort()",
         "from scipy.special import ndtr",
+        "from math import exp",
+        "import scipy.linalg as la",
+        "x = pow(y, 0.3)",
     ],
 )
 def test_the_rule_on_arithmetic_sees_what_depends_on_the_processor(line):

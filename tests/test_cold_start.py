@@ -11,6 +11,7 @@ import pytest
 
 from sim.warmup import announced
 from tracking import compiled as subject
+from tracking import elementary
 
 ROOT = Path(__file__).parents[1]
 
@@ -115,3 +116,17 @@ def test_a_run_without_any_cache_flies_the_same(tmp_path):
     said, recording = flown(tmp_path, "uncached", **nothing)
     assert len(said) == 2 and "NUMBA_CACHE_DIR" in said[1]
     assert flown(tmp_path, "cached") == ([], recording)
+
+
+def test_kept_code_is_of_the_sources_that_it_was_compiled_from(tmp_path):
+    (tmp_path / "tracking").mkdir()
+    below, above = tmp_path / "tracking" / "below.py", tmp_path / "tracking" / "above.py"
+    below.write_text("SCALE = 1.0\n")
+    above.write_text("from tracking.below import SCALE\n")
+    before = subject.digest_of(above, tmp_path)
+    below.write_text("SCALE = 2.0\n")
+    subject.digest_of.cache_clear()
+    assert subject.digest_of(above, tmp_path) != before
+    source = Path(elementary.__file__)
+    for function in (elementary.exp._cache, elementary.exp_each._dispatcher.cache):
+        assert function._cache_file._source_stamp[1] == subject.digest_of(source)

@@ -95,3 +95,12 @@ def test_ends_of_the_range_are_those_of_the_real_line(name, x, value):
 @pytest.mark.parametrize(("name", "x"), [("exp", math.nan), ("log", math.nan), ("log", -1.0), ("sin", math.nan)])
 def test_what_has_no_value_is_not_a_number(name, x):
     assert math.isnan(getattr(elementary, name)(x))
+
+
+@pytest.mark.parametrize(("y", "x"), [(1.0, math.inf), (math.inf, math.inf), (math.nan, 1.0), (-math.inf, 0.0)])
+def test_directions_that_are_not_finite_are_not_numbers(y, x):
+    assert math.isnan(elementary.arctan2(y, x))
+
+
+def test_angles_too_large_to_have_digits_are_not_numbers():
+    assert math.isnan(elementary.sin(1e30)) and math.isnan(elementary.cos(-1e18))

@@ -90,6 +90,7 @@ def power(x: float, y: float) -> float:
 @compiled
 def _reduced(x: float) -> tuple[float, int]:
     """The angle x [rad] less the nearest multiple of π/2, and which multiple that is, modulo 4."""
+    x = x if abs(x) < 1e15 else math.nan  # of which no digit of the angle is left
     k = math.floor(x / _HALF_PI[0] + 0.5)
     r = ((x - k * _HALF_PI[0]) - k * _HALF_PI[1]) - k * _HALF_PI[2]
     return r - k * _HALF_PI[3], int(k % 4.0)
@@ -133,11 +134,11 @@ def tan(x: float) -> float:
 
 @compiled
 def arctan2(y: float, x: float) -> float:
-    """Angle [rad], in [-π, π], of the direction (x, y); 0 of none."""
+    """Angle [rad], in [-π, π], of the direction (x, y); 0 of none, NaN of one that is not finite."""
     a, b = abs(x), abs(y)
     if a == 0.0 and b == 0.0:
         return 0.0
-    if math.isnan(a) or math.isnan(b):
+    if not a + b < math.inf:
         return math.nan
     low, high = min(a, b), max(a, b)
     ratio = low / high

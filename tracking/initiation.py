@@ -71,7 +71,7 @@ class Initiator:
         covariances = np.array([belief.covariance for belief in predicted])[:, None]
         nu = innovation(Gaussian(means, covariances), z, R)
         distance = squared_distance(nu.mean, nu.covariance)
-        rows, columns = linear_sum_assignment(np.minimum(distance, self.gate))
+        rows, columns = linear_sum_assignment(np.fmin(distance, self.gate))
         pairs = zip(rows.tolist(), columns.tolist(), strict=True)
         return {k: j for k, j in pairs if distance[k, j] <= self.gate}
 

@@ -21,8 +21,11 @@ def matches(ours: tuple[Array, Array], theirs: tuple[Array, Array], gate: float)
 
 def likeliest(able: NDArray[np.bool_], cost: Array) -> list[tuple[int, int]]:
     """As many able pairs (A, B) as there can be, at the least cost (A, B) of twice a negative log-likelihood."""
+    finite = np.isfinite(cost)  # which it is not where a covariance is not positive definite
+    able = able & finite
     # No pair costs more than all pairs together, so the assignment makes as many as it can.
-    rows, columns = linear_sum_assignment(np.where(able, cost, 1.0 + np.abs(cost).sum()))
+    most = 1.0 + np.abs(np.where(finite, cost, 0.0)).sum()
+    rows, columns = linear_sum_assignment(np.where(able, cost, most))
     return [(int(a), int(b)) for a, b in zip(rows, columns, strict=True) if able[a, b]]
 
 

@@ -95,9 +95,9 @@ class TrackerParameters:
     def match_gate(self) -> float:
         """Squared distance between two tracks of one person that `gate_probability` keeps (four)."""
         # P(distance > g) = (1 + g / 2) exp(-g / 2): a fixed point, which iterations near by factors of 1 + g / 2.
-        gate = self.measurement_gate
-        for _ in range(1000):
-            gate = self.measurement_gate + 2.0 * log(1.0 + gate / 2.0)
+        gate, before = self.measurement_gate, 0.0
+        while abs(gate - before) > 1e-15 * gate:
+            before, gate = gate, self.measurement_gate + 2.0 * log(1.0 + gate / 2.0)
         return gate
 
     @cached_property

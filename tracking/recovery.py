@@ -26,8 +26,9 @@ def recoveries(
     S = lost[1][None, :, :2, :2] + born[1][:, None, :2, :2]
     surprise = squared_distance(nu, S) + log_determinant(S)
     reach = max_speed * (now - seen[:, 2]) + _MARGIN
-    able = length(seen[None, :, :2] - born[0][:, None, :2]) <= reach
+    finite = np.isfinite(surprise)  # which it is not where a covariance is not positive definite
+    able = finite & (length(seen[None, :, :2] - born[0][:, None, :2]) <= reach)
     # A pair out of reach costs more than all others together, so the assignment makes as many in reach as it can.
-    ceiling = 1.0 + np.sum(np.abs(surprise))
+    ceiling = 1.0 + np.sum(np.abs(np.where(finite, surprise, 0.0)))
     rows, columns = linear_sum_assignment(np.where(able, surprise, ceiling))
     return [(int(b), int(k)) for b, k in zip(rows, columns, strict=True) if able[b, k]]

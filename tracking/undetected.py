@@ -135,6 +135,8 @@ class Undetected:
 @compiled
 def _blurred(rows: Array, sigma: float) -> Array:
     """A raster (N, M) convolved along its first axis with a Gaussian of `sigma` rows, reflected at its edges."""
+    if not sigma > 0.0:
+        return rows.copy()
     reach = int(4.0 * sigma + 0.5)
     kernel = np.empty(2 * reach + 1)
     for k in range(len(kernel)):
