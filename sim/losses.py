@@ -1,4 +1,4 @@
-"""What the loss of messages does to a fleet: the table and the figure of docs/network.md."""
+"""What the loss of messages does to a fleet: a table and a figure, as docs/network.md says."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _summary(rows: Sequence[Row], name: str) -> tuple[float, float]:
 
 
 def main(
-    out: Annotated[Path, typer.Argument(metavar="PNG", help="Where the figure goes.")] = Path("docs/media/network.png"),
+    out: Annotated[Path, typer.Argument(metavar="PNG", help="Where the figure goes.")] = Path("network.png"),
     fusion: Annotated[list[str] | None, typer.Option(help="kla or hcmci; repeat for both. Default: both.")] = None,
     seeds: Annotated[str, typer.Option(metavar="LIST", help="0-7 or 0,3,7.")] = "0-7",
     workers: Annotated[int, typer.Option(min=1, help="Processes to fly in.")] = 1,
