@@ -16,6 +16,7 @@ from planning.propagation import nominal_positions
 from planning.pursuit import pursuits
 from planning.view import aim
 from tracking.compiled import Array
+from tracking.matrices import applied, length
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,8 @@ class Herding(Composition):
             flown = np.repeat(controls[None], len(candidates), axis=0)
             flown[:, rows] = candidates
             ends = seen_from + situation.step * flown.sum(axis=2)  # (N, n, 2) m
-            gaps = np.linalg.norm(ends[:, :, None] - nominal[-1], axis=-1).min(axis=1)  # (N, T) m
-            return np.asarray(costs(outlook, controls, rows, candidates, beta=0.0) + gaps @ traces / self.far)
+            gaps = length(ends[:, :, None] - nominal[-1]).min(axis=1)  # (N, T) m
+            return np.asarray(costs(outlook, controls, rows, candidates, beta=0.0) + applied(gaps, traces) / self.far)
 
         intents = controls[rows][None]  # (1, k, H, 2)
         starts = [intents]
