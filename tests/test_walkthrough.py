@@ -45,5 +45,5 @@ def test_the_recording_is_of_the_scenario(tmp_path):
 
     recording = load(DOCS / "examples" / "grove" / "mission.npz")
     grove = str(DOCS / "examples" / "grove" / "grove.toml")
-    assert scenario_of(recording) == load_scenario(grove, ("tracking.absence_weight=0.3",))  # the default then
+    assert scenario_of(recording) == load_scenario(grove, ("tracking.absence_weight=0.3",))  # as the page says
     assert recording.seed == 7 and len(recording.trees) == 12 and len(recording.times) == 151
