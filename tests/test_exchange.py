@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scenes import scan, tracker
+from scipy.stats import chi2
 
 from sim.archive import load as load_recording
 from sim.export import export
@@ -22,6 +23,7 @@ from tracking.tracker import Tracker, TrackerParameters
 ROOT = Path(__file__).parents[1]
 DOCS = (ROOT / "docs" / "tracking.md").read_text(encoding="utf-8")
 HEADER = ",".join(SCAN_COLUMNS)
+GATE = chi2.ppf(0.9999, 2)  # of squared errors of a position in its own standard deviations
 POSE = "0,0,20,0,0,0,1"
 GOOD = f"0.0,0,1,2,0.1,0,0.1,{POSE}"
 
@@ -188,7 +190,8 @@ def test_the_documented_lines_track_a_person_with_stone_soup(mission, monkeypatc
         k = round((state.timestamp - track[0].timestamp).total_seconds() * 5)
         if recording.matched[k, 1, 1]:
             seen += 1
-            assert np.hypot(*(state.state_vector[[0, 2], 0] - recording.people[k, 1])) < 1.0
+            error = np.asarray(state.state_vector[[0, 2], 0], dtype=float) - recording.people[k, 1]
+            assert error @ np.linalg.solve(state.covar[np.ix_([0, 2], [0, 2])].astype(float), error) < GATE
     assert seen > 15
 
 
