@@ -8,11 +8,12 @@ of its dependencies, are named by `--python PATH`.
 from __future__ import annotations
 
 import argparse
-import hashlib
+import json
 import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -47,30 +48,33 @@ _SETTINGS: dict[str, tuple[int, tuple[str, ...]]] = {
 }
 SHORT = ("seed 0", 6.0)  # mission and its duration [s]
 _FLY = """
-import sys
-from pathlib import Path
-from sim.run import run
-from sim.loading import load
-from sim.mission import Trial
+import json, sys
 from planning.registry import DEFAULT_PLANNER
-out, seed, *overrides = sys.argv[1:]
-run(Trial(load("forest", overrides), DEFAULT_PLANNER, int(seed)), Path(out), video=False)
+from sim.loading import load
+from sim.study.tasks import task_of
+from sim.study.trial import fly
+for seed, overrides in json.loads(sys.argv[1]):
+    row = fly(task_of(load("forest", overrides), DEFAULT_PLANNER, seed)).row
+    print(row.recording or sys.exit(row.error))
 """
 
 
-def recording_hash(python: str, mission: str, *, duration: float = 40.0, **environment: str) -> str:
-    """SHA-256 of the recording of a mission, flown by an interpreter in its own environment and folder."""
-    seed, overrides = _SETTINGS[mission]
+def hashes(python: str, missions: Sequence[str], *, duration: float = 40.0, **environment: str) -> list[str]:
+    """SHA-256 of the recordings of missions, flown by an interpreter in its own environment and folder."""
+    wanted = [(seed, [f"duration={duration}", *overrides]) for seed, overrides in map(_SETTINGS.get, missions)]
+    paths = {"PYTHONPATH": str(ROOT)} if python == sys.executable else {}
     with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "mission"
-        command = [python, "-c", _FLY, str(out), str(seed), f"duration={duration}", *overrides]
-        paths = {"PYTHONPATH": str(ROOT)} if python == sys.executable else {}
         done = subprocess.run(
-            command, cwd=folder, env={**os.environ, **paths, **environment}, capture_output=True, text=True, check=False
+            [python, "-c", _FLY, json.dumps(wanted)],
+            cwd=folder,
+            env={**os.environ, **paths, **environment},
+            capture_output=True,
+            text=True,
+            check=False,
         )
-        if done.returncode:
-            raise RuntimeError(f"{mission} of {python} in {environment} was not flown:\n{done.stderr[-2000:]}")
-        return hashlib.sha256((out / "mission.npz").read_bytes()).hexdigest()
+    if done.returncode:
+        raise RuntimeError(f"{python} in {environment} did not fly:\n{done.stderr[-2000:]}")
+    return done.stdout.split()
 
 
 def main() -> int:
@@ -87,10 +91,10 @@ def main() -> int:
     print(f"| variant | {' | '.join(missions)} |\n|{'---|' * (len(missions) + 1)}")
     seen: dict[str, set[str]] = {mission: set() for mission in missions}
     for name, (python, environment) in rows.items():
-        hashes = [recording_hash(python, mission, duration=duration, **environment) for mission in missions]
-        for mission, found in zip(missions, hashes, strict=True):
+        flown = hashes(python, missions, duration=duration, **environment)
+        for mission, found in zip(missions, flown, strict=True):
             seen[mission].add(found)
-        shown = [found if arguments.short else found[:12] for found in hashes]
+        shown = [found if arguments.short else found[:12] for found in flown]
         print(f"| {name} | {' | '.join(f'`{found}`' for found in shown)} |", flush=True)
     return int(any(len(found) > 1 for found in seen.values()))
 

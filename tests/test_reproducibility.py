@@ -5,7 +5,7 @@ import re
 import sys
 
 import pytest
-from reproducibility import ROOT, SHORT, VARIANTS, recording_hash
+from reproducibility import ROOT, SHORT, VARIANTS, hashes
 
 from planning.registry import DEFAULT_PLANNER
 from sim.archive import digest, load
@@ -30,7 +30,7 @@ EVERYTHING = {
 @pytest.mark.parametrize("environment", [{}, EVERYTHING], ids=["here", "other kernels everywhere"])
 def test_a_recording_has_the_same_bytes_on_every_processor(environment):
     mission, duration = SHORT
-    assert recording_hash(sys.executable, mission, duration=duration, **environment) == EXPECTED
+    assert hashes(sys.executable, [mission], duration=duration, **environment) == [EXPECTED]
 
 
 def test_the_readme_has_the_figure_of_its_first_command(tmp_path):
