@@ -15,6 +15,7 @@ from multiprocessing.context import SpawnProcess
 from types import FrameType
 from typing import Any, NamedTuple
 
+from sim.session import end, lead
 from tracking.containment import ForeignError, contained
 
 _GRACE = 5.0  # s that it has after a second Ctrl-C
@@ -38,53 +39,68 @@ class _Failure(NamedTuple):
 
 
 def apart(
-    work: Work, *arguments: object, hear: Tell, timeout: float | None, passing: tuple[type[BaseException], ...] = ()
+    work: Work,
+    *arguments: object,
+    hear: Tell,
+    listening: type,
+    timeout: float | None,
+    passing: tuple[type[BaseException], ...] = (),
 ) -> Any:  # noqa: ANN401 - what `work` returns
-    """`work(*arguments, tell)` in a new process, which is gone afterwards with all that it has started.
+    """`work(*arguments, tell)` in a new process, which is gone afterwards, and with it what `sim.session.end` ends.
 
     work: a module's function; with its arguments and its result it can be pickled. `hear` is called here with whatever
     is told there. What is raised there is raised here if it is of the classes `passing` or KeyboardInterrupt, else it
-    is an ApartError, as it is where the process ends by itself or `timeout` [s] is over. Ctrl-C is passed on once
-    anything has been told, and ends the process before that, or a while after it was passed on twice.
+    is an ApartError, as it is where the process ends by itself or `timeout` [s] is over. Ctrl-C and SIGTERM are passed
+    on once something of the class `listening` has been told, and end the process before that, or a while after the
+    second.
     """
     ours, theirs = _CONTEXT.Pipe(duplex=False)
-    process = _CONTEXT.Process(target=_begin, args=(theirs, work, arguments, passing))
-    with _ignored():  # inherited: the process hears of Ctrl-C when it asks to
-        process.start()
-    theirs.close()
-    try:
-        with _passing_on(process) as interruption:
-            return _outcome(_Talk(ours, process, hear, interruption), timeout)
-    finally:
-        _end(process)
-        ours.close()
+    process = _CONTEXT.Process(target=_begin, args=(theirs, work, arguments, passing), daemon=True)
+    with _noted() as interruption:  # nothing is interrupted in the block, so the process is always ended
+        try:
+            with _ignored():  # inherited: the process hears of Ctrl-C when it asks to
+                process.start()
+            theirs.close()
+            return _outcome(_Talk(ours, process, hear, listening), interruption, timeout)
+        finally:
+            end(process)
+            if process.pid is not None:
+                process.join()
+            process.close()
+            ours.close()
 
 
 class _Interruption:
-    """How often the user has asked to stop, and whether the process can be asked."""
+    """When the user has asked to stop [s], whether the process can be asked, and how often it was."""
 
     def __init__(self) -> None:
-        self.asked, self.listens, self.last = 0, False, 0.0
+        self.asked: list[float] = []
+        self.listens, self.passed = False, 0
 
-    @property
-    def over(self) -> bool:
-        """Whether to wait no longer."""
-        return self.asked > 1 and time.monotonic() - self.last > _GRACE
+    def heed(self, process: SpawnProcess) -> None:
+        """Ask the process once for each time; KeyboardInterrupt if there is nothing to wait for."""
+        if self.asked and not self.listens:
+            raise KeyboardInterrupt
+        if len(self.asked) > 1 and time.monotonic() - self.asked[1] > _GRACE:
+            raise KeyboardInterrupt
+        if self.passed < len(self.asked) and process.pid is not None:
+            self.passed += 1
+            with suppress(ProcessLookupError):
+                os.kill(process.pid, signal.SIGINT)
 
 
 class _Talk(NamedTuple):
     ours: Connection
     process: SpawnProcess
     hear: Tell
-    interruption: _Interruption
+    listening: type
 
 
-def _outcome(talk: _Talk, timeout: float | None) -> Any:  # noqa: ANN401 - what the work returns
+def _outcome(talk: _Talk, interruption: _Interruption, timeout: float | None) -> Any:  # noqa: ANN401 - what the work returns
     """Hear the process out."""
-    end = None if timeout is None else time.monotonic() + timeout
-    while end is None or time.monotonic() < end:
-        if talk.interruption.over:
-            raise KeyboardInterrupt
+    until = None if timeout is None else time.monotonic() + timeout
+    while until is None or time.monotonic() < until:
+        interruption.heed(talk.process)
         wait([talk.ours, talk.process.sentinel], _TICK)
         if not talk.ours.poll():
             if talk.process.exitcode is not None and not talk.ours.poll():
@@ -99,7 +115,7 @@ def _outcome(talk: _Talk, timeout: float | None) -> Any:  # noqa: ANN401 - what 
             return told.value
         if isinstance(told, _Failure):
             raise told.error
-        talk.interruption.listens = True
+        interruption.listens = interruption.listens or isinstance(told, talk.listening)
         talk.hear(told)
     raise ApartError(f"took longer than the timeout of {timeout:g} s")
 
@@ -128,19 +144,15 @@ def _ignored() -> Iterator[None]:
 
 
 @contextmanager
-def _passing_on(process: SpawnProcess) -> Iterator[_Interruption]:
-    """Ctrl-C and SIGTERM go to the process, which is in a session of its own and would not hear of them."""
+def _noted() -> Iterator[_Interruption]:
+    """Ctrl-C and SIGTERM raise nothing in the block; they are noted, for a process that would not hear of them."""
     found = _Interruption()
     if threading.current_thread() is not threading.main_thread():
         yield found
         return
 
     def handle(number: int, frame: FrameType | None) -> None:
-        if not found.listens:
-            raise KeyboardInterrupt
-        found.asked, found.last = found.asked + 1, time.monotonic()
-        if process.pid is not None:
-            os.kill(process.pid, signal.SIGINT)
+        found.asked.append(time.monotonic())
 
     before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -150,29 +162,12 @@ def _passing_on(process: SpawnProcess) -> Iterator[_Interruption]:
             signal.signal(number, handler)
 
 
-def _end(process: SpawnProcess) -> None:
-    """Kill a process and those of its session, whatever they do."""
-    with suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid or 0, signal.SIGKILL)
-    process.kill()
-    process.join()
-    process.close()
-
-
-def end_with_parent() -> None:
-    """A killed parent ends nobody: its processes would wait for it for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
-
-
 def _begin(
     theirs: Connection, work: Work, arguments: tuple[object, ...], passing: tuple[type[BaseException], ...]
 ) -> None:
     """What the process does; its end waits for no thread that was started in it."""
-    os.setsid()
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    lead()
+    multiprocessing.current_process().daemon = False  # whose processes may have none of their own
     own = os.getpid()
 
     def tell(message: object) -> None:

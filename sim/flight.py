@@ -54,7 +54,9 @@ def fly_apart(
     with new_folder(out) as folder:
         arguments = (flight, folder.absolute(), str(out))
         try:
-            found = apart(_fly, *arguments, hear=hear, timeout=timeout, passing=(InputError, PlannerError))
+            # The first moment is told after `stop_request`; before it, SIGINT is ignored there.
+            passing = (InputError, PlannerError)
+            found = apart(_fly, *arguments, hear=hear, listening=Moment, timeout=timeout, passing=passing)
         except ApartError as error:
             when = f"at {last.time:.1f} s" if last else "before take-off"
             raise ApartError(f"the mission ended {when}: {error}; nothing is kept") from error

@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from hostile import DETECTED, DETECTOR, FLOWN, HEAD, PLANNER, REFUSED, UNDETECTED, planner
+from processes import started_with
 
 from sim.autopilot import decide
 from sim.sensing import Sensors
@@ -30,20 +31,6 @@ ENDED = {
     **{claim: (PLANNER, *ending) for claim, ending in REFUSED.items()},
     **{claim: (DETECTOR, *ending) for claim, ending in UNDETECTED.items()},
 }
-
-
-def left_behind(folder):
-    """Processes that still work in a folder, or that were started from it."""
-    found = []
-    for process in Path("/proc").iterdir():
-        try:
-            if process.name.isdigit() and b"HOSTILE=" + bytes(folder) in (process / "environ").read_bytes().split(
-                b"\0"
-            ):
-                found.append((process / "cmdline").read_bytes())
-        except OSError:
-            pass
-    return found
 
 
 def flown(folder, code, options, *more):
@@ -77,7 +64,7 @@ def test_whatever_a_plug_in_does_a_run_ends_and_says_so(claim, tmp_path):
     done = flown(tmp_path, code, options, *(["--timeout", "10"] if "timeout" in words else []))
     assert done.returncode == exit_code, done.stderr
     assert "Traceback" not in done.stdout + done.stderr
-    assert left_behind(tmp_path) == []
+    assert started_with("HOSTILE", tmp_path) == []
     names = sorted(path.name for path in tmp_path.iterdir() if path.name != "__pycache__")
     if exit_code:
         assert done.stderr.startswith("understory: ") and done.stderr.count("\n") == 1

@@ -8,11 +8,12 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import msgspec
 import numpy as np
 import pytest
+from processes import ended
 from studies import Serial, plain, short
 
 from sim.archive import load as load_recording
 from sim.mission import Mission, Trial
-from sim.study import engine
+from sim.study import engine, pool
 from sim.study.engine import Borrowed, Options, complete, rows_of
 from sim.study.pool import Pool
 from sim.study.store import Store, StoreError, read_rows
@@ -20,7 +21,7 @@ from sim.study.trial import fly, metrics
 
 # Planners that end their process, hang or raise, always or but once (a file tells).
 AILING = """
-import os, time
+import os, subprocess, time
 from pathlib import Path
 from planning.baselines import Hover
 
@@ -37,7 +38,12 @@ class Dies:
 
 class Hangs(Dies):
     def fail(self):
+        self.mark.write_text(str(subprocess.Popen(["sleep", "3600"]).pid))
         time.sleep(3600)
+
+class Interrupts(Dies):
+    def fail(self):
+        raise KeyboardInterrupt
 """
 
 
@@ -52,6 +58,14 @@ def ailing(tmp_path, monkeypatch):
 def run(tmp_path, tasks, backend, *given, **named):
     with Store.opened(tmp_path / "study", "short") as store:
         return complete(tasks, store, backend, *given, **named)
+
+
+def test_a_planner_that_interrupts_a_process_of_the_pool_is_a_failed_row(ailing):
+    (task,) = short([ailing("Interrupts", once=False)], "0")
+    row = pool._fly(task, keep=False, timeout=None).row
+    assert (row.status, row.error) == ("failed", "KeyboardInterrupt: raised by a plug-in")
+    with pytest.raises(KeyboardInterrupt):  # here it may be the user's
+        fly(task)
 
 
 def test_a_row_holds_what_the_mission_came_to():
@@ -193,14 +207,15 @@ def test_rows_that_are_kept_nowhere_have_the_order_of_their_tasks_and_none_faile
 
 def test_processes_that_die_or_hang_lose_no_trial_change_no_row_and_leave_nothing(tmp_path, ailing, monkeypatch):
     monkeypatch.setattr(engine, "_GRACE", 0.2)
-    tasks = short(["hover", ailing("Dies"), ailing("Hangs")], "0-1")
+    tasks = short(["hover", ailing("Dies"), ailing("Hangs"), ailing("Interrupts")], "0-1")
     before = dict(os.environ)
-    with Pool(2) as pool:
-        rows = run(tmp_path, tasks, pool, Options(timeout=3.0))
-        pids = [process.pid for lane in pool._lanes for process in lane._processes]
+    with Pool(2) as flying:
+        rows = run(tmp_path, tasks, flying, Options(timeout=3.0))
+        pids = [process.pid for lane in flying._lanes for process in lane._processes]
     assert list(map(plain, rows)) == [plain(fly(task).row) for task in tasks]
-    assert {row.status for row in rows} == {"done"} and len(list(tmp_path.glob("[DH]*s"))) == 2
+    assert {row.status for row in rows} == {"done"} and len(list(tmp_path.glob("[DHI]*s"))) == 3
     assert dict(os.environ) == before and pids
+    assert ended(int((tmp_path / "Hangs").read_text()))
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
@@ -211,8 +226,8 @@ def test_what_always_dies_or_hangs_is_recorded_with_its_error(tmp_path, ailing):
     tasks = short([ailing("Dies", once=False), "hover", ailing("Hangs", once=False)], "0-1")
     before = {thread.name for thread in threading.enumerate()}
     start = time.monotonic()
-    with Pool(2) as pool:
-        rows = run(tmp_path, tasks, pool, Options(timeout=3.0))
+    with Pool(2) as flying:
+        rows = run(tmp_path, tasks, flying, Options(timeout=3.0))
     assert [row.status for row in rows] == ["failed", "done", "failed"] * 2
     assert "the process that flew it died" in rows[0].error
     assert rows[2].error == "TimeoutError: hung for longer than the timeout of 3 s"

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import started_with
 from studies import SHORT, plain
 
 from sim.study.store import NAME, read_rows
@@ -51,7 +52,7 @@ def killed(tmp_path):
             instant(started, folder)
             started.kill()
             started.wait()
-            assert gone(started.pid)
+            assert gone()
             now = stored(folder)
             assert {key: now[key] for key in kept} == kept  # complete ones are not flown again
             kept = now
@@ -66,7 +67,7 @@ def killed(tmp_path):
 
 
 def start(command, **options):
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "KILLED_BY": str(os.getpid())}
     options = {"stdout": subprocess.DEVNULL, "start_new_session": True, **options}
     return subprocess.Popen(command, env=environment, **options)
 
@@ -85,12 +86,10 @@ def stored(folder):
         sql.close()
 
 
-def gone(group):
-    """Whether a process and its children end within a while."""
+def gone():
+    """Whether what was started here ends within a while, and all that it has started."""
     for _ in range(100):
-        try:
-            os.killpg(group, signal.SIGCONT)
-        except ProcessLookupError:
+        if not started_with("KILLED_BY", os.getpid()):
             return True
         time.sleep(0.1)
     return False
@@ -122,7 +121,7 @@ def test_ctrl_c_in_a_terminal_ends_all_processes_in_one_line(tmp_path):
     kept = len(stored(tmp_path / "out"))
     told = f"{kept} of 200 trials are kept in {tmp_path / 'out'}, the same command flies the rest"
     assert (started.returncode, err) == (1, f"understory: interrupted; {told}\n") and 3 <= kept < 200
-    assert gone(started.pid)
+    assert gone()
 
 
 @pytest.mark.slow

@@ -5,16 +5,15 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import threading
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.process import BaseProcess
 from types import TracebackType
 
-from sim.apart import end_with_parent
+from sim.session import end, lead
 from sim.study.tasks import Task
-from sim.study.trial import Flown, fly, warm
+from sim.study.trial import Flown, failed, fly, warm
 
 # Read when a library is loaded, so they have to be there before a process starts.
 _ONE_THREAD = dict.fromkeys(
@@ -79,7 +78,7 @@ class _Lane:
             self.end()  # `fly` raises nothing, so the process is dead
         if self._executor is None:
             self._executor = self._start()
-        self.future = self._executor.submit(fly, task, keep=keep, timeout=timeout)
+        self.future = self._executor.submit(_fly, task, keep=keep, timeout=timeout)
         return self.future
 
     def _start(self) -> ProcessPoolExecutor:
@@ -91,9 +90,9 @@ class _Lane:
         return executor
 
     def end(self) -> None:
-        """Kill the process, whatever it does."""
+        """Kill the process and what it has started, whatever they do."""
         for process in self._processes:
-            process.kill()
+            end(process)
         if self._executor is not None:
             self._executor.shutdown()
         self._executor = self._greeting = self.future = None
@@ -103,8 +102,16 @@ class _Lane:
 def _begin() -> None:
     """What a process does first: leave Ctrl-C to its parent, not outlive it, and load compiled code."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    lead()
     warm()
+
+
+def _fly(task: Task, *, keep: bool, timeout: float | None) -> Flown:
+    """As `fly`, where Ctrl-C is ignored, so that a KeyboardInterrupt is a plug-in's."""
+    try:
+        return fly(task, keep=keep, timeout=timeout)
+    except KeyboardInterrupt:
+        return failed(task, "KeyboardInterrupt: raised by a plug-in")
 
 
 @contextmanager
