@@ -23,6 +23,8 @@ from tracking.matrices import length
 
 SAMPLES_PER_SECOND = 60
 COLUMNS = ("t", "id", "x", "y")
+MOST_BYTES = 2**28  # of a file: rows at 10 Hz for as long as people may walk
+_MOST_LINES = 2**23  # which take a few gigabytes as they are read
 _LATEST = 1e12  # s, either way
 _SOONEST = 1e-4  # s, between two rows of one person: nearer ones mean speeds beyond counting
 _LONGEST_ID = 100  # characters
@@ -87,7 +89,7 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
 def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
     """Position (2,) m by time [s], by person in order of appearance in the file."""
     people: dict[str, dict[float, Array]] = {}
-    table = csv.reader(_text(path).splitlines())
+    table = csv.reader(_lines(path))
     header = [name.strip() for name in next(_rows(path, table), [])]
     if sorted(header) != sorted(COLUMNS):
         raise InputError(f"{path}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
@@ -106,12 +108,15 @@ def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
     return people
 
 
-def _text(path: Path) -> str:
-    """What a file holds, which is not nothing."""
-    found = text(path, "people.trajectories")
+def _lines(path: Path) -> list[str]:
+    """What a file holds, which is not nothing and no more lines than are allowed."""
+    found = text(path, "people.trajectories", MOST_BYTES)
     if not found.strip():
         raise InputError(f"{path}: is empty; its first line must name the columns {','.join(COLUMNS)}")
-    return found
+    lines = found.splitlines()
+    if len(lines) > _MOST_LINES:
+        raise InputError(f"{path}: has {len(lines)} lines; at most {_MOST_LINES} are allowed")
+    return lines
 
 
 def _rows(path: Path, table: Any) -> Iterator[list[str]]:  # noqa: ANN401 - a reader of `csv`, whose type has no name

@@ -57,6 +57,23 @@ def test_intervals_of_medians_are_the_innermost_values_that_hold_95_percent(n):
     assert three(medians(values[:, None])[0]) == ((n + 1) / 2, enough[-1], n + 1 - enough[-1])
 
 
+def exact_rank(n):
+    """Rank of the lower end in whole numbers: fewer than so many of n coins show heads in 2.5 % of cases at most."""
+    outside, rank = 1, 1
+    while 40 * (outside + comb(n, rank)) <= 2**n:
+        outside, rank = outside + comb(n, rank), rank + 1
+    return rank
+
+
+def test_ranks_of_medians_are_exact_and_quick_for_very_many_values():
+    sizes = [*range(2, 301), 1000, 3000]
+    assert [three(medians(np.arange(1.0, n + 1)[:, None])[0])[1] for n in sizes] == [exact_rank(n) for n in sizes]
+    n = 100_000
+    low = int(three(medians(np.arange(1.0, n + 1)[:, None])[0])[1])
+    assert stats.binom.cdf(low - 1, n, 0.5) <= 0.025 < stats.binom.cdf(low, n, 0.5)
+    assert low == pytest.approx(n / 2 - 1.96 * np.sqrt(n) / 2, abs=2)
+
+
 def test_intervals_of_medians_hold_the_median_as_often_as_they_say():
     values = np.random.default_rng(5).lognormal(0.0, 1.5, (8, 4000))
     held = np.mean([e.low <= 1.0 <= e.high for e in medians(values)])

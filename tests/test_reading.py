@@ -5,7 +5,7 @@ import os
 import pytest
 
 from sim.errors import InputError
-from sim.reading import MOST_BYTES, content, text, toml, toml_file
+from sim.reading import MOST_BYTES, content, text, toml, toml_file, tomllib
 
 
 def sparse(path):
@@ -50,8 +50,10 @@ def test_a_file_of_as_much_as_is_allowed_is_read_and_its_byte_order_mark_left_ou
         f"{'a.' * 300_000}a = 1",
         f"[{'a.' * 300_000}a]",
         f"x = {'[' * 31}{']' * 31}",
+        '"a,=".' * 300_000 + "a = 1",
+        r'x = {y = """a\"""""", ' + "'b'." * 300_000 + "a = 1}",
     ],
-    ids=["lists", "tables", "key", "header", "a few too many"],
+    ids=["lists", "tables", "key", "header", "a few too many", "quoted key", "key behind a string"],
 )
 def test_nests_are_refused_at_once(written):
     with pytest.raises(InputError, match=r"^field: is nested too deep; at most 30 levels are allowed$"):
@@ -62,3 +64,26 @@ def test_thirty_levels_are_read_and_long_integers_refused():
     assert toml(f"x = {'[' * 29}{']' * 29}", "field")["x"]
     with pytest.raises(InputError, match=r"^field: "):
         toml(f"x = {'9' * 5000}", "field")
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        "x = 1  # {}",
+        "x = '{}'",
+        r'x = "\"{}"',
+        'x = """\\"""{}\n{}"""""',
+        "x = '''{}\n{}''''",
+        'x = [\n"{}",  # "{}\n \'{}\']',
+    ],
+    ids=["comment", "literal", "basic", "basic of lines", "literal of lines", "list"],
+)
+def test_sentences_in_comments_and_strings_are_no_keys(written):
+    told = written.replace("{}", "Fly once more. " * 200)
+    assert toml(told, "field") == tomllib.loads(told)
+
+
+@pytest.mark.parametrize("piece", ['"""\n', '\\"""\n', "'''\n'", "'", '"', "\\", '",', "#"])
+def test_strings_without_an_end_take_no_time_that_grows_with_their_square(piece):
+    with pytest.raises(InputError, match=r"^field: "):
+        toml("x = " + "." * 101 + piece * 500_000, "field")

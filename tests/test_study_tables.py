@@ -170,12 +170,25 @@ def test_a_difference_may_hold_by_itself_and_not_with_others():
 
 def test_tables_say_what_intervals_of_so_many_maps_cover():
     eight = shown(repeated(repeats=1), 120)
-    assert "Intervals of mean errors over 8 maps hold in {} % of cases, at worst in {} %.".format(*ERRORS[8]) in eight
+    usual, least = ERRORS[MEAN.name][8]
+    assert f"Intervals of mean errors over 8 maps hold in {usual} % of cases, at worst in {least} %." in eight
     shares = [row(p, s, metrics={"ospa.share_under_1m": 0.1 * s}) for p in ("sma-nbo", "greedy") for s in range(8)]
     assert "hold in" not in shown(shares, 120)
     few = [r for r in shares if r.seed < 5]
     assert f"Intervals over 5 maps, which are few, hold in {SHARES[5]} % of cases." in shown(few, 120)
     assert f"Intervals over 4 maps, which are few, hold in {SHARES[3]} %" in shown(few[:4] + few[5:9], 120)
+
+
+def test_what_intervals_of_differences_cover_goes_by_their_pairs():
+    name = "ospa.share_under_1m"
+    seeds = {"sma-nbo": range(10), "greedy": range(6, 16)}  # four pairs
+    rows = [row(planner, s, metrics={name: 0.05 * s}) for planner, own in seeds.items() for s in own]
+    assert f"Intervals over 4 maps, which are few, hold in {SHARES[3]} % of cases." in shown(rows, 120, metrics=[name])
+
+
+def test_tables_say_where_coverage_was_not_counted():
+    rows = [row("sma-nbo", s, metrics={"contacts": float(s)}) for s in range(3)]
+    assert "hold was not counted for: contacts." in shown(rows, 120, metrics=["contacts"])
 
 
 def test_the_csv_holds_spreads_chances_and_maps_needed():

@@ -6,6 +6,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.interpolate import PchipInterpolator
 
+from sim.errors import InputError
+from sim.reading import MOST_BYTES
 from sim.scenario import Area
 from sim.trajectories import Trajectories, read
 
@@ -159,3 +161,16 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     (tmp_path / "binary.csv").write_bytes(b"t,id,x,y\n\xff\xfe")
     with pytest.raises(ValueError, match=r"binary\.csv cannot be read"):
         read(tmp_path / "binary.csv", AREA, duration=40)
+
+
+def test_trajectories_may_be_longer_than_other_files_but_not_without_end(csv_file, monkeypatch):
+    path = csv_file(table([(t, 1, 0, " " * 100_000 + "0") for t in range(700)]))
+    assert path.stat().st_size > MOST_BYTES
+    assert read(path, AREA, duration=1).positions.shape == (61, 1, 2)
+    monkeypatch.setattr("sim.trajectories._MOST_LINES", 700)
+    with pytest.raises(InputError, match=r"people\.csv: has 701 lines; at most 700 are allowed"):
+        read(path, AREA, duration=1)
+    with path.open("wb") as file:
+        file.truncate(2**28 + 1)
+    with pytest.raises(InputError, match="has more than the 268435456 bytes that are allowed"):
+        read(path, AREA, duration=1)

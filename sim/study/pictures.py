@@ -46,7 +46,10 @@ def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
     if not flown:
         return []
     lines = [f"{_named(g)} {timed.text(float(np.nanmean(g.values(timed.name))))} {timed.unit}" for g in flown]
-    caption = "Means over the maps with 95 % intervals, on a logarithmic axis. They depend on the machine and its load."
+    caption = (
+        "Means over the maps with 95 % intervals, on a logarithmic axis; how often these hold was not counted. Times "
+        "depend on the machine and its load."
+    )
     return [_picture("runtime", "Time for a decision", caption, "; ".join(lines), runtime_figure(flown, timed))]
 
 

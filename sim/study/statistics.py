@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import comb
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import nctdtr, stdtr, stdtrit
+from scipy.stats import binom
 
 from tracking.compiled import Array
 
@@ -144,10 +145,14 @@ def _means(values: Array) -> Estimate:
 
 def _medians(values: Array) -> Estimate:
     n, ordered = len(values), np.sort(values)
-    outside, rank = 1 / 2**n, 1  # probability that the median lies below the value of that rank
-    while 2 * (outside + comb(n, rank) / 2**n) <= 1 - LEVEL:
-        outside, rank = outside + comb(n, rank) / 2**n, rank + 1
+    rank = _rank(n)
     return Estimate(float(np.median(ordered)), float(ordered[rank - 1]), float(ordered[n - rank]))
+
+
+@cache
+def _rank(n: int) -> int:
+    """The greatest rank of n values that the median lies below in 2.5 % of cases at most; the first if none is."""
+    return max(1, int(binom.ppf((1 - LEVEL) / 2, n, 0.5)))  # below rank r: of n coins fewer than r show heads
 
 
 def _chance(values: Array) -> float:

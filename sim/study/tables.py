@@ -69,9 +69,14 @@ def notes(found: Sequence[Answer]) -> list[str]:
         if len(compared) > 1
         else ""
     )
-    told = caveats((answer.measure, answer.maps) for answer in found if answer.cell is not None)
+    told = caveats((answer.measure, maps) for answer in found for maps in _sampled(answer))
     parts = [_NOTE, *told, _COMPARED if compared else "", many, _REPEATED if repeated(found) else ""]
     return [part for part in parts if part]
+
+
+def _sampled(answer: Answer) -> tuple[int, ...]:
+    """How many maps each mean of the answer is over: its own, and the difference's."""
+    return (answer.maps, answer.difference.pairs) if answer.difference else (answer.maps,)
 
 
 def show(
