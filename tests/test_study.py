@@ -93,6 +93,18 @@ def test_a_changed_plug_in_or_trajectory_file_is_another_trial(tmp_path, monkeyp
     assert len({first, second, tasks(study)[0].key}) == 3
 
 
+def test_a_trajectory_file_as_large_as_is_allowed_counts_to_its_end(tmp_path):
+    people = tmp_path / "people.csv"
+    study = Study(name="x", planners=("hover",), seeds="0", settings={"people.trajectories": f'"{people}"'})
+    keys = set()
+    for last in b"12":
+        with people.open("wb") as file:
+            file.seek(2**26 + 1)
+            file.write(bytes([last]))
+        keys.add(tasks(study)[0].key)
+    assert len(keys) == 2
+
+
 def test_packaged_studies_are_what_the_paper_flies():
     sizes = {name: len(tasks(read(name))) for name in STUDIES}
     assert sizes["paper-horizon"] == 3 * 2 * 3 * 2 * 50

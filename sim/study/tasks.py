@@ -20,6 +20,7 @@ from sim.quantity import integers
 from sim.reading import content
 from sim.scenario import Scenario, resolved
 from sim.study.study import Cell, Study, cells
+from sim.trajectories import MOST_BYTES
 from tracking.plugin import imported
 
 _MOST_TRIALS = 1_000_000
@@ -111,7 +112,7 @@ def _contents(setting: Scenario, planner: str) -> list[str]:
 
 def _digest(path: Path) -> str:
     try:
-        return hashlib.sha256(content(path, "people.trajectories")).hexdigest()
+        return hashlib.sha256(content(path, "people.trajectories", MOST_BYTES)).hexdigest()
     except InputError:
         return ""  # building the world says what is wrong with it
 
