@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from sim.scenario import Sensing
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
+from tracking.poisson import poisson
 from tracking.visibility import TARGET_HEIGHT
 
 
@@ -33,7 +34,7 @@ class Clutter:
 
     def false_alarms(self, camera: Camera, pose: Pose) -> tuple[Array, Array]:
         """Pixels (K, 2) and ground points (K, 2) m of one frame's false alarms; none above the horizon."""
-        count = self._alarms.poisson(self._expected)
+        count = poisson(self._alarms, self._expected)
         pixels = self._alarms.uniform(0.0, camera.pixels, (count, 2))
         falls = camera.rays(pose, pixels)[:, 2] * (TARGET_HEIGHT - pose.position[2]) > 0.0
         return pixels[falls], camera.ground_points(pose, pixels[falls], TARGET_HEIGHT)

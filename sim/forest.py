@@ -10,6 +10,7 @@ from sim.errors import InputError
 from sim.scenario import Area, Trees
 from tracking.compiled import Array
 from tracking.matrices import length
+from tracking.poisson import poisson
 from tracking.visibility import Forest, Tree
 
 MAX_TREES = 10_000
@@ -29,7 +30,7 @@ def grow(trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array =
     """
     if trees.density > _most(trees, area):
         raise _too_dense(trees, area, f"no more than {_most(trees, area):.0f}")
-    count = int(rng.poisson(trees.density))
+    count = poisson(rng, trees.density)
     centres = _place(count, trees, area, rng, keep_clear)
     if len(centres) < count:
         raise _too_dense(trees, area, f"this seed asks for {count}, and only {len(centres)}")

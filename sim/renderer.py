@@ -1,4 +1,4 @@
-"""What a camera sees: images of the world by one of PyBullet's renderers, on a ground painted underneath."""
+"""What a camera sees: images of the world by one of PyBullet's renderers, with the ground drawn behind."""
 
 from __future__ import annotations
 
@@ -10,19 +10,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from assets import ASSETS
 from sim.appearance import AMBIENT, DIFFUSE, LIGHT
 from sim.culling import FAR, NEAR, in_frustum, people_hidden, trunks_hidden
 from sim.engine import pybullet
+from sim.ground import Ground
 from sim.world import World
 from tracking.camera import Camera, Pose
 from tracking.compiled import Array
 from tracking.elementary import tan
-from tracking.matrices import applied, product
+from tracking.matrices import applied
 
-_TEXELS = 10.0  # of the ground per m
-_SKY = np.array([186, 208, 226], dtype=np.uint8)
-_HAZE = 0.02  # slope of a downward ray below which the ground is lost in the sky
 _LIGHT: dict[str, Any] = {
     "lightDirection": LIGHT,
     "lightColor": (1.0, 1.0, 1.0),
@@ -60,9 +57,7 @@ class Renderer:
         self._people = np.full(max(body.id for body in world.bodies) + 2, -1, dtype=np.int32)
         people = [body.id for body in world.bodies if body.kind == "person"]
         self._people[people] = np.arange(len(people))
-        ground = np.asarray(cv2.imread(str(ASSETS / "meshes" / "ground.png")), dtype=np.uint8)
-        tinted = np.clip(np.rint(ground[..., ::-1] * self._style.ground_tint), 0, 255).astype(np.uint8)
-        self._ground = np.tile(tinted, (3, 3, 1))
+        self._ground = Ground(self._style.ground_tint, self._style.ground_place)
 
     def take(self, uav: int, time: float, camera: Camera, pose: Pose) -> Rendered:
         """The frame that a UAV's camera delivers at a time [s]: the view with the camera's own faults."""
@@ -74,9 +69,8 @@ class Renderer:
         if not self._world.opengl:  # which cannot hide single bodies
             self._show(self.in_view(camera, pose))
         image, _, bodies = capture(self._world.client, camera, pose, light=self._light, opengl=self._world.opengl)
-        background = _background(self._ground, self._style.ground_place, camera, pose)
-        cv2.copyTo(image, (bodies >= 0).astype(np.uint8), background)
-        return Rendered(background, np.take(self._people, bodies, mode="wrap"))
+        self._ground.draw(image, bodies, camera, pose)
+        return Rendered(image, np.take(self._people, bodies, mode="wrap"))
 
     def in_view(self, camera: Camera, pose: Pose) -> NDArray[np.bool_]:
         """Which of the world's bodies may show in the image (B,)."""
@@ -130,27 +124,3 @@ def _projection(camera: Camera, shift: float) -> Array:
     projection[2, 3] = -2 * FAR * NEAR / (FAR - NEAR)
     projection[3, 2] = -1.0
     return projection
-
-
-def _background(texture: NDArray[np.uint8], place: Array, camera: Camera, pose: Pose) -> NDArray[np.uint8]:
-    """Ground plane and sky (P, P, 3) alone; place (2, 3) maps the ground to the texture, both in m."""
-    n, focal, position = camera.pixels, camera.focal, pose.position
-    # Rows: world components of the ray through the pixel of index (column, row, 1).
-    offset = 0.5 - n / 2
-    rays = product(pose.rotation, np.array([[1.0, 0.0, offset], [0.0, -1.0, -offset], [0.0, 0.0, -focal]])) / focal
-    plane = np.stack(
-        [position[0] * rays[2] - position[2] * rays[0], position[1] * rays[2] - position[2] * rays[1], rays[2]]
-    )
-    plane[:2] = _TEXELS * (product(place[:, :2], plane[:2]) + np.outer(place[:, 2], plane[2]))
-    # The texture is three tiles wide: shift by whole tiles until the camera stands over the middle one, because
-    # wrapping round its border is slow.
-    tile, over = len(texture) // 3, applied(place[:, :2], position[:2]) + place[:, 2]
-    plane[:2] -= np.outer(tile * (np.floor(over * _TEXELS / tile) - 1), plane[2])
-    ground = cv2.warpPerspective(
-        texture, plane, (n, n), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_WRAP
-    )
-    rise = rays[2, 2] + rays[2, 0] * np.array([0, n, 0, n]) + rays[2, 1] * np.array([0, 0, n, n])
-    if np.max(rise) > -_HAZE:
-        pixel = np.arange(n)
-        ground[rays[2, 2] + rays[2, 0] * pixel + rays[2, 1] * pixel[:, None] > -_HAZE] = _SKY
-    return np.asarray(ground, dtype=np.uint8)

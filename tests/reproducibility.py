@@ -1,4 +1,4 @@
-"""Fly the same missions as other processors would and print the recordings' hashes: `python tests/reproducibility.py`.
+"""Fly the same missions as other processors would and print their hashes: `python tests/reproducibility.py`.
 
 Environment variables make BLAS, NumPy, OpenCV, numba and the C library choose the code that they keep for other
 processors. `--short` flies one short mission; further interpreters, each with understory installed with other versions
@@ -47,20 +47,28 @@ _SETTINGS: dict[str, tuple[int, tuple[str, ...]]] = {
     "body-fixed, wind": (7, ("wind.gust=1.5", "wind.velocity=[3, 1]", "uavs.0.mount=body")),
 }
 SHORT = ("seed 0", 6.0)  # mission and its duration [s]
+# Last come the images themselves, of a short mission whose appearance is drawn at random.
 _FLY = """
-import json, sys
+import hashlib, json, sys
 from planning.registry import DEFAULT_PLANNER
 from sim.loading import load
+from sim.mission import Mission, Trial
 from sim.study.tasks import task_of
 from sim.study.trial import fly
 for seed, overrides in json.loads(sys.argv[1]):
     row = fly(task_of(load("forest", overrides), DEFAULT_PLANNER, seed)).row
     print(row.recording or sys.exit(row.error))
+mission = Mission.of(Trial(load("forest", ["duration=2", "appearance.randomise=true"]), DEFAULT_PLANNER, 0))
+images = hashlib.sha256()
+for _ in mission.fly():
+    for frame in mission.frames:
+        images.update(frame)
+print(images.hexdigest())
 """
 
 
 def hashes(python: str, missions: Sequence[str], *, duration: float = 40.0, **environment: str) -> list[str]:
-    """SHA-256 of the recordings of missions, flown by an interpreter in its own environment and folder."""
+    """SHA-256 of missions' recordings, then that of images, by an interpreter in its own environment and folder."""
     wanted = [(seed, [f"duration={duration}", *overrides]) for seed, overrides in map(_SETTINGS.get, missions)]
     paths = {"PYTHONPATH": str(ROOT)} if python == sys.executable else {}
     with tempfile.TemporaryDirectory() as folder:
@@ -78,7 +86,7 @@ def hashes(python: str, missions: Sequence[str], *, duration: float = 40.0, **en
 
 
 def main() -> int:
-    """Print a table of hashes, a row a variant; 0 if each mission has one hash."""
+    """Print a table of hashes, a row a variant; 0 if each column has one hash."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--short", action="store_true")
     parser.add_argument("--python", action="append", default=[])
@@ -88,12 +96,13 @@ def main() -> int:
     duration = SHORT[1] if arguments.short else 40.0
     rows = {name: (sys.executable, VARIANTS[name]) for name in arguments.only or VARIANTS}
     rows |= {python: (python, {}) for python in arguments.python}
-    print(f"| variant | {' | '.join(missions)} |\n|{'---|' * (len(missions) + 1)}")
-    seen: dict[str, set[str]] = {mission: set() for mission in missions}
+    columns = [*missions, "images"]
+    print(f"| variant | {' | '.join(columns)} |\n|{'---|' * (len(columns) + 1)}")
+    seen: dict[str, set[str]] = {column: set() for column in columns}
     for name, (python, environment) in rows.items():
         flown = hashes(python, missions, duration=duration, **environment)
-        for mission, found in zip(missions, flown, strict=True):
-            seen[mission].add(found)
+        for column, found in zip(columns, flown, strict=True):
+            seen[column].add(found)
         shown = [found if arguments.short else found[:12] for found in flown]
         print(f"| {name} | {' | '.join(f'`{found}`' for found in shown)} |", flush=True)
     return int(any(len(found) > 1 for found in seen.values()))

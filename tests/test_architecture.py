@@ -72,7 +72,17 @@ DISPATCHED |= {"exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "sin", "
 DISPATCHED |= {"arctan", "arctan2", "sinh", "cosh", "tanh", "hypot", "power", "float_power", "cbrt", "deg2rad"}
 DISPATCHED |= {"radians", "partition", "argpartition", "geomspace", "logspace"}
 CHANCE = {"standard_normal", "normal", "exponential", "standard_exponential", "gamma", "multivariate_normal"}
-CHANCE |= {"binomial", "gumbel", "laplace", "logistic", "lognormal", "negative_binomial", "rayleigh", "standard_t"}
+CHANCE |= {
+    "poisson",
+    "binomial",
+    "gumbel",
+    "laplace",
+    "logistic",
+    "lognormal",
+    "negative_binomial",
+    "rayleigh",
+    "standard_t",
+}
 FOREIGN = {"scipy", "filterpy", "math"}
 LIBRARIES = {"scipy.optimize.linear_sum_assignment", "scipy.spatial.cKDTree", "scipy.interpolate.PchipInterpolator"}
 # What checks planners, and metrics of finished recordings, compute nothing that a mission flies by.
