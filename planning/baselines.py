@@ -8,12 +8,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from planning.intent import base_control
-from planning.optimizers import limited
+from planning.optimizers.optimizer import limited
 from planning.planner import Exchange, Plan, Situation
-from planning.view import aim, reach
-from tracking.compiled import Array
-from tracking.matrices import length
+from planning.prediction.intent import base_control
+from planning.prediction.view import aim, reach
+from tracking.numerics.compiled import Array
+from tracking.numerics.matrices import length
 
 
 @dataclass(frozen=True)

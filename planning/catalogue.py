@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from planning.registry import DEFAULT_PLANNER, PLANNERS, PlannerSpec, brought, installed, origin
-from tracking.plugin import imported
+from tracking.plugins.importing import imported
 
 _OURS = "Built in"
 _OPTIONS = "Options, each with what it is if not given"

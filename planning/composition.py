@@ -10,15 +10,17 @@ from typing import Literal, Protocol
 import numpy as np
 
 from planning.coordination import Coordination, Sequential
-from planning.intent import followed
-from planning.nbo import objective
-from planning.optimizers import CrossEntropy, Objective, Optimizer
+from planning.objective.nbo import objective
+from planning.objective.objective import Objective
+from planning.optimizers.cross_entropy import CrossEntropy
+from planning.optimizers.initial_plans import pursuits, turns
+from planning.optimizers.optimizer import Optimizer
 from planning.planner import Exchange, Plan, Situation
-from planning.propagation import Nominal, Propagation, nominal_positions
-from planning.pursuit import pursuits, turns
-from planning.sights import Eased, Hints, sights, soonest
-from tracking.compiled import Array
-from tracking.visibility import Forest, Occlusion
+from planning.prediction.intent import followed
+from planning.prediction.propagation import Nominal, Propagation, nominal_positions
+from planning.prediction.targets_in_reach import Eased, Hints, sights, soonest
+from tracking.geometry.visibility import Forest, Occlusion
+from tracking.numerics.compiled import Array
 
 Prediction = Literal["scans", "step"]
 Actions = Literal["all", "first"]

@@ -8,10 +8,10 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from planning.intent import BASE_RANGE, policy_of_intent
 from planning.planner import Exchange, Plan, Situation
-from tracking.compiled import Array
-from tracking.matrices import length
+from planning.prediction.intent import BASE_RANGE, policy_of_intent
+from tracking.numerics.compiled import Array
+from tracking.numerics.matrices import length
 
 Order = Literal["fixed", "random", "worst-first"]
 

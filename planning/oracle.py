@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from planning.belief import Outlook, outlook
 from planning.composition import Composition
 from planning.pieces import Composed
 from planning.planner import Exchange, Plan, Planner, Situation
-from planning.propagation import beliefs
-from tracking.compiled import Array
-from tracking.kalman import Gaussian
-from tracking.matrices import length
+from planning.prediction.belief import Outlook, outlook
+from planning.prediction.propagation import beliefs
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.compiled import Array
+from tracking.numerics.matrices import length
 from tracking.tracker import Track
-from tracking.visibility import TARGET_HEIGHT
 
 Whereabouts = Callable[[float], Array]  # of people: positions (M, 2) m at a time [s], NaN where absent
 
@@ -62,7 +62,7 @@ class _TruePaths:
     people: Whereabouts
 
     def outlook(self, situation: Situation, horizon: int, rng: np.random.Generator) -> Outlook:
-        """As `planning.propagation.Propagation.outlook`; whoever leaves stays where they were last."""
+        """As `planning.prediction.propagation.Propagation.outlook`; whoever leaves stays where they were last."""
         means, covariances = beliefs(situation.tracks)
         persons = [track.id for track in situation.tracks]
         points = np.full((horizon, len(persons), 1, 3), TARGET_HEIGHT)

@@ -11,13 +11,16 @@ import numpy as np
 
 from planning.composition import Actions, Composition, Prediction
 from planning.coordination import Centralised, Coordination, Decentralised, Order, Parallel, Sequential
-from planning.optimizers import CrossEntropy, Grid, Optimizer, ParticleSwarm
+from planning.objective.separation import Separation
+from planning.objective.undetected_targets import Search
+from planning.optimizers.cross_entropy import CrossEntropy
+from planning.optimizers.grid import Grid
+from planning.optimizers.optimizer import Optimizer
+from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.planner import Exchange, Plan, Situation
-from planning.propagation import MonteCarlo, Nominal
-from planning.search import Search
-from planning.separation import Separation
-from tracking.plugin import nearest
-from tracking.visibility import Occlusion
+from planning.prediction.propagation import MonteCarlo, Nominal
+from tracking.geometry.visibility import Occlusion
+from tracking.plugins.importing import nearest
 
 _CHOICES = {
     "coordination": ("sequential", "parallel", "decentralised", "centralised"),

@@ -8,14 +8,14 @@ from typing import Protocol
 
 import numpy as np
 
-from tracking.camera import Camera
-from tracking.compiled import Array
-from tracking.containment import contained
-from tracking.kalman import NearlyConstantVelocity
-from tracking.noise import NoiseModel
+from tracking.detection.noise import NoiseModel
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.geometry.camera import Camera
+from tracking.geometry.visibility import Forest
+from tracking.numerics.compiled import Array
+from tracking.plugins.containment import contained
 from tracking.tracker import Track
 from tracking.undetected import Unseen
-from tracking.visibility import Forest
 
 LONGEST_PLAN = 1000  # steps; recordings hold them all
 _MOST_ROUNDS = 1000

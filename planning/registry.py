@@ -13,12 +13,12 @@ from importlib.machinery import PathFinder
 from importlib.metadata import Distribution, EntryPoint, distributions, entry_points
 from typing import TYPE_CHECKING, Any, cast
 
-from tracking.containment import ForeignError, Unusable, contained
-from tracking.plugin import imported, nearest
+from tracking.plugins.containment import ForeignError, Unusable, contained
+from tracking.plugins.importing import imported, nearest
 
 if TYPE_CHECKING:  # naming planners needs none of their code
     from planning.planner import Planner
-    from tracking.compiled import Array
+    from tracking.numerics.compiled import Array
 
     Whereabouts = Callable[[float], Array]
 

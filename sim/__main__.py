@@ -15,9 +15,17 @@ from typer.core import TyperGroup
 
 from planning.catalogue import catalogue
 from planning.registry import DEFAULT_PLANNER, PlannerError, is_ours, load_planner
-from sim.apart import ApartError
-from sim.atomic import unused
-from sim.console import (
+from sim.cli.compare import compare, studies
+from sim.cli.explain import explain
+from sim.cli.replay import replay
+from sim.processes.isolation import ApartError
+from sim.recording.atomic_files import unused
+from sim.running.isolated_run import Flight, fly_apart
+from sim.scenario.errors import InputError
+from sim.scenario.loading import SCENARIOS, did_you_mean, load, remarks
+from sim.scenario.quantities import MOST_SEED, REPEATS, integer, interval, seconds
+from sim.sensing.detectors import comes_with
+from sim.terminal.console import (
     console,
     fail,
     mission_progress,
@@ -31,15 +39,7 @@ from sim.console import (
     starting,
     trial_progress,
 )
-from sim.detectors import comes_with
-from sim.errors import InputError
-from sim.flight import Flight, fly_apart
-from sim.loading import SCENARIOS, did_you_mean, load, remarks
-from sim.options import Duration, Overrides, with_duration
-from sim.quantity import MOST_SEED, REPEATS, integer, interval, seconds
-from sim.replay.command import replay
-from sim.replay.explain_command import explain
-from sim.study.command import compare, studies
+from sim.terminal.options import Duration, Overrides, with_duration
 
 # Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
 
@@ -136,8 +136,8 @@ def run(
     folder = out or unused(place.with_name(f"{place.name}-repeat{again}") if again else place)
     with mission_progress(setting) as progress:
         if trusted and limit is None:
-            from sim.mission import Trial
-            from sim.run import run as fly
+            from sim.mission.mission import Trial
+            from sim.running.run import run as fly
 
             summary = fly(Trial(setting, planner, number, again), folder, video=video, progress=progress, say=say)
         else:
@@ -160,7 +160,7 @@ def frames(
     """Render frames of a recorded mission again; mark detections, tracks, truth, and which tree hides whom."""
     start, end = interval(time, "--time")
     edge = integer(size, "--size", least=256, most=4096)
-    from sim.frames import check_working, find, scans_between, write_frames
+    from sim.replay.frames.rerender import check_working, find, scans_between, write_frames
 
     recording = find(recorded)
     number = integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
@@ -184,9 +184,9 @@ def export(
     out: Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR.")] = None,
 ) -> None:
     """Write a recorded mission's scans, tracks and truth as text for other tools."""
-    from sim.export import export as write
-    from sim.export import writer
-    from sim.frames import find
+    from sim.replay.export import export as write
+    from sim.replay.export import writer
+    from sim.replay.frames.rerender import find
 
     writer(to)
     recording = find(recorded)
@@ -225,8 +225,8 @@ def check_planner(
 ) -> None:
     """Check that a planner keeps to what planners must, on situations made for that; exit code 1 if it does not."""
     load_planner(planner)
-    from planning.conformance import check
-    from sim.warmup import announced
+    from planning.conformance.checks import check
+    from sim.mission.warmup import announced
 
     with starting(), announced(say):
         findings = check(planner)

@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import pytest
 
+from planning.conformance.situations import specimen_team
 from planning.planner import Situation
-from planning.specimens import specimen_team
 
 Team = Callable[..., list[Situation]]
 

@@ -7,14 +7,14 @@ import numpy as np
 from peers import StoneSoup
 from scenes import OPEN, H
 
-from tracking.camera import Camera, Pose
-from tracking.consensus import fuse
-from tracking.kalman import Gaussian, NearlyConstantVelocity
-from tracking.matrices import symmetric
-from tracking.noise import NoiseModel
-from tracking.ospa import ospa
+from tracking.detection.noise import NoiseModel
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.metrics.ospa import ospa
+from tracking.numerics.matrices import symmetric
 from tracking.tracker import Scan, Track, Tracker, TrackerParameters
-from tracking.visibility import TARGET_HEIGHT
 
 MOTION = NearlyConstantVelocity(0.2, 0.5)
 SCANS = 41  # 8 s; the people are closest at 4 s

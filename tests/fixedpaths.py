@@ -6,16 +6,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from scenes import CAMERA, MOTION, OPEN
 
-from sim.scenario import Area, People
-from sim.trajectories import SAMPLES_PER_SECOND
-from sim.walkers import walk
-from tracking.camera import Pose
+from sim.scenario.scenario import Area, People
+from sim.world.trajectories import SAMPLES_PER_SECOND
+from sim.world.walkers import walk
+from tracking.detection.noise import NoiseModel
+from tracking.filter.kalman import Gaussian
 from tracking.fleet import step
-from tracking.kalman import Gaussian
-from tracking.nees import nees
-from tracking.noise import NoiseModel
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.metrics.nees import nees
 from tracking.tracker import Scan, Track, Tracker, TrackerParameters
-from tracking.visibility import TARGET_HEIGHT, Forest, Tree
 
 SCANS = 101  # 20 s
 START = 0.25 * np.eye(4)  # covariance of the tracks that are known at the start

@@ -7,7 +7,7 @@ import os, signal, subprocess, sys, threading, time, warnings
 from types import SimpleNamespace
 import numpy as np
 from planning.planner import Exchange, Plan
-from tracking.detector import Detections
+from tracking.detection.detector import Detections
 still = lambda team: [Plan(np.zeros((1, 2))) for _ in team]
 one = lambda **given: Detections(**{**dict(pixels=[[9, 9]], ground=[[1, 1]], covariances=[[[1, 0], [0, 1]]]), **given})
 class Mute(Exception):

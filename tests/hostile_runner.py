@@ -16,13 +16,17 @@ from pathlib import Path
 import cv2
 from studies import Serial
 
-import sim.run
+import sim.running.run
 from sim import __main__ as cli
-from sim.frames import find  # noqa: F401 - what commands import late is loaded once
-from sim.replay import explain, film, page, rerun_view  # noqa: F401
-from sim.study import command, report, tables  # noqa: F401
+from sim.cli import compare
+from sim.mission.warmup import warm_up
+from sim.replay import film  # noqa: F401
+from sim.replay.explain import explanation  # noqa: F401
+from sim.replay.frames.rerender import find  # noqa: F401 - what commands import late is loaded once
+from sim.replay.page import page  # noqa: F401
+from sim.replay.rerun import viewer  # noqa: F401
+from sim.report import report, tables  # noqa: F401
 from sim.study.tasks import release
-from sim.warmup import warm_up
 
 SECONDS, BYTES = 20.0, 2 * 2**30
 
@@ -72,11 +76,11 @@ def run(arguments, folder):
 
 
 def main():
-    command._backend = lambda workers, dask: nullcontext(Serial())  # processes of a pool take seconds to start
+    compare._backend = lambda workers, dask: nullcontext(Serial())  # processes of a pool take seconds to start
     cv2.setNumThreads(1)
     warm_up()
     release()
-    sim.run.warm_up = lambda: 0.0  # which is done
+    sim.running.run.warm_up = lambda: 0.0  # which is done
     print("ready", flush=True)
     for line in sys.stdin:
         asked = json.loads(line)

@@ -13,9 +13,9 @@ import synthetic
 from hostile_values import DEEP, NUMBERS, WORDS, file, flaw, keys
 from studies import invented
 
-from sim.archive import save
-from sim.recording import Recorder
-from sim.scenario import resolved
+from sim.recording.archive import save
+from sim.recording.recording import Recorder
+from sim.scenario.scenario import resolved
 from sim.study.store import NAME, Store
 from sim.study.study import read
 from sim.study.tasks import tasks

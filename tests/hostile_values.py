@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 from msgspec import inspect
 
-from sim.fleet import Uav
-from sim.scenario import Scenario
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import Scenario
 
 NUMBERS = [
     0,

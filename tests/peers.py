@@ -19,7 +19,7 @@ from stonesoup.types.track import Track
 from stonesoup.updater.kalman import KalmanUpdater
 from stonesoup.updater.probability import PDAUpdater
 
-from tracking.kalman import Gaussian
+from tracking.filter.kalman import Gaussian
 
 EPOCH = datetime.datetime(2000, 1, 1)
 

@@ -51,8 +51,8 @@ SHORT = ("seed 0", 6.0)  # mission and its duration [s]
 _FLY = """
 import hashlib, json, sys
 from planning.registry import DEFAULT_PLANNER
-from sim.loading import load
-from sim.mission import Mission, Trial
+from sim.scenario.loading import load
+from sim.mission.mission import Mission, Trial
 from sim.study.tasks import task_of
 from sim.study.trial import fly
 for seed, overrides in json.loads(sys.argv[1]):

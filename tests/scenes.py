@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from tracking.camera import Camera, Pose
-from tracking.consensus import fuse
-from tracking.kalman import Gaussian, NearlyConstantVelocity
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest
 from tracking.tracker import Scan, Track, Tracker, TrackerParameters
-from tracking.visibility import Forest
 
 CAMERA = Camera(math.radians(60), 128)
 MOTION = NearlyConstantVelocity(0.2, 0.5)

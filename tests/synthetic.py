@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 
 from planning.planner import Plan
-from sim.contacts import Contact
-from sim.fleet import Uav
-from sim.scenario import Area, People, Rates, Scenario, Sensing
-from sim.snapshot import Snapshot
-from tracking.camera import Camera, Pose
-from tracking.kalman import Gaussian
+from sim.mission.snapshot import Snapshot
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import Area, People, Rates, Scenario, Sensing
+from sim.world.contacts import Contact
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.tracker import Scan, Track
-from tracking.visibility import TARGET_HEIGHT, Forest, Tree
 
 
 def scenario(uavs=3, people=4, mode="camera", area=(150.0, 100.0)):

@@ -7,11 +7,11 @@ import pytest
 from scenes import ABOVE, CAMERA, MOTION, play, scan, track, tracker
 from scipy import stats
 
-from tracking.absence import crossed, given_undetected, look
-from tracking.camera import Pose
-from tracking.correction import foreseen
+from tracking.filter.negative_information import crossed, given_undetected, look
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, TARGET_HEIGHT, Forest, Tree
+from tracking.measurement_update import foreseen
 from tracking.tracker import Scan, TrackerParameters
-from tracking.visibility import SAMPLE_VARIANCE, SAMPLES, TARGET_HEIGHT, Forest, Tree
 
 
 def belief(rng):

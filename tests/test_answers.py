@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from trials import failed, row, study
 
-from sim.errors import InputError
-from sim.study.answers import answers
-from sim.study.cells import baseline_of, constant, grouped, trimmed, varying
-from sim.study.measures import available, check, chosen, measure
-from sim.study.statistics import chances, holm, maps_needed, means, medians, spreads
+from sim.analysis.answers import answers
+from sim.analysis.cells import baseline_of, constant, grouped, trimmed, varying
+from sim.analysis.measures import available, check, chosen, measure
+from sim.analysis.statistics import chances, holm, maps_needed, means, medians, spreads
+from sim.scenario.errors import InputError
 
 MEAN, SHARE, NEES = measure("ospa.mean_m"), measure("ospa.share_under_1m"), measure("nees.position")
 

@@ -9,9 +9,9 @@ import time
 import pytest
 from processes import ended
 
-from sim import apart as module
-from sim.apart import ApartError, apart
-from sim.interrupt import stop_request
+from sim.processes import isolation as module
+from sim.processes.interrupt import stop_request
+from sim.processes.isolation import ApartError, apart
 
 
 def compiles(tell):

@@ -12,15 +12,15 @@ from test_detector import WIDE, Tally, frame
 from views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
 from assets.build import PALETTE
-from sim.appearance import FULL, style_of
-from sim.fleet import Uav
-from sim.mission import Mission, Trial
-from sim.renderer import Renderer
-from sim.scenario import Appearance, Scenario
-from sim.world import World
-from tracking.camera import Pose
-from tracking.detector import detect
-from tracking.visibility import Forest, Tree
+from sim.mission.mission import Mission, Trial
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import Appearance, Scenario
+from sim.sensing.renderer import Renderer
+from sim.world.appearance import FULL, style_of
+from sim.world.world import World
+from tracking.detection.detector import detect
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
 
 REFERENCE = (Path(__file__).parents[1] / "docs" / "scenarios.md").read_text(encoding="utf-8")
 POSE = Pose.level(0.0, 0.0, 19.0)

@@ -7,17 +7,36 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("sim", "planning", "tracking", "assets")
-ALLOWED = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}, "sim": set(PACKAGES)}
-ENGINE = {"sim/world.py", "sim/renderer.py", "sim/opengl.py", "sim/replay/window.py"}
-# Of these, matches.py asks what the MWTP makes of plans that were flown.
+# Rooms of each package from the ground up: what stands in one imports only from it and from those below it.
+LAYERS = {
+    "tracking": (
+        *("numerics", "plugins", "geometry", "filter", "detection", "parameters", "association", "management"),
+        *("fusion", "metrics", "measurement_update", "tracker", "fleet", "undetected", "measurement_files"),
+    ),
+    "planning": (
+        *("planner", "prediction", "objective", "optimizers", "coordination", "composition", "baselines", "pieces"),
+        *("oracle", "registry", "catalogue", "conformance"),
+    ),
+    "sim": (
+        *("scenario", "processes", "world", "sensing", "mission", "recording", "evaluation", "drawing"),
+        *("replay.frames", "replay", "replay.explain", "replay.page", "replay.rerun", "running", "terminal"),
+        *("calibration", "study", "analysis", "report", "cli", "__main__"),
+    ),
+}
+BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}, "sim": set(PACKAGES)}
+MOST_MODULES = 12
+ENGINE = {"world", "opengl", "renderer", "window"}
+# Of these, mwtp_matches.py asks what the MWTP makes of plans that were flown.
 PLANNING = {
-    "sim/autopilot.py",
-    "sim/flight.py",
-    "sim/mission.py",
-    "sim/warmup.py",
+    "sim/mission/plan_check.py",
+    "sim/mission/mission.py",
+    "sim/mission/warmup.py",
+    "sim/running/isolated_run.py",
     "sim/__main__.py",
-    "sim/replay/matches.py",
-} | {f"sim/study/{name}.py" for name in ("command", "tasks")}
+    "sim/cli/compare.py",
+    "sim/replay/rerun/mwtp_matches.py",
+    "sim/study/tasks.py",
+}
 MODULES = sorted(p for package in PACKAGES for p in (ROOT / package).rglob("*.py"))
 
 
@@ -36,15 +55,50 @@ def named(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
+def room(module: str) -> tuple[str, str]:
+    """Package and room of a dotted module; a module that stands in a package itself is a room of its own."""
+    package, _, rest = module.partition(".")
+    return package, rest if rest in LAYERS.get(package, ()) else rest.rpartition(".")[0]
+
+
+def modules_imported(path: Path) -> set[str]:
+    """Our modules that a file imports, by dotted names."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                inner = ROOT.joinpath(*node.module.split("."), f"{alias.name}.py")
+                found.add(f"{node.module}.{alias.name}" if inner.is_file() else node.module)
+    return {name for name in found if name.split(".")[0] in LAYERS}
+
+
 @pytest.mark.parametrize("path", MODULES, ids=named)
-def test_imports_go_one_way(path):
-    tops = {name.split(".")[0] for name in imported(path)}
-    name = named(path)
-    package = name.split("/")[0]
-    assert tops & set(PACKAGES) <= ALLOWED[package]
-    assert ("pybullet" in tops) == (name == "sim/engine.py")
-    assert ("sim.engine" in imported(path)) == (name in ENGINE)
-    if package == "sim" and name not in PLANNING:
+def test_imports_go_down_the_layers(path):
+    package, own = room(named(path).removesuffix(".py").removesuffix("/__init__").replace("/", "."))
+    for module in modules_imported(path):
+        other, below = room(module)
+        assert other in BELOW[package]
+        if other == package:
+            order = LAYERS[package]
+            assert order.index(below) <= order.index(own), f"{named(path)} imports {module}"
+
+
+def test_the_layers_name_every_room():
+    there = {room(named(path).removesuffix(".py").replace("/", ".")) for path in MODULES if path.name != "__init__.py"}
+    assert {(p, r) for p, r in there if p in LAYERS} == {(p, r) for p, order in LAYERS.items() for r in order}
+
+
+@pytest.mark.parametrize("folder", sorted({path.parent for path in MODULES}), ids=named)
+def test_no_folder_holds_too_many_modules(folder):
+    assert sum(path.name != "__init__.py" for path in folder.glob("*.py")) <= MOST_MODULES
+
+
+@pytest.mark.parametrize("path", MODULES, ids=named)
+def test_engine_and_planners_are_known_only_where_they_must_be(path):
+    tops, name = {module.split(".")[0] for module in imported(path)}, named(path)
+    assert ("pybullet" in tops) == (name == "sim/world/engine.py")
+    assert ("sim.world.engine" in imported(path)) == (path.stem in ENGINE and name.startswith("sim/"))
+    if name.startswith("sim/") and name not in PLANNING:
         # What a plan is may be known; how plans are made may not.
         assert {n for n in imported(path) if n.startswith("planning")} <= {"planning.planner"}
 
@@ -86,14 +140,15 @@ CHANCE |= {
 FOREIGN = {"scipy", "filterpy", "math"}
 LIBRARIES = {"scipy.optimize.linear_sum_assignment", "scipy.spatial.cKDTree", "scipy.interpolate.PchipInterpolator"}
 # What checks planners, and metrics of finished recordings, compute nothing that a mission flies by.
-BESIDE = {"planning/attempt.py", "planning/specimens.py", "planning/conformance.py"}
+BESIDE = {"planning/conformance/calls.py", "planning/conformance/situations.py", "planning/conformance/checks.py"}
 
 
 def path_of_a_mission() -> list[Path]:
-    """Every module of ours that `sim.mission` imports, directly or not, as do planners and detectors by name."""
+    """Every module of ours that the mission loop imports, directly or not, as do planners and detectors by name."""
     names = {path: named(path).removesuffix(".py").replace("/", ".") for path in MODULES}
     modules = {name: path for path, name in names.items()}
-    todo, found = ["sim.mission", *(n for n in modules if n.startswith("planning.")), "tracking.blob_detector"], set()
+    todo = ["sim.mission.mission", "tracking.detection.blob_detector"]
+    todo, found = todo + [n for n in modules if n.startswith("planning.")], set()
     while todo:
         name = todo.pop()
         if name in modules and name not in found:

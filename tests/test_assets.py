@@ -7,8 +7,8 @@ import pytest
 
 from assets import ASSETS
 from assets.build import build
-from sim.uav import INERTIA, MASS, ROTORS
-from tracking.visibility import TARGET_HEIGHT
+from sim.world.quadrotor import INERTIA, MASS, ROTORS
+from tracking.geometry.visibility import TARGET_HEIGHT
 
 MESHES = ("canopy", "trunk", "person", "quadrotor")
 

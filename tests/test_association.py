@@ -10,8 +10,8 @@ from stonesoup.dataassociator.probability import JPDA
 from stonesoup.hypothesiser.probability import PDAHypothesiser
 from stonesoup.updater.kalman import KalmanUpdater
 
-from tracking.consensus import fuse
-from tracking.jpda import association_probabilities, gated_likelihood
+from tracking.association.jpda import association_probabilities, gated_likelihood
+from tracking.fusion.consensus import fuse
 from tracking.tracker import TrackerParameters
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planning.planner import Plan
-from sim.autopilot import decide
+from sim.mission.plan_check import decide
 
 LAST = {i: Plan(np.array([[1.0, 0.0], [0.0, 2.0]])) for i in range(3)}
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from planning.belief import LANES, transition
-from tracking.kalman import NearlyConstantVelocity
+from planning.prediction.belief import LANES, transition
+from tracking.filter.kalman import NearlyConstantVelocity
 
 TRIANGLE = np.triu_indices(4)
 

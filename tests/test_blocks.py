@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scenes import MOTION, R
 
-from tracking import correction
-from tracking.blocks import blocks
-from tracking.correction import Predicted, corrected
-from tracking.jpda import gated_likelihood
+from tracking import measurement_update as correction
+from tracking.association.clusters import blocks
+from tracking.association.jpda import gated_likelihood
+from tracking.measurement_update import Predicted, corrected
 from tracking.tracker import TrackerParameters
 
 PARAMETERS = TrackerParameters(MOTION, clutter_density=1e-3)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from sim.scenario import Area, People
-from sim.walkers import walk
-from tracking.bounded import BoundedSpeed
-from tracking.kalman import Gaussian, NearlyConstantVelocity, update
-from tracking.visibility import Forest
+from sim.scenario.scenario import Area, People
+from sim.world.walkers import walk
+from tracking.filter.bounded_speed import BoundedSpeed
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity, update
+from tracking.geometry.visibility import Forest
 
 DT, LIMIT = 0.2, 3.0
 NCV, BOUNDED = NearlyConstantVelocity(DT, 1.0), BoundedSpeed(DT, 1.0, LIMIT)

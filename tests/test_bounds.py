@@ -9,11 +9,11 @@ import pytest
 from hostile_values import numbers
 from msgspec import inspect
 
-from sim.errors import InputError
-from sim.loading import load
-from sim.quantity import integer, integers, seconds
-from sim.scenario import People, Scenario
-from sim.workload import check_workload
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load
+from sim.scenario.quantities import integer, integers, seconds
+from sim.scenario.scenario import People, Scenario
+from sim.scenario.workload import check_workload
 
 REFERENCE = (Path(__file__).parents[1] / "docs" / "scenarios.md").read_text(encoding="utf-8")
 # Checked against the area, the strongest wind, the number of UAVs and the scans that a tracker counts.

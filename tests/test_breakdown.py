@@ -10,21 +10,21 @@ from test_run import frames_of
 
 from planning.planner import Plan
 from planning.registry import PLANNERS
-from sim.archive import load as load_recording
-from sim.autopilot import Fault
-from sim.errors import InputError
-from sim.frames import check_working, scenario_of
-from sim.loading import load
-from sim.mapview import MapView
-from sim.metrics import metrics
-from sim.mission import Mission, Trial
-from sim.palette import ALARM, FAINT, uav_colour
-from sim.plots import ospa_figure
-from sim.run import run
+from sim.drawing.map_view import MapView
+from sim.drawing.palette import ALARM, FAINT, uav_colour
+from sim.drawing.plots import ospa_figure
+from sim.drawing.video import Film
+from sim.evaluation.metrics import metrics
+from sim.mission.mission import Mission, Trial
+from sim.recording.archive import load as load_recording
+from sim.replay.frames.rerender import check_working, scenario_of
+from sim.running.run import run
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load
+from sim.sensing.fault import Fault
 from sim.study.tasks import task_of
 from sim.study.trial import fly as fly_trial
-from sim.video import Film
-from tracking.visibility import Forest
+from tracking.geometry.visibility import Forest
 
 BROKEN = "broke down, hovers from now on"
 

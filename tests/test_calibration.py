@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from sim.calibration import fit_whole, nees, nees_bins
-from sim.calibration_scenes import people_in_forests
-from tracking.blob_detector import located
-from tracking.detector import measured
-from tracking.noise import WHOLE
-from tracking.partial import locate
+from sim.calibration.fit import fit_whole, nees, nees_bins
+from sim.calibration.scenes import people_in_forests
+from tracking.detection.blob_detector import located
+from tracking.detection.detector import measured
+from tracking.detection.noise import WHOLE
+from tracking.detection.partial_visibility import locate
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tracking.camera import Camera, Pose
+from tracking.geometry.camera import Camera, Pose
 
 CAMERA = Camera(math.radians(60), 128)
 

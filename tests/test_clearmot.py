@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from tracking.clearmot import correspondence, fragmentations, switches
+from tracking.metrics.clearmot import correspondence, fragmentations, switches
 
 
 def line(*xs):

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from planning.registry import load_planner
-from sim.clutter import Clutter
-from sim.fleet import Uav
-from sim.mission import Mission
-from sim.scenario import People, Scenario, Sensing, Trees
-from tracking.camera import Camera, Pose
-from tracking.detector import Frame, whole_covariances
-from tracking.noise import NoiseModel
-from tracking.visibility import TARGET_HEIGHT
+from sim.mission.mission import Mission
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import People, Scenario, Sensing, Trees
+from sim.sensing.clutter import Clutter
+from tracking.detection.detector import Frame, whole_covariances
+from tracking.detection.noise import NoiseModel
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT
 
 CAMERA = Camera(math.radians(60), 128)
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numba
 import pytest
 
-from sim.warmup import announced
-from tracking import compiled as subject
-from tracking import elementary
+from sim.mission.warmup import announced
+from tracking.numerics import compiled as subject
+from tracking.numerics import elementary
 
 ROOT = Path(__file__).parents[1]
 
@@ -51,7 +51,7 @@ def nowhere(monkeypatch):
 
     monkeypatch.setattr("numba.core.caching._CacheLocator.ensure_cache_path", refuse)
     monkeypatch.setattr(subject, "not_kept", kept := [])
-    monkeypatch.setattr("sim.warmup.not_kept", kept)
+    monkeypatch.setattr("sim.mission.warmup.not_kept", kept)
 
 
 def test_where_nothing_can_be_kept_code_works_and_that_is_said(nowhere):
@@ -74,9 +74,9 @@ def test_a_mission_compiles_nothing_in_flight():
 import gc
 from numba.core.dispatcher import Dispatcher
 from planning.registry import DEFAULT_PLANNER
-from sim.loading import load
-from sim.mission import Mission, Trial
-from sim.warmup import warm_up
+from sim.scenario.loading import load
+from sim.mission.mission import Mission, Trial
+from sim.mission.warmup import warm_up
 def signatures():
     compiled = [d for d in gc.get_objects() if issubclass(type(d), Dispatcher)]
     return {(d.py_func.__qualname__, s) for d in compiled for s in d.overloads}

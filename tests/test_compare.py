@@ -8,11 +8,11 @@ import pytest
 from commands import called
 from studies import Serial
 
-from sim import console
-from sim.study import command
-from sim.study.progress import pace
+from sim.cli import compare as command
 from sim.study.store import NAME, SCHEMA, Store, StoreError, read_rows
 from sim.study.study import STUDIES
+from sim.terminal import console
+from sim.terminal.study_progress import pace
 
 FLAGS = ["--duration", "1", "--sensing", "ideal"]
 FILE = """

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planning.composition import Composition
-from planning.conformance import CHECKS, check
+from planning.conformance.checks import CHECKS, check
 from planning.coordination import Centralised, Sequential
 from planning.planner import Plan
 from planning.registry import PLANNERS, PlannerError

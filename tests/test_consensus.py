@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tracking.consensus import combine, fuse
-from tracking.evidence import Evidence
-from tracking.identity import Message, born_id
-from tracking.kalman import information_form
+from tracking.filter.kalman import information_form
+from tracking.fusion.consensus import combine, fuse
+from tracking.fusion.message import Message, born_id
+from tracking.management.deletion import Evidence
 
 GATE = 13.28  # chi-square, four degrees of freedom, 0.99
 
@@ -90,7 +90,7 @@ def test_a_table_of_all_messages_gives_what_each_uav_makes_of_those_it_hears(see
     expected = [m.message(int(row.sum())) for m, row in zip(members, adjacency, strict=True)]
     for k in range(2):
         expected = exchange(expected, adjacency & ~lost[k], 1)
-    monkeypatch.setattr("tracking.consensus.combine", None)  # one table for all is what is taken
+    monkeypatch.setattr("tracking.fusion.consensus.combine", None)  # one table for all is what is taken
     fuse(members, adjacency, 2, lost)
     assert len({m.evidence.times.tobytes() for m in expected}) > 1
     for ours, theirs in zip([m.left for m in members], expected, strict=True):

@@ -29,9 +29,9 @@ import pytest
 from fixedpaths import HIGH, SCANS, TREES, Case, Mission, errors, line
 from scipy.stats import chi2, t
 
-from tracking.identity import INFORMATION, Message
-from tracking.kalman import moment_form
-from tracking.nees import nees_interval
+from tracking.filter.kalman import moment_form
+from tracking.fusion.message import INFORMATION, Message
+from tracking.metrics.nees import nees_interval
 
 DIMENSIONS = np.array([2, 4])  # of position and of state
 GATES = chi2.ppf(0.9999, DIMENSIONS)

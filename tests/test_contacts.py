@@ -10,19 +10,19 @@ from rich.console import Console
 from test_recording import npy, record, rewritten
 
 from planning.planner import Plan
-from sim.archive import load as load_recording
-from sim.archive import save
-from sim.contacts import Contact
-from sim.fleet import Uav
-from sim.loading import load
-from sim.mapview import ALERT, MapView
-from sim.mission import Mission
-from sim.palette import ALARM
-from sim.recording import Recorder
-from sim.scenario import Scenario
-from sim.summary import contacts, results_table, summarise
-from sim.world import World
-from tracking.visibility import Forest, Tree
+from sim.drawing.map_view import ALERT, MapView
+from sim.drawing.palette import ALARM
+from sim.evaluation.summary import contacts, results_table, summarise
+from sim.mission.mission import Mission
+from sim.recording.archive import load as load_recording
+from sim.recording.archive import save
+from sim.recording.recording import Recorder
+from sim.scenario.fleet import Uav
+from sim.scenario.loading import load
+from sim.scenario.scenario import Scenario
+from sim.world.contacts import Contact
+from sim.world.world import World
+from tracking.geometry.visibility import Forest, Tree
 
 APART = 6.0  # m
 

@@ -9,15 +9,16 @@ from test_nbo import nominal
 
 from planning.composition import Composition
 from planning.coordination import Centralised, Decentralised, Parallel, Sequential, expected
-from planning.intent import BASE_RANGE, base_control, policy_of_intent
-from planning.nbo import objective, team_cost
-from planning.optimizers import CrossEntropy, Grid
+from planning.objective.nbo import objective, team_cost
+from planning.optimizers.cross_entropy import CrossEntropy
+from planning.optimizers.grid import Grid
+from planning.optimizers.initial_plans import pursuits, turns
 from planning.planner import Plan
-from planning.propagation import MonteCarlo, nominal_positions
-from planning.pursuit import pursuits, turns
-from planning.sights import Hints, sights
-from tracking.kalman import NearlyConstantVelocity
-from tracking.visibility import Forest
+from planning.prediction.intent import BASE_RANGE, base_control, policy_of_intent
+from planning.prediction.propagation import MonteCarlo, nominal_positions
+from planning.prediction.targets_in_reach import Hints, sights
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.geometry.visibility import Forest
 
 
 def planned(team, seed=0, **pieces):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from tracking.absence import given_undetected
-from tracking.jpda import mixture_update
-from tracking.kalman import NearlyConstantVelocity, information_form, moment_form
-from tracking.visibility import SAMPLES
+from tracking.association.jpda import mixture_update
+from tracking.filter.kalman import NearlyConstantVelocity, information_form, moment_form
+from tracking.filter.negative_information import given_undetected
+from tracking.geometry.visibility import SAMPLES
 
 MOTIONS = [NearlyConstantVelocity(0.2, sigma) for sigma in (0.0, 0.5, 5.0)]
 

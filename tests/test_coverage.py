@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.study.coverage import COVERED, ENOUGH, ERRORS, SHARES, caveats
-from sim.study.measures import measure
-from sim.study.statistics import means, medians
+from sim.analysis.coverage import COVERED, ENOUGH, ERRORS, SHARES, caveats
+from sim.analysis.measures import measure
+from sim.analysis.statistics import means, medians
 
 DATA = Path(__file__).parent / "data" / "trials.csv"
 DOC = Path(__file__).parents[1] / "docs" / "reports.md"

@@ -4,9 +4,9 @@ from dataclasses import astuple
 import numpy as np
 from test_renderer import tilted
 
-from sim.culling import FAR, NEAR, in_frustum, people_hidden, trunks_hidden
-from tracking.camera import Camera
-from tracking.visibility import Forest, Tree, line_of_sight
+from sim.sensing.culling import FAR, NEAR, in_frustum, people_hidden, trunks_hidden
+from tracking.geometry.camera import Camera
+from tracking.geometry.visibility import Forest, Tree, line_of_sight
 
 CAMERA = Camera(math.radians(60), 128)
 

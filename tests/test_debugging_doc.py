@@ -9,7 +9,7 @@ import pytest
 from commands import called
 
 from sim import __main__ as cli
-from sim import console
+from sim.terminal import console
 
 TEXT = (Path(__file__).parents[1] / "docs" / "debugging.md").read_text(encoding="utf-8")
 
@@ -83,7 +83,7 @@ def test_the_command_has_help(call):
 
 def test_its_words_are_those_of_the_program():
     source = "".join(
-        path.read_text(encoding="utf-8") for path in (Path(cli.__file__).parent / "replay").glob("explain*.py")
+        path.read_text(encoding="utf-8") for path in (Path(cli.__file__).parent / "replay" / "explain").glob("*.py")
     )
     for words in ("lost since", "from below the camera", "detected at pixel", "in the gate of", "NEES", "existence"):
         assert words in TEXT and words in source

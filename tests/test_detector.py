@@ -7,14 +7,14 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 from views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
-from sim.fleet import Uav
-from sim.renderer import Renderer
-from sim.scenario import Scenario
-from sim.world import World
-from tracking.camera import Camera, Pose
-from tracking.components import components
-from tracking.detector import Frame, detect
-from tracking.visibility import TARGET_HEIGHT, Forest
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import Scenario
+from sim.sensing.renderer import Renderer
+from sim.world.world import World
+from tracking.detection.components import components
+from tracking.detection.detector import Frame, detect
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 
 MARGIN = 16  # pixels around the image in which people cut by its edge are seen whole
 WIDE = Camera(2 * math.atan((CAMERA.pixels / 2 + MARGIN) / CAMERA.focal), CAMERA.pixels + 2 * MARGIN)

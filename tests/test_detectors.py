@@ -8,20 +8,20 @@ import pytest
 
 from planning.registry import load_planner
 from sim.__main__ import main
-from sim.detectors import DETECTORS, check_detector, load_detector
-from sim.errors import InputError
-from sim.fleet import Uav
-from sim.mission import Mission
-from sim.renderer import Renderer
-from sim.scenario import People, Scenario, Sensing, Trees
-from sim.scoring import matched_people
-from sim.segmentation import MaskDetector
-from sim.sensing import checked
-from sim.world import World
-from tracking.blob_detector import BlobDetector
-from tracking.camera import Camera, Pose
-from tracking.detector import Detections, Frame, detect
-from tracking.visibility import Forest, Tree
+from sim.mission.mission import Mission
+from sim.scenario.errors import InputError
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import People, Scenario, Sensing, Trees
+from sim.sensing.detection_truth import matched_people
+from sim.sensing.detectors import DETECTORS, check_detector, load_detector
+from sim.sensing.mask_detector import MaskDetector
+from sim.sensing.renderer import Renderer
+from sim.sensing.sensors import checked
+from sim.world.world import World
+from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.detector import Detections, Frame, detect
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest, Tree
 
 CAMERA = Camera(math.radians(60), 128)
 POSE = Pose.level(0.0, 0.0, 19.0)
@@ -90,7 +90,7 @@ def test_every_detector_has_a_name_that_flies(name):
     [
         ("blop", "sensing.detector: 'blop' is unknown; allowed are blob, segmentation; did you mean blob?"),
         ("no.such_module:Net", "'no.such_module:Net' cannot be imported: No module named 'no'"),
-        ("sim.sensing:Net", "sim.sensing has no class 'Net'"),
+        ("sim.sensing.sensors:Net", "sim.sensing.sensors has no class 'Net'"),
         ("../net:Net", "'../net' is not the name of a module"),
     ],
 )

@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from tracking import elementary
+from tracking.numerics import elementary
 
 _RNG = np.random.default_rng(20261122)
 _WIDE = np.concatenate([_RNG.normal(0, 1, 1000), _RNG.normal(0, 100, 1000), _RNG.uniform(-1e-6, 1e-6, 200)])

@@ -10,14 +10,14 @@ import pytest
 from scenes import scan, tracker
 from scipy.stats import chi2
 
-from sim.archive import load as load_recording
-from sim.export import export
-from sim.loading import load
-from sim.mission import Trial
-from sim.run import run
-from tracking.exchange import SCAN_COLUMNS, read_cameras, read_forest, read_scans
+from sim.mission.mission import Trial
+from sim.recording.archive import load as load_recording
+from sim.replay.export import export
+from sim.running.run import run
+from sim.scenario.loading import load
+from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.fleet import step
-from tracking.kalman import NearlyConstantVelocity
+from tracking.measurement_files import SCAN_COLUMNS, read_cameras, read_forest, read_scans
 from tracking.tracker import Tracker, TrackerParameters
 
 ROOT = Path(__file__).parents[1]

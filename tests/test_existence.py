@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scenes import ABOVE, AWAY, MOTION, play, scan, track, tracker
 
-from tracking.consensus import fuse
-from tracking.existence import associated, from_log_odds, log_odds
-from tracking.jpda import association_probabilities, gated_likelihood
-from tracking.kalman import Gaussian, update
+from tracking.association.jipda import associated, from_log_odds, log_odds
+from tracking.association.jpda import association_probabilities, gated_likelihood
+from tracking.filter.kalman import Gaussian, update
+from tracking.fusion.consensus import fuse
+from tracking.geometry.visibility import Forest, Tree
 from tracking.parameters import TrackerParameters
 from tracking.tracker import Track, Tracker
-from tracking.visibility import Forest, Tree
 
 R = 0.05 * np.eye(2)
 PLAIN = 0.99 * 0.9999  # detected, and in the gate

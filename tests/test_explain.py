@@ -10,20 +10,20 @@ import pytest
 
 from planning.planner import Plan
 from planning.registry import load_planner
-from sim.frames import Rerenderer
-from sim.loading import load
-from sim.mission import Mission
-from sim.recording import Recorder
-from sim.replay.account import Account
-from sim.replay.association import Association
-from sim.replay.explain import explanation, told
-from sim.replay.explain_panel import draw_explanation
+from sim.mission.mission import Mission
+from sim.recording.recording import Recorder
+from sim.replay.explain.association import Association
+from sim.replay.explain.explanation import explanation, told
+from sim.replay.explain.observation import Inquiry
+from sim.replay.explain.person import Account
+from sim.replay.explain.picture import draw_explanation
+from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, OUTSIDE, outlook
+from sim.replay.frames.rerender import Rerenderer
 from sim.replay.history import History
-from sim.replay.outlook import HIDDEN, IN_VIEW, OUTSIDE, outlook
-from sim.replay.witness import Inquiry
-from sim.scenario import resolved
-from sim.scoring import matched_detections, matched_people
-from tracking.kalman import Gaussian
+from sim.scenario.loading import load
+from sim.scenario.scenario import resolved
+from sim.sensing.detection_truth import matched_detections, matched_people
+from tracking.filter.kalman import Gaussian
 
 
 def flown(*overrides, planner=None, seed=3, seconds=8):

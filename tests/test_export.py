@@ -9,15 +9,15 @@ import pytest
 import synthetic
 from stonesoup.reader.generic import CSVDetectionReader, CSVGroundTruthReader, CSVTrackReader
 
-from sim import export as module
-from sim.archive import save
-from sim.errors import InputError
-from sim.export import STATE, export
-from sim.metrics import velocities
-from sim.recording import Recorder
-from sim.scenario import Area, resolved
-from sim.trajectories import read
-from tracking.exchange import read_cameras, read_forest, read_scans
+from sim.evaluation.metrics import velocities
+from sim.recording.archive import save
+from sim.recording.recording import Recorder
+from sim.replay import export as module
+from sim.replay.export import STATE, export
+from sim.scenario.errors import InputError
+from sim.scenario.scenario import Area, resolved
+from sim.world.trajectories import read
+from tracking.measurement_files import read_cameras, read_forest, read_scans
 
 SECONDS = {"time_field": "time", "timestamp": True}
 START = datetime.datetime(1970, 1, 1)

@@ -5,10 +5,10 @@ import pytest
 from scenes import ABOVE, AWAY, CAMERA, MOTION, R, check, scan, track, tracker
 from test_consensus import graph
 
-from tracking.camera import Pose
-from tracking.consensus import fuse
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import Tracker
-from tracking.visibility import Forest, Tree
 
 HALVES = np.kron(np.eye(2), np.ones((2, 2))).astype(bool)  # UAVs 0 and 1, and 2 and 3
 WHOLE = np.ones((4, 4), bool)

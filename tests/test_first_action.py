@@ -8,10 +8,10 @@ from test_coordination import knowing
 
 from planning.composition import Composition
 from planning.coordination import Centralised, expected
-from planning.intent import base_control
-from planning.nbo import team_cost
-from planning.optimizers import Grid
-from planning.propagation import MonteCarlo
+from planning.objective.nbo import team_cost
+from planning.optimizers.grid import Grid
+from planning.prediction.intent import base_control
+from planning.prediction.propagation import MonteCarlo
 from planning.registry import load_planner
 
 

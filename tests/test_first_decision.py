@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from planning.registry import load_planner
-from sim.archive import load as load_recording
-from sim.loading import load
-from sim.mission import Mission, Trial
-from sim.run import run
-from sim.scenario import Scenario
+from sim.mission.mission import Mission, Trial
+from sim.recording.archive import load as load_recording
+from sim.running.run import run
+from sim.scenario.loading import load
+from sim.scenario.scenario import Scenario
 
 IDEAL = ["sensing.mode=ideal", "dynamics=kinematic", "trees.density=0", "duration=4"]
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scenes import ABOVE, AWAY, CAMERA, R, check, play, scan, track, tracker
 
-from tracking.camera import Pose
-from tracking.consensus import fuse
-from tracking.identity import FIRST_BORN
+from tracking.fusion.consensus import fuse
+from tracking.fusion.message import FIRST_BORN
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import Track, Tracker
-from tracking.visibility import Forest, Tree
 
 PAIR = np.ones((2, 2), bool)
 

@@ -6,8 +6,8 @@ import pytest
 from scipy import stats
 from scipy.spatial.distance import pdist
 
-from sim.forest import CLEARANCE, grow
-from sim.scenario import Area, Trees
+from sim.scenario.scenario import Area, Trees
+from sim.world.forest import CLEARANCE, grow
 
 AREA = Area()
 

@@ -10,26 +10,26 @@ import pytest
 import synthetic
 from commands import called
 
-from sim import frames as module
-from sim.archive import load, save
-from sim.errors import InputError
-from sim.framepanel import draw_panel, field_of_view
-from sim.frames import Rerenderer, rerender, scans_between, scenario_of, write_frames
-from sim.frameview import annotated
-from sim.labels import Labels
-from sim.lettering import Style
-from sim.loading import load as load_scenario
-from sim.mapview import ellipse
-from sim.mission import Mission, Trial
-from sim.palette import INK, PANEL, track_colour
-from sim.recording import Recorder
-from sim.scenario import resolved
-from sim.sight import Sight
-from sim.world import World
-from tracking.camera import Camera, Pose
-from tracking.kalman import Gaussian
+from sim.drawing.labels import Labels
+from sim.drawing.lettering import Style
+from sim.drawing.map_view import ellipse
+from sim.drawing.palette import INK, PANEL, track_colour
+from sim.mission.mission import Mission, Trial
+from sim.recording.archive import load, save
+from sim.recording.recording import Recorder
+from sim.replay.frames import rerender as module
+from sim.replay.frames.annotation import annotated
+from sim.replay.frames.panel import draw_panel, field_of_view
+from sim.replay.frames.rerender import Rerenderer, rerender, scans_between, scenario_of, write_frames
+from sim.replay.frames.sightings import Sight
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load as load_scenario
+from sim.scenario.scenario import resolved
+from sim.world.world import World
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.tracker import Track
-from tracking.visibility import TARGET_HEIGHT, Forest, Tree
 
 # One above the other, so that they see one another.
 FLEET = "uavs=[{{start=[-28,-2],footprint=20,mount='{0}'}},{{start=[-28,2],footprint=27,mount='{0}',pixels=96}}]"

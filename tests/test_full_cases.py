@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planning.coordination import expected
-from planning.optimizers import ParticleSwarm
+from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.registry import load_planner
 
 PLANNERS = ("sma-nbo-mwtp", "pma-nbo")  # who expect what they will see, and who take it at the nominal place

@@ -72,5 +72,5 @@ def test_a_folder_below_a_file_cannot_be_made(call, tmp_path, command):
 
 def test_the_default_place_for_a_picture_may_not_be_there_any_more(call, tmp_path, monkeypatch):
     """As of a folder that may be read only, which stops no superuser."""
-    monkeypatch.setattr("sim.replay.explain_command.unused", lambda path, suffix: tmp_path / "file" / "new.png")
+    monkeypatch.setattr("sim.cli.explain.unused", lambda path, suffix: tmp_path / "file" / "new.png")
     assert "Not a directory; nothing is kept" in refused(call, tmp_path, COMMANDS["picture"], 2)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from stonesoup.metricgenerator.ospametric import GOSPAMetric, OSPAMetric
 from stonesoup.types.state import State
 
-from tracking.gospa import gospa
-from tracking.ospa import ospa, ospa2, ospa2_over_time
+from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import ospa, ospa2, ospa2_over_time
 
 NONE = np.zeros((0, 2))
 NOON = datetime.datetime(2024, 1, 1, 12)

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from tracking.compiled import compiled
-from tracking.grid import gridded
-from tracking.visibility import TARGET_HEIGHT, Forest, Tree, blocked, line_of_sight
+from tracking.geometry.tree_grid import gridded
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, blocked, line_of_sight
+from tracking.numerics.compiled import compiled
 
 
 @compiled

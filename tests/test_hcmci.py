@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scenes import ABOVE, AWAY, CAMERA, MOTION, OPEN, H, scan, track, tracker
 from test_consensus import graph, metropolis
 
-from tracking.consensus import fuse
-from tracking.kalman import information_form, moment_form
-from tracking.novelty import farthest, split
+from tracking.filter.kalman import information_form, moment_form
+from tracking.fusion.consensus import fuse
+from tracking.fusion.hcmci import farthest, split
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 # Association without doubt: whatever is measured is the person.

@@ -7,8 +7,8 @@ import pytest
 from scenes import ABOVE, AWAY, scan, track, tracker
 from test_faults import HALVES, WHOLE, fleet, ids, play
 
-from tracking.consensus import fuse
-from tracking.visibility import Forest, Tree
+from tracking.fusion.consensus import fuse
+from tracking.geometry.visibility import Forest, Tree
 
 PAIR = np.ones((2, 2), bool)
 

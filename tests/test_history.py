@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import synthetic
 
-from sim.recording import Recorder
+from sim.recording.recording import Recorder
+from sim.replay.frames.sightings import Sight
 from sim.replay.history import STATES, History
-from sim.scenario import resolved
-from sim.sight import Sight
-from tracking.visibility import Forest, Tree
+from sim.scenario.scenario import resolved
+from tracking.geometry.visibility import Forest, Tree
 
 
 @pytest.fixture(scope="module")

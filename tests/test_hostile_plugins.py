@@ -15,10 +15,10 @@ import pytest
 from hostile import DETECTED, DETECTOR, FLOWN, HEAD, PLANNER, REFUSED, UNDETECTED, planner
 from processes import started_with
 
-from sim.autopilot import decide
-from sim.sensing import Sensors
-from tracking.camera import Camera, Pose
-from tracking.detector import Frame
+from sim.mission.plan_check import decide
+from sim.sensing.sensors import Sensors
+from tracking.detection.detector import Frame
+from tracking.geometry.camera import Camera, Pose
 
 ROOT = Path(__file__).parents[1]
 CAMERA = Camera(1.0, 64)

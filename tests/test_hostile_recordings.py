@@ -18,15 +18,15 @@ from hypothesis import strategies as st
 from test_recording import assert_same, npy, record, rewritten
 
 from sim import __main__ as cli
-from sim.archive import load, save
-from sim.errors import InputError
-from sim.export import export
-from sim.faults import LONGEST, MOST
-from sim.frames import find, scenario_of, write_frames
-from sim.npz import MOST_BYTES
+from sim.evaluation.summary import summarise
+from sim.recording.archive import load, save
+from sim.recording.fault_text import LONGEST, MOST
+from sim.recording.npz import MOST_BYTES
+from sim.replay.export import export
+from sim.replay.frames.rerender import find, scenario_of, write_frames
 from sim.replay.history import History
-from sim.scenario import resolved
-from sim.summary import summarise
+from sim.scenario.errors import InputError
+from sim.scenario.scenario import resolved
 
 ROOT = Path(__file__).parents[1]
 OLD = ROOT / "tests" / "data" / "mission-plans.npz"
@@ -273,7 +273,7 @@ def test_commands_refuse_a_hostile_file_and_leave_nothing(saved, tmp_path, monke
 MEASURE = """
 import resource, sys, time
 sys.path[:0] = sys.argv[1:3]
-from sim.frames import find
+from sim.replay.frames.rerender import find
 from pathlib import Path
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 for name in sys.argv[3:]:
@@ -374,6 +374,6 @@ def test_a_file_that_may_not_be_read_is_said_to_be_so(saved, monkeypatch):
     def refused(path, mode):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
 
-    monkeypatch.setattr("sim.npz.open", refused, raising=False)  # root may read everything
+    monkeypatch.setattr("sim.recording.npz.open", refused, raising=False)  # root may read everything
     with pytest.raises(InputError, match=r"^DIR: .*mission\.npz cannot be read: Permission denied$"):
         find(saved)

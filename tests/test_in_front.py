@@ -5,12 +5,12 @@ import math
 import numpy as np
 from views import SCENARIO
 
-from sim.renderer import Renderer
-from sim.world import World
-from tracking.blob_detector import BlobDetector
-from tracking.camera import Camera, Pose
-from tracking.detector import Frame
-from tracking.visibility import Forest, Tree
+from sim.sensing.renderer import Renderer
+from sim.world.world import World
+from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.detector import Frame
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest, Tree
 
 
 def test_a_trunk_hides_nobody_who_is_nearer_to_the_camera():

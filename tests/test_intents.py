@@ -9,17 +9,17 @@ from test_summary import shown
 
 from planning.composition import Composition
 from planning.coordination import Decentralised, Parallel, Sequential, expected
-from planning.intent import policy_of_intent
 from planning.planner import Exchange, Plan
+from planning.prediction.intent import policy_of_intent
 from planning.registry import load_planner
-from sim.autopilot import decide
-from sim.intents import Intents
-from sim.loading import load
-from sim.mission import Mission, Trial
-from sim.network import Network
-from sim.radio import Links
-from sim.run import run
-from sim.streams import stream
+from sim.mission.mission import Mission, Trial
+from sim.mission.plan_check import decide
+from sim.mission.plan_exchange import Intents
+from sim.mission.radio import Links
+from sim.running.run import run
+from sim.scenario.loading import load
+from sim.scenario.network import Network
+from sim.scenario.random_streams import stream
 
 IDEAL = ("sensing.mode=ideal", "dynamics=kinematic")
 FIVE_STEPS = 8 * (5 + 2 * 5)  # bytes: sender, time, x, y, z, and five controls

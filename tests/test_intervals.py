@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sim.study import statistics
-from sim.study.statistics import (
+from sim.analysis import statistics
+from sim.analysis.statistics import (
     NO_SPREAD,
     bands,
     chances,

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from views import SCENARIO
 
-from sim.renderer import Renderer
-from sim.scoring import matched_people
-from sim.world import World
-from tracking.camera import Camera, Pose
-from tracking.detector import Frame, _joined, _one_person, detect, sizes
-from tracking.visibility import TARGET_HEIGHT, Forest
+from sim.sensing.detection_truth import matched_people
+from sim.sensing.renderer import Renderer
+from sim.world.world import World
+from tracking.detection.detector import Frame, _joined, _one_person, detect, sizes
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 
 IMAGE = np.zeros((1, 1, 3), dtype=np.uint8)
 CAMERA = Camera(math.radians(60), 128)
@@ -66,7 +66,9 @@ def test_fragments_are_joined_nearest_first(tilt):
 def test_eight_hundred_fragments_are_measured_little_more_than_once(monkeypatch):
     """Each join measures one blob anew and each pair is tried once."""
     tried = []
-    monkeypatch.setattr("tracking.detector._one_person", lambda lens, blob: tried.append(1) or _one_person(lens, blob))
+    monkeypatch.setattr(
+        "tracking.detection.detector._one_person", lambda lens, blob: tried.append(1) or _one_person(lens, blob)
+    )
     blobs = [pixel[None] + 0.5 for pixel in np.random.default_rng(1).integers(0, 128, (800, 2)).astype(float)]
     found, _ = _joined(Frame(0, 0.0, CAMERA, tilted(0.0), IMAGE), blobs, range(800))
     assert len(found) < 500

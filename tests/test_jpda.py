@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from tracking.association import EXACT_SIDE, marginals
-from tracking.jpda import association_probabilities, gated_likelihood, mixture_update
-from tracking.kalman import Gaussian, update
+from tracking.association.jpda import association_probabilities, gated_likelihood, mixture_update
+from tracking.association.marginals import EXACT_SIDE, marginals
+from tracking.filter.kalman import Gaussian, update
 
 
 def random_case(rng: np.random.Generator, T: int, N: int, density: float) -> tuple[np.ndarray, np.ndarray, float]:

@@ -4,7 +4,7 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from scenes import H
 
-from tracking.kalman import (
+from tracking.filter.kalman import (
     Gaussian,
     NearlyConstantVelocity,
     information_form,

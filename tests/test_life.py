@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scenes import ABOVE, ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
 
-from sim.errors import InputError
-from sim.loading import load
-from sim.scenario import Tracking
-from sim.trackers import motion
-from tracking.bounded import BoundedSpeed
-from tracking.camera import Pose
-from tracking.consensus import fuse
-from tracking.kalman import NearlyConstantVelocity
+from sim.mission.tracker_setup import motion
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load
+from sim.scenario.scenario import Tracking
+from tracking.filter.bounded_speed import BoundedSpeed
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
 from tracking.parameters import TrackerParameters
 from tracking.tracker import Tracker
-from tracking.visibility import Forest, Tree
 
 BOTH = pytest.mark.parametrize("life", ["m_of_n", "existence"])
 EDGE = (20.0 - 0.85) * math.tan(math.radians(30))  # of the field of view, at a person's height [m]

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from sim.errors import InputError
-from sim.loading import SCENARIOS, load
-from sim.scenario import Scenario
-from sim.trajectories import read
+from sim.scenario.errors import InputError
+from sim.scenario.loading import SCENARIOS, load
+from sim.scenario.scenario import Scenario
+from sim.world.trajectories import read
 
 
 def test_the_default_scenario_is_what_an_empty_file_gives(tmp_path):

@@ -5,8 +5,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from sim import losses
-from sim.loading import load
+from sim.report import message_losses as losses
+from sim.scenario.loading import load
 from sim.study.engine import Borrowed
 from sim.study.tasks import task_of
 from sim.study.trial import fly

@@ -10,8 +10,8 @@ import pytest
 from commands import called
 
 from planning.registry import PLANNERS
-from sim import console
-from sim.loading import SCENARIOS
+from sim.scenario.loading import SCENARIOS
+from sim.terminal import console
 
 ROOT = Path(__file__).parents[1]
 PLANNER = """
@@ -188,7 +188,7 @@ def test_commands_that_fly_nothing_import_no_engine_and_no_compiler():
 
 
 def test_importing_the_engine_says_nothing():
-    command = [sys.executable, "-c", "import sim.world"]
+    command = [sys.executable, "-c", "import sim.world.world"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "")
 
@@ -209,12 +209,12 @@ def test_a_full_disk_is_one_line_and_other_errors_of_files_are_not_hidden(call, 
 
         return save
 
-    monkeypatch.setattr("sim.run.save", full(errno.ENOSPC))
+    monkeypatch.setattr("sim.running.run.save", full(errno.ENOSPC))
     words = ["run", "--duration", "1", "--no-video", "--planner", "hover", "--set", "sensing.mode=ideal", "--out", "r"]
     code, _, err = call(*words)
     assert (code, err) == (1, "understory: mission.npz: No space left on device; nothing is kept\n")
     assert not list(Path().iterdir())
-    monkeypatch.setattr("sim.run.save", full(errno.ENOENT))
+    monkeypatch.setattr("sim.running.run.save", full(errno.ENOENT))
     with pytest.raises(FileNotFoundError):
         call(*words)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenes import ABOVE, R, play, scan, track, tracker
 
-from tracking.camera import Pose
+from tracking.geometry.camera import Pose
 
 TWO = scan(1, (0, 0), (1, 1))
 NAN = np.array([[0.0, 0.0], [math.nan, 1.0]])

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 import synthetic
 
-from planning.mwtp import matching, weighted_trace_penalty
-from planning.nbo import costs
+from planning.objective.mwtp import matching, weighted_trace_penalty
+from planning.objective.nbo import costs
 from planning.planner import Vehicle
-from planning.propagation import Nominal
-from planning.view import quadrangle
-from sim.recording import Recorder
-from sim.replay.matches import matches_at, situation_at
-from sim.scenario import resolved
-from tracking.camera import Camera
-from tracking.noise import NoiseModel
+from planning.prediction.propagation import Nominal
+from planning.prediction.view import quadrangle
+from sim.recording.recording import Recorder
+from sim.replay.rerun.mwtp_matches import matches_at, situation_at
+from sim.scenario.scenario import resolved
+from tracking.detection.noise import NoiseModel
+from tracking.geometry.camera import Camera
 
 
 def views(count, altitude=20.0):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tracking import matrices
+from tracking.numerics import matrices
 
 _RNG = np.random.default_rng(7)
 

@@ -7,8 +7,8 @@ import pytest
 from scenes import scan, track, tracker
 from test_consensus import exchange, graph, message
 
-from tracking.consensus import fuse
-from tracking.evidence import Evidence
+from tracking.fusion.consensus import fuse
+from tracking.management.deletion import Evidence
 
 NOW = 7.0  # s
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import synthetic
 
-from sim.metrics import held_by, metrics, score, velocities
-from sim.recording import VERSION, Recorder, Recording
-from sim.scenario import resolved
-from tracking.gospa import gospa
-from tracking.nees import nees_interval
-from tracking.ospa import ospa2
+from sim.evaluation.metrics import held_by, metrics, score, velocities
+from sim.recording.recording import VERSION, Recorder, Recording
+from sim.scenario.scenario import resolved
+from tracking.metrics.gospa import gospa
+from tracking.metrics.nees import nees_interval
+from tracking.metrics.ospa import ospa2
 
 
 def recorded(people, held, broken=()):

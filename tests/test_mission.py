@@ -7,8 +7,8 @@ import pytest
 
 from planning.planner import Plan
 from planning.registry import load_planner
-from sim.loading import load
-from sim.mission import Mission, Trial
+from sim.mission.mission import Mission, Trial
+from sim.scenario.loading import load
 
 CROWD = "t,id,x,y\n" + "".join(
     f"{t},{name},{-28 + 1.5 * t},{y}\n"

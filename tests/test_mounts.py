@@ -10,20 +10,20 @@ from scenes import CAMERA, MOTION, OPEN, track
 from scipy.spatial.transform import Rotation
 
 from planning.registry import load_planner
-from sim.fleet import Uav
-from sim.loading import load
-from sim.mapview import MapView
-from sim.mission import Mission, Trial
-from sim.palette import PANEL
-from sim.scenario import Scenario
-from sim.sensing import Sensors, camera_pose, planned_attitude
-from sim.stopwatch import Stopwatch
-from sim.video import Film
-from sim.world import World
-from tracking.camera import Pose
-from tracking.consensus import fuse
+from sim.drawing.map_view import MapView
+from sim.drawing.palette import PANEL
+from sim.drawing.video import Film
+from sim.mission.mission import Mission, Trial
+from sim.scenario.fleet import Uav
+from sim.scenario.loading import load
+from sim.scenario.scenario import Scenario
+from sim.sensing.sensors import Sensors, camera_pose, planned_attitude
+from sim.sensing.stopwatch import Stopwatch
+from sim.world.world import World
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest
 from tracking.tracker import Scan, Tracker, TrackerParameters
-from tracking.visibility import Forest
 
 
 def uav(mount="gimbal", tilt=30.0):

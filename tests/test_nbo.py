@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from planning.mwtp import weighted_trace_penalty
-from planning.nbo import costs, team_cost
-from planning.propagation import Nominal, nominal_positions
-from tracking.camera import Pose
-from tracking.visibility import TARGET_HEIGHT
+from planning.objective.mwtp import weighted_trace_penalty
+from planning.objective.nbo import costs, team_cost
+from planning.prediction.propagation import Nominal, nominal_positions
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import TARGET_HEIGHT
 
 
 def nominal(situation, horizon):

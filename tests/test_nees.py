@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from tracking.kalman import Gaussian, NearlyConstantVelocity, update
-from tracking.nees import nees, nees_interval
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity, update
+from tracking.metrics.nees import nees, nees_interval
 
 
 def test_nees_equals_a_direct_loop():

@@ -8,18 +8,18 @@ import pytest
 from test_recording import assert_same, npy, record, rewritten
 from test_summary import hand_made, shown, summary
 
-from sim.archive import load as load_recording
-from sim.archive import save
-from sim.loading import load
-from sim.mission import Mission, Trial
-from sim.network import Cut, Network
-from sim.radio import disagreement, hearing, losses
-from sim.recording import Recorder
-from sim.scenario import resolved
+from sim.mission.mission import Mission, Trial
+from sim.mission.radio import disagreement, hearing, losses
+from sim.recording.archive import load as load_recording
+from sim.recording.archive import save
+from sim.recording.recording import Recorder
+from sim.scenario.loading import load
+from sim.scenario.network import Cut, Network
+from sim.scenario.scenario import resolved
 from sim.study.tasks import task_of
 from sim.study.trial import fly as fly_trial
-from tracking.kalman import Gaussian
-from tracking.ospa import ospa
+from tracking.filter.kalman import Gaussian
+from tracking.metrics.ospa import ospa
 from tracking.tracker import Track
 
 UNKNOWN = "unknown key; allowed are links, start, end; did you mean start?"

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tracking.noise import NoiseModel
+from tracking.detection.noise import NoiseModel
 
 
 def li22_equation_4(alpha: float, camera: np.ndarray, target: np.ndarray) -> np.ndarray:

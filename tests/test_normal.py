@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from tracking import normal
+from tracking.numerics import normal
 
 
 def test_normal_distribution_agrees_with_scipy():

@@ -14,16 +14,16 @@ import synthetic
 from matplotlib.figure import Figure
 from test_recording import record
 
-from sim.archive import save
-from sim.autopilot import Fault
-from sim.errors import InputError
-from sim.faults import recorded
-from sim.frames import Rerenderer, draw
-from sim.mapview import MapView
-from sim.recording import Recorder
+from sim.drawing.map_view import MapView
+from sim.recording.archive import save
+from sim.recording.fault_text import recorded
+from sim.recording.recording import Recorder
+from sim.replay.frames.rerender import Rerenderer, draw
 from sim.replay.notebook import Flight, load
 from sim.replay.tables import TABLES
-from sim.scenario import resolved
+from sim.scenario.errors import InputError
+from sim.scenario.scenario import resolved
+from sim.sensing.fault import Fault
 
 TEXT = (Path(__file__).parents[1] / "docs" / "notebooks.md").read_text(encoding="utf-8")
 

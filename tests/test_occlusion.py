@@ -6,10 +6,10 @@ import numpy as np
 from test_renderer import tilted
 from views import ALTITUDES, SCENARIO, random_forest
 
-from sim.renderer import capture
-from sim.world import World
-from tracking.camera import Camera, Pose
-from tracking.visibility import Forest, line_of_sight
+from sim.sensing.renderer import capture
+from sim.world.world import World
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest, line_of_sight
 
 CAMERA = Camera(math.radians(60), 256)
 ROWS, COLUMNS = np.divmod(np.arange(CAMERA.pixels**2), CAMERA.pixels)

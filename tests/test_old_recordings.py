@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.archive import load
-from sim.export import export
-from sim.frames import find, scenario_of, write_frames
-from sim.recording import Recording
+from sim.evaluation.summary import summarise
+from sim.recording.archive import load
+from sim.recording.recording import Recording
+from sim.replay.export import export
+from sim.replay.frames.rerender import find, scenario_of, write_frames
 from sim.replay.history import History
-from sim.summary import summarise
 
 DATA = Path(__file__).parent / "data"
 # What each lacked, and what stands there.

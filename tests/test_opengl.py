@@ -5,17 +5,16 @@ import numpy as np
 import pytest
 from test_detector import CAMERA, SCENARIO, frame
 
-from sim import opengl
-from sim.errors import InputError
-from sim.frames import Rerenderer
-from sim.mission import Mission, Trial
-from sim.recording import Recorder
-from sim.renderer import Renderer
-from sim.scenario import Scenario, Sensing, resolved
-from sim.world import World
-from tracking.camera import Pose
-from tracking.detector import detect
-from tracking.visibility import Forest, Tree
+from sim.mission.mission import Mission, Trial
+from sim.recording.recording import Recorder
+from sim.replay.frames.rerender import Rerenderer
+from sim.scenario.errors import InputError
+from sim.scenario.scenario import Scenario, Sensing, resolved
+from sim.sensing.renderer import Renderer
+from sim.world.world import World, opengl
+from tracking.detection.detector import detect
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
 
 EGL = msgspec.structs.replace(SCENARIO, sensing=Sensing(renderer="egl"))
 OPEN = Forest(())

@@ -7,10 +7,13 @@ import pytest
 from test_nbo import nominal
 
 from planning.coordination import expected
-from planning.nbo import costs
-from planning.optimizers import CrossEntropy, Grid, ParticleSwarm, limited
-from planning.propagation import nominal_positions
-from planning.pursuit import pursuits
+from planning.objective.nbo import costs
+from planning.optimizers.cross_entropy import CrossEntropy
+from planning.optimizers.grid import Grid
+from planning.optimizers.initial_plans import pursuits
+from planning.optimizers.optimizer import limited
+from planning.optimizers.particle_swarm import ParticleSwarm
+from planning.prediction.propagation import nominal_positions
 
 SEARCHES = {
     "cross-entropy": CrossEntropy(8192, elites=8, rounds=20, spread=0.5, shrink=0.75),

@@ -9,20 +9,20 @@ import pytest
 
 from planning.oracle import _UNKNOWN, Oracle, _TruePaths, true_tracks
 from planning.registry import PLANNERS, load_planner
-from sim import run as flights
-from sim.archive import load as load_recording
-from sim.console import console
-from sim.loading import load
-from sim.mission import Mission, Trial
-from sim.run import run
-from sim.study.cells import baseline_of
-from sim.study.tables import show
+from sim.analysis.cells import baseline_of
+from sim.evaluation.summary import results_table
+from sim.mission.mission import Mission, Trial
+from sim.recording.archive import load as load_recording
+from sim.report.tables import show
+from sim.running import run as flights
+from sim.running.run import run
+from sim.scenario.loading import load
 from sim.study.tasks import task_of
 from sim.study.trial import fly
-from sim.summary import results_table
-from tracking.kalman import Gaussian
+from sim.terminal.console import console
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.tracker import Track
-from tracking.visibility import TARGET_HEIGHT
 
 SHORT = ("duration=1", "sensing.mode=ideal", "dynamics=kinematic")
 MARK = "sees the truth"

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from tracking.ospa import ospa
+from tracking.metrics.ospa import ospa
 
 NONE = np.zeros((0, 2))
 

@@ -19,20 +19,20 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from sim.__main__ import app
-from sim.autopilot import Fault
-from sim.errors import InputError
-from sim.faults import recorded
-from sim.loading import load
-from sim.mission import Trial
-from sim.recording import Recorder
+from sim.drawing.video import Film, Video, parts_of
+from sim.mission.mission import Trial
+from sim.recording.fault_text import recorded
+from sim.recording.recording import Recorder
+from sim.replay.frames.sightings import Sight
 from sim.replay.history import History
-from sim.replay.page import page, write_page
-from sim.replay.page_data import HIDDEN, MISSED, OUT, SEEN, codes, page_data
-from sim.replay.page_events import incidents, losses
-from sim.run import run
-from sim.scenario import resolved
-from sim.sight import Sight
-from sim.video import Film, Video, parts_of
+from sim.replay.page.data import HIDDEN, MISSED, OUT, SEEN, codes, page_data
+from sim.replay.page.events import incidents, losses
+from sim.replay.page.page import page, write_page
+from sim.running.run import run
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load
+from sim.scenario.scenario import resolved
+from sim.sensing.fault import Fault
 
 EVIL = "</script><script>document.title='taken'</script><img src=x onerror=alert(1)> & \"it's\""
 LOST = ((2, 5, 9), (1, 8, 8), (0, 15, 20))  # person, first and last scan

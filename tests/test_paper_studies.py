@@ -7,10 +7,10 @@ import msgspec
 import pytest
 
 from planning.registry import DEFAULT_PLANNER, load_planner
-from sim.scenario import Scenario
+from sim.scenario.scenario import Scenario
 from sim.study.study import adapted, cells, read
 from sim.study.tasks import tasks
-from tracking.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import TARGET_HEIGHT
 
 WALK = adapted(read("paper-to-default"), seeds="0")
 ORIGINAL = adapted(read("paper-original"), seeds="0")

@@ -5,15 +5,15 @@ import math
 import cv2
 import numpy as np
 
-from sim.fleet import Uav
-from sim.renderer import Renderer
-from sim.scenario import Scenario
-from sim.scoring import matched_people
-from sim.world import World
-from tracking.blob_detector import BlobDetector
-from tracking.camera import Camera, Pose
-from tracking.detector import Frame, detect
-from tracking.visibility import Forest, Tree
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import Scenario
+from sim.sensing.detection_truth import matched_people
+from sim.sensing.renderer import Renderer
+from sim.world.world import World
+from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.detector import Frame, detect
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest, Tree
 
 CAMERA = Camera(math.radians(60), 128)
 WIDE = Camera(2 * math.atan(80 / CAMERA.focal), 160)

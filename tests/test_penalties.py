@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planning.belief import LANES
-from planning.mwtp import weighted_trace_penalty
-from planning.penalties import cover_lanes, penalties, workspace
-from planning.view import quadrangle
-from tracking.camera import ALL_ROUND, Camera
+from planning.objective.mwtp import weighted_trace_penalty
+from planning.objective.mwtp_lanes import cover_lanes, penalties, workspace
+from planning.prediction.belief import LANES
+from planning.prediction.view import quadrangle
+from tracking.geometry.camera import ALL_ROUND, Camera
 
 
 def views(team, rng, kind):

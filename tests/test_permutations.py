@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import CAMERA, MOTION, OPEN, R, track
 
-from tracking.camera import Pose
-from tracking.consensus import fuse
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Pose
 from tracking.parameters import FUSIONS
 from tracking.tracker import Scan, Tracker, TrackerParameters
 

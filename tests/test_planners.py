@@ -11,11 +11,13 @@ import pytest
 from planning.baselines import Lawnmower
 from planning.composition import Composition
 from planning.coordination import Sequential
-from planning.optimizers import CrossEntropy, Grid, ParticleSwarm
-from planning.propagation import MonteCarlo, Nominal
+from planning.optimizers.cross_entropy import CrossEntropy
+from planning.optimizers.grid import Grid
+from planning.optimizers.particle_swarm import ParticleSwarm
+from planning.prediction.propagation import MonteCarlo, Nominal
 from planning.registry import PLANNERS, installed, load_planner
-from tracking.camera import Pose
-from tracking.visibility import TARGET_HEIGHT
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import TARGET_HEIGHT
 
 
 @pytest.mark.parametrize("name", sorted(PLANNERS))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from sim.plots import ospa_figure, save
+from sim.drawing.plots import ospa_figure, save
 
 
 def errors(scans=50, uavs=3):

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from planning.conformance import CHECKS
+from planning.conformance.checks import CHECKS
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = (DOCS / "plugins.md").read_text(encoding="utf-8")

@@ -13,7 +13,7 @@ import pytest
 from planning.catalogue import catalogue
 from planning.registry import PLANNERS, PlannerSpec, installed, load_planner
 from sim.__main__ import main
-from tracking.plugin import imported
+from tracking.plugins.importing import imported
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "docs" / "examples" / "shepherd"

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tracking.poisson import poisson
+from tracking.numerics.poisson import poisson
 
 
 @pytest.mark.parametrize("mean", [0.0, 1e-9, 0.02, 1.0, 9.99, 10.0, 10.5, 75.0, 1000.0, 10_000.0])

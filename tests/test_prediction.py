@@ -7,17 +7,17 @@ import pytest
 from test_nbo import nominal
 
 from planning.composition import Composition
-from planning.nbo import team_cost
-from planning.propagation import MonteCarlo, Nominal
+from planning.objective.nbo import team_cost
+from planning.prediction.propagation import MonteCarlo, Nominal
 from planning.registry import load_planner
-from sim.loading import load
-from sim.mission import Mission
-from sim.trackers import planned_motion, tracker_parameters
-from tracking.bounded import BoundedSpeed
-from tracking.camera import Camera
-from tracking.kalman import NearlyConstantVelocity
+from sim.mission.mission import Mission
+from sim.mission.tracker_setup import planned_motion, tracker_parameters
+from sim.scenario.loading import load
+from tracking.filter.bounded_speed import BoundedSpeed
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.geometry.camera import Camera
+from tracking.geometry.visibility import Forest
 from tracking.tracker import Tracker
-from tracking.visibility import Forest
 
 
 class Watched:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tracking.association import marginals
-from tracking.jpda import gated_likelihood
+from tracking.association.jpda import gated_likelihood
+from tracking.association.marginals import marginals
 
 LARGEST = 12  # people whose matchings are all enumerated here, two more than by the tracker
 DEVIATION = 0.3  # m, of predictions and of measurements

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
-from sim.renderer import Renderer
-from sim.scenario import Appearance
-from sim.scoring import matched_people
-from sim.world import World
-from tracking.camera import Camera, Pose
-from tracking.detector import Frame, detect
-from tracking.visibility import Forest
+from sim.scenario.scenario import Appearance
+from sim.sensing.detection_truth import matched_people
+from sim.sensing.renderer import Renderer
+from sim.world.world import World
+from tracking.detection.detector import Frame, detect
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest
 
 RANDOMISED = msgspec.structs.replace(SCENARIO, appearance=Appearance(randomise=True))
 WIDE = Camera(2 * math.atan((CAMERA.pixels / 2 + 16) / CAMERA.focal), CAMERA.pixels + 32)

@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from sim.errors import InputError
-from sim.reading import MOST_BYTES, content, text, toml, toml_file, tomllib
+from sim.scenario.errors import InputError
+from sim.scenario.text_files import MOST_BYTES, content, text, toml, toml_file, tomllib
 
 
 def sparse(path):

@@ -10,10 +10,10 @@ import pytest
 
 from planning.registry import PLANNERS
 from sim.__main__ import main
-from sim.fleet import Uav
-from sim.loading import decode, load
-from sim.reading import tomllib
-from sim.scenario import Scenario
+from sim.scenario.fleet import Uav
+from sim.scenario.loading import decode, load
+from sim.scenario.scenario import Scenario
+from sim.scenario.text_files import tomllib
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -6,12 +6,12 @@ import math
 import numpy as np
 from test_recording import rewritten
 
-from sim.archive import load, save
-from sim.export import export
-from sim.loading import load as load_scenario
-from sim.mission import Mission, Trial
-from sim.recording import Recorder
-from sim.scenario import resolved
+from sim.mission.mission import Mission, Trial
+from sim.recording.archive import load, save
+from sim.recording.recording import Recorder
+from sim.replay.export import export
+from sim.scenario.loading import load as load_scenario
+from sim.scenario.scenario import resolved
 
 SETTINGS = ["duration=2", "sensing.mode=ideal", "trees.density=0"]
 

@@ -7,15 +7,15 @@ import pytest
 from test_recording import record, rewritten
 
 from planning.registry import load_planner
-from sim.archive import load as load_recording
-from sim.archive import save
-from sim.autopilot import Fault
-from sim.faults import LONGEST, MOST, read, recorded
-from sim.loading import load
-from sim.mission import Mission, Trial
-from sim.recording import Recorder
-from sim.run import run
-from sim.scenario import resolved
+from sim.mission.mission import Mission, Trial
+from sim.recording.archive import load as load_recording
+from sim.recording.archive import save
+from sim.recording.fault_text import LONGEST, MOST, read, recorded
+from sim.recording.recording import Recorder
+from sim.running.run import run
+from sim.scenario.loading import load
+from sim.scenario.scenario import resolved
+from sim.sensing.fault import Fault
 from sim.study.tasks import task_of
 from sim.study.trial import fly as fly_trial
 

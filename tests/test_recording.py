@@ -13,11 +13,11 @@ import pytest
 import synthetic
 
 from planning.planner import Plan
-from sim.archive import load, save
-from sim.recording import Recorder, Recording
-from sim.scenario import resolved
+from sim.recording.archive import load, save
+from sim.recording.recording import Recorder, Recording
+from sim.scenario.scenario import resolved
+from tracking.geometry.visibility import Forest
 from tracking.tracker import Scan
-from tracking.visibility import Forest
 
 ROOT = Path(__file__).parents[1]
 

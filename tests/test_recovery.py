@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tracking.recovery import recoveries
+from tracking.management.reacquisition import recoveries
 
 LOST = np.array([[0.0, 0, 0, 0], [10.0, 0, 0, 0], [0.0, 10, 0, 0]]), np.tile(np.eye(4), (3, 1, 1))
 SEEN = np.array([[0.0, 0, 8.0], [10.0, 0, 8.0], [0.0, 10, 8.0]])

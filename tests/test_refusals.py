@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scenes import ABOVE, CAMERA, MOTION, OPEN, play, scan, track, tracker
 
-from sim.loading import load
-from tracking.camera import Pose
-from tracking.exchange import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS, read_cameras, read_forest, read_scans
-from tracking.gospa import gospa
-from tracking.kalman import Gaussian, NearlyConstantVelocity
-from tracking.ospa import ospa
+from sim.scenario.loading import load
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
+from tracking.geometry.camera import Pose
+from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS, read_cameras, read_forest, read_scans
+from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import ospa
 from tracking.parameters import MOST_SCANS
 from tracking.tracker import Track, Tracker, TrackerParameters
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
-from sim.renderer import FAR, NEAR, Renderer, capture
-from sim.scenario import Scenario
-from sim.world import World
-from tracking.camera import Pose
-from tracking.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight
+from sim.scenario.scenario import Scenario
+from sim.sensing.renderer import FAR, NEAR, Renderer, capture
+from sim.world.world import World
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight
 
 
 def tilted(rng, position, tilt):

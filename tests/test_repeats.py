@@ -11,23 +11,23 @@ from commands import called
 from studies import invented, plain, short
 from trials import row
 
-from sim.appearance import style_of
-from sim.archive import load as load_recording
-from sim.archive import save
-from sim.loading import load
-from sim.mission import Mission, Trial, forest_and_people
-from sim.recording import Recorder
+from sim.mission.mission import Mission, Trial, forest_and_people
+from sim.recording.archive import load as load_recording
+from sim.recording.archive import save
+from sim.recording.recording import Recorder
 from sim.replay.links import links_of
-from sim.scenario import resolved
-from sim.streams import numbered, stream
+from sim.report.replay_commands import command
+from sim.scenario.loading import load
+from sim.scenario.random_streams import numbered, stream
+from sim.scenario.scenario import resolved
 from sim.study.cluster import connected
 from sim.study.engine import Borrowed, complete
 from sim.study.pool import Pool
-from sim.study.replay import command
 from sim.study.store import _COLUMNS, NAME, SCHEMA, Store, read_rows
 from sim.study.study import adapted, read
 from sim.study.tasks import tasks
 from sim.study.trial import fly
+from sim.world.appearance import style_of
 
 NOISY = ["duration=2", "sensing.mode=ideal", "trees.density=5", "network.loss=0.3", "wind.gust=0.5"]
 

@@ -14,20 +14,20 @@ import pytest
 import synthetic
 from commands import called
 
-from sim.archive import load, save
-from sim.atomic import unused
-from sim.errors import InputError
-from sim.frames import scenario_of
-from sim.layout import Box, view_of
-from sim.loading import load as load_scenario
-from sim.mission import Trial
-from sim.recording import Recorder
+from sim.drawing.layout import Box, view_of
+from sim.drawing.video import Film, Video
+from sim.mission.mission import Trial
+from sim.recording.archive import load, save
+from sim.recording.atomic_files import unused
+from sim.recording.recording import Recorder
 from sim.replay import film as module
 from sim.replay import window
 from sim.replay.film import write_film
-from sim.run import run as fly
-from sim.scenario import resolved
-from sim.video import Film, Video
+from sim.replay.frames.rerender import scenario_of
+from sim.running.run import run as fly
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load as load_scenario
+from sim.scenario.scenario import resolved
 
 OURS = str(Path(__file__).parents[1])
 # A slow camera, a UAV that breaks down, everything varied by the seed.

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import synthetic
 
-from sim.contacts import Contact
-from sim.loading import load
-from sim.mission import Mission, Trial
-from sim.network import Cut, Network
-from sim.recording import Recorder
+from sim.mission.mission import Mission, Trial
+from sim.recording.recording import Recorder
 from sim.replay.events import KINDS, events_of
 from sim.replay.links import links_of
-from sim.scenario import resolved
-from tracking.kalman import Gaussian
+from sim.scenario.loading import load
+from sim.scenario.network import Cut, Network
+from sim.scenario.scenario import resolved
+from sim.world.contacts import Contact
+from tracking.filter.kalman import Gaussian
 from tracking.tracker import Track
 
 SETTING = synthetic.scenario(uavs=2, people=2)

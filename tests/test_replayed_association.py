@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import tracking.correction
+import tracking.measurement_update
 from planning.registry import load_planner
-from sim.loading import load
-from sim.mission import Mission
-from sim.recording import Recorder
-from sim.replay.association import Association
-from sim.scenario import resolved
+from sim.mission.mission import Mission
+from sim.recording.recording import Recorder
+from sim.replay.explain.association import Association
+from sim.scenario.loading import load
+from sim.scenario.scenario import resolved
 
 CASES = {
     "m_of_n": ["trees.density=75"],
@@ -28,13 +28,13 @@ def flown(case, monkeypatch):
     """A recording, its scenario, and what each tracker saw, found and weighed, in the order of scans and UAVs."""
     scenario = load("forest", ["sensing.mode=ideal", "duration=5", *CASES[case]])
     spied = []
-    weigh = tracking.correction.weighed
+    weigh = tracking.measurement_update.weighed
 
     def weighed(before, z, R, p):
         spied.append((before, z, R, *weigh(before, z, R, p)))
         return spied[-1][3:]
 
-    monkeypatch.setattr(tracking.correction, "weighed", weighed)
+    monkeypatch.setattr(tracking.measurement_update, "weighed", weighed)
     mission, recorder = Mission(scenario, load_planner("greedy"), 3), Recorder()
     for snapshot in mission.fly():
         recorder.add(snapshot)

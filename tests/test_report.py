@@ -15,13 +15,13 @@ from typer.main import get_command
 
 from planning.registry import load_planner
 from sim.__main__ import app
-from sim.errors import InputError
-from sim.loading import load
-from sim.study.answers import Difference
-from sim.study.measures import measure
-from sim.study.page import verdict
-from sim.study.report import About, duration, made, ranges, write
-from sim.study.statistics import Estimate, chances, maps_needed, means
+from sim.analysis.answers import Difference
+from sim.analysis.measures import measure
+from sim.analysis.statistics import Estimate, chances, maps_needed, means
+from sim.report.page import verdict
+from sim.report.report import About, duration, made, ranges, write
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load
 
 EVIL = "<script>alert('x')</script> & \"quoted\" --rm"
 ABOUT = About(
@@ -159,7 +159,7 @@ def test_the_same_rows_in_any_order_give_the_same_files(files):
 
 
 def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
-    monkeypatch.setattr("sim.study.report.made", lambda rows, about: files)
+    monkeypatch.setattr("sim.report.report.made", lambda rows, about: files)
     write(rows(), tmp_path / "report", ABOUT)
     written = {str(p.relative_to(tmp_path / "report")): p.read_bytes() for p in (tmp_path / "report").rglob("*.*")}
     assert written == files

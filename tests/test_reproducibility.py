@@ -8,11 +8,11 @@ import pytest
 from reproducibility import ROOT, SHORT, VARIANTS, hashes
 
 from planning.registry import DEFAULT_PLANNER
-from sim.archive import digest, load
-from sim.loading import load as load_scenario
-from sim.machine import machine, machine_line
-from sim.mission import Trial
-from sim.run import run
+from sim.evaluation.machine import machine, machine_line
+from sim.mission.mission import Trial
+from sim.recording.archive import digest, load
+from sim.running.run import run
+from sim.scenario.loading import load as load_scenario
 
 # Of the short mission and of images, on any machine: what `python tests/reproducibility.py --short` prints.
 EXPECTED = [

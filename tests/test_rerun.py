@@ -11,17 +11,17 @@ rr = pytest.importorskip("rerun")
 
 from rerun.chunk import RrdReader  # noqa: E402
 
-from sim.errors import InputError  # noqa: E402
-from sim.frames import Rerenderer, scenario_of  # noqa: E402
-from sim.loading import load  # noqa: E402
-from sim.mission import Mission, Trial  # noqa: E402
-from sim.recording import Recorder  # noqa: E402
-from sim.replay import rerun_view  # noqa: E402
-from sim.replay.association import Association  # noqa: E402
+from sim.mission.mission import Mission, Trial  # noqa: E402
+from sim.recording.recording import Recorder  # noqa: E402
 from sim.replay.events import events_of  # noqa: E402
-from sim.replay.matches import matches_at  # noqa: E402
-from sim.replay.rerun_scene import gaps_at  # noqa: E402
-from sim.scenario import resolved  # noqa: E402
+from sim.replay.explain.association import Association  # noqa: E402
+from sim.replay.frames.rerender import Rerenderer, scenario_of  # noqa: E402
+from sim.replay.rerun import viewer as rerun_view  # noqa: E402
+from sim.replay.rerun.mwtp_matches import matches_at  # noqa: E402
+from sim.replay.rerun.scene import gaps_at  # noqa: E402
+from sim.scenario.errors import InputError  # noqa: E402
+from sim.scenario.loading import load  # noqa: E402
+from sim.scenario.scenario import resolved  # noqa: E402
 
 BROKEN_AT = 8  # the scan, of UAV 2
 OVERRIDES = [

@@ -7,12 +7,12 @@ import msgspec
 import numpy as np
 from views import SCENARIO, random_forest
 
-from sim.fleet import DEFAULT_FLEET
-from sim.mission import Mission, Trial
-from sim.renderer import Renderer
-from sim.scenario import Scenario
-from sim.world import World
-from tracking.camera import Camera, Pose
+from sim.mission.mission import Mission, Trial
+from sim.scenario.fleet import DEFAULT_FLEET
+from sim.scenario.scenario import Scenario
+from sim.sensing.renderer import Renderer
+from sim.world.world import World
+from tracking.geometry.camera import Camera, Pose
 
 PIXELS = (96, 128, 256)
 

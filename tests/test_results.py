@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.loading import load
-from sim.mission import Mission, Trial
+from sim.mission.mission import Mission, Trial
+from sim.scenario.loading import load
 from sim.study.engine import rows_of
 from sim.study.pool import Pool
 from sim.study.tasks import task_of

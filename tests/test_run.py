@@ -13,13 +13,13 @@ import av
 import numpy as np
 import pytest
 
-from sim import run as module
-from sim.archive import load as load_recording
-from sim.atomic import new_folder
-from sim.errors import InputError
-from sim.loading import load
-from sim.mission import Trial
-from sim.run import run
+from sim.mission.mission import Trial
+from sim.recording.archive import load as load_recording
+from sim.recording.atomic_files import new_folder
+from sim.running import run as module
+from sim.running.run import run
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load
 
 pytestmark = pytest.mark.usefixtures("heard")
 ROOT = Path(__file__).parents[1]

@@ -12,16 +12,16 @@ import pytest
 import synthetic
 
 from assets import ASSETS
-from sim.archive import load, save
-from sim.frames import Rerenderer
-from sim.loading import load as load_scenario
-from sim.mission import Mission, Trial
-from sim.recording import Recorder
-from sim.renderer import capture
-from sim.scenario import resolved
-from sim.world import World
-from tracking.camera import Camera, Pose
-from tracking.visibility import Forest, Tree
+from sim.mission.mission import Mission, Trial
+from sim.recording.archive import load, save
+from sim.recording.recording import Recorder
+from sim.replay.frames.rerender import Rerenderer
+from sim.scenario.loading import load as load_scenario
+from sim.scenario.scenario import resolved
+from sim.sensing.renderer import capture
+from sim.world.world import World
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest, Tree
 
 # One above the other, so that they see one another; cameras of two sizes.
 FLEET = "uavs=[{{start=[-28,-2],footprint=20,mount='{0}'}},{{start=[-28,2],footprint=27,mount='{0}',pixels=96}}]"
@@ -95,7 +95,7 @@ def test_frames_rendered_again_in_any_order_are_those_flown_byte_for_byte(mount,
 DIGEST = """
 import hashlib, sys
 from pathlib import Path
-from sim.frames import Rerenderer, find
+from sim.replay.frames.rerender import Rerenderer, find
 recording = find(Path(sys.argv[1]))
 with Rerenderer(recording) as again:
     frames = [image.tobytes() for k in range(len(recording.times)) for image in again.frames(k, [0, 1])]

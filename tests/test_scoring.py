@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from sim.scoring import GATE, matched_people, visible_pixels
+from sim.sensing.detection_truth import GATE, matched_people, visible_pixels
 
 
 def segmentation(*blobs, size=24):

@@ -8,12 +8,12 @@ import pytest
 from test_mission import fly
 
 from planning.coordination import expected
+from planning.objective.separation import Separation
+from planning.objective.undetected_targets import Search
+from planning.prediction.view import quadrangle, reach
 from planning.registry import load_planner
-from planning.search import Search
-from planning.separation import Separation
-from planning.view import quadrangle, reach
+from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.undetected import Unseen
-from tracking.visibility import TARGET_HEIGHT
 
 NOBODY = Unseen(np.zeros((20, 30)), (-75.0, -50.0), (5.0, 5.0))
 

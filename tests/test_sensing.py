@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from sim.fleet import DEFAULT_FLEET, Uav
-from sim.renderer import Renderer
-from sim.scenario import Scenario, Sensing
-from sim.sensing import Sensors, camera_of, camera_pose
-from sim.stopwatch import Stopwatch
-from sim.world import World
-from tracking.camera import Pose
-from tracking.detector import Frame, detect
-from tracking.noise import NoiseModel
-from tracking.visibility import TARGET_HEIGHT, Forest, Tree
+from sim.scenario.fleet import DEFAULT_FLEET, Uav
+from sim.scenario.scenario import Scenario, Sensing
+from sim.sensing.renderer import Renderer
+from sim.sensing.sensors import Sensors, camera_of, camera_pose
+from sim.sensing.stopwatch import Stopwatch
+from sim.world.world import World
+from tracking.detection.detector import Frame, detect
+from tracking.detection.noise import NoiseModel
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 
 OPEN = Forest(())
 ALTITUDES = [uav.altitude for uav in DEFAULT_FLEET]

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from planning.intent import paths
+from planning.objective.separation import Separation, _closest
+from planning.prediction.intent import paths
 from planning.registry import load_planner
-from planning.separation import Separation, _closest
 
 
 def level(team, places):

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from sim.calibration import people_in_forests
-from tracking.blob_detector import BlobDetector
-from tracking.camera import Camera, Pose
-from tracking.detector import Frame
-from tracking.partial import PART, _grid, _moments, _surprises, places_of
-from tracking.shadows import clearing_at, is_open, openings, with_shadows
-from tracking.silhouette import shown, silhouette_of
-from tracking.visibility import TARGET_HEIGHT, Forest, Tree
+from sim.calibration.fit import people_in_forests
+from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.detector import Frame
+from tracking.detection.partial_visibility import PART, _grid, _moments, _surprises, places_of
+from tracking.detection.shadows import clearing_at, is_open, openings, with_shadows
+from tracking.detection.silhouette import shown, silhouette_of
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 
 GREEN, ORANGE = (100, 115, 75), (230, 62, 0)
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import synthetic
 
-from sim.recording import Recorder
-from sim.scenario import resolved
-from sim.sight import Sight, hidden_outlines, silhouette
-from tracking.camera import Camera, Pose
-from tracking.kalman import Gaussian
+from sim.recording.recording import Recorder
+from sim.replay.frames.sightings import Sight, hidden_outlines, silhouette
+from sim.scenario.scenario import resolved
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.tracker import Track
-from tracking.visibility import TARGET_HEIGHT, Forest, Tree
 
 CAMERA = Camera(math.radians(60), 128)
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from test_nbo import nominal, squares
 
-from planning.moves import chances, varied
-from planning.nbo import objective
-from planning.optimizers import CrossEntropy
-from planning.sights import Hints, Sights, sights
-from tracking.camera import Pose
-from tracking.kalman import NearlyConstantVelocity
-from tracking.visibility import Forest
+from planning.objective.nbo import objective
+from planning.optimizers.cross_entropy import CrossEntropy
+from planning.optimizers.mutations import chances, varied
+from planning.prediction.targets_in_reach import Hints, Sights, sights
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest
 
 SPEED = np.array([5.0])
 
@@ -125,7 +125,7 @@ def test_with_hints_what_is_found_is_worth_what_is_said_and_the_budget_holds(ran
 def test_when_time_is_up_while_views_are_wider_the_best_are_judged_as_they_are(random_team, monkeypatch):
     value, counted, asked, hints = counting(random_team, 1)
     ticks = itertools.count()
-    monkeypatch.setattr("planning.optimizers.perf_counter", lambda: next(ticks))
+    monkeypatch.setattr("planning.optimizers.cross_entropy.perf_counter", lambda: next(ticks))
     starts = np.random.default_rng(0).uniform(-3, 3, (60, 1, 5, 2))
     found = CrossEntropy(4096, seconds=4).minimise(counted, starts, SPEED, np.random.default_rng(0), hints)
     assert [eased for _, eased in asked[-3:]] == [True, True, False]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import connected_components
 
-from sim.loading import load
-from sim.mission import Mission, Trial
-from sim.radio import hearing
+from sim.mission.mission import Mission, Trial
+from sim.mission.radio import hearing
+from sim.scenario.loading import load
 
 IDEAL = ("sensing.mode=ideal", "dynamics=kinematic")
 NEAR, ALONE = 1.0, 3.0  # m, of a person's track, and of people whose tracks nobody mistakes for one another's

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from sim.steering import SEPARATION, _nearest, _to_border, _turn, simulate
+from sim.world.pedestrian_steering import SEPARATION, _nearest, _to_border, _turn, simulate
 
 HALF = np.array([74.0, 49.0])
 NO_TRUNKS = np.zeros((0, 3))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sim.stopwatch import STAGES, Stopwatch
+from sim.sensing.stopwatch import STAGES, Stopwatch
 
 
 @pytest.fixture
@@ -10,7 +10,7 @@ def ticks(monkeypatch):
     """A clock that shows the given instants, one per reading."""
 
     def set_to(*instants):
-        monkeypatch.setattr("sim.stopwatch.time.perf_counter", iter(instants).__next__)
+        monkeypatch.setattr("sim.sensing.stopwatch.time.perf_counter", iter(instants).__next__)
 
     return set_to
 

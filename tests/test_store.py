@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from studies import Serial, invented, plain, short
 
-from sim.errors import InputError
+from sim.scenario.errors import InputError
 from sim.study.engine import Options, complete
 from sim.study.store import NAME, SCHEMA, Store, StoreError, frame, read_rows
 

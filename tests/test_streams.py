@@ -4,7 +4,7 @@ from itertools import combinations
 
 import pytest
 
-from sim.streams import stream
+from sim.scenario.random_streams import stream
 
 COMPONENTS = ("forest", "walkers", "sensors", "planner", "network")
 

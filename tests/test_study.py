@@ -6,11 +6,11 @@ from collections import Counter
 import pytest
 
 from planning.registry import PlannerError, load_planner
-from sim.errors import InputError
-from sim.loading import _value, load
+from sim.scenario.errors import InputError
+from sim.scenario.loading import _value, load
+from sim.study.settings_text import flat, option, toml
 from sim.study.study import STUDIES, Study, adapted, cells, read
 from sim.study.tasks import tasks
-from sim.study.text import flat, option, toml
 
 FILE = """
 [study]

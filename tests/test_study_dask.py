@@ -8,7 +8,7 @@ import time
 import pytest
 from studies import plain, short
 
-from sim.errors import InputError
+from sim.scenario.errors import InputError
 from sim.study.cluster import connected
 from sim.study.engine import complete
 from sim.study.store import Store, read_rows

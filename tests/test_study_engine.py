@@ -11,8 +11,8 @@ import pytest
 from processes import ended
 from studies import Serial, plain, short
 
-from sim.archive import load as load_recording
-from sim.mission import Mission, Trial
+from sim.mission.mission import Mission, Trial
+from sim.recording.archive import load as load_recording
 from sim.study import engine, pool
 from sim.study.engine import Borrowed, Options, complete, rows_of
 from sim.study.pool import Pool

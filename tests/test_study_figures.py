@@ -5,11 +5,11 @@ import pytest
 from matplotlib.colors import to_rgb
 from trials import row, study
 
-from sim.study.cells import grouped, trimmed
-from sim.study.figures import AT, content, ecdf_figure, runtime_figure, scatter_figure, time_figure
-from sim.study.measures import measure
-from sim.study.panels import sheets
-from sim.study.statistics import bands
+from sim.analysis.cells import grouped, trimmed
+from sim.analysis.measures import measure
+from sim.analysis.statistics import bands
+from sim.report.figures import AT, content, ecdf_figure, runtime_figure, scatter_figure, time_figure
+from sim.report.panels import sheets
 
 
 def groups(rows=None, baseline="sma-nbo"):

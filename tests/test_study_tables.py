@@ -11,13 +11,13 @@ import pytest
 from rich.console import Console
 from trials import failed, row, study
 
-from sim.errors import InputError
-from sim.study.answers import answers
-from sim.study.cells import grouped
-from sim.study.coverage import ERRORS, SHARES
-from sim.study.formats import comma_separated, markdown
-from sim.study.measures import measure
-from sim.study.tables import show
+from sim.analysis.answers import answers
+from sim.analysis.cells import grouped
+from sim.analysis.coverage import ERRORS, SHARES
+from sim.analysis.measures import measure
+from sim.report.formats import comma_separated, markdown
+from sim.report.tables import show
+from sim.scenario.errors import InputError
 
 MEAN = measure("ospa.mean_m")
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from sim.autopilot import Fault
-from sim.console import show_run
-from sim.recording import VERSION, Recording
-from sim.stopwatch import STAGES
-from sim.summary import results_table, summarise
+from sim.evaluation.summary import results_table, summarise
+from sim.recording.recording import VERSION, Recording
+from sim.sensing.fault import Fault
+from sim.sensing.stopwatch import STAGES
+from sim.terminal.console import show_run
 
 SECONDS = {"physics": 1.0, "rendering": 2.0, "detection": 0.5, "tracking": 0.25, "planning": 3.0, "video": 4.0}
 

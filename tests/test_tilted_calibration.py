@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sim.calibration import bin_of, fit_part, fit_powers, fit_split, nees, pair_bins, tilt_bins
-from sim.calibration_scenes import people_in_forests, tilted
-from tracking.blob_detector import located
-from tracking.camera import Camera, Pose
-from tracking.detector import Frame, blobs_of, measured, split_covariances, whole_covariances
-from tracking.noise import SPLIT, WHOLE, NoiseModel, footprints, sight
-from tracking.partial import PART, places_of
-from tracking.visibility import TARGET_HEIGHT, Forest
+from sim.calibration.fit import bin_of, fit_part, fit_powers, fit_split, nees, pair_bins, tilt_bins
+from sim.calibration.scenes import people_in_forests, tilted
+from tracking.detection.blob_detector import located
+from tracking.detection.detector import Frame, blobs_of, measured, split_covariances, whole_covariances
+from tracking.detection.noise import SPLIT, WHOLE, NoiseModel, footprints, sight
+from tracking.detection.partial_visibility import PART, places_of
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 
 CAMERA = Camera(math.radians(60), 128)
 IMAGE = np.full((128, 128, 3), (100, 115, 75), dtype=np.uint8)

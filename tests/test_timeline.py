@@ -7,14 +7,14 @@ import pytest
 import synthetic
 from matplotlib.collections import PolyCollection
 
-from sim.metrics import metrics
-from sim.palette import ALARM, CANOPY, uav_colour
-from sim.plots import rgb
-from sim.recording import Recorder
+from sim.drawing.palette import ALARM, CANOPY, uav_colour
+from sim.drawing.plots import rgb
+from sim.evaluation.metrics import metrics
+from sim.recording.recording import Recorder
 from sim.replay.episodes import BROKEN, HOLDS, Episode, episodes, holds, lanes, last_looks, switches
 from sim.replay.history import STATES, History
 from sim.replay.timeline import timeline_figure
-from sim.scenario import resolved
+from sim.scenario.scenario import resolved
 
 
 def recorded(scans=21, **settings):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scenes import ABOVE, AWAY, MOTION, R, play, scan, track, tracker
 
+from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import TrackerParameters
-from tracking.visibility import Forest, Tree
 
 
 def test_initial_tracks_hold_at_the_first_scan_and_are_predicted_from_then_on():

@@ -6,10 +6,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.interpolate import PchipInterpolator
 
-from sim.errors import InputError
-from sim.reading import MOST_BYTES
-from sim.scenario import Area
-from sim.trajectories import Trajectories, read
+from sim.scenario.errors import InputError
+from sim.scenario.scenario import Area
+from sim.scenario.text_files import MOST_BYTES
+from sim.world.trajectories import Trajectories, read
 
 AREA = Area()
 
@@ -167,7 +167,7 @@ def test_trajectories_may_be_longer_than_other_files_but_not_without_end(csv_fil
     path = csv_file(table([(t, 1, 0, " " * 100_000 + "0") for t in range(700)]))
     assert path.stat().st_size > MOST_BYTES
     assert read(path, AREA, duration=1).positions.shape == (61, 1, 2)
-    monkeypatch.setattr("sim.trajectories._MOST_LINES", 700)
+    monkeypatch.setattr("sim.world.trajectories._MOST_LINES", 700)
     with pytest.raises(InputError, match=r"people\.csv: has 701 lines; at most 700 are allowed"):
         read(path, AREA, duration=1)
     with path.open("wb") as file:

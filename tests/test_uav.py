@@ -6,11 +6,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from sim.fleet import Uav
-from sim.scenario import Scenario
-from sim.uav import GRAVITY, INERTIA, MASS, MAX_ROTOR_THRUST, ROTORS, _mix, _torque, rotor_thrusts
-from sim.world import World
-from tracking.visibility import Forest
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import Scenario
+from sim.world.quadrotor import GRAVITY, INERTIA, MASS, MAX_ROTOR_THRUST, ROTORS, _mix, _torque, rotor_thrusts
+from sim.world.world import World
+from tracking.geometry.visibility import Forest
 
 LEVEL = [0.0, 0.0, 0.0, 1.0]
 UAV = Uav(start=(0.0, 0.0))

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from tracking.camera import Camera, Pose
-from tracking.kalman import Gaussian
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.tracker import Track
 from tracking.undetected import Undetected
-from tracking.visibility import TARGET_HEIGHT, Forest, Tree
 
 AREA, OPEN = (150.0, 100.0), Forest(())
 CAMERA, POSE = Camera(math.radians(60), 128), Pose.level(3.0, -4.0, 20.0)

@@ -6,17 +6,17 @@ import math
 import numpy as np
 import pytest
 
-from planning.belief import LANES, observe, outlook
-from planning.mwtp import weighted_trace_penalty
-from planning.nbo import team_cost
-from planning.view import inside, quadrangle, shortest_move
-from sim.loading import load
-from sim.mission import Mission, Trial
-from sim.run import run
-from sim.sensing import camera_of, noise_of, view_of
-from tracking.camera import ALL_ROUND, Camera, Pose
-from tracking.exchange import read_cameras
-from tracking.visibility import TARGET_HEIGHT, Forest, visible_samples
+from planning.objective.mwtp import weighted_trace_penalty
+from planning.objective.nbo import team_cost
+from planning.prediction.belief import LANES, observe, outlook
+from planning.prediction.view import inside, quadrangle, shortest_move
+from sim.mission.mission import Mission, Trial
+from sim.running.run import run
+from sim.scenario.loading import load
+from sim.sensing.sensors import camera_of, noise_of, view_of
+from tracking.geometry.camera import ALL_ROUND, Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, visible_samples
+from tracking.measurement_files import read_cameras
 
 ALL = ("sensing.mode=ideal", "sensing.field_of_view=unlimited")
 
@@ -125,8 +125,8 @@ def test_what_has_no_image_is_refused_in_one_line(overrides, message):
 
 
 def test_a_mission_is_filmed_exported_and_read_again(tmp_path):
-    from sim.export import export
-    from sim.frames import find, write_frames
+    from sim.replay.export import export
+    from sim.replay.frames.rerender import find, write_frames
 
     run(Trial(load("forest", [*ALL, "duration=1"]), "greedy", 0), tmp_path / "out")
     recording = find(tmp_path / "out")

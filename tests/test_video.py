@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 import synthetic
 
-from sim.layout import Box, arrange
-from sim.lettering import Style, width, write
-from sim.mapview import MARGIN, MapView
-from sim.palette import PANEL, track_colour, uav_colour
-from sim.video import HEIGHT, WIDTH, Film, Video
-from tracking.camera import Pose
-from tracking.kalman import Gaussian
+from sim.drawing.layout import Box, arrange
+from sim.drawing.lettering import Style, width, write
+from sim.drawing.map_view import MARGIN, MapView
+from sim.drawing.palette import PANEL, track_colour, uav_colour
+from sim.drawing.video import HEIGHT, WIDTH, Film, Video
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import Track
-from tracking.visibility import Forest, Tree
 
 
 @pytest.fixture(scope="module")

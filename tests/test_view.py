@@ -9,17 +9,17 @@ from scipy.spatial.transform import Rotation
 from test_nbo import nominal, plain_cost, squares
 
 from planning.composition import Composition
-from planning.intent import base_control
-from planning.mwtp import weighted_trace_penalty
-from planning.nbo import team_cost
+from planning.objective.mwtp import weighted_trace_penalty
+from planning.objective.nbo import team_cost
 from planning.planner import Vehicle
-from planning.view import aim, inside, quadrangle, reach, shortest_move, shown_at
-from tracking.camera import Camera, Pose
-from tracking.elementary import tan
-from tracking.kalman import Gaussian
-from tracking.noise import NoiseModel
+from planning.prediction.intent import base_control
+from planning.prediction.view import aim, inside, quadrangle, reach, shortest_move, shown_at
+from tracking.detection.noise import NoiseModel
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.numerics.elementary import tan
 from tracking.tracker import Track
-from tracking.visibility import TARGET_HEIGHT, Forest
 
 
 def vehicle(tilt=0.0, heading=0.0, *, fov=60.0, height=19.1, place=(3.0, -4.0)):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tracking.camera import Camera, Pose
-from tracking.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight, probability_of_detection
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight, probability_of_detection
 
 CAMERA = Camera(math.radians(60), 128)
 LOW, HIGH = np.array([-30.0, -30.0, 0.0]), np.array([30.0, 30.0, 22.0])

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from test_visibility import moved, turned
 
-from tracking.camera import Camera, Pose
-from tracking.visibility import Forest, Tree, line_of_sight, probability_of_detection, visible_samples
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest, Tree, line_of_sight, probability_of_detection, visible_samples
 
 FOV = math.radians(60)
 CAMERA = Camera(FOV, 128)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sim.forest import grow
-from sim.scenario import Area, People, Trees
-from sim.steering import SEPARATION
-from sim.walkers import MARGIN, TRUNK_CLEARANCE, _smooth_noise, paces, walk
-from tracking.visibility import Forest
+from sim.scenario.scenario import Area, People, Trees
+from sim.world.forest import grow
+from sim.world.pedestrian_steering import SEPARATION
+from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, _smooth_noise, paces, walk
+from tracking.geometry.visibility import Forest
 
 AREA = Area()
 BARE = Forest(())

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 from sim import __main__ as cli
-from sim import console
-from sim.archive import load
+from sim.recording.archive import load
+from sim.terminal import console
 
 DOCS = Path(__file__).parents[1] / "docs"
 TEXT = (DOCS / "walkthrough.md").read_text(encoding="utf-8")
@@ -40,8 +40,8 @@ def test_its_commands_say_what_it_shows(tmp_path, monkeypatch, capsys):
 
 
 def test_the_recording_is_of_the_scenario(tmp_path):
-    from sim.frames import scenario_of
-    from sim.loading import load as load_scenario
+    from sim.replay.frames.rerender import scenario_of
+    from sim.scenario.loading import load as load_scenario
 
     recording = load(DOCS / "examples" / "grove" / "mission.npz")
     grove = str(DOCS / "examples" / "grove" / "grove.toml")

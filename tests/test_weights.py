@@ -7,8 +7,8 @@ import pytest
 from test_nbo import nominal, plain_cost
 
 from planning.composition import Composition
-from planning.nbo import team_cost
-from planning.propagation import MonteCarlo
+from planning.objective.nbo import team_cost
+from planning.prediction.propagation import MonteCarlo
 from planning.registry import load_planner
 
 

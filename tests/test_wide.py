@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from trials import failed, row, study
 
-from sim.study.statistics import means
-from sim.study.wide import main, table, without_start
+from sim.analysis.statistics import means
+from sim.report.wide_table import main, table, without_start
 
 SHARE = "ospa.share_under_1m"
 

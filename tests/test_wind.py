@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from sim.fleet import Uav
-from sim.loading import load
-from sim.mission import Mission, Trial
-from sim.scenario import Scenario, Wind
-from sim.uav import DRAG, GRAVITY, MASS
-from sim.wind import Air
-from sim.world import World
-from tracking.visibility import Forest
+from sim.mission.mission import Mission, Trial
+from sim.scenario.fleet import Uav
+from sim.scenario.loading import load
+from sim.scenario.scenario import Scenario, Wind
+from sim.world.quadrotor import DRAG, GRAVITY, MASS
+from sim.world.wind import Air
+from sim.world.world import World
+from tracking.geometry.visibility import Forest
 
 UAV = Uav(start=(0.0, 0.0))
 RATE = 240

@@ -5,11 +5,11 @@ import numpy as np
 import pybullet
 import pytest
 
-from sim.fleet import Uav
-from sim.scenario import Scenario
-from sim.uav import GRAVITY, INERTIA, MASS, ROTORS, rotor_thrusts
-from sim.world import World
-from tracking.visibility import Forest, Tree, line_of_sight
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import Scenario
+from sim.world.quadrotor import GRAVITY, INERTIA, MASS, ROTORS, rotor_thrusts
+from sim.world.world import World
+from tracking.geometry.visibility import Forest, Tree, line_of_sight
 
 DT = 1 / 240
 ONE = Scenario(uavs=(Uav(start=(1.0, 2.0)),))

@@ -8,11 +8,11 @@ import pytest
 import synthetic
 
 from sim import __main__ as cli
-from sim import opengl
-from sim.archive import save
-from sim.loading import load, remarks
-from sim.recording import Recorder
-from sim.scenario import Sensing, resolved
+from sim.recording.archive import save
+from sim.recording.recording import Recorder
+from sim.scenario.loading import load, remarks
+from sim.scenario.scenario import Sensing, resolved
+from sim.world import opengl
 
 CSV = {
     "nothing.csv": "",

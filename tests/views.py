@@ -2,10 +2,10 @@
 
 import math
 
-from sim.fleet import Uav
-from sim.scenario import Scenario
-from tracking.camera import Camera
-from tracking.visibility import Forest, Tree
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import Scenario
+from tracking.geometry.camera import Camera
+from tracking.geometry.visibility import Forest, Tree
 
 CAMERA = Camera(math.radians(60), 128)
 ALTITUDES = (17.3, 19.1, 21.7)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.consensus import fuse
+from tracking.fusion.consensus import fuse
 from tracking.tracker import Scan, Tracker
 
 

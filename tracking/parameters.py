@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from tracking.compiled import Array
-from tracking.elementary import log, power
-from tracking.kalman import NearlyConstantVelocity
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.numerics.compiled import Array
+from tracking.numerics.elementary import log, power
 
 LIVES = ("m_of_n", "existence")
 FUSIONS = ("kla", "hcmci")
@@ -106,11 +106,12 @@ class TrackerParameters:
         return power(self.survival, self.motion.dt) if self.life == "existence" else 1.0
 
     def detection(self, shown: Array, count: int) -> Array:
-        """Probabilities of detection (T, count + 1), as `tracking.jpda.association_probabilities` takes them.
+        """Probabilities of detection (T, count + 1), as `jpda.association_probabilities` takes them.
 
         shown (T,): of each track's person to be in plain view, where the last frame has shown nobody less
-        (`tracking.absence`). Where a measurement was made the view is free: only the chance of a miss depends on the
-        whole belief. So somebody who steps out from behind a tree earlier than foreseen is taken up at once.
+        (`tracking.filter.negative_information`). Where a measurement was made the view is free: only the chance of a
+        miss depends on the whole belief. So whoever steps out from behind a tree earlier than foreseen is taken up at
+        once.
         """
         detection = np.full((len(shown), count + 1), self.detection_probability * self.gate_probability)
         detection[:, 0] *= shown

@@ -9,22 +9,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.absence import Moment, look
-from tracking.births import IntegratedInitiator
-from tracking.camera import Camera, Pose
-from tracking.compiled import Array
-from tracking.correction import corrected, foreseen
-from tracking.elementary import power
-from tracking.evidence import Evidence, doubles
-from tracking.existence import log_odds
-from tracking.identity import FIRST_BORN, INFORMATION, UAVS, Message, aliases_of, born_id, is_birth
-from tracking.initiation import Initiator, Tentative
-from tracking.kalman import Gaussian, information_form
-from tracking.malformed import check_track, well_formed
-from tracking.novelty import farthest, split
+from tracking.association.jipda import log_odds
+from tracking.filter.kalman import Gaussian, information_form
+from tracking.filter.negative_information import Moment, look
+from tracking.fusion.hcmci import farthest, split
+from tracking.fusion.message import FIRST_BORN, INFORMATION, UAVS, Message, aliases_of, born_id, is_birth
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest, visible_samples
+from tracking.management.deletion import Evidence, doubles
+from tracking.management.initiation import Initiator, Tentative
+from tracking.management.jipda_initiation import IntegratedInitiator
+from tracking.management.reacquisition import recoveries
+from tracking.management.validation import check_track, well_formed
+from tracking.measurement_update import corrected, foreseen
+from tracking.numerics.compiled import Array
+from tracking.numerics.elementary import power
 from tracking.parameters import TrackerParameters
-from tracking.recovery import recoveries
-from tracking.visibility import Forest, visible_samples
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracking.camera import ALL_ROUND, Camera, Pose
-from tracking.compiled import Array, compiled
-from tracking.elementary import exp
-from tracking.kalman import Gaussian
-from tracking.matrices import length
-from tracking.normal import normal_cdf_each
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import ALL_ROUND, Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, visible_samples
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.elementary import exp
+from tracking.numerics.matrices import length
+from tracking.numerics.normal import normal_cdf_each
 from tracking.tracker import Track
-from tracking.visibility import TARGET_HEIGHT, Forest, visible_samples
 
 _CELL = 5.0  # m, about
 _SAME = 3.0  # m: a track that ends so near to another one was the same person

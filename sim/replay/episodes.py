@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.mission.snapshot import Ints
 from sim.replay.history import STATES, History
-from sim.snapshot import Ints
 
 BROKEN = -1  # stands for a UAV that has broken down where others have a state
 HOLDS = ("absent", "not found yet", "lost", "held by some", "held")

@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.faults import read
-from sim.recording import Recording
+from sim.mission.snapshot import Ints
+from sim.recording.fault_text import read
+from sim.recording.recording import Recording
 from sim.replay.history import STATES, History, Loss
 from sim.replay.links import links_of
-from sim.scenario import Scenario
-from sim.snapshot import Ints
+from sim.scenario.scenario import Scenario
 
 KINDS = (
     "breakdown",

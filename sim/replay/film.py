@@ -8,14 +8,14 @@ from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from sim.errors import InputError
-from sim.frames import Rerenderer, scenario_of
-from sim.lettering import Image
-from sim.loading import did_you_mean
-from sim.recording import Recording
-from sim.scenario import Scenario
-from sim.summary import marked
-from sim.video import Film, Video
+from sim.drawing.lettering import Image
+from sim.drawing.video import Film, Video
+from sim.evaluation.summary import marked
+from sim.recording.recording import Recording
+from sim.replay.frames.rerender import Rerenderer, scenario_of
+from sim.scenario.errors import InputError
+from sim.scenario.loading import did_you_mean
+from sim.scenario.scenario import Scenario
 
 AS_FLOWN = "map+cameras"
 

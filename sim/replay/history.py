@@ -7,15 +7,15 @@ from functools import cached_property
 
 import numpy as np
 
-from sim.metrics import HELD, held_by
-from sim.recording import Recording
-from sim.scenario import Scenario
-from sim.sensing import view_of
-from sim.snapshot import Bools, Ints
-from tracking.camera import Camera, Pose
-from tracking.clearmot import correspondence
-from tracking.compiled import Array
-from tracking.visibility import TARGET_HEIGHT, Forest
+from sim.evaluation.metrics import HELD, held_by
+from sim.mission.snapshot import Bools, Ints
+from sim.recording.recording import Recording
+from sim.scenario.scenario import Scenario
+from sim.sensing.sensors import view_of
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.metrics.clearmot import correspondence
+from tracking.numerics.compiled import Array
 
 STATES = ("absent", "out of view", "hidden", "missed", "seen")
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.radio import Links, hearing, losses
-from sim.recording import Recording
-from sim.scenario import Scenario
-from sim.streams import stream
+from sim.mission.radio import Links, hearing, losses
+from sim.recording.recording import Recording
+from sim.scenario.random_streams import stream
+from sim.scenario.scenario import Scenario
 
 
 def links_of(recording: Recording, scenario: Scenario) -> list[Links]:

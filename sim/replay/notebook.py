@@ -18,24 +18,24 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sim.dataframes import dataframe
-from sim.errors import InputError
-from sim.faults import read
-from sim.frames import Rerenderer, draw, find, scenario_of
-from sim.lettering import Image
-from sim.loading import did_you_mean
-from sim.mapview import TRAIL, MapView, aspect
-from sim.metrics import metrics
-from sim.palette import FAINT, INK
-from sim.plots import fleet_mean, ospa_figure, rgb, scale_errors
-from sim.recording import Recording
+from sim.drawing.lettering import Image
+from sim.drawing.map_view import TRAIL, MapView, aspect
+from sim.drawing.palette import FAINT, INK
+from sim.drawing.plots import fleet_mean, ospa_figure, rgb, scale_errors
+from sim.evaluation.metrics import metrics
+from sim.evaluation.summary import contacts, marked
+from sim.mission.snapshot import Snapshot
+from sim.recording.dataframes import dataframe
+from sim.recording.fault_text import read
+from sim.recording.recording import Recording
 from sim.replay.events import Event, events_of
+from sim.replay.frames.rerender import Rerenderer, draw, find, scenario_of
 from sim.replay.history import History
 from sim.replay.tables import TABLES, arrays, columns
 from sim.replay.timeline import timeline_figure
-from sim.scenario import Scenario
-from sim.snapshot import Snapshot
-from sim.summary import contacts, marked
+from sim.scenario.errors import InputError
+from sim.scenario.loading import did_you_mean
+from sim.scenario.scenario import Scenario
 from tracking.tracker import Track
 
 _MAP = 900  # pixels, width of the map

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.metrics import velocities
-from sim.recording import Recording
+from sim.evaluation.metrics import velocities
+from sim.mission.snapshot import Ints
+from sim.recording.recording import Recording
 from sim.replay.events import events_of
 from sim.replay.history import STATES, History
-from sim.scenario import Scenario
-from sim.snapshot import Ints
+from sim.scenario.scenario import Scenario
 
 Column = NDArray[Any]
 Columns = dict[str, Column]

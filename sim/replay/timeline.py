@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from sim.metrics import HELD
-from sim.palette import ALARM, CANOPY, FAINT, INK, LINE, ORANGE, Colour, uav_colour
-from sim.plots import fleet_mean, rgb, scale_errors
+from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, LINE, ORANGE, Colour, uav_colour
+from sim.drawing.plots import fleet_mean, rgb, scale_errors
+from sim.evaluation.metrics import HELD
+from sim.mission.snapshot import Ints
 from sim.replay.episodes import BROKEN, HOLDS, episodes, holds, lanes, switches
 from sim.replay.history import STATES, History
-from sim.snapshot import Ints
-from tracking.compiled import Array
+from tracking.numerics.compiled import Array
 
 _WIDTH = 11.0  # inches
 _BAR, _GAP = 1.0, 0.8  # of a person's rows: the bar that tells who holds them, and the gap to the next, in lanes

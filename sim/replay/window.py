@@ -12,16 +12,16 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from sim.engine import pybullet, quiet, silenced
-from sim.errors import InputError
-from sim.frames import scenario_of
-from sim.palette import uav_colour
-from sim.recording import Recording
-from sim.scenario import Scenario
-from sim.sensing import camera_of
-from sim.world import World
-from tracking.camera import Camera, Pose
-from tracking.compiled import Array
+from sim.drawing.palette import uav_colour
+from sim.recording.recording import Recording
+from sim.replay.frames.rerender import scenario_of
+from sim.scenario.errors import InputError
+from sim.scenario.scenario import Scenario
+from sim.sensing.sensors import camera_of
+from sim.world.engine import pybullet, quiet, silenced
+from sim.world.world import World
+from tracking.geometry.camera import Camera, Pose
+from tracking.numerics.compiled import Array
 
 _SIZE = (1280, 800)
 _GRASS = (0.46, 0.51, 0.36, 1.0)

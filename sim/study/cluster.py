@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from typing import Any, cast
 
-from sim.errors import InputError
+from sim.scenario.errors import InputError
 from sim.study.tasks import Task
 from sim.study.trial import Flown, fly
 

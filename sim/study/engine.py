@@ -11,8 +11,8 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Protocol
 
-from sim.atomic import whole
-from sim.streams import numbered
+from sim.recording.atomic_files import whole
+from sim.scenario.random_streams import numbered
 from sim.study.row import Row
 from sim.study.store import Store, StoreError
 from sim.study.tasks import Task

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from multiprocessing.process import BaseProcess
 from types import TracebackType
 
-from sim.session import end, lead
+from sim.processes.session import end, lead
 from sim.study.tasks import Task
 from sim.study.trial import Flown, failed, fly, warm
 

@@ -13,9 +13,9 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from sim.dataframes import dataframe
-from sim.errors import InputError
-from sim.npz import line
+from sim.recording.dataframes import dataframe
+from sim.recording.npz import line
+from sim.scenario.errors import InputError
 from sim.study.row import Row
 from sim.study.tasks import Task
 

@@ -12,11 +12,11 @@ import msgspec
 from msgspec import Meta, Struct
 
 from assets import ASSETS
-from sim.errors import InputError
-from sim.loading import did_you_mean
-from sim.quantity import REPEATS, integers
-from sim.reading import toml_file
-from sim.study.text import flat, option, toml
+from sim.scenario.errors import InputError
+from sim.scenario.loading import did_you_mean
+from sim.scenario.quantities import REPEATS, integers
+from sim.scenario.text_files import toml_file
+from sim.study.settings_text import flat, option, toml
 
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
 _MOST_CELLS = 10_000

@@ -13,15 +13,15 @@ import msgspec
 from msgspec import Struct
 
 from planning.registry import load_planner
-from sim.detectors import DETECTORS, check_detector
-from sim.errors import InputError
-from sim.loading import load
-from sim.quantity import integers
-from sim.reading import content
-from sim.scenario import Scenario, resolved
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load
+from sim.scenario.quantities import integers
+from sim.scenario.scenario import Scenario, resolved
+from sim.scenario.text_files import content
+from sim.sensing.detectors import DETECTORS, check_detector
 from sim.study.study import Cell, Study, cells
-from sim.trajectories import MOST_BYTES
-from tracking.plugin import imported
+from sim.world.trajectories import MOST_BYTES
+from tracking.plugins.importing import imported
 
 _MOST_TRIALS = 1_000_000
 _OURS = ("planning", "sim", "tracking")
@@ -138,7 +138,7 @@ def _place(task: Task) -> str:
 
 def check_worlds(found: Sequence[Task]) -> None:
     """InputError unless forest and people of each setting can be placed, tried with its first seed."""
-    from sim.mission import forest_and_people  # late, as it needs the engine
+    from sim.mission.mission import forest_and_people  # late, as it needs the engine
 
     tried: dict[bytes, None] = {}
     for task in found:

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 from msgspec import Struct
 
-from sim.archive import save
-from sim.machine import machine_line
-from sim.mission import Mission, Trial
-from sim.recording import Recorder, Recording
-from sim.scenario import resolved
+from sim.evaluation.machine import machine_line
+from sim.evaluation.summary import summarise
+from sim.mission.mission import Mission, Trial
+from sim.mission.warmup import warm_up
+from sim.recording.archive import save
+from sim.recording.recording import Recorder, Recording
+from sim.scenario.scenario import resolved
 from sim.study.row import Row
 from sim.study.tasks import Task, release
-from sim.summary import summarise
-from sim.warmup import warm_up
-from tracking.containment import ForeignError, contained
+from tracking.plugins.containment import ForeignError, contained
 
 
 class Flown(Struct, frozen=True):

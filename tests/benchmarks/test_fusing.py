@@ -10,8 +10,8 @@ import pytest
 from scenes import CAMERA, MOTION, OPEN, R, track
 from test_consensus import graph
 
-from tracking.camera import Pose
-from tracking.consensus import fuse
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Pose
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 pytestmark = pytest.mark.benchmark(group="consensus of 50 tracks, 5 rounds")

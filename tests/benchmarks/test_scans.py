@@ -14,8 +14,8 @@ from peers import StoneSoup
 from scenes import ALONE, CAMERA, MOTION, OPEN, R, track
 from stonesoup.dataassociator.probability import JPDA, JPDAwithEHM2
 
-from tracking.camera import Pose
-from tracking.consensus import fuse
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Pose
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 PARAMETERS = TrackerParameters(MOTION)

@@ -12,16 +12,16 @@ from scenes import CAMERA, MOTION, OPEN, R, track
 from test_nbo import nominal, plain_cost
 
 from planning.composition import Composition
-from planning.nbo import costs
-from sim.mission import Mission
-from sim.renderer import Renderer, capture
-from sim.scenario import Scenario, Sensing, Trees
-from sim.world import World
-from tracking.camera import Pose
-from tracking.consensus import fuse
-from tracking.detector import Frame, detect
+from planning.objective.nbo import costs
+from sim.mission.mission import Mission
+from sim.scenario.scenario import Scenario, Sensing, Trees
+from sim.sensing.renderer import Renderer, capture
+from sim.world.world import World
+from tracking.detection.detector import Frame, detect
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import Scan, Tracker, TrackerParameters
-from tracking.visibility import Forest, Tree
 
 pytestmark = pytest.mark.benchmark(warmup=True, warmup_iterations=2, min_rounds=20)
 # Seventy-five trees, five by fifteen, and people between them.

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from trials import row
 
-from sim.study.answers import answers
-from sim.study.cells import grouped
-from sim.study.measures import available, chosen
-from sim.study.statistics import ecdf
+from sim.analysis.answers import answers
+from sim.analysis.cells import grouped
+from sim.analysis.measures import available, chosen
+from sim.analysis.statistics import ecdf
 
 pytestmark = pytest.mark.benchmark(group="10 000 trials")
 METRICS = ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m", *(f"other_{i}" for i in range(13)))

@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 
 from planning.registry import load_planner
-from sim.culling import in_frustum
-from sim.fleet import Uav
-from sim.mission import Mission
-from sim.renderer import Renderer, capture
-from sim.scenario import Scenario, Sensing, Trees
-from sim.sensing import camera_of
-from sim.world import World
-from tracking.blob_detector import BlobDetector
-from tracking.camera import Camera, Pose
-from tracking.detector import Frame
-from tracking.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight
+from sim.mission.mission import Mission
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import Scenario, Sensing, Trees
+from sim.sensing.culling import in_frustum
+from sim.sensing.renderer import Renderer, capture
+from sim.sensing.sensors import camera_of
+from sim.world.world import World
+from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.detector import Frame
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight
 
 SCENARIO = Scenario(trees=Trees(density=75.0), sensing=Sensing(mode="ideal"))
 ALONE = Scenario(uavs=(Uav(start=(74.0, 49.0)),))

@@ -9,14 +9,14 @@ from typing import ClassVar
 import numpy as np
 
 from planning.composition import Composition
-from planning.nbo import costs
-from planning.optimizers import CrossEntropy
+from planning.objective.nbo import costs
+from planning.optimizers.cross_entropy import CrossEntropy
+from planning.optimizers.initial_plans import pursuits
 from planning.planner import Plan, Situation
-from planning.propagation import nominal_positions
-from planning.pursuit import pursuits
-from planning.view import aim
-from tracking.compiled import Array
-from tracking.matrices import applied, length
+from planning.prediction.propagation import nominal_positions
+from planning.prediction.view import aim
+from tracking.numerics.compiled import Array
+from tracking.numerics.matrices import applied, length
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 import numpy as np
 from shepherd import Shepherd
 
-from planning.conformance import check
-from planning.specimens import specimen_team
+from planning.conformance.checks import check
+from planning.conformance.situations import specimen_team
 
 
 def test_it_conforms() -> None:

@@ -1,0 +1,186 @@
+"""One call of a planner, closely watched."""
+
+from __future__ import annotations
+
+import copy
+import os
+import pickle
+import random
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, is_dataclass
+from itertools import islice
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
+from planning.registry import load_planner
+from tracking.numerics.compiled import Array
+from tracking.plugins.containment import ForeignError, contained, numbers
+
+_CHILD = """
+import pickle, sys
+sys.path[:] = pickle.loads(sys.stdin.buffer.read(int(sys.stdin.buffer.readline())))
+from planning.conformance.calls import answer
+answer(sys.argv[1])
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """What a planner made of a situation."""
+
+    plans: Sequence[Plan]  # as returned
+    controls: tuple[Array, ...]  # (H, 2) m/s, a copy; of whatever shape where a defect says so
+    defects: Mapping[str, str]  # "plans", "finite", "speed": what is wrong with them
+    touched: str = ""  # what it did to the situations
+    drew: str = ""  # whose global random numbers it used
+    seconds: float = 0.0
+
+    @property
+    def altered(self) -> bool:
+        """Whether plans are no longer what was returned."""
+        pairs = zip(self.plans, self.controls, strict=False)
+        return any(difference(np.asarray(plan.controls, dtype=float), before) > 0.0 for plan, before in pairs)
+
+
+def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watched: bool = False) -> Attempt:
+    """Plan for a copy of the team, with the same chance each time.
+
+    `world` seeds the global random numbers; only where it is `watched`, is it seen what a planner touches.
+    """
+    situations = copy.deepcopy(list(team))
+    before = _state(situations) if watched else {}
+    rng, plans, reason = np.random.default_rng(0), [], ""
+    with _global_chance(world) as drew:
+        start = perf_counter()
+        try:
+            with contained():
+                plans = list(islice(planner.plan(situations, rng), len(team) + 1))
+        except ForeignError as error:
+            reason = str(error)
+        seconds = perf_counter() - start
+    if not reason and len(plans) != len(team):
+        reason = f"{len(plans) if len(plans) < len(team) else f'more than {len(team)}'} plans for {len(team)} UAVs"
+    controls, problems = _controls(plans)
+    defects = {"plans": reason or problems} if reason or problems else _defects(controls, team)
+    touched = _changed(before, _state(situations)) if watched else ""
+    return Attempt(plans, controls, defects, touched, " and ".join(drew), seconds)
+
+
+def attempt_elsewhere(planner: str | bytes, team: Sequence[Situation]) -> Attempt:
+    """`attempt` in a process of its own, whose strings have other hashes; planner: as text, or pickled."""
+    path, request = pickle.dumps(sys.path), pickle.dumps((planner, list(team)))
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "attempt"
+        environment = {**os.environ, "PYTHONHASHSEED": "4711"}
+        done = subprocess.run(
+            [sys.executable, "-c", _CHILD, str(file)],
+            input=b"%d\n" % len(path) + path + request,
+            env=environment,
+            capture_output=True,
+        )
+        if done.returncode != 0 or not file.exists():
+            last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+            return Attempt((), (), {"plans": " ".join(last) or f"the process ends with {done.returncode}"})
+        controls, defects = pickle.loads(file.read_bytes())
+    return Attempt((), controls, defects)
+
+
+def answer(path: str) -> None:
+    """Write, in the process of its own, what `attempt_elsewhere` waits for."""
+    planner, team = pickle.load(sys.stdin.buffer)
+    made = load_planner(planner) if isinstance(planner, str) else pickle.loads(planner)
+    found = attempt(made, team)
+    Path(path).write_bytes(pickle.dumps((found.controls, dict(found.defects))))
+
+
+def difference(a: Array, b: Array) -> float:
+    """The largest difference of two arrays; infinite where shapes or places of NaN differ."""
+    if a.shape != b.shape or not np.array_equal(np.isnan(a), np.isnan(b)):
+        return float("inf")
+    return float(np.max(np.abs(np.nan_to_num(a) - np.nan_to_num(b)), initial=0.0))
+
+
+def _controls(plans: Sequence[Any]) -> tuple[tuple[Array, ...], str]:
+    """Copies of the controls, and the first thing that makes one of them no plan."""
+    copies: list[Array] = []
+    problems: list[str] = []
+    for k, plan in enumerate(plans):
+        try:
+            with contained():
+                controls = numbers("controls", plan.controls, 2 * LONGEST_PLAN)
+        except ForeignError as error:
+            problems.append(f"plan {k} is no Plan of numbers but {type(plan).__name__}: {error}")
+            continue
+        copies.append(controls)
+        if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
+            problems.append(f"controls of plan {k} have the shape {controls.shape}, not (H, 2)")
+    return tuple(copies), (problems or [""])[0]
+
+
+def _defects(controls: Sequence[Array], team: Sequence[Situation]) -> dict[str, str]:
+    """What is wrong with plans of the right shape."""
+    defects: dict[str, str] = {}
+    for s, plan in zip(team, controls, strict=True):
+        fastest = float(np.max(np.nan_to_num(np.linalg.norm(plan, axis=1), posinf=0.0)))
+        if not np.all(np.isfinite(plan)):
+            defects.setdefault("finite", f"the plan of UAV {s.own.id} is not finite")
+        if fastest > s.own.max_speed * (1 + 1e-6):
+            limit = f"{s.own.max_speed:g} m/s is what it can"
+            defects.setdefault("speed", f"the plan of UAV {s.own.id} reaches {fastest:.3g} m/s; {limit}")
+    return defects
+
+
+@contextmanager
+def _global_chance(seed: int) -> Iterator[list[str]]:
+    """Sets the global states of the `random` modules meanwhile; yields a list of those that were used."""
+    before = _global_states()
+    random.seed(seed)
+    np.random.seed(seed)  # noqa: NPY002 - what planners must not use
+    start = _global_states()
+    drew: list[str] = []
+    try:
+        yield drew
+    finally:
+        end = _global_states()
+        drew += [name for name in start if str(start[name]) != str(end[name])]
+        random.setstate(before["random"])
+        np.random.set_state(before["numpy.random"])  # noqa: NPY002
+
+
+def _global_states() -> dict[str, Any]:
+    numpy: Any = np.random.get_state(legacy=True)  # noqa: NPY002
+    return {"random": random.getstate(), "numpy.random": (numpy[0], numpy[1].tolist(), *numpy[2:])}
+
+
+def _state(value: Any, path: str = "team") -> dict[str, object]:  # noqa: ANN401 - whatever a situation holds
+    """Everything in a value by its path: fields, entries and arrays, whether these can be written to included."""
+    if isinstance(value, np.ndarray):
+        return {path: (value.dtype.str, value.shape, value.tobytes()), f"writing to {path}": value.flags.writeable}
+    if is_dataclass(value):
+        parts = {f"{path}.{f.name}": getattr(value, f.name) for f in fields(value)}
+    elif isinstance(value, Mapping):
+        parts = {f"{path}[{key!r}]": entry for key, entry in value.items()}
+    elif isinstance(value, list | tuple):
+        parts = {f"{path}[{k}]": entry for k, entry in enumerate(value)}
+    else:
+        return {path: value}
+    found: dict[str, object] = {f"{path}, what it holds": tuple(parts)}
+    for name, part in parts.items():
+        found |= _state(part, name)
+    return found
+
+
+def _changed(before: Mapping[str, object], after: Mapping[str, object]) -> str:
+    """The first thing that differs."""
+    for path, value in before.items():
+        if path not in after or after[path] != value:
+            return f"{path} is changed"
+    return ""

@@ -1,0 +1,1 @@
+"""Terms of the cost of plans."""

@@ -1,0 +1,101 @@
+"""The multiple weighted trace penalty (MWTP), a cost-to-go for targets that nobody sees when the horizon ends."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.prediction.view import inside, shortest_move
+from tracking.numerics.compiled import Array, compiled
+
+
+class Match(NamedTuple):
+    """A target that nobody sees, and the UAV that Algorithm 2 sends to it."""
+
+    uav: int  # row of the sensors
+    target: int
+    distance: float  # m, from where the camera looks after its earlier matches
+    penalty: float  # m³; only the first match of a UAV has one
+
+
+@compiled
+def weighted_trace_penalty(targets: Array, traces: Array, sensors: Array, views: Array) -> float:
+    """Multiple weighted trace penalty, [Li22] Algorithm 2 with β = 1 [m³].
+
+    targets (T, 2 or 3) m at the end of the horizon, traces (T,) m² of their position covariance, sensors (n, 2) m,
+    views (n, 5, 3): their fields of view, see `planning.prediction.view.quadrangle`. `sensors` is overwritten with the
+    positions p^MDO.
+
+    Note: distances are counted from where a camera looks, which the paper's cameras do straight down.
+    Note: T is the set outside all fields of view as geometry; a target in view but hidden is not in it, because
+    p^MDO, the least displacement after which the field of view covers the target, would be where the sensor is.
+    """
+    busy, seen = np.zeros((len(sensors), 3)), np.zeros(len(targets), dtype=np.bool_)
+    busy[:, :2] = sensors
+    for i in range(len(sensors)):
+        cover(targets, seen, sensors, views, i)
+    penalty, _ = penalise(targets, traces, seen, busy, views)
+    sensors[:] = busy[:, :2]
+    return penalty
+
+
+@compiled
+def cover(targets: Array, seen: NDArray[np.bool_], sensors: Array, views: Array, uav: int) -> None:
+    """Mark in `seen` (T,) the targets (T, 2 or 3) m that a UAV's sensor at (2,) m has in its field of view."""
+    for t in range(len(targets)):
+        if not seen[t]:
+            seen[t] = inside(views, uav, targets[t, 0] - sensors[uav, 0], targets[t, 1] - sensors[uav, 1])
+
+
+@compiled
+def penalise(targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Array, views: Array) -> tuple[float, int]:
+    """`weighted_trace_penalty` of targets that are not `seen` (T,), and the row of the last match's sensor (-1: none).
+
+    sensors (n, 3): x, y [m] and D_i, overwritten. `mwtp_lanes` has the same for many plans side by side.
+    """
+    penalty, nearest = 0.0, -1
+    for t in np.argsort(-traces, kind="mergesort"):  # stable: equal ones by index
+        if seen[t]:
+            continue
+        nearest, shortest = _nearest(targets, t, sensors, views)
+        if sensors[nearest, 2] == 0.0:
+            penalty += shortest * traces[t]
+        sensors[nearest, 2] += shortest
+        _move(sensors, nearest, targets, t, views)
+    return penalty, nearest
+
+
+def matching(targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Array, views: Array) -> tuple[Match, ...]:
+    """Who is sent to whom by `penalise`, of whose arguments none is changed, in the order of the matches."""
+    order = np.argsort(-traces, kind="stable")
+    later, last, found = np.ones(len(targets), dtype=np.bool_), 0.0, []
+    travelled = np.zeros(len(sensors))
+    for t in order[~seen[order]]:
+        later[t] = False
+        after = np.array(sensors, dtype=float)
+        total, uav = penalise(targets, traces, seen | later, after, views)
+        found.append(Match(uav, int(t), float(after[uav, 2] - travelled[uav]), total - last))
+        travelled[uav], last = after[uav, 2], total
+    return tuple(found)
+
+
+@compiled
+def _move(sensors: Array, uav: int, targets: Array, t: int, views: Array) -> None:
+    """Move a sensor to where its field of view just covers the target."""
+    x, y = shortest_move(views, uav, targets[t, 0] - sensors[uav, 0], targets[t, 1] - sensors[uav, 1])
+    sensors[uav, 0] += x
+    sensors[uav, 1] += y
+
+
+@compiled
+def _nearest(targets: Array, t: int, sensors: Array, views: Array) -> tuple[int, float]:
+    best, shortest, total = 0, 0.0, np.inf
+    for i in range(len(sensors)):
+        dx, dy = targets[t, 0] - sensors[i, 0] - views[i, 4, 0], targets[t, 1] - sensors[i, 1] - views[i, 4, 1]
+        d = math.sqrt(dx * dx + dy * dy)
+        if sensors[i, 2] + d < total:
+            best, shortest, total = i, d, sensors[i, 2] + d
+    return best, shortest

@@ -1,0 +1,191 @@
+"""The MWTP of many plans side by side, with the processor's vector instructions: as in `mwtp`, lane by lane."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.prediction.belief import LANES
+from planning.prediction.view import corner
+from tracking.numerics.compiled import Array, compiled
+
+Pair = tuple[float, float]
+Triple = tuple[float, float, float]
+
+
+class Workspace(NamedTuple):
+    """Arrays that `penalties` works on, so that it need not ask for memory each time: n UAVs, T targets."""
+
+    unseen: Array  # (T, LANES): 1 for a target that nobody has in view, else 0
+    order: NDArray[np.int64]  # (T,): the targets by falling trace
+    targets: Array  # (3, T, LANES): x, y [m] and trace [m²] of those that are unseen, in that order
+    counts: Array  # (LANES,): how many these are
+    sensors: Array  # (n, 3, LANES): x, y [m] and D_i
+    match: Array  # (3, LANES): which sensor, its distance [m], and D_i with it
+
+
+@compiled
+def workspace(targets: int, uavs: int) -> Workspace:
+    """For so many targets and UAVs."""
+    return Workspace(
+        np.empty((targets, LANES)),
+        np.arange(targets),
+        np.empty((3, targets, LANES)),
+        np.empty(LANES),
+        np.empty((uavs, 3, LANES)),
+        np.empty((3, LANES)),
+    )
+
+
+@compiled
+def penalties(work: Workspace, targets: Array, traces: Array, views: Array, sums: Array) -> None:
+    """Add to `sums` (LANES,) the MWTP of targets (T, 2 or 3) m with traces (T, LANES) m² that are `work.unseen`.
+
+    The sensors are at `work.sensors` with D_i of 0, and are moved.
+    """
+    _sort(work, targets, traces)
+    most = int(work.counts.max())
+    for m in range(most):
+        _match(work, m, views)
+        for i in range(len(work.sensors)):
+            _assign(work, m, i, sums)
+            if m + 1 < most:
+                _move(work, m, i, views)
+
+
+@compiled
+def cover_lanes(work: Workspace, targets: Array, uav: int, views: Array) -> None:
+    """Mark targets (T, 2 or 3) m that a UAV has in its field of view as seen; `mwtp.cover` lane by lane."""
+    view, east, north = views[uav], work.sensors[uav, 0], work.sensors[uav, 1]
+    a0, b0, c0, a1, b1, c1 = view[0, 0], view[0, 1], view[0, 2], view[1, 0], view[1, 1], view[1, 2]
+    a2, b2, c2, a3, b3, c3 = view[2, 0], view[2, 1], view[2, 2], view[3, 0], view[3, 1], view[3, 2]
+    for t in range(len(targets)):
+        x, y, unseen = targets[t, 0], targets[t, 1], work.unseen[t]
+        for lane in range(LANES):
+            dx, dy = x - east[lane], y - north[lane]
+            near = (a0 * dx + b0 * dy <= c0) & (a1 * dx + b1 * dy <= c1)
+            near &= (a2 * dx + b2 * dy <= c2) & (a3 * dx + b3 * dy <= c3)
+            unseen[lane] = 0.0 if near else unseen[lane]
+
+
+@compiled
+def _sort(work: Workspace, targets: Array, traces: Array) -> None:
+    """List the unseen targets of each lane by falling trace, equal ones by index.
+
+    By insertion, in linear time where a lane's order is nearly that of the one before.
+    """
+    order = work.order
+    for lane in range(LANES):
+        for k in range(1, len(order)):
+            t, j = order[k], k
+            while j > 0:
+                before = order[j - 1]
+                if traces[before, lane] > traces[t, lane] or (traces[before, lane] == traces[t, lane] and before < t):
+                    break
+                order[j] = before
+                j -= 1
+            order[j] = t
+        count = 0
+        for t in order:
+            if work.unseen[t, lane] > 0.0:
+                work.targets[0, count, lane], work.targets[1, count, lane] = targets[t, 0], targets[t, 1]
+                work.targets[2, count, lane] = traces[t, lane]
+                count += 1
+        work.counts[lane] = count
+        for m in range(count, len(order)):
+            work.targets[:, m, lane] = 0.0
+
+
+@compiled
+def _match(work: Workspace, m: int, views: Array) -> None:
+    """Find the sensor of which D_i and the way to the target together are least; a target that is none gets none."""
+    x, y = work.targets[0, m], work.targets[1, m]
+    who, shortest, total = work.match[0], work.match[1], work.match[2]
+    for lane in range(LANES):
+        total[lane] = np.inf
+    for i in range(len(work.sensors)):
+        east, north, travelled = work.sensors[i, 0], work.sensors[i, 1], work.sensors[i, 2]
+        aim_x, aim_y = views[i, 4, 0], views[i, 4, 1]
+        for lane in range(LANES):
+            dx, dy = x[lane] - east[lane] - aim_x, y[lane] - north[lane] - aim_y
+            d = math.sqrt(dx * dx + dy * dy)
+            better = travelled[lane] + d < total[lane]
+            who[lane] = i if better else who[lane]
+            shortest[lane] = d if better else shortest[lane]
+            total[lane] = travelled[lane] + d if better else total[lane]
+    for lane in range(LANES):
+        who[lane] = who[lane] if m < work.counts[lane] else -1.0
+
+
+@compiled
+def _assign(work: Workspace, m: int, i: int, sums: Array) -> None:
+    """Send sensor i to the target where it is matched; its first one is what counts."""
+    who, shortest, trace, travelled = work.match[0], work.match[1], work.targets[2, m], work.sensors[i, 2]
+    for lane in range(LANES):
+        mine = who[lane] == i
+        sums[lane] += shortest[lane] * trace[lane] if mine & (travelled[lane] == 0.0) else 0.0
+        travelled[lane] += shortest[lane] if mine else 0.0
+
+
+@compiled
+def _move(work: Workspace, m: int, i: int, views: Array) -> None:
+    """Move sensor i by `planning.prediction.view.shortest_move` where it is matched."""
+    x, y, who, east, north = (
+        work.targets[0, m],
+        work.targets[1, m],
+        work.match[0],
+        work.sensors[i, 0],
+        work.sensors[i, 1],
+    )
+    one = views[i, 0, 0], views[i, 0, 1], views[i, 0, 2]
+    two = views[i, 1, 0], views[i, 1, 1], views[i, 1, 2]
+    three = views[i, 2, 0], views[i, 2, 1], views[i, 2, 2]
+    four = views[i, 3, 0], views[i, 3, 1], views[i, 3, 2]
+    corners = corner(views, i, 0), corner(views, i, 1), corner(views, i, 2), corner(views, i, 3)
+    for lane in range(LANES):
+        offset = x[lane] - east[lane], y[lane] - north[lane]
+        # The nearest corner; instead of it the foot on a side that has it between its ends, the first such side.
+        best = _from(offset, corners[0])
+        best = _less(best, _from(offset, corners[1]))
+        best = _less(best, _from(offset, corners[2]))
+        best = _less(best, _from(offset, corners[3]))
+        best = _foot(best, offset, four, (one, two, three))
+        best = _foot(best, offset, three, (one, two, four))
+        best = _foot(best, offset, two, (one, three, four))
+        best = _foot(best, offset, one, (two, three, four))
+        outside = _beyond(offset, one) | _beyond(offset, two) | _beyond(offset, three) | _beyond(offset, four)
+        go = (who[lane] == i) & outside
+        east[lane] += best[0] if go else 0.0
+        north[lane] += best[1] if go else 0.0
+
+
+@compiled
+def _beyond(point: Pair, side: Triple) -> bool:
+    """Whether a point lies on the outer side of a half-plane."""
+    return not (side[0] * point[0] + side[1] * point[1] <= side[2])
+
+
+@compiled
+def _from(point: Pair, other: Pair) -> Pair:
+    """The way to a point."""
+    return point[0] - other[0], point[1] - other[1]
+
+
+@compiled
+def _less(one: Pair, other: Pair) -> Pair:
+    """The shorter of two ways, if that is clear the other one."""
+    closer = other[0] * other[0] + other[1] * other[1] < one[0] * one[0] + one[1] * one[1]
+    return other[0] if closer else one[0], other[1] if closer else one[1]
+
+
+@compiled
+def _foot(best: Pair, point: Pair, side: Triple, others: tuple[Triple, Triple, Triple]) -> Pair:
+    """The way to a point from its foot on a side, if the side lies before it and has the foot; else `best`."""
+    excess = side[0] * point[0] + side[1] * point[1] - side[2]
+    foot = point[0] - excess * side[0], point[1] - excess * side[1]
+    off = _beyond(foot, others[0]) | _beyond(foot, others[1]) | _beyond(foot, others[2])
+    on = (excess > 0.0) & (not off)
+    return excess * side[0] if on else best[0], excess * side[1] if on else best[1]

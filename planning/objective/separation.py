@@ -1,0 +1,53 @@
+"""Keeping UAVs apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planning.objective.objective import Objective
+from planning.planner import Situation
+from planning.prediction.intent import paths
+from tracking.numerics.compiled import Array
+from tracking.numerics.matrices import length
+
+_PRICE = 1e6  # m² per m and step: no gain in knowledge is worth it
+
+
+@dataclass(frozen=True)
+class Separation:
+    """Plans that bring UAVs nearer to each other than `distance` [m], in space, cost far more than they can gain.
+
+    Between steps UAVs are taken to fly straight. Where all plans come too near, those that keep the most distance cost
+    least.
+    """
+
+    distance: float
+
+    def term(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Objective:
+        """As `planning.composition.Term.term`."""
+        now = np.array([v.position for v in situation.vehicles], dtype=float)
+        chosen = np.asarray(uavs, dtype=np.int64)
+        others = np.delete(np.concatenate([now[:, None], paths(now, controls, situation.step)], axis=1), chosen, axis=0)
+
+        def cost(candidates: Array) -> Array:
+            ahead = paths(now[chosen], candidates, situation.step)
+            start = np.broadcast_to(now[chosen, None], (*ahead.shape[:2], 1, 3))
+            own = np.concatenate([start, ahead], axis=2)
+            short = np.zeros(len(own))
+            for j in range(len(chosen)):
+                for other in [*(other[None] for other in others), *(own[:, i] for i in range(j))]:
+                    gap = _closest(own[:, j] - other)
+                    short += np.maximum(self.distance - gap, 0.0).sum(axis=1)
+            return _PRICE * short
+
+        return cost
+
+
+def _closest(relative: Array) -> Array:
+    """Least length (N, H) m of vectors that move straight from each of (N, H + 1, 3) m to the next."""
+    start, way = relative[:, :-1], np.diff(relative, axis=1)
+    along = -(start * way).sum(axis=-1) / np.maximum((way * way).sum(axis=-1), 1e-12)
+    return np.asarray(length(start + np.clip(along, 0.0, 1.0)[..., None] * way))

@@ -1,0 +1,203 @@
+"""The worth of looking where people may be of whom no track is known, compiled."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.objective.objective import Objective
+from planning.planner import Situation, Vehicle
+from planning.prediction.intent import paths
+from planning.prediction.view import inside, quadrangle, reach
+from tracking.geometry.tree_grid import Grid
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, misses
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.elementary import hypot
+
+_SPACING = 5.0  # m, between places for which it is worked out what a UAV sees from there
+_DETECTION = 0.99  # probability that a person in plain view is found within a step
+_FEWEST = 1e-4  # people in a cell: fewer are not looked for
+_QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # of a cell, from its middle
+
+
+class _Views(NamedTuple):
+    """Which of C cells are in view from V places."""
+
+    starts: NDArray[np.int64]  # (V + 1,): where each place's cells begin
+    cells: NDArray[np.int64]  # (M,)
+    shares: Array  # (M,): how much of the cell is in view
+
+
+class _Raster(NamedTuple):
+    """What k UAVs see from square rasters of places, each its own; the places count on from UAV to UAV."""
+
+    low: Array  # (k, 2) m: the south-west place
+    side: NDArray[np.int64]  # (k,): places along each edge
+    first: NDArray[np.int64]  # (k,): number of the first place
+    views: _Views
+    onward: Array  # (V,): steps until people whom others leave can be seen, summed, if the UAV ends there
+
+
+@dataclass(frozen=True)
+class Search:
+    """People not found yet count as tracks of covariance trace `weight` [m²], at each step of the horizon.
+
+    What a camera will see is taken from the nearest of places 5 m apart. Beyond the horizon each person whom the looks
+    of other UAVs leave counts until the nearest UAV can have come within sight: the search's cost-to-go. In joint plans
+    of several UAVs each takes the others to end where they intend to.
+
+    Note: people whom a plan itself finds count in its cost-to-go, too, so that this depends on its end alone.
+    """
+
+    weight: float
+
+    def term(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Objective | None:
+        """As `planning.composition.Term.term`; None where nobody is looked for."""
+        unseen = situation.unseen
+        cells = np.zeros(0, np.int64) if unseen is None else np.flatnonzero(unseen.people.ravel() > _FEWEST)
+        if unseen is None or len(cells) == 0:
+            return None
+        centres = unseen.centres().reshape(-1, 2)[cells]
+        points = centres[:, None] + _QUARTERS * unseen.cell
+        vehicles = situation.vehicles
+        fleet = paths(np.array([v.position for v in vehicles], dtype=float), controls, situation.step)
+        left = np.repeat(unseen.people.ravel()[cells][None], controls.shape[1], axis=0)
+        for i in sorted(set(range(len(vehicles))) - set(uavs)):
+            _thin(left, _viewed(vehicles[i], fleet[i], points, situation.forest))
+        rasters = [_raster(situation, i, fleet, (centres, points, left[-1])) for i in uavs]
+        to_come = np.cumsum(left[::-1], axis=0)[::-1].copy()  # people still to be counted from each step on
+        own = np.array([vehicles[i].position[:2] for i in uavs], dtype=float)
+        return partial(_costs, self.weight, to_come, _joined(rasters), own, situation.step)
+
+
+def _raster(situation: Situation, uav: int, fleet: Array, unseen: tuple[Array, Array, Array]) -> _Raster:
+    """The places that a UAV can get to; `unseen` are middles (C, 2) m, quarters (C, 4, 2) m and people left (C,)."""
+    centres, points, people = unseen
+    vehicle, step = situation.vehicles[uav], situation.step
+    side = 2 * math.ceil(fleet.shape[1] * step * vehicle.max_speed / _SPACING) + 1
+    low = vehicle.position[:2] - _SPACING * (side // 2)
+    x, y = np.meshgrid(low[0] + _SPACING * np.arange(side), low[1] + _SPACING * np.arange(side))
+    places = np.column_stack([x.ravel(), y.ravel(), np.full(side * side, vehicle.position[2])])
+    away = np.full(len(centres), np.inf)
+    for i, other in enumerate(situation.vehicles):
+        if i != uav:
+            away = np.minimum(away, _steps_off(fleet[i, -1], centres, _sight(other, step)))
+    onward = _onward(places, centres, _sight(vehicle, step), people, away)
+    views = _viewed(vehicle, places, points, situation.forest)
+    return _Raster(low[None], np.array([side]), np.zeros(1, np.int64), views, onward)
+
+
+def _sight(vehicle: Vehicle, step: float) -> tuple[float, float]:
+    """How far a UAV sees at least and flies in a step [m]."""
+    return reach(vehicle) / math.sqrt(2), vehicle.max_speed * step
+
+
+@compiled
+def _steps_off(place: Array, centres: Array, sight: tuple[float, float]) -> Array:
+    """Steps (C,) that a UAV takes from a place (2 or 3,) m until it can have cells (C, 2) m in its field of view."""
+    steps = np.empty(len(centres))
+    for c in range(len(centres)):
+        gap = hypot(place[0] - centres[c, 0], place[1] - centres[c, 1])
+        steps[c] = max(gap - sight[0], 0.0) / sight[1]
+    return steps
+
+
+@compiled
+def _onward(places: Array, centres: Array, sight: tuple[float, float], people: Array, away: Array) -> Array:
+    """Steps until people can be seen by who is at a place (V,) or by others, who take `away` (C,); summed over them."""
+    total = np.empty(len(places))
+    for v in range(len(places)):
+        total[v] = np.sum(np.minimum(_steps_off(places[v], centres, sight), away) * people)
+    return total
+
+
+def _viewed(vehicle: Vehicle, places: Array, points: Array, forest: Forest) -> _Views:
+    """What a UAV sees from places (V, 3) m of cells given by four points (C, 4, 2) m each."""
+    farthest = reach(vehicle) + float(np.ptp(points[0], axis=0).max(initial=0.0))
+    return _views(places, (np.array([quadrangle(vehicle)]), farthest), points, forest.blockers, forest.grid)
+
+
+def _joined(rasters: Sequence[_Raster]) -> _Raster:
+    """The rasters of several UAVs as one."""
+    counts = [len(r.onward) for r in rasters]
+    members = np.cumsum([0, *(len(r.views.cells) for r in rasters)])
+    starts = [r.views.starts[:-1] + begin for r, begin in zip(rasters, members, strict=False)]
+    return _Raster(
+        np.concatenate([r.low for r in rasters]),
+        np.concatenate([r.side for r in rasters]),
+        np.cumsum([0, *counts[:-1]]).astype(np.int64),
+        _Views(
+            np.concatenate([*starts, members[-1:]]),
+            np.concatenate([r.views.cells for r in rasters]),
+            np.concatenate([r.views.shares for r in rasters]),
+        ),
+        np.concatenate([r.onward for r in rasters]),
+    )
+
+
+@compiled
+def _views(places: Array, sight: tuple[Array, float], points: Array, blockers: Array, grid: Grid) -> _Views:
+    view, farthest = sight
+    starts = np.zeros(len(places) + 1, np.int64)
+    cells, shares = [0], [0.0]  # the first entries only say of what type the lists are
+    for v in range(len(places)):
+        camera = places[v, 0], places[v, 1], places[v, 2]
+        for c in range(len(points)):
+            if abs(points[c, 0, 0] - camera[0]) > farthest or abs(points[c, 0, 1] - camera[1]) > farthest:
+                continue
+            seen = 0
+            for k in range(points.shape[1]):
+                x, y = points[c, k, 0], points[c, k, 1]
+                if inside(view, 0, x - camera[0], y - camera[1]):
+                    seen += misses(camera, (x, y, TARGET_HEIGHT), blockers, grid)
+            if seen:
+                cells.append(c)
+                shares.append(seen / points.shape[1])
+        starts[v + 1] = len(cells) - 1
+    return _Views(starts, np.array(cells)[1:], np.array(shares)[1:])
+
+
+def _thin(left: Array, views: _Views) -> None:
+    """Take from people left after each step (H, C) those whom a UAV finds that is at place h after step h."""
+    for h in range(len(left)):
+        rows = slice(views.starts[h], views.starts[h + 1])
+        left[h:, views.cells[rows]] *= 1.0 - _DETECTION * views.shares[rows]
+
+
+@compiled
+def _costs(weight: float, to_come: Array, raster: _Raster, own: Array, step: float, candidates: Array) -> Array:
+    """Objective (N,) m² of plans (N, k, H, 2) m/s of UAVs now at `own` (k, 2) m; to_come (H, C) people."""
+    result = np.full(len(candidates), to_come[0].sum())
+    left = np.ones(to_come.shape[1])
+    places = np.empty((len(to_come), len(own)), np.int64)
+    for n in range(len(candidates)):
+        for j in range(len(own)):
+            x, y = own[j, 0] - raster.low[j, 0], own[j, 1] - raster.low[j, 1]
+            for h in range(len(to_come)):
+                x += step * candidates[n, j, h, 0]
+                y += step * candidates[n, j, h, 1]
+                places[h, j] = raster.first[j] + round(y / _SPACING) * raster.side[j] + round(x / _SPACING)
+            result[n] += raster.onward[places[-1, j]]
+        result[n] -= _found(raster.views, places, to_come, left)
+    return weight * result
+
+
+@compiled
+def _found(views: _Views, places: NDArray[np.int64], to_come: Array, left: Array) -> float:
+    """People that UAVs find at places (H, k), each times the steps from then on; left (C,) is ones, also afterwards."""
+    total = 0.0
+    for h in range(len(places)):
+        for place in places[h]:
+            for m in range(views.starts[place], views.starts[place + 1]):
+                cell, found = views.cells[m], _DETECTION * views.shares[m]
+                total += left[cell] * found * to_come[h, cell]
+                left[cell] *= 1.0 - found
+    for place in places.ravel():
+        left[views.cells[views.starts[place] : views.starts[place + 1]]] = 1.0
+    return total

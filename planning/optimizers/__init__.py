@@ -1,0 +1,1 @@
+"""Searches for the plans of least cost."""

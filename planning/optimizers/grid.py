@@ -1,0 +1,67 @@
+"""Exhaustive search over sequences of a few controls."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from planning.objective.objective import Objective
+from planning.optimizers.optimizer import Found, limited
+from planning.prediction.targets_in_reach import Hints
+from tracking.numerics.compiled import Array
+from tracking.numerics.elementary import cos_each, sin_each
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Exhaustive search over all sequences of a few controls, and the starts: ground truth for small cases.
+
+    With a budget, in evaluations or seconds, what it has tried by then, in the order of the controls, is all.
+    """
+
+    directions: int = 8
+    speeds: int = 1  # besides hovering
+    most: int = 2_000_000  # plans without a budget in seconds
+    evaluations: int = 0  # the starts aside; 0: all
+    seconds: float = 0.0  # stop after so much time; 0: no limit
+
+    def controls(self, max_speed: float) -> Array:
+        """The controls (D, 2) m/s of which plans are made."""
+        angles = 2 * math.pi * np.arange(self.directions) / self.directions
+        rim = np.column_stack([cos_each(angles), sin_each(angles)])
+        shares = np.arange(1, self.speeds + 1) / self.speeds
+        return np.concatenate([np.zeros((1, 2)), *(share * max_speed * rim for share in shares)])
+
+    def minimise(
+        self,
+        objective: Objective,
+        starts: Array,
+        max_speeds: Array,
+        rng: np.random.Generator,
+        hints: Hints | None = None,
+    ) -> Found:
+        """As `Optimizer.minimise`; ValueError where there are too many plans."""
+        end = perf_counter() + self.seconds if self.seconds else math.inf
+        _, k, H, _ = starts.shape
+        sets = [self.controls(speed) for speed in max_speeds.tolist() for _ in range(H)]
+        count = math.prod(len(s) for s in sets)
+        tries = min(count, self.evaluations or count)
+        if tries > self.most and not self.seconds:
+            raise ValueError(f"optimizer grid: {count} plans of {k} UAVs over {H} steps, at most {self.most} are tried")
+        starts = limited(starts, max_speeds)
+        values = objective(starts)
+        best = int(np.argmin(values))
+        found = Found(starts[best], float(values[best]), len(starts))
+        plans = itertools.islice(itertools.product(*sets), tries)
+        while perf_counter() < end and (chunk := list(itertools.islice(plans, 8192))):
+            candidates = np.array(chunk).reshape(-1, k, H, 2)
+            values = objective(candidates)
+            best = int(np.argmin(values))
+            found = found._replace(evaluations=found.evaluations + len(candidates))
+            if values[best] < found.cost:
+                found = found._replace(plans=candidates[best], cost=float(values[best]))
+        return found

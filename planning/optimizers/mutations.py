@@ -1,0 +1,236 @@
+"""How a search changes plans, and which of them it takes for different, compiled.
+
+Most changes are made to a path: where a plan (H, 2) m/s leads, as the sums of its controls, so in m over the length of
+a step. Afterwards it is pulled tight to what the UAV can fly, from where it was changed or from its end.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.prediction.targets_in_reach import Sights
+from planning.prediction.view import shortest_move
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.elementary import exp, hypot
+from tracking.numerics.normal import standard_normal
+
+_SHAKE, _MIX, _BEND, _JOIN, _SIGHT = range(5)
+_CYCLE = (_SHAKE, _BEND, _SIGHT, _BEND, _MIX, _BEND, _SIGHT, _JOIN)  # kinds of changes, in turn
+_NONE = -1  # of the sights
+_MARGIN = 1e-3  # m/s: so far inside the field of view is what is brought there, lest rounding puts it out again
+
+
+class Chances(NamedTuple):
+    """The random numbers behind N children of plans of k UAVs over H steps."""
+
+    normals: Array  # (N, 3): a change along each axis, and the logarithm of the change's size
+    noise: Array  # (ceil(N / cycle), 2 k (H + 1)): of each UAV, then of each of its steps
+    picks: NDArray[np.int64]  # (N,) below 2^62: what is chosen evenly
+
+
+def chances(rng: np.random.Generator, children: int, parents: Array) -> Chances:
+    """Random numbers for so many children of `parents` (E, k, H, 2)."""
+    _, k, H, _ = parents.shape
+    return Chances(
+        standard_normal(rng, (children, 3)),
+        standard_normal(rng, (math.ceil(children / len(_CYCLE)), 2 * k * (H + 1))),
+        rng.integers(2**62, size=children),
+    )
+
+
+@compiled
+def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, sights: Sights) -> Array:
+    """Children (N, k, H, 2) m/s, within the limits, of parents (E, k, H, 2), each of which has as many.
+
+    They are changed, in turn, in all steps; in one waypoint or the path from there on; so that they just get one of the
+    sights into view; towards or away from a mate, another of the parents; by joining a mate's path. Noise has a size of
+    `spread` maximum speeds, times a factor by chance; what comes from mates is as large as parents differ.
+    """
+    _, k, H, _ = parents.shape
+    out, path = np.empty((len(drawn.picks), k, H, 2)), np.empty((H, 2))
+    for c in range(len(out)):
+        kind, size, pick = _CYCLE[c % len(_CYCLE)], spread * exp(drawn.normals[c, 2]), drawn.picks[c]
+        pick, mate = divmod(pick, len(parents))
+        _copy(out, c, parents, c * len(parents) // len(out))
+        if kind == _SHAKE:
+            _shake(out, c, drawn.noise, c // len(_CYCLE), size * math.sqrt(0.5), max_speeds)
+            _limit(out, c, max_speeds)
+        elif kind == _MIX:
+            _mix(out, c, parents, mate, 0.5 * (1.0 + drawn.normals[c, 0]))
+            _limit(out, c, max_speeds)
+        else:
+            pick, end = divmod(pick, 2)  # whether to keep the path's end, or else what is changed
+            pick, all_later = divmod(pick, 2)
+            s = pick % len(sights.which) if kind == _SIGHT and len(sights.which) else _NONE
+            j, step = (sights.which[s, 0], sights.which[s, 1]) if s != _NONE else (pick % k, pick // k % H)
+            _follow(out, c, j, path)
+            if kind == _JOIN:
+                _cross(path, step, parents, mate, j)
+                step = 0
+            elif s == _NONE or not _show(path, sights, s):
+                size *= max_speeds[j]
+                last = H if all_later else step + 1
+                _shift(path, step, last, size * drawn.normals[c, 0], size * drawn.normals[c, 1])
+            _tighten(path, H - 1 if end else step, max_speeds[j])
+            _fly(path, out, c, j)
+    return out
+
+
+@compiled
+def _copy(plans: Array, c: int, others: Array, i: int) -> None:
+    """Set the plans of one candidate to those of another; a loop, as slices take much longer."""
+    for j in range(plans.shape[1]):
+        for step in range(plans.shape[2]):
+            plans[c, j, step, 0], plans[c, j, step, 1] = others[i, j, step, 0], others[i, j, step, 1]
+
+
+@compiled
+def _mix(plans: Array, c: int, others: Array, i: int, share: float) -> None:
+    """Move the plans of a candidate towards those of another by a share of the difference."""
+    for j in range(plans.shape[1]):
+        for step in range(plans.shape[2]):
+            for axis in range(2):
+                plans[c, j, step, axis] += share * (others[i, j, step, axis] - plans[c, j, step, axis])
+
+
+@compiled
+def _shake(plans: Array, c: int, noise: Array, i: int, size: float, max_speeds: Array) -> None:
+    """Add a constant offset and white noise over the steps, of equal variance, to the plans of a candidate."""
+    k, H = plans.shape[1], plans.shape[2]
+    for j in range(k):
+        for step in range(H):
+            for axis in range(2):
+                both = noise[i, 2 * j + axis] + noise[i, 2 * k + 2 * (j * H + step) + axis]
+                plans[c, j, step, axis] += size * max_speeds[j] * both
+
+
+@compiled
+def _follow(plans: Array, c: int, j: int, path: Array) -> None:
+    """Set where a plan leads."""
+    x = y = 0.0
+    for h in range(len(path)):
+        x, y = x + plans[c, j, h, 0], y + plans[c, j, h, 1]
+        path[h, 0], path[h, 1] = x, y
+
+
+@compiled
+def _fly(path: Array, plans: Array, c: int, j: int) -> None:
+    """Set the plan that leads along a path."""
+    x = y = 0.0
+    for h in range(len(path)):
+        plans[c, j, h, 0], plans[c, j, h, 1] = path[h, 0] - x, path[h, 1] - y
+        x, y = path[h, 0], path[h, 1]
+
+
+@compiled
+def _shift(path: Array, first: int, last: int, dx: float, dy: float) -> None:
+    """Displace some steps of a path."""
+    for h in range(first, last):
+        path[h, 0] += dx
+        path[h, 1] += dy
+
+
+@compiled
+def _cross(path: Array, step: int, plans: Array, c: int, j: int) -> None:
+    """Let a path be that of a candidate's plan from a step on."""
+    x = y = 0.0
+    for h in range(len(path)):
+        x, y = x + plans[c, j, h, 0], y + plans[c, j, h, 1]
+        if h >= step:
+            path[h, 0], path[h, 1] = x, y
+
+
+@compiled
+def _show(path: Array, sights: Sights, s: int) -> bool:
+    """Displace a step of a path by as little as brings one of the sights into view; whether it was not."""
+    j, h = sights.which[s, 0], sights.which[s, 1]
+    dx, dy = shortest_move(sights.views, j, sights.places[s, 0] - path[h, 0], sights.places[s, 1] - path[h, 1])
+    length = math.sqrt(dx * dx + dy * dy)
+    if length == 0.0:
+        return False
+    _shift(path, h, h + 1, dx * (1.0 + _MARGIN / length), dy * (1.0 + _MARGIN / length))
+    return True
+
+
+@compiled
+def _tighten(path: Array, anchor: int, max_speed: float) -> None:
+    """Pull the steps of a path before `anchor` towards it, then all towards the start, as far as the speed asks for."""
+    for h in range(anchor - 1, -1, -1):
+        _pull(path, h, path[h + 1, 0], path[h + 1, 1], max_speed)
+    x = y = 0.0
+    for h in range(len(path)):
+        _pull(path, h, x, y, max_speed)
+        x, y = path[h, 0], path[h, 1]
+
+
+@compiled
+def _pull(path: Array, h: int, x: float, y: float, max_speed: float) -> None:
+    """Move a step of a path towards (x, y) until that is within one step at full speed."""
+    dx, dy = path[h, 0] - x, path[h, 1] - y
+    square = dx * dx + dy * dy
+    if square > max_speed * max_speed:
+        share = max_speed / math.sqrt(square)
+        path[h, 0], path[h, 1] = x + share * dx, y + share * dy
+
+
+@compiled
+def _limit(plans: Array, c: int, max_speeds: Array) -> None:
+    """Shorten the controls of a candidate to the speed limits (k,) of its UAVs."""
+    for j in range(plans.shape[1]):
+        for step in range(plans.shape[2]):
+            speed = hypot(plans[c, j, step, 0], plans[c, j, step, 1])
+            if speed > max_speeds[j]:
+                plans[c, j, step, 0] *= max_speeds[j] / speed
+                plans[c, j, step, 1] *= max_speeds[j] / speed
+
+
+@compiled
+def distinct(plans: Array, order: NDArray[np.int64], most: int, apart: float, max_speeds: Array) -> NDArray[np.int64]:
+    """The first of `order`, at most so many, of plans (N, k, H, 2) m/s whose paths are apart from those before them.
+
+    apart: of the way at maximum speed in a step, root mean square over UAVs and steps.
+    """
+    _, k, H, _ = plans.shape
+    chosen, count = np.empty(most, dtype=np.int64), 0
+    paths, path = np.empty((most, 2 * k * H)), np.empty(2 * k * H)
+    for i in order:
+        _path(plans[i], max_speeds, path)
+        alike = False
+        for c in range(count):
+            if _within(path, paths[c], k * H * apart * apart):
+                alike = True
+                break
+        if not alike:
+            chosen[count], paths[count] = i, path
+            count += 1
+            if count == most:
+                break
+    return chosen[:count]
+
+
+@compiled
+def _path(plans: Array, max_speeds: Array, path: Array) -> None:
+    """Set where plans (k, H, 2) m/s lead (2 k H,), in ways at maximum speed."""
+    d = 0
+    for j in range(plans.shape[0]):
+        x = y = 0.0
+        for h in range(plans.shape[1]):
+            x += plans[j, h, 0] / max_speeds[j]
+            y += plans[j, h, 1] / max_speeds[j]
+            path[d], path[d + 1] = x, y
+            d += 2
+
+
+@compiled
+def _within(one: Array, other: Array, square: float) -> bool:
+    """Whether the squared distance of two points (D,) is less; the last coordinates, which differ most, come first."""
+    total = 0.0
+    for d in range(len(one) - 1, -1, -1):
+        total += (one[d] - other[d]) * (one[d] - other[d])
+        if total >= square:
+            return False
+    return True

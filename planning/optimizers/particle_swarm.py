@@ -1,0 +1,64 @@
+"""Particle swarm optimisation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from planning.objective.objective import Objective
+from planning.optimizers.optimizer import Found, limited
+from planning.prediction.targets_in_reach import Hints
+from tracking.numerics.compiled import Array
+
+
+@dataclass(frozen=True)
+class ParticleSwarm:
+    """Particle swarm of [Li22] IV: 20 particles per step of the horizon, each drawn to its own and the swarm's best.
+
+    The best starts are where up to half of the particles begin, the others begin at random; `evaluations` of 0 means
+    51 moves of the whole swarm.
+    """
+
+    evaluations: int = 0  # the starts aside
+    particles_per_step: int = 20
+    own: float = 0.5  # c1
+    swarm: float = 0.3  # c2
+    inertia: float = 0.9  # w
+    seconds: float = 0.0  # stop after so much time; 0: no limit
+
+    def minimise(
+        self,
+        objective: Objective,
+        starts: Array,
+        max_speeds: Array,
+        rng: np.random.Generator,
+        hints: Hints | None = None,
+    ) -> Found:
+        """As `Optimizer.minimise`."""
+        began = perf_counter()
+        shape = (self.particles_per_step * starts.shape[2], *starts.shape[1:])
+        particles = limited(rng.uniform(-1.0, 1.0, shape) * max_speeds[:, None, None], max_speeds)
+        starts = limited(starts, max_speeds)
+        firsts = objective(starts)
+        order = np.argsort(firsts, kind="stable")[: len(particles) // 2]
+        particles[: len(order)] = starts[order]
+        velocities = rng.uniform(-1.0, 1.0, shape) * max_speeds[:, None, None]
+        best, values = particles.copy(), objective(particles)
+        used, moves = len(starts) + len(particles), math.ceil(self.evaluations / len(particles)) or 52
+        for _ in range(moves - 1):
+            if self.seconds and perf_counter() - began > self.seconds:
+                break
+            leader = best[np.argmin(values)]
+            toward_own, toward_swarm = rng.random((2, *shape))
+            velocities *= self.inertia
+            velocities += self.own * toward_own * (best - particles) + self.swarm * toward_swarm * (leader - particles)
+            particles = limited(particles + velocities, max_speeds)
+            costs = objective(particles)
+            better = costs < values
+            best[better], values[better] = particles[better], costs[better]
+            used += len(particles)
+        k = int(np.argmin(values))
+        return Found(best[k], float(values[k]), used)

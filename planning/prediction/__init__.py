@@ -1,0 +1,1 @@
+"""Beliefs, views and intents over a horizon."""

@@ -1,0 +1,205 @@
+"""The belief over a horizon: where targets may be, who would see them, and what that does to P."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.planner import Situation, Vehicle
+from planning.prediction.view import quadrangle, reach
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Vector, blocked
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.matrices import length
+
+LANES = 64  # cameras or covariances that compiled code works on side by side, with the processor's vector instructions
+
+
+class Outlook(NamedTuple):
+    """All that the compiled objective needs to know, as arrays: n UAVs, T targets, H steps.
+
+    A tuple of arrays rather than a class, because that is what compiled code can take.
+    """
+
+    step: float  # s
+    noise: Array  # (3,): process noise of one step on position, position-velocity and velocity
+    points: Array  # (H, T, K, 3) m: where the targets may be, equally probable, at their height; the first is the mean
+    covariances: Array  # (T, 4, 4): P now
+    positions: Array  # (n, 3) m: UAVs now
+    views: Array  # (n, 5, 3): fields of view at the target's height, see `planning.prediction.view.quadrangle`
+    quality: Array  # (n, 7): coefficients of each UAV's noise model
+    blockers: Array  # (B, 5): cylinders near each of the points, one after another
+    offsets: NDArray[np.int64]  # (H T K + 1,): where each point's cylinders begin
+    weights: Array  # (T,): how much each target counts
+
+
+def outlook(situation: Situation, points: Array, covariances: Array) -> Outlook:
+    """What a UAV expects of targets that may be at `points` (H, T, K, 3) m and have covariances (T, 4, 4) now.
+
+    Each target counts as one.
+    """
+    vehicles, motion = situation.vehicles, situation.motion
+    blockers, offsets = _near(situation.forest, points, vehicles, motion.dt * len(points))
+    return Outlook(
+        step=motion.dt,
+        noise=np.array([motion.Q[0, 0], motion.Q[0, 2], motion.Q[2, 2]]),
+        points=points,
+        covariances=covariances,
+        positions=np.array([v.position for v in vehicles], dtype=float),
+        views=np.array([quadrangle(v) for v in vehicles]),
+        quality=np.array([v.noise.coefficients for v in vehicles]),
+        blockers=blockers,
+        offsets=offsets,
+        weights=np.ones(len(covariances)),
+    )
+
+
+def _near(
+    forest: Forest, points: Array, vehicles: Sequence[Vehicle], duration: float
+) -> tuple[Array, NDArray[np.int64]]:
+    """The cylinders that can hide each point (..., 3) m from any UAV that within `duration` s has it in view.
+
+    Seen from below, a line of sight leaves the height of the trees within a few metres, so that a point has a
+    handful of candidates, however large the forest.
+    """
+    cylinders = forest.blockers
+    points = points.reshape(-1, 3)
+    farthest = np.zeros(len(cylinders))
+    for v in vehicles:
+        height = v.position[2] - TARGET_HEIGHT
+        share = np.clip((cylinders[:, 4] - TARGET_HEIGHT) / height, 0.0, 1.0)
+        gap = length(points[:, :2] - v.position[:2]).max(initial=0.0) + v.max_speed * duration
+        farthest = np.maximum(farthest, share * min(reach(v), gap))
+    square = np.square(points[:, None, 0] - cylinders[:, 0]) + np.square(points[:, None, 1] - cylinders[:, 1])
+    rows, columns = np.nonzero(square <= np.square(cylinders[:, 2] + farthest))
+    offsets = np.searchsorted(rows, np.arange(len(points) + 1)).astype(np.int64)
+    return np.ascontiguousarray(cylinders[columns]), offsets
+
+
+@compiled
+def may_see(outlook: Outlook, uavs: NDArray[np.int64], boxes: Array) -> NDArray[np.bool_]:
+    """Whether, from anywhere in the boxes (k, H, 4) m: x0, x1, y0, y1, any of k UAVs may see each point (H T, K).
+
+    Rows count (step, target) pairs. A bound at little cost: no is certain, yes is not.
+    """
+    points, views = outlook.points, outlook.views
+    steps, targets, count = points.shape[0], points.shape[1], points.shape[2]
+    may = np.zeros((steps * targets, count), dtype=np.bool_)
+    for j in range(len(uavs)):
+        for step in range(steps):
+            x0, x1, y0, y1 = boxes[j, step, 0], boxes[j, step, 1], boxes[j, step, 2], boxes[j, step, 3]
+            v = views[uavs[j]]
+            a0, b0, a1, b1, a2, b2, a3, b3 = v[0, 0], v[0, 1], v[1, 0], v[1, 1], v[2, 0], v[2, 1], v[3, 0], v[3, 1]
+            c0, c1 = v[0, 2] + max(a0 * x0, a0 * x1) + max(b0 * y0, b0 * y1), v[1, 2] + max(a1 * x0, a1 * x1)
+            c2, c3 = v[2, 2] + max(a2 * x0, a2 * x1), v[3, 2] + max(a3 * x0, a3 * x1)
+            c1, c2, c3 = c1 + max(b1 * y0, b1 * y1), c2 + max(b2 * y0, b2 * y1), c3 + max(b3 * y0, b3 * y1)
+            for t in range(targets):
+                for k in range(count):
+                    x, y = points[step, t, k, 0], points[step, t, k, 1]
+                    within = (a0 * x + b0 * y <= c0) & (a1 * x + b1 * y <= c1)
+                    within &= (a2 * x + b2 * y <= c2) & (a3 * x + b3 * y <= c3)
+                    may[step * targets + t, k] |= within
+    return may
+
+
+@compiled
+def observe(outlook: Outlook, uav: int, cameras: Array, row: int, near: NDArray[np.bool_], information: Array) -> bool:
+    """Add R⁻¹ (xx, xy, yy) to `information` (3 LANES,) of a target that a UAV sees from `cameras` (2, LANES) m.
+
+    row: counts (step, target) pairs; near (H T, K): which points are worth a look. Visibility is that of the points
+    where the target may be, all or nothing for each; each adds its share. Returns whether any camera sees it.
+    """
+    points, quality, offsets = outlook.points, outlook.quality[uav], outlook.offsets
+    targets, count, height = points.shape[1], points.shape[2], outlook.positions[uav, 2]
+    c0, c1, c2, c3, c4, c5 = quality[0], quality[1], quality[2], quality[3], quality[4], quality[5]
+    east, north, least = cameras[0], cameras[1], quality[6]
+    some, free = False, np.empty(LANES)
+    for k in range(count):
+        if not near[row, k]:
+            continue
+        p, index = points[row // targets, row % targets, k], row * count + k
+        x, y = p[0], p[1]
+        blockers = outlook.blockers[offsets[index] : offsets[index + 1]]
+        if not _seen((x, y, p[2]), height, cameras, outlook.views[uav], blockers, free):
+            continue
+        some = True
+        for lane in range(LANES):
+            # R⁻¹ of `noise.ground_covariance` in closed form: its eigenvalues are along and across the line.
+            dx, dy = x - east[lane], y - north[lane]
+            square = dx * dx + dy * dy
+            r = max(math.sqrt(square), least)
+            dx, square = (dx, square) if square > 0.0 else (1.0, 1.0)
+            along, across = c0 + r * (c1 + r * c2), c3 + r * (c4 + r * c5)
+            share = free[lane] / (along * across * square * count)
+            information[lane] += (across * dx * dx + along * dy * dy) * share
+            information[LANES + lane] += (across - along) * dx * dy * share
+            information[2 * LANES + lane] += (along * dx * dx + across * dy * dy) * share
+    return some
+
+
+@compiled
+def _seen(point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array) -> bool:
+    """Set `free` (LANES,) to 1 where a camera (2, LANES) m at a height sees a point, else to 0; whether any does.
+
+    view (5, 3): its field of view; blockers (B, 5): what may hide the point. No array but these few: passing more
+    would take longer than the work.
+    """
+    x, y = point[0], point[1]
+    a0, b0, c0, a1, b1, c1 = view[0, 0], view[0, 1], view[0, 2], view[1, 0], view[1, 1], view[1, 2]
+    a2, b2, c2, a3, b3, c3 = view[2, 0], view[2, 1], view[2, 2], view[3, 0], view[3, 1], view[3, 2]
+    east, north = cameras[0], cameras[1]
+    some = 0
+    for lane in range(LANES):  # `inside` without branches, so that lanes are tested side by side
+        dx, dy = x - east[lane], y - north[lane]
+        near = (a0 * dx + b0 * dy <= c0) & (a1 * dx + b1 * dy <= c1)
+        near &= (a2 * dx + b2 * dy <= c2) & (a3 * dx + b3 * dy <= c3)
+        free[lane] = 1.0 if near else 0.0
+        some += near
+    for k in range(len(blockers) if some else 0):
+        cylinder = blockers[k, 0], blockers[k, 1], blockers[k, 2], blockers[k, 3], blockers[k, 4]
+        for lane in range(LANES):
+            if free[lane] > 0.0 and blocked((east[lane], north[lane], height), point, cylinder):
+                free[lane] = 0.0
+                some -= 1
+    return some > 0
+
+
+@compiled
+def transition(P: Array, step: float, noise: Array, information: Array, traces: Array) -> None:
+    """Belief-state transition of P in each lane, in place: predict one step, then take in the fused information.
+
+    P (10 LANES,) holds, lane by lane, the upper triangle of the covariance row by row: xx, xy, xu, xv, yy, yu, yv,
+    uu, uv, vv with (u, v) the velocity; information (3 LANES,): xx, xy, yy. `traces` (LANES,) gets those of the
+    position block. [Li22] eq. (1) and the covariance part of the Kalman update; with no information P only grows.
+    """
+    drift, both, wander = noise[0], noise[1], noise[2]
+    for k in range(LANES):
+        xx, xy, xu, xv, yy = P[k], P[LANES + k], P[2 * LANES + k], P[3 * LANES + k], P[4 * LANES + k]
+        yu, yv, uu = P[5 * LANES + k], P[6 * LANES + k], P[7 * LANES + k]
+        uv, vv = P[8 * LANES + k], P[9 * LANES + k]
+        xx += step * (2 * xu + step * uu) + drift
+        yy += step * (2 * yv + step * vv) + drift
+        xy += step * (xv + yu + step * uv)
+        xu, xv, yu, yv = xu + step * uu + both, xv + step * uv, yu + step * uv, yv + step * vv + both
+        uu, vv = uu + wander, vv + wander
+        jxx, jxy, jyy = information[k], information[LANES + k], information[2 * LANES + k]
+        # S⁻¹ = (I + J P_pp)⁻¹ J, which needs no inverse of J and is 0 without information.
+        a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
+        c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
+        one = 1.0 / (a * d - b * c)
+        sxx, sxy, syy = (d * jxx - b * jxy) * one, (d * jxy - b * jyy) * one, (a * jyy - c * jxy) * one
+        gx0, gx1, gy0, gy1 = xx * sxx + xy * sxy, xx * sxy + xy * syy, xy * sxx + yy * sxy, xy * sxy + yy * syy
+        gu0, gu1, gv0, gv1 = xu * sxx + yu * sxy, xu * sxy + yu * syy, xv * sxx + yv * sxy, xv * sxy + yv * syy
+        P[k], P[LANES + k], P[4 * LANES + k] = (
+            xx - gx0 * xx - gx1 * xy,
+            xy - gx0 * xy - gx1 * yy,
+            yy - gy0 * xy - gy1 * yy,
+        )
+        P[2 * LANES + k], P[3 * LANES + k] = xu - gx0 * xu - gx1 * yu, xv - gx0 * xv - gx1 * yv
+        P[5 * LANES + k], P[6 * LANES + k] = yu - gy0 * xu - gy1 * yu, yv - gy0 * xv - gy1 * yv
+        P[7 * LANES + k], P[8 * LANES + k] = uu - gu0 * xu - gu1 * yu, uv - gu0 * xv - gu1 * yv
+        P[9 * LANES + k] = vv - gv0 * xv - gv1 * yv
+        traces[k] = P[k] + P[4 * LANES + k]

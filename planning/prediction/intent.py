@@ -1,0 +1,79 @@
+"""The policy of intent and the base policy that extends it ([Li22] III-C)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from planning.planner import Plan, Situation, Vehicle
+from planning.prediction.propagation import beliefs
+from planning.prediction.view import aim
+from tracking.numerics.compiled import Array, compiled
+from tracking.tracker import Track
+
+BASE_RANGE = 40.0  # m: the base policy looks no further
+
+
+def base_control(vehicle: Vehicle, position: Array, tracks: Sequence[Track], ahead: float, step: float) -> Array:
+    """Base policy: fly at full speed towards the track of largest covariance trace within 40 m; (2,) m/s.
+
+    position (2,) m is the vehicle's after `ahead` s; the tracks are taken at their nominal positions one step later,
+    when it can be there, with the covariances they have now. What flies towards a track is the middle of the image.
+    Arrives rather than overshoots; hovers where no track is near.
+    """
+    control: Array = _towards((position + aim(vehicle))[None], beliefs(tracks), ahead, step, vehicle.max_speed)[0]
+    return control
+
+
+def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Array:
+    """Controls (H, 2) m/s that a UAV is expected to fly: its last plan shifted, extended by the base policy."""
+    known = situation.intents.get(vehicle.id, Plan(np.zeros((0, 2))))
+    controls = list(known.controls[1 : horizon + 1])
+    if len(controls) == horizon:
+        return np.array(controls)
+    step, tracks = situation.step, beliefs(situation.tracks)
+    aimed = vehicle.position[:2] + step * np.sum(controls, axis=0) + aim(vehicle)
+    while len(controls) < horizon:
+        control = _towards(aimed[None], tracks, len(controls) * step, step, vehicle.max_speed)[0]
+        controls.append(control)
+        aimed = aimed + step * control
+    return np.array(controls)
+
+
+def followed(situation: Situation, vehicle: Vehicle, firsts: Array, horizon: int) -> Array:
+    """Plans (N, H, 2) m/s that begin with the controls `firsts` (N, 2) and go on by the base policy."""
+    step, tracks = situation.step, beliefs(situation.tracks)
+    plans = np.empty((len(firsts), horizon, 2))
+    plans[:, 0] = firsts
+    aimed = vehicle.position[:2] + step * firsts + aim(vehicle)
+    for k in range(1, horizon):
+        plans[:, k] = _towards(aimed, tracks, k * step, step, vehicle.max_speed)
+        aimed = aimed + step * plans[:, k]
+    return plans
+
+
+@compiled
+def _towards(aimed: Array, tracks: tuple[Array, Array], ahead: float, step: float, max_speed: float) -> Array:
+    """`base_control` (N, 2) m/s of a vehicle that is aimed at (N, 2) m; tracks: means (T, 4), covariances (T, 4, 4)."""
+    means, covariances = tracks
+    controls = np.zeros_like(aimed)
+    for n in range(len(aimed)):
+        most = 0.0
+        for t in range(len(means)):
+            x = means[t, 0] + (ahead + step) * means[t, 2] - aimed[n, 0]
+            y = means[t, 1] + (ahead + step) * means[t, 3] - aimed[n, 1]
+            distance, trace = math.sqrt(x * x + y * y), covariances[t, 0, 0] + covariances[t, 1, 1]
+            if distance <= BASE_RANGE and trace > most:
+                most, slower = trace, min(1.0, max_speed * step / max(distance, 1e-300))
+                controls[n, 0], controls[n, 1] = x / step * slower, y / step * slower
+    return controls
+
+
+def paths(positions: Array, controls: Array, step: float) -> Array:
+    """Where cameras (..., n, H, 3) m get by controls (..., n, H, 2) m/s from positions (n, 3) m ([Li22] eq. (5))."""
+    path = np.empty((*controls.shape[:-1], 3))
+    path[..., :2] = positions[:, None, :2] + step * np.cumsum(controls, axis=-2)
+    path[..., 2] = positions[:, None, 2]
+    return path

@@ -1,0 +1,109 @@
+"""What targets may do over a horizon: belief propagation, [Li22] Algorithm 1, and what it is compared with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from planning.planner import Situation
+from planning.prediction.belief import Outlook, outlook
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.compiled import Array
+from tracking.numerics.matrices import applied, cholesky, eigen
+from tracking.numerics.normal import standard_normal
+from tracking.tracker import Track
+
+# Where a standard normal's mass of a third each has its mean: equally probable points along an axis.
+_THIRDS = np.array([0.0, -1.0907993154, 1.0907993154])
+_NINE = np.array([(a, b) for a in _THIRDS for b in _THIRDS])  # the mean first
+
+
+class Propagation(Protocol):
+    """How a belief on targets unfolds."""
+
+    def outlook(self, situation: Situation, horizon: int, rng: np.random.Generator) -> Outlook:
+        """What to expect for `horizon` steps; targets come in whole sets, one set per sample."""
+        ...
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """Nominal belief-state optimisation (NBO): undisturbed trajectories of the means, [Li22] Algorithm 1, step 1.
+
+    With `expected`, a target is seen with the probability of detection under its predicted belief, taken at nine
+    points, rather than all or nothing at the mean; each point adds its share of the information.
+    """
+
+    expected: bool = False
+
+    def outlook(self, situation: Situation, horizon: int, rng: np.random.Generator) -> Outlook:
+        """As `Propagation.outlook`, of one sample; draws no random numbers."""
+        means, covariances = beliefs(situation.tracks)
+        points = np.empty((horizon, len(means), 9 if self.expected else 1, 3))
+        points[..., 2] = TARGET_HEIGHT
+        points[:, :, 0, :2] = nominal_positions(situation.tracks, situation.step, horizon)
+        ahead, spread = means, covariances
+        for step in range(horizon if self.expected else 0):
+            ahead, spread = situation.motion.predict_all(ahead, spread)
+            roots = cholesky(spread[:, :2, :2])
+            points[step, :, :, :2] = points[step, :, :1, :2] + applied(roots[:, None], _NINE)
+        return outlook(situation, points, covariances)
+
+
+@dataclass(frozen=True)
+class MonteCarlo:
+    """Trajectories drawn from belief and motion model; plans are compared on the same ones (common random numbers).
+
+    Source: multi-agent rollout as [Li22] IV-D compares with. Each sample is a set of targets of its own whose P evolves
+    with what is seen along that trajectory.
+    """
+
+    samples: int = 50
+
+    def outlook(self, situation: Situation, horizon: int, rng: np.random.Generator) -> Outlook:
+        """As `Propagation.outlook`, of `samples` samples."""
+        means, covariances = beliefs(situation.tracks)
+        S, T = self.samples, len(means)
+        states = _drawn(means, covariances, standard_normal(rng, (S, T, 4)))
+        points = np.empty((horizon, S, T, 1, 3))
+        points[..., 2] = TARGET_HEIGHT
+        for step in range(horizon):
+            drift = _disturbance(situation.motion, standard_normal(rng, (S, T, 2, 2)))
+            states = applied(situation.motion.F, states) + drift
+            points[step, :, :, 0, :2] = states[..., :2]
+        return outlook(situation, points.reshape(horizon, S * T, 1, 3), np.tile(covariances, (S, 1, 1)))
+
+
+def nominal_positions(tracks: Sequence[Track], step: float, horizon: int) -> Array:
+    """Undisturbed positions (H, T, 2) m of the tracks after 1 to H steps of `step` s."""
+    means, _ = beliefs(tracks)
+    return np.asarray(means[:, :2] + step * np.arange(1, horizon + 1)[:, None, None] * means[:, 2:])
+
+
+def beliefs(tracks: Sequence[Track]) -> tuple[Array, Array]:
+    """Means (T, 4) and covariances (T, 4, 4) of tracks."""
+    means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
+    return means, np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4)
+
+
+def _drawn(means: Array, covariances: Array, normal: Array) -> Array:
+    """States (S, T, 4) from standard normal numbers (S, T, 4); a covariance may be singular."""
+    values, axes = eigen(covariances)
+    return np.asarray(means + applied(axes * np.sqrt(np.maximum(values, 0.0))[:, None, :], normal))
+
+
+def _disturbance(motion: NearlyConstantVelocity, normal: Array) -> Array:
+    """Process noise of a step on states (S, T, 4), from normal numbers (S, T, 2, 2): of each axis, in its last, two.
+
+    These are multiplied by the Cholesky factor of an axis' block of Q, which has rank one over a single scan.
+    """
+    position, both, velocity = float(motion.Q[0, 0]), float(motion.Q[0, 2]), float(motion.Q[2, 2])
+    first = math.sqrt(position)
+    second = both / first if first else 0.0
+    rest = math.sqrt(max(velocity - second * second, 0.0)) if motion.scans > 1 else 0.0
+    return np.concatenate([first * normal[..., 0], second * normal[..., 0] + rest * normal[..., 1]], axis=-1)

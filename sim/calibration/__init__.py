@@ -1,0 +1,1 @@
+"""The fit of the camera noise model to rendered people."""

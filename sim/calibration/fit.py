@@ -1,0 +1,287 @@
+"""Fits the constants of the camera's covariance to rendered people, and checks it: `python -m sim.calibration.fit`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, dataclass, fields, replace
+from itertools import pairwise
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from scipy.optimize import brentq, minimize
+from scipy.stats import chi2
+
+from sim.calibration.scenes import ALTITUDES, Pair, Sample, pairs, people_in_forests, samples, tilted
+from tracking.detection.blob_detector import located
+from tracking.detection.detector import measured, split_gaps
+from tracking.detection.noise import SPLIT, WHOLE, SplitError, WholeError, footprints, sight
+from tracking.detection.partial_visibility import PART, PartError, Places, places_of
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.numerics.compiled import Array
+
+OFF_NADIR = (0.0, 10.0, 20.0, 30.0, 40.0)  # deg
+HIDDEN = (0.0, 0.001, 0.2, 0.4, 0.6, 0.8, 1.0)  # by trees and the image's edge
+# Off nadir, and up to which roll and pitch of a body that the camera is fixed to; 0 for a gimbal [deg].
+TILTS = ((0.0, 20.0), (15.0, 0.0), (15.0, 20.0), (30.0, 0.0), (45.0, 0.0))
+_OTHERS = (12.0, 26.0, 34.0)  # m
+
+
+def nees(population: Sequence[Sample]) -> Array:
+    """Squared errors over variances (N,) of the samples as the detector gives them; two degrees of freedom."""
+    out = []
+    for sample in population:
+        found = located(sample.frame, sample.blobs, sample.forest, np.zeros(len(sample.blobs), dtype=np.int64))
+        error = found.ground[0] - sample.person
+        out.append(float(error @ np.linalg.solve(found.covariances[0], error)))
+    return np.array(out)
+
+
+def nees_of_pairs(population: Sequence[Pair]) -> Array:
+    """Squared errors over variances (2 N,) of people in pairs told apart."""
+    out = []
+    for pair in population:
+        found = located(pair.frame, pair.blobs, Forest(()), pair.components)
+        errors = found.ground - pair.people
+        out += [float(e @ np.linalg.solve(R, e)) for e, R in zip(errors, found.covariances, strict=True)]
+    return np.array(out)
+
+
+@dataclass(frozen=True)
+class Bin:
+    """Mean NEES of the samples of a bin, and the interval that holds it at 95 %."""
+
+    name: str
+    count: int
+    mean: float
+    low: float
+    high: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the mean lies in its interval."""
+        return self.low <= self.mean <= self.high
+
+
+def nees_bins(population: Sequence[Sample]) -> list[Bin]:
+    """Mean NEES by angle off nadir and by share hidden."""
+    values = nees(population)
+    angles = np.degrees(np.arctan([sample.tangent for sample in population]))
+    hidden = np.array([sample.hidden for sample in population])
+    bins = [bin_of(f"{a:.0f} to {b:.0f} deg", values[(angles >= a) & (angles < b)]) for a, b in pairwise(OFF_NADIR)]
+    for a, b in pairwise(HIDDEN):
+        name = "in plain view" if a == 0.0 else f"{a:.0%} to {b:.0%} hidden"
+        bins.append(bin_of(name, values[(hidden >= a) & (hidden < b)]))
+    return [*bins, bin_of("all", values)]
+
+
+def tilt_bins(seed: int, frames: int) -> list[Bin]:
+    """Mean NEES of people in the open, taken for whole and wholly in the image, by the camera's mount."""
+    bins = []
+    for tilt, sway in ((0.0, 0.0), *TILTS):
+        rng = np.random.default_rng([seed, 5, int(tilt), int(sway)])
+        views = tilted(rng, tilt, frames, sway)
+        people = (s for s in samples(rng, Forest(()), frames=frames, attitudes=views) if s.hidden == 0.0)
+        whole = [s for s in people if places_of(s.frame, s.blob, s.forest) is None]
+        bins.append(bin_of(_mount("whole", tilt, sway), nees(whole)))
+    return bins
+
+
+def pair_bins(seed: int, frames: int) -> list[Bin]:
+    """Mean NEES of people told apart, from level cameras and from all tilted ones."""
+    bins = []
+    for name, mounts in (("level", ((0.0, 0.0),)), ("tilted", TILTS)):
+        population: list[Pair] = []
+        for tilt, sway in mounts:
+            rng = np.random.default_rng([seed, 6, int(tilt), int(sway)])
+            count = frames // len(mounts)
+            population += pairs(rng, frames=count, attitudes=tilted(rng, tilt, count, sway))
+        bins.append(bin_of(f"told apart, {name}", nees_of_pairs(population)))
+    return bins
+
+
+def _mount(name: str, tilt: float, sway: float) -> str:
+    return f"{name}, tilt {tilt:.0f} deg" + (f", body sways {sway:.0f}" if sway else "")
+
+
+def bin_of(name: str, values: Array) -> Bin:
+    """The bin of squared errors over variances (N,)."""
+    n = len(values)
+    low, high = chi2.ppf((0.025, 0.975), 2 * n) / n
+    return Bin(name, n, float(values.mean()), float(low), float(high))
+
+
+def fit_whole(seed: int, frames: int) -> WholeError:
+    """The constants of people in plain view under which their errors are likeliest."""
+    rows = []
+    for k, (pixels, altitudes) in enumerate((p, a) for p in (96, 128, 192, 256) for a in (ALTITUDES, _OTHERS)):
+        rng = np.random.default_rng([seed, 2, k])
+        count = frames if (pixels, altitudes) == (128, ALTITUDES) else frames // 6
+        for sample in samples(rng, Forest(()), frames=count, pixels=pixels, altitudes=altitudes):
+            if places_of(sample.frame, sample.blob, sample.forest) is None:
+                rows.append(_errors(sample))
+    gsd, tangent, radial, tangential = np.array(rows).T
+    powers = tangent[:, None] ** np.arange(3)
+
+    def surprise(x: Array) -> float:
+        along, across = ((variances * powers).sum(axis=1) for variances in _whole(x).variances(gsd))
+        if not _positive(x) or min(along.min(), across.min()) <= 0.0:
+            return math.inf
+        return float(np.mean(np.log(along) + radial**2 / along + np.log(across) + tangential**2 / across))
+
+    error = _whole(_minimum(surprise, np.hstack(astuple(WHOLE)[:7]), 12000))
+    along, across = ((variances * powers).sum(axis=1) for variances in error.variances(gsd))
+    excess, _ = _excess(_between(tangent, error.tangents), radial**2 / along + tangential**2 / across)
+    return replace(error, excess=excess)
+
+
+def _errors(sample: Sample) -> tuple[float, float, float, float]:
+    """Size of a pixel on the ground, tangent off nadir, radial and tangential error [m] of somebody seen whole."""
+    pose, camera = sample.frame.pose, sample.frame.camera
+    ground = measured(sample.frame, [sample.blob]).ground[0]
+    height = float(pose.position[2]) - TARGET_HEIGHT
+    offset, error = ground - pose.position[:2], ground - sample.person
+    distance = max(float(np.linalg.norm(offset)), 1e-9)
+    u, v = offset / distance
+    return height / camera.focal, distance / height, float(error @ [u, v]), float(error @ [-v, u])
+
+
+def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
+    """What level images do not tell, from tilted ones of people in plain view."""
+    cases = []
+    for k, (tilt, sway) in enumerate(TILTS):
+        rng = np.random.default_rng([seed, 3, k])
+        views = tilted(rng, tilt, frames, sway)
+        for sample in samples(rng, Forest(()), frames=frames, altitudes=ALTITUDES + _OTHERS, attitudes=views):
+            whole = len(sample.blobs) == 1 and places_of(sample.frame, sample.blob, sample.forest) is None
+            if whole:
+                pose, ground = sample.frame.pose, measured(sample.frame, [sample.blob]).ground
+                axes, tangent = sight(pose, ground)
+                error_along = np.einsum("nij,ni->nj", axes, ground - sample.person)
+                cases.append((tangent, footprints(sample.frame.camera, pose, ground), error_along))
+    tangents, pixels, errors = (np.concatenate(column) for column in zip(*cases, strict=True))
+
+    def surprise(x: Array) -> float:
+        variances = _with_powers(error, x).detected(tangents, pixels)
+        return float(np.mean(np.log(variances) + errors**2 / variances))
+
+    return _with_powers(error, _minimum(surprise, np.array([*WHOLE.powers, WHOLE.stretch]), 2000))
+
+
+def _with_powers(error: WholeError, x: Array) -> WholeError:
+    a, b, c, d, stretch = x.tolist()
+    return replace(error, powers=(a, b, c, d), stretch=stretch)
+
+
+def fit_split(seed: int, frames: int) -> SplitError:
+    """The constants of people told apart under which their errors are likeliest; half of the cameras are level."""
+    cases = []
+    for k, (tilt, sway) in enumerate(((0.0, 0.0),) * len(TILTS) + TILTS):
+        rng = np.random.default_rng([seed, 4, k])
+        for pair in pairs(rng, frames=frames, attitudes=tilted(rng, tilt, frames, sway)):
+            found = located(pair.frame, pair.blobs, Forest(()))
+            axes, tangents = sight(pair.frame.pose, found.ground)
+            alone = np.einsum("nij,nik,nkj->nj", axes, found.covariances, axes)
+            gaps = split_gaps(pair.frame, found.pixels, pair.components)
+            errors_along = np.einsum("nij,ni->nj", axes, found.ground - pair.people)
+            cases.append((tangents, gaps, alone, errors_along, np.full(2, tilt == sway == 0.0)))
+    tangents, gaps, alone, errors, level = (np.concatenate(column) for column in zip(*cases, strict=True))
+
+    def surprise(x: Array) -> float:
+        variances = alone + SplitError(*x.tolist()).variances(tangents, gaps)
+        return float(np.mean(np.log(variances) + errors**2 / variances))
+
+    likeliest = _minimum(surprise, np.array(astuple(SPLIT)), 2000)
+    added = SplitError(*likeliest.tolist()).variances(tangents, gaps)
+    # Few errors are much larger than the rest: the likeliest constants say too little on the average of level cameras.
+    base, more, squares = alone[level], added[level], errors[level] ** 2
+    factor = brentq(lambda x: float(np.mean(squares / (base + x * more))) - 1.0, 0.1, 10.0)
+    return SplitError(*(likeliest * [factor**0.5, factor**0.5, factor**0.5, 1.0]).tolist())
+
+
+def _whole(x: Array) -> WholeError:
+    return WholeError(*x[:3].tolist(), *((a, b) for a, b in x[3:].reshape(-1, 2).tolist()))
+
+
+def _positive(x: Array) -> bool:
+    """Whether the growths (after the first three) stay positive at any angle off nadir."""
+    slopes, curves = x[3::2], x[4::2]
+    return bool(np.all(curves >= 0.0) and np.all((slopes >= 0.0) | (slopes**2 < 3.8 * curves)))
+
+
+def fit_part(seed: int, frames: int) -> PartError:
+    """The constants of people seen in part under which their places are likeliest, at four resolutions alike."""
+    cases = [case for k in (256, 192, 128, 96) for case in _parts(people_in_forests(seed + k, frames, k))]
+
+    def surprise(x: Array) -> float:
+        return math.inf if np.min(x) < 0.0 else _with_excess(x, cases[::5])[1]
+
+    start = np.array(PART.constants)
+    return _with_excess(np.round(_minimum(surprise, start, 100), 3), cases)[0]
+
+
+def _parts(population: Sequence[Sample]) -> list[tuple[Places, Array]]:
+    """Those of whom something seems hidden: where they may be, and where they are."""
+    found = ((places_of(s.frame, s.blob, s.forest), s.person) for s in population)
+    return [(places, person) for places, person in found if places is not None]
+
+
+def _with_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> tuple[PartError, float]:
+    """The constants with the likeliest factors of the covariance, and how unlikely they are."""
+    plain = ((1.0,) * len(PART.hidden),) * len(PART.pixel)
+    error = replace(PART, **dict(zip(("posture", "rounding", "fringe", "limb"), x.tolist(), strict=True)), excess=plain)
+    rows = []
+    for places, person in cases:
+        mean, covariance, share = places.posterior(error)
+        rows.append((*(mean - person), *covariance.ravel(), share))
+    u, v, uu, uv, _, vv, shares = np.array(rows).T
+    volume = uu * vv - uv * uv
+    squares = (vv * u * u - 2 * uv * u * v + uu * v * v) / volume
+    pixel = _between([places.pixel for places, _ in cases], error.pixel)
+    basis = (pixel[:, None] * _between(shares, error.hidden)).reshape(-1, len(cases))
+    excess, factor = _excess(basis, squares)
+    surprise = float(np.mean(squares / factor + np.log(volume) + 2 * np.log(factor)))
+    table = tuple(tuple(row) for row in np.reshape(excess, (len(error.pixel), -1)).tolist())
+    return replace(error, excess=table), surprise
+
+
+def _between(where: Array | Sequence[float], knots: Sequence[float]) -> Array:
+    """Shares (K, N) that each knot has in what is linear between knots, at `where` (N,)."""
+    return np.array([np.interp(where, knots, unit) for unit in np.eye(len(knots))])
+
+
+def _excess(basis: Array, squares: Array) -> tuple[tuple[float, ...], Array]:
+    """The likeliest factors (K,) of covariances, and those (N,) of the squares (N,): factors @ basis (K, N)."""
+    excess = np.ones(len(basis))
+    for _ in range(50):  # weighted least squares of squares / 2 on the factors
+        weights = basis / (excess @ basis) ** 2
+        excess = np.maximum(np.linalg.solve(weights @ basis.T, weights @ (squares / 2)), 0.1)
+    return tuple(excess.tolist()), excess @ basis
+
+
+def _minimum(function: Callable[[Array], float], start: Array, calls: int) -> Array:
+    found = minimize(function, start, method="Nelder-Mead", options={"maxfev": calls, "adaptive": True})
+    return np.asarray(found.x)
+
+
+def _rounded(constants: WholeError | PartError | SplitError) -> str:
+    numbers = [np.round(value, 3).tolist() for value in astuple(constants)]
+    return "\n".join(f"  {field.name} = {value}" for field, value in zip(fields(constants), numbers, strict=True))
+
+
+def main() -> None:
+    """Print constants fitted anew, and the NEES of those in force on 5000 other detections."""
+    console = Console()
+    console.print("tracking.detection.noise.WholeError\n" + _rounded(fit_powers(fit_whole(0, 1200), 0, 600)))
+    console.print("tracking.detection.noise.SplitError\n" + _rounded(fit_split(0, 800)))
+    console.print("tracking.detection.partial_visibility.PartError\n" + _rounded(fit_part(1, 500)))
+    table = Table("bin", "detections", "mean NEES", "95 % interval", "")
+    for row in nees_bins(people_in_forests(2, 165)) + tilt_bins(2, 200) + pair_bins(2, 2000):
+        interval = f"{row.low:.2f} to {row.high:.2f}"
+        table.add_row(row.name, str(row.count), f"{row.mean:.2f}", interval, "" if row.holds else "outside")
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,123 @@
+"""`understory explain`."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from sim.recording.atomic_files import check_new, unused, whole
+from sim.scenario.errors import InputError
+from sim.scenario.quantities import integer, interval
+from sim.terminal.console import console
+
+if TYPE_CHECKING:  # a complaint about the input needs none of what these import
+    from sim.recording.recording import Recording
+    from sim.replay.explain.explanation import Group
+    from sim.replay.history import History
+
+_STYLES = {"lost": "red", "not found yet": "red", "held by some": "yellow"}
+
+
+def explain(
+    recorded: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")],
+    time: Annotated[str | None, typer.Option(metavar="T", help="The scan nearest to T; without, all of them.")] = None,
+    target: Annotated[str | None, typer.Option(metavar="N", help="Which person, from 0; without --time, all.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="New file for the picture. Default: one in DIR.")
+    ] = None,
+) -> None:
+    """Say why a person was seen, hidden, held or lost: at one time, with a picture, or over the whole mission."""
+    moment = None if time is None else _moment(time)
+    if moment is not None and target is None:
+        raise InputError("--target: missing; --time asks about one person, so say which, from 0")
+    if out is not None:
+        check_new(out, ".png", "--out")
+    from sim.replay.frames.rerender import find, scans_between, scenario_of
+    from sim.replay.history import History
+
+    recording = find(recorded)
+    scan = None if moment is None else scans_between(recording, moment, None)[0]
+    person = None if target is None else _person(recording, target)
+    folder = recorded if recorded.is_dir() else recorded.parent
+    history = History.of(recording, scenario_of(recording))
+    if scan is None:
+        _whole(recording, history, person, out or folder / "timeline.png", recorded)
+        return
+    assert person is not None
+    name = f"explain-target{person}-{recording.times[scan]:.1f}s"
+    _moment_of(recording, history, (scan, person), out or unused(folder / name, ".png"))
+
+
+def _moment(text: str) -> float:
+    start, end = interval(text, "--time")
+    if end is not None:
+        raise InputError(f"--time: {text!r} is not allowed; expected one time such as 12.4")
+    return start
+
+
+def _person(recording: Recording, text: str) -> int:
+    count = recording.people.shape[1]
+    if not count:
+        raise InputError(f"--target: {text!r} is not allowed; nobody walked in this mission")
+    return integer(text, "--target", least=0, most=count - 1)
+
+
+def _moment_of(recording: Recording, history: History, asked: tuple[int, int], path: Path) -> None:
+    """Print and draw one person at one scan."""
+    from sim.replay.explain.explanation import explanation
+    from sim.replay.explain.observation import Inquiry
+    from sim.replay.explain.person import Account
+    from sim.replay.explain.picture import draw_explanation
+    from sim.replay.frames.rerender import png, scenario_of
+
+    with Inquiry(recording, scenario_of(recording)) as inquiry:
+        account = Account.of(inquiry, history, *asked)
+        groups = explanation(account, recording)
+        page = draw_explanation(inquiry, account, groups)
+    with whole(path) as part:
+        part.write_bytes(png(page))
+    _print(groups)
+    console.print(f"Picture: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
+
+
+def _print(groups: list[Group]) -> None:
+    for heading, facts in groups:
+        console.print(f"[bold]{escape(heading)}[/bold]")
+        for fact in facts:
+            console.print(f"  {escape(fact)}", soft_wrap=True)
+
+
+def _whole(recording: Recording, history: History, person: int | None, path: Path, recorded: Path) -> None:
+    """Print the whole mission of one person or all, and draw its timeline unless it is there."""
+    from sim.drawing.plots import save
+    from sim.replay.explain.explanation import told
+    from sim.replay.timeline import timeline_figure
+
+    people = range(recording.people.shape[1]) if person is None else [person]
+    for m in people:
+        console.print(f"[bold]person {m}[/bold]")
+        table = Table.grid(padding=(0, 2))
+        for first, last, held, seen in told(history, m):
+            style = _STYLES.get(held, "")
+            table.add_row(
+                f"  {first:.1f} s" if first == last else f"  {first:.1f} to {last:.1f} s",
+                f"[{style}]{held}[/]" if style else held,
+                seen,
+            )
+        console.print(table)
+    if not people:
+        console.print("Nobody walked in this mission.")
+    if not path.exists():
+        save(timeline_figure(history, recording.ospa), path)
+    console.print(f"Timeline: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
+    lost = [loss for loss in history.losses if loss.person in people]
+    if lost:
+        longest = max(lost, key=lambda loss: loss.last - loss.first)
+        asked = f"understory explain {shlex.quote(str(recorded))} --target {longest.person}"
+        time = f"--time {history.times[longest.first]:.1f}"
+        console.print(f"The longest loss: [bold]{escape(asked)} {time}[/bold]", soft_wrap=True)

@@ -1,0 +1,144 @@
+"""`understory replay`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+
+from sim.recording.atomic_files import check_new, unused
+from sim.scenario.errors import InputError
+from sim.scenario.quantities import interval
+from sim.terminal.console import console, say, trial_progress
+
+if TYPE_CHECKING:  # a complaint about the input needs none of what these import
+    from sim.recording.recording import Recording
+
+_SPEEDS = (0.05, 20.0)  # slowest and fastest
+
+
+def replay(
+    recorded: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")],
+    video: Annotated[bool, typer.Option("--video", help="Make the film again; so it is without an option.")] = False,
+    gui: Annotated[bool, typer.Option("--gui", help="Show the world in PyBullet's window, from any side.")] = False,
+    rerun: Annotated[
+        str | None, typer.Option(metavar="FILE.rrd|spawn", help="Write a file for the Rerun viewer, or open it.")
+    ] = None,
+    page: Annotated[
+        bool, typer.Option("--page", help="Make the page again, with the film in DIR if there is one.")
+    ] = False,
+    layout: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of the film: map+cameras (as flown), map, cameras, or uav1.")
+    ] = None,
+    speed: Annotated[str | None, typer.Option(metavar="X", help="2: twice as fast; 0.25: slow motion.")] = None,
+    time: Annotated[str | None, typer.Option(metavar="T:T2", help="Only the scans from T to T2.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="New .mp4, or .html of a page. Default: replay.mp4 or mission.html in DIR."),
+    ] = None,
+) -> None:
+    """Show a recorded mission again: as film or page, in PyBullet's window or the Rerun viewer. Nothing is planned."""
+    fitting = {"--layout": layout, "--speed": speed, "--time": time, "--out": out}
+    asked = {"--video": video, "--gui": gui, "--rerun": rerun is not None, "--page": page}
+    way = _way(asked, [name for name, value in fitting.items() if value is not None])
+    factor = _speed(speed or "1")
+    start, end = (0.0, None) if time is None else _window(time)
+    if out is not None:
+        check_new(out, ".html" if page else ".mp4", "--out")
+    from sim.replay.frames.rerender import find, scans_between
+
+    recording = find(recorded)
+    folder = recorded if recorded.is_dir() else recorded.parent
+    if rerun is not None:
+        _rerun(recording, rerun, folder / "summary.json")
+        return
+    if page:
+        _page(recording, folder, out or unused(folder / "mission", ".html"))
+        return
+    scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
+    if way == "--gui":
+        from sim.replay.window import show
+
+        show(recording, scans, speed=factor, say=say)
+        return
+    from sim.replay.film import AS_FLOWN, check_layout, write_film
+    from sim.replay.frames.rerender import scenario_of
+
+    check_layout(layout or AS_FLOWN, scenario_of(recording))
+    path = out or unused(folder / "replay", ".mp4")
+    with trial_progress(len(scans), "scans") as progress:
+        write_film(recording, scans, path, layout=layout or AS_FLOWN, speed=factor, progress=progress)
+    console.print(f"Film: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
+
+
+def _way(asked: dict[str, bool], given: list[str]) -> str:
+    """How to show it; InputError where several ways, or options that do not belong to the one, are asked for."""
+    ways = [name for name, wanted in asked.items() if wanted] or ["--video"]
+    if len(ways) > 1:
+        raise InputError(f"{ways[1]}: not allowed together with {ways[0]}; ask for one at a time")
+    allowed = {
+        "--video": ["--layout", "--speed", "--time", "--out"],
+        "--gui": ["--speed", "--time"],
+        "--page": ["--out"],
+    }
+    for name in given:
+        if name not in allowed.get(ways[0], []):
+            raise InputError(f"{name}: not allowed together with {ways[0]}; it belongs to --video")
+    return ways[0]
+
+
+def _speed(text: str) -> float:
+    try:
+        value = float(text.strip().removesuffix("x"))
+    except ValueError:
+        value = math.nan
+    if not _SPEEDS[0] <= value <= _SPEEDS[1]:
+        raise InputError(f"--speed: {text!r} is not allowed; expected a factor from {_SPEEDS[0]:g} to {_SPEEDS[1]:g}")
+    return value
+
+
+def _window(text: str) -> tuple[float, float]:
+    start, end = interval(text, "--time")
+    if end is None:
+        raise InputError(f"--time: {text!r} is not allowed; expected a first and a last time such as 12:20")
+    return start, end
+
+
+def _page(recording: Recording, folder: Path, path: Path) -> None:
+    """Write the page of a recording that lies in a folder to a new file."""
+    from sim.replay.film import drawn
+    from sim.replay.frames.rerender import scenario_of
+    from sim.replay.page.page import write_page
+
+    beside = folder / "mission.mp4"
+    film: bytes | Path = beside
+    if not beside.is_file():
+        with trial_progress(len(recording.times), "scans") as progress:
+            film = drawn(recording, progress=progress)
+    write_page(recording, scenario_of(recording), path, video=film, place=str(folder))
+    console.print(f"Page: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
+
+
+def _rerun(recording: Recording, target: str, summary: Path) -> None:
+    """Write the recording for the Rerun viewer to a new file, or open it in the viewer."""
+    from sim.replay.frames.rerender import scenario_of
+
+    path = Path(target)
+    if target != "spawn":
+        check_new(path, ".rrd", "--rerun", also=", or spawn")
+    try:
+        from sim.replay.rerun.viewer import planning_times, spawn, write
+    except ImportError as error:
+        if (error.name or "").split(".")[0] != "rerun":
+            raise
+        raise InputError("--rerun: needs rerun-sdk: pip install 'understory[rerun]'") from error
+    took = planning_times(summary)
+    with trial_progress(len(recording.times), "scans") as progress:
+        if target == "spawn":
+            spawn(recording, scenario_of(recording), progress=progress, planning_s=took)
+            return
+        write(recording, scenario_of(recording), path, progress=progress, planning_s=took)
+    console.print(f"Open it: [bold]rerun {escape(target)}[/bold]", soft_wrap=True)

@@ -1,0 +1,1 @@
+"""Maps, tiles, labels and figures."""

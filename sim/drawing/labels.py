@@ -1,0 +1,69 @@
+"""Names in an image that keep clear of one another and of the marks they name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.drawing.lettering import Image, Style, width, write
+from sim.drawing.map_view import stroke
+from sim.drawing.palette import INK, Colour
+from tracking.numerics.compiled import Array
+
+_SIDES = ((1.0, 0.5), (-1.0, 0.5), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
+_VEIL = 0.65  # opacity of what lies behind a name
+_GAPS = (14.0, 30.0, 50.0, 75.0)  # pixels from the mark, the nearest that is free
+
+
+class Labels:
+    """Places names beside marks of one RGB image; marks are reserved before names are put."""
+
+    def __init__(self, image: Image) -> None:
+        self._image = image
+        self._taken: list[Array] = []  # left, top, right, bottom
+
+    def reserve(self, centre: Array, reach: float) -> None:
+        """Keep names off a square round a mark at a pixel (2,)."""
+        self._taken.append(np.concatenate([centre - reach, centre + reach]))
+
+    def put(self, text: str, anchor: Array, style: Style) -> None:
+        """Write a name where it covers least, with a line to its mark if that is not beside it."""
+        size = np.array([width(text, style), style.size + 4.0])
+        choices = [(gap, _box(anchor, size, gap, side)) for gap in _GAPS for side in _SIDES]
+        gap, box = min(choices, key=lambda choice: 10.0 * self._covered(choice[1]) + choice[0])
+        if gap > _GAPS[0]:
+            self._lead(anchor, np.clip(anchor, box[:2], box[2:]), style)
+        if style.halo is not None:
+            self._shade(box, style.halo)
+        write(self._image, text, (float(box[0]), float(box[1] + box[3]) / 2), style)
+        self._taken.append(box)
+
+    def _lead(self, mark: Array, end: Array, style: Style) -> None:
+        """A line from beside a mark to its name."""
+        away = (end - mark) / np.hypot(*(end - mark))
+        line = np.array([mark + 0.7 * _GAPS[0] * away, end])
+        stroke(self._image, line, style.halo or INK, thickness=3)
+        stroke(self._image, line, style.colour)
+
+    def _shade(self, box: Array, colour: Colour) -> None:
+        """Lay a veil of a colour over a box, that letters be legible on it."""
+        left, top, right, bottom = np.round(box).clip(0).astype(int).tolist()
+        part = self._image[top:bottom, max(left - 3, 0) : right + 3]
+        part[:] = part * np.float32(1 - _VEIL) + np.array(colour, dtype=np.float32) * np.float32(_VEIL) + 0.5
+
+    def _covered(self, box: Array) -> float:
+        """Pixels of other names and marks under a box, and those of it beyond the image."""
+        limits = np.array([0.0, 0.0, self._image.shape[1], self._image.shape[0]])
+        beyond = float(np.prod(box[2:] - box[:2])) - _overlap(box, limits)
+        return 3.0 * beyond + sum(_overlap(box, other) for other in self._taken)
+
+
+def _box(anchor: Array, size: Array, gap: float, side: tuple[float, float]) -> Array:
+    """Left, top, right, bottom of a text of a size (2,) on one side of its mark."""
+    sideways, upright = side
+    shift = np.array([sideways * (gap + size[0] / 2), 0.0 if upright == 0.5 else -upright * (gap + size[1] / 2)])
+    return np.concatenate([anchor + shift - size / 2, anchor + shift + size / 2])
+
+
+def _overlap(one: Array, other: Array) -> float:
+    sides = np.minimum(one[2:], other[2:]) - np.maximum(one[:2], other[:2])
+    return float(np.prod(np.maximum(sides, 0.0)))

@@ -1,0 +1,126 @@
+"""What stands round the map: the legend below, the running error above."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.drawing.lettering import Image, Style, width, write
+from sim.drawing.map_view import cross, disc, quadrotor, stroke
+from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, DETECTION, FAINT, INK, PANEL, TRUNK, VERMILLION, track_colour
+from tracking.numerics.compiled import Array
+
+_TEXT = Style(13)
+_LOW, _HIGH = 0.1, 50.0  # m, range of the sparkline
+_TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a film shows, and so its legend names."""
+
+    map: bool
+    tiles: bool
+    renders: bool  # whether the mission has images, and so people hidden from all of them
+    believer: str  # whose tracks the map has
+
+
+def draw_legend(image: Image, shown: Shown, *, scale: float) -> None:
+    """Fill an RGB strip with the marks that are shown; the map's `scale` in pixels per metre gives the scale bar."""
+    entries: list[tuple[Callable[[Image, Array], None], str]] = []
+    if shown.map:
+        entries += [(_tree, "tree"), (_person, "true person")]
+    if shown.map and shown.renders:
+        entries.append((_hidden, "hidden from all cameras"))
+    entries.append((_track, f"track of {shown.believer}, 95 % ellipse" if shown.map else "track"))
+    if shown.map:
+        entries += [(_uav, "UAV, field of view"), (_intent, "intent")]
+    if shown.tiles:
+        entries.append((_detection, "detection"))
+    middle, x = image.shape[0] / 2, 4.0
+    for mark, text in entries:
+        mark(image, np.array([x + 14, middle]))
+        write(image, text, (x + 34, middle), _TEXT)
+        x += 34 + width(text, _TEXT) + 18
+    if shown.map:
+        _scale_bar(image, scale, np.array([image.shape[1] - 6.0, middle + 6]))
+
+
+def _scale_bar(image: Image, scale: float, right: Array) -> None:
+    """A round length of 50 to 130 pixels, about."""
+    metres = next(m for m in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10**4, 10**5) if m * scale > 50)
+    left = right - np.array([metres * scale, 0.0])
+    for end in (left, right):
+        stroke(image, end + np.array([(0, -5), (0, 1)]), INK, thickness=2)
+    stroke(image, np.array([left, right]), INK, thickness=2)
+    write(image, f"{metres} m", ((left[0] + right[0]) / 2, right[1] - 11), _TEXT, align=0.5)
+
+
+def _tree(image: Image, at: Array) -> None:
+    disc(image, at, 10.0, CANOPY)
+    disc(image, at, 10.0, CANOPY_EDGE, 1)
+    disc(image, at, 2.0, TRUNK)
+
+
+def _person(image: Image, at: Array) -> None:
+    stroke(image, at + np.array([(0, 0), (9, 0)]), INK, thickness=2)
+    disc(image, at, 3.4, INK)
+
+
+def _hidden(image: Image, at: Array) -> None:
+    _person(image, at)
+    disc(image, at, 2.0, PANEL)
+
+
+def _track(image: Image, at: Array) -> None:
+    ring = at + np.column_stack([14 * np.cos(_TURN), 10 * np.sin(_TURN)])
+    stroke(image, ring, track_colour(0), thickness=2, closed=True)
+    cross(image, at, track_colour(0))
+
+
+def _uav(image: Image, at: Array) -> None:
+    square = at + 12.0 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    stroke(image, square, BLUE, thickness=2, closed=True)
+    quadrotor(image, at, BLUE)
+
+
+def _intent(image: Image, at: Array) -> None:
+    for dx in (-12.0, -5.0, 2.0):
+        disc(image, at + np.array([dx, 0.0]), 2.0, BLUE)
+    disc(image, at + np.array([9.0, 0.0]), 4.0, BLUE, 2)
+
+
+def _detection(image: Image, at: Array) -> None:
+    disc(image, at, 10.0, INK, 4)
+    disc(image, at, 10.0, DETECTION, 2)
+
+
+class Sparkline:
+    """The mean OSPA of the fleet so far, on a logarithmic scale."""
+
+    def __init__(self, duration: float) -> None:
+        self._duration = duration
+        self._points: list[tuple[float, float]] = []
+
+    def add(self, time: float, ospa: float) -> None:
+        """Add one value [m], or NaN for none."""
+        if not math.isnan(ospa):
+            self._points.append((min(time / self._duration, 1.0), self._level(ospa)))
+
+    def draw(self, image: Image) -> None:
+        """Draw all of them into an RGB image."""
+        height, extent = image.shape[0], image.shape[1] - 34
+        metre = self._level(1.0)
+        stroke(image, np.array([(0, metre * height), (extent, metre * height)]), FAINT)
+        write(image, "1 m", (extent + 6, metre * height), Style(12, FAINT))
+        line = np.array(self._points) * [extent, height]
+        stroke(image, line, VERMILLION)
+        disc(image, line[-1], 3.0, VERMILLION)
+
+    def _level(self, ospa: float) -> float:
+        """Height from the top as a share, 0.08 to 0.92."""
+        share = math.log(min(max(ospa, _LOW), _HIGH) / _LOW) / math.log(_HIGH / _LOW)
+        return 0.92 - 0.84 * share

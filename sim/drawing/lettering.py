@@ -1,0 +1,87 @@
+"""Smooth text in images, with the font that comes with matplotlib."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import matplotlib
+import numpy as np
+from matplotlib.ft2font import FT2Font
+from numpy.typing import NDArray
+
+from sim.drawing.palette import INK, Colour
+
+Image = NDArray[np.uint8]
+Mask = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a text looks; a halo keeps it legible on any ground."""
+
+    size: int = 13  # pixels per em
+    colour: Colour = INK
+    bold: bool = False
+    halo: Colour | None = None
+
+
+def width(text: str, style: Style) -> int:
+    """Pixels that the text takes."""
+    return int(_mask(text, style.size, style.bold)[0].shape[1]) - 4
+
+
+def wrapped(text: str, room: int, style: Style) -> list[str]:
+    """Lines of the text's words that take `room` pixels at most; those after the first are indented."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}" if lines[-1] else word
+        if width(longer, style) <= room:
+            lines[-1] = longer
+        else:
+            lines.append(f"    {word}")
+    return lines
+
+
+def write(image: Image, text: str, at: tuple[float, float], style: Style, align: float = 0.0) -> None:
+    """Write into an RGB image (H, W, 3), vertically centred on `at` (x, y) and moved to fit inside.
+
+    align 0 puts the text's left edge on x, 0.5 its centre, 1 its right edge.
+    """
+    mask, descent = _mask(text, style.size, style.bold)
+    height, extent = mask.shape
+    baseline = at[1] + 0.36 * style.size
+    x = round(at[0] - align * (extent - 4)) - 2
+    y = round(baseline - (height - 2 - descent))
+    x = min(max(x, 0), max(image.shape[1] - extent, 0))
+    y = min(max(y, 0), max(image.shape[0] - height, 0))
+    area = image[y : y + height, x : x + extent]
+    mask = mask[: area.shape[0], : area.shape[1]]
+    if style.halo is not None:
+        wide = cv2.GaussianBlur(cv2.dilate(mask, np.ones((3, 3))), (3, 3), 0)
+        _blend(area, style.halo, np.asarray(wide, dtype=np.float32))
+    _blend(area, style.colour, mask)
+
+
+def _blend(area: Image, colour: Colour, mask: Mask) -> None:
+    weight = mask[:, :, None]
+    area[:] = area * (1 - weight) + np.array(colour, dtype=np.float32) * weight + 0.5
+
+
+@lru_cache(maxsize=1024)
+def _mask(text: str, size: int, bold: bool) -> tuple[Mask, float]:
+    """Opacity in [0, 1] with a border of two pixels, and how far it reaches below the baseline [pixel]."""
+    font = _font(bold)
+    font.set_size(size, 72)
+    font.set_text(text, 0.0)
+    font.draw_glyphs_to_bitmap(antialiased=True)
+    mask = np.pad(np.asarray(font.get_image(), dtype=np.float32) / np.float32(255), 2)
+    return mask.astype(np.float32), font.get_descent() / 64
+
+
+@lru_cache(maxsize=2)
+def _font(bold: bool) -> FT2Font:
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return FT2Font(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name))

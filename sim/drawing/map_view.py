@@ -1,0 +1,269 @@
+"""The map of a mission, drawn from above, north up."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.planner import Plan
+from sim.drawing.lettering import Image, Style, write
+from sim.drawing.palette import (
+    ALARM,
+    CANOPY,
+    CANOPY_EDGE,
+    FAINT,
+    INK,
+    LINE,
+    PANEL,
+    TRUNK,
+    Colour,
+    track_colour,
+    uav_colour,
+)
+from sim.mission.snapshot import Snapshot
+from sim.scenario.scenario import Scenario
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest
+from tracking.numerics.compiled import Array
+from tracking.tracker import Track
+
+MARGIN = 4.0  # m shown beyond the area
+TRAIL = 3.0  # s of the past that trails show
+ALERT = 1.0  # s for which a contact is marked
+ELLIPSE = math.sqrt(-2 * math.log(1 - 0.95))  # standard deviations that hold 95 % of a planar Gaussian
+
+_SHIFT = 4  # OpenCV's fixed point: sixteenths of a pixel
+_CIRCLE = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0, 2 * math.pi, 48, endpoint=False)])
+
+_ARMS = np.array([[(5.0 * x, 5.0 * y), (8.5 * x, 8.5 * y)] for x in (-1, 1) for y in (-1, 1)])
+
+
+def ellipse(mean: Array, covariance: Array) -> Array:
+    """Points (48, 2) m on the curve that holds 95 % of a planar Gaussian: mean (2,) m, covariance (2, 2) m²."""
+    variances, axes = np.linalg.eigh(covariance)
+    return np.asarray(mean + _CIRCLE * (ELLIPSE * np.sqrt(np.maximum(variances, 0.0))) @ axes.T)
+
+
+def intended(position: Array, plan: Plan, age: float, step: float) -> Array:
+    """Where a plan made `age` s ago, of steps of `step` s, still takes a UAV from its position (2,) m: (H + 1, 2) m."""
+    left = np.clip(step * np.arange(1, len(plan.controls) + 1) - age, 0.0, step)
+    return np.asarray(position + np.vstack([np.zeros(2), np.cumsum(plan.controls * left[:, None], axis=0)]))
+
+
+def aspect(scenario: Scenario) -> float:
+    """Width over height of the map, its margin included."""
+    return (scenario.area.width + 2 * MARGIN) / (scenario.area.height + 2 * MARGIN)
+
+
+def stroke(image: Image, points: Array, colour: Colour, *, thickness: int = 1, closed: bool = False) -> None:
+    """An anti-aliased polyline through pixels (N, 2)."""
+    cv2.polylines(image, [_fixed(points)], closed, colour, thickness, cv2.LINE_AA, _SHIFT)
+
+
+def disc(image: Image, centre: Array, radius: float, colour: Colour, thickness: int = -1) -> None:
+    """An anti-aliased circle at a pixel (2,); filled by default."""
+    x, y = _fixed(centre).tolist()
+    cv2.circle(image, (x, y), round(radius * 16), colour, thickness, cv2.LINE_AA, _SHIFT)
+
+
+def cross(image: Image, centre: Array, colour: Colour) -> None:
+    """A track's mark at a pixel (2,), legible on any ground, open in the middle to show the person."""
+    for ink, thickness in ((PANEL, 4), (colour, 2)):
+        for arm in _ARMS:
+            stroke(image, centre + arm, ink, thickness=thickness)
+
+
+def quadrotor(image: Image, centre: Array, colour: Colour) -> None:
+    """A UAV's mark at a pixel (2,)."""
+    rotors = [centre + np.array([dx, dy]) for dx in (-6.0, 6.0) for dy in (-6.0, 6.0)]
+    for ink, wider in ((PANEL, 2), (colour, 0)):
+        for rotor in rotors:
+            stroke(image, np.array([centre, rotor]), ink, thickness=2 + wider)
+            disc(image, rotor, 3.5 + wider / 2, ink)
+        disc(image, centre, 3.0 + wider / 2, ink)
+    for rotor in rotors:
+        disc(image, rotor, 1.5, PANEL)
+
+
+def broken(image: Image, centre: Array) -> None:
+    """The mark of a UAV that has broken down at a pixel (2,): grey, on a red cross."""
+    for ink, thickness in ((PANEL, 6), (ALARM, 3)):
+        for way in (1.0, -1.0):
+            arm = np.array([14.0, 14.0 * way])
+            stroke(image, np.array([centre - arm, centre + arm]), ink, thickness=thickness)
+    quadrotor(image, centre, FAINT)
+
+
+class MapView:
+    """Draws snapshots, in order of time, on a map whose trees are drawn once."""
+
+    def __init__(self, scenario: Scenario, forest: Forest, size: tuple[int, int]) -> None:
+        self._area = (scenario.area.width, scenario.area.height)
+        self._cameras = [Camera(math.radians(uav.fov_deg), uav.pixels) for uav in scenario.uavs]
+        self._step = 1 / scenario.rates.planning
+        self._renders = scenario.sensing.mode == "camera"
+        self._unlimited = scenario.sensing.field_of_view == "unlimited"
+        self._size = size
+        self.scale = min(size[0] / (self._area[0] + 2 * MARGIN), size[1] / (self._area[1] + 2 * MARGIN))
+        self._alert = round(ALERT * scenario.rates.sensing)
+        slowest = min(uav.rate or scenario.rates.sensing for uav in scenario.uavs)
+        self._round = scenario.rates.sensing // slowest  # scans in which every camera takes a frame
+        self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * scenario.rates.sensing))
+        self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
+        self._ground = self._draw_ground(forest)
+
+    def follow(self, snapshot: Snapshot) -> None:
+        """Take note of one snapshot, for trails and intents, without drawing it."""
+        if snapshot.plans is not None:
+            self._plans = (snapshot.time, snapshot.plans)
+        self._past.append(snapshot)
+
+    def draw(self, image: Image, snapshot: Snapshot) -> None:
+        """Draw one snapshot into an RGB image of the map's size."""
+        self.follow(snapshot)
+        image[:] = self._ground
+        for i in snapshot.working:
+            if not self._unlimited and looks_down(self._cameras[i], snapshot.cameras[i]):
+                outline = self._pixels(self._cameras[i].footprint(snapshot.cameras[i]))
+                self._draw_view(image, outline, uav_colour(i))
+        self._draw_trails(image, snapshot)
+        self._draw_intents(image, snapshot)
+        for i, pose in enumerate(snapshot.poses):
+            at = self._pixels(pose.position[:2])
+            if i in snapshot.working:
+                quadrotor(image, at, uav_colour(i))
+            else:
+                broken(image, at)
+        for track in _shown(snapshot):
+            self._draw_track(image, track)
+        self._draw_people(image, snapshot)
+        self._draw_contacts(image, snapshot)
+        self._draw_names(image, snapshot)
+
+    def _pixels(self, points: Array) -> Array:
+        """Pixels (N, 2) of world points (N, 2) m."""
+        centre = np.array(self._size) / 2
+        return centre + self.scale * np.asarray(points, dtype=float) * [1.0, -1.0]
+
+    def _draw_ground(self, forest: Forest) -> Image:
+        image = np.full((self._size[1], self._size[0], 3), PANEL, dtype=np.uint8)
+        half = np.array(self._area) / 2
+        for axis in (0, 1):
+            for tick in np.arange(-(half[axis] // 10) * 10, half[axis] + 1e-9, 10.0):
+                ends = np.array([-half, half])
+                ends[:, axis] = tick
+                stroke(image, self._pixels(ends), _mixed(LINE, PANEL, 0.5))
+        canopies = image.copy()
+        for tree in forest.trees:
+            disc(canopies, self._pixels(np.array([tree.x, tree.y])), tree.canopy_radius * self.scale, CANOPY)
+        cv2.addWeighted(canopies, 0.6, image, 0.4, 0, dst=image)
+        for tree in forest.trees:
+            place = self._pixels(np.array([tree.x, tree.y]))
+            disc(image, place, tree.canopy_radius * self.scale, CANOPY_EDGE, 1)
+            disc(image, place, max(tree.trunk_radius * self.scale, 2.2), TRUNK)
+        stroke(image, self._pixels(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), FAINT, closed=True)
+        return image
+
+    def _draw_view(self, image: Image, outline: Array, colour: Colour) -> None:
+        low = np.clip(np.floor(outline.min(axis=0)) - 1, 0, self._size).astype(int)
+        high = np.clip(np.ceil(outline.max(axis=0)) + 2, 0, self._size).astype(int)
+        part = image[low[1] : high[1], low[0] : high[0]]
+        if part.size:
+            tinted = part.copy()
+            cv2.fillPoly(tinted, [_fixed(outline - low)], colour, cv2.LINE_AA, _SHIFT)
+            cv2.addWeighted(tinted, 0.14, part, 0.86, 0, dst=part)
+        stroke(image, outline, colour, thickness=2, closed=True)
+
+    def _draw_trails(self, image: Image, snapshot: Snapshot) -> None:
+        past = np.array([old.people for old in self._past])
+        for m in range(past.shape[1]):
+            known = past[~np.isnan(past[:, m, 0]), m]
+            if len(known) > 1:
+                stroke(image, self._pixels(known), _mixed(INK, PANEL, 0.45))
+        for track in _shown(snapshot):
+            means = [same.belief.mean[:2] for old in self._past for same in _shown(old) if same.id == track.id]
+            stroke(image, self._pixels(np.array(means)), _mixed(track_colour(track.id), PANEL, 0.7))
+
+    def _draw_intents(self, image: Image, snapshot: Snapshot) -> None:
+        """Dots along the rest of each plan, from where the UAV is."""
+        made, plans = self._plans
+        for i in snapshot.working if plans else []:
+            path = self._pixels(intended(snapshot.poses[i].position[:2], plans[i], snapshot.time - made, self._step))
+            for dot in _spaced(path, 7.0)[2:]:
+                disc(image, dot, 2.0, uav_colour(i))
+            disc(image, path[-1], 4.0, uav_colour(i), 2)
+
+    def _draw_people(self, image: Image, snapshot: Snapshot) -> None:
+        seen = [old.visible > 0 for old in list(self._past)[-self._round :]]
+        hidden = ~np.any(seen, axis=(0, 1)) & self._renders
+        for place, heading, unseen in zip(snapshot.people, snapshot.headings, hidden, strict=True):
+            if np.isnan(place[0]):
+                continue
+            centre = self._pixels(place)
+            tip = centre + 9.0 * np.array([math.cos(heading), -math.sin(heading)])
+            stroke(image, np.array([centre, tip]), INK, thickness=2)
+            disc(image, centre, 3.4, INK)
+            if unseen:
+                disc(image, centre, 2.0, PANEL)
+
+    def _draw_track(self, image: Image, track: Track) -> None:
+        colour, centre = track_colour(track.id), self._pixels(track.belief.mean[:2])
+        ring = ellipse(track.belief.mean[:2], track.belief.covariance[:2, :2])
+        stroke(image, self._pixels(ring), colour, thickness=2, closed=True)
+        cross(image, centre, colour)
+        write(image, str(track.id), (centre[0] + 10, centre[1] - 11), Style(13, colour, True, PANEL))
+
+    def _draw_contacts(self, image: Image, snapshot: Snapshot) -> None:
+        """A ring round each UAV that has just touched something, and what that was."""
+        latest = {c.uav: c for old in list(self._past)[-self._alert :] for c in old.contacts}
+        for uav, contact in latest.items():
+            centre = self._pixels(snapshot.poses[uav].position[:2])
+            disc(image, centre, 15.0, ALARM, 3)
+            text = f"touched {contact.kind} {contact.other}"
+            write(image, text, (centre[0] + 20, centre[1]), Style(13, ALARM, True, PANEL))
+
+    def _draw_names(self, image: Image, snapshot: Snapshot) -> None:
+        for i, (camera, pose) in enumerate(zip(self._cameras, snapshot.cameras, strict=True)):
+            x, y = self._pixels(pose.position[:2]) + np.array([0.0, 18.0])
+            if i not in snapshot.working:
+                write(image, f"UAV {i}: broken down", (x - 18, y - 18), Style(13, INK, True, PANEL), align=1.0)
+                continue
+            if not self._unlimited and looks_down(camera, pose):
+                x, y = self._pixels(camera.footprint(pose)).min(axis=0) + np.array([24.0, -9.0])
+            style = Style(13, _mixed(uav_colour(i), INK, 0.7), True, PANEL)
+            write(image, f"UAV {i}", (x, y), style, align=0.5)
+
+
+def _shown(snapshot: Snapshot) -> tuple[Track, ...]:
+    """The tracks that are drawn: those of the first UAV that works."""
+    return snapshot.tracks[snapshot.working[0]] if snapshot.working else ()
+
+
+def _fixed(points: Array) -> NDArray[np.int32]:
+    """Fixed-point pixels; OpenCV counts from the centre of the first pixel, we from its corner."""
+    fixed = np.round(np.clip((points - 0.5) * 2**_SHIFT, -1e6, 1e6))
+    return np.asarray(fixed, dtype=np.int32)
+
+
+def looks_down(camera: Camera, pose: Pose) -> bool:
+    """Whether all four edges of the view meet the ground nearby."""
+    n = float(camera.pixels)
+    corners = np.array([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]])
+    return bool(np.all(camera.rays(pose, corners)[:, 2] < -0.1))
+
+
+def _mixed(colour: Colour, other: Colour, weight: float) -> Colour:
+    red, green, blue = (round(weight * a + (1 - weight) * b) for a, b in zip(colour, other, strict=True))
+    return red, green, blue
+
+
+def _spaced(path: Array, gap: float) -> Array:
+    """Points (N, 2) every `gap` pixels along a polyline."""
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    stops = np.arange(0.0, lengths[-1], gap)
+    return np.column_stack([np.interp(stops, lengths, path[:, axis]) for axis in (0, 1)])

@@ -1,0 +1,98 @@
+"""Figures of a mission."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from sim.drawing.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour
+from sim.recording.atomic_files import whole
+from tracking.numerics.compiled import Array
+
+_TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50)
+
+
+def ospa_figure(times: Array, ospa: Array) -> Figure:
+    """OSPA over time of each UAV and their mean, on an axis linear below 1 m and logarithmic above.
+
+    times (K,) s; ospa (K, n, 3) m: distance, localisation, cardinality. The area below the mean is parted into
+    what localisation alone would give and what the wrong number of tracks adds. NaN, where a UAV has broken down,
+    ends its line and is left out of the mean.
+    """
+    with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": 11}):
+        figure = Figure(figsize=(9, 4.5), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.add_subplot()
+        mean = fleet_mean(ospa)
+        axes.fill_between(times, 0, mean[:, 1], color=rgb(SKY), alpha=0.45, lw=0, label="localisation")
+        axes.fill_between(
+            times, mean[:, 1], mean[:, 0], color=rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
+        )
+        for i in range(ospa.shape[1]):
+            label = f"UAV {i}" if ospa.shape[1] <= 4 else None
+            axes.plot(times, ospa[:, i, 0], color=rgb(uav_colour(i)), lw=0.9, alpha=0.8, label=label)
+            _mark_end(axes, times, ospa[:, i, 0], rgb(uav_colour(i)))
+        axes.plot(times, mean[:, 0], color=rgb(INK), lw=1.8, label="mean of UAVs")
+        axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+        _dress(axes, times, ospa[:, :, 0][~np.isnan(ospa[:, :, 0])])
+    return figure
+
+
+def fleet_mean(ospa: Array) -> Array:
+    """Mean (K, 3) m of OSPA and its parts (K, n, 3) m over the UAVs that work; NaN where none does."""
+    count = np.sum(~np.isnan(ospa), axis=1)
+    mean = np.full(count.shape, np.nan)
+    np.divide(np.nansum(ospa, axis=1), count, out=mean, where=count > 0)
+    return mean
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure as PNG, whole or not at all."""
+    with whole(Path(path)) as part:
+        # Without the version of matplotlib, equal figures are equal files.
+        figure.savefig(part, format="png", dpi=150, metadata={"Software": None})
+
+
+def _dress(axes: Axes, times: Array, distances: Array) -> None:
+    scale_errors(axes, float(distances.max(initial=0.0)))
+    axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("OSPA [m]")
+    axes.set_title(
+        f"OSPA: mean {distances.mean():.2f} m, median {np.median(distances):.2f} m, "
+        f"under 1 m {100 * np.mean(distances < 1.0):.0f} %",
+        loc="left",
+        fontsize=12,
+        fontweight="bold",
+    )
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=6, frameon=False, fontsize=10)
+
+
+def scale_errors(axes: Axes, largest: float) -> None:
+    """An upright axis for errors of up to `largest` m, linear below 1 m and logarithmic above."""
+    top = max(1.5, 1.15 * largest)
+    axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
+    axes.set_ylim(0, top)
+    axes.set_yticks([tick for tick in _TICKS if tick <= top], [f"{tick:g}" for tick in _TICKS if tick <= top])
+    axes.set_yticks([], minor=True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(axis="y", lw=0.5, alpha=0.4)
+
+
+def _mark_end(axes: Axes, times: Array, distance: Array, colour: tuple[float, float, float]) -> None:
+    """A cross where the curve of a UAV that breaks down ends."""
+    held = np.flatnonzero(~np.isnan(distance))
+    if 0 < len(held) < len(times):
+        axes.scatter(times[held[-1]], distance[held[-1]], marker="x", s=50, color=colour, lw=2.0, zorder=3)
+
+
+def rgb(colour: Colour) -> tuple[float, float, float]:
+    """A colour as matplotlib takes it."""
+    red, green, blue = (channel / 255 for channel in colour)
+    return red, green, blue

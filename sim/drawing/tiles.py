@@ -1,0 +1,66 @@
+"""One camera's frame with what was detected and what is believed."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from sim.drawing.lettering import Image, Style, width, write
+from sim.drawing.map_view import broken, cross, disc
+from sim.drawing.palette import DETECTION, FAINT, INK, LINE, PANEL, Colour, ink_on, track_colour, uav_colour
+from sim.mission.snapshot import Snapshot
+from tracking.geometry.camera import Camera
+from tracking.geometry.visibility import TARGET_HEIGHT
+
+BORDER = 4
+
+
+def draw_tile(image: Image, snapshot: Snapshot, uav: int, *, camera: Camera, frame: Image | None) -> None:
+    """Fill a square RGB image with the frame of one UAV; without a frame, only with detections and tracks."""
+    colour = uav_colour(uav)
+    image[:] = colour
+    view = image[BORDER:-BORDER, BORDER:-BORDER]
+    side = view.shape[0]
+    if frame is None:
+        view[:] = LINE
+    else:
+        enlarge = side >= frame.shape[0]
+        view[:] = cv2.resize(frame, (side, side), interpolation=cv2.INTER_NEAREST if enlarge else cv2.INTER_AREA)
+    scale = side / camera.pixels
+    for uv in snapshot.pixels[uav]:
+        disc(view, scale * uv, max(5.0 * scale, 10.0), INK, 4)
+        disc(view, scale * uv, max(5.0 * scale, 10.0), DETECTION, 2)
+    _draw_tracks(view, snapshot, uav, camera)
+    _name(image, uav, colour)
+
+
+def draw_broken(image: Image, uav: int) -> None:
+    """Fill a square RGB image with what stands for the frame of a UAV that has broken down."""
+    image[:] = FAINT
+    image[BORDER:-BORDER, BORDER:-BORDER] = LINE
+    middle = image.shape[0] / 2
+    broken(image, np.array([middle, middle - 12]))
+    write(image, "broken down", (middle, middle + 18), Style(13, INK, True), align=0.5)
+    _name(image, uav, FAINT)
+
+
+def _name(image: Image, uav: int, colour: Colour) -> None:
+    tab = Style(13, ink_on(colour), True)
+    name = f"UAV {uav}"
+    image[: BORDER + 18, : BORDER + width(name, tab) + 6] = colour
+    write(image, name, (BORDER + 1, BORDER + 8), tab)
+
+
+def _draw_tracks(view: Image, snapshot: Snapshot, uav: int, camera: Camera) -> None:
+    pose, tracks = snapshot.cameras[uav], snapshot.tracks[uav]
+    points = np.array([[*track.belief.mean[:2], TARGET_HEIGHT] for track in tracks]).reshape(-1, 3)
+    inside = camera.sees(pose, points)
+    marks = view.shape[0] / camera.pixels * camera.project(pose, points)[0]
+    for track, mark, shown in zip(tracks, marks, inside, strict=True):
+        if shown:
+            cross(view, mark, track_colour(track.id))
+            write(view, str(track.id), (mark[0] + 10, mark[1] - 11), _style(track.id))
+
+
+def _style(track: int) -> Style:
+    return Style(13, track_colour(track), True, PANEL)

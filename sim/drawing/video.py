@@ -1,0 +1,184 @@
+"""A mission as a film: the map, and each camera's frame with its detections."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+
+import av
+import cv2
+import numpy as np
+from av.container import OutputContainer
+from av.video.stream import VideoStream
+
+from sim.drawing.layout import GAP, Box, View, view_of
+from sim.drawing.legend import Shown, Sparkline, draw_legend
+from sim.drawing.lettering import Image, Style, write
+from sim.drawing.map_view import MapView, aspect
+from sim.drawing.palette import FAINT, PAPER
+from sim.drawing.tiles import draw_broken, draw_tile
+from sim.mission.snapshot import Snapshot
+from sim.recording.atomic_files import unfinished
+from sim.scenario.scenario import Scenario
+from tracking.geometry.camera import Camera
+from tracking.geometry.visibility import Forest
+from tracking.tracker import Track
+
+WIDTH, HEIGHT = 1280, 720
+_HEADER, _LEGEND = 48, 40
+_PANEL = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
+_OPTIONS = {"preset": "veryfast", "crf": "23"}
+_BT601 = 6  # the matrix OpenCV converts with; players must be told, they assume another for HD
+
+
+def parts_of(scenario: Scenario, layout: str = "map+cameras") -> View:
+    """Where a film shows the map and the cameras; `layout` as in `sim.drawing.layout.view_of`."""
+    renders = scenario.sensing.mode == "camera"
+    return view_of(_PANEL, aspect(scenario), len(scenario.uavs), layout if renders else "map")
+
+
+class Film:
+    """Draws snapshots, in order of time, as frames of 1280 x 720.
+
+    Tracks are numbered in the order of their appearance, as their ids are too long to read.
+    """
+
+    def __init__(self, scenario: Scenario, forest: Forest, *, planner: str, layout: str = "map+cameras") -> None:
+        """`layout` as in `sim.drawing.layout.view_of`; what is flown with ideal sensing has no cameras to show."""
+        self._cameras = [Camera(math.radians(uav.fov_deg), uav.pixels) for uav in scenario.uavs]
+        renders = scenario.sensing.mode == "camera"
+        self._layout = parts_of(scenario, layout)
+        room = self._layout.map or _PANEL  # the map follows what happens, shown or not
+        self._map = MapView(scenario, forest, (room.width, room.height))
+        self._planner = planner
+        self._numbers: dict[int, int] = {}
+        self._sparkline = Sparkline(scenario.duration)
+        self._last: dict[int, Image] = {}  # tiles as they were when their cameras last took a frame
+        believer = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
+        self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
+        shown = Shown(self._layout.map is not None, bool(self._layout.tiles), renders, believer)
+        draw_legend(self._empty[-_LEGEND:, GAP:-GAP], shown, scale=self._map.scale)
+
+    @property
+    def cameras(self) -> tuple[int, ...]:
+        """The UAVs whose images are shown."""
+        return tuple(self._layout.tiles)
+
+    def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
+        """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
+        snapshot = self._numbered(snapshot)
+        image = self._empty.copy()
+        if self._layout.map is not None:
+            self._map.draw(image[self._layout.map.slices], snapshot)
+        self._draw_tiles(image, snapshot, frames)
+        self._draw_header(image[:_HEADER, GAP:-GAP], snapshot)
+        return image
+
+    def follow(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
+        """Take note of a snapshot that is not shown, so that those after it are drawn as in the whole film.
+
+        `frames` as in `draw`; they matter where a camera is slower than the scans, and only its last one does.
+        """
+        snapshot = self._numbered(snapshot)
+        self._map.follow(snapshot)
+        self._sparkline.add(snapshot.time, snapshot.error)
+        if frames is not None:
+            self._draw_tiles(self._empty.copy(), snapshot, frames)
+
+    def _draw_tiles(self, image: Image, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
+        for i, tile in self._layout.tiles.items():
+            if i not in snapshot.working:
+                draw_broken(image[tile.slices], i)
+                continue
+            frame = None if frames is None else frames[i]
+            if frames is None or frame is not None or i not in self._last:
+                draw_tile(image[tile.slices], snapshot, i, camera=self._cameras[i], frame=frame)
+                self._last[i] = image[tile.slices].copy()
+            image[tile.slices] = self._last[i]
+
+    def _numbered(self, snapshot: Snapshot) -> Snapshot:
+        for track in (track for held in snapshot.tracks for track in held):
+            self._numbers.setdefault(track.id, len(self._numbers))
+        tracks = [tuple(Track(self._numbers[track.id], track.belief) for track in held) for held in snapshot.tracks]
+        return replace(snapshot, tracks=tracks)
+
+    def _draw_header(self, image: Image, snapshot: Snapshot) -> None:
+        middle, big = _HEADER / 2, Style(20, bold=True)
+        write(image, f"{snapshot.time:.1f} s", (72, middle), big, align=1.0)
+        write(image, self._planner, (96, middle), Style(18))
+        error = snapshot.error
+        right = image.shape[1] - 300
+        write(image, "-" if math.isnan(error) else f"{error:.2f} m", (right - 14, middle), big, align=1.0)
+        label = Style(13, FAINT)
+        write(image, "OSPA, mean of UAVs", (right - 124, middle), label, align=1.0)
+        self._sparkline.add(snapshot.time, error)
+        self._sparkline.draw(image[6:-4, right:])
+
+
+class Video:
+    """An H.264 file that browsers play, written frame by frame; it appears at `path` when closed.
+
+    As a context manager it closes at the end of the block, and leaves nothing if the block raises.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], film: Film, *, fps: int | Fraction) -> None:
+        self._path = Path(path)
+        self._part = unfinished(self._path)
+        self._film = film
+        self._container = av.open(str(self._part), "w", format="mp4", options={"movflags": "faststart"})
+        self._stream = _stream(self._container, fps)
+        self._frames = 0
+
+    def add(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
+        """Append one snapshot; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
+        image = self._film.draw(snapshot, frames)
+        yuv = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
+        planes = av.VideoFrame.from_ndarray(yuv, format="yuv420p")
+        planes.pts = self._frames
+        self._frames += 1
+        self._container.mux(self._stream.encode(planes))
+
+    def close(self) -> None:
+        """Finish the file, playable however few frames it has; without any there is no file."""
+        if self._frames == 0:
+            self.discard()
+            return
+        try:
+            self._container.mux(self._stream.encode(None))
+            self._container.close()
+            os.replace(self._part, self._path)
+        except BaseException:
+            self.discard()
+            raise
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
+        with suppress(OSError):  # of a full disk, which it is discarded for
+            self._container.close()
+        with suppress(OSError):
+            self._part.unlink()
+
+    def __enter__(self) -> Video:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.discard()
+
+
+def _stream(container: OutputContainer, fps: int | Fraction) -> VideoStream:
+    stream = container.add_stream("libx264", rate=fps, options=_OPTIONS)
+    stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+    stream.codec_context.colorspace = _BT601
+    stream.codec_context.gop_size = math.ceil(5 * fps)
+    return stream

@@ -1,0 +1,1 @@
+"""Metrics and summary of a recorded mission."""

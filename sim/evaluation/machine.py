@@ -1,0 +1,44 @@
+"""What a mission was computed on, so that a difference between machines can be seen."""
+
+from __future__ import annotations
+
+import platform
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from threadpoolctl import threadpool_info
+
+
+@cache
+def machine() -> dict[str, str]:
+    """The processor, and the BLAS that NumPy uses with the kernels it has chosen; recordings depend on neither."""
+    return {"processor": _processor(), "blas": _blas()}
+
+
+def machine_line() -> str:
+    """The same in one line."""
+    return ", ".join(machine().values())
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:  # not Linux
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def _blas() -> str:
+    every = [library for library in threadpool_info() if library["user_api"] == "blas"]
+    # SciPy and OpenCV may each bring one of their own.
+    found = [library for library in every if "numpy" in library["filepath"]] or every
+    names = {f"{b['internal_api']} {b.get('version') or ''} {b.get('architecture') or ''}".strip() for b in found}
+    return " and ".join(sorted(names)) or "unknown"
+
+
+def versions() -> dict[str, str]:
+    """Versions of what a result depends on."""
+    packages = ("understory", "pybullet", "numpy", "scipy", "numba", "opencv-python-headless")
+    return {"python": platform.python_version(), **{name: version(name) for name in packages}}

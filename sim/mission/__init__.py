@@ -1,0 +1,1 @@
+"""The mission loop and the radio network."""

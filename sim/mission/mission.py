@@ -1,0 +1,273 @@
+"""One mission: sense, track, talk, plan, fly."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.planner import Plan, Planner, Situation, Vehicle, exchange_of
+from planning.registry import contained_as, load_planner, told
+from sim.mission.plan_check import decide
+from sim.mission.plan_exchange import Intents, Sent
+from sim.mission.radio import Links, hearing, losses
+from sim.mission.snapshot import Snapshot
+from sim.mission.tracker_setup import initial_tracks, planned_motion, tracker_parameters
+from sim.scenario.random_streams import stream
+from sim.scenario.scenario import Scenario
+from sim.sensing.fault import Fault
+from sim.sensing.sensors import Look, Sensors, camera_pose, planned_attitude
+from sim.sensing.stopwatch import Stopwatch
+from sim.world.forest import grow
+from sim.world.trajectories import Trajectories, read
+from sim.world.walkers import walk
+from sim.world.wind import Air
+from sim.world.world import World
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest
+from tracking.metrics.ospa import ospa
+from tracking.numerics.compiled import Array
+from tracking.tracker import Track, Tracker
+from tracking.undetected import Undetected
+
+
+@dataclass(frozen=True)
+class Trial:
+    """All that decides how a mission goes, as values that any process can be sent."""
+
+    scenario: Scenario
+    planner: str  # as `planning.registry` knows it
+    seed: int
+    repeat: int = 0  # of sensors, network, wind and planner on the map of the seed
+
+
+class Mission:
+    """A mission that is ready to fly. The seed gives forest and people, seed and repeat all other chance."""
+
+    def __init__(self, scenario: Scenario, planner: Planner, seed: int, repeat: int = 0) -> None:
+        """Grow the forest, let the people walk and build the world; ValueError where the scenario cannot be built."""
+        self.scenario = scenario
+        self.clock = Stopwatch()
+        self.faults: list[Fault] = []
+        self.frames: list[NDArray[np.uint8] | None] = []  # of the last scan, one per UAV; None without rendering
+        self.forest, self.people = forest_and_people(scenario, seed)
+        # An oracle's way to the truth, which no situation holds.
+        self._planner, self.sees_truth = told(planner, lambda time: self.people.at(time)[0])
+        chance = partial(stream, seed, repeat=repeat)
+        self._chance = chance("planner")
+        self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
+        self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
+        # Planners get a map, cameras and a model of their own: whatever they do to them, trees hide what they hide.
+        self._known_forest = Forest(tuple(map(replace, self.forest.trees)), self.forest.occlusion)
+        self._known_cameras = deepcopy([*zip(self._sensors.cameras, self._sensors.noises, strict=True)])
+        self._known_motion = planned_motion(scenario)
+        self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
+        self._undetected = [self._nobody_seen() for _ in scenario.uavs]
+        with contained_as(type(planner).__qualname__, "say what it sends"):
+            exchange = exchange_of(self._planner)
+        self._intents = Intents(scenario.network, exchange, chance("intents"))
+        self._first = round(scenario.first_decision * scenario.rates.sensing)  # scan
+        self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
+        self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
+        self._working = list(range(len(scenario.uavs)))  # UAVs that have not broken down, at the last scan
+        self._radio = chance("network")
+        self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, chance("wind"))
+
+    @staticmethod
+    def of(trial: Trial) -> Mission:
+        """The mission of a trial, its planner loaded."""
+        return Mission(trial.scenario, load_planner(trial.planner), trial.seed, trial.repeat)
+
+    def fly(self) -> Iterator[Snapshot]:
+        """The whole mission, one snapshot per scan. Ends early, cleanly, when no further scan is asked for."""
+        rates = self.scenario.rates
+        times = self.scenario.scan_times
+        commands = np.zeros((len(self._trackers), 2))
+        with self._world:
+            for k, time in enumerate(times):
+                known = len(self.faults)
+                snapshot = replace(self._scan(k, time, commands), faults=tuple(self.faults[known:]))
+                commands = self._commands(k, commands, snapshot.plans)
+                yield snapshot
+                if k + 1 < len(times):
+                    with self.clock.measure("physics"):
+                        steps = rates.physics // rates.sensing
+                        for wind in [None] * steps if self._air is None else self._air.steps(steps):
+                            self._world.step(commands, wind)
+
+    def _commands(self, k: int, before: Array, plans: list[Plan] | None) -> Array:
+        """What is flown from now on (n, 2) m/s: the first of plans that are due now, else as before.
+
+        Plans are due `network.plan_delay` after they have been made. What broke down hovers.
+        """
+        if plans is not None:
+            self._coming.append((k + self._delay, plans))
+        due = self._coming.popleft()[1] if self._coming and self._coming[0][0] == k else None
+        commands = np.zeros_like(before)
+        for i in self._working:
+            commands[i] = before[i] if due is None else due[i].controls[0]
+        return commands
+
+    def _break_down(self, time: float) -> None:
+        """Note who has broken down since the last scan."""
+        for i in self._working:
+            if not self.scenario.works(i, time):
+                self.faults.append(Fault(self.scenario.uavs[i].fails_at or 0.0, i, "broke down, hovers from now on"))
+        self._working = [i for i in self._working if self.scenario.works(i, time)]
+
+    def _scan(self, k: int, time: float, commands: Array) -> Snapshot:
+        self._break_down(time)
+        people, headings = self.people.at(time)
+        with self.clock.measure("physics"):
+            self._world.place_people(people, headings)
+        bodies = self._world.poses()
+        cameras = [camera_pose(uav, body) for uav, body in zip(self.scenario.uavs, bodies, strict=True)]
+        takes = [i in self._working and self.scenario.has_frame(i, k) for i in range(len(cameras))]
+        looks = [
+            (self._sensors.look if takes[i] else self._sensors.rest)(i, time, pose, people)
+            for i, pose in enumerate(cameras)
+        ]
+        self.frames = [look.image for look in looks]
+        self.faults += [fault for look in looks for fault in look.faults]
+        links = self._links(time, bodies)
+        with self.clock.measure("tracking"):
+            sent = self._track(time, looks, links)
+        tracks = [tracker.tracks if i in self._working else () for i, tracker in enumerate(self._trackers)]
+        present = people[~np.isnan(people[:, 0])]
+        plans, told = self._plan(k, time, bodies, links)
+        return Snapshot(
+            time=time,
+            people=people,
+            headings=headings,
+            poses=bodies,
+            cameras=cameras,
+            commands=commands,
+            scans=[look.scan for look in looks],
+            pixels=[look.pixels for look in looks],
+            tracks=tracks,
+            plans=plans,
+            ospa=self._errors(tracks, present),
+            visible=np.array([look.visible for look in looks]),
+            matched=np.array([look.matched for look in looks]),
+            contacts=self._world.take_contacts(),
+            bytes_sent=sent,
+            plan_bytes=told.bytes,
+            plan_rounds=told.rounds,
+        )
+
+    def _links(self, time: float, bodies: list[Pose]) -> Links:
+        network = self.scenario.network
+        up = hearing(network, time, np.array([body.position for body in bodies]))
+        return Links(up, losses(network, len(bodies), self._radio))
+
+    def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
+        """OSPA and its parts (n, 3) m of what each UAV holds against people (P, 2) m; NaN where it has broken down."""
+        errors = np.full((len(tracks), 3), np.nan)
+        for i in self._working:
+            errors[i] = ospa(np.array([t.belief.mean[:2] for t in tracks[i]]), present)
+        return errors
+
+    def _track(self, time: float, looks: list[Look], links: Links) -> NDArray[np.int64]:
+        """Give each tracker its look, let them talk, and count the bytes that each UAV sends (n,)."""
+        working, lost = self._working, links.lost
+        for i in working:
+            if looks[i].taken:
+                self._trackers[i].step(looks[i].scan)
+            else:
+                self._trackers[i].coast(time)
+        if lost is not None:
+            lost = lost[:, working][:, :, working]
+        sent = np.zeros(len(looks), dtype=np.int64)
+        if working:
+            members = [self._trackers[i] for i in working]
+            sent[working] = fuse(members, links.up[np.ix_(working, working)], self.scenario.network.rounds, lost)
+        return sent
+
+    def _plan(self, k: int, time: float, bodies: list[Pose], links: Links) -> tuple[list[Plan] | None, Sent]:
+        """What the planner decides, and what is sent; an empty plan where a UAV has broken down.
+
+        None between decisions, before the first, and where all have broken down.
+        """
+        rates = self.scenario.rates
+        if k % (rates.sensing // rates.planning) or k < self._first or not self._working:
+            return None, Sent(np.zeros(len(bodies), dtype=np.int64), 0)
+        with self.clock.measure("planning"):
+            team = self._team(k, time, bodies, links)
+            made, faults = decide(self._planner, team, self._intents.own, self._chance)
+        self.faults += faults
+        plans = dict(zip(self._working, made, strict=True))
+        return [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(len(bodies))], self._intents.end(plans)
+
+    def _team(self, k: int, time: float, bodies: list[Pose], links: Links) -> list[Situation]:
+        """One situation per UAV that works: itself, its own tracks, and what it knows of the others."""
+        fleet = [
+            Vehicle(
+                id=i,
+                position=body.position.copy(),
+                camera=self._known_cameras[i][0],
+                noise=self._known_cameras[i][1],
+                max_speed=uav.max_speed,
+                attitude=planned_attitude(uav, body),
+            )
+            for i, (uav, body) in enumerate(zip(self.scenario.uavs, bodies, strict=True))
+        ]
+        self._intents.begin(fleet, links, self._working, 1 / self.scenario.rates.planning)
+        area = (self.scenario.area.width, self.scenario.area.height)
+        for i in self._working:
+            known = [v for v in fleet if v.id == i or (links.touch[i, v.id] and v.id in self._working)]
+            looks = [
+                (self._sensors.cameras[v.id], Pose(v.position, v.attitude))
+                for v in known
+                if self.scenario.has_frame(v.id, k)
+            ]
+            self._undetected[i].step(time, looks, self._trackers[i].tracks, self.forest)
+        return [
+            self._intents.informed(
+                Situation(
+                    time=time,
+                    own=fleet[i],
+                    neighbours=(),
+                    tracks=self._trackers[i].tracks,
+                    forest=self._known_forest,
+                    area=area,
+                    motion=self._known_motion,
+                    unseen=self._undetected[i].belief,
+                )
+            )
+            for i in self._working
+        ]
+
+    def _tracker(self, uav: int) -> Tracker:
+        scenario, (here, _) = self.scenario, self.people.at(0.0)
+        there, _ = self.people.at(1 / scenario.rates.sensing)
+        known = initial_tracks(scenario, here, there)
+        return Tracker(uav, self._sensors.cameras[uav], self.forest, tracker_parameters(scenario), known)
+
+    def _nobody_seen(self) -> Undetected:
+        """What a UAV believes on people without a track before it has looked."""
+        area, settings = self.scenario.area, self.scenario.tracking
+        people = settings.unseen if settings.initial_tracks == "none" else 0.0
+        return Undetected((area.width, area.height), people, settings.detection_probability, settings.max_speed)
+
+
+def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectories]:
+    """The trees of a scenario and seed, and its people, walking or from the scenario's file.
+
+    Walkers go round trunks; recorded people do not, so trunks keep off their paths. People are there for two scans at
+    least, which a velocity takes.
+    """
+    people, duration = scenario.people, max(scenario.duration, 1 / scenario.rates.sensing)
+    recorded = read(Path(people.trajectories), scenario.area, duration=duration) if people.trajectories else None
+    paths = np.zeros((0, 2)) if recorded is None else recorded.positions[~np.isnan(recorded.positions[..., 0])]
+    grown = grow(scenario.trees, scenario.area, stream(seed, "forest"), paths)
+    forest = Forest(grown.trees, scenario.sensing.occlusion)
+    if recorded is not None:
+        return forest, recorded
+    return forest, walk(people, scenario.area, forest, duration=duration, rng=stream(seed, "walkers"))

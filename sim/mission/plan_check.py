@@ -1,0 +1,111 @@
+"""Between a planner that may fail and UAVs that must fly: checks plans, flies intents instead of faults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+
+from planning.optimizers.optimizer import limited
+from planning.planner import LONGEST_PLAN, Plan, Planner, Situation, Vehicle
+from sim.sensing.fault import Fault
+from tracking.filter.kalman import Gaussian
+from tracking.numerics.compiled import Array
+from tracking.numerics.matrices import length
+from tracking.plugins.containment import ForeignError, Unusable, contained, numbers
+
+_MOST_OTHERS = 1000
+
+
+def decide(
+    planner: Planner, team: Sequence[Situation], last: Mapping[int, Plan], rng: np.random.Generator
+) -> tuple[list[Plan], list[Fault]]:
+    """One valid plan per situation, whatever the planner does, which it does to copies.
+
+    A UAV without a valid plan flies on with the rest of its `last` plan, then hovers. Commands beyond the speed limit
+    are shortened to it, and that is a fault too.
+    """
+    time = team[0].time
+    try:
+        with contained():
+            proposed = _proposed(planner.plan([_handed(situation) for situation in team], rng), len(team))
+    except ForeignError as error:
+        return [_shifted(last.get(s.own.id)) for s in team], [Fault(time, None, str(error), error.trace)]
+    plans, faults = [], []
+    for situation, given in zip(team, proposed, strict=True):
+        own = situation.own
+        try:
+            with contained():
+                plan = _usable(given)
+        except ForeignError as error:
+            plans.append(_shifted(last.get(own.id)))
+            faults.append(Fault(time, own.id, str(error), error.trace))
+            continue
+        controls = plan.controls
+        with np.errstate(over="ignore"):  # of what is finite, but beyond all speeds
+            fastest = length(controls).max()
+            plans.append(Plan(limited(controls[None], own.max_speed)[0], plan.others))
+        if fastest > own.max_speed * (1 + 1e-6):
+            faults.append(Fault(time, own.id, f"speed {fastest:.3g} m/s exceeds {own.max_speed:g} m/s; clipped"))
+    return plans, faults
+
+
+def _handed(s: Situation) -> Situation:
+    """A copy that a planner may do anything to; map, cameras and motion are planners' own already."""
+    return replace(
+        s,
+        own=_vehicle(s.own),
+        neighbours=tuple(_vehicle(v) for v in s.neighbours),
+        tracks=tuple(replace(t, belief=Gaussian(_same(t.belief.mean), _same(t.belief.covariance))) for t in s.tracks),
+        intents={
+            uav: Plan(_same(plan.controls), {j: _same(controls) for j, controls in plan.others.items()})
+            for uav, plan in s.intents.items()
+        },
+        unseen=None if s.unseen is None else replace(s.unseen, people=_same(s.unseen.people)),
+    )
+
+
+def _vehicle(v: Vehicle) -> Vehicle:
+    return replace(v, position=_same(v.position), attitude=_same(v.attitude))
+
+
+def _same(array: Array) -> Array:
+    """A copy that lies in memory as the array does."""
+    return array.copy(order="K")
+
+
+def _proposed(plans: Iterable[object], uavs: int) -> list[object]:
+    """What a planner returned, as far as there are UAVs to fly it."""
+    found = list(islice(plans, uavs + 1))
+    if len(found) != uavs:
+        raise Unusable(f"{len(found) if len(found) < uavs else f'more than {uavs}'} plans for {uavs} UAVs")
+    return found
+
+
+def _usable(plan: object) -> Plan:
+    """A copy of what is to be a plan; `Unusable` says why it is none."""
+    others = getattr(plan, "others", {})
+    if not isinstance(others, Mapping):
+        raise Unusable("others is no mapping")
+    expected = list(islice(others.items(), _MOST_OTHERS + 1))
+    if len(expected) > _MOST_OTHERS:
+        raise Unusable(f"others has more than {_MOST_OTHERS} entries")
+    controls = _controls("controls", getattr(plan, "controls", None))
+    return Plan(controls, {j: _controls(f"others[{j!r}]", given) for j, given in expected})
+
+
+def _controls(name: str, given: object) -> Array:
+    """Controls (H, 2) m/s."""
+    controls = numbers(name, given, 2 * LONGEST_PLAN)
+    if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
+        raise Unusable(f"{name} of shape {controls.shape}, not (H, 2)")
+    if not np.all(np.isfinite(controls)):
+        raise Unusable(f"{name} are not finite")
+    return controls
+
+
+def _shifted(plan: Plan | None) -> Plan:
+    rest = np.zeros((0, 2)) if plan is None else plan.controls[1:]
+    return Plan(rest if len(rest) else np.zeros((1, 2)))

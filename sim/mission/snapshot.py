@@ -1,0 +1,53 @@
+"""The mission at one scan, ground truth included."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.planner import Plan
+from sim.sensing.fault import Fault
+from sim.world.contacts import Contact
+from tracking.geometry.camera import Pose
+from tracking.numerics.compiled import Array
+from tracking.tracker import Scan, Track
+
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """What was true, seen, believed and commanded at one scan: for the recording, the video and the metrics alone."""
+
+    time: float  # s
+    people: Array  # (M, 2) m, NaN where absent
+    headings: Array  # (M,) rad
+    poses: list[Pose]  # of the n UAVs' bodies
+    cameras: list[Pose]
+    commands: Array  # (n, 2) m/s, in force
+    scans: list[Scan]
+    pixels: list[Array]  # (N_i, 2) detections in each image, one per measurement; empty in ideal sensing
+    tracks: list[tuple[Track, ...]]
+    plans: list[Plan] | None  # those made at this instant
+    ospa: Array  # (n, 3) m: distance, localisation, cardinality
+    visible: Ints  # (n, M) pixels that the renderer shows of each person
+    matched: Bools  # (n, M) whether the person was detected in that camera
+    contacts: tuple[Contact, ...] = ()  # since the scan before
+    bytes_sent: Ints = field(kw_only=True)  # (n,) to neighbours, in all rounds of consensus; -1 if unknown
+    plan_bytes: Ints = field(kw_only=True)  # (n,) to neighbours, of plans made at this instant; -1 if unknown
+    plan_rounds: int = field(kw_only=True)  # in which these were sent
+    faults: tuple[Fault, ...] = ()  # of planner and detectors at this instant, and breakdowns since the scan before
+
+    @property
+    def working(self) -> list[int]:
+        """UAVs that have not broken down; the others have neither tracks nor an error."""
+        return [int(i) for i in np.flatnonzero(~np.isnan(self.ospa[:, 0]))]
+
+    @property
+    def error(self) -> float:
+        """OSPA distance [m], mean over the UAVs that work; NaN if none does."""
+        return float(self.ospa[self.working, 0].mean()) if self.working else math.nan

@@ -1,0 +1,71 @@
+"""Compiles the numerical kernels before the clock starts."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numba.core import event
+
+from planning.registry import DEFAULT_PLANNER, load_planner
+from sim.mission.mission import Mission
+from sim.scenario.scenario import Scenario, Sensing, Tracking, Trees, Wind
+from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.detector import Frame
+from tracking.filter.negative_information import given_undetected
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import SAMPLES, Forest, Tree
+from tracking.numerics.compiled import not_kept
+
+_BEFORE = "Compiling the numerical code, which takes up to about a minute"  # on one idle core
+_LOST = "no folder for it can be written to, so it is compiled anew each time; NUMBA_CACHE_DIR may name one that can"
+
+Say = Callable[[str], None]
+
+
+class _Watch(event.Listener):
+    """Says that code is compiled as soon as some is; what is loaded from the cache goes unsaid."""
+
+    def __init__(self, say: Say) -> None:
+        self._say, self._depth, self._began, self.seconds = say, 0, 0.0, 0.0
+
+    def on_start(self, _: event.Event) -> None:
+        if self._depth == 0:
+            self._began = time.perf_counter()
+            if self.seconds == 0.0:
+                self._say(f"{_BEFORE}.")
+        self._depth += 1
+
+    def on_end(self, _: event.Event) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += time.perf_counter() - self._began
+
+
+@contextmanager
+def announced(say: Say) -> Iterator[None]:
+    """Says, if the block compiles code, that it does, how long that may take and how long it took."""
+    watch = _Watch(say)
+    with event.install_listener("numba:compile", watch):
+        yield
+    if watch.seconds:
+        say(f"Compiled in {watch.seconds:.0f} s; {_LOST if not_kept else 'it is kept for later runs'}.")
+
+
+def warm_up() -> float:
+    """Fly a second in an open forest, so that all compiled code is loaded, or made and cached; wall time [s]."""
+    start = time.perf_counter()
+    windy = Scenario(duration=1.0, trees=Trees(density=5.0), sensing=Sensing(mode="ideal"), wind=Wind(gust=1.0))
+    rendered = Scenario(duration=1.0, trees=Trees(density=5.0), tracking=Tracking(initial_tracks="none"))  # and search
+    for scenario in (windy, rendered):
+        for _ in Mission(scenario, load_planner(DEFAULT_PLANNER), 0).fly():
+            pass
+    # A place seen empty, which not every forest has in a second.
+    given_undetected((np.zeros((1, 4)), np.eye(4)[None]), np.linspace(0.1, 1.0, len(SAMPLES))[None])
+    image = np.zeros((64, 64, 3), dtype=np.uint8)
+    image[28:36, 28:36] = image[:4, :4] = (230, 62, 0)  # somebody in front of a tree, and somebody at the edge
+    under = Forest((Tree(4.0, 0.0),))
+    BlobDetector(under).detect(Frame(0, 0.0, Camera(1.0, 64), Pose.level(0.0, 0.0, 20.0), image))  # only images need it
+    return time.perf_counter() - start

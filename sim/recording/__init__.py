@@ -1,0 +1,1 @@
+"""Recordings of missions and their files."""

@@ -1,0 +1,162 @@
+"""A recording on disk: npz, never pickled, the same bytes for the same mission."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any, BinaryIO, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.recording.atomic_files import whole
+from sim.recording.npz import Npz, line, opened
+from sim.recording.recording import VERSION, Recording
+from sim.recording.validation import check
+
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+# Fields that recordings did not always have.
+_LATER = {field.name for field in fields(Recording) if field.default_factory is not MISSING}
+_LONGEST = 2**20  # characters of a text
+
+
+def save(recording: Recording, path: str | os.PathLike[str]) -> None:
+    """Write the recording whole or not at all; equal content gives equal bytes.
+
+    They are not compressed: versions of the compression library differ in what they write.
+    """
+    with whole(Path(path)) as part:
+        _write(recording, part)
+
+
+def digest(recording: Recording) -> str:
+    """SHA-256 of the bytes that `save` writes."""
+    content = io.BytesIO()
+    _write(recording, content)
+    return hashlib.sha256(content.getbuffer()).hexdigest()
+
+
+def _write(recording: Recording, to: Path | BinaryIO) -> None:
+    with zipfile.ZipFile(to, "w", zipfile.ZIP_STORED) as archive:
+        for name, (_, dtype, _) in _fields().items():
+            value = getattr(recording, name)
+            array = np.array(str(value)) if dtype == "<U" else np.ascontiguousarray(value, dtype=dtype)
+            content = io.BytesIO()
+            np.lib.format.write_array(content, array.reshape(np.shape(value)), allow_pickle=False)
+            # Time stamp and system are the only parts of an entry that do not follow from its content.
+            info = zipfile.ZipInfo(f"{name}.npy", date_time=_EPOCH)
+            info.create_system = 3
+            archive.writestr(info, content.getvalue())
+
+
+def load(path: str | os.PathLike[str]) -> Recording:
+    """Read and check a recording; anything wrong is a ValueError of one line that names file and field.
+
+    The file may come from anybody: nothing in it is executed, imported or opened, and it takes no more memory than
+    `sim.recording.npz` allows its size. Fields that came after it was made have their defaults.
+    """
+    try:
+        with opened(path) as archive:
+            return _loaded(archive)
+    except ValueError as error:
+        raise ValueError(f"{path}: {line(error)}") from error
+
+
+def _loaded(archive: Npz) -> Recording:
+    _check_ours(archive)
+    sizes: dict[str, int] = {}
+    lacking = _lacking(archive)
+    fields = _fields()
+    for name, (_, dtype, shape) in fields.items():
+        if name not in lacking:
+            if name not in archive.names:
+                raise ValueError(f"field '{name}' is missing")
+            with _about(name):
+                _check(*archive.header(name), dtype, shape, sizes)
+                if name == "version":
+                    _check_version(int(archive.read(name)))
+    values: dict[str, Any] = {}
+    for name, (kind, dtype, shape) in fields.items():
+        if name in lacking:
+            values[name] = kind() if kind in (bool, str, int) else _unknown(dtype, shape, sizes)
+            continue
+        with _about(name):
+            array = archive.read(name)
+            values[name] = _plain(kind, array) if kind in (int, str, bool) else array
+    recording = Recording(**values)
+    check(recording)
+    return recording
+
+
+@contextmanager
+def _about(name: str) -> Iterator[None]:
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"field '{name}': {line(error)}") from error
+
+
+def _check_ours(archive: Npz) -> None:
+    """ValueError that shows what an archive holds in which nothing tells a recording's version."""
+    if "version" not in archive.names:
+        names = ", ".join(map(repr, archive.names[:5]))[:200]
+        raise ValueError(f"not a recording: its arrays are {names}" if names else "not a recording: holds nothing")
+
+
+def _fields() -> dict[str, tuple[Any, str, str]]:
+    hints = get_type_hints(Recording, include_extras=True)
+    return {name: (hint.__origin__, *hint.__metadata__) for name, hint in hints.items()}
+
+
+def _lacking(archive: Npz) -> set[str]:
+    """Fields that the recording is too old to have; none if it holds something unknown, so that damage is noticed."""
+    names = set(archive.names)
+    return _LATER - names if archive.plain and names <= set(_fields()) else set()
+
+
+def _unknown(dtype: str, shape: str, sizes: dict[str, int]) -> NDArray[Any]:
+    """What stands for a field that an old recording lacks: no rows, or -1 everywhere."""
+    return np.full([_size(symbol, 0, sizes) for symbol in shape.split()], -1, dtype)
+
+
+def _check(found: str, size: tuple[int, ...], dtype: str, shape: str, sizes: dict[str, int]) -> None:
+    """Compare with the annotation; the first array that has a dimension fixes its size for the others."""
+    if not (found.startswith("<U") and found[2:].isdigit() if dtype == "<U" else found == dtype):
+        raise ValueError(f"has dtype {found}, not {dtype}")
+    if dtype == "<U" and int(found[2:]) > _LONGEST:
+        raise ValueError(f"has dtype {found}; at most {_LONGEST} characters are allowed")
+    symbols = shape.split()
+    expected = [_size(symbol, n, sizes) for symbol, n in zip(symbols, size, strict=False)]
+    if size != tuple(expected) or len(symbols) != len(size):
+        raise ValueError(f"has shape {size}, not ({', '.join(symbols)}) as the fields before it")
+    sizes.update(zip(symbols, size, strict=True))
+
+
+def _size(symbol: str, found: int, sizes: dict[str, int]) -> int:
+    if symbol == "K*n+1":
+        return sizes["K"] * sizes["n"] + 1
+    return int(symbol) if symbol.isdigit() else sizes.get(symbol, found)
+
+
+def _plain(kind: type, array: NDArray[Any]) -> Any:  # noqa: ANN401 - as the annotation says
+    """A text, number or truth as Python has it; a number that is written as text has no digits but 0 to 9."""
+    if array.dtype.kind != "U":
+        return kind(array.item())
+    text = array.tobytes().decode("utf-32-le").rstrip("\0")  # NumPy's own way takes what is no character
+    if kind is int and not (text.isascii() and text.isdigit()):
+        raise ValueError(f"is {text[:50]!r}, not a number of digits 0 to 9")
+    return kind(text)
+
+
+def _check_version(version: int) -> None:
+    if version > VERSION:
+        reads = f"is {version}, but this program reads {VERSION}"
+        raise ValueError(f"{reads}: made by a newer understory; upgrade understory to read it")
+    if version < 1:
+        raise ValueError(f"is {version}; the first was 1")

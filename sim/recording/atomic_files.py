@@ -1,0 +1,84 @@
+"""Files and folders that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from sim.scenario.errors import InputError
+
+
+def unfinished(path: Path) -> Path:
+    """Where a file is written until it is whole: a hidden name of this process's own, in the same folder."""
+    return path.with_name(f".{path.name}.{os.getpid()}.part")
+
+
+def check_new(path: Path, suffix: str, option: str, *, also: str = "") -> None:
+    """InputError unless a new file that ends in `suffix` can be written at `path`, which is tried."""
+    if path.suffix != suffix:
+        raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
+    part = unfinished(path)
+    try:
+        if path.exists():
+            raise InputError(f"{option}: {path} exists; name a new file")
+        if not path.parent.is_dir():
+            raise InputError(f"{option}: {path} cannot be written: there is no folder {path.parent}")
+        part.touch()
+        part.unlink()
+    except OSError as error:
+        raise InputError(f"{option}: {path} cannot be written: {error.strerror}") from error
+
+
+def unused(path: Path, suffix: str = "") -> Path:
+    """The path with a suffix such as .mp4 added, or its first numbered sibling, that does not exist yet."""
+    number, free = 1, path.with_name(f"{path.name}{suffix}")
+    while free.exists():
+        number += 1
+        free = path.with_name(f"{path.name}-{number}{suffix}")
+    return free
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Yields a name to write to; renamed to `path` when the block ends, removed when it raises."""
+    part = unfinished(path)
+    try:
+        yield part
+        os.replace(part, path)
+    finally:
+        with suppress(OSError):  # what has happened before says more
+            part.unlink()
+
+
+@contextmanager
+def new_folder(out: Path) -> Iterator[Path]:
+    """A folder under a temporary name, which takes its own when the block ends and is removed when it raises."""
+    if not out.name:
+        raise InputError(f"--out: {str(out)!r} is no name for a new folder")
+    part = unfinished(out)
+    made: list[Path] = []
+    try:
+        try:
+            if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+                what = "already holds a run" if (out / "summary.json").exists() else "exists and is not an empty folder"
+                raise InputError(f"--out: {out} {what}; name a new folder")
+            made = _missing(out.parent)
+            part.mkdir(parents=True)
+        except OSError as error:
+            raise InputError(f"--out: {out} cannot be written: {error.strerror}") from error
+        yield part
+        part.rename(out)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        for folder in made:
+            with suppress(OSError):  # never made, or in use by someone else meanwhile
+                folder.rmdir()
+        raise
+
+
+def _missing(folder: Path) -> list[Path]:
+    """The folders that would have to be made for `folder` to exist, innermost first."""
+    return [f for f in (folder, *folder.parents) if not f.exists()]

@@ -1,0 +1,20 @@
+"""Columns as a data frame of whichever library there is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from sim.scenario.errors import InputError
+
+
+def dataframe(columns: Mapping[str, Any]) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise
+    """Columns of equal length as a pandas frame, or a polars one where there is no pandas; InputError without both."""
+    try:
+        from pandas import DataFrame
+    except ImportError:
+        try:
+            from polars import DataFrame
+        except ImportError as error:
+            raise InputError("tables need pandas or polars; neither is installed: pip install pandas") from error
+    return DataFrame(dict(columns))

@@ -1,0 +1,300 @@
+"""One mission as plain arrays: what was true, seen, believed and commanded at each scan."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.planner import Plan
+from sim.mission.snapshot import Bools, Ints, Snapshot
+from sim.recording.fault_text import read, recorded
+from sim.sensing.fault import Fault
+from sim.world.contacts import KINDS, Contact
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
+from tracking.numerics.compiled import Array
+from tracking.tracker import Scan, Track
+
+VERSION = 1
+_DTYPES: dict[str, type[np.generic]] = {"matched": np.bool_} | dict.fromkeys(
+    ("visible", "bytes_sent", "plan_bytes", "plan_rounds"), np.int64
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A whole mission of K scans, n UAVs, M people, T trees and E planning instants with horizon H.
+
+    Each annotation holds dtype and shape. A table of D measurements or S tracks has rows for each scan and UAV in
+    turn: those of scan k and UAV i are rows `offsets[k n + i]` to `offsets[k n + i + 1]`. Poses are x, y, z [m] and
+    quaternion xyzw; what is absent is NaN, and so is the OSPA of a UAV that has broken down.
+    """
+
+    version: Annotated[int, "<i8", ""]
+    scenario: Annotated[str, "<U", ""]  # resolved, JSON
+    planner: Annotated[str, "<U", ""]
+    seed: Annotated[int, "<U", ""]  # text, as a seed may have more than 64 bits
+    interrupted: Annotated[bool, "|b1", ""]
+    times: Annotated[Array, "<f8", "K"]  # s
+    trees: Annotated[Array, "<f8", "T 6"]  # m: x, y, canopy radius, base and top, trunk radius
+    people: Annotated[Array, "<f8", "K M 2"]  # m
+    headings: Annotated[Array, "<f8", "K M"]  # rad
+    poses: Annotated[Array, "<f8", "K n 7"]
+    cameras: Annotated[Array, "<f8", "K n 7"]
+    commands: Annotated[Array, "<f8", "K n 2"]  # m/s
+    measurement_offsets: Annotated[Ints, "<i8", "K*n+1"]
+    measurements: Annotated[Array, "<f8", "D 2"]  # m
+    measurement_covariances: Annotated[Array, "<f8", "D 2 2"]  # m²
+    pixels: Annotated[Array, "<f8", "D 2"]  # NaN in ideal sensing
+    track_offsets: Annotated[Ints, "<i8", "K*n+1"]
+    track_ids: Annotated[Ints, "<i8", "S"]
+    track_means: Annotated[Array, "<f8", "S 4"]  # m, m/s
+    track_covariances: Annotated[Array, "<f8", "S 4 4"]  # m², m²/s, m²/s²
+    plan_times: Annotated[Array, "<f8", "E"]  # s
+    plans: Annotated[Array, "<f8", "E n H 2"]  # m/s, NaN beyond a shorter horizon
+    ospa: Annotated[Array, "<f8", "K n 3"]  # m: distance, localisation, cardinality
+    visible: Annotated[Ints, "<i8", "K n M"]  # pixels that the renderer shows of each person
+    matched: Annotated[Bools, "|b1", "K n M"]  # whether the person was detected
+    # Scan, UAV, kind of what it touched since the scan before (in `KINDS`), and its index among them; by scan.
+    contacts: Annotated[Ints, "<i8", "C 4"] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
+    # To neighbours, in all rounds of consensus of a scan; -1 where it was not recorded.
+    bytes_sent: Annotated[Ints, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
+    # To neighbours, of plans, in all rounds of a decision, and these rounds; -1 where it was not recorded.
+    plan_bytes: Annotated[Ints, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
+    plan_rounds: Annotated[Ints, "<i8", "K"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    sees_truth: Annotated[bool, "|b1", ""] = field(default_factory=bool)  # whether the planner does: an upper bound
+    # Probability that there is somebody; NaN where nobody asks, as in life m_of_n; -1 where it was not recorded.
+    track_existence: Annotated[Array, "<f8", "S"] = field(default_factory=lambda: np.zeros(0))
+    faults: Annotated[str, "<U", ""] = field(default_factory=str)  # JSON, see `fault_text`; "" where not recorded
+    repeat: Annotated[int, "<i8", ""] = field(default_factory=int)  # of the chance on the map of the seed
+
+    @property
+    def forest(self) -> Forest:
+        """The map of trees with exact occlusion; what tracker and planner assumed is in the scenario."""
+        return Forest(tuple(Tree(*row) for row in self.trees.tolist()))
+
+    @property
+    def working(self) -> Bools:
+        """Which UAVs had not broken down at each scan (K, n)."""
+        return ~np.isnan(self.ospa[:, :, 0])
+
+    @cached_property
+    def track_numbers(self) -> dict[int, int]:
+        """The number under which each track is shown, by id: tracks count by first appearance."""
+        return {id_: n for n, id_ in enumerate(dict.fromkeys(self.track_ids.tolist()))}
+
+    def _rows(self, offsets: Ints, k: int, uav: int) -> slice:
+        cell = k * self.poses.shape[1] + uav
+        return slice(int(offsets[cell]), int(offsets[cell + 1]))
+
+    def scan_at(self, k: int, uav: int) -> Scan:
+        """What one UAV measured at scan k."""
+        rows = self._rows(self.measurement_offsets, k, uav)
+        pose = _pose(self.cameras[k, uav])
+        time = float(self.times[k])
+        return Scan(uav, time, pose, self.measurements[rows], self.measurement_covariances[rows])
+
+    def measurements_at(self, k: int, uav: int) -> Array:
+        """Ground measurements (N, 2) m of one UAV at scan k."""
+        return self.measurements[self._rows(self.measurement_offsets, k, uav)]
+
+    def pixels_at(self, k: int, uav: int) -> Array:
+        """Detections (N, 2) in the image of one UAV at scan k; none in ideal sensing."""
+        pixels = self.pixels[self._rows(self.measurement_offsets, k, uav)]
+        return pixels[~np.isnan(pixels[:, 0])]
+
+    def tracks_at(self, k: int, uav: int) -> tuple[Track, ...]:
+        """The tracks of one UAV after scan k."""
+        rows = self._rows(self.track_offsets, k, uav)
+        existence = self.existence_at(k, uav)
+        certain = np.where(np.isnan(existence), 1.0, existence).tolist()
+        table = zip(self.track_ids[rows], self.track_means[rows], self.track_covariances[rows], certain, strict=True)
+        return tuple(Track(int(id_), Gaussian(mean, covariance), r) for id_, mean, covariance, r in table)
+
+    def track_ids_at(self, k: int, uav: int) -> Ints:
+        """Ids (N,) of the tracks of one UAV after scan k."""
+        return self.track_ids[self._rows(self.track_offsets, k, uav)]
+
+    def existence_at(self, k: int, uav: int) -> Array:
+        """For each track of one UAV after scan k the probability that there is somebody (N,); NaN if unknown."""
+        existence = self.track_existence[self._rows(self.track_offsets, k, uav)]
+        return np.where(existence >= 0.0, existence, math.nan)
+
+    def plans_at(self, k: int) -> list[Plan] | None:
+        """The plans made at scan k, if any were."""
+        made = np.flatnonzero(self.plan_times == self.times[k])
+        if len(made) == 0:
+            return None
+        return [Plan(controls[~np.isnan(controls[:, 0])]) for controls in self.plans[made[0]]]
+
+    def contacts_at(self, k: int) -> tuple[Contact, ...]:
+        """What UAVs touched between scan k - 1 and scan k."""
+        rows = self.contacts[self.contacts[:, 0] == k].tolist()
+        return tuple(Contact(uav, KINDS[kind], other) for _, uav, kind, other in rows)
+
+    def faults_at(self, k: int) -> tuple[Fault, ...]:
+        """Faults after scan k - 1 and until scan k."""
+        before = float(self.times[k - 1]) if k else -math.inf
+        return tuple(fault for fault in read(self.faults) if before < fault.time <= float(self.times[k]))
+
+    def snapshot(self, k: int) -> Snapshot:
+        """Scan k as the recorder was given it."""
+        uavs = range(self.poses.shape[1])
+        return Snapshot(
+            time=float(self.times[k]),
+            people=self.people[k],
+            headings=self.headings[k],
+            poses=[_pose(row) for row in self.poses[k]],
+            cameras=[_pose(row) for row in self.cameras[k]],
+            commands=self.commands[k],
+            scans=[self.scan_at(k, i) for i in uavs],
+            pixels=[self.pixels_at(k, i) for i in uavs],
+            tracks=[self.tracks_at(k, i) for i in uavs],
+            plans=self.plans_at(k),
+            ospa=self.ospa[k],
+            visible=self.visible[k],
+            matched=self.matched[k],
+            contacts=self.contacts_at(k),
+            bytes_sent=self.bytes_sent[k],
+            plan_bytes=self.plan_bytes[k],
+            plan_rounds=int(self.plan_rounds[k]),
+            faults=self.faults_at(k),
+        )
+
+
+class Recorder:
+    """Takes snapshots, copies what they hold, and gives the recording so far at any time."""
+
+    def __init__(self, repeat: int = 0) -> None:
+        """`repeat` is the mission's, on the map of its seed."""
+        self._repeat = repeat
+        self._dense: defaultdict[str, list[NDArray[Any]]] = defaultdict(list)
+        self._scans: list[tuple[Scan, Array]] = []
+        self._tracks: list[tuple[Track, ...]] = []
+        self._plans: list[tuple[float, list[Plan]]] = []
+        self._contacts: list[tuple[int, int, int, int]] = []
+        self._faults: list[Fault] = []
+
+    def __len__(self) -> int:
+        """Number of scans so far."""
+        return len(self._dense["times"])
+
+    def add(self, snapshot: Snapshot) -> None:
+        """Append one scan; ValueError, and nothing appended, unless each detection has its measurement."""
+        rows = [_pixel_rows(scan, pixels) for scan, pixels in zip(snapshot.scans, snapshot.pixels, strict=True)]
+        self._contacts.extend((len(self), c.uav, KINDS.index(c.kind), c.other) for c in snapshot.contacts)
+        for name, value in {
+            "times": snapshot.time,
+            "people": snapshot.people,
+            "headings": snapshot.headings,
+            "poses": [_row(pose) for pose in snapshot.poses],
+            "cameras": [_row(pose) for pose in snapshot.cameras],
+            "commands": snapshot.commands,
+            "ospa": snapshot.ospa,
+            "visible": snapshot.visible,
+            "matched": snapshot.matched,
+            "bytes_sent": snapshot.bytes_sent,
+            "plan_bytes": snapshot.plan_bytes,
+            "plan_rounds": snapshot.plan_rounds,
+        }.items():
+            self._dense[name].append(np.array(value, dtype=_DTYPES.get(name, np.float64)))
+        self._scans.extend(zip(snapshot.scans, rows, strict=True))
+        self._tracks.extend(snapshot.tracks)
+        self._faults.extend(snapshot.faults)
+        if snapshot.plans is not None:
+            self._plans.append((snapshot.time, snapshot.plans))
+
+    def recording(
+        self,
+        *,
+        scenario: str,
+        planner: str,
+        seed: int,
+        forest: Forest,
+        interrupted: bool = False,
+        sees_truth: bool = False,
+    ) -> Recording:
+        """All scans so far; `scenario` is the resolved JSON. At least one scan is needed, else ValueError."""
+        if not len(self):
+            raise ValueError("nothing to record: the mission has no scan")
+        dense: dict[str, Any] = {name: np.stack(rows) for name, rows in self._dense.items()}
+        uavs = dense["poses"].shape[1]
+        rows = [(t.x, t.y, t.canopy_radius, t.canopy_base, t.canopy_top, t.trunk_radius) for t in forest.trees]
+        return Recording(
+            version=VERSION,
+            scenario=scenario,
+            planner=planner,
+            seed=seed,
+            repeat=self._repeat,
+            interrupted=interrupted,
+            trees=np.array(rows, dtype=float).reshape(-1, 6),
+            **dense,
+            **self._measurement_table(),
+            **self._track_table(),
+            plan_times=np.array([time for time, _ in self._plans], dtype=float),
+            plans=_padded([plans for _, plans in self._plans], uavs),
+            contacts=np.array(self._contacts, dtype=np.int64).reshape(-1, 4),
+            sees_truth=sees_truth,
+            faults=recorded(self._faults),
+        )
+
+    def _measurement_table(self) -> dict[str, NDArray[Any]]:
+        return {
+            "measurement_offsets": _offsets(len(scan.measurements) for scan, _ in self._scans),
+            "measurements": _joined((scan.measurements for scan, _ in self._scans), 2),
+            "measurement_covariances": _joined((scan.covariances for scan, _ in self._scans), 2, 2),
+            "pixels": _joined((pixels for _, pixels in self._scans), 2),
+        }
+
+    def _track_table(self) -> dict[str, NDArray[Any]]:
+        tracks = [track for held in self._tracks for track in held]
+        return {
+            "track_offsets": _offsets(len(held) for held in self._tracks),
+            "track_ids": np.array([track.id for track in tracks], dtype=np.int64),
+            "track_means": _joined((track.belief.mean for track in tracks), 4),
+            "track_covariances": _joined((track.belief.covariance for track in tracks), 4, 4),
+            # Evidence never makes a probability one: that is what trackers say whose tracks have none.
+            "track_existence": np.array([t.existence if t.existence < 1.0 else math.nan for t in tracks], dtype=float),
+        }
+
+
+def _row(pose: Pose) -> Array:
+    return np.concatenate([pose.position, pose.quaternion])
+
+
+def _pose(row: Array) -> Pose:
+    return Pose(row[:3], row[3:])
+
+
+def _pixel_rows(scan: Scan, pixels: Array) -> Array:
+    if len(pixels) == 0:
+        return np.full((len(scan.measurements), 2), np.nan)
+    if len(pixels) != len(scan.measurements):
+        raise ValueError(f"UAV {scan.uav} has {len(scan.measurements)} measurements of {len(pixels)} detections")
+    return np.array(pixels, dtype=float)
+
+
+def _offsets(counts: Iterable[int]) -> Ints:
+    return np.concatenate([[0], np.cumsum(np.fromiter(counts, dtype=np.int64))]).astype(np.int64)
+
+
+def _joined(blocks: Iterable[Array], *shape: int) -> Array:
+    rows = [np.asarray(block, dtype=float).reshape(-1, *shape) for block in blocks]
+    return np.concatenate([np.zeros((0, *shape)), *rows])
+
+
+def _padded(plans: Sequence[Sequence[Plan]], uavs: int) -> Array:
+    horizon = max((len(plan.controls) for made in plans for plan in made), default=0)
+    table = np.full((len(plans), uavs, horizon, 2), np.nan)
+    for e, made in enumerate(plans):
+        for i, plan in enumerate(made):
+            table[e, i, : len(plan.controls)] = plan.controls
+    return table

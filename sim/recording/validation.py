@@ -1,0 +1,149 @@
+"""Whether a recording that was read can have been flown: what is wrong in it would surface far from its cause."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.recording.fault_text import LONGEST, MOST, read
+from sim.recording.recording import Recording
+from sim.scenario.errors import InputError
+from sim.scenario.quantities import REPEATS
+from sim.scenario.scenario import Scenario
+from sim.world.contacts import KINDS
+from tracking.numerics.compiled import Array
+
+FARTHEST = 1e6  # m, m/s, m²: beyond what anything in a mission can be, and short of what drawing overflows at
+Finding = tuple[str, bool, str]  # field, whether it is wrong, and what it has to be
+
+
+def check(recording: Recording) -> None:
+    """ValueError that names the first field with values that no mission leaves."""
+    for rules in (_counts, _texts, _world, _measured, _believed, _planned, _counted):
+        for name, wrong, text in rules(recording):
+            if wrong:
+                raise ValueError(f"field '{name}': {text}")
+
+
+def check_scenario(recording: Recording, scenario: Scenario) -> None:
+    """InputError where a recording contradicts the scenario that it says it was flown in."""
+    times, people = recording.times, recording.people.shape[1]
+    uavs, rate = recording.poses.shape[1], scenario.rates.sensing
+    planned = scenario.duration * rate + 1
+    if len(scenario.uavs) != uavs:
+        raise InputError(f"recording: {uavs} UAVs flew, but its scenario has {len(scenario.uavs)}")
+    if not scenario.people.trajectories and scenario.people.count != people:
+        raise InputError(f"recording: {people} people walked, but its scenario has {scenario.people.count}")
+    if len(times) > planned + 1e-6:
+        raise InputError(f"recording: has {len(times)} scans, its scenario {planned:g}; no more can be")
+    if np.abs(times * rate - np.arange(len(times))).max() > 1e-6 * len(times):
+        raise InputError(f"recording: its scans are not {1 / rate:g} s apart, as its scenario says")
+
+
+def _counts(r: Recording) -> Iterator[Finding]:
+    yield "poses", 0 in r.poses.shape, "has no scan or no UAV"
+    times = r.times
+    yield "times", not _finite(times) or times[0] < 0 or bool(np.any(np.diff(times) <= 0)), "do not rise from 0 s on"
+    for name, offsets, rows in (
+        ("measurement_offsets", r.measurement_offsets, len(r.measurements)),
+        ("track_offsets", r.track_offsets, len(r.track_ids)),
+    ):
+        wrong = offsets[0] != 0 or offsets[-1] != rows or np.any(offsets[1:] < offsets[:-1])
+        yield name, bool(wrong), f"does not rise from 0 to {rows}"
+
+
+def _texts(r: Recording) -> Iterator[Finding]:
+    yield "planner", not r.planner.isprintable() or len(r.planner) > 10_000, "is no printable text"
+    yield "seed", r.seed < 0, "is negative"
+    yield "repeat", not 0 <= r.repeat < REPEATS, f"is {r.repeat}, not 0 to {REPEATS - 1}"
+    yield "scenario", not _is_object(r.scenario), "is no JSON object"
+    yield "faults", not _is_faults(r.faults), "is no list of faults, each with time, uav and message"
+    faults, n = read(r.faults), r.poses.shape[1]
+    yield "faults", len(faults) > MOST, f"are more than {MOST}"
+    wrong = any(not f.message.isprintable() or len(f.message) > LONGEST for f in faults)
+    yield "faults", wrong, f"have a message that is not one line of at most {LONGEST} characters"
+    wrong = any(not 0 <= f.time <= r.times[-1] or not 0 <= (f.uav or 0) < n for f in faults)
+    yield "faults", wrong, "name a time or a UAV that is not there"
+
+
+def _world(r: Recording) -> Iterator[Finding]:
+    yield "trees", not _finite(r.trees) or bool(np.any(r.trees[:, [2, 5]] < 0)), "have a radius below 0 or no place"
+    yield "trees", bool(np.any(r.trees[:, 3] > r.trees[:, 4])), "have a canopy that ends below its base"
+    absent = np.isnan(r.people[..., 0])
+    partly = bool(np.any(absent != np.isnan(r.people[..., 1])))
+    yield "people", partly or not _finite(r.people[~absent]), "have places that are partly NaN or not finite"
+    yield "headings", not _finite(r.headings[~absent]), "are not finite where a person is"
+    for name, poses in (("poses", r.poses), ("cameras", r.cameras)):
+        yield name, not _finite(poses), "are not finite"
+        norms = np.sum(poses[..., 3:] ** 2, axis=-1)
+        yield name, bool(np.any(np.abs(norms - 1) > 1e-6)), "have quaternions whose norm is not 1"
+    yield "commands", not _finite(r.commands), "are not finite"
+    limits = np.array([r.poses.shape[1], len(r.trees), len(r.trees), r.people.shape[1], 1])
+    c, cells = r.contacts, (*r.poses.shape[:2], len(KINDS))
+    wrong = bool(np.any(c < 0) or np.any(c[:, :3] >= cells) or np.any(c[1:, 0] < c[:-1, 0]))
+    yield "contacts", wrong, "names a scan, UAV or kind that is not there, or not in order"
+    yield "contacts", not wrong and bool(np.any(c[:, 3] >= limits[c[:, 2]])), "names what is not there"
+
+
+def _measured(r: Recording) -> Iterator[Finding]:
+    yield "measurements", not _finite(r.measurements), "are not finite"
+    yield "measurement_covariances", not _definite(r.measurement_covariances), "are no covariances"
+    nowhere = np.isnan(r.pixels).all(axis=1)
+    yield "pixels", not _finite(r.pixels[~nowhere]), "are partly NaN or not finite"
+    yield "matched", bool(np.any(r.matched.view(np.uint8) > 1)), "holds bytes that are neither true nor false"
+
+
+def _believed(r: Recording) -> Iterator[Finding]:
+    yield "track_ids", bool(np.any(r.track_ids < 0)), "are below 0"
+    yield "track_means", not _finite(r.track_means), "are not finite"
+    yield "track_covariances", not _definite(r.track_covariances), "are no covariances"
+    known = r.track_existence[~np.isnan(r.track_existence)]
+    wrong = bool(np.any((known != -1) & ~((known >= 0) & (known <= 1))))
+    yield "track_existence", wrong, "is no probability, NaN or -1"
+    broken = np.isnan(r.ospa).all(axis=-1)
+    yield "ospa", not _finite(r.ospa[~broken]) or bool(np.any(r.ospa < 0)), "is partly NaN, below 0 or not finite"
+
+
+def _planned(r: Recording) -> Iterator[Finding]:
+    wrong = bool(np.any(np.diff(r.plan_times) <= 0)) or not np.all(np.isin(r.plan_times, r.times))
+    yield "plan_times", wrong, "do not rise from scan to scan"
+    ended = np.asarray(np.isnan(r.plans).all(axis=-1))
+    yield "plans", not _finite(r.plans[~ended]), "are partly NaN or not finite"
+    yield "plans", bool(np.any(ended[:, :, :-1] & ~ended[:, :, 1:])), "go on after their end"
+
+
+def _counted(r: Recording) -> Iterator[Finding]:
+    for name, least in (("visible", 0), ("bytes_sent", -1), ("plan_bytes", -1), ("plan_rounds", -1)):
+        yield name, bool(np.any(getattr(r, name) < least)), f"holds numbers below {least}"
+
+
+def _finite(values: Array) -> bool:
+    return bool(np.all(np.abs(values) <= FARTHEST))  # false for NaN
+
+
+def _definite(covariances: NDArray[np.float64]) -> bool:
+    """Whether matrices (N, d, d) are finite and symmetric, with positive variances and positions' ellipses."""
+    if not _finite(covariances):
+        return False
+    variances = np.diagonal(covariances, axis1=1, axis2=2)
+    scale = variances.max(axis=1, initial=0.0)[:, None, None]
+    symmetric = np.all(np.abs(covariances - covariances.transpose(0, 2, 1)) <= 1e-6 * scale)
+    slim = covariances[:, 0, 1] ** 2 > (1 + 1e-9) * variances[:, 0] * variances[:, 1]
+    return bool(symmetric and np.all(variances > 0) and not np.any(slim))
+
+
+def _is_object(text: str) -> bool:
+    try:
+        return isinstance(msgspec.json.decode(text), dict)
+    except (msgspec.MsgspecError, RecursionError, UnicodeError):
+        return False
+
+
+def _is_faults(text: str) -> bool:
+    try:
+        return len(read(text)) >= 0
+    except ValueError:
+        return False

@@ -1,0 +1,1 @@
+"""Why a person was tracked or lost."""

@@ -1,0 +1,100 @@
+"""Whose its measurements were to one UAV at one scan, worked out again from the recording as its tracker did it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.mission.snapshot import Bools, Ints
+from sim.mission.tracker_setup import initial_tracks, tracker_parameters
+from sim.recording.recording import Recording
+from sim.scenario.scenario import Scenario
+from sim.sensing.sensors import view_of
+from tracking.filter.negative_information import Moment, look
+from tracking.geometry.visibility import Forest
+from tracking.measurement_update import Predicted, foreseen, weighed
+from tracking.numerics.compiled import Array
+from tracking.tracker import Track
+
+
+@dataclass(frozen=True, eq=False)
+class Association:
+    """T tracks, predicted to the time of a scan, and its N measurements."""
+
+    ids: Ints  # (T,)
+    numbers: Ints  # (T,), as tracks are shown: by first appearance; -1 for one that ended before it was recorded
+    before: Predicted  # beliefs and existence before the scan, and the probability to be in plain view
+    measurements: Array  # (N, 2) m
+    covariances: Array  # (N, 2, 2) m²
+    distances: Array  # (T, N), squared, of measurements in the innovation's standard deviations
+    gated: Bools  # (T, N)
+    beta: Array  # (T, N + 1), probability that none of the measurements is the person's, or which
+    existence: Array  # (T,), after the scan, before the fleet has talked
+
+    @property
+    def nobody(self) -> Array:
+        """Probability (T,) that none of the measurements is the track's person, or that there is nobody."""
+        return self.beta[:, 0]
+
+    @staticmethod
+    def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> Association | None:
+        """The association of one UAV at scan k; None where its camera took no frame or the UAV had broken down.
+
+        Beliefs are those that the fleet agreed on at scan k - 1, predicted by the scenario's motion model. At the
+        first scan they are the initial tracks; where that is the only scan, with people taken to stand still.
+
+        Note: of more than 10 000 pairs the tracker works on parts that have nothing to do with each other, which
+        rounds differently. A recording of an earlier version is read by the rules of this one.
+        """
+        if not (recording.working[k, uav] and scenario.has_frame(uav, k)):
+            return None
+        p = tracker_parameters(scenario)
+        tracks = recording.tracks_at(k - 1, uav) if k else _first_tracks(recording, scenario)
+        means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
+        covariances = np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4)
+        existence = np.array([t.existence for t in tracks], dtype=float)
+        if k:
+            means, covariances = p.motion.predict_all(means, covariances)
+            existence = existence * p.step_survival
+        scan = recording.scan_at(k, uav)
+        camera, forest = view_of(scenario.uavs[uav], scenario), _assumed(recording, scenario)
+        last = _last(recording, scenario, k, uav)
+        beliefs, now, certainty = (means, covariances), (scan.time, scan.pose), p.detection_probability
+        shows = look(camera, forest, beliefs, now=now, last=last, detection_probability=certainty)
+        before = foreseen(beliefs, existence, *shows, p)
+        z, R = (np.ascontiguousarray(table) for table in (scan.measurements, scan.covariances))
+        likelihood, beta, _, after = weighed(before, z, R, p)
+        ids = np.array([t.id for t in tracks], dtype=np.int64)
+        distances = _distances(before, z, R)
+        return Association(ids, _numbers(recording, ids), before, z, R, distances, likelihood > 0.0, beta, after)
+
+
+def _first_tracks(recording: Recording, scenario: Scenario) -> list[Track]:
+    people = recording.people
+    return initial_tracks(scenario, people[0], people[min(1, len(people) - 1)])
+
+
+def _last(recording: Recording, scenario: Scenario, k: int, uav: int) -> Moment | None:
+    """When and from where the UAV took its last frame before scan k."""
+    for j in range(k - 1, -1, -1):
+        if recording.working[j, uav] and scenario.has_frame(uav, j):
+            scan = recording.scan_at(j, uav)
+            return scan.time, scan.pose
+    return None
+
+
+def _assumed(recording: Recording, scenario: Scenario) -> Forest:
+    """The forest as trackers take it to hide people."""
+    return Forest(recording.forest.trees, scenario.sensing.occlusion)
+
+
+def _numbers(recording: Recording, ids: Ints) -> Ints:
+    return np.array([recording.track_numbers.get(id_, -1) for id_ in ids.tolist()], dtype=np.int64)
+
+
+def _distances(before: Predicted, z: Array, R: Array) -> Array:
+    """Squared Mahalanobis distances (T, N) of measurements from predicted positions."""
+    nu = z[None] - before.means[:, None, :2]
+    S = before.covariances[:, None, :2, :2] + R[None]
+    return np.asarray(np.einsum("tni,tni->tn", nu, np.linalg.solve(S, nu[..., None])[..., 0]))

@@ -1,0 +1,161 @@
+"""What one UAV had of one person at one scan: the view, the pixels, the detection, and whose it was taken for."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from types import TracebackType
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from sim.mission.snapshot import Ints
+from sim.recording.recording import Recording
+from sim.replay.explain.association import Association
+from sim.replay.frames.rerender import Rerenderer
+from sim.replay.frames.sightings import Sighting, sightings
+from sim.scenario.scenario import Scenario
+from sim.sensing.detection_truth import matched_detections, visible_pixels
+from sim.sensing.sensors import view_of
+from tracking.numerics.compiled import Array
+
+
+class Weight(NamedTuple):
+    """A measurement in the gate of a track."""
+
+    track: int  # number
+    measurement: int
+    sigmas: float  # how far it is from where the track was foreseen, in the innovation's standard deviations
+    probability: float  # that it is the track's person
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The measurement of a person."""
+
+    measurement: int
+    pixel: Array | None  # (2,); None in ideal sensing
+    place: Array  # (2,) m
+    error: float  # m
+    sigmas: float  # of the error, in the standard deviations that the measurement claims
+
+
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """One UAV at one scan, asked about one person."""
+
+    uav: int
+    works: bool
+    sighting: Sighting
+    away: float  # m on the ground, from below the camera to the person; NaN where absent
+    whole: int | None  # pixels that the frame would show of the person without trees; None where it was not rendered
+    found: Found | None
+    owners: Ints  # (N,), whose each measurement is; -1 for nobody's
+    measurements: Array  # (N, 2) m
+    weights: tuple[Weight, ...]  # of all tracks
+    visible: dict[int, float]  # by number of track, the probability its tracker gave it to be in plain view
+
+
+class Inquiry:
+    """Asks the UAVs of a recording about people; renders frames again where these were rendered."""
+
+    def __init__(self, recording: Recording, scenario: Scenario) -> None:
+        self.recording, self.scenario = recording, scenario
+        self._open = ExitStack()
+        self.again = self._open.enter_context(Rerenderer(recording))
+        self._bare: Rerenderer | None = None
+
+    def __enter__(self) -> Inquiry:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.close()
+
+    def witness(self, k: int, uav: int, person: int) -> Witness:
+        """What one UAV had of one person at scan k."""
+        recording, view = self.recording, view_of(self.scenario.uavs[uav], self.scenario)
+        sighting = sightings(recording, self.scenario, k, uav, view)[person]
+        works = bool(recording.working[k, uav])
+        association = Association.of(recording, self.scenario, k, uav)
+        rows = self._measured(k, uav) if association else np.full(recording.people.shape[1], -1)
+        return Witness(
+            uav=uav,
+            works=works,
+            sighting=sighting,
+            away=float(np.hypot(*(recording.people[k, person] - recording.cameras[k, uav, :2]))),
+            whole=self._whole(k, uav, sighting) if works else None,
+            found=self._found(k, uav, person, int(rows[person])),
+            owners=_owners(rows, len(recording.measurements_at(k, uav))),
+            measurements=recording.measurements_at(k, uav),
+            weights=_weights(association) if association else (),
+            visible=_visible(association) if association else {},
+        )
+
+    def _renders(self, k: int, uav: int) -> bool:
+        return self.scenario.sensing.mode == "camera" and self.scenario.has_frame(uav, k)
+
+    def _whole(self, k: int, uav: int, sighting: Sighting) -> int | None:
+        """Pixels of the person in the same frame of the same world without its trees."""
+        if not self._renders(k, uav) or not (sighting.inside or sighting.pixels):
+            return None
+        if self._bare is None:
+            treeless = replace(self.recording, trees=np.zeros((0, 6)))
+            self._bare = self._open.enter_context(Rerenderer(treeless))
+        people = self._bare.rendered(k, uav).people
+        return int(visible_pixels(people, self.recording.people.shape[1])[sighting.person])
+
+    def _measured(self, k: int, uav: int) -> Ints:
+        """Which measurement is whose (M,); -1 for those who were not detected.
+
+        Rendered frames tell as they did in flight, by the detection's pixel. In ideal sensing it is the nearest.
+        """
+        recording = self.recording
+        detected, people = recording.matched[k, uav], recording.people[k]
+        rows = np.full(len(people), -1)
+        if self._renders(k, uav):
+            mask = self.again.rendered(k, uav).people
+            rows = matched_detections(recording.pixels_at(k, uav), mask, len(people))
+        elif detected.any():
+            gaps = recording.measurements_at(k, uav)[None] - people[detected][:, None]
+            who, what = linear_sum_assignment(np.sum(gaps**2, axis=2))
+            rows[np.flatnonzero(detected)[who]] = what
+        return np.where(detected, rows, -1)
+
+    def _found(self, k: int, uav: int, person: int, row: int) -> Found | None:
+        if row < 0:
+            return None
+        scan, pixels = self.recording.scan_at(k, uav), self.recording.pixels_at(k, uav)
+        error = scan.measurements[row] - self.recording.people[k, person]
+        return Found(
+            measurement=row,
+            pixel=pixels[row] if len(pixels) else None,
+            place=scan.measurements[row],
+            error=float(np.hypot(*error)),
+            sigmas=float(np.sqrt(error @ np.linalg.solve(scan.covariances[row], error))),
+        )
+
+
+def _owners(rows: Ints, count: int) -> Ints:
+    owners = np.full(count, -1)
+    people = np.flatnonzero(rows >= 0)
+    owners[rows[people]] = people
+    return owners
+
+
+def _weights(association: Association) -> tuple[Weight, ...]:
+    return tuple(
+        Weight(
+            int(association.numbers[t]),
+            j,
+            float(np.sqrt(association.distances[t, j])),
+            float(association.beta[t, 1 + j]),
+        )
+        for t, j in np.argwhere(association.gated).tolist()
+    )
+
+
+def _visible(association: Association) -> dict[int, float]:
+    return dict(zip(association.numbers.tolist(), association.before.visible.tolist(), strict=True))

@@ -1,0 +1,163 @@
+"""The picture of an explanation: the map and the frames round a person, and beside them the words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from sim.drawing.labels import Labels
+from sim.drawing.lettering import Image, Style, wrapped, write
+from sim.drawing.map_view import MARGIN, TRAIL, MapView, disc, stroke
+from sim.drawing.palette import FAINT, INK, PANEL, PAPER, uav_colour
+from sim.replay.explain.explanation import Group
+from sim.replay.explain.observation import Inquiry, Witness
+from sim.replay.explain.person import Account
+from sim.replay.frames.annotation import annotated
+from sim.replay.frames.panel import MARK, marks_of
+from sim.replay.frames.sightings import Sight
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.compiled import Array
+
+_TILE, _HEAD, _GAP, _WORDS = 512, 26, 12, 620  # pixels: edge of a picture, its heading, between parts, width of words
+_NEAR, _INSET = 7, 150  # pixels of the camera to either side of the person in the inset, and its edge
+_SCALE, _LARGEST = 12.0, 4000.0  # pixels per m of the map, and pixels of the whole map at most
+_FRAMES = 3  # at most
+_LINE = 19
+_TEXT, _HEADING, _TITLE = Style(13), Style(13, FAINT), Style(14, bold=True)
+
+
+def draw_explanation(inquiry: Inquiry, account: Account, groups: Sequence[Group]) -> Image:
+    """The page (H, W, 3) RGB: the map, the frames of up to three UAVs that had the person nearest, and the words."""
+    tiles = [("map", _map(inquiry, account))]
+    tiles += [(_heading(w), _frame(inquiry, account, w)) for w in _nearest(account)]
+    words = _words(groups, camera=inquiry.scenario.sensing.mode == "camera")
+    columns = min(len(tiles), 2)
+    rows = -(-len(tiles) // columns)
+    height = max(rows * (_TILE + _HEAD + _GAP) + _GAP, words.shape[0] + 2 * _GAP)
+    left = columns * (_TILE + _GAP) + _GAP
+    page = np.full((height, left + _WORDS + _GAP, 3), PAPER, dtype=np.uint8)
+    for n, (heading, tile) in enumerate(tiles):
+        y, x = _GAP + n // columns * (_TILE + _HEAD + _GAP), _GAP + n % columns * (_TILE + _GAP)
+        write(page, heading, (x, y + _HEAD / 2), _TITLE)
+        page[y + _HEAD : y + _HEAD + _TILE, x : x + _TILE] = tile
+    page[_GAP:-_GAP, left:-_GAP] = PANEL
+    page[_GAP : _GAP + words.shape[0], left:-_GAP] = words
+    return page
+
+
+def _nearest(account: Account) -> list[Witness]:
+    """The UAVs whose frames are shown: first those with the person inside, then the nearest."""
+    working = [w for w in account.witnesses if w.works]
+    return sorted(working, key=lambda w: (not _shows(w), np.nan_to_num(w.away)))[:_FRAMES]
+
+
+def _shows(w: Witness) -> bool:
+    """Whether the person, or the place where trees hide them, is in the frame."""
+    return w.sighting.inside or w.sighting.pixels > 0
+
+
+def _heading(w: Witness) -> str:
+    found = "" if w.found is None else ", measured" if w.found.pixel is None else ", detected"
+    return f"UAV {w.uav}: {w.sighting.status}{found}"
+
+
+def _frame(inquiry: Inquiry, account: Account, w: Witness) -> Image:
+    """The annotated frame of one UAV, and in its corner the pixels round the person as the camera gave them."""
+    sight = Sight.of(inquiry.recording, inquiry.scenario, account.k, w.uav)
+    image = inquiry.again.image(account.k, w.uav)
+    tile = np.asarray(cv2.resize(annotated(image, sight, _TILE), (_TILE, _TILE)), dtype=np.uint8)
+    if sight.people[account.person].pixels and w.sighting.looked:
+        place = sight.camera.project(sight.pose, np.append(account.place, TARGET_HEIGHT)[None])[0][0]
+        _inset(tile, image, place)
+    return tile
+
+
+def _inset(tile: Image, image: Image, place: Array) -> None:
+    """Enlarge the pixels round a place (2,) of the image into that corner of the tile which is farthest from it."""
+    edge = 2 * _NEAR + 1
+    low = np.clip(np.floor(place).astype(int) - _NEAR, 0, len(image) - edge)
+    part = image[low[1] : low[1] + edge, low[0] : low[0] + edge]
+    large = cv2.resize(part, (_INSET, _INSET), interpolation=cv2.INTER_NEAREST)
+    x, y = (0 if c > len(image) / 2 else _TILE - _INSET - 4 for c in place.tolist())
+    tile[y : y + _INSET + 4, x : x + _INSET + 4] = PANEL
+    tile[y + 2 : y + 2 + _INSET, x + 2 : x + 2 + _INSET] = large
+
+
+def _cut(image: Image, middle: Array) -> Image:
+    """A tile of an image round a pixel (2,), or as near as there is image; what lies beyond it is blank."""
+    tile = np.full((_TILE, _TILE, 3), PANEL, dtype=np.uint8)
+    low = np.clip(middle - _TILE / 2, 0, np.maximum(np.array(image.shape[1::-1]) - _TILE, 0)).astype(int)
+    part = image[low[1] : low[1] + _TILE, low[0] : low[0] + _TILE]
+    tile[: part.shape[0], : part.shape[1]] = part
+    return tile
+
+
+def _map(inquiry: Inquiry, account: Account) -> Image:
+    """The map round the person, or what there is of it, with lines of sight and the trees in their way."""
+    recording, area = inquiry.recording, inquiry.scenario.area
+    extent = np.array([area.width, area.height]) + 2 * MARGIN
+    scale = min(_SCALE, _LARGEST / float(extent.max()))
+    width, height = np.ceil(scale * extent).astype(int).tolist()
+    view = MapView(inquiry.scenario, recording.forest, (width, height))
+    image = np.zeros((height, width, 3), dtype=np.uint8)
+    for k in range(max(account.k - round(TRAIL * inquiry.scenario.rates.sensing), 0), account.k + 1):
+        view.draw(image, Sight.of(recording, inquiry.scenario, k, 0).snapshot)
+
+    def pixels(ground: Array) -> Array:
+        return np.array([width, height]) / 2 + view.scale * ground * [1.0, -1.0]
+
+    if np.isnan(account.place[0]):
+        return _cut(image, pixels(np.zeros(2)))
+    _draw_sight(image, account, pixels(account.place), pixels(recording.poses[account.k, :, :2]))
+    labels = Labels(image)
+    labels.reserve(pixels(account.place), 16.0)
+    for tree in sorted({tree for w in account.witnesses if w.works for tree in w.sighting.hidden_by}):
+        place = pixels(recording.trees[tree, :2])
+        disc(image, place, view.scale * recording.trees[tree, 2], INK, 3)
+        labels.put(f"tree {tree}", place, Style(13, INK, True, PANEL))
+    labels.put(f"person {account.person}", pixels(account.place), Style(13, INK, True, PANEL))
+    return _cut(image, pixels(account.place))
+
+
+def _draw_sight(image: Image, account: Account, person: Array, uavs: Array) -> None:
+    """A line from each camera that has the person inside, in dashes where something hides them; and a ring."""
+    for w in account.witnesses:
+        if not w.works or not w.sighting.inside:
+            continue
+        line = np.array([uavs[w.uav], person])
+        pieces = max(int(math.dist(*line) / 7.0), 1)
+        dots = line[0] + np.linspace(0, 1, pieces + 1)[:, None] * (line[1] - line[0])
+        for n in range(0, pieces, 2 if w.sighting.hidden_by else 1):
+            stroke(image, dots[n : n + 2], uav_colour(w.uav), thickness=2)
+    disc(image, person, 14.0, PANEL, 5)
+    disc(image, person, 14.0, INK, 2)
+
+
+def _words(groups: Sequence[Group], *, camera: bool) -> Image:
+    """The facts as a panel, and beneath them what the marks in the frames mean."""
+    room = _WORDS - 2 * _GAP
+    lines = [
+        [
+            (heading, _TITLE if n == 0 else _HEADING),
+            *((line, _TEXT) for fact in facts for line in wrapped(fact, room, _TEXT)),
+        ]
+        for n, (heading, facts) in enumerate(groups)
+    ]
+    marks = marks_of(camera)
+    rows = -(-len(marks) // 2)
+    needed = sum(len(group) * _LINE + _GAP for group in lines) + rows * MARK + 2 * _GAP
+    image = np.full((needed, _WORDS, 3), PANEL, dtype=np.uint8)
+    y = float(_GAP)
+    for group in lines:
+        for text, style in group:
+            write(image, text, (_GAP, y + _LINE / 2), style)
+            y += _LINE
+        y += _GAP
+    for n, (mark, text) in enumerate(marks):
+        at = np.array([_GAP + 22.0 + n % 2 * _WORDS / 2, y + (n // 2 + 0.5) * MARK])
+        mark(image, at)
+        write(image, text, (float(at[0]) + 32, float(at[1])), _TEXT)
+    return image

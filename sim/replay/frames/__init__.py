@@ -1,0 +1,1 @@
+"""Recorded frames, rendered again and annotated."""

@@ -1,0 +1,168 @@
+"""What stands beside an annotated frame: when and whose it is, its field of view, who is where, and the marks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sim.drawing.lettering import Image, Style, wrapped, write
+from sim.drawing.map_view import ellipse
+from sim.drawing.palette import FAINT, PANEL
+from sim.replay.frames.annotation import (
+    draw_detection,
+    draw_hidden,
+    draw_hiding,
+    draw_measurement,
+    draw_track,
+    draw_truth,
+    looks_down,
+)
+from sim.replay.frames.sightings import Sight, Sighting
+from tracking.geometry.camera import Camera, Pose
+from tracking.numerics.compiled import Array
+
+WIDTH = 340
+MARK = 36  # pixels: height of a mark in the legend
+_LINE, _GAP = 19, 12  # pixels: heights of a line, and between sections
+_TEXT, _HEADING, _TITLE = Style(13), Style(13, FAINT), Style(20, bold=True)
+_MOST = 12  # people or tracks that are listed
+
+Section = tuple[str, list[str]]
+Mark = tuple[Callable[[Image, Array], None], str]
+
+
+def field_of_view(camera: Camera, pose: Pose) -> list[str]:
+    """The numbers of a view: altitude, tilt, edges on the ground, ground sample distance at the centre."""
+    n = float(camera.pixels)
+    tilt = np.degrees(np.arccos(np.clip(pose.rotation[2, 2], -1.0, 1.0)))
+    lines = [f"{camera.pixels} pixels, {np.degrees(camera.fov):.0f}°", f"altitude {pose.position[2]:.1f} m"]
+    lines[1] += f", {tilt:.1f}° off nadir"
+    corners = np.array([[0.0, n], [n, n], [n, 0.0], [0.0, 0.0]])
+    if not looks_down(camera, pose, corners):
+        return [*lines, "reaches the horizon"]
+    ground = camera.footprint(pose)
+    edges = np.hypot(*(np.roll(ground, -1, axis=0) - ground).T)
+    bottom, right, top, left = (f"{edge:.1f}" for edge in edges)
+    if np.ptp(edges) < 0.05:
+        lines.append(f"edges {bottom} m on the ground")
+    else:
+        lines += ["edges on the ground:", f"bottom {bottom}, right {right}, top {top}, left {left} m"]
+    centre = n / 2 + np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
+    points = 100 * camera.ground_points(pose, centre)
+    across, along = np.hypot(*(points[1] - points[0])), np.hypot(*(points[3] - points[2]))
+    return [*lines, f"{across:.1f} × {along:.1f} cm a pixel in the middle"]
+
+
+def draw_panel(sight: Sight, notes: list[str], *, height: int) -> Image:
+    """The panel (H, 340, 3) RGB of a view, at least `height` pixels high; `notes` end its first section."""
+    sections = [
+        (heading, [line for text in texts for line in wrapped(text, WIDTH - 28, _TEXT)])
+        for heading, texts in _sections(sight, notes)
+    ]
+    marks = marks_of(sight.scenario.sensing.mode == "camera")
+    lines = sum(len(texts) for _, texts in sections)
+    needed = 44 + lines * _LINE + len(sections) * (_LINE + _GAP) + len(marks) * MARK
+    image = np.full((max(height, needed), WIDTH, 3), PANEL, dtype=np.uint8)
+    write(image, f"{sight.snapshot.time:.1f} s", (14, 22), _TITLE)
+    write(image, f"UAV {sight.uav}", (WIDTH - 14, 22), _TITLE, align=1.0)
+    y = 44.0
+    for heading, texts in sections:
+        for text, style in ((heading, _HEADING), *((text, _TEXT) for text in texts)):
+            write(image, text, (14, y + _LINE / 2), style)
+            y += _LINE
+        y += _GAP
+    for k, (mark, text) in enumerate(reversed(marks)):
+        middle = image.shape[0] - (k + 0.5) * MARK
+        mark(image, np.array([34.0, middle]))
+        write(image, text, (72, middle), _TEXT)
+    return image
+
+
+def _sections(sight: Sight, notes: list[str]) -> list[Section]:
+    distance, localisation, cardinality = sight.snapshot.ospa[sight.uav]
+    error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
+    ideal = sight.scenario.sensing.mode == "ideal"
+    tracks = [
+        f"track {track.id}: ± {radius[0]:.2f} × {radius[1]:.2f} m"
+        for track in sight.snapshot.tracks[sight.uav]
+        for radius in [_radii(track.belief.covariance[:2, :2])]
+    ]
+    return [
+        ("mission", [*notes, *error]),
+        ("field of view", field_of_view(sight.camera, sight.pose)),
+        ("truth", _people(sight, ideal)),
+        ("tracks, 95 %", _shortened(tracks)),
+    ]
+
+
+def _people(sight: Sight, ideal: bool) -> list[str]:
+    """Those in the view one by one, the rest together."""
+    near = [sighting for sighting in sight.people if sighting.inside or sighting.pixels]
+    lines = _shortened([_described(sighting, ideal) for sighting in near])
+    for status in ("outside the view", "absent"):
+        others = [str(sighting.person) for sighting in sight.people if sighting.status == status]
+        lines += [f"{status}: {', '.join(others)}"] if others else []
+    return lines
+
+
+def _described(sighting: Sighting, ideal: bool) -> str:
+    text = f"person {sighting.person}: {sighting.status}"
+    if not sighting.looked:
+        return text
+    if sighting.pixels and not ideal:
+        text += f", {sighting.pixels} px"
+    if sighting.detected:
+        return text + (", measured" if ideal else ", detected")
+    return text + (", missed" if sighting.pixels else "")
+
+
+def _radii(covariance: Array) -> Array:
+    """Half axes of the 95 % ellipse (2,) m, the larger first."""
+    ring = np.hypot(*ellipse(np.zeros(2), covariance).T)
+    return np.array([ring.max(), ring.min()])
+
+
+def _shortened(lines: list[str]) -> list[str]:
+    return lines if len(lines) <= _MOST else [*lines[:_MOST], f"and {len(lines) - _MOST} more"]
+
+
+def marks_of(camera: bool) -> list[Mark]:
+    """The marks of annotated frames, each drawn at a pixel of an image, and what they mean."""
+    marks: list[Mark] = [(_detection, "detection")] if camera else []
+    return [
+        *marks,
+        (_measurement, "measurement, 95 % ellipse"),
+        (_track, "track, 95 % ellipse"),
+        (_truth, "truth: person"),
+        (_hidden, "rim of what trees hide"),
+        (_hiding, "tree that hides a person"),
+    ]
+
+
+def _square(at: Array, reach: float) -> Array:
+    return at + reach * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+
+
+def _detection(image: Image, at: Array) -> None:
+    draw_detection(image, at, 10.0)
+
+
+def _measurement(image: Image, at: Array) -> None:
+    draw_measurement(image, at, ellipse(at, np.diag([50.0, 20.0])))
+
+
+def _track(image: Image, at: Array) -> None:
+    draw_track(image, at, ellipse(at, np.diag([50.0, 25.0])), 0)
+
+
+def _truth(image: Image, at: Array) -> None:
+    draw_truth(image, ellipse(at, np.diag([20.0, 20.0])))
+
+
+def _hidden(image: Image, at: Array) -> None:
+    draw_hidden(image, [_square(at, 9.0)])
+
+
+def _hiding(image: Image, at: Array) -> None:
+    draw_hiding(image, [_square(at, 7.0)])

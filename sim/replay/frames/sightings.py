@@ -1,0 +1,139 @@
+"""One camera at one scan of a recording: whom it shows, which trees hide whom, and the outline of what they hide."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from sim.mission.snapshot import Snapshot
+from sim.recording.recording import Recording
+from sim.scenario.scenario import Scenario
+from sim.sensing.culling import NEAR
+from sim.sensing.sensors import camera_of
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.numerics.compiled import Array
+from tracking.tracker import Track
+
+PERSON_RADIUS = 0.25  # m, of the cylinder that stands for a person
+_TURN = np.linspace(0.0, 2 * math.pi, 128, endpoint=False)
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """One true person, as one camera had them."""
+
+    person: int
+    place: tuple[float, float]  # m; NaN where absent
+    inside: bool  # whether the mid-height lies inside the image, occlusion aside
+    hidden_by: tuple[int, ...]  # trees between the camera and the mid-height, if inside
+    pixels: int  # shown by the renderer; 1 for seen in ideal sensing and where the camera took no frame
+    detected: bool
+    looked: bool = True  # whether the camera took a frame
+
+    @property
+    def status(self) -> str:
+        """Where the person is for the camera, in words."""
+        if math.isnan(self.place[0]):
+            return "absent"
+        if not self.inside:
+            return "cut by the edge" if self.pixels else "outside the view"
+        if self.hidden_by:
+            return f"{'partly ' * bool(self.pixels)}hidden by tree {' and '.join(map(str, self.hidden_by))}"
+        return "in view" if self.pixels else "covered by someone"
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What is known of one camera's view, the truth included; tracks are numbered as in the film."""
+
+    scenario: Scenario
+    forest: Forest
+    snapshot: Snapshot
+    uav: int
+    people: tuple[Sighting, ...]
+
+    @property
+    def camera(self) -> Camera:
+        """The UAV's camera."""
+        return camera_of(self.scenario.uavs[self.uav])
+
+    @property
+    def pose(self) -> Pose:
+        """Where the camera was."""
+        return self.snapshot.cameras[self.uav]
+
+    @staticmethod
+    def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> Sight:
+        """The view of one UAV at scan k."""
+        snapshot, forest = recording.snapshot(k), recording.forest
+        numbers = recording.track_numbers
+        tracks = [tuple(Track(numbers[t.id], t.belief) for t in held) for held in snapshot.tracks]
+        people = sightings(recording, scenario, k, uav, camera_of(scenario.uavs[uav]))
+        if scenario.sensing.field_of_view == "unlimited":  # who is seen beyond the image is not in it
+            people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
+        return Sight(scenario, forest, replace(snapshot, tracks=tracks), uav, people)
+
+
+def sightings(recording: Recording, scenario: Scenario, k: int, uav: int, camera: Camera) -> tuple[Sighting, ...]:
+    """Everybody as a camera where that of a UAV was at scan k had them."""
+    pose, people, forest = recording.scan_at(k, uav).pose, recording.people[k], recording.forest
+    looked = scenario.has_frame(uav, k)
+    points = np.column_stack([people, np.full(len(people), TARGET_HEIGHT)])
+    inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
+    hiding = forest.hiding(pose.position, np.nan_to_num(points)) & inside[:, None]
+    found = tuple(
+        Sighting(
+            person=m,
+            place=(float(people[m, 0]), float(people[m, 1])),
+            inside=bool(inside[m]),
+            hidden_by=tuple(np.flatnonzero(hiding[m]).tolist()),
+            pixels=int(recording.visible[k, uav, m]),
+            detected=bool(recording.matched[k, uav, m]),
+            looked=looked,
+        )
+        for m in range(len(people))
+    )
+    if looked:
+        return found
+    # Nothing was shown to anybody; what would have been, geometry tells.
+    return tuple(replace(p, pixels=int(p.inside and not p.hidden_by)) for p in found)
+
+
+def hidden_outlines(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:
+    """Outlines in the image, for each tree, of what it hides at `TARGET_HEIGHT`: canopy and trunk, as pixels (N, 2).
+
+    From a camera above, a point at that height is hidden where the image shows a part of a cylinder that is higher.
+    """
+    found: list[list[Array]] = [[] for _ in forest.trees]
+    for tree, cylinder in zip([*range(len(found)), *range(len(found))], forest.cylinders, strict=True):
+        x, y, radius, bottom, top = cylinder.tolist()
+        if top <= TARGET_HEIGHT:
+            continue
+        outline = silhouette(camera, pose, np.array([x, y, radius, max(bottom, TARGET_HEIGHT), top]))
+        if len(outline) and np.all(outline.max(axis=0) > 0) and np.all(outline.min(axis=0) < camera.pixels):
+            found[tree].append(outline)
+    return found
+
+
+def silhouette(camera: Camera, pose: Pose, cylinder: Array) -> Array:
+    """Outline in the image, pixels (N, 2), of a vertical cylinder (5,): x, y, radius, bottom, top [m].
+
+    Being convex, it shows as the hull of its two rims; what is nearer than `NEAR` is cut off, and all may be.
+    """
+    x, y, radius, bottom, top = cylinder.tolist()
+    rim = np.column_stack([x + radius * np.cos(_TURN), y + radius * np.sin(_TURN)])
+    points = np.vstack([np.column_stack([rim, np.full(len(rim), z)]) for z in (bottom, top)])
+    depth = camera.project(pose, points)[1]
+    front, behind = points[depth >= NEAR], points[depth < NEAR]
+    if len(front) == 0:
+        return np.zeros((0, 2))
+    if len(behind):
+        excess, lack = depth[depth >= NEAR][:, None] - NEAR, NEAR - depth[depth < NEAR]
+        share = (excess / (excess + lack))[..., None]
+        front = np.vstack([front, (front[:, None] + share * (behind - front[:, None])).reshape(-1, 3)])
+    pixels = camera.project(pose, front)[0]
+    return np.asarray(cv2.convexHull(pixels.astype(np.float32))[:, 0], dtype=float)

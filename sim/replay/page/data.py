@@ -1,0 +1,129 @@
+"""What the script of a mission's page draws: plain numbers, rounded to centimetres, scan by scan."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from planning.planner import Plan
+from sim.drawing import palette
+from sim.drawing.layout import View
+from sim.drawing.map_view import ELLIPSE, MARGIN, TRAIL, looks_down
+from sim.drawing.video import HEIGHT, WIDTH
+from sim.mission.snapshot import Ints
+from sim.recording.recording import Recording
+from sim.replay.episodes import last_looks
+from sim.replay.history import History
+from sim.scenario.scenario import Scenario
+from sim.sensing.sensors import camera_of
+from tracking.geometry.camera import Pose
+from tracking.numerics.compiled import Array
+
+OUT, MISSED, SEEN, HIDDEN = 0, 1, 2, 3  # codes of a person before a camera; above HIDDEN by 1 + the tree that hides
+
+
+def page_data(recording: Recording, scenario: Scenario, history: History, parts: View | None) -> dict[str, Any]:
+    """The content of the page's JSON; `parts` are those of the film, None where there is none.
+
+    Lists run over scans, then UAVs, then people or tracks; null stands for what is absent or does not work.
+    """
+    numbers, forest = recording.track_numbers, recording.forest
+    return {
+        "area": [scenario.area.width, scenario.area.height],
+        "margin": MARGIN,
+        "rate": scenario.rates.sensing,
+        "trail": round(TRAIL * scenario.rates.sensing),
+        "times": _rounded(recording.times, 3),
+        "trees": [_rounded([t.x, t.y, t.canopy_radius, t.trunk_radius]) for t in forest.trees],
+        "people": [[None if math.isnan(p[0]) else _rounded(p) for p in row] for row in recording.people],
+        "headings": _rounded(np.nan_to_num(recording.headings)),
+        "uavs": _rounded(recording.poses[:, :, :3]),
+        "views": _views(recording, scenario),
+        "tracks": _tracks(recording, numbers),
+        "codes": codes(history).tolist(),
+        "holders": np.vectorize(lambda id_: numbers.get(id_, -1), otypes=[int])(history.tracks).tolist(),
+        "works": history.working.astype(int).tolist(),
+        "ospa": [[None if math.isnan(v) else round(v, 3) for v in row] for row in recording.ospa[:, :, 0].tolist()],
+        "plans": _plans(recording, scenario),
+        "colours": _colours(),
+        "film": None if parts is None else _film(parts),
+    }
+
+
+def codes(history: History) -> Ints:
+    """What each UAV's last frame made of each person (K, n, M): one of the codes above; none from a UAV that is broken.
+
+    Between two frames of a camera the first of them counts.
+    """
+    found = np.where(history.inside, HIDDEN + 1 + history.hidden_by, OUT)
+    found[history.shown] = MISSED
+    found[history.detected] = SEEN
+    found = np.take_along_axis(found, last_looks(history)[:, :, None], axis=0)
+    found[~history.working] = OUT
+    return np.where(history.present[:, None, :], found, OUT)
+
+
+def _views(recording: Recording, scenario: Scenario) -> list[list[list[float] | None]]:
+    """Corners x, y [m] of what each camera shows of the ground; null where it has no bounds nearby."""
+    if scenario.sensing.field_of_view == "unlimited":
+        return [[None] * len(scenario.uavs) for _ in recording.times]
+    cameras = [camera_of(uav) for uav in scenario.uavs]
+    rows: list[list[list[float] | None]] = []
+    for k in range(len(recording.times)):
+        poses = [Pose(row[:3], row[3:]) for row in recording.cameras[k]]
+        pairs = zip(cameras, poses, strict=True)
+        rows.append([_rounded(c.footprint(p)[:, :2].ravel()) if looks_down(c, p) else None for c, p in pairs])
+    return rows
+
+
+def _tracks(recording: Recording, numbers: dict[int, int]) -> list[list[list[list[float]]]]:
+    """Number, x, y, half axes [m] and turn [rad] of the ellipse that holds 95 % of each track."""
+    variances, axes = np.linalg.eigh(recording.track_covariances[:, :2, :2])
+    half = ELLIPSE * np.sqrt(np.maximum(variances, 0.0))
+    turn = np.arctan2(axes[:, 1, 1], axes[:, 0, 1])
+    number = [numbers[id_] for id_ in recording.track_ids.tolist()]
+    rows = _rounded(np.column_stack([number, recording.track_means[:, :2], half[:, ::-1], turn]))
+    uavs, offsets = recording.poses.shape[1], recording.track_offsets.tolist()
+    cells = [rows[a:b] for a, b in pairwise(offsets)]
+    return [cells[k : k + uavs] for k in range(0, len(cells), uavs)]
+
+
+def _plans(recording: Recording, scenario: Scenario) -> dict[str, Any]:
+    """When plans were made [s], the seconds of one step, and the velocities [m/s] of each UAV's steps."""
+    made = [[Plan(c[~np.isnan(c[:, 0])]) for c in plans] for plans in recording.plans]
+    return {
+        "times": _rounded(recording.plan_times, 3),
+        "step": 1 / scenario.rates.planning,
+        "controls": [[_rounded(plan.controls) for plan in plans] for plans in made],
+    }
+
+
+def _film(parts: View) -> dict[str, Any]:
+    return {
+        "size": [WIDTH, HEIGHT],
+        "tiles": [[box.x, box.y, box.width, box.height] for box in parts.tiles.values()],
+    }
+
+
+def _colours() -> dict[str, Any]:
+    """Names of the palette in lower case, and lists of the UAVs' and the tracks' colours, as CSS has them."""
+    named = {name.lower(): css(value) for name, value in vars(palette).items() if name.isupper() and name[0] != "_"}
+    return {
+        **named,
+        # As many as there are; further ones begin again.
+        "uavs": [css(palette.uav_colour(i)) for i in range(4)],
+        "tracks": [css(palette.track_colour(n)) for n in range(5)],
+    }
+
+
+def css(colour: palette.Colour) -> str:
+    """A colour as CSS writes it."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def _rounded(values: ArrayLike | Array, digits: int = 2) -> Any:  # noqa: ANN401 - lists as deep as the array
+    return (np.round(np.asarray(values, dtype=float), digits) + 0.0).tolist()

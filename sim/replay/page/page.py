@@ -1,0 +1,181 @@
+"""`mission.html`: a mission on one page that needs nothing else, for people who were not there."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import io
+import json
+import shlex
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+import av
+import numpy as np
+
+from sim.drawing.palette import ALARM, BLUE, FAINT, INK, LINE, PANEL, PAPER, Colour
+from sim.drawing.video import HEIGHT, WIDTH, parts_of
+from sim.evaluation.summary import titled
+from sim.recording.atomic_files import whole
+from sim.recording.recording import Recording
+from sim.replay.history import History
+from sim.replay.page.data import css, page_data
+from sim.replay.page.events import Event, incidents, losses
+from sim.scenario.errors import InputError
+from sim.scenario.scenario import Scenario
+
+SOFT: Colour = (102, 97, 90)  # of text that steps back: FAINT is too light to read
+_SHOWN = 3  # faults at the top, of different kinds
+_SCRIPTS = ("page_drawing.js", "page_map.js", "page_charts.js", "page.js")
+_VARIABLES = {"ink": INK, "soft": SOFT, "edge": FAINT, "line": LINE, "paper": PAPER, "panel": PANEL, "blue": BLUE}
+
+
+def write_page(
+    recording: Recording, scenario: Scenario, path: Path, *, video: bytes | Path | None = None, place: str = "DIR"
+) -> None:
+    """Write a mission's page, whole or not at all.
+
+    video: the film that a run makes, a frame for each scan, or None for a page without; InputError if it is another's.
+    place: the run's folder, as commands on the page name it.
+    """
+    with whole(path) as part:
+        part.write_text(page(recording, scenario, video=video, place=place), encoding="utf-8")
+
+
+def page(recording: Recording, scenario: Scenario, *, video: bytes | Path | None = None, place: str = "DIR") -> str:
+    """The text of a mission's page; as for `write_page`."""
+    film = video.read_bytes() if isinstance(video, Path) else video
+    if film is not None:
+        _check(film, recording)
+    history = History.of(recording, scenario)
+    data = page_data(recording, scenario, history, None if film is None else parts_of(scenario))
+    data["colours"]["soft"] = css(SOFT)
+    lost, happened = losses(recording, history), incidents(recording, history)
+    style, script = _style(), _script()
+    policy = f"default-src 'none'; img-src data:; media-src data:; style-src {_hash(style)}; script-src {_hash(script)}"
+    return Template(_asset("page.html")).substitute(
+        policy=policy,
+        title=escape(titled(recording)),
+        warnings=_warnings(recording, scenario, [event for event in happened if event.fault]),
+        facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording, scenario)),
+        film="" if film is None else _film(film),
+        lost=len(lost),
+        losses=_listed("losses", lost, recording, place),
+        count=len(happened),
+        incidents=_listed("incidents", happened, recording, place),
+        data=_json(data),
+        style=style,
+        script=script,
+    )
+
+
+def _check(film: bytes, recording: Recording) -> None:
+    """InputError unless the film has the size and the number of frames that this recording's has."""
+    wanted, found = (WIDTH, HEIGHT, len(recording.times)), _measures(film)
+    if found != wanted:
+        told = ["{} x {} with {} frames".format(*size) for size in (found, wanted)]
+        raise InputError(f"video: is {told[0]}, that of the recording is {told[1]}")
+
+
+def _measures(film: bytes) -> tuple[int, int, int]:
+    """Width and height [px] and number of frames; InputError if it is no film."""
+    try:
+        with av.open(io.BytesIO(film)) as container:
+            stream = container.streams.video[0]
+            return stream.width, stream.height, stream.frames
+    except (av.FFmpegError, IndexError) as error:
+        raise InputError(f"video: cannot be read: {error}") from error
+
+
+def _asset(name: str) -> str:
+    return (files("sim.replay.page") / name).read_text(encoding="utf-8")
+
+
+def _style() -> str:
+    variables = "".join(f" --{name}: {css(colour)};" for name, colour in {**_VARIABLES, "alarm": ALARM}.items())
+    return f":root {{ color-scheme: light;{variables} }}{_asset('page.css')}"
+
+
+def _script() -> str:
+    """All scripts as one, in a scope of their own."""
+    return '"use strict";\n(() => {\n' + "\n".join(map(_asset, _SCRIPTS)) + "})();\n"
+
+
+def _hash(text: str) -> str:
+    """The source expression by which a policy allows this inline text and no other."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+def _json(data: object) -> str:
+    """JSON that no parser of HTML takes for anything else."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("&", r"\u0026").replace("<", r"\u003c").replace(">", r"\u003e")
+
+
+def _film(film: bytes) -> str:
+    source = f"data:video/mp4;base64,{base64.b64encode(film).decode()}"
+    return (
+        '<video id="film" muted playsinline preload="auto" aria-label="The whole film: map and cameras" '
+        f'src="{source}"></video>'
+    )
+
+
+def _warnings(recording: Recording, scenario: Scenario, faults: Sequence[Event]) -> str:
+    """What takes from the results' worth: what was not flown, and the first faults of planner and detector."""
+    lines = [f"{event.text}: {event.why}" for event in faults[:_SHOWN]]
+    if len(faults) > _SHOWN:
+        lines.append(f"{len(faults) - _SHOWN} more kinds of fault are listed below.")
+    if recording.interrupted:
+        lines.insert(0, f"Interrupted at {recording.times[-1]:g} s of {scenario.duration:g} s.")
+    return "\n".join(f'<p class="warning">{escape(line)}</p>' for line in lines)
+
+
+def _facts(recording: Recording, scenario: Scenario) -> Iterable[tuple[str, str]]:
+    """What to know before looking: results first, then the setting."""
+    errors = recording.ospa[:, :, 0][recording.working]
+    yield "OSPA under 1 m", f"{100 * np.mean(errors < 1.0):.1f} %"
+    yield "OSPA mean", f"{np.mean(errors):.2f} m"
+    yield "flown", f"{recording.times[-1]:g} s, {scenario.rates.sensing} scans a second"
+    trees = recording.forest.trees
+    radii = sorted({tree.canopy_radius for tree in trees})
+    canopies = f", canopies of {' to '.join(f'{r:g}' for r in (radii[0], radii[-1])[: len(radii)])} m" if radii else ""
+    yield "trees", f"{len(trees)}{canopies}"
+    yield "people", str(recording.people.shape[1])
+    views = ", ".join(f"{uav.footprint:g}" for uav in scenario.uavs)
+    limited = scenario.sensing.field_of_view == "camera"
+    yield "UAVs", f"{len(scenario.uavs)}, " + (f"views of {views} m" if limited else "unlimited views")
+    yield "sensing", scenario.sensing.mode
+    yield "fusion", scenario.network.fusion + (f", loss {scenario.network.loss:.0%}" if scenario.network.loss else "")
+    yield "initial tracks", scenario.tracking.initial_tracks
+    yield "page by", f"understory {version('understory')}"
+
+
+def _listed(name: str, events: Sequence[Event], recording: Recording, place: str) -> str:
+    """Events as buttons in a list, each with the commands that tell more."""
+    if not events:
+        return f'<p id="{name}">None.</p>'
+    items = "\n".join(_item(event, recording, place) for event in events)
+    return f'<ol class="events" id="{name}">\n{items}\n</ol>'
+
+
+def _item(event: Event, recording: Recording, place: str) -> str:
+    person = "" if event.person is None else f' data-person="{event.person}"'
+    why = f"<p>{escape(event.why)}</p>" if event.why else ""
+    commands = "".join(f"<code>{escape(line)}</code>" for line in _commands(event, recording, place))
+    more = f"<details><summary>Look closer</summary>{commands}</details>" if commands else ""
+    return (
+        f'<li data-first="{event.first}" data-last="{event.last}"{person}>'
+        f'<button type="button">{escape(event.text)}</button>{why}{more}</li>'
+    )
+
+
+def _commands(event: Event, recording: Recording, place: str) -> Iterable[str]:
+    time, folder = f"{recording.times[event.first]:.1f}", shlex.quote(place)
+    if event.person is not None:
+        yield f"understory explain {folder} --time {time} --target {event.person}"
+    if event.uav is not None and recording.working[event.first, event.uav]:
+        yield f"understory frames {folder} --uav {event.uav} --time {time}"

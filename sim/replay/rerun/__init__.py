@@ -1,0 +1,1 @@
+"""A recorded mission for the Rerun viewer."""

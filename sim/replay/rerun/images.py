@@ -1,0 +1,121 @@
+"""Each camera's image for the Rerun viewer: detections, projected tracks, and whose measurements were whose."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import rerun as rr
+
+from sim.drawing.lettering import Image
+from sim.drawing.palette import DETECTION, on_dark, track_colour
+from sim.drawing.tiles import draw_broken
+from sim.recording.recording import Recording
+from sim.replay.explain.association import Association
+from sim.replay.frames.rerender import Rerenderer
+from sim.scenario.scenario import Scenario
+from sim.sensing.sensors import camera_of
+from tracking.geometry.camera import Camera
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.compiled import Array
+
+_QUALITY = 90  # of JPEG
+_BOX = 0.035  # of the image, half the width of what marks a detection
+_TILE = 160  # pixels, of a drawing with words that can be read
+_SLIGHT = 0.01  # a weight below which no line is drawn
+
+
+class Cameras:
+    """Logs the images of one scan after another."""
+
+    def __init__(self, stream: rr.RecordingStream, recording: Recording, scenario: Scenario, again: Rerenderer) -> None:
+        self._stream, self._recording, self._scenario, self._again = stream, recording, scenario, again
+
+    def log(self, k: int) -> None:
+        """Log scan k: images of cameras that took one, and of those that broke down what stands for one."""
+        for i in np.flatnonzero(self._recording.working[max(k - 1, 0)] & ~self._recording.working[k]).tolist():
+            self._log_breakdown(i)
+        for i, uav in enumerate(self._scenario.uavs):
+            told = Association.of(self._recording, self._scenario, k, i)
+            if told is None:
+                continue
+            root, camera = f"world/camera/{i}", camera_of(uav)
+            self._log_image(i, self._again.image(k, i))
+            spots = self._spots(k, i, camera)
+            self._stream.log(f"{root}/detections", _boxes(spots, camera))
+            self._log_tracks(k, i, camera)
+            self._log_weights(f"{root}/association", told, spots, self._project(k, i, camera, told.before.means))
+            self._stream.log(f"association/{i}", rr.TextDocument(table(told), media_type="text/markdown"))
+
+    def _log_image(self, uav: int, image: Image) -> None:
+        made, content = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+        if not made:
+            raise OSError("an image cannot be compressed")
+        encoded = rr.EncodedImage(contents=content.tobytes(), media_type="image/jpeg", draw_order=-10)
+        self._stream.log(f"world/camera/{uav}/image", encoded)
+
+    def _log_breakdown(self, uav: int) -> None:
+        tile, pixels = np.empty((_TILE, _TILE, 3), dtype=np.uint8), self._scenario.uavs[uav].pixels
+        draw_broken(tile, uav)
+        self._log_image(uav, np.asarray(cv2.resize(tile, (pixels, pixels), interpolation=cv2.INTER_AREA), np.uint8))
+        for name in ("detections", "tracks", "association"):
+            self._stream.log(f"world/camera/{uav}/{name}", rr.Clear(recursive=False))
+
+    def _project(self, k: int, uav: int, camera: Camera, places: Array) -> Array:
+        """Pixels (N, 2) of people's middle at places (N, 2 or more) m; NaN outside the image."""
+        pose = self._recording.scan_at(k, uav).pose
+        points = np.column_stack([places[:, :2], np.full(len(places), TARGET_HEIGHT)])
+        return np.where(camera.sees(pose, points)[:, None], camera.project(pose, points)[0], np.nan)
+
+    def _spots(self, k: int, uav: int, camera: Camera) -> Array:
+        """Pixels (N, 2) of the measurements; in ideal sensing of their places on the ground."""
+        pixels = self._recording.pixels_at(k, uav)
+        places = self._recording.measurements_at(k, uav)
+        return pixels if len(pixels) == len(places) else self._project(k, uav, camera, places)
+
+    def _log_tracks(self, k: int, uav: int, camera: Camera) -> None:
+        tracks = self._recording.tracks_at(k, uav)
+        marks = self._project(k, uav, camera, np.array([t.belief.mean for t in tracks]).reshape(-1, 4))
+        shown = np.flatnonzero(~np.isnan(marks[:, 0])).tolist()
+        numbers = [self._recording.track_numbers[tracks[j].id] for j in shown]
+        points = rr.Points2D(
+            marks[shown],
+            radii=rr.Radius.ui_points(3),
+            colors=[on_dark(track_colour(number)) for number in numbers],
+            labels=[str(number) for number in numbers],
+            show_labels=True,
+        )
+        self._stream.log(f"world/camera/{uav}/tracks", points)
+
+    def _log_weights(self, path: str, told: Association, spots: Array, marks: Array) -> None:
+        """Lines from where tracks were expected to the measurements that may be theirs, the wider the likelier."""
+        beta = told.beta[:, 1:]
+        ends = ~np.isnan(marks[:, :1]) & ~np.isnan(spots[:, 0])
+        pairs = np.argwhere((beta >= _SLIGHT) & ends).tolist()
+        lines = rr.LineStrips2D(
+            [np.array([marks[t], spots[n]]) for t, n in pairs],
+            colors=[on_dark(track_colour(int(told.numbers[t]))) for t, _ in pairs],
+            radii=rr.Radius.ui_points([0.5 + 1.5 * float(beta[t, n]) for t, n in pairs]),
+            labels=[f"{told.numbers[t]}: {beta[t, n]:.2f}" for t, n in pairs],
+            show_labels=False,
+        )
+        self._stream.log(path, lines)
+
+
+def _boxes(spots: Array, camera: Camera) -> rr.Boxes2D:
+    """A frame round each detection that is in the image, as large in all images."""
+    inside = spots[~np.isnan(spots).any(axis=1)]
+    half = np.full(inside.shape, _BOX * camera.pixels)
+    return rr.Boxes2D(centers=inside, half_sizes=half, radii=rr.Radius.ui_points(1), colors=[DETECTION])
+
+
+def table(told: Association) -> str:
+    """The weights in Markdown: a row for each track, a column for each measurement."""
+    count = len(told.measurements)
+    lines = [
+        f"| track | none | {' | '.join(f'detection {n}' for n in range(count))}{' |' if count else ''}",
+        "|---" * (2 + count) + "|",
+    ]
+    for number, gated, beta in zip(told.numbers.tolist(), told.gated, told.beta, strict=True):
+        cells = [f"{weight:.2f}" if inside else "-" for weight, inside in zip(beta[1:], gated, strict=True)]
+        lines.append(f"| {number} | {beta[0]:.2f} | {' | '.join(cells)}{' |' if cells else ''}")
+    return "\n".join(lines)

@@ -1,0 +1,88 @@
+"""Which UAV goes for which unseen track when the plans of a recording end, as the MWTP has it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planning.objective.mwtp import matching
+from planning.objective.nbo import ends
+from planning.planner import Situation, Vehicle
+from planning.prediction.propagation import Nominal
+from sim.mission.tracker_setup import planned_motion
+from sim.recording.recording import Recording
+from sim.scenario.scenario import Scenario
+from sim.sensing.sensors import noise_of, planned_attitude, view_of
+from tracking.geometry.visibility import Forest
+from tracking.numerics.compiled import Array
+
+
+@dataclass(frozen=True)
+class TrackMatch:
+    """A track in nobody's field of view at the end of the plans, and the UAV that is nearest, [Li22] Algorithm 2."""
+
+    uav: int
+    track: int  # id
+    end: tuple[float, float]  # m, where the track is then expected
+    distance: float  # m, from where the camera looks after the UAV's earlier matches
+    penalty: float  # m³; only the first match of a UAV has one
+
+
+def matches_at(recording: Recording, scenario: Scenario, k: int, believer: int) -> tuple[TrackMatch, ...]:
+    """The matches at the end of the plans made at scan k on what one UAV believed then, the strongest first.
+
+    They are what the MWTP would make of these plans, whether or not the planner had it as a cost-to-go.
+    """
+    plans, situation = recording.plans_at(k), situation_at(recording, scenario, k, believer)
+    if plans is None or not situation.tracks:
+        return ()
+    controls = _joint([plans[v.id].controls for v in situation.vehicles])
+    if not controls.shape[1]:
+        return ()
+    view = Nominal().outlook(situation, controls.shape[1], np.random.default_rng(0))  # draws nothing
+    last = ends(view._replace(weights=np.array([t.existence for t in situation.tracks])), controls)
+    return tuple(
+        TrackMatch(
+            uav=situation.vehicles[m.uav].id,
+            track=situation.tracks[m.target].id,
+            end=(float(last.targets[m.target, 0]), float(last.targets[m.target, 1])),
+            distance=m.distance,
+            penalty=m.penalty,
+        )
+        for m in matching(last.targets, last.traces, last.seen, last.sensors, view.views)
+    )
+
+
+def situation_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> Situation:
+    """What one UAV knew of its tracks, and of all UAVs that worked, when plans were made at scan k.
+
+    Note: the team is the true one; links that were down then, and earlier intents, are left out.
+    """
+    bodies = recording.snapshot(k).poses
+    fleet = [
+        Vehicle(
+            id=i,
+            position=bodies[i].position,
+            camera=view_of(scenario.uavs[i], scenario),
+            noise=noise_of(scenario.uavs[i], scenario),
+            max_speed=scenario.uavs[i].max_speed,
+            attitude=planned_attitude(scenario.uavs[i], bodies[i]),
+        )
+        for i in np.flatnonzero(recording.working[k]).tolist()
+    ]
+    return Situation(
+        time=float(recording.times[k]),
+        own=next(v for v in fleet if v.id == uav),
+        neighbours=tuple(v for v in fleet if v.id != uav),
+        tracks=recording.tracks_at(k, uav),
+        forest=Forest(recording.forest.trees, scenario.sensing.occlusion),
+        area=(scenario.area.width, scenario.area.height),
+        motion=planned_motion(scenario),
+    )
+
+
+def _joint(plans: list[Array]) -> Array:
+    """Plans (n, H, 2) m/s of one length: who has planned less hovers then."""
+    horizon = max(len(plan) for plan in plans)
+    return np.array([np.vstack([plan, np.zeros((horizon - len(plan), 2))]) for plan in plans])

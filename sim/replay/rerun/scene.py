@@ -1,0 +1,246 @@
+"""The world for the Rerun viewer, in 3-D: forest, people, UAVs and their cameras, what they intend and believe."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+import rerun as rr
+
+from planning.planner import Plan
+from sim.drawing.map_view import ellipse, intended
+from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, PANEL, TRUNK, Colour, on_dark, track_colour, uav_colour
+from sim.mission.snapshot import Ints, Snapshot
+from sim.recording.recording import Recording
+from sim.replay.rerun.mwtp_matches import TrackMatch, matches_at
+from sim.scenario.scenario import Scenario
+from sim.sensing.sensors import camera_of
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.compiled import Array
+from tracking.tracker import Track
+
+_ARM = 0.6  # m, of the drawn quadrotor: twice its size, to be seen from afar
+_TURN = np.linspace(0.0, 2 * math.pi, 25)
+_SEE_THROUGH = 150  # of 255, opacity of canopies
+_ABOVE_GROUND = 0.1  # m, of what lies on it
+
+
+class Gap(NamedTuple):
+    """How far two UAVs differ on where a track is."""
+
+    track: int  # id
+    metres: float
+    one: Array  # (2,) m
+    other: Array
+
+
+def log_ground(stream: rr.RecordingStream, recording: Recording, scenario: Scenario) -> None:
+    """What stands still: the area, the trees, and what each camera is."""
+    half = np.array([scenario.area.width, scenario.area.height]) / 2
+    corners = half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    stream.log(
+        "world/area",
+        rr.Mesh3D(
+            vertex_positions=_at(corners, 0.0),
+            triangle_indices=[(0, 1, 2), (0, 2, 3)],
+            vertex_normals=[(0, 0, 1)] * 4,
+            albedo_factor=INK,
+        ),
+        static=True,
+    )
+    edge = np.vstack([corners, corners[:1]])
+    stream.log("world/area/edge", rr.LineStrips3D([_at(edge, 0.0)], colors=[FAINT], radii=0.1), static=True)
+    if len(recording.trees):
+        _log_trees(stream, recording.trees)
+    for i, uav in enumerate(scenario.uavs):
+        camera, colour = camera_of(uav), uav_colour(i)
+        lens = rr.Pinhole(
+            focal_length=camera.focal,
+            width=camera.pixels,
+            height=camera.pixels,
+            camera_xyz=rr.ViewCoordinates.RUB,
+            image_plane_distance=uav.altitude / 3,
+            color=colour,
+        )
+        stream.log(f"world/camera/{i}", lens, static=True)
+        for path in (f"world/camera/{i}", f"world/uav/{i}"):
+            stream.log(path, rr.TransformAxes3D(axis_length=0.0), static=True)  # else the viewer draws axes
+        stream.log(f"world/uav/{i}", rr.LineStrips3D(_quadrotor(), colors=[colour], radii=0.06), static=True)
+
+
+def _log_trees(stream: rr.RecordingStream, trees: Array) -> None:
+    x, y, canopy_radius, base, top, trunk_radius = trees.T
+    for name, radius, (low, high), colour in (
+        ("canopies", canopy_radius, (base, top), (*CANOPY, _SEE_THROUGH)),
+        ("trunks", trunk_radius, (np.zeros_like(base), base), TRUNK),
+    ):
+        cylinders = rr.Cylinders3D(
+            lengths=high - low,
+            radii=radius,
+            centers=np.column_stack([x, y, (low + high) / 2]),
+            colors=[colour],
+            fill_mode="solid",
+            labels=[f"tree {t}" for t in range(len(trees))],
+            show_labels=False,
+        )
+        stream.log(f"world/forest/{name}", cylinders, static=True)
+
+
+class Scene:
+    """Logs one scan after another."""
+
+    def __init__(self, stream: rr.RecordingStream, recording: Recording, scenario: Scenario, held: Ints) -> None:
+        """`held` (K, M) is how many UAVs hold each person."""
+        self._stream, self._recording, self._scenario, self._held = stream, recording, scenario, held
+        self._step = 1 / scenario.rates.planning
+        self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
+        self._broken: set[int] = set()
+
+    def log(self, k: int) -> None:
+        """Log scan k: the truth, what is intended, and what is believed."""
+        snapshot = self._recording.snapshot(k)
+        for i in range(len(snapshot.poses)) if k == 0 else ():
+            self._log_name(i, f"UAV {i}", uav_colour(i))
+        self._log_people(snapshot, self._held[k])
+        for i, body in enumerate(snapshot.poses):
+            self._stream.log(
+                f"world/uav/{i}",
+                rr.Transform3D(translation=body.position, quaternion=rr.Quaternion(xyzw=body.quaternion)),
+            )
+            pose = snapshot.cameras[i]
+            place = rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.quaternion))
+            self._stream.log(f"world/camera/{i}", place)
+            if i not in snapshot.working and i not in self._broken:
+                self._log_breakdown(i)
+        for i in snapshot.working:
+            self._log_tracks(i, snapshot.tracks[i])
+        self._log_gaps(gaps_at(self._recording, k))
+        if snapshot.plans is not None:
+            self._plans = (snapshot.time, snapshot.plans)
+            for i in snapshot.working:
+                found = matches_at(self._recording, self._scenario, k, i)
+                self._log_matches(i, snapshot, [match for match in found if match.uav == i])
+        self._log_intents(snapshot)
+
+    def _log_people(self, snapshot: Snapshot, held: Ints) -> None:
+        here = np.flatnonzero(~np.isnan(snapshot.people[:, 0])).tolist()
+        people = rr.Capsules3D(
+            lengths=[2 * TARGET_HEIGHT - 0.6] * len(here),
+            radii=[0.3] * len(here),
+            translations=_at(snapshot.people[here], 0.3),
+            colors=[PANEL if held[m] else ALARM for m in here],
+            fill_mode="solid",
+            labels=[f"person {m}" for m in here],
+            show_labels=False,
+        )
+        lost = [m for m in here if not held[m]]
+        names = rr.Points3D(
+            _at(snapshot.people[lost], 2 * TARGET_HEIGHT),
+            radii=0.1,
+            colors=[on_dark(ALARM)],
+            labels=[f"person {m} lost" for m in lost],
+            show_labels=True,
+        )
+        self._stream.log("world/people", people)
+        self._stream.log("world/people/lost", names)
+
+    def _log_breakdown(self, uav: int) -> None:
+        """Take away what a UAV that broke down no longer has."""
+        self._broken.add(uav)
+        for name in ("tracks", "intents", "mwtp"):
+            self._stream.log(f"world/{name}/{uav}", rr.Clear(recursive=True))
+        self._log_name(uav, f"UAV {uav}, broken down", ALARM)
+
+    def _log_name(self, uav: int, text: str, colour: Colour) -> None:
+        name = rr.Points3D([(0, 0, 0)], radii=0.2, colors=[on_dark(colour)], labels=[text], show_labels=True)
+        self._stream.log(f"world/uav/{uav}/name", name)
+
+    def _log_tracks(self, uav: int, tracks: Sequence[Track]) -> None:
+        """95 % ellipses of one UAV, at the height of people's middle."""
+        numbers = [self._recording.track_numbers[track.id] for track in tracks]
+        rings = [ellipse(t.belief.mean[:2], t.belief.covariance[:2, :2]) for t in tracks]
+        lines = rr.LineStrips3D(
+            [_at(np.vstack([ring, ring[:1]]), TARGET_HEIGHT) for ring in rings],
+            colors=[on_dark(track_colour(number)) for number in numbers],
+            radii=0.08,
+            labels=[f"track {number}" for number in numbers],
+            show_labels=False,
+        )
+        means = np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2)
+        marks = rr.Points3D(
+            _at(means, TARGET_HEIGHT),
+            radii=0.15,
+            colors=[on_dark(track_colour(number)) for number in numbers],
+            labels=[str(number) for number in numbers],
+            show_labels=uav == self._recording.working[0].argmax(),  # once, as they agree where all is well
+        )
+        self._stream.log(f"world/tracks/{uav}/ellipses", lines)
+        self._stream.log(f"world/tracks/{uav}/means", marks)
+
+    def _log_gaps(self, gaps: Sequence[Gap]) -> None:
+        numbers = [self._recording.track_numbers[gap.track] for gap in gaps]
+        lines = rr.LineStrips3D(
+            [_at(np.array([gap.one, gap.other]), TARGET_HEIGHT) for gap in gaps],
+            colors=[ALARM],
+            radii=0.05,
+            labels=[f"track {n}: {gap.metres:.2f} m apart" for n, gap in zip(numbers, gaps, strict=True)],
+            show_labels=False,
+        )
+        self._stream.log("world/agreement", lines)
+
+    def _log_intents(self, snapshot: Snapshot) -> None:
+        """The rest of each plan, from where the UAV is."""
+        made, plans = self._plans
+        for i in snapshot.working if plans else []:
+            x, y, z = snapshot.poses[i].position
+            path = _at(intended(np.array([x, y]), plans[i], snapshot.time - made, self._step), z)
+            self._log_line(f"world/intents/{i}", path, uav_colour(i), 0.08)
+            end = rr.Points3D(path[-1:], radii=0.35, colors=[uav_colour(i)])
+            self._stream.log(f"world/intents/{i}/end", end)
+
+    def _log_matches(self, uav: int, snapshot: Snapshot, matches: Sequence[TrackMatch]) -> None:
+        """Lines from a UAV to where its matches are expected when the plans end; bold, what has a penalty."""
+        numbers = [self._recording.track_numbers[match.track] for match in matches]
+        lines = rr.LineStrips3D(
+            [np.array([snapshot.poses[uav].position, (*match.end, TARGET_HEIGHT)]) for match in matches],
+            colors=[on_dark(track_colour(number)) for number in numbers],
+            radii=[0.12 if match.penalty > 0 else 0.05 for match in matches],
+            labels=[f"track {n}, {match.distance:.0f} m" for n, match in zip(numbers, matches, strict=True)],
+        )
+        self._stream.log(f"world/mwtp/{uav}", lines)
+
+    def _log_line(self, path: str, points: Array, colour: Colour, radius: float) -> None:
+        self._stream.log(path, rr.LineStrips3D([points], colors=[colour], radii=radius))
+
+
+def gaps_at(recording: Recording, k: int) -> list[Gap]:
+    """For each track that several UAVs hold after scan k, the two that differ most on where it is."""
+    held = defaultdict(list)
+    for i in range(recording.poses.shape[1]):
+        for track in recording.tracks_at(k, i):
+            held[track.id].append(track.belief.mean[:2])
+    return [
+        max(
+            (Gap(id_, math.dist(one, other), one, other) for one, other in combinations(means, 2)),
+            key=lambda gap: gap.metres,
+        )
+        for id_, means in held.items()
+        if len(means) > 1
+    ]
+
+
+def _at(points: Array, height: float) -> Array:
+    """Points (N, 2) m at a height (N, 3) m."""
+    return np.column_stack([points, np.full(len(points), height)])
+
+
+def _quadrotor() -> list[Array]:
+    """Two arms and four rotors, as lines in the body's frame [m]."""
+    hubs = _ARM * np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) / math.sqrt(2)
+    ring = 0.6 * _ARM * np.column_stack([np.cos(_TURN), np.sin(_TURN)])
+    return [_at(hubs[[0, 2]], 0.0), _at(hubs[[1, 3]], 0.0), *(_at(hub + ring, 0.05) for hub in hubs)]

@@ -1,0 +1,145 @@
+"""Numbers over time, states and events for the Rerun viewer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from sim.drawing.palette import (
+    ALARM,
+    BLUE,
+    FAINT,
+    INK,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    Colour,
+    on_dark,
+    track_colour,
+    uav_colour,
+)
+from sim.recording.recording import Recording
+from sim.replay.events import Event
+from sim.replay.history import STATES, History
+from sim.replay.rerun.scene import gaps_at
+from tracking.numerics.compiled import Array
+
+_PEOPLE = (SKY, ORANGE, VERMILLION, PURPLE, BLUE)
+_STATES = dict(zip(STATES, (FAINT, (110, 110, 110), PURPLE, ORANGE, SKY), strict=True))
+_LEVELS = {
+    **dict.fromkeys(("breakdown", "fault"), "ERROR"),
+    **dict.fromkeys(("contact", "link lost", "person lost", "identity changed"), "WARN"),
+    **dict.fromkeys(("messages lost", "messages heard"), "DEBUG"),  # there may be hundreds
+}
+
+
+class Series(NamedTuple):
+    """One curve; NaN where there is no value."""
+
+    path: str
+    name: str
+    colour: Colour
+    values: Array  # (K,)
+
+
+def series_of(recording: Recording) -> list[Series]:
+    """OSPA, trace of covariance, disagreement, bytes sent and visibility at each scan."""
+    return [*_ospa(recording), *_tracks(recording), *_bytes(recording), *_visible(recording)]
+
+
+def _ospa(recording: Recording) -> list[Series]:
+    errors, on = recording.ospa[:, :, 0], recording.working
+    mean = np.where(on.any(axis=1), np.nansum(errors, axis=1) / np.maximum(on.sum(axis=1), 1), np.nan)
+    each = [Series(f"ospa/uav{i}", f"UAV {i}", uav_colour(i), error) for i, error in enumerate(errors.T)]
+    return [*each, Series("ospa/mean", "mean", (255, 255, 255), mean)]
+
+
+def _tracks(recording: Recording) -> list[Series]:
+    """Of each track the trace of its position's covariance, mean over UAVs, and the largest gap between their means."""
+    numbers, scans = recording.track_numbers, len(recording.times)
+    traces, gaps = np.full((len(numbers), scans), np.nan), np.full((len(numbers), scans), np.nan)
+    for k in range(scans):
+        held = [track for i in range(recording.poses.shape[1]) for track in recording.tracks_at(k, i)]
+        for id_ in {track.id for track in held}:
+            own = [np.trace(track.belief.covariance[:2, :2]) for track in held if track.id == id_]
+            traces[numbers[id_], k] = np.mean(own)
+        for gap in gaps_at(recording, k):
+            gaps[numbers[gap.track], k] = round(gap.metres, 6)  # UAVs that agree differ by rounding
+    return [
+        Series(f"{kind}/track{n}", f"track {n}", on_dark(track_colour(n)), values)
+        for kind, table in (("covariance", traces), ("agreement", gaps))
+        for n, values in enumerate(table)
+        if not np.all(np.isnan(values))
+    ]
+
+
+def _bytes(recording: Recording) -> list[Series]:
+    return [
+        Series(f"bytes/{what}/uav{i}", f"{what}, UAV {i}", colour, np.where(sent < 0, np.nan, sent))
+        for what, table in (("tracks", recording.bytes_sent), ("plans", recording.plan_bytes))
+        for i, sent in enumerate(table.T.astype(float))
+        for colour in [uav_colour(i) if what == "tracks" else on_dark(uav_colour(i))]
+        if np.any(sent >= 0)
+    ]
+
+
+def _visible(recording: Recording) -> list[Series]:
+    """Pixels of each person in all images of a scan."""
+    present = ~np.isnan(recording.people[:, :, 0])
+    pixels = np.where(present, recording.visible.sum(axis=1), np.nan)
+    return [Series(f"visible/person{m}", f"person {m}", person_colour(m), pixels[:, m]) for m in range(pixels.shape[1])]
+
+
+def person_colour(person: int) -> Colour:
+    """One of five colours that are read on dark ground."""
+    return _PEOPLE[person % len(_PEOPLE)]
+
+
+def log_series(stream: rr.RecordingStream, recording: Recording, planning_s: Sequence[float]) -> None:
+    """Log all curves, and the time of each decision where it is known."""
+    times, scans = recording.times, np.arange(len(recording.times))
+    for series in series_of(recording):
+        _log(stream, series, times, scans)
+    made = recording.plan_times
+    if len(planning_s) and len(planning_s) == len(made):
+        took = Series("planning", "decision of the team", SKY, 1000 * np.array(planning_s))
+        _log(stream, took, made, np.searchsorted(times, made))
+
+
+def _log(stream: rr.RecordingStream, series: Series, times: Array, scans: NDArray[np.intp]) -> None:
+    path = f"plots/{series.path}"
+    stream.log(path, rr.SeriesLines(colors=[series.colour], names=[series.name], widths=[1.5]), static=True)
+    indexes = [rr.TimeColumn("time", duration=times), rr.TimeColumn("scan", sequence=scans)]
+    stream.send_columns(path, indexes=indexes, columns=rr.Scalars.columns(scalars=series.values))
+
+
+def log_states(stream: rr.RecordingStream, history: History) -> None:
+    """Log when cameras saw, missed or did not see each person, and which were held by nobody."""
+    shown = rr.StateConfiguration(values=list(_STATES), labels=list(_STATES), colors=list(_STATES.values()))
+    lost = rr.StateConfiguration(values=["held", "lost"], labels=["held", "lost"], colors=[INK, ALARM])
+    for m in range(history.present.shape[1]):
+        states = np.array(STATES)[history.states[:, m]]
+        held = np.where(history.present[:, m], np.where(history.held[:, m] > 0, "held", "lost"), "")
+        for name, values, configuration in (("cameras", states, shown), ("tracks", held, lost)):
+            path = f"people/{m}/{name}"
+            changes = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
+            indexes = [
+                rr.TimeColumn("time", duration=history.times[changes]),
+                rr.TimeColumn("scan", sequence=changes),
+            ]
+            stream.log(path, configuration, static=True)
+            stream.send_columns(path, indexes=indexes, columns=rr.StateChange.columns(state=values[changes].tolist()))
+
+
+def log_events(stream: rr.RecordingStream, recording: Recording, events: Sequence[Event]) -> None:
+    """Log each event at its time, and at the first scan that shows it."""
+    for event in events:
+        k = min(int(np.searchsorted(recording.times, event.time - 1e-9)), len(recording.times) - 1)
+        stream.set_time("time", duration=event.time)
+        stream.set_time("scan", sequence=k)
+        stream.log("events", rr.TextLog(f"{event.time:.1f} s: {event.text}", level=_LEVELS.get(event.kind, "INFO")))

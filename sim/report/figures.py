@@ -1,0 +1,211 @@
+"""Figures of a study: distribution of OSPA, OSPA over time, run times, and maps against maps."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from sim.analysis.answers import map_means, paired_values
+from sim.analysis.cells import Group, cell_text
+from sim.analysis.measures import Measure
+from sim.analysis.statistics import bands, ecdf
+from sim.drawing.palette import FAINT
+from sim.drawing.plots import rgb
+from sim.report.panels import COLOURS, COLUMNS, Curve, Sheet, Style
+from tracking.numerics.compiled import Array
+
+AT = np.geomspace(0.1, 50.0, 300)  # m, where distributions are drawn
+_TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
+WIDTH = 11.0  # inches of a figure as wide as the report
+_LOOK: Any = {"font.family": "DejaVu Sans", "font.size": 10, "svg.fonttype": "path", "svg.hashsalt": "understory"}
+_FEW = 4  # curves with bands in one panel
+
+
+def ecdf_figure(sheet: Sheet) -> Figure:
+    """Share of scans with an OSPA of no more than x, scans and maps pooled, over a logarithmic axis, as in [Li22]."""
+
+    def draw(axes: Axes, curve: Curve) -> None:
+        axes.plot(AT, 100 * ecdf(curve.group.ospa, AT), **_line(curve.style))
+
+    def dress(axes: Axes) -> None:
+        axes.set_xscale("log")
+        axes.set_xlim(AT[0], AT[-1])
+        axes.set_xticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
+        axes.set_xticks([], minor=True)
+        axes.set_ylim(0, 102)
+        axes.axvline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+
+    return _grid(sheet, draw, dress, ("OSPA [m], logarithmic", "share of scans [%]"))
+
+
+def time_figure(sheet: Sheet) -> Figure:
+    """Median OSPA of the trials at each scan; with few curves in a panel, shaded from lower to upper quartile."""
+    few = all(len(panel.curves) <= _FEW for panel in sheet.panels)
+    longest = max((group_end(c.group) for panel in sheet.panels for c in panel.curves), default=0.0)
+
+    def draw(axes: Axes, curve: Curve) -> None:
+        times, errors = curve.group.curves
+        low, median, high = bands(errors)
+        if few:
+            axes.fill_between(times, low, high, color=rgb(curve.style.colour), alpha=0.16, lw=0)
+        axes.plot(times, median, **_line(curve.style))
+
+    def dress(axes: Axes) -> None:
+        axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
+        axes.set_ylim(bottom=0)
+        top = axes.get_ylim()[1]
+        ticks = [tick for tick in (0, 0.5, 1, 2, 5, 10, 20, 50) if tick <= max(top, 1)]
+        axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+        axes.set_yticks([], minor=True)
+        axes.set_xlim(0, max(longest, 1e-3))
+        axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+
+    return _grid(sheet, draw, dress, ("time [s]", "OSPA [m], logarithmic above 1"))
+
+
+def group_end(group: Group) -> float:
+    """The last scan's time [s]."""
+    times, _ = group.curves
+    return float(times[-1]) if len(times) else 0.0
+
+
+def runtime_figure(groups: Sequence[Group], measure: Measure) -> Figure:
+    """Means over the maps with their intervals, a line per cell and a dot per planner, over a logarithmic axis."""
+    cells = list(dict.fromkeys(group.cell for group in groups))
+    planners = list(dict.fromkeys(group.planner for group in groups))
+    with drawing(1.2 + 0.3 * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
+        axes = figure.add_subplot()
+        for group in groups:
+            estimate = map_means(group, measure)
+            index = planners.index(group.planner)
+            place = cells.index(group.cell) + 0.5 * (index + 0.5 - len(planners) / 2) / len(planners)
+            value, low, high = measure.scale * np.array([estimate.value, estimate.low, estimate.high])
+            colour = rgb(COLOURS[index % len(COLOURS)])
+            if value > 0:
+                axes.plot([low, high], [place, place], color=colour, lw=1.5, alpha=0.7)
+                axes.plot(value, place, "o", color=colour, ms=5)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_xlabel(f"{measure.title}, logarithmic")
+        axes.set_yticks(range(len(cells)), [cell_text(cell) or "all missions" for cell in cells])
+        axes.set_ylim(len(cells) - 0.5, -0.5)
+        axes.grid(axis="x", lw=0.5, alpha=0.4)
+        axes.spines[["top", "right"]].set_visible(False)
+        _legend(figure, {p: Style(COLOURS[i % len(COLOURS)]) for i, p in enumerate(planners)}, marker="o")
+    return figure
+
+
+def scatter_figure(groups: Sequence[Group], baseline: str, measure: Measure) -> Figure:
+    """A panel for each planner but the baseline, a point for each map that both flew: baseline across, planner up."""
+    others = list(dict.fromkeys(group.planner for group in groups if group.planner != baseline))
+    bases = {group.cell: group for group in groups if group.planner == baseline}
+    points = {
+        other: measure.scale
+        * np.concatenate([paired_values(g, bases.get(g.cell), measure) for g in groups if g.planner == other])
+        for other in others
+    }
+    low, high, log = _limits(np.concatenate([*points.values(), np.zeros((0, 2))]))
+    columns = min(COLUMNS, len(others))
+    rows = -(-len(others) // columns)
+    with drawing(3.3 * rows, width=0.4 + 3.05 * columns) as figure:
+        for i, (other, pairs) in enumerate(points.items()):
+            axes = figure.add_subplot(rows, columns, i + 1)
+            axes.plot([low, high], [low, high], color=rgb(FAINT), lw=1.0, zorder=0.5)
+            axes.plot(pairs[:, 0], pairs[:, 1], "o", color=rgb(COLOURS[0]), ms=4.5, alpha=0.6, mew=0)
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.set_major_locator(MaxNLocator(5))
+            if log:
+                axes.set(xscale="log", yscale="log")
+            axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")
+            axes.set_title(_wrapped(other), fontsize=10, loc="left", fontweight="bold")
+            axes.grid(lw=0.5, alpha=0.4)
+        figure.supxlabel(f"{baseline}: {measure.title}{', logarithmic' * log}", fontsize=10)
+        figure.supylabel(f"planner: {measure.title}", fontsize=10)
+    return figure
+
+
+def _limits(points: Array) -> tuple[float, float, bool]:
+    """Ends of both axes, and whether they are logarithmic: where the values span more than a factor of 30."""
+    values = points[np.isfinite(points)]
+    if not len(values):
+        return 0.0, 1.0, False
+    low, high = float(values.min()), float(values.max())
+    if low > 0 and high > 30 * low:
+        return low / 1.15, high * 1.15, True
+    margin = 0.05 * (high - low) or 0.5
+    return low - margin, high + margin, False
+
+
+def _wrapped(text: str) -> str:
+    """A long planner's text on several lines."""
+    return text.replace("(", "(\n", 1) if len(text) > 34 else text
+
+
+def _grid(
+    sheet: Sheet, draw: Callable[[Axes, Curve], None], dress: Callable[[Axes], None], labels: tuple[str, str]
+) -> Figure:
+    rows = -(-len(sheet.panels) // sheet.columns)
+    width = WIDTH if sheet.columns > 1 else 0.6 * WIDTH
+    with drawing(0.8 + 2.15 * rows + 0.22 * -(-len(sheet.legend) // 3), width=width) as figure:
+        every = figure.subplots(rows, sheet.columns, sharex=True, sharey=True, squeeze=False).ravel()
+        for axes, panel in zip(every, sheet.panels, strict=False):
+            for curve in panel.curves:
+                draw(axes, curve)
+            axes.set_title(panel.title, fontsize=10, loc="left", fontweight="bold")
+            axes.grid(lw=0.5, alpha=0.4)
+            axes.spines[["top", "right"]].set_visible(False)
+        for axes in every[: len(sheet.panels)]:
+            dress(axes)
+        for axes in every[len(sheet.panels) :]:
+            axes.set_visible(False)
+        for axes in every[max(0, len(sheet.panels) - sheet.columns) : len(sheet.panels)]:
+            axes.tick_params(labelbottom=True)
+            axes.set_xlabel(labels[0])  # the figure's own would meet the legend
+        figure.supylabel(labels[1], fontsize=10)
+        _legend(figure, sheet.legend)
+    return figure
+
+
+@contextmanager
+def drawing(height: float, width: float = WIDTH) -> Iterator[Figure]:
+    """A figure of so many inches, to be drawn in one look."""
+    with matplotlib.rc_context(_LOOK):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure
+        figure.draw_without_rendering()  # which lays it out, once for all the files that it is saved to
+        figure.set_layout_engine("none")
+
+
+def _legend(figure: Figure, styles: dict[str, Style], marker: str = "") -> None:
+    """Below the panels, in which data may be anywhere."""
+    handles = [
+        Line2D([], [], label=name, **(_line(style) | ({"marker": marker, "ls": ""} if marker else {})))
+        for name, style in styles.items()
+    ]
+    columns = 4 if all(len(name) < 22 for name in styles) else 2 if all(len(name) < 44 for name in styles) else 1
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
+
+
+def _line(style: Style) -> dict[str, Any]:
+    return {"color": rgb(style.colour), "ls": style.dash, "lw": 1.7}
+
+
+def content(figure: Figure, kind: str) -> bytes:
+    """The figure as a file, "png" or "svg", the same bytes for the same figure."""
+    drawn = io.BytesIO()
+    with matplotlib.rc_context(_LOOK):
+        figure.savefig(drawn, format=kind, dpi=130, metadata={"Date": None} if kind == "svg" else {"Software": None})
+    return drawn.getvalue()

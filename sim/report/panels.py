@@ -1,0 +1,117 @@
+"""Which curve of a study goes into which panel of which figure, and how it looks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from sim.analysis.cells import Cell, Group, cell_text, varying
+from sim.drawing.palette import BLUE, INK, ORANGE, PURPLE, SKY, VERMILLION, Colour
+
+COLOURS: tuple[Colour, ...] = (BLUE, VERMILLION, (0, 158, 115), PURPLE, ORANGE, SKY, INK)  # Okabe-Ito
+DASHES = ("-", "--", ":", "-.")
+PANELS = 12  # of one figure at most, where factors allow
+COLUMNS = 3
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a curve looks."""
+
+    colour: Colour
+    dash: str = "-"
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One group in one panel."""
+
+    label: str
+    style: Style
+    group: Group
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Curves over the same axes."""
+
+    title: str
+    curves: tuple[Curve, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """One figure."""
+
+    title: str  # what all its panels share
+    panels: tuple[Panel, ...]
+    columns: int
+
+    @property
+    def legend(self) -> dict[str, Style]:
+        """Every label with its style."""
+        return {curve.label: curve.style for panel in self.panels for curve in panel.curves}
+
+
+def sheets(groups: Sequence[Group]) -> list[Sheet]:
+    """The figures of a study: with several planners a curve each in a panel a cell, as in [Li22] Fig. 5.
+
+    With one planner the first factor's values get a panel each, and the other factors a curve, as in [Li22] Fig. 4.
+    Where there are too many panels, the factor with the fewest values gets a figure each.
+    """
+    planners = sorted({group.planner for group in groups})
+    if len(planners) == 1:
+        return [_of_one_planner(groups)]
+    order = list(dict.fromkeys(group.planner for group in groups))  # the baseline first
+    styles = {planner: _style(i) for i, planner in enumerate(order)}
+    return [_sheet(shared, part, styles) for shared, part in _split((), groups)]
+
+
+def _style(index: int) -> Style:
+    return Style(COLOURS[index % len(COLOURS)], DASHES[index // len(COLOURS) % len(DASHES)])
+
+
+def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[Group]]]:
+    """Parts of the groups that go into one figure each, and what is the same in each."""
+    factors = varying(groups)
+    if len(factors) < 2 or (len(factors) == 2 and len({group.cell for group in groups}) <= PANELS):
+        yield shared, list(groups)
+        return
+    fewest = min(factors, key=lambda name: len(factors[name]))
+    for value in factors[fewest]:
+        part = [group for group in groups if (fewest, value) in group.cell]
+        yield from _split((*shared, (fewest, value)), part)
+
+
+def _sheet(shared: Cell, groups: Sequence[Group], styles: dict[str, Style]) -> Sheet:
+    factors = varying(groups)
+    panels = []
+    for cell in dict.fromkeys(group.cell for group in groups):
+        curves = tuple(Curve(g.planner, styles[g.planner], g) for g in groups if g.cell == cell)
+        panels.append(Panel(cell_text(tuple(factor for factor in cell if factor[0] in factors)), curves))
+    sizes = [len(values) for values in factors.values()]
+    crossed = len(sizes) == 2 and sizes[0] * sizes[1] == len(panels) and sizes[1] <= COLUMNS + 1
+    columns = sizes[1] if crossed else COLUMNS  # a factor down, a factor across
+    return Sheet(cell_text(shared), tuple(panels), min(columns, len(panels)))
+
+
+def _of_one_planner(groups: Sequence[Group]) -> Sheet:
+    """Panels by the first factor; colours by the last, dashes by those between."""
+    factors = varying(groups)
+    outer = list(factors)[:1] if len(factors) > 1 else []
+    inner = list(factors)[len(outer) :]
+    values = list(factors[inner[-1]]) if inner else []
+    between = list(dict.fromkeys(_some(group.cell, inner[:-1]) for group in groups))
+    panels: dict[Cell, list[Curve]] = {}
+    for group in groups:
+        place = values.index(dict(group.cell)[inner[-1]]) if inner else 0
+        dash = DASHES[between.index(_some(group.cell, inner[:-1])) % len(DASHES)]
+        label = cell_text(_some(group.cell, inner)) or group.planner
+        curve = Curve(label, Style(COLOURS[place % len(COLOURS)], dash), group)
+        panels.setdefault(_some(group.cell, outer), []).append(curve)
+    found = tuple(Panel(cell_text(cell), tuple(curves)) for cell, curves in panels.items())
+    return Sheet("", found, min(COLUMNS, len(found)))
+
+
+def _some(cell: Cell, names: Sequence[str]) -> Cell:
+    return tuple(factor for factor in cell if factor[0] in names)

@@ -1,0 +1,121 @@
+"""The figures of a report with what is said of each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sim.analysis.answers import paired_values
+from sim.analysis.cells import Group
+from sim.analysis.measures import RUNTIME, UNKNOWN, Measure, measure
+from sim.analysis.statistics import bands, share_under
+from sim.report.figures import content, ecdf_figure, runtime_figure, scatter_figure, time_figure
+from sim.report.panels import Sheet, sheets
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the report."""
+
+    name: str  # of its files
+    title: str
+    caption: str
+    alt: str
+    svg: bytes
+    png: bytes
+
+
+def pictures(groups: Sequence[Group], baseline: str, measures: Sequence[Measure]) -> list[Picture]:
+    """Distributions of OSPA, OSPA over time, and maps against maps; none of what no trial has."""
+    flown = [group for group in groups if group.done]
+    found: list[Picture] = []
+    for sheet in sheets(flown) if flown else ():
+        found += [_ecdf(sheet), _over_time(sheet)]
+    compared = [m for m in measures if any(len(_points(group, flown, baseline, m)) for group in flown)]
+    return found + [_scatter(flown, baseline, m) for m in compared[:2]]
+
+
+def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
+    """The time that a decision takes, if it was measured."""
+    timed = measure(RUNTIME[0])
+    flown = [group for group in groups if np.any(group.values(timed.name) > 0)]
+    if not flown:
+        return []
+    lines = [f"{_named(g)} {timed.text(float(np.nanmean(g.values(timed.name))))} {timed.unit}" for g in flown]
+    caption = (
+        "Means over the maps with 95 % intervals, on a logarithmic axis; how often these hold was not counted. Times "
+        "depend on the machine and its load."
+    )
+    return [_picture("runtime", "Time for a decision", caption, "; ".join(lines), runtime_figure(flown, timed))]
+
+
+def _ecdf(sheet: Sheet) -> Picture:
+    shares = [(_named(c.group), share_under(c.group.ospa, 1.0)) for panel in sheet.panels for c in panel.curves]
+    alt = "Share of scans with an OSPA under 1 m: " + "; ".join(f"{name} {_percent(share)}" for name, share in shares)
+    caption = (
+        "Share of scans whose OSPA, the mean of the UAVs, is no more than x; all scans of all trials together. Further "
+        "left is better. The axis is logarithmic; dashed: 1 m."
+    )
+    return _picture(f"ecdf{_suffix(sheet)}", f"Distribution of OSPA{_of(sheet)}", caption, alt, ecdf_figure(sheet))
+
+
+def _over_time(sheet: Sheet) -> Picture:
+    ends = []
+    for curve in (curve for panel in sheet.panels for curve in panel.curves):
+        medians = bands(curve.group.curves[1])[1]
+        last = medians[~np.isnan(medians)][-1:]
+        ends.append(f"{_named(curve.group)} {last[0]:.2f} m" if len(last) else f"{_named(curve.group)} {UNKNOWN}")
+    caption = (
+        "Median over the trials at each scan; shaded, with up to four curves in a panel: lower to upper quartile of "
+        "them. The axis is linear below 1 m (dashed) and logarithmic above."
+    )
+    alt = "Median OSPA at the last scan: " + "; ".join(ends)
+    return _picture(f"time{_suffix(sheet)}", f"OSPA over time{_of(sheet)}", caption, alt, time_figure(sheet))
+
+
+def _points(group: Group, groups: Sequence[Group], baseline: str, shown: Measure) -> list[list[float]]:
+    base = next((g for g in groups if g.cell == group.cell and g.planner == baseline), None)
+    return [] if group.planner == baseline else paired_values(group, base, shown).tolist()
+
+
+def _scatter(groups: Sequence[Group], baseline: str, shown: Measure) -> Picture:
+    sides: dict[str, list[list[float]]] = {}
+    for group in groups:
+        if group.planner != baseline:
+            sides.setdefault(group.planner, []).extend(_points(group, groups, baseline, shown))
+    alt = "; ".join(
+        f"{name}: {sum(y > x for x, y in p)} of {len(p)} maps above {baseline}" for name, p in sides.items()
+    )
+    aim = {"lower": "Below the diagonal", "higher": "Above the diagonal", "neither": ""}[shown.better]
+    caption = f"A point for each map that both flew, of all cells: {baseline} across, the planner up."
+    caption += f" {aim} the planner is better." if aim else ""
+    figure = scatter_figure(groups, baseline, shown)
+    return _picture(f"maps-{_plain(shown.name)}", f"Map by map: {shown.label}", caption, alt, figure)
+
+
+def _picture(name: str, title: str, caption: str, alt: str, figure: Figure) -> Picture:
+    return Picture(name, title, caption, f"{title}. {alt}.", content(figure, "svg"), content(figure, "png"))
+
+
+def _named(group: Group) -> str:
+    return ", ".join([group.planner, *(f"{name} {value}" for name, value in group.cell)])
+
+
+def _of(sheet: Sheet) -> str:
+    return f", {sheet.title}" if sheet.title else ""
+
+
+def _suffix(sheet: Sheet) -> str:
+    return f"-{_plain(sheet.title)}" if sheet.title else ""
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", text.lower().replace("λ", "lambda")).strip("-")
+
+
+def _percent(share: float) -> str:
+    return UNKNOWN if np.isnan(share) else f"{share:.1%}"

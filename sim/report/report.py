@@ -1,0 +1,200 @@
+"""What a study leaves: `report.html`, tables and figures."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from html import escape
+from pathlib import Path
+
+from sim.analysis.answers import Answer, answers
+from sim.analysis.cells import Group, baseline_of, cell_text, constant, grouped, trimmed, varying
+from sim.analysis.coverage import COVERED
+from sim.analysis.measures import RUNTIME, Measure, available, chosen, measure
+from sim.recording.atomic_files import whole
+from sim.report.formats import comma_separated, markdown
+from sim.report.page import (
+    commanded,
+    facts,
+    failures,
+    figures,
+    listed,
+    maps,
+    page,
+    paragraph,
+    result_tables,
+    runtime_tables,
+    verdict,
+)
+from sim.report.pictures import pictures, runtime_pictures
+from sim.report.tables import notes, shortfalls
+from sim.scenario.errors import InputError
+from sim.study.row import Row
+
+_FIGURES = r"(ecdf|time|maps|runtime)(-[a-z0-9-]+)?\.(svg|png)"  # what a report calls them
+HOW_TO_READ = (
+    "A map is the forest and the people that one seed gives; every planner flies the same ones. A cell is a setting of "
+    "what the study varies.",
+    "Brackets hold 95 % intervals over the maps of a cell: Student's, lengthened for skewness, for means and mean "
+    "differences, and values of the sample for medians. Each holds for itself; of twenty, one is expected to miss.",
+    *COVERED,
+    "Two planners are called apart where the interval of their difference leaves zero out and they share six maps at "
+    "least. Where several differences are shown, a star marks those that survive Holm's correction for all of them.",
+    "Maps needed is the number at which a paired t test of 5 % finds a difference as large as the one observed in four "
+    "comparisons of five. It is as uncertain as the difference itself.",
+    "Where maps are repeated, a map's value is the mean of its repeats, and the spreads are standard deviations of two "
+    "kinds: between maps, of what a map is worth, and within maps, of the chance of sensors, network and planner.",
+    "A difference is the planner less the baseline on the same map. The last lines of a table take the mean over all "
+    "cells for each seed, and compare seeds.",
+    "Trials that failed and values that are undefined do not count, and are listed wherever they are left out.",
+)
+
+
+@dataclass(frozen=True)
+class About:
+    """What the rows do not say about a study."""
+
+    study: str  # name
+    description: str = ""
+    command: str = ""  # that runs the study again
+    versions: Mapping[str, str] = field(default_factory=dict)
+    machine: str = field(  # that made the report; trials may have flown on others
+        default_factory=lambda: f"{os.cpu_count()} cores, {platform.machine()}, {platform.system()}"
+    )
+    wall_s: float | None = None  # of all trials added up, whatever flew at the same time
+    baseline: str | None = None  # a planner of the rows; None: the first
+    metrics: tuple[str, ...] = ()  # flat names; none: the usual ones
+
+
+def write(rows: Sequence[Row], folder: Path, about: About) -> None:
+    """Write report.html, table.csv, table.md and figures/*.svg, *.png into `folder`: all of them, or none.
+
+    Figures of an earlier report there that this one lacks are removed. InputError where a metric or the baseline is
+    unknown, there are no rows, or the folder cannot be written.
+    """
+    files = made(rows, about)
+    try:
+        (folder / "figures").mkdir(parents=True, exist_ok=True)
+        with ExitStack() as stack:  # every file takes its name when all are written
+            for name, data in files.items():
+                stack.enter_context(whole(folder / name)).write_bytes(data)
+        for path in (folder / "figures").iterdir():
+            if re.fullmatch(_FIGURES, path.name) and f"figures/{path.name}" not in files:
+                path.unlink()
+    except OSError as error:
+        raise InputError(f"report: {folder} cannot be written: {error.strerror or error}") from error
+
+
+def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
+    """The files of a report by name."""
+    baseline = baseline_of(rows, about.baseline)
+    every = grouped(rows, baseline)
+    groups, measures = trimmed(every), chosen(rows, about.metrics)
+    found = answers(groups, measures, baseline)
+    times = answers(groups, [measure(name) for name in RUNTIME if name in available(rows)], baseline)
+    drawn, timing = pictures(groups, baseline, measures), runtime_pictures(groups)
+    full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
+    all_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in (*found, *times)]
+    sections = [
+        ("", f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"),
+        ("In short", _in_short(found, baseline, measures)),
+        ("What was run", _what_was_run(rows, every, about, baseline)),
+        ("Results", f"{listed(notes(found))}\n{result_tables(found, baseline)}"),
+        ("Figures", figures(drawn)),
+        *([("Run time", figures(timing) + runtime_tables(times))] if times else []),
+        *_trials(groups, every, measures),
+        ("How to read this", listed(HOW_TO_READ)),
+    ]
+    files = {
+        "report.html": page(f"{about.study}: understory", sections).encode(),
+        "table.csv": comma_separated(all_answers, baseline).encode(),
+        "table.md": markdown(found, baseline).encode(),
+    }
+    for picture in (*drawn, *timing):
+        files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}
+    return files
+
+
+def _trials(groups: Sequence[Group], every: Sequence[Group], measures: Sequence[Measure]) -> list[tuple[str, str]]:
+    """The sections about single trials: best and worst, failed, and the commands."""
+    table, places = maps(groups, measures[0])
+    failed = [row for group in every for row in group.failed]
+    hint = "A click selects a command for the shell. It leaves film and recording under runs/."
+    return [
+        *([("Best and worst maps", paragraph(f"In {measures[0].title}.") + table)] if places else []),
+        *([(f"Failures: {len(failed)}", failures(failed))] if failed else []),
+        *([("Fly them again", paragraph(hint) + places)] if places else []),
+    ]
+
+
+def _in_short(found: Sequence[Answer], baseline: str, measures: Sequence[Measure]) -> str:
+    """What came out in the first metric, a sentence for each planner, and what the numbers leave out."""
+    shown = sum(answer.difference is not None for answer in found)
+    told = [answer for answer in found if answer.difference and answer.measure in measures[:1]]
+    summed = {answer.planner for answer in told if answer.cell is None}
+    overall = [answer for answer in told if answer.cell is None or answer.planner not in summed]
+    sentences = [
+        verdict(answer.planner, baseline, answer.measure, answer.difference, shown=shown)
+        for answer in overall
+        if answer.difference
+    ]
+    lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
+    left_out = shortfalls([answer for answer in found if answer.measure in measures[:1]])
+    return listed(lines) + (paragraph("Left out:") + listed(left_out) if left_out else "")
+
+
+def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, baseline: str) -> str:
+    seeds, changing = sorted({row.seed for row in rows}), varying(every)
+    failed, repeats = sum(row.status == "failed" for row in rows), len({row.repeat for row in rows})
+    versions = {**about.versions, "understory": ", ".join(sorted({row.version for row in rows}))}
+    settings = set.intersection(*({f"{key} = {value}" for key, value in row.settings.items()} for row in rows))
+    planners = dict.fromkeys(row.planner for group in every for row in (*group.done, *group.failed))
+    text = facts(
+        [
+            ("scenario", ", ".join(sorted({row.scenario for row in rows}))),
+            ("everywhere", cell_text(constant(every))),
+            ("set for all trials", ", ".join(sorted(settings))),
+            *((f"{cell_text(((name, ''),)).removesuffix(' = ')} varies", ", ".join(v)) for name, v in changing.items()),
+            ("planners", "; ".join(planners)),
+            ("baseline", baseline),
+            ("seeds (maps)", f"{len(seeds)}: {ranges(seeds)}"),
+            ("repeats of each map", str(repeats) if repeats > 1 else ""),
+            ("trials", f"{len(rows) - failed} done, {failed} failed"),
+            ("time of all trials, added up", "" if about.wall_s is None else duration(about.wall_s)),
+            ("trials flown on", "; ".join(sorted({row.machine for row in rows} - {""}))),
+            ("hash of all recordings", recordings_hash(rows)),
+            ("report made on", about.machine),
+            ("versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
+        ]
+    )
+    return text + (paragraph("The command that runs it again:") + commanded(about.command) if about.command else "")
+
+
+def recordings_hash(rows: Sequence[Row]) -> str:
+    """SHA-256 over the hashes of all recordings, in any order of the rows: equal where all missions went the same."""
+    hashes = sorted(row.recording for row in rows if row.recording)
+    return hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else ""
+
+
+def ranges(numbers: Sequence[int]) -> str:
+    """Ascending integers as text, such as 0-4, 7."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+
+
+def duration(seconds: float) -> str:
+    """A time span as people say it."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"

@@ -1,0 +1,202 @@
+"""The answers of a study as tables, in the terminal and as text for other forms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import groupby
+from typing import NamedTuple
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from sim.analysis.answers import Answer, Difference, answers
+from sim.analysis.cells import Cell, baseline_of, cell_text, constant, grouped, trimmed
+from sim.analysis.coverage import caveats
+from sim.analysis.measures import UNKNOWN, Measure, chosen
+from sim.analysis.statistics import LEVEL, MOST_MAPS, POWER, Estimate, Spread
+from sim.study.row import Row
+from sim.terminal.console import console as terminal
+
+WIDE = 100  # columns from which on the terminal has room for all columns
+_OF_PAIRS = ("won, tied, lost", "maps needed")
+_WIDE_ONLY = ("median", "maps needed")
+_NOTE = "In brackets: 95 % intervals over the maps (seeds)."
+_COMPARED = (
+    "Differences are means over the maps that both flew; won, tied, lost counts these maps. Maps needed: so many find "
+    f"a difference as large with a probability of {100 * POWER:.0f} %."
+)
+_REPEATED = "Each map counts once, with the mean of its repeats. Spreads are standard deviations."
+
+
+class Layout(NamedTuple):
+    """A table of one metric: its title, its headings, and what stands under them for an answer."""
+
+    title: str
+    heads: list[str]
+    texts: Callable[[Answer], list[str]]
+
+    @property
+    def first(self) -> bool:
+        """Whether it is the metric's main table."""
+        return "mean" in self.heads
+
+
+def layouts(found: Sequence[Answer], baseline: str) -> list[Layout]:
+    """The tables of the answers of one metric: the results and, where maps were repeated, the spreads."""
+    measure, compared = found[0].measure, any(answer.difference for answer in found)
+    main = Layout(measure.title, columns(baseline, compared=compared), partial(texts_of, compared=compared))
+    if not repeated(found):
+        return [main]
+    heads = ["planner", "between maps", "within maps"]
+    heads += [f"less {baseline}: between", "within", "maps needed"] if compared else []
+    return [main, Layout(f"{measure.title}: spread", heads, partial(_spread_texts, compared=compared))]
+
+
+def repeated(found: Sequence[Answer]) -> bool:
+    """Whether any map was flown more than once."""
+    return any(answer.trials + answer.failed > answer.flown for answer in found)
+
+
+def notes(found: Sequence[Answer]) -> list[str]:
+    """What the tables of these answers need said, a line each."""
+    compared = [answer.difference for answer in found if answer.difference]
+    many = (
+        f"* survives Holm's correction for all {len(compared)} differences shown ({100 - 100 * LEVEL:.0f} %)."
+        if len(compared) > 1
+        else ""
+    )
+    told = caveats((answer.measure, maps) for answer in found for maps in _sampled(answer))
+    parts = [_NOTE, *told, _COMPARED if compared else "", many, _REPEATED if repeated(found) else ""]
+    return [part for part in parts if part]
+
+
+def _sampled(answer: Answer) -> tuple[int, ...]:
+    """How many maps each mean of the answer is over: its own, and the difference's."""
+    return (answer.maps, answer.difference.pairs) if answer.difference else (answer.maps,)
+
+
+def show(
+    rows: Sequence[Row], baseline: str | None = None, metrics: Sequence[str] = (), *, on: Console = terminal
+) -> None:
+    """Print the answers; InputError where a metric or the baseline is unknown.
+
+    baseline: a planner as given, by name or by label; the first row's if None. metrics: flat names; the usual if none.
+    """
+    first = baseline_of(rows, baseline)
+    groups = grouped(rows, first)
+    found = answers(trimmed(groups), chosen(rows, metrics), first)
+    if constant(groups):
+        on.print(f"Everywhere: {escape(cell_text(constant(groups)))}")
+    for _, group in groupby(found, lambda answer: answer.measure):
+        lines = list(group)
+        for layout in layouts(lines, first):
+            on.print(_terminal_table(layout, lines, on.width >= WIDE))
+    for note in notes(found):
+        on.print(note, style="dim")
+    for line in shortfalls(found):
+        on.print(escape(line), style="bold red")
+
+
+def shortfalls(found: Sequence[Answer]) -> list[str]:
+    """What the numbers leave out, one line each: trials that failed, values that are undefined, maps without a pair."""
+    lines: dict[str, None] = {}
+    for answer in found:
+        who = f"{answer.planner} ({heading(answer.cell)})" if answer.cell != () else answer.planner
+        if answer.failed:
+            lines[f"{who}: {answer.failed} of {answer.trials + answer.failed} trials failed and do not count"] = None
+        if answer.undefined:
+            what = f"{answer.measure.label} is undefined in {answer.undefined} of {answer.trials} trials"
+            lines[f"{who}: {what}"] = None
+        gaps = answer.difference
+        if gaps and gaps.unpaired:
+            what = "in every cell a pair" if answer.cell is None else "a pair"
+            lines[f"{who}: {gaps.pairs} of {gaps.pairs + gaps.unpaired} maps have {what} with the baseline's"] = None
+    return list(lines)
+
+
+def columns(baseline: str, *, compared: bool) -> list[str]:
+    """Headings of the table of one metric."""
+    return ["planner", "maps", "mean", "median", *([f"less {baseline}", *_OF_PAIRS] if compared else [])]
+
+
+def texts_of(answer: Answer, *, compared: bool) -> list[str]:
+    """What stands under the headings."""
+    measure = answer.measure
+    own = [maps(answer), *(_estimate(measure, e) for e in (answer.mean, answer.median))]
+    if answer.cell is None:
+        own = [f"{answer.difference.cells} cells" if answer.difference else "", "", ""]
+    return [answer.planner, *own, *(_compared(measure, answer.difference) if compared else [])]
+
+
+def maps(answer: Answer) -> str:
+    """How many maps count, and of how many if not all do."""
+    return str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
+
+
+def _estimate(measure: Measure, estimate: Estimate, *, signed: bool = False) -> str:
+    inside = measure.within(estimate.low, estimate.high, signed=signed)
+    return f"{measure.text(estimate.value, signed=signed)} {inside}".strip()
+
+
+def _compared(measure: Measure, difference: Difference | None) -> list[str]:
+    if difference is None:
+        return ["baseline", "", ""]
+    mark = "* " if difference.survives else ""
+    shown = mark + _estimate(measure, difference.mean, signed=True)
+    return [shown, record(measure, difference), _needed(difference)]
+
+
+def _needed(difference: Difference) -> str:
+    """How many maps tell the difference apart."""
+    if math.isinf(difference.needed):
+        return f"> {MOST_MAPS}" if difference.mean.value else UNKNOWN
+    return UNKNOWN if math.isnan(difference.needed) else str(round(difference.needed))
+
+
+def record(measure: Measure, difference: Difference) -> str:
+    """Maps won, tied and lost; a dash where neither way is better or nothing is paired."""
+    if measure.better == "neither" or not difference.pairs:
+        return UNKNOWN
+    return f"{difference.won}, {difference.tied}, {difference.lost}"
+
+
+def _spread_texts(answer: Answer, *, compared: bool) -> list[str]:
+    """What stands under the headings of the spreads."""
+    own = ["", ""] if answer.cell is None else _spread(answer.measure, answer.spread)
+    if not compared:
+        return [answer.planner, *own]
+    gap = answer.difference
+    return [answer.planner, *own, *(["baseline", "", ""] if gap is None else _spread(answer.measure, gap.spread))] + (
+        [] if gap is None else [_needed(gap)]
+    )
+
+
+def _spread(measure: Measure, spread: Spread) -> list[str]:
+    return [measure.text(spread.between), measure.text(spread.within)]
+
+
+def _terminal_table(layout: Layout, found: Sequence[Answer], wide: bool) -> Table:
+    kept = [i for i, name in enumerate(layout.heads) if wide or not layout.first or name not in _WIDE_ONLY]
+    table = Table(
+        title=escape(layout.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
+    )
+    for i in kept:
+        name = escape(layout.heads[i]).replace("tied, ", "tied,\n").replace("maps needed", "maps\nneeded")
+        table.add_column(name, justify="left" if i == 0 else "right", overflow="fold")
+    for cell, lines in groupby(found, lambda answer: answer.cell):
+        table.add_section()
+        if cell != ():
+            table.add_row(f"[bold]{escape(heading(cell))}[/bold]")
+        for answer in lines:
+            texts = layout.texts(answer)
+            table.add_row(*(escape(texts[i]) for i in kept))
+    return table
+
+
+def heading(cell: Cell | None) -> str:
+    """The heading of a cell's lines."""
+    return "all cells" if cell is None else cell_text(cell)

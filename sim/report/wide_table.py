@@ -1,0 +1,117 @@
+"""A study's results as one wide table for a page: the levels of a factor, or the planners, side by side.
+
+`python -m sim.report.wide_table DIR` prints it as Markdown; docs/results.md has such tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from sim.analysis.answers import answers, paired
+from sim.analysis.cells import SYMBOLS, Group, baseline_of, grouped, trimmed, varying
+from sim.analysis.measures import Measure, chosen
+from sim.analysis.statistics import Estimate, share_under
+from sim.scenario.errors import InputError
+from sim.scenario.loading import did_you_mean
+from sim.study.row import Row
+from sim.study.store import read_rows
+from sim.terminal.console import fail
+
+_LESS = ("left", "above")
+_SHARE = "ospa.share_under_1m"
+
+
+def table(
+    rows: Sequence[Row], columns: str, less: str = "left", metric: str = _SHARE, baseline: str | None = None
+) -> str:
+    """Markdown: a line for each cell, a column for each level of the factor `columns`, or each planner if it is that.
+
+    With `less` a mean is followed by its paired difference to that of the first column ("left"), or of the line before
+    in the same column, whose last factor alone has another level ("above"); where there is none, by its interval. The
+    baseline, if none is named the first by alphabet, is the first of the planners.
+    """
+    groups = trimmed(grouped(rows, baseline_of(rows, baseline)))
+    (measure,) = chosen(rows, [metric])
+    by = {**varying(groups), "planner": list(dict.fromkeys(group.planner for group in groups))}
+    if columns not in by:
+        raise InputError(f"--columns: {columns!r} is unknown; {did_you_mean(columns, by)}")
+    down = [name for name in by if name != columns and len(by[name]) > 1]
+    places = {_place(group, columns, down): group for group in groups}
+    lines = list(dict.fromkeys(line for line, _ in places))
+    head = [*(SYMBOLS.get(name, name) for name in down), *(_heading(columns, level) for level in by[columns])]
+    text = [head, ["---"] * len(head)]
+    for before, line in zip([(), *lines], lines, strict=False):
+        entries = []
+        for level in by[columns]:
+            related = before[:-1] == line[:-1] and len(before) == len(line)
+            base = {"left": (line, by[columns][0]), "above": (before, level) if related else None}[less]
+            group, other = places.get((line, level)), places.get(base) if base else None
+            entries.append(_entry(group, None if other is group else other, measure))
+        text.append([*line, *entries])
+    return "\n".join(f"| {' | '.join(parts)} |" for parts in text)
+
+
+def without_start(rows: Sequence[Row], first: int) -> list[Row]:
+    """The rows, their share of scans with OSPA under 1 m counted from scan `first` on."""
+    if first == 0:
+        return list(rows)
+    return [
+        msgspec.structs.replace(row, metrics={**row.metrics, _SHARE: share_under(row.ospa[first:].astype(float), 1.0)})
+        if row.status == "done"
+        else row
+        for row in rows
+    ]
+
+
+def _place(group: Group, columns: str, down: Sequence[str]) -> tuple[tuple[str, ...], str]:
+    """Where a group stands: what its line begins with, and its column."""
+    found = {"planner": group.planner, **dict(group.cell)}
+    return tuple(found[name] for name in down), found[columns]
+
+
+def _heading(columns: str, level: str) -> str:
+    return level if columns == "planner" else f"{SYMBOLS.get(columns, columns)} = {level}"
+
+
+def _entry(group: Group | None, base: Group | None, measure: Measure) -> str:
+    """Mean of a group with its interval, or with its difference to another's."""
+    if group is None:
+        return "-"
+    mean = answers([group], [measure], group.planner)[0].mean
+    if base is None:
+        return _text(measure, mean)
+    (difference,) = paired(group, base, [measure]).differences([measure])
+    return f"{measure.text(mean.value)}: {_text(measure, difference.mean, signed=True)}"
+
+
+def _text(measure: Measure, estimate: Estimate, *, signed: bool = False) -> str:
+    inside = measure.within(estimate.low, estimate.high, signed=signed)
+    return f"{measure.text(estimate.value, signed=signed)} {inside}".strip()
+
+
+def main(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of a study.")],
+    columns: Annotated[str, typer.Option(metavar="NAME", help="Stands side by side: planner or a factor.")] = "planner",
+    less: Annotated[str, typer.Option(metavar="WHICH", help="Differences to: left or above.")] = "left",
+    first: Annotated[
+        int, typer.Option("--from-scan", min=0, help="Count OSPA under 1 m from this scan on; the paper's: 10.")
+    ] = 0,
+    baseline: Annotated[str | None, typer.Option(metavar="NAME", help="The planner that comes first.")] = None,
+    metric: Annotated[str, typer.Option(metavar="NAME", help="See docs/studies.md.")] = _SHARE,
+) -> None:
+    """Print a study's results as one wide table in Markdown."""
+    if less not in _LESS:
+        raise InputError(f"--less: {less!r} is unknown; {did_you_mean(less, _LESS)}")
+    print(table(without_start(read_rows(folder), first), columns, less, metric, baseline))
+
+
+if __name__ == "__main__":
+    try:
+        typer.run(main)
+    except InputError as error:
+        fail(str(error), code=2)

@@ -1,0 +1,1 @@
+"""A mission from its settings to its folder of results."""

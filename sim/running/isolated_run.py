@@ -1,0 +1,69 @@
+"""A mission in a process of its own, which a plug-in may end, or may hang in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from planning.registry import PlannerError
+from sim.mission.progress import Moment
+from sim.processes.isolation import ApartError, apart
+from sim.recording.atomic_files import new_folder
+from sim.scenario.errors import InputError
+from sim.scenario.scenario import Scenario
+
+
+class Flight(NamedTuple):
+    """All that decides how a mission goes, before its planner and detector are loaded."""
+
+    scenario: Scenario
+    planner: str
+    seed: int
+    repeat: int
+    video: bool
+
+
+def fly_apart(
+    flight: Flight,
+    out: Path,
+    *,
+    timeout: float | None,
+    progress: Callable[[Moment], None],
+    say: Callable[[str], None],
+) -> dict[str, Any]:
+    """As `run.run`, in a process of its own; ApartError if it ends otherwise or is not done after `timeout` s."""
+    last = None
+
+    def hear(told: object) -> None:
+        nonlocal last
+        if isinstance(told, Moment):
+            last = told
+            progress(told)
+        else:
+            say(str(told))
+
+    with new_folder(out) as folder:
+        arguments = (flight, folder.absolute(), str(out))
+        try:
+            # The first moment is told after `stop_request`; before it, SIGINT is ignored there.
+            passing = (InputError, PlannerError)
+            found = apart(_fly, *arguments, hear=hear, listening=Moment, timeout=timeout, passing=passing)
+        except ApartError as error:
+            when = f"at {last.time:.1f} s" if last else "before take-off"
+            raise ApartError(f"the mission ended {when}: {error}; nothing is kept") from error
+    summary: dict[str, Any] = found
+    return summary
+
+
+def _fly(flight: Flight, folder: Path, place: str, tell: Callable[[object], None]) -> dict[str, Any]:
+    from planning.registry import load_planner
+    from sim.sensing.detectors import check_detector
+
+    check_detector(flight.scenario.sensing.detector)
+    load_planner(flight.planner)
+    from sim.mission.mission import Trial
+    from sim.running.run import fly
+
+    trial = Trial(flight.scenario, flight.planner, flight.seed, flight.repeat)
+    return fly(trial, folder, place, video=flight.video, progress=tell, say=tell)

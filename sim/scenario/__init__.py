@@ -1,0 +1,1 @@
+"""Scenarios: settings, their limits and their files."""

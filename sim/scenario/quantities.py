@@ -1,0 +1,68 @@
+"""Quantities as people type them on a command line."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from sim.scenario.errors import InputError
+from sim.scenario.loading import did_you_mean
+
+MOST_SEED = 2**128 - 1
+MOST_LISTED = 100_000
+_LONGEST = 366 * 86_400.0  # s
+REPEATS = 10_000  # of one map at most
+_SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+
+
+def seconds(text: str, field: str) -> float:
+    """A positive duration such as 40, 40s or 1.5 min [s], up to a year; InputError names the field."""
+    value = _seconds(text, field)
+    if not 0 < value <= _LONGEST:
+        raise InputError(f"{field}: {text!r} is not allowed; expected more than 0 s, at most {_LONGEST:g} s")
+    return value
+
+
+def interval(text: str, field: str) -> tuple[float, float | None]:
+    """A time such as 12, or first and last of several such as 12:14.5 [s]; InputError names the field."""
+    first, colon, last = text.partition(":")
+    start = _seconds(first, field)
+    end = _seconds(last, field) if colon else None
+    if start < 0 or (end is not None and end < start):
+        raise InputError(f"{field}: {text!r} is not allowed; expected 0 s or more, and in T:T2 no T2 before T")
+    return start, end
+
+
+def _seconds(text: str, field: str) -> float:
+    match = re.fullmatch(r"\s*([-+.\deE]+?)\s*([a-zA-Zµ]*)\s*", text)
+    try:
+        value = float(match[1]) if match else math.nan
+    except ValueError:
+        value = math.nan
+    if match is None or not math.isfinite(value):
+        raise InputError(f"{field}: {text!r} is not a time; allowed are forms such as 40, 40s, 1.5min")
+    if match[2] and match[2] not in _SECONDS:
+        raise InputError(f"{field}: {text!r} has the unknown unit {match[2]!r}; {did_you_mean(match[2], _SECONDS)}")
+    return value * _SECONDS.get(match[2], 1.0)
+
+
+def integer(text: str, field: str, *, least: int, most: int) -> int:
+    """One integer, `least` or more and `most` or less; InputError names the field."""
+    if not re.fullmatch(r"\s*[-+]?\d{1,99}\s*", text, flags=re.ASCII) or not least <= int(text) <= most:
+        raise InputError(f"{field}: {text!r} is not allowed; expected an integer, {least} to {most}")
+    return int(text)
+
+
+def integers(text: str, field: str) -> list[int]:
+    """Distinct non-negative integers such as 0-9 or 0,3,7-8, in the order given; InputError names the field."""
+    found: list[int] = []
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d{1,99})\s*(?:-\s*(\d{1,99})\s*)?", part, flags=re.ASCII)
+        if match is None or not int(match[1]) <= int(match[2] or match[1]) <= MOST_SEED:
+            forms = f"numbers and ranges such as 0-9 or 0,3,7, none above {MOST_SEED}"
+            raise InputError(f"{field}: {part!r} is not allowed; expected {forms}")
+        listed = range(int(match[1]), int(match[2] or match[1]) + 1)
+        if listed[-1] - listed[0] + len(found) >= MOST_LISTED:
+            raise InputError(f"{field}: {part!r} makes them too many; at most {MOST_LISTED} are allowed")
+        found += listed
+    return list(dict.fromkeys(found))

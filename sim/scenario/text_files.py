@@ -1,0 +1,98 @@
+"""Text files that may be anything: read only where they are plain files of a sensible size."""
+
+from __future__ import annotations
+
+import re
+import stat
+import sys
+from pathlib import Path
+from typing import Any
+
+from sim.scenario.errors import InputError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+MOST_BYTES = 2**26  # of a table
+_MOST_TOML = 2**22  # bytes, read at about a megabyte a second
+_DEEPEST = 30  # tables and lists within one another
+_MOST_PARTS = 100  # of a key, between dots
+_OPENING = re.compile(r"\"{3}|'{3}|[\"'#]")
+_CLOSING = {
+    '"""': re.compile(r'\\.|"{3,5}', re.DOTALL),  # two more quotes may stand before the last three
+    "'''": re.compile("'{3,5}"),
+    '"': re.compile(r'\\.|"|(?=\n)'),
+    "'": re.compile(r"'|(?=\n)"),
+    "#": re.compile(r"(?=\n)"),
+}
+
+
+def content(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
+    """The bytes of a file, which is no pipe or device and has at most so many; InputError begins with `where`."""
+    try:
+        found = path.stat()  # before it is opened: a pipe would be waited for
+        if not stat.S_ISREG(found.st_mode):
+            raise InputError(f"{where}: {path} cannot be read: is no file")
+        with path.open("rb") as file:
+            read = file.read(most + 1)  # what the system makes up as it is read, as in /proc, tells no size
+    except (OSError, ValueError) as error:  # an InputError of above, or a path with a zero byte
+        if isinstance(error, InputError):
+            raise
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{where}: {path} cannot be read: {reason}") from error
+    if len(read) > most:
+        raise InputError(f"{where}: {path} cannot be read: has more than the {most} bytes that are allowed")
+    return read
+
+
+def text(path: Path, where: str, most: int = MOST_BYTES) -> str:
+    """The text of a file in UTF-8; as `content`."""
+    try:
+        return content(path, where, most).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{where}: {path} cannot be read: {error}") from error
+
+
+def toml_file(path: Path, where: str) -> dict[str, Any]:
+    """The tables of a TOML file; as `content`."""
+    return toml(text(path, where, _MOST_TOML), f"{where}: {path}")
+
+
+def toml(written: str, where: str) -> dict[str, Any]:
+    """The tables of a TOML text; InputError begins with `where`."""
+    # Keys of many parts take a parser time that grows with their square.
+    parts = re.split("[=,\n]", _keyed(written)) if written.count(".") > _MOST_PARTS else []
+    if any(sum(map(bool, part.split("."))) > _MOST_PARTS for part in parts):
+        raise _too_deep(where)
+    try:
+        found = tomllib.loads(written)
+    except ValueError as error:  # of the format, or an integer of thousands of digits
+        raise InputError(f"{where}: {error}") from error
+    except RecursionError as error:
+        raise _too_deep(where) from error
+    level: list[Any] = [found]
+    for _ in range(_DEEPEST):
+        level = [item for node in level for item in (node.values() if isinstance(node, dict) else node)]
+        level = [item for item in level if isinstance(item, dict | list)]
+    if level:
+        raise _too_deep(where)
+    return found
+
+
+def _keyed(written: str) -> str:
+    """A TOML text with a letter in place of each string and comment, so that quoted parts of keys still count."""
+    kept, at = [], 0
+    while opening := _OPENING.search(written, at):
+        kept.append(written[at : opening.start()])
+        at = opening.end()
+        closing = _CLOSING[opening[0]].search(written, at)
+        while closing and closing[0].startswith("\\"):
+            closing = _CLOSING[opening[0]].search(written, closing.end())
+        at = closing.end() if closing else len(written)
+    return "s".join([*kept, written[at:]])
+
+
+def _too_deep(where: str) -> InputError:
+    return InputError(f"{where}: is nested too deep; at most {_DEEPEST} levels are allowed")

@@ -1,0 +1,77 @@
+"""Which bodies cannot show in an image."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.elementary import cos, hypot, sin, tan
+
+NEAR, FAR = 0.5, 500.0  # m, along the optical axis; the carrier's own body is nearer than NEAR
+# Of meshes to the cylinders that they stand for: from the corners, which are outside, to the faces, which are inside.
+_OUTER, _INNER = 1.01, 0.99
+_PERSON = (0.5, 1.75)  # m: radius and height of an upright cylinder that holds a person
+
+
+@compiled
+def in_frustum(centres: Array, radii: Array, position: Array, rotation: Array, fov: float) -> NDArray[np.bool_]:
+    """Which spheres at centres (B, 3) m with radii (B,) m a camera at position (3,) m may see (B,); none at NaN.
+
+    rotation (3, 3) from the camera to the world; fov in rad.
+    """
+    s, c = sin(fov / 2), cos(fov / 2)
+    seen = np.empty(len(centres), dtype=np.bool_)
+    for k in range(len(centres)):
+        x, y, z = centres[k, 0] - position[0], centres[k, 1] - position[1], centres[k, 2] - position[2]
+        right = x * rotation[0, 0] + y * rotation[1, 0] + z * rotation[2, 0]
+        up = x * rotation[0, 1] + y * rotation[1, 1] + z * rotation[2, 1]
+        depth = -(x * rotation[0, 2] + y * rotation[1, 2] + z * rotation[2, 2])
+        seen[k] = max(abs(right), abs(up)) * c - depth * s <= radii[k] and depth + radii[k] >= NEAR
+    return seen
+
+
+@compiled
+def trunks_hidden(trees: Array, position: Array, fov: float) -> NDArray[np.bool_]:
+    """Which trees (T, 6), in the order of `Tree`, hide all of their own trunk from a camera at position (3,) m (T,)."""
+    hidden = np.empty(len(trees), dtype=np.bool_)
+    for k in range(len(trees)):
+        x, y, base, trunk = trees[k, 0], trees[k, 1], trees[k, 3], _OUTER * trees[k, 5]
+        hidden[k] = _covers(trees[k], (x, y, trunk, base), position, fov)
+    return hidden
+
+
+@compiled
+def people_hidden(people: Array, trees: Array, position: Array, fov: float) -> NDArray[np.bool_]:
+    """Which people at (M, 2) m one of the trees (T, 6) hides wholly from a camera at position (3,) m (M,)."""
+    hidden = np.zeros(len(people), dtype=np.bool_)
+    for i in range(len(people)):
+        body = people[i, 0], people[i, 1], _PERSON[0], _PERSON[1]
+        for k in range(len(trees)):
+            # Trees beside the person are left out: they seldom hide all of one, and are many.
+            if abs(trees[k, 0] - people[i, 0]) <= trees[k, 2] and _covers(trees[k], body, position, fov):
+                hidden[i] = True
+                break
+    return hidden
+
+
+@compiled
+def _covers(tree: Array, body: tuple[float, float, float, float], position: Array, fov: float) -> bool:
+    """Whether a tree's canopy hides an upright cylinder, x, y, radius, height, from a camera at position (3,) m."""
+    radius, base, top = _INNER * tree[2], tree[3], tree[4]
+    # Else the near plane could cut away what hides the body: so high above a canopy it is too far for that.
+    clearance = NEAR * math.sqrt(1 + 2 * tan(fov / 2) * tan(fov / 2))
+    if position[2] < top + clearance or body[3] > base:
+        return False
+    # From the axis to the body and to the camera; lines from the body's foot and head meet the canopy's base, from
+    # below, in discs, and lines from between them in discs between these.
+    x, y = body[0] - tree[0], body[1] - tree[1]
+    dx, dy = position[0] - tree[0], position[1] - tree[1]
+    foot, head = base / position[2], (base - body[3]) / (position[2] - body[3])
+    farthest = max(
+        hypot(x + foot * (dx - x), y + foot * (dy - y)),
+        hypot(x + head * (dx - x), y + head * (dy - y)),
+    )
+    return bool(farthest + body[2] <= radius)

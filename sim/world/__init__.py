@@ -1,0 +1,1 @@
+"""The physical world: engine, forest, people, quadrotors, wind."""

@@ -1,0 +1,125 @@
+"""How a mission looks: light, ground, leaves, clothes and camera, varied by chance within the scenario's strengths."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.scenario.random_streams import stream
+from sim.scenario.scenario import Appearance, Scenario
+from tracking.numerics.compiled import Array
+from tracking.numerics.elementary import cos, power_each, sin
+from tracking.numerics.matrices import length
+from tracking.numerics.normal import standard_normal
+
+# Strengths with `randomise = true`, where the scenario gives no other.
+FULL: dict[str, float | bool] = {
+    "light_deg": 60.0,
+    "ambient": 0.15,
+    "ground_tint": 0.1,
+    "ground_moved": True,
+    "canopy_tint": 0.2,
+    "clothing_hue_deg": 6.0,
+    "clothing_shade": 0.3,
+    "exposure": 0.2,
+    "blur": 0.5,
+    "noise": 4.0,
+}
+PERSON_HUE = 16.0  # degrees, of all tones of a person as modelled; the detector is made for 10 to 22
+LIGHT = (0.35, 0.25, 1.0)  # towards it
+AMBIENT, DIFFUSE = 0.75, 0.6  # shares of the light, on surfaces that face it
+_TILE = 32.0  # m, edge of the ground's texture
+
+
+@dataclass(frozen=True, eq=False)
+class Style:
+    """What chance chose for one mission of T trees, M people and n UAVs.
+
+    Tints multiply red, green and blue. The engine wraps tones above 255: tints of people and canopies stay below 1.5,
+    which their textures bear.
+    """
+
+    seed: int
+    repeat: int  # of the noise alone
+    light: tuple[float, float, float]  # towards it
+    ambient: float
+    ground_tint: Array  # (3,) with the light's share
+    ground_place: Array  # (2, 3) maps (x, y, 1) [m] to the texture
+    clothes: Array  # (M, 3) tints
+    canopies: Array  # (T, 3) tints
+    gains: Array  # (n,)
+    blur: float  # pixels, standard deviation
+    noise: float  # grey levels, standard deviation
+
+    def develop(self, image: NDArray[np.uint8], uav: int, time: float) -> NDArray[np.uint8]:
+        """The image (P, P, 3) as a UAV's camera delivers it at a time [s]: blurred, exposed, with noise.
+
+        The noise depends on seed, repeat, UAV and time alone, so that a frame can be made again from a recording.
+        """
+        gain = float(self.gains[uav])
+        if self.blur > 0.0:
+            image = np.asarray(cv2.GaussianBlur(image, (0, 0), self.blur), dtype=np.uint8)
+        if gain == 1.0 and self.noise == 0.0:
+            return image
+        exposed = np.float32(gain) * image.astype(np.float32)
+        if self.noise > 0.0:
+            rng = stream(self.seed, "appearance", uav, round(1e6 * time), repeat=self.repeat)
+            exposed += np.float32(self.noise) * standard_normal(rng, image.shape).astype(np.float32)
+        return np.asarray(np.clip(np.rint(exposed), 0, 255), dtype=np.uint8)
+
+
+def style_of(scenario: Scenario, seed: int, *, trees: int, people: int, repeat: int = 0) -> Style:
+    """The style of a map; every aspect has a stream of its own, so that none changes with another's strength."""
+    strength = _strengths(scenario.appearance)
+    scene, clothing, leaves, cameras = stream(seed, "appearance").spawn(4)
+    zenith, azimuth = strength["light_deg"] * scene.random(), scene.uniform(-180.0, 180.0)
+    ambient = AMBIENT + strength["ambient"] * scene.uniform(-1, 1)
+    tint = 1 + strength["ground_tint"] * scene.uniform(-1, 1, 3)
+    place = strength["ground_moved"] * scene.uniform(-1, 1, 3) * [math.pi, _TILE / 2, _TILE / 2]
+    light = _towards(zenith, azimuth) if strength["light_deg"] else LIGHT
+    hue = strength["clothing_hue_deg"] * clothing.uniform(-1, 1, people)
+    shade = 1 - strength["clothing_shade"] * clothing.random(people)
+    season = strength["canopy_tint"] * leaves.uniform(-1, 1, 3)
+    each = strength["canopy_tint"] * leaves.uniform(-1, 1, (trees, 1))
+    return Style(
+        seed=seed,
+        repeat=repeat,
+        light=light,
+        ambient=ambient,
+        ground_tint=tint * _on_the_ground(light, ambient) / _on_the_ground(LIGHT, AMBIENT),
+        ground_place=_placed(*place.tolist()),
+        clothes=shade[:, None] * np.column_stack([np.ones(people), *[1 + hue / PERSON_HUE] * 2]),
+        canopies=(1 + season) * (1 + each),
+        gains=power_each(1 + strength["exposure"], cameras.uniform(-1, 1, len(scenario.uavs))),
+        blur=strength["blur"],
+        noise=strength["noise"],
+    )
+
+
+def _strengths(settings: Appearance) -> dict[str, float]:
+    """Every strength as a number: the scenario's, else that of full randomisation or none."""
+    given = {name: getattr(settings, name) for name in FULL}
+    return {
+        name: float(full * settings.randomise if given[name] is None else given[name]) for name, full in FULL.items()
+    }
+
+
+def _towards(zenith: float, azimuth: float) -> tuple[float, float, float]:
+    """Unit vector from angles in degrees."""
+    z, a = math.radians(zenith), math.radians(azimuth)
+    return sin(z) * cos(a), sin(z) * sin(a), cos(z)
+
+
+def _on_the_ground(light: tuple[float, float, float], ambient: float) -> float:
+    """How bright a level surface is."""
+    return ambient + DIFFUSE * light[2] / float(length(np.array(light)))
+
+
+def _placed(turn: float, east: float, north: float) -> Array:
+    """Map (2, 3) that turns by an angle [rad], then shifts [m]."""
+    c, s = cos(turn), sin(turn)
+    return np.array([[c, -s, east], [s, c, north]])

@@ -1,0 +1,79 @@
+"""Seeded placement of trees."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from sim.scenario.errors import InputError
+from sim.scenario.scenario import Area, Trees
+from tracking.geometry.visibility import Forest, Tree
+from tracking.numerics.compiled import Array
+from tracking.numerics.matrices import length
+from tracking.numerics.poisson import poisson
+
+MAX_TREES = 10_000
+CLEARANCE = 0.5  # m, between a trunk's bark and a point that is to be kept clear
+_ATTEMPTS = 200_000  # to place all trees; near jamming, more would add few
+_BATCH = 1000
+_NOWHERE = np.zeros((0, 2))
+
+
+def grow(trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array = _NOWHERE) -> Forest:
+    """A Poisson forest whose canopies do not overlap.
+
+    The count is Poisson with expectation `trees.density`. Centres are uniform in the area by random sequential
+    addition: each tree in turn is drawn again until its canopy touches no earlier one. keep_clear (n, 2) m: points
+    on which no trunk may stand. A forest that does not fit is an InputError.
+    Source: [Li22] IV-A.
+    """
+    if trees.density > _most(trees, area):
+        raise _too_dense(trees, area, f"no more than {_most(trees, area):.0f}")
+    count = poisson(rng, trees.density)
+    centres = _place(count, trees, area, rng, keep_clear)
+    if len(centres) < count:
+        raise _too_dense(trees, area, f"this seed asks for {count}, and only {len(centres)}")
+    shape = (trees.canopy_radius, trees.canopy_base, trees.canopy_top, trees.trunk_radius)
+    return Forest(tuple(Tree(float(x), float(y), *shape) for x, y in centres))
+
+
+def _most(trees: Trees, area: Area) -> float:
+    """How many discs at most have their centres in the area: the densest packing of the plane."""
+    reach = 2 * trees.canopy_radius
+    packed = math.pi / math.sqrt(12) * (area.width + reach) * (area.height + reach)
+    return min(packed / (math.pi * trees.canopy_radius * trees.canopy_radius), MAX_TREES)
+
+
+def _too_dense(trees: Trees, area: Area, fit: str) -> InputError:
+    return InputError(
+        f"trees.density = {trees.density:g}: {fit} trees with canopies of {trees.canopy_radius:g} m radius "
+        f"fit into {area.width:g} x {area.height:g} m without overlap; lower the density or the radius"
+    )
+
+
+def _place(count: int, trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array) -> Array:
+    """Centres of at most `count` trees (n, 2) m; fewer when the attempts are used up."""
+    half = np.array([area.width, area.height]) / 2
+    spacing = 2 * trees.canopy_radius
+    centres, n = np.empty((count, 2)), 0
+    for _ in range(0, _ATTEMPTS, _BATCH):
+        # Candidates are judged in the order drawn, so this is the same as drawing them one by one.
+        candidates = rng.uniform(-half, half, (_BATCH, 2))
+        free = _apart(candidates, centres[:n], spacing)
+        free &= _apart(candidates, keep_clear, trees.trunk_radius + CLEARANCE)
+        earlier = n
+        for candidate in candidates[free]:
+            if n == count:
+                return centres
+            if np.all(length(centres[earlier:n] - candidate) >= spacing):
+                centres[n] = candidate
+                n += 1
+    return centres[:n]
+
+
+def _apart(points: Array, others: Array, distance: float) -> NDArray[np.bool_]:
+    """Whether each point (n, 2) keeps the distance [m] from all others (m, 2); (n,)."""
+    if len(others) == 0:
+        return np.ones(len(points), dtype=np.bool_)
+    return np.asarray(cKDTree(others).query(points)[0] >= distance)

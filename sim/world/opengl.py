@@ -1,0 +1,83 @@
+"""PyBullet's OpenGL renderer without a display (EGL): whether it starts here, and starting it.
+
+Facts of pybullet 3.2.7. Where the plug-in cannot start it ends the process, hence the trial in another one. It prints
+to standard output. With two clients open, one shows the other's bodies. Images are no larger than its window.
+Bodies of one mesh share its transparency, so they cannot be hidden one by one, and the first one's scale.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import subprocess
+import sys
+
+from sim.scenario.errors import InputError
+from sim.world.engine import pybullet, quiet
+
+MOST_PIXELS = 768  # along an edge: the height of the plug-in's window
+_PLUGIN = "_eglRendererPlugin"
+_TRIAL = f"""
+import sys, pybullet as p
+client = p.connect(p.DIRECT)
+assert p.loadPlugin(sys.argv[1], {_PLUGIN!r}, physicsClientId=client) >= 0
+p.getCameraImage(16, 16, renderer=p.ER_BULLET_HARDWARE_OPENGL, physicsClientId=client)
+p.disconnect(client)
+"""
+_open: set[int] = set()
+
+
+def connect(pixels: int) -> int:
+    """A client with the OpenGL renderer, for images of up to so many pixels along an edge.
+
+    InputError where that cannot be had.
+    """
+    if pixels > MOST_PIXELS:
+        raise InputError(f"uavs.pixels: {pixels} is not allowed with 'egl'; expected at most {MOST_PIXELS}")
+    reason = refusal()
+    if reason:
+        raise InputError(f"sensing.renderer: 'egl' cannot start here ({reason}); allowed is tiny")
+    if _open:
+        raise RuntimeError("EGL renders one world at a time: close the other one first")
+    client = int(pybullet.connect(pybullet.DIRECT))
+    with quiet():
+        pybullet.loadPlugin(_plugin(), _PLUGIN, physicsClientId=client)
+        for _ in range(2):  # it prints at both
+            pybullet.getCameraImage(16, 16, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL, physicsClientId=client)
+    _open.add(client)
+    return client
+
+
+def speck(client: int, place: tuple[float, float, float]) -> int:
+    """A visual shape that nobody sees."""
+    return int(
+        pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=1e-3, visualFramePosition=place, physicsClientId=client)
+    )
+
+
+def disconnect(client: int) -> None:
+    """Close such a client."""
+    _open.discard(client)
+    with quiet():
+        pybullet.disconnect(physicsClientId=client)
+
+
+@functools.lru_cache(maxsize=1)
+def refusal() -> str:
+    """Why the plug-in cannot start here; empty where it can."""
+    plugin = _plugin()
+    if not plugin:
+        return "this PyBullet has no plug-in eglRenderer"
+    command = [sys.executable, "-c", _TRIAL, plugin]
+    try:
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+    except subprocess.TimeoutExpired:
+        return "no answer from OpenGL in 60 s"
+    lines = done.stderr.strip().splitlines() or [f"OpenGL ends the process with {done.returncode}"]
+    return lines[-1].strip(" .") if done.returncode else ""
+
+
+def _plugin() -> str:
+    """The plug-in's file, if there is one."""
+    found = importlib.util.find_spec("eglRenderer")
+    return (found.origin or "") if found else ""

@@ -1,0 +1,194 @@
+"""How walking people steer: to their goal, round trunks, borders and one another, by turning alone."""
+
+import math
+
+import numpy as np
+
+from sim.world.trajectories import SAMPLES_PER_SECOND
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.elementary import arctan2, cos, exp, hypot, sin
+
+SEPARATION = 0.6  # m, between the axes of two people
+
+_STEP = 1 / SAMPLES_PER_SECOND  # s
+_LOOK_AHEAD = 6.0  # m, to the point of the route that a person walks to
+_PERIOD = 6  # steps from one decision to the next
+_HORIZON = 20  # rollout steps
+_ROLLOUT_STEP = 0.2  # s
+_RESPONSE = 2.0  # rad/s: heading follows the decision as a critically damped second-order system
+_LATERAL = 1.0  # m/s², the most that a turn takes
+_COMFORT = 0.5  # m, beyond the distance to be kept from trunks and people
+_BORDER_COMFORT = 6.0  # m
+_CORNER = 10.0  # m, radius of a turn in a corner
+_SLACK = 0.02  # m, for what happens between two samples
+_HEADINGS = 25  # candidates of a decision
+_SPREAD = math.radians(9.0)  # between two of them
+_PERSISTENCE = 0.5  # weight of keeping to the last decision, that of the goal being 1
+_FORESIGHT = 2.0  # s, over which the weight of a conflict falls to 1/e; the border stays where it is
+
+
+@compiled
+def simulate(states: Array, paces: Array, drifts: Array, routes: Array, trunks: Array, half: Array) -> Array:
+    """Positions (K, M, 2) m of M people whose speeds are given, one sample each 1 / SAMPLES_PER_SECOND.
+
+    states (M, 4): position m, heading rad, turn rate rad/s at the start; overwritten. paces (K, M) m/s. drifts
+    (K, M) rad/s: turn rates of people without a route. routes (M, P, 2): points 1 m apart, NaN after the last.
+    trunks (T, 3): centre and the distance to keep from it, m. half (2,): people stay where |position| <= half.
+    """
+    positions = np.empty((len(paces), len(states), 2))
+    decisions, progress = states[:, 2].copy(), np.zeros(len(states), dtype=np.int64)
+    for k in range(len(paces)):
+        positions[k] = states[:, :2]
+        for i in range(len(states)):
+            if k % _PERIOD == 0:
+                progress[i] = _advance(states[i], routes[i], progress[i])
+                goal = _goal(states[i], routes[i], progress[i], drifts[k, i])
+                hazards = _hazards(i, states, paces[k], trunks)
+                decisions[i] = _decide(states[i], goal, decisions[i], paces[k, i], hazards, half)
+            _turn(states[i], decisions[i], paces[k, i], _STEP)
+            _move(i, states, paces[k, i], trunks, half)
+    return positions
+
+
+@compiled
+def _advance(state: Array, route: Array, progress: int) -> int:
+    """Index of the first point of the route, from `progress` on, that is at least the look-ahead away."""
+    while progress < len(route):
+        dx, dy = route[progress, 0] - state[0], route[progress, 1] - state[1]
+        if not hypot(dx, dy) < _LOOK_AHEAD:
+            break
+        progress += 1
+    return progress
+
+
+@compiled
+def _goal(state: Array, route: Array, progress: int, drift: float) -> float:
+    """Heading [rad] to the route, or, when it is over, the one that turns at the rate `drift`."""
+    if progress == len(route) or math.isnan(route[progress, 0]):
+        return float(state[2] + 2 * drift / _RESPONSE)
+    return arctan2(route[progress, 1] - state[1], route[progress, 0] - state[0])
+
+
+@compiled
+def _hazards(i: int, states: Array, paces: Array, trunks: Array) -> Array:
+    """All that person i may run into soon (n, 5): position m, velocity m/s, distance to keep m."""
+    hazards, n = np.zeros((len(trunks) + len(states), 5)), 0
+    time = _HORIZON * _ROLLOUT_STEP
+    for trunk in trunks:
+        if hypot(trunk[0] - states[i, 0], trunk[1] - states[i, 1]) < paces[i] * time + trunk[2] + 1:
+            hazards[n, :2] = trunk[:2]
+            hazards[n, 4] = trunk[2] + _SLACK
+            n += 1
+    for j in range(len(states)):
+        away = hypot(states[j, 0] - states[i, 0], states[j, 1] - states[i, 1])
+        if j != i and away < (paces[i] + paces[j]) * time + SEPARATION + 1:
+            hazards[n, :2] = states[j, :2]
+            hazards[n, 2] = paces[j] * cos(states[j, 2])
+            hazards[n, 3] = paces[j] * sin(states[j, 2])
+            hazards[n, 4] = SEPARATION + _SLACK
+            n += 1
+    return hazards[:n]
+
+
+@compiled
+def _decide(state: Array, goal: float, decision: float, pace: float, hazards: Array, half: Array) -> float:
+    """Heading [rad] to turn to: near the goal's and the last decision, and free of conflicts."""
+    costs = np.empty(_HEADINGS)
+    for n in range(_HEADINGS):
+        heading = state[2] + (n - _HEADINGS // 2) * _SPREAD
+        to_goal, to_decision = _wrapped(heading - goal), _wrapped(heading - decision)
+        costs[n] = to_goal * to_goal + _PERSISTENCE * to_decision * to_decision
+        costs[n] += _conflict(state, heading, pace, hazards, half)
+    best = np.argmin(costs)
+    offset = 0.0
+    if 0 < best < _HEADINGS - 1:
+        # The vertex of the parabola through the best three: exact when nothing is in the way.
+        before, after = costs[best - 1] - costs[best], costs[best + 1] - costs[best]
+        offset = 0.5 * (before - after) / max(before + after, 1e-12)
+    return float(state[2] + (best - _HEADINGS // 2 + offset) * _SPREAD)
+
+
+@compiled
+def _wrapped(angle: float) -> float:
+    """The same angle in [-π, π) [rad]."""
+    return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
+@compiled
+def _conflict(state: Array, heading: float, pace: float, hazards: Array, half: Array) -> float:
+    """How near a person who turns to `heading` comes to hazards, which keep their velocity, and to the border."""
+    ahead = state.copy()
+    cost = 0.0
+    for n in range(_HORIZON):
+        x, y = ahead[0], ahead[1]
+        _turn(ahead, heading, pace, _ROLLOUT_STEP)
+        dx, dy = pace * cos(ahead[2]) * _ROLLOUT_STEP, pace * sin(ahead[2]) * _ROLLOUT_STEP
+        ahead[0], ahead[1] = x + dx, y + dy
+        weight = exp(-n * _ROLLOUT_STEP / _FORESIGHT) * _ROLLOUT_STEP
+        cost += _ROLLOUT_STEP * _discomfort(_to_border(ahead, half), _BORDER_COMFORT)
+        for h in hazards:
+            hx, hy = h[2] * _ROLLOUT_STEP, h[3] * _ROLLOUT_STEP
+            gap = _nearest(h[0] + n * hx - x, h[1] + n * hy - y, hx - dx, hy - dy) - h[4]
+            cost += weight * _discomfort(gap, _COMFORT)
+    return cost
+
+
+@compiled
+def _discomfort(gap: float, comfort: float) -> float:
+    """Cost per second [rad²/s] of being `gap` m beyond the distance to be kept."""
+    if gap >= comfort:
+        return 0.0
+    lack = 1 - gap / comfort
+    return 3 * lack * lack + (30.0 - 30.0 * gap if gap < 0 else 0.0)
+
+
+@compiled
+def _to_border(state: Array, half: Array) -> float:
+    """Distance inside the rectangle of these half edges (2,) m, corners rounded so that one can turn in them."""
+    radius = min(_CORNER, min(half[0], half[1]))
+    x, y = abs(state[0]) - half[0] + radius, abs(state[1]) - half[1] + radius
+    return float(radius - hypot(max(x, 0.0), max(y, 0.0)) - min(max(x, y), 0.0))
+
+
+@compiled
+def _nearest(x: float, y: float, dx: float, dy: float) -> float:
+    """Distance of the segment from (x, y) to (x + dx, y + dy) from the origin."""
+    length = dx * dx + dy * dy
+    s = min(max(-(x * dx + y * dy) / length, 0.0), 1.0) if length > 0 else 0.0
+    return hypot(x + s * dx, y + s * dy)
+
+
+@compiled
+def _turn(state: Array, heading: float, pace: float, dt: float) -> None:
+    """Turn towards `heading` for dt s, in place."""
+    rate = state[3] + dt * _RESPONSE * (_RESPONSE * _wrapped(heading - state[2]) - 2 * state[3])
+    limit = _LATERAL / pace
+    state[3] = min(max(rate, -limit), limit)
+    state[2] += dt * state[3]
+
+
+@compiled
+def _move(i: int, states: Array, pace: float, trunks: Array, half: Array) -> None:
+    """One step of person i, in place; to touch nothing, it may turn at once, as little as possible."""
+    heading, length = states[i, 2], pace * _STEP
+    for n in range(73):
+        side = (n + 1) // 2 if n % 2 else -(n // 2)
+        turned = heading + side * math.radians(5.0)
+        x, y = states[i, 0] + length * cos(turned), states[i, 1] + length * sin(turned)
+        if _free(i, states, x, y, trunks) and abs(x) <= half[0] and abs(y) <= half[1]:
+            states[i, 0], states[i, 1], states[i, 2] = x, y, turned
+            return
+    states[i, 0] += length * cos(heading)
+    states[i, 1] += length * sin(heading)
+
+
+@compiled
+def _free(i: int, states: Array, x: float, y: float, trunks: Array) -> bool:
+    """Whether person i may stand at (x, y)."""
+    for trunk in trunks:
+        if hypot(trunk[0] - x, trunk[1] - y) < trunk[2] + _SLACK:
+            return False
+    for j in range(len(states)):
+        if j != i and hypot(states[j, 0] - x, states[j, 1] - y) < SEPARATION + _SLACK:
+            return False
+    return True

@@ -1,0 +1,116 @@
+"""Quadrotor: its constants and the controller that turns velocity commands into rotor thrusts."""
+
+import math
+
+import numpy as np
+
+from tracking.geometry.camera import rotation
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.elementary import exp, hypot, tan
+
+GRAVITY = 9.81  # m/s²
+MASS = 1.2  # kg
+INERTIA = np.array([0.012, 0.012, 0.02])  # kg m², about the body axes
+ARM = 0.17  # m
+# Body frame, x forward, y left: front left, front right, rear right, rear left.
+ROTORS = ARM * np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]])  # (4, 3) m
+MAX_ROTOR_THRUST = 7.0  # N
+MAX_YAW_TORQUE = 0.3  # N m
+MAX_TILT = math.radians(35.0)
+_STEEPEST = tan(MAX_TILT)
+MAX_ACCELERATION = 6.0  # m/s², horizontal
+MAX_CLIMB_ACCELERATION = 4.0  # m/s²
+# Rotors and body in moving air: to hover in a wind of 5 m/s takes a tilt of 9 degrees, in 12 m/s of 20 degrees.
+DRAG = 0.36  # N s/m
+
+_VELOCITY_GAIN = 5.0  # 1/s
+_ALTITUDE_GAINS = (9.0, 6.0)  # 1/s², 1/s: critically damped
+_ATTITUDE_GAINS = (400.0, 36.0)  # 1/s², 1/s: 20 rad/s, damping ratio 0.9
+_ATTITUDE_LAG = _ATTITUDE_GAINS[1] / _ATTITUDE_GAINS[0]  # s
+_DISTURBANCE_RATE = 5.0  # 1/s, at which the estimate of a disturbance follows it
+
+
+@compiled
+def rotor_thrusts(state: Array, target: Array, disturbance: Array) -> Array:
+    """Thrusts of the four rotors [N] and the yaw torque about the body's z [N m] (5,).
+
+    state (13,): position m, quaternion xyzw, velocity m/s and angular velocity rad/s, all in the world frame.
+    target (3,): velocity east and north m/s, altitude m. disturbance (3,) m/s²: what else accelerates the body, zeros
+    where air resistance is negligible. A cascade, to be run at the physics rate: velocity to acceleration to attitude
+    (yaw 0) to torque to rotors.
+    Source: attitude control of Lee, Leok and McClamroch, CDC 2010.
+    """
+    R = rotation(state[3:7])
+    acceleration = _acceleration(state, target, R, disturbance)
+    # Lift is divided by the cosine of the tilt, so that altitude does not depend on the attitude loop.
+    lift = MASS * (GRAVITY + acceleration[2]) / max(R[2, 2], 0.5)
+    return _mix(lift, _torque(R, state[10:13], acceleration))
+
+
+@compiled
+def steady_thrusts(state: Array, target: Array, memory: Array, dt: float) -> tuple[Array, Array]:
+    """`rotor_thrusts` (5,) that hold velocity and altitude in wind, and the memory (3,) m/s² for the next step.
+
+    memory: zeros for a body at rest, then what the last call gave; dt: the time between two calls, s. The disturbance
+    is estimated from how the velocity changed beyond what the rotors did; this is integral action that commands, limits
+    and saturated rotors do not wind up, because it takes the thrusts that are applied, not those wished for.
+    Source: reduced-order disturbance observer, Chen et al., IEEE Trans. Industrial Electronics 63(2), 2016.
+    """
+    share = 1.0 - exp(-_DISTURBANCE_RATE * dt)
+    gain = share / dt
+    disturbance = memory + gain * state[7:10]
+    thrusts = rotor_thrusts(state, target, disturbance)
+    applied = np.sum(thrusts[:4]) / MASS * rotation(state[3:7])[:, 2] - np.array([0.0, 0.0, GRAVITY])
+    return thrusts, (1.0 - share) * disturbance - gain * state[7:10] - share * applied
+
+
+def drag(velocity: Array, wind: Array) -> Array:
+    """Force (3,) N of a wind (2,) m/s, east and north, on a body that moves at velocity (3,) m/s."""
+    return DRAG * (np.array([wind[0], wind[1], 0.0]) - velocity)
+
+
+@compiled
+def _acceleration(state: Array, target: Array, R: Array, disturbance: Array) -> Array:
+    """Commanded acceleration of the body (3,) m/s², within the limits of acceleration and tilt."""
+    climb = _ALTITUDE_GAINS[0] * (target[2] - state[2]) - _ALTITUDE_GAINS[1] * state[9] - disturbance[2]
+    climb = min(max(climb, -MAX_CLIMB_ACCELERATION), MAX_CLIMB_ACCELERATION)
+    # The present tilt goes on accelerating the body until the attitude has followed: count it as velocity
+    # already gained. Both poles of velocity are then real, so it does not overshoot.
+    coasting = _ATTITUDE_LAG * GRAVITY / max(R[2, 2], 0.5)
+    gained_east = coasting * R[0, 2] + _ATTITUDE_LAG * disturbance[0]
+    gained_north = coasting * R[1, 2] + _ATTITUDE_LAG * disturbance[1]
+    east = _VELOCITY_GAIN * (target[0] - state[7] - gained_east) - disturbance[0]
+    north = _VELOCITY_GAIN * (target[1] - state[8] - gained_north) - disturbance[1]
+    limit = min(MAX_ACCELERATION, _STEEPEST * (GRAVITY + climb))
+    scale = min(1.0, limit / max(hypot(east, north), 1e-9))
+    return np.array([scale * east, scale * north, climb])
+
+
+@compiled
+def _torque(R: Array, omega: Array, acceleration: Array) -> Array:
+    """Body torque (3,) N m that turns the body's z to the thrust for this acceleration, its x to the east."""
+    up = acceleration + np.array([0.0, 0.0, GRAVITY])
+    up /= math.sqrt(np.sum(up * up))
+    left = np.array([0.0, up[2], -up[1]])
+    left /= math.sqrt(np.sum(left * left))
+    forward = np.cross(left, up)
+    error = 0.5 * (np.cross(forward, R[:, 0]) + np.cross(left, R[:, 1]) + np.cross(up, R[:, 2]))
+    alpha = -_ATTITUDE_GAINS[0] * error - _ATTITUDE_GAINS[1] * omega
+    body_alpha, body_omega = np.empty(3), np.empty(3)
+    for i in range(3):
+        body_alpha[i] = np.sum(R[:, i] * alpha)
+        body_omega[i] = np.sum(R[:, i] * omega)
+    return INERTIA * body_alpha + np.cross(body_omega, INERTIA * body_omega)
+
+
+@compiled
+def _mix(lift: float, torque: Array) -> Array:
+    """Four thrusts and the yaw torque (5,); where rotors saturate, tilting torque yields and lift is kept."""
+    mean = min(max(lift / 4, 0.0), MAX_ROTOR_THRUST)
+    room = min(mean, MAX_ROTOR_THRUST - mean)
+    difference = (torque[0] / ROTORS[:, 1] - torque[1] / ROTORS[:, 0]) / 4
+    scale = min(1.0, room / max(np.max(np.abs(difference)), 1e-9))
+    out = np.empty(5)
+    out[:4] = np.minimum(np.maximum(mean + scale * difference, 0.0), MAX_ROTOR_THRUST)
+    out[4] = min(max(torque[2], -MAX_YAW_TORQUE), MAX_YAW_TORQUE)
+    return out

@@ -1,0 +1,175 @@
+"""Where people are at any time; recorded trajectories from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from sim.scenario.errors import InputError
+from sim.scenario.scenario import Area
+from sim.scenario.text_files import text
+from sim.scenario.workload import MOST_WALKED
+from tracking.numerics.compiled import Array
+from tracking.numerics.elementary import arctan2_each
+from tracking.numerics.matrices import length
+
+SAMPLES_PER_SECOND = 60
+COLUMNS = ("t", "id", "x", "y")
+MOST_BYTES = 2**28  # of a file: rows at 10 Hz for as long as people may walk
+_MOST_LINES = 2**23  # which take a few gigabytes as they are read
+_LATEST = 1e12  # s, either way
+_SOONEST = 1e-4  # s, between two rows of one person: nearer ones mean speeds beyond counting
+_LONGEST_ID = 100  # characters
+_EXACT = 1e-6  # of a step: nearer than this to a sample is that sample
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectories:
+    """Positions of M people at K uniformly spaced times, straight in between."""
+
+    times: Array  # (K,) s, K >= 2
+    positions: Array  # (K, M, 2) m; NaN while a person is absent
+
+    def at(self, time: float) -> tuple[Array, Array]:
+        """Positions (M, 2) m and headings (M,) rad from east, NaN for people absent at this time."""
+        step = (time - self.times[0]) / (self.times[1] - self.times[0])
+        k = round(step)
+        if abs(step - k) > _EXACT:
+            k = math.floor(step)
+        if not 0 <= k < len(self.times):
+            return np.full(self.positions.shape[1:], np.nan), np.full(self.positions.shape[1], np.nan)
+        here, headings = self.positions[k], self._headings[k]
+        if abs(step - k) <= _EXACT:
+            return here.copy(), headings.copy()
+        if k + 1 == len(self.times):
+            return np.full_like(here, np.nan), np.full_like(headings, np.nan)
+        positions = here + (step - k) * (self.positions[k + 1] - here)
+        return positions, np.where(np.isnan(positions[:, 0]), np.nan, headings)
+
+    @cached_property
+    def _headings(self) -> Array:
+        """Direction of the step that follows each sample (K, M); whoever stands still keeps the last one."""
+        steps = np.diff(self.positions, axis=0)
+        headings = arctan2_each(steps[..., 1], steps[..., 0])
+        headings[length(steps) < 1e-4] = np.nan
+        headings = np.vstack([headings, np.full((1, headings.shape[1]), np.nan)])
+        for k in range(1, len(headings)):
+            headings[k] = np.where(np.isnan(headings[k]), headings[k - 1], headings[k])
+        headings[np.isnan(headings)] = 0.0
+        return np.where(np.isnan(self.positions[..., 0]), np.nan, headings)
+
+
+def read(path: Path, area: Area, *, duration: float) -> Trajectories:
+    """Recorded people from a CSV file with the columns t [s since start], id, x, y [m].
+
+    Rows come in any order. Each person is there from their first to their last row, on a monotone cubic (PCHIP)
+    through their rows, which never overshoots them. People who never appear within `duration` s are left out.
+    Anything wrong is an InputError that names file, line, column and value.
+    """
+    times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - _EXACT) + 1) / SAMPLES_PER_SECOND
+    people = _people(path, area)
+    if len(people) * duration > MOST_WALKED:
+        walked = f"{len(people)} people for a duration of {duration:g} s"
+        raise InputError(f"{path}: {walked} are too many; at most {MOST_WALKED:g} s of all together are allowed")
+    tracks = [_resampled(path, person, rows, times) for person, rows in people.items()]
+    present = [track for track in tracks if not np.all(np.isnan(track))]
+    if not present:
+        raise InputError(f"{path}: column t: nobody is there between 0 and {duration:g} s")
+    return Trajectories(times, np.stack(present, axis=1))
+
+
+def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
+    """Position (2,) m by time [s], by person in order of appearance in the file."""
+    people: dict[str, dict[float, Array]] = {}
+    table = csv.reader(_lines(path))
+    header = [name.strip() for name in next(_rows(path, table), [])]
+    if sorted(header) != sorted(COLUMNS):
+        raise InputError(f"{path}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
+    for fields in _rows(path, table):
+        if fields:
+            where = f"{path}, line {table.line_num}"
+            if len(fields) > len(header):
+                raise InputError(f"{where}: {fields[len(header)]!r} stands in a column without a name")
+            person, time, position = _row(where, dict(zip(header, fields, strict=False)), area)
+            rows = people.setdefault(person, {})
+            if time in rows:
+                raise InputError(f"{where}, column t: id {person} has a second row at {time:g} s")
+            rows[time] = position
+    if not people:
+        raise InputError(f"{path}: has no rows below the names of its columns; a path needs two or more")
+    return people
+
+
+def _lines(path: Path) -> list[str]:
+    """What a file holds, which is not nothing and no more lines than are allowed."""
+    found = text(path, "people.trajectories", MOST_BYTES)
+    if not found.strip():
+        raise InputError(f"{path}: is empty; its first line must name the columns {','.join(COLUMNS)}")
+    lines = found.splitlines()
+    if len(lines) > _MOST_LINES:
+        raise InputError(f"{path}: has {len(lines)} lines; at most {_MOST_LINES} are allowed")
+    return lines
+
+
+def _rows(path: Path, table: Any) -> Iterator[list[str]]:  # noqa: ANN401 - a reader of `csv`, whose type has no name
+    """Rows as they are read; InputError where one is longer than Python's reader takes."""
+    try:
+        yield from table
+    except csv.Error as error:
+        raise InputError(f"{path}, line {table.line_num}: {error}") from error
+
+
+def _row(where: str, row: dict[str, str], area: Area) -> tuple[str, float, Array]:
+    """Person, time [s] and position (2,) m of one line."""
+    number = {}
+    for column in COLUMNS:
+        value = row.get(column, "").strip()
+        if not value:
+            raise InputError(f"{where}, column {column}: is empty")
+        if column != "id":
+            number[column] = _finite(f"{where}, column {column}", value)
+    for column, size in (("x", area.width), ("y", area.height)):
+        if abs(number[column]) > size / 2:
+            inside = f"{-size / 2:g} to {size / 2:g} m"
+            raise InputError(f"{where}, column {column}: {number[column]:g} is outside the area, {inside}")
+    person = row["id"].strip()
+    if len(person) > _LONGEST_ID or not person.isprintable():
+        raise InputError(f"{where}, column id: is not printable, or longer than the {_LONGEST_ID} characters allowed")
+    if abs(number["t"]) > _LATEST:
+        raise InputError(f"{where}, column t: {number['t']:g} s is not allowed; expected at most {_LATEST:g} s")
+    return person, number["t"], np.array([number["x"], number["y"]])
+
+
+def _finite(where: str, value: str) -> float:
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(f"{where}: {value!r} is not a finite number")
+    return number
+
+
+def _resampled(path: Path, person: str, rows: dict[float, Array], times: Array) -> Array:
+    """Positions (K, 2) m of one person at `times` (K,) s, NaN outside their own span."""
+    if len(rows) < 2:
+        raise InputError(f"{path}: column id: {person} has a single row; a path needs two or more")
+    known = np.array(sorted(rows))
+    if np.diff(known).min() < _SOONEST:
+        k = int(np.diff(known).argmin())
+        near = f"{known[k]:g} and {known[k + 1]:g} s"
+        raise InputError(f"{path}, column t: id {person} has rows at {near}; {_SOONEST:g} s or more apart are allowed")
+    curve = PchipInterpolator(known, np.array([rows[t] for t in known]), extrapolate=False)
+    # The first and last of a person's times may differ by rounding from the sample they mean.
+    first, last = np.searchsorted(times, [known[0] - 1e-9, known[-1] + 1e-9])
+    positions = np.full((len(times), 2), np.nan)
+    positions[first:last] = curve(np.clip(times[first:last], known[0], known[-1]))
+    return positions

@@ -1,0 +1,1 @@
+"""Data association: gating clusters, JPDA, JIPDA."""

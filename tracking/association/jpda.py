@@ -1,0 +1,151 @@
+"""Joint probabilistic data association: gates, exact association probabilities, mixture update."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tracking.association.marginals import EXACT_SIDE, marginals
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.elementary import exp, log
+
+
+def association_probabilities(likelihood: Array, detection_probability: Array, clutter_density: float) -> Array:
+    """Marginal probabilities that each track gave none, or which, of the measurements.
+
+    likelihood (T, N) 1/m², zero outside the gate; detection_probability (T,), that a track's person gives a
+    measurement inside its gate, below 1, or (T, N + 1) where it depends on where the person is: column 0 over the
+    whole belief, column 1 + j given that measurement j is the person's; clutter_density > 0, 1/m².
+    Returns beta (T, N + 1), column 0 for none; rows sum to one. Exact per cluster up to a smaller side of
+    `EXACT_SIDE`, above that by loopy belief propagation. Source: [BarShalom11] 6.2, [Williams14].
+    """
+    detection = np.asarray(detection_probability, dtype=float)
+    if detection.ndim == 1:
+        detection = np.repeat(detection[:, None], likelihood.shape[1] + 1, axis=1)
+    if detection.size and not (detection.min() >= 0.0 and detection[:, 0].max() < 1.0):
+        raise ValueError("detection_probability must be in [0, 1)")
+    if not clutter_density > 0.0:
+        raise ValueError(f"clutter_density must be positive, is {clutter_density}")
+    misses, pairs = _weights(likelihood, detection, clutter_density)
+    return marginals(misses, pairs, EXACT_SIDE)
+
+
+@compiled
+def _weights(likelihood: Array, detection: Array, clutter_density: float) -> tuple[Array, Array]:
+    """Weights of misses (T,) and of pairs (T, N), relative to the largest of their track.
+
+    Every joint event has one factor of each track: scaling a track's row keeps products in range.
+    """
+    misses, pairs = 1.0 - detection[:, 0], np.zeros_like(likelihood)
+    for i in range(len(misses)):
+        scale = misses[i]
+        for j in range(pairs.shape[1]):
+            if likelihood[i, j] > 0.0:
+                pairs[i, j] = detection[i, j + 1] * likelihood[i, j] / clutter_density
+                scale = max(scale, pairs[i, j])
+        misses[i] /= scale
+        for j in range(pairs.shape[1]):
+            if pairs[i, j] > 0.0:
+                pairs[i, j] /= scale
+    return misses, pairs
+
+
+@compiled
+def gated_likelihood(
+    means: Array, covariances: Array, measurements: Array, noise: Array, gate_probability: float
+) -> Array:
+    """Density (T, N) 1/m² of each measurement given a track and that it is in the track's gate; zero outside.
+
+    means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m². The gate is the ellipse that
+    holds a person's measurement with `gate_probability`.
+    """
+    threshold = -2.0 * log(1.0 - gate_probability)
+    out = np.zeros((len(means), len(measurements)))
+    for i in range(len(means)):
+        for j in range(len(measurements)):
+            dx, dy = measurements[j, 0] - means[i, 0], measurements[j, 1] - means[i, 1]
+            xx = covariances[i, 0, 0] + noise[j, 0, 0]
+            xy = covariances[i, 0, 1] + noise[j, 0, 1]
+            yy = covariances[i, 1, 1] + noise[j, 1, 1]
+            if dx * dx > 2.0 * threshold * xx:
+                continue  # far beyond the gate, as most pairs are where people are many
+            det = xx * yy - xy * xy
+            d2 = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / det
+            if d2 <= threshold:
+                out[i, j] = exp(-0.5 * d2) / (2.0 * math.pi * math.sqrt(det) * gate_probability)
+    return out
+
+
+@compiled
+def mixture_update(
+    predicted: tuple[Array, Array],
+    undetected: tuple[Array, Array],
+    measurements: Array,
+    noise: Array,
+    beta: Array,
+) -> tuple[Array, Array]:
+    """Moments of the mixture over what each track's measurement was, the spread of the means included.
+
+    predicted and undetected: means (T, 4) and covariances (T, 4, 4) before the scan, and given that the person gave no
+    measurement; measurements (N, 2) m, noise (N, 2, 2) m², beta (T, N + 1). A measurement's component is a Kalman
+    update of the predicted belief in Joseph's form with its own R. Source: [BarShalom11] 6.2.
+    """
+    means, covariances = predicted
+    new_means, new_covariances = means.copy(), np.empty_like(covariances)
+    moves = np.empty((len(measurements) + 1, 4))
+    K, updated = np.empty((4, 2)), np.empty((4, 4))
+    for i in range(len(means)):
+        P = covariances[i]
+        components = np.flatnonzero(beta[i])  # few of all: a track's cost must not grow with who is far away
+        moves[0] = undetected[0][i] - means[i]
+        total = beta[i, 0] * undetected[1][i]
+        last = -1  # measurements of equal noise, as neighbours', share gain and covariance
+        for c in components:
+            if c == 0:
+                continue
+            j, weight = c - 1, beta[i, c]
+            if last < 0 or (noise[j] != noise[last]).any():
+                _update(P, noise[j], K, updated)
+            last = int(j)
+            x, y = measurements[j, 0] - means[i, 0], measurements[j, 1] - means[i, 1]
+            moves[c] = K[:, 0] * x + K[:, 1] * y
+            total += weight * updated
+        move = np.zeros(4)
+        for c in components:
+            move += beta[i, c] * moves[c]
+        for c in components:
+            spread = moves[c] - move
+            _add_square(total, beta[i, c], spread)
+        new_means[i] += move
+        new_covariances[i] = 0.5 * (total + total.T)
+    return new_means, new_covariances
+
+
+@compiled
+def _update(P: Array, R: Array, K: Array, updated: Array) -> None:
+    """Write gain K (4, 2) and covariance (4, 4) after a measurement of noise R (2, 2), in Joseph's form.
+
+    Written out: of matrices so small, calls of a library and new arrays cost ten times the arithmetic.
+    """
+    xx, xy, yy = P[0, 0] + R[0, 0], P[0, 1] + R[0, 1], P[1, 1] + R[1, 1]
+    det = xx * yy - xy * xy
+    for a in range(4):
+        K[a, 0] = (P[a, 0] * yy - P[a, 1] * xy) / det
+        K[a, 1] = (P[a, 1] * xx - P[a, 0] * xy) / det
+    for a in range(4):
+        # Row a of A P, then of A P Aᵀ + K R Kᵀ, with A = I - K H.
+        ap0 = P[a, 0] - (K[a, 0] * P[0, 0] + K[a, 1] * P[1, 0])
+        ap1 = P[a, 1] - (K[a, 0] * P[0, 1] + K[a, 1] * P[1, 1])
+        kr0, kr1 = K[a, 0] * R[0, 0] + K[a, 1] * R[1, 0], K[a, 0] * R[0, 1] + K[a, 1] * R[1, 1]
+        for b in range(4):
+            ap = P[a, b] - (K[a, 0] * P[0, b] + K[a, 1] * P[1, b])
+            updated[a, b] = (ap - (ap0 * K[b, 0] + ap1 * K[b, 1])) + (kr0 * K[b, 0] + kr1 * K[b, 1])
+
+
+@compiled
+def _add_square(total: Array, weight: float, vector: Array) -> None:
+    """Add the weighted outer product of a vector with itself; no array is made, as of many pairs that costs most."""
+    for a in range(len(vector)):
+        for b in range(len(vector)):
+            total[a, b] += weight * (vector[a] * vector[b])

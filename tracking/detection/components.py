@@ -1,0 +1,100 @@
+"""Connected components of a person's colour in an image."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracking.numerics.compiled import Array, compiled
+
+# Hi-vis orange in any light: red exceeds green by half of it, and blue by all of it. What noise makes of darker places
+# looks so too, if faintly: red exceeds green by so many grey levels in all of a component, and surely in some of it.
+_FAINT, _SURE = 20, 40
+
+
+def components(image: NDArray[np.uint8]) -> list[Array]:
+    """Pixel centres (K, 2), row after row, of each 8-connected component in a person's colour.
+
+    The image (P, P, 3) is RGB. Components come in the order of a search from the top by blocks of two by two.
+    """
+    pixels, ends = _components(np.ascontiguousarray(image))
+    return [pixels[start:end] for start, end in zip([0, *ends], ends, strict=False)]
+
+
+@compiled
+def _components(image: NDArray[np.uint8]) -> tuple[Array, list[int]]:
+    """The pixel centres (M, 2) of all components, and where each ends."""
+    mask, count = _coloured(image)
+    todo, found = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+    width = mask.shape[1]
+    flat = mask.ravel()
+    ends = [0 for _ in range(0)]
+    end = 0
+    for block in _blocks(mask, count):
+        seed = block
+        for at in (block, block + 1, block + width, block + width + 1):
+            seed = at if flat[at] > 0 else seed
+        if flat[seed] > 0:
+            size = _filled(flat, (seed, width), todo, found[end:])
+            if size > 0:
+                end += size
+                ends.append(end)
+    pixels = np.empty((end, 2))
+    for k in range(end):
+        pixels[k, 0], pixels[k, 1] = found[k] % width - 1.5, found[k] // width - 1.5
+    return pixels, ends
+
+
+@compiled
+def _coloured(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
+    """1 where an image (P, P, 3) has a person's colour, 2 where it surely has, inside a frame of 2 pixels; how many."""
+    rows, columns, _ = image.shape
+    mask = np.zeros((rows + 4, columns + 4), dtype=np.uint8)
+    count = 0
+    for i in range(rows):
+        for j in range(columns):
+            red, green = np.int64(image[i, j, 0]), np.int64(image[i, j, 1])
+            if red - green >= _FAINT and 2 * red > 3 * green and red > 2 * np.int64(image[i, j, 2]):
+                mask[i + 2, j + 2] = 2 if red - green >= _SURE else 1
+                count += 1
+    return mask, count
+
+
+@compiled
+def _blocks(mask: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
+    """Where the blocks of two by two that have any colour begin in the mask's `count` coloured pixels, from the top."""
+    blocks, found, left = np.empty(count, dtype=np.int64), 0, count
+    for i in range(2, mask.shape[0] - 2, 2):
+        if left == 0:
+            break
+        for j in range(2, mask.shape[1] - 2, 2):
+            here = (mask[i, j] > 0) + (mask[i, j + 1] > 0) + (mask[i + 1, j] > 0) + (mask[i + 1, j + 1] > 0)
+            if here > 0:
+                blocks[found] = i * mask.shape[1] + j
+                found, left = found + 1, left - here
+    return blocks[:found]
+
+
+@compiled
+def _filled(mask: NDArray[np.uint8], start: tuple[int, int], todo: NDArray[np.int64], out: NDArray[np.int64]) -> int:
+    """Wipe out the component at start (index, width of a row) of a flat mask and write it to `out`, if it is sure."""
+    seed, width = start
+    sure = mask[seed] == 2
+    mask[seed] = 0
+    todo[0], waiting, size = seed, 1, 0
+    while waiting > 0:
+        waiting -= 1
+        at = todo[waiting]
+        out[size] = at
+        size += 1
+        for row in (at - width, at, at + width):
+            for next in range(row - 1, row + 2):
+                if mask[next] > 0:
+                    sure |= mask[next] == 2
+                    mask[next] = 0
+                    todo[waiting] = next
+                    waiting += 1
+    if not sure:
+        return 0
+    out[:size].sort()
+    return size

@@ -1,0 +1,270 @@
+"""Where somebody stands of whom trees, or the image's edge, leave only a part to see."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tracking.detection.detector import Frame, sizes_at, whole_covariances
+from tracking.detection.shadows import Clearing, Pair, clearing_at, is_open, relative, with_shadows
+from tracking.detection.silhouette import TALLEST, Silhouette, shown, silhouette_of
+from tracking.geometry.camera import Lens, ground_point
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.elementary import exp, log
+
+# What is smaller than this share of a mean silhouette is part of one, wherever it is.
+_SMALL = 0.6
+# How many places are looked at: first wherever the person may be, then where that leaves them.
+_COARSE, _FINE = 100, 200
+# Where less than this share of a silhouette would show, nobody would be seen.
+_LEAST = 0.01
+# Places of a surprise so far beyond the least are none: a probability of e^-10.
+_IMPROBABLE = 20.0
+
+_Constants = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class PartError:
+    """How far what shows of a person differs from what a mean silhouette would show.
+
+    Fitted by `python -m sim.calibration.fit` so that errors squared over variances average one.
+    """
+
+    posture: float = 0.182  # m: what the centroid of a vanishing part moves by, beyond that of a whole silhouette
+    rounding: float = 0.572  # pixels: what rounding moves the centroid of a single pixel by
+    fringe: float = 0.876  # pixels of area, of an outline of one pixel
+    limb: float = 0.07  # of a whole silhouette's area, for a visible part of all of it: headings and strides
+    # Factors of the covariance by a pixel's edge on the ground [m] and the share that is hidden: the rest of what a
+    # mean silhouette does not know.
+    pixel: tuple[float, ...] = (0.083, 0.111, 0.167, 0.222)
+    hidden: tuple[float, ...] = (0.0, 0.15, 0.35, 0.55, 0.75, 0.9)
+    excess: tuple[tuple[float, ...], ...] = (
+        (0.331, 0.655, 0.731, 0.703, 0.885, 1.678),
+        (0.416, 0.633, 0.771, 0.614, 0.795, 1.298),
+        (0.537, 0.562, 0.63, 0.642, 0.775, 0.987),
+        (1.04, 0.455, 0.728, 0.722, 0.788, 0.972),
+    )
+
+    @property
+    def constants(self) -> _Constants:
+        """What compiled code takes."""
+        return self.posture, self.rounding, self.fringe, self.limb
+
+    def factor(self, pixel: float, hidden: float) -> float:
+        """Of the covariance where a pixel's edge is so many m on the ground and such a share is hidden."""
+        return float(np.interp(pixel, self.pixel, [np.interp(hidden, self.hidden, row) for row in self.excess]))
+
+
+PART = PartError()
+
+
+class Seen(NamedTuple):
+    """What was seen, and how well a whole silhouette's centroid would tell where the person is."""
+
+    whole: Array  # (2, 2) m², along the axes of the clearing
+    pixel: Array  # (2, 2) m²: the clearing's footprint, squared
+    area: float  # pixels, of a whole mean silhouette
+    shown: float  # pixels
+
+
+class Places(NamedTuple):
+    """Where the person may be of whom a part was seen, and what would show of them there.
+
+    In coordinates (u, v) [m] of a clearing around what was seen.
+    """
+
+    clearing: Clearing
+    seen: Seen
+    u: Array  # (N,)
+    v: Array  # (M,)
+    centroids: Array  # (M, N, 2) that what shows would have
+    shares: Array  # (M, N) of the silhouette that would show
+    cell: tuple[float, float]  # m: what a place stands for
+
+    @property
+    def pixel(self) -> float:
+        """Edge of a pixel on the ground, m."""
+        (a, b), (c, d) = self.clearing.footprint.tolist()
+        return math.sqrt(abs(a * d - b * c))
+
+    def posterior(self, error: PartError = PART) -> tuple[Array, Array, float]:
+        """Mean (2,) m, covariance (2, 2) m² and the share hidden, all places being equally probable beforehand."""
+        mean, covariance, hidden = _moments(self, _surprises(self, error.constants))
+        return mean, error.factor(self.pixel, hidden) * covariance, hidden
+
+
+def locate(frame: Frame, blob: Array, forest: Forest) -> tuple[Array, Array] | None:
+    """Mean (2,) m and covariance (2, 2) m² of the place of a person who shows as pixels (K, 2); None for a whole one.
+
+    Bayes' rule over a grid of places: at each, camera, map of trees and a mean silhouette say which part would show;
+    its centroid and area are compared with those seen.
+    """
+    places = places_of(frame, blob, forest)
+    return None if places is None else places.posterior()[:2]
+
+
+def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
+    """Where the person may be who shows as a blob (K, 2) of pixels; None if nothing seems hidden."""
+    lens = frame.camera.lens(frame.pose)
+    if lens.eye[2] <= TALLEST:
+        return None  # among people, not above them
+    hidden, clearing, area = _surroundings(lens, blob, forest.blockers)
+    if not hidden:
+        return None
+    whole = whole_covariances(frame, np.array([clearing.origin]))[0]
+    places = _places(clearing, _seen(clearing, whole, area, len(blob)), lens.eye[2], PART.constants)
+    return places if places.shares.max() >= _LEAST else None
+
+
+@compiled
+def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clearing, float]:
+    """Whether something may hide part of the person who shows as a blob (K, 2), what is around, a person's area there.
+
+    The clearing is that around the blob's centroid, with the shadows that may matter; the area is in pixels.
+    """
+    centre = blob[:, 0].mean(), blob[:, 1].mean()
+    clearing, area = clearing_at(lens, centre), sizes_at(lens, np.array([centre]))[2][0]
+    growth = (lens.eye[2] - TARGET_HEIGHT) / (lens.eye[2] - TALLEST)
+    clearing = with_shadows(clearing, lens.eye, cylinders, 2.5 + 2 * clearing.distance * (growth - 1.0))
+    placed = bool(
+        np.isfinite(clearing.footprint).all() and np.isfinite(area)
+    )  # not at the horizon, where nobody has a size
+    return placed and (len(blob) <= _SMALL * area or not _all_open(lens, clearing, blob)), clearing, area
+
+
+@compiled
+def _seen(clearing: Clearing, whole: Array, area: float, shown: float) -> Seen:
+    """What was seen, given the covariance (2, 2) m² of a whole person in the world's axes, and areas in pixels."""
+    x, y = clearing.away
+    turn, pixel = np.array([[x, -y], [y, x]]), clearing.footprint
+    return Seen(_congruent(turn.T, whole), _congruent(pixel, np.eye(2)), area, shown)
+
+
+@compiled
+def _congruent(outer: Array, inner: Array) -> Array:
+    """A B Aᵀ of two matrices (2, 2)."""
+    out = np.zeros((2, 2))
+    for i in range(2):
+        for j in range(2):
+            for k in range(2):
+                for m in range(2):
+                    out[i, j] += outer[i, k] * inner[k, m] * outer[j, m]
+    return out
+
+
+@compiled
+def _all_open(lens: Lens, clearing: Clearing, blob: Array) -> bool:
+    """Whether nothing hides any of the pixels (K, 2) of a blob, or those next to them."""
+    left, top = int(blob[:, 0].min()) - 1, int(blob[:, 1].min()) - 1
+    near = np.zeros((int(blob[:, 1].max()) + 2 - top, int(blob[:, 0].max()) + 2 - left), dtype=np.bool_)
+    for k in range(len(blob)):
+        row, column = int(blob[k, 1]) - top, int(blob[k, 0]) - left
+        near[row - 1 : row + 2, column - 1 : column + 2] = True
+    for row in range(near.shape[0]):
+        for column in range(near.shape[1]):
+            if near[row, column]:
+                x, y = ground_point(lens, (left + column + 0.5, top + row + 0.5), TARGET_HEIGHT)
+                u, v = relative(clearing, x, y)
+                if not is_open(clearing, u, v):
+                    return False
+    return True
+
+
+@compiled
+def _places(clearing: Clearing, seen: Seen, altitude: float, constants: _Constants) -> Places:
+    """Where the person may be, as a grid that covers all of it and no more."""
+    silhouette = silhouette_of(clearing.distance, altitude)
+    rounding = constants[1] * constants[1] * max(seen.pixel[0, 0], seen.pixel[1, 1])
+    slack = 4 * math.sqrt(max(seen.whole[0, 0], seen.whole[1, 1]) + constants[0] * constants[0] + rounding)
+    half = silhouette.half + slack
+    low, high = (-silhouette.high - slack, -half), (slack - silhouette.low, half)
+    coarse = _grid(clearing, seen, silhouette, (low, high, _COARSE))
+    surprises = _surprises(coarse, constants)
+    least = surprises.min()
+    if least == math.inf:
+        return coarse
+    low, high = (math.inf, math.inf), (-math.inf, -math.inf)
+    for i in range(len(coarse.v)):
+        for j in range(len(coarse.u)):
+            if surprises[i, j] <= least + _IMPROBABLE:
+                low = min(low[0], coarse.u[j] - coarse.cell[0]), min(low[1], coarse.v[i] - coarse.cell[1])
+                high = max(high[0], coarse.u[j] + coarse.cell[0]), max(high[1], coarse.v[i] + coarse.cell[1])
+    return _grid(clearing, seen, silhouette, (low, high, _FINE))
+
+
+@compiled
+def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, box: tuple[Pair, Pair, int]) -> Places:
+    """About so many places in a box, from low to high corner (u, v) m."""
+    low, high, count = box
+    width, height = high[0] - low[0], high[1] - low[1]
+    columns = min(max(round(math.sqrt(count * width / height)), 6), count // 6)
+    rows = count // columns
+    cell = width / columns, height / rows
+    u = low[0] + cell[0] * (np.arange(columns, dtype=np.float64) + 0.5)
+    v = low[1] + cell[1] * (np.arange(rows, dtype=np.float64) + 0.5)
+    shows = shown(clearing, silhouette, u, v)
+    centroids, shares = np.empty((rows, columns, 2)), shows[:, :, 0] / silhouette.area
+    for i in range(rows):
+        for j in range(columns):
+            area = shows[i, j, 0]
+            centroids[i, j, 0] = u[j] + shows[i, j, 1] / area - silhouette.middle
+            centroids[i, j, 1] = v[i] + shows[i, j, 2] / area
+    return Places(clearing, seen, u, v, centroids, shares, cell)
+
+
+@compiled
+def _surprises(places: Places, constants: _Constants) -> Array:
+    """Minus twice the logarithm of each place's likelihood (M, N), but for a constant; inf where too little shows."""
+    posture, rounding, fringe, limb = constants
+    seen, cell = places.seen, places.cell
+    out = np.full(places.shares.shape, math.inf)
+    for i in range(len(places.v)):
+        for j in range(len(places.u)):
+            share = places.shares[i, j]
+            if share < _LEAST:
+                continue
+            # A mean silhouette knows well what half a person looks like, and badly what a tenth does.
+            lack = max(1.0 - share, 0.0)
+            hidden = posture * lack * lack * lack
+            hidden *= hidden
+            expected = max(share * seen.area, 0.3)
+            few = rounding * rounding * max(1.0 / max(expected, 0.5) - 1.0 / seen.area, 0.0)
+            a = seen.whole[0, 0] + hidden + few * seen.pixel[0, 0] + cell[0] * cell[0] / 12
+            b = seen.whole[0, 1] + few * seen.pixel[0, 1]
+            c = seen.whole[1, 1] + hidden + few * seen.pixel[1, 1] + cell[1] * cell[1] / 12
+            x, y = places.centroids[i, j, 0], places.centroids[i, j, 1]
+            volume = a * c - b * b
+            area = fringe * fringe * math.sqrt(expected) + limb * limb * expected * seen.area
+            out[i, j] = (c * x * x - 2 * b * x * y + a * y * y) / volume + log(volume * area)
+            surplus = seen.shown - share * seen.area
+            out[i, j] += surplus * surplus / area
+    return out
+
+
+@compiled
+def _moments(places: Places, surprises: Array) -> tuple[Array, Array, float]:
+    """Mean (2,) m, covariance (2, 2) m² and the expected share hidden, given minus twice the log-likelihoods (M, N)."""
+    least = surprises.min()
+    total = along = across = uu = uv = vv = hidden = 0.0
+    for i in range(len(places.v)):
+        for j in range(len(places.u)):
+            weight = exp(0.5 * (least - surprises[i, j]))
+            u, v = weight * places.u[j], weight * places.v[i]
+            total, along, across = total + weight, along + u, across + v
+            uu, uv, vv = uu + u * places.u[j], uv + u * places.v[i], vv + v * places.v[i]
+            hidden += weight * (1.0 - min(places.shares[i, j], 1.0))
+    u, v = along / total, across / total
+    # Without the variance within the cells a single place would be sure.
+    cell = places.cell
+    uu, uv, vv = uu / total - u * u + cell[0] * cell[0] / 12, uv / total - u * v, vv / total - v * v
+    vv += cell[1] * cell[1] / 12
+    (x, y), (cos, sin) = places.clearing.origin, places.clearing.away
+    xx, yy = cos * cos * uu - 2 * cos * sin * uv + sin * sin * vv, sin * sin * uu + 2 * cos * sin * uv + cos * cos * vv
+    xy = cos * sin * (uu - vv) + (cos * cos - sin * sin) * uv
+    mean = np.array([x + cos * u - sin * v, y + sin * u + cos * v])
+    return mean, np.array([[xx, xy], [xy, yy]]), hidden / total

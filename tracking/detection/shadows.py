@@ -1,0 +1,185 @@
+"""What trees and the image's edges hide of the plane at people's mid-height, around a place, row by row.
+
+Shadows are cast from the camera: a vertical cylinder hides the hull of two discs, those that its ends cast.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tracking.geometry.camera import Lens, ground_point
+from tracking.geometry.visibility import TARGET_HEIGHT, Vector
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.elementary import hypot
+
+Pair = tuple[float, float]
+Hull = tuple[float, float, float, float, float, float]  # two discs: u, v, radius; u, v, radius
+
+
+class Clearing(NamedTuple):
+    """The plane at people's mid-height around a place, as one camera sees it.
+
+    Its coordinates (u, v) [m] begin at the place: u away from the camera, v to the left of that.
+    """
+
+    origin: Pair  # m
+    away: Pair  # unit vector of u
+    distance: float  # m, horizontally, from the camera
+    edges: Array  # (4, 3): inside the image where edges @ (u, v, 1) >= 0
+    footprint: Array  # (2, 2) m per pixel: (u, v) by the image's columns and rows, at the place
+    # (S, 7) of trees that may reach the surroundings: hulls, and the distance, horizontally, from the camera [m] nearer
+    # than which nobody is hidden: that of trunks; 0 for canopies, which are above everybody.
+    shadows: Array
+
+
+@compiled
+def relative(clearing: Clearing, x: float, y: float) -> Pair:
+    """The coordinates (u, v) of a point (x, y) m of the plane."""
+    x, y = x - clearing.origin[0], y - clearing.origin[1]
+    return clearing.away[0] * x + clearing.away[1] * y, clearing.away[0] * y - clearing.away[1] * x
+
+
+@compiled
+def clearing_at(lens: Lens, pixel: Pair) -> Clearing:
+    """The clearing around the place that a pixel shows, without shadows yet."""
+    x, y = ground_point(lens, pixel, TARGET_HEIGHT)
+    east, north = x - lens.eye[0], y - lens.eye[1]
+    distance = math.sqrt(east * east + north * north)
+    away = (east / distance, north / distance) if distance > 0.0 else (1.0, 0.0)
+    # Body coordinates right, up and back, each as a linear function of (u, v, 1).
+    to_plane = np.array([[away[0], away[1], 0.0], [-away[1], away[0], 0.0], [east, north, TARGET_HEIGHT - lens.eye[2]]])
+    body = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                body[i, j] += lens.rotation[k, i] * to_plane[j, k]
+    edges = np.empty((4, 3))
+    half = lens.pixels / 2
+    for j in range(3):
+        right, up, depth = lens.focal * body[0, j], lens.focal * body[1, j], -half * body[2, j]
+        edges[0, j], edges[1, j], edges[2, j], edges[3, j] = depth + right, depth - right, depth - up, depth + up
+    depth = -body[2, 2]
+    columns, rows = pixel[0] / depth, pixel[1] / depth
+    a, b = (edges[0, 0] / depth + columns * body[2, 0]), (edges[0, 1] / depth + columns * body[2, 1])
+    c, d = (edges[2, 0] / depth + rows * body[2, 0]), (edges[2, 1] / depth + rows * body[2, 1])
+    footprint = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    return Clearing((x, y), away, distance, edges, footprint, np.empty((0, 7)))
+
+
+@compiled
+def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float) -> Clearing:
+    """The clearing with the shadows of cylinders (B, 5) that come within `reach` m of its origin."""
+    shadows, count = np.empty((8, 7)), 0
+    for k in range(len(cylinders)):
+        x, y, radius = cylinders[k, 0], cylinders[k, 1], cylinders[k, 2]
+        low, high = max(cylinders[k, 3], TARGET_HEIGHT), min(cylinders[k, 4], eye[2] - 1e-3)
+        if low > high:
+            continue
+        near, far = (eye[2] - TARGET_HEIGHT) / (eye[2] - low), (eye[2] - TARGET_HEIGHT) / (eye[2] - high)
+        u0, v0 = relative(clearing, eye[0] + near * (x - eye[0]), eye[1] + near * (y - eye[1]))
+        u1, v1 = relative(clearing, eye[0] + far * (x - eye[0]), eye[1] + far * (y - eye[1]))
+        du, dv = u1 - u0, v1 - v0
+        length = du * du + dv * dv
+        s = min(max(-(u0 * du + v0 * dv) / length, 0.0), 1.0) if length > 0.0 else 0.0
+        most = reach + radius * far
+        u, v = u0 + s * du, v0 + s * dv
+        if u * u + v * v > most * most:
+            continue
+        if count == len(shadows):
+            shadows = np.concatenate((shadows, np.empty_like(shadows)))
+        front = hypot(x - eye[0], y - eye[1]) - radius if cylinders[k, 3] <= TARGET_HEIGHT else 0.0
+        shadows[count] = (u0, v0, radius * near, u1, v1, radius * far, max(front, 0.0))
+        count += 1
+    c = clearing
+    return Clearing(c.origin, c.away, c.distance, c.edges, c.footprint, shadows[:count])
+
+
+@compiled
+def behind(clearing: Clearing, u: float, v: float) -> Clearing:
+    """The clearing with the shadows only of what may hide somebody at (u, v): no trunk hides who is in front of it."""
+    c, distance = clearing, hypot(clearing.distance + u, v)
+    return Clearing(c.origin, c.away, c.distance, c.edges, c.footprint, c.shadows[c.shadows[:, 6] <= distance])
+
+
+@compiled
+def crossing(hull: Hull, v: float) -> Pair:
+    """The interval of u in which the hull of two discs covers a row; (inf, -inf) if it does not."""
+    u0, v0, r0, u1, v1, r1 = hull
+    low, high = math.inf, -math.inf
+    if v < min(v0 - r0, v1 - r1) or v > max(v0 + r0, v1 + r1):
+        return low, high
+    for u, square in ((u0, r0 * r0 - (v - v0) * (v - v0)), (u1, r1 * r1 - (v - v1) * (v - v1))):
+        if square >= 0.0:
+            half = math.sqrt(square)
+            low, high = min(low, u - half), max(high, u + half)
+    du, dv, dr = u1 - u0, v1 - v0, r0 - r1
+    square = du * du + dv * dv
+    if square <= dr * dr:
+        return low, high  # one disc within the other
+    across = math.sqrt(square - dr * dr)
+    for side in (-1.0, 1.0):  # the tangents to both discs, by their normals
+        x, y = (dr * du - side * across * dv) / square, (dr * dv + side * across * du) / square
+        start, end = v0 + r0 * y, v1 + r1 * y
+        if min(start, end) <= v <= max(start, end) and start != end:
+            u = u0 + r0 * x + (u1 + r1 * x - u0 - r0 * x) * (v - start) / (end - start)
+            low, high = min(low, u), max(high, u)
+    return low, high
+
+
+@compiled
+def openings(clearing: Clearing, v: float, out: Array) -> int:
+    """Write into (S + 1, 2) the intervals of u that are in the image and in no shadow; how many there are."""
+    low, high = -math.inf, math.inf
+    for k in range(len(clearing.edges)):
+        slope, rest = clearing.edges[k, 0], clearing.edges[k, 1] * v + clearing.edges[k, 2]
+        if slope > 0.0:
+            low = max(low, -rest / slope)
+        elif slope < 0.0:
+            high = min(high, -rest / slope)
+        elif rest < 0.0:
+            return 0
+    if low >= high:
+        return 0
+    out[0, 0], out[0, 1] = low, high
+    count = 1
+    for k in range(len(clearing.shadows)):
+        s = clearing.shadows[k]
+        count = _cut(out, count, crossing((s[0], s[1], s[2], s[3], s[4], s[5]), v))
+    return count
+
+
+@compiled
+def _cut(intervals: Array, count: int, shadow: Pair) -> int:
+    """Cut an interval out of the first `count` of disjoint intervals, in place; how many are left."""
+    for k in range(count - 1, -1, -1):
+        low, high = intervals[k, 0], intervals[k, 1]
+        if shadow[1] <= low or shadow[0] >= high:
+            continue
+        if shadow[0] > low and shadow[1] < high:
+            intervals[count, 0], intervals[count, 1] = shadow[1], high
+            count += 1
+        if shadow[0] > low:
+            intervals[k, 1] = shadow[0]
+        elif shadow[1] < high:
+            intervals[k, 0] = shadow[1]
+        else:
+            count -= 1
+            intervals[k, 0], intervals[k, 1] = intervals[count, 0], intervals[count, 1]
+    return count
+
+
+@compiled
+def is_open(clearing: Clearing, u: float, v: float) -> bool:
+    """Whether people at (u, v) would be seen: inside the image and in no shadow."""
+    for k in range(len(clearing.edges)):
+        if clearing.edges[k, 0] * u + clearing.edges[k, 1] * v + clearing.edges[k, 2] < 0.0:
+            return False
+    for k in range(len(clearing.shadows)):
+        s = clearing.shadows[k]
+        low, high = crossing((s[0], s[1], s[2], s[3], s[4], s[5]), v)
+        if low <= u <= high:
+            return False
+    return True

@@ -1,0 +1,145 @@
+"""A walking person's mean silhouette on the plane at people's mid-height, and what shows of it behind shadows."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tracking.detection.shadows import Clearing, behind, crossing, openings
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.elementary import hypot
+
+# A walking person over all headings, as horizontal circles: height above ground, radius [m] and the share of headings
+# at which what lies between two circles covers what is behind it, legs being thin.
+_LEVELS = (
+    (0.00, 0.36, 0.00),
+    (0.30, 0.34, 0.22),
+    (0.60, 0.31, 0.35),
+    (0.85, 0.29, 0.50),
+    (1.10, 0.29, 0.65),
+    (1.42, 0.28, 0.82),
+    (1.55, 0.11, 0.85),
+    (1.70, 0.09, 0.90),
+)
+TALLEST = _LEVELS[-1][0]  # m
+_ROWS = 6  # on either side of the middle
+_BINS = 48
+
+
+class Silhouette(NamedTuple):
+    """What a person covers of the plane, (u, v) m from where their mid-height is; either side of v = 0 is alike."""
+
+    low: float  # least u, m
+    high: float  # greatest u, m
+    half: float  # greatest v, m
+    bin: float  # m
+    row: float  # width of a row, m; the k-th is at v = (k + 1/2) row
+    cover: Array  # (_ROWS, _BINS + 1) integrals over u, from `low` to each edge of a bin, of the cover, m
+    moment: Array  # (_ROWS, _BINS + 1) the same of u times the cover, m²
+    middle: float  # u of the centroid, m
+    area: float  # m²
+
+
+@compiled
+def silhouette_of(distance: float, altitude: float) -> Silhouette:
+    """The silhouette of somebody `distance` m away, horizontally, from a camera `altitude` m above ground."""
+    low, high, half = math.inf, -math.inf, 0.0
+    for h, radius, _ in _LEVELS:
+        growth = (altitude - TARGET_HEIGHT) / (altitude - h)
+        u, r = distance * (growth - 1.0), radius * growth
+        low, high, half = min(low, u - r), max(high, u + r), max(half, r)
+    step, row = (high - low) / _BINS, half / _ROWS
+    cover, moment = np.zeros((_ROWS, _BINS + 1)), np.zeros((_ROWS, _BINS + 1))
+    area = middle = 0.0
+    for i in range(_ROWS):
+        line = _line((i + 0.5) * row, distance, altitude, (low, step))
+        for j in range(_BINS):
+            cover[i, j + 1] = cover[i, j] + line[j] * step
+            moment[i, j + 1] = moment[i, j] + line[j] * step * (low + (j + 0.5) * step)
+        area += 2 * row * cover[i, _BINS]
+        middle += 2 * row * moment[i, _BINS]
+    return Silhouette(low, high, half, step, row, cover, moment, middle / area, area)
+
+
+@compiled
+def _line(v: float, distance: float, altitude: float, bins: tuple[float, float]) -> Array:
+    """How far a row of the silhouette covers each bin (_BINS,); bins begin at `bins[0]` and are `bins[1]` m wide."""
+    low, step = bins
+    line = np.zeros(_BINS)
+    before = (0.0, 0.0, 0.0)
+    for h, radius, share in _LEVELS:
+        growth = (altitude - TARGET_HEIGHT) / (altitude - h)
+        circle = (distance * (growth - 1.0), 0.0, radius * growth)
+        if h > 0.0:
+            start, end = crossing(before + circle, v)
+            for j in range(_BINS):
+                inside = min(end, low + (j + 1) * step) - max(start, low + j * step)
+                if inside > 0.0:  # what is higher is nearer to the camera
+                    line[j] += (share - line[j]) * inside / step
+        before = circle
+    return line
+
+
+@compiled
+def shown(clearing: Clearing, silhouette: Silhouette, u: Array, v: Array) -> Array:
+    """What would show of people at each pair of u (N,) and v (M,) m: (M, N, 3), area m² and its moments m³.
+
+    The moments are those of the coordinates relative to where the person is.
+    """
+    out = np.zeros((len(v), len(u), 3))
+    for i in range(len(v)):
+        first = 0
+        while first < len(u):  # those whom the same shadows may hide, together
+            around = behind(clearing, u[first], v[i])
+            last = first + 1
+            while last < len(u) and _same(clearing, v[i], (u[first], u[last])):
+                last += 1
+            _add_shown(around, silhouette, (u[first:last], v[i]), out[i, first:last])
+            first = last
+    return out
+
+
+@compiled
+def _same(clearing: Clearing, v: float, u: tuple[float, float]) -> bool:
+    """Whether two people of a row are in front of the same trunks."""
+    one, other = hypot(clearing.distance + u[0], v), hypot(clearing.distance + u[1], v)
+    for k in range(len(clearing.shadows)):
+        front = clearing.shadows[k, 6]
+        if (front <= one) != (front <= other):
+            return False
+    return True
+
+
+@compiled
+def _add_shown(clearing: Clearing, silhouette: Silhouette, places: tuple[Array, float], out: Array) -> None:
+    """Add what would show of people at u (N,) m of one row to areas and moments (N, 3)."""
+    u, v = places
+    intervals = np.empty((len(clearing.shadows) + 1, 2))
+    for k in range(-_ROWS, _ROWS):
+        rise = (k + 0.5) * silhouette.row
+        row = k if k >= 0 else -1 - k
+        cover, moment = silhouette.cover[row], silhouette.moment[row]
+        for m in range(openings(clearing, v + rise, intervals)):
+            for j in range(len(u)):
+                start = _bins(intervals[m, 0] - u[j], silhouette)
+                end = _bins(intervals[m, 1] - u[j], silhouette)
+                if end > start:
+                    area = silhouette.row * (_between(cover, end) - _between(cover, start))
+                    out[j, 0] += area
+                    out[j, 1] += silhouette.row * (_between(moment, end) - _between(moment, start))
+                    out[j, 2] += area * rise
+
+
+@compiled
+def _bins(u: float, silhouette: Silhouette) -> float:
+    return min(max((u - silhouette.low) / silhouette.bin, 0.0), float(_BINS))
+
+
+@compiled
+def _between(values: Array, at: float) -> float:
+    """One of values (_BINS + 1,), or what is between two."""
+    k = min(int(at), _BINS - 1)
+    return float(values[k] + (at - k) * (values[k + 1] - values[k]))

@@ -1,0 +1,117 @@
+"""Nearly constant velocity model, Gaussian beliefs and the Kalman filter's two steps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.matrices import applied, congruent, inverse, product
+
+
+@dataclass(frozen=True, eq=False)
+class Gaussian:
+    """Belief on a target's state (px, py, vx, vy) in m and m/s, as in [Li22] eq. (1)."""
+
+    mean: Array  # (4,)
+    covariance: Array  # (4, 4)
+
+
+@dataclass(frozen=True)
+class NearlyConstantVelocity:
+    """The motion model of [Li22] eq. (1), over one scan or several.
+
+    The acceleration is constant over each of `scans` equal parts of `dt`, and independent of that of other parts: one
+    such step is to the last moment what so many steps of dt / scans are.
+    """
+
+    dt: float  # s
+    sigma_a: float  # standard deviation of the acceleration, m/s²
+    scans: int = field(default=1, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.dt < math.inf:
+            raise ValueError(f"dt must be positive and finite, is {self.dt}")
+        if not 0.0 <= self.sigma_a < math.inf:
+            raise ValueError(f"sigma_a must be 0 or more and finite, is {self.sigma_a}")
+        if not (isinstance(self.scans, int | np.integer) and self.scans >= 1):
+            raise ValueError(f"scans must be an integer, 1 or more, is {self.scans}")
+
+    @cached_property
+    def F(self) -> Array:
+        """State transition (4, 4)."""
+        F = np.eye(4)
+        F[0, 2] = F[1, 3] = self.dt
+        return F
+
+    @cached_property
+    def Q(self) -> Array:
+        """Process noise (4, 4): over n scans Σ Fᵏ Q F'ᵏ of one scan's, for k from 0 to n - 1."""
+        n, dt = self.scans, self.dt / self.scans
+        square = dt * dt
+        position, both, velocity = n * (4 * n * n - 1) // 3 * square * square / 4, n * n * dt * square / 2, n * square
+        block = np.array([[position, both], [both, velocity]])
+        return np.asarray(self.sigma_a * self.sigma_a * np.kron(block, np.eye(2)), dtype=float)
+
+    def predict(self, belief: Gaussian) -> Gaussian:
+        """The belief one step later, without a measurement."""
+        means, covariances = self.predict_all(belief.mean[None], belief.covariance[None])
+        return Gaussian(means[0], covariances[0])
+
+    def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
+        """`predict` for a stack of beliefs: means (T, 4), covariances (T, 4, 4), at the cost of one."""
+        return _predicted(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.F, self.Q)
+
+
+def innovation(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
+    """Residual of a ground measurement and its covariance.
+
+    z (2,) m, R (2, 2) m². Returns ν (2,) and S = H P Hᵀ + R (2, 2); stacks of all of them broadcast.
+    """
+    return Gaussian(z - predicted.mean[..., :2], predicted.covariance[..., :2, :2] + R)
+
+
+def update(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
+    """The belief after a ground measurement z (2,) m with covariance R (2, 2) m², in Joseph's form."""
+    nu = innovation(predicted, z, R)
+    K = product(predicted.covariance[:, :2], inverse(nu.covariance))
+    left = np.eye(4)
+    left[:, :2] -= K
+    return Gaussian(
+        predicted.mean + applied(K, nu.mean), congruent(left, predicted.covariance) + congruent(K, np.asarray(R))
+    )
+
+
+def information_form(means: Array, covariances: Array) -> tuple[Array, Array]:
+    """Information vectors q = Ω ξ (..., 4) and matrices Ω = P⁻¹ (..., 4, 4) of a stack of beliefs."""
+    omega = inverse(covariances)
+    return applied(omega, means), omega
+
+
+def moment_form(q: Array, omega: Array) -> tuple[Array, Array]:
+    """Means ξ (..., 4) and covariances P (..., 4, 4) of a stack of beliefs in information form."""
+    covariances = inverse(omega)
+    return applied(covariances, q), covariances
+
+
+@compiled
+def _predicted(means: Array, covariances: Array, F: Array, Q: Array) -> tuple[Array, Array]:
+    """F ξ (T, 4) and the symmetric F P Fᵀ + Q (T, 4, 4)."""
+    moved, spread, half = np.zeros_like(means), np.empty_like(covariances), np.empty((4, 4))
+    for t in range(len(means)):
+        for i in range(4):
+            for j in range(4):
+                moved[t, i] += F[i, j] * means[t, j]
+                half[i, j] = 0.0
+                for k in range(4):
+                    half[i, j] += F[i, k] * covariances[t, k, j]
+        for i in range(4):
+            for j in range(i, 4):
+                total = 0.0
+                for k in range(4):
+                    total += half[i, k] * F[j, k]
+                spread[t, i, j] = spread[t, j, i] = total + Q[i, j]
+    return moved, spread

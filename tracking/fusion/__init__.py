@@ -1,0 +1,1 @@
+"""Track-to-track association and consensus fusion across the fleet."""

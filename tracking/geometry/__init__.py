@@ -1,0 +1,1 @@
+"""The pinhole camera, and lines of sight among trees."""

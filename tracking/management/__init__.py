@@ -1,0 +1,1 @@
+"""Track management: initiation, deletion, re-acquisition."""

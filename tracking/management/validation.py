@@ -1,0 +1,83 @@
+"""What is wrong with a scan or a first track that somebody hands to a tracker."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Pose
+from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.matrices import eigen, length
+
+# Rounding may leave this share of a covariance's trace between its off-diagonal elements.
+_ASYMMETRY = 1e-9
+UNIT = 1e-6  # how far the norm of a quaternion may be from one
+
+
+def well_formed(time: float, pose: Pose, measurements: Array, covariances: Array) -> tuple[Array, Array]:
+    """Measurements (N, 2) and covariances (N, 2, 2) as contiguous floats, after a check of all that a scan says.
+
+    `pose` is that of the camera. What makes no sense raises ValueError: without this it would end as tracks
+    that are not numbers.
+    """
+    z, R = _floats("measurements", measurements), _floats("covariances", covariances)
+    if not math.isfinite(time):
+        raise ValueError(f"time of a scan must be finite, is {time}")
+    _check_pose(pose)
+    if z.ndim != 2 or z.shape[1] != 2:
+        raise ValueError(f"measurements of a scan must be (N, 2), are {z.shape}")
+    if R.shape != (len(z), 2, 2):
+        raise ValueError(f"covariances of a scan of {len(z)} measurements must be ({len(z)}, 2, 2), are {R.shape}")
+    wrong = _first_wrong(z, R)
+    if wrong < 0:
+        return z, R
+    if not np.isfinite(z[wrong]).all():
+        raise ValueError(f"measurements[{wrong}] must be finite, is {z[wrong].tolist()}")
+    raise ValueError(f"covariances[{wrong}] must be finite, symmetric and positive definite, is {R[wrong].tolist()}")
+
+
+def check_track(id: int, belief: Gaussian, existence: float) -> None:
+    """ValueError if a track that a tracker is to begin with is no belief on somebody."""
+    mean, covariance = np.asarray(belief.mean), np.asarray(belief.covariance)
+    if mean.shape != (4,) or not np.isfinite(mean).all():
+        raise ValueError(f"mean of track {id} must be four finite numbers, is {mean.tolist()}")
+    if covariance.shape != (4, 4) or not _definite(covariance):
+        what = "finite, symmetric and positive definite (4, 4)"
+        raise ValueError(f"covariance of track {id} must be {what}, is {covariance.tolist()}")
+    if not 0.0 < existence <= 1.0:
+        raise ValueError(f"existence of track {id} must be in (0, 1], is {existence}")
+
+
+def _definite(covariance: Array) -> bool:
+    if not np.isfinite(covariance).all():
+        return False
+    asymmetry = np.abs(covariance - covariance.T).max()
+    return bool(asymmetry <= _ASYMMETRY * np.trace(covariance) and eigen(covariance)[0].min() > 0.0)
+
+
+def _check_pose(pose: Pose) -> None:
+    position, quaternion = _floats("pose.position", pose.position), _floats("pose.quaternion", pose.quaternion)
+    if position.shape != (3,) or not np.isfinite(position).all():
+        raise ValueError(f"pose.position of a scan must be three finite numbers, is {position.tolist()}")
+    if quaternion.shape != (4,) or not abs(length(quaternion) - 1.0) <= UNIT:
+        raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
+
+
+def _floats(name: str, values: Array) -> Array:
+    try:
+        return np.ascontiguousarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} of a scan must be an array of numbers, are {values!r}") from error
+
+
+@compiled
+def _first_wrong(z: Array, R: Array) -> int:
+    """Index of the first measurement or covariance that makes no sense, -1 if there is none."""
+    for j in range(len(z)):
+        xx, xy, yx, yy = R[j, 0, 0], R[j, 0, 1], R[j, 1, 0], R[j, 1, 1]
+        definite = xx > 0.0 and xx * yy - xy * yx > 0.0 and xx + yy < np.inf
+        if not (definite and abs(xy - yx) <= _ASYMMETRY * (xx + yy) and abs(z[j, 0]) + abs(z[j, 1]) < np.inf):
+            return j
+    return -1

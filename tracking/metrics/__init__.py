@@ -1,0 +1,1 @@
+"""Tracks against the truth: OSPA, GOSPA, CLEAR MOT, NEES."""

@@ -1,0 +1,85 @@
+"""Which track stands for whom from scan to scan, and how often that changes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from tracking.numerics.compiled import Array
+from tracking.numerics.matrices import length
+
+Indices = NDArray[np.int64]
+
+
+def correspondence(tracks: Array, people: Array, within: float) -> Indices:
+    """The track (K, M) that stands for each of M people at each of K scans, as an index into A tracks; -1 for none.
+
+    tracks (K, A, 2) m and people (K, M, 2) m, NaN where absent. A track `within` m of a person may stand for them, and
+    at each scan each for one. A person keeps the track that stood for them last while it may, also after an
+    interruption; of two people who claim one, who had it later keeps it. The others are paired anew: as many as can
+    be, then as near as can be. Source: [Bernardin08], as most evaluation kits read it: a mapping outlives a gap.
+    """
+    X, Y = np.asarray(tracks, dtype=float), np.asarray(people, dtype=float)
+    if X.ndim != 3 or Y.ndim != 3 or len(X) != len(Y):
+        raise ValueError(f"tracks and people must be (K, A, 2) and (K, M, 2), are {X.shape} and {Y.shape}")
+    if not within > 0:
+        raise ValueError(f"within must be positive, is {within}")
+    gaps = length(X[:, :, None] - Y[:, None])
+    gaps[~(gaps <= within)] = np.inf  # absent or too far
+    matches = np.full(Y.shape[:2], -1)
+    last, since = np.full(Y.shape[1], -1), np.full(Y.shape[1], -1)  # track, and the scan at which it was matched
+    for k, gap in enumerate(gaps):
+        now = matches[k]
+        _keep(gap, last, since, now)
+        _pair(gap, now)
+        found = now >= 0
+        last[found], since[found] = now[found], k
+    return matches
+
+
+def switches(matches: Indices) -> Indices:
+    """How often each of M people (M,) was handed from one track to another, given the result of `correspondence`.
+
+    Scans without a track between the two do not matter. Source: [Bernardin08], mismatches.
+    """
+    return np.array([np.count_nonzero(np.diff(column[column >= 0])) for column in matches.T], dtype=np.int64)
+
+
+def fragmentations(matches: Indices, present: NDArray[np.bool_]) -> Indices:
+    """How often each of M people (M,) had no track and then one again, after having had one.
+
+    matches (K, M) as `correspondence` gives them; present (K, M): scans without the person do not count.
+    """
+    held = [(matches[present[:, m], m] >= 0).astype(np.int64) for m in range(matches.shape[1])]
+    rises = [np.count_nonzero(np.diff(h, prepend=0) == 1) for h in held]
+    return np.array([max(0, count - 1) for count in rises], dtype=np.int64)
+
+
+def _keep(gap: Array, last: Indices, since: Indices, now: Indices) -> None:
+    """Give people the tracks that they had last, where these may stand for them; gap (A, M) m is inf else."""
+    people = np.flatnonzero(last >= 0)
+    people = people[np.isfinite(gap[last[people], people])]
+    # Who had a track latest comes first; two cannot have had it at the same scan.
+    people = people[np.argsort(-since[people], kind="stable")]
+    _, first = np.unique(last[people], return_index=True)
+    now[people[first]] = last[people[first]]
+
+
+def _pair(gap: Array, now: Indices) -> None:
+    """Pair people and tracks that have nobody yet."""
+    people = np.flatnonzero(now < 0)
+    if len(people) == 0:
+        return
+    free = np.ones(len(gap), dtype=np.bool_)
+    free[now[now >= 0]] = False
+    tracks = np.flatnonzero(free)
+    left = gap[tracks[:, None], people]
+    near = np.isfinite(left)
+    if not near.any():
+        return
+    # Dearer than all pairs within the gate, so that as many of these are made as there can be.
+    far = (left[near].max() + 1.0) * (min(left.shape) + 1)
+    rows, columns = linear_sum_assignment(np.where(near, left, far))
+    made = near[rows, columns]
+    now[people[columns[made]]] = tracks[rows[made]]

@@ -1,0 +1,42 @@
+"""Distance between sets of estimated and true positions that tells who was missed and what was made up."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from tracking.metrics.ospa import points
+from tracking.numerics.compiled import Array
+from tracking.numerics.elementary import power, power_each
+from tracking.numerics.matrices import length
+
+
+class Gospa(NamedTuple):
+    """GOSPA distance [m] and its parts: localisation^p + missed^p + false^p = distance^p.
+
+    Each missed truth and each false estimate adds c^p / 2 to the p-th power of its part.
+    """
+
+    distance: float
+    localisation: float
+    missed: float
+    false: float
+
+
+def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> Gospa:
+    """Generalised OSPA distance, alpha = 2, between estimates (A, 2) and truths (B, 2), all in m.
+
+    An estimate c > 0 or more from a truth [m] is not of it: one is false, the other missed; p >= 1 is the order. Unlike
+    OSPA it is a sum over targets, not their mean. Source: [Rahmathullah17].
+    """
+    if not (c > 0 and p >= 1):
+        raise ValueError(f"c must be positive and p at least 1, are {c} and {p}")
+    X, Y = points("estimates", estimates), points("truths", truths)
+    gaps = length(X[:, None] - Y[None])
+    chosen = gaps[linear_sum_assignment(power_each(np.minimum(gaps, c), p))]
+    near = chosen[chosen < c]
+    far = power(c, p) / 2
+    parts = (float(power_each(near, p).sum()), (len(Y) - len(near)) * far, (len(X) - len(near)) * far)
+    return Gospa(power(sum(parts), 1 / p), *(power(part, 1 / p) for part in parts))

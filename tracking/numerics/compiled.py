@@ -1,0 +1,59 @@
+"""One way to compile a numerical kernel, typed."""
+
+import hashlib
+import re
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_IMPORT = re.compile(r"^from ((?:tracking|planning|sim)\.[\w.]+) import", re.MULTILINE)
+
+not_kept: list[str] = []  # functions whose compiled code this process cannot write anywhere
+
+
+def compiled(function: Function) -> Function:
+    """Compile with numba, cached on disk where that can be; the signature stays visible to the type checker.
+
+    `error_model="numpy"` divides as NumPy does; fast-math stays off, so that results are the same everywhere.
+    """
+    return cast(Function, _kept(numba.njit, function, error_model="numpy"))
+
+
+def elementwise(function: Callable[..., float]) -> Callable[..., Array]:
+    """Compile a function of numbers for arrays that broadcast, as a universal function of NumPy's.
+
+    A function of its own, not one that is `compiled` too: on disk numba would take one for the other.
+    """
+    return cast("Callable[..., Array]", _kept(numba.vectorize, function))
+
+
+def _kept(compiler: Callable[..., Any], function: Callable[..., Any], **options: str) -> object:
+    """Compile a function and keep its code on disk where that can be, for as long as its sources are the same."""
+    try:
+        made = compiler(cache=True, **options)(function)
+    except RuntimeError:  # neither NUMBA_CACHE_DIR nor our folders nor the user's own can be written to
+        not_kept.append(function.__qualname__)
+        return compiler(**options)(function)
+    # numba looks at the function's own file alone, but its code has that of functions and constants of others in it.
+    index = made._cache if hasattr(made, "_cache") else made._dispatcher.cache
+    kept = index._cache_file
+    kept._source_stamp = (kept._source_stamp, digest_of(Path(function.__code__.co_filename)))
+    return made
+
+
+@cache
+def digest_of(file: Path, root: Path = Path(__file__).parents[2]) -> str:
+    """SHA-256 of a module's source and of all that it imports of the packages under `root`, directly or not."""
+    text = file.read_text(encoding="utf-8")
+    names = sorted(set(_IMPORT.findall(text)))
+    files = [root / f"{name.replace('.', '/')}.py" for name in names]
+    parts = [text, *(digest_of(imported, root) for imported in files if imported.is_file())]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()

@@ -1,0 +1,1 @@
+"""Classes of other people: their import and their containment."""

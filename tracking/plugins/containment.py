@@ -1,0 +1,150 @@
+"""Other people's code, called so that nothing it raises, gives or sets goes further than the call."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import traceback
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # naming plug-ins needs no arithmetic, whose import takes a while
+    from tracking.numerics.compiled import Array
+
+_LONGEST = 1000  # characters of a message
+_LAST = 3  # lines of a plug-in's own that are kept of a traceback
+_DEEPEST = 5  # lists in lists
+_OURS = tuple(f"{Path(__file__).parents[2] / name}{os.sep}" for name in ("sim", "planning", "tracking"))
+_IMPORT = ("<frozen ", "<string>", f"{Path(importlib.__file__).parent}{os.sep}")
+
+
+class Unusable(ValueError):
+    """What a plug-in gave cannot be used; the message says why."""
+
+
+class ForeignError(Exception):
+    """Something a plug-in did wrong: `text` in one line, `kind` of exception, `trace` of its own code."""
+
+    def __init__(self, kind: str, text: str, trace: tuple[str, ...] = ()) -> None:
+        """Without a `kind` the text speaks for itself."""
+        super().__init__(kind, text, trace)
+        self.kind, self.text, self.trace = kind, text, trace
+
+    def __str__(self) -> str:
+        """Kind and text."""
+        return ": ".join(filter(None, (self.kind, self.text)))
+
+    @property
+    def explained(self) -> str:
+        """The text and where it happened: of errors that say what is wrong with a value, without their kind."""
+        told = self.text if self.text and self.kind in ("ValueError", "TypeError") else str(self)
+        return f"{told} ({self.trace[-1].partition(': ')[0]})" if self.trace else told
+
+
+@contextmanager
+def contained(*passing: type[BaseException]) -> Iterator[None]:
+    """Raises a `ForeignError` for whatever the block raises, but for those `passing` and KeyboardInterrupt.
+
+    That one is the user's. What the block changes for the whole process is as before: what NumPy does about overflows,
+    which warnings are errors, how deep calls may go.
+    """
+    import numpy as np
+
+    filters, depth = warnings.filters[:], sys.getrecursionlimit()
+    try:
+        with np.errstate():
+            yield
+    except Unusable as error:
+        raise ForeignError("", str(error)) from None
+    except BaseException as error:
+        if isinstance(error, (KeyboardInterrupt, ForeignError, *passing)):
+            raise
+        raise _described(error) from None
+    finally:
+        if sys.getrecursionlimit() != depth:
+            sys.setrecursionlimit(depth)
+        if warnings.filters != filters:
+            warnings.resetwarnings()
+            warnings.filters[:] = filters  # type: ignore[index]
+
+
+def one_line(text: str, longest: int = _LONGEST) -> str:
+    """Printable characters in one line, cut after `longest`."""
+    plain = "".join(c if c.isprintable() else " " for c in text[: 10 * longest])
+    line = " ".join(plain.split())
+    return line if len(line) <= longest else line[: longest - 1] + "…"
+
+
+def numbers(name: str, given: object, most: int) -> Array:
+    """An array of floats, of its own, from whatever a plug-in gave; `Unusable` if it is not, or is more than `most`."""
+    import numpy as np
+
+    if not hasattr(type(given), "__array__"):
+        given = _listed(name, given, [most])
+    try:
+        array = np.asarray(given)
+        if array.size > most:
+            raise Unusable(_too_many(name, most))
+        if array.dtype.kind not in "biufO":
+            raise Unusable(f"{name} are not numbers")
+        return np.array(array, dtype=float)
+    except OverflowError:
+        raise Unusable(f"{name} are not finite") from None
+    except (TypeError, ValueError) as error:
+        raise error if isinstance(error, Unusable) else Unusable(f"{name} are not numbers") from None
+
+
+def _listed(name: str, given: object, left: list[int], depth: int = _DEEPEST) -> object:
+    """Sequences in sequences as lists; `left` counts down the entries that there may still be."""
+    kind = type(given)
+    if isinstance(given, str | bytes | Mapping) or not (hasattr(kind, "__len__") and hasattr(kind, "__getitem__")):
+        return given
+    if hasattr(kind, "__array__"):
+        if getattr(given, "size", 0) > left[0]:
+            raise Unusable(_too_many(name, left[0]))
+        return given
+    if depth == 0:
+        raise Unusable(f"{name} are not numbers")
+    most = left[0]
+    items: list[object] = []
+    for item in given:  # type: ignore[attr-defined]
+        left[0] -= not hasattr(type(item), "__len__")
+        if left[0] < 0 or len(items) > most:
+            raise Unusable(_too_many(name, most))
+        items.append(_listed(name, item, left, depth - 1))
+    return items
+
+
+def _too_many(name: str, most: int) -> str:
+    return f"{name} are more than {most} numbers"
+
+
+def _described(error: BaseException) -> ForeignError:
+    """An exception as text; its class, and all it says of itself, may be a stranger's."""
+    try:
+        kind = one_line(str.__str__(type(error).__name__), 100)
+    except BaseException:
+        kind = "an exception"
+    try:
+        text = one_line(str.__str__(str(error)))
+    except BaseException:
+        text = "what it says cannot be read"
+    return ForeignError(kind, text, _places(error))
+
+
+def _places(error: BaseException) -> tuple[str, ...]:
+    """The last lines of a traceback that are the plug-in's own, and the very last if that is a library's."""
+    try:
+        frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith(_OURS + _IMPORT)]
+    except BaseException:
+        return ()
+    if not frames:
+        return ()
+    home = os.path.dirname(frames[0].filename)
+    kept = [frame for frame in frames if frame.filename.startswith(home)][-_LAST:]
+    kept += [] if kept[-1] is frames[-1] else [frames[-1]]
+    return tuple(one_line(f"{f.filename}:{f.lineno}, in {f.name}: {f.line}", 300) for f in kept)
