@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from sim.analysis.measures import Measure
 
 # Of 4000 samples of so many maps, the share [%] of intervals that held the mean of all maps flown, over planners and
-# their differences, missions of 20 s and 40 s; tests/test_coverage.py counts again.
+# their differences, missions of 20 s and 40 s; tests/sim/analysis/test_coverage.py counts again.
 SHARES = {3: 90, 5: 91, 8: 94, 10: 93, 20: 94, 50: 95}  # of scans with OSPA under 1 m: the lowest
 ERRORS = {  # of means over maps of the mean and the median OSPA of a mission: median, lowest
     "ospa.mean_m": {3: (91, 80), 5: (86, 70), 8: (85, 67), 10: (83, 58), 20: (91, 44), 50: (91, 45)},

@@ -7,8 +7,8 @@ import time
 
 import numpy as np
 import pytest
-from scenes import CAMERA, MOTION, OPEN, R, track
-from test_consensus import graph
+from helpers.graphs import graph
+from helpers.scenes import CAMERA, MOTION, OPEN, R, track
 
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose

@@ -10,8 +10,8 @@ import time
 
 import numpy as np
 import pytest
-from peers import StoneSoup
-from scenes import ALONE, CAMERA, MOTION, OPEN, R, track
+from helpers.peers import StoneSoup
+from helpers.scenes import ALONE, CAMERA, MOTION, OPEN, R, track
 from stonesoup.dataassociator.probability import JPDA, JPDAwithEHM2
 
 from tracking.fusion.consensus import fuse

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 import pytest
-from scenes import CAMERA, MOTION, OPEN, R, track
-from test_nbo import nominal, plain_cost
+from helpers.nominal import nominal, plain_cost
+from helpers.scenes import CAMERA, MOTION, OPEN, R, track
 
 from planning.composition import Composition
 from planning.objective.nbo import costs

@@ -10,7 +10,7 @@ import time
 import msgspec
 import numpy as np
 import pytest
-from studies import Serial, invented, short
+from helpers.studies import Serial, invented, short
 
 from sim.study.engine import complete
 from sim.study.pool import Pool

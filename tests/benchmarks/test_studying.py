@@ -5,7 +5,7 @@ In ordinary test runs each part runs once, on few trials, and its times are not 
 
 import numpy as np
 import pytest
-from trials import row
+from helpers.trials import row
 
 from sim.analysis.answers import answers
 from sim.analysis.cells import grouped

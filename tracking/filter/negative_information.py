@@ -35,9 +35,9 @@ def look(
     To see a place empty again says only that nobody has come there since. What the last frame said is in the belief,
     but for the tails that a Gaussian has again in the place just seen empty; so where both frames show a place, it
     takes the time in which people cross the belief until that says as much again.
-    Note: this is ours; tests/test_absence.py compares it with particles. What the last frame showed is taken to be in
-    the belief also if it showed all of it, which says nothing, or the UAV did not hold the track then. What other UAVs'
-    frames showed is not asked for: those of one time are averaged by consensus.
+    Note: this is ours; tests/tracking/filter/test_negative_information.py compares it with particles. What the last
+    frame showed is taken to be in the belief also if it showed all of it, which says nothing, or the UAV did not hold
+    the track then. What other UAVs' frames showed is not asked for: those of one time are averaged by consensus.
     """
     means, covariances = beliefs
     seen = visible_samples(camera, now[1], means[:, :2], covariances[:, :2, :2], forest)

@@ -3,7 +3,7 @@
 The C library and NumPy choose their code by processor, and results differ in the last bit. These use additions,
 multiplications, divisions and square roots alone, which IEEE 754 rounds in one way, in an order that is written down.
 Each is within two units in the last place of the true value unless its docstring says otherwise
-(tests/test_elementary.py). Those whose names end in `_each` take arrays and broadcast as NumPy does.
+(tests/tracking/numerics/test_elementary.py). Those whose names end in `_each` take arrays and broadcast as NumPy does.
 """
 
 from __future__ import annotations

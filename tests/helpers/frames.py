@@ -1,0 +1,61 @@
+"""Rendered frames and the count of what is found in them."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from helpers.views import CAMERA
+from tracking.detection.detector import Frame
+from tracking.geometry.camera import Camera
+from tracking.geometry.visibility import TARGET_HEIGHT
+
+MARGIN = 16  # pixels around the image in which people cut by its edge are seen whole
+
+
+WIDE = Camera(2 * math.atan((CAMERA.pixels / 2 + MARGIN) / CAMERA.focal), CAMERA.pixels + 2 * MARGIN)
+
+
+def frame(image, pose, camera=CAMERA):
+    return Frame(0, 0.0, camera, pose, np.ascontiguousarray(image))
+
+
+def touching(people, count):
+    """Whether each person's silhouette meets another's, corners included (count,)."""
+    padded = np.pad(people, 1, constant_values=-1)
+    n = len(people)
+    touch = np.zeros(count, dtype=bool)
+    for i, j in np.ndindex(3, 3):
+        other = padded[i : i + n, j : j + n]
+        meet = (people >= 0) & (other >= 0) & (people != other)
+        touch[people[meet]] = True
+    return touch
+
+
+@dataclass
+class Tally:
+    """What became of people of whom half or more was visible and who touched nobody, and of all detections."""
+
+    people: list  # found, off-nadir angle in degrees, radial and tangential error in m
+    detections: list  # whether a person was there
+
+    def count(self, found, places, pose, scene, alone):
+        """Match detections to people; scene and alone are label images with trees, and without and enlarged."""
+        n = len(places)
+        visible = np.bincount(scene[scene >= 0], minlength=n)
+        whole = np.bincount(alone[alone >= 0], minlength=n)
+        touch = touching(alone, n)
+        distance = np.linalg.norm(found.ground[:, None] - places, axis=2)
+        distance[:, visible == 0] = np.inf
+        rows, columns = linear_sum_assignment(np.minimum(distance, 1.0))
+        pairs = {c: r for r, c in zip(rows, columns, strict=True) if distance[r, c] < 1.0}
+        for k in np.flatnonzero((visible > 0) & (2 * visible >= whole) & ~touch):
+            offset = places[k] - pose.position[:2]
+            radial = offset / np.linalg.norm(offset)
+            angle = math.degrees(math.atan2(np.linalg.norm(offset), pose.position[2] - TARGET_HEIGHT))
+            error = found.ground[pairs[k]] - places[k] if k in pairs else np.full(2, np.nan)
+            self.people.append((k in pairs, angle, error @ radial, error @ [-radial[1], radial[0]]))
+        for row in range(len(found.ground)):
+            if np.isinf(distance[row]).all() or not touch[np.argmin(distance[row])]:
+                self.detections.append(row in pairs.values())

@@ -1,0 +1,91 @@
+"""Calls commands one by one, each in a process of its own that is forked from this one, where all is loaded.
+
+Reads lines of JSON {"folder", "arguments"}; answers {"code", "seconds", "megabytes"}, code null for what was killed.
+"""
+
+import json
+import os
+import resource
+import signal
+import sys
+import time
+import traceback
+from contextlib import nullcontext
+from pathlib import Path
+
+import cv2
+
+import sim.running.run
+from helpers.studies import Serial
+from sim import __main__ as cli
+from sim.cli import compare
+from sim.mission.warmup import warm_up
+from sim.replay import film  # noqa: F401
+from sim.replay.explain import explanation  # noqa: F401
+from sim.replay.frames.rerender import find  # noqa: F401 - what commands import late is loaded once
+from sim.replay.page import page  # noqa: F401
+from sim.replay.rerun import viewer  # noqa: F401
+from sim.report import report, tables  # noqa: F401
+from sim.study.tasks import release
+
+SECONDS, BYTES = 20.0, 2 * 2**30
+
+
+def called(arguments, folder):
+    """Call a command in a folder, as its own process would; its exit code."""
+    os.setsid()  # so that all it starts can be ended with it
+    os.chdir(folder / "in")
+    os.environ["TMPDIR"] = str(folder / "tmp")
+    os.environ["COLUMNS"] = "80"
+    for number, name in enumerate(("/dev/null", folder / "out.txt", folder / "err.txt")):
+        os.dup2(os.open(name, os.O_RDWR | os.O_CREAT), number)
+    resource.setrlimit(resource.RLIMIT_DATA, (BYTES, BYTES))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    sys.argv = ["understory", *arguments]
+    try:
+        cli.main()
+        code = 0
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:
+        traceback.print_exc()
+        code = 1
+    sys.stdout.flush()
+    sys.stderr.flush()
+    return code
+
+
+def run(arguments, folder):
+    """What became of a command."""
+    start = time.monotonic()
+    child = os.fork()
+    if child == 0:
+        os._exit(called(arguments, folder))
+    code = None
+    while True:
+        ended, status, used = os.wait4(child, os.WNOHANG)
+        if ended:
+            code = os.waitstatus_to_exitcode(status)
+            break
+        if time.monotonic() - start > SECONDS:
+            os.killpg(child, signal.SIGKILL)
+            _, status, used = os.wait4(child, 0)
+            break
+        time.sleep(0.005)
+    return {"code": code, "seconds": time.monotonic() - start, "megabytes": used.ru_maxrss / 1024}
+
+
+def main():
+    compare._backend = lambda workers, dask: nullcontext(Serial())  # processes of a pool take seconds to start
+    cv2.setNumThreads(1)
+    warm_up()
+    release()
+    sim.running.run.warm_up = lambda: 0.0  # which is done
+    print("ready", flush=True)
+    for line in sys.stdin:
+        asked = json.loads(line)
+        print(json.dumps(run(asked["arguments"], Path(asked["folder"]))), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""Fly the same missions as other processors would and print their hashes: `python tests/helpers/reproducibility.py`.
+
+Environment variables make BLAS, NumPy, OpenCV, numba and the C library choose the code that they keep for other
+processors. `--short` flies one short mission; further interpreters, each with understory installed with other versions
+of its dependencies, are named by `--python PATH`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+KERNELS = ("Haswell", "Zen", "SkylakeX", "SandyBridge", "Nehalem", "Prescott")
+# Groups have had several names.
+_NUMPY = "AVX512F AVX512CD AVX512_KNL AVX512_KNM AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR X86_V4"
+_OPENCV = "AVX512-SKX,AVX512-COMMON,AVX512-CNL,AVX512-CLX,AVX512-ICL,AVX2,FMA3,AVX,FP16"
+_GLIBC = "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX512BW,-AVX512DQ,-AVX2,-AVX2_Usable,-FMA,-FMA_Usable,-FMA4"
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+_OTHER = {"PYTHONHASHSEED": "7", "LC_ALL": "C.UTF-8", "LANG": "tr_TR.UTF-8", "TZ": "Pacific/Apia"}
+
+VARIANTS: dict[str, dict[str, str]] = {
+    "this processor": {},
+    **{f"OpenBLAS for {kernel}": {"OPENBLAS_CORETYPE": kernel} for kernel in KERNELS},
+    "NumPy without AVX-512": {"NPY_DISABLE_CPU_FEATURES": _NUMPY},
+    "NumPy without AVX-512 and AVX2": {"NPY_DISABLE_CPU_FEATURES": f"{_NUMPY} AVX2 FMA3 X86_V3 AVX F16C"},
+    "OpenCV without AVX-512 and AVX2": {"OPENCV_CPU_DISABLE": _OPENCV},
+    "C library without AVX2 and FMA": {"GLIBC_TUNABLES": _GLIBC},
+    "numba for any x86-64": {"NUMBA_CPU_NAME": "generic"},
+    **{f"{count} threads": dict.fromkeys(_THREADS, str(count)) for count in (1, 2, 8)},
+    "other hash seed, locale and time zone": _OTHER,
+}
+_SETTINGS: dict[str, tuple[int, tuple[str, ...]]] = {
+    "seed 0": (0, ()),
+    "seed 1": (1, ()),
+    "seed 2": (2, ()),
+    "camera noise": (3, ("sensing.noise=camera",)),
+    "existence": (4, ("tracking.life=existence",)),
+    "hcmci": (5, ("network.fusion=hcmci",)),
+    "unknown tracks": (6, ("tracking.initial_tracks=none",)),
+    "body-fixed, wind": (7, ("wind.gust=1.5", "wind.velocity=[3, 1]", "uavs.0.mount=body")),
+}
+SHORT = ("seed 0", 6.0)  # mission and its duration [s]
+# Last come the images themselves, of a short mission whose appearance is drawn at random.
+_FLY = """
+import hashlib, json, sys
+from planning.registry import DEFAULT_PLANNER
+from sim.scenario.loading import load
+from sim.mission.mission import Mission, Trial
+from sim.study.tasks import task_of
+from sim.study.trial import fly
+for seed, overrides in json.loads(sys.argv[1]):
+    row = fly(task_of(load("forest", overrides), DEFAULT_PLANNER, seed)).row
+    print(row.recording or sys.exit(row.error))
+mission = Mission.of(Trial(load("forest", ["duration=2", "appearance.randomise=true"]), DEFAULT_PLANNER, 0))
+images = hashlib.sha256()
+for _ in mission.fly():
+    for frame in mission.frames:
+        images.update(frame)
+print(images.hexdigest())
+"""
+
+
+def hashes(python: str, missions: Sequence[str], *, duration: float = 40.0, **environment: str) -> list[str]:
+    """SHA-256 of missions' recordings, then that of images, by an interpreter in its own environment and folder."""
+    wanted = [(seed, [f"duration={duration}", *overrides]) for seed, overrides in map(_SETTINGS.get, missions)]
+    paths = {"PYTHONPATH": str(ROOT)} if python == sys.executable else {}
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [python, "-c", _FLY, json.dumps(wanted)],
+            cwd=folder,
+            env={**os.environ, **paths, **environment},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    if done.returncode:
+        raise RuntimeError(f"{python} in {environment} did not fly:\n{done.stderr[-2000:]}")
+    return done.stdout.split()
+
+
+def main() -> int:
+    """Print a table of hashes, a row a variant; 0 if each column has one hash."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--short", action="store_true")
+    parser.add_argument("--python", action="append", default=[])
+    parser.add_argument("--only", action="append", choices=VARIANTS, default=[])
+    arguments = parser.parse_args()
+    missions = [SHORT[0]] if arguments.short else list(_SETTINGS)
+    duration = SHORT[1] if arguments.short else 40.0
+    rows = {name: (sys.executable, VARIANTS[name]) for name in arguments.only or VARIANTS}
+    rows |= {python: (python, {}) for python in arguments.python}
+    columns = [*missions, "images"]
+    print(f"| variant | {' | '.join(columns)} |\n|{'---|' * (len(columns) + 1)}")
+    seen: dict[str, set[str]] = {column: set() for column in columns}
+    for name, (python, environment) in rows.items():
+        flown = hashes(python, missions, duration=duration, **environment)
+        for column, found in zip(columns, flown, strict=True):
+            seen[column].add(found)
+        shown = [found if arguments.short else found[:12] for found in flown]
+        print(f"| {name} | {' | '.join(f'`{found}`' for found in shown)} |", flush=True)
+    return int(any(len(found) > 1 for found in seen.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

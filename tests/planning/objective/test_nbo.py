@@ -1,0 +1,117 @@
+"""The compiled objective against a plain transcription of the paper's equations, and the paper's MWTP figure."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers.nominal import nominal, plain_cost, plain_mwtp, squares
+
+from planning.objective.mwtp import weighted_trace_penalty
+from planning.objective.nbo import costs, team_cost
+from planning.prediction.propagation import Nominal, nominal_positions
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.5])
+@pytest.mark.parametrize(("uavs", "targets"), [(3, 4), (1, 3), (4, 2), (2, 6)])
+def test_the_compiled_objective_equals_a_plain_transcription(random_team, uavs, targets, beta):
+    counts = []
+    for seed in range(25):
+        situation = random_team(seed, uavs=uavs, targets=targets, spread=12.0 + seed)[0]
+        controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (uavs, 5, 2))
+        expected, seen = plain_cost(situation, controls, beta)
+        assert team_cost(nominal(situation, 5), controls, beta) == pytest.approx(expected, rel=1e-9)
+        counts += seen
+    assert 0 in counts and 1 in counts and (uavs == 1 or 2 in counts)
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.5])
+def test_the_objective_of_expected_visibility_equals_a_plain_transcription(random_team, beta):
+    partly = 0
+    for seed in range(15):
+        situation = random_team(seed, spread=12.0 + seed)[0]
+        controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (3, 5, 2))
+        view = Nominal(expected=True).outlook(situation, 5, np.random.default_rng(0))
+        expected, _ = plain_cost(situation, controls, beta, expected=True)
+        assert team_cost(view, controls, beta) == pytest.approx(expected, rel=1e-6)  # marks have eight digits
+        partly += not math.isclose(expected, plain_cost(situation, controls, beta)[0], rel_tol=1e-3)
+    assert partly >= 10
+
+
+def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):
+    situation = random_team(3)[0]
+    view = nominal(situation, 4)
+    rng = np.random.default_rng(0)
+    controls, candidates = rng.uniform(-3, 3, (3, 4, 2)), rng.uniform(-3, 3, (6, 3, 4, 2))
+    for uavs in ([0], [1], [2], [0, 2], [2, 1], [0, 1, 2]):
+        chosen = candidates[:, : len(uavs)]
+        for value, candidate in zip(costs(view, controls, uavs, chosen, 0.5), chosen, strict=True):
+            joint = controls.copy()
+            joint[uavs] = candidate
+            assert value == pytest.approx(plain_cost(situation, joint, 0.5)[0], rel=1e-9)
+
+
+def test_trees_matter_to_the_objective(random_team):
+    differing = 0
+    for seed in range(20):
+        controls = np.zeros((3, 5, 2))
+        forest, bare = random_team(seed)[0], random_team(seed, trees=0)[0]
+        bare = type(bare)(**{**vars(forest), "forest": bare.forest})
+        hidden, free = (team_cost(nominal(s, 5), controls, 0.0) for s in (forest, bare))
+        assert hidden >= free - 1e-9
+        differing += hidden > free + 1e-6
+    assert differing >= 5
+
+
+def test_no_target_costs_nothing(random_team):
+    situation = random_team(0, targets=0)[0]
+    assert team_cost(nominal(situation, 5), np.zeros((3, 5, 2)), 0.5) == 0.0
+
+
+def test_nominal_positions_follow_the_velocity(random_team):
+    tracks = random_team(1)[0].tracks
+    points = nominal_positions(tracks, 1.0, 3)
+    for t, track in enumerate(tracks):
+        m = track.belief.mean
+        np.testing.assert_allclose(points[2, t], [m[0] + 3 * m[2], m[1] + 3 * m[3]])
+
+
+# End of the horizon in the paper's MWTP figure, in its drawing units, y upwards.
+FIGURE_SENSORS = np.array([[227.0, -168.25], [120.0, -154.25]])
+FIGURE_TARGETS = np.array([[70.0, -104.5], [249.0, -94.5]])
+FIGURE_REACH = np.array([33.0, 33.0])
+
+
+@pytest.mark.parametrize("traces", [(4.0, 9.0), (9.0, 4.0)])
+def test_mwtp_matches_the_sensors_and_targets_of_the_papers_figure(traces):
+    sensors = FIGURE_SENSORS.copy()
+    penalty = weighted_trace_penalty(FIGURE_TARGETS, np.array(traces), sensors, squares(FIGURE_REACH))
+    to_first = math.hypot(120 - 70, 154.25 - 104.5)  # sensor 2 to target 1
+    to_second = math.hypot(249 - 227, 168.25 - 94.5)  # sensor 1 to target 2
+    assert penalty == pytest.approx(to_first * traces[0] + to_second * traces[1], rel=1e-12)
+    # p^MDO: the fields of view just cover the targets.
+    np.testing.assert_allclose(sensors, [[227.0, -94.5 - 33.0], [70.0 + 33.0, -104.5 - 33.0]])
+
+
+def test_mwtp_penalises_each_sensor_for_one_target_only():
+    targets = np.array([[100.0, 0.0], [100.0, 5.0]])
+    sensors = np.array([[0.0, 0.0], [1000.0, 0.0]])
+    penalty = weighted_trace_penalty(targets, np.array([2.0, 1.0]), sensors, squares([10.0, 10.0]))
+    # The first sensor takes both: D is 100 after the first target, then 100 + |(10, 5)| < 900.
+    assert penalty == pytest.approx(200.0)
+
+
+def test_mwtp_is_zero_when_every_target_is_in_view():
+    targets = np.array([[5.0, -5.0]])
+    assert weighted_trace_penalty(targets, np.array([3.0]), np.zeros((1, 2)), squares([5.0])) == 0.0
+
+
+def test_mwtp_agrees_with_the_plain_algorithm():
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        n, T = rng.integers(1, 5), rng.integers(1, 8)
+        sensors, targets = rng.uniform(-40, 40, (n, 2)), rng.uniform(-40, 40, (T, 2))
+        traces, reach = rng.uniform(0.1, 9, T), rng.uniform(8, 13, n)
+        expected = plain_mwtp(targets, traces, sensors, reach)
+        assert weighted_trace_penalty(targets, traces, sensors.copy(), squares(reach)) == pytest.approx(
+            expected, rel=1e-12
+        )

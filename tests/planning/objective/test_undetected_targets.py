@@ -1,0 +1,165 @@
+"""The worth of unseen ground: against a plain transcription, and what UAVs do about it."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from helpers.flights import fly
+
+from planning.coordination import expected
+from planning.objective.separation import Separation
+from planning.objective.undetected_targets import Search
+from planning.prediction.view import quadrangle, reach
+from planning.registry import load_planner
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.undetected import Unseen
+
+NOBODY = Unseen(np.zeros((20, 30)), (-75.0, -50.0), (5.0, 5.0))
+
+
+def unaware(situation, people=NOBODY.people):
+    return dataclasses.replace(situation, unseen=dataclasses.replace(NOBODY, people=people))
+
+
+def found(situation, uav, place):
+    """Part of each cell that a UAV sees from a place, by four points, times the probability of a find."""
+    vehicle, points = situation.vehicles[uav], np.full((600, 4, 3), TARGET_HEIGHT)
+    quarters = [(a, b) for a in (-1.25, 1.25) for b in (-1.25, 1.25)]
+    points[..., :2] = situation.unseen.centres().reshape(-1, 1, 2) + quarters
+    camera = np.array([*place, vehicle.position[2]])
+    view = quadrangle(vehicle)
+    shown = np.all((points[..., :2] - place) @ view[:4, :2].T <= view[:4, 2], axis=-1)
+    free = situation.forest.visible(camera[None], points.reshape(-1, 3)).reshape(600, 4)
+    return 0.99 * (shown & free).mean(axis=1)
+
+
+def transcribed(situation, controls, uavs, candidate):
+    """People not found, summed over steps, and beyond them the steps to each of them."""
+    plans = controls.copy()
+    plans[list(uavs)] = candidate
+    belief = situation.unseen
+    start = np.array([v.position[:2] for v in situation.vehicles])
+    ends = start + controls.sum(axis=1)
+    left, total = belief.people.ravel().copy(), 0.0
+    others = left.copy()
+    for step in range(1, controls.shape[1] + 1):
+        for i in range(len(plans)):
+            place = start[i] + plans[i, :step].sum(axis=0)
+            if i in uavs:  # what is in view is taken from places 5 m apart
+                place = start[i] + 5.0 * np.round((place - start[i]) / 5.0)
+            missed = 1.0 - found(situation, i, place)
+            left *= missed
+            others *= 1.0 if i in uavs else missed
+        total += left.sum()
+    for i in uavs:
+        places = ends.copy()
+        places[i] = start[i] + 5.0 * np.round(candidate[list(uavs).index(i)].sum(axis=0) / 5.0)
+        for cell, people in zip(belief.centres().reshape(-1, 2), others, strict=True):
+            gaps = [
+                math.dist(p, cell) - reach(v) / math.sqrt(2) for p, v in zip(places, situation.vehicles, strict=True)
+            ]
+            total += people * max(min(gaps), 0.0) / 5.0
+    return total
+
+
+@pytest.mark.parametrize("uavs", [[0], [1], [0, 2]])
+def test_the_term_is_people_not_found_and_the_steps_to_them(random_team, uavs):
+    rng = np.random.default_rng(uavs[-1])
+    for seed in range(2):
+        people = np.where(rng.random((20, 30)) < 0.15, rng.random((20, 30)), 0.0)
+        situation = unaware(random_team(seed, trees=75)[0], people)
+        controls = expected(situation, 3)
+        candidates = rng.uniform(-3.5, 3.5, (3, len(uavs), 3, 2))
+        costs = Search(7.0).term(situation, controls, uavs)(candidates)
+        by_hand = [7.0 * transcribed(situation, controls, uavs, c) for c in candidates]
+        np.testing.assert_allclose(costs, by_hand, rtol=1e-9)
+
+
+def test_where_nobody_is_unseen_the_plan_is_as_without_search(random_team):
+    team = random_team(1)
+    plain = load_planner("sma-nbo-mwtp(search=0)").plan(team, np.random.default_rng(0))
+    for aware in (team, [unaware(s) for s in team]):
+        plans = load_planner("sma-nbo-mwtp(search=100)").plan(aware, np.random.default_rng(0))
+        for plan, other in zip(plans, plain, strict=True):
+            np.testing.assert_array_equal(plan.controls, other.controls)
+
+
+@pytest.mark.parametrize("coordination", ["sequential", "parallel", "decentralised", "centralised"])
+def test_the_nearest_flies_to_where_somebody_must_be(random_team, coordination):
+    planner = load_planner(f"sma-nbo-mwtp(search=100, coordination={coordination})")
+    people = np.zeros((20, 30))
+    people[10, 28] = 1.0
+    place = NOBODY.centres()[10, 28]
+    team = [unaware(s, people) for s in random_team(2, targets=0, trees=0)]
+    gaps = [np.hypot(*(place - s.own.position[:2])) for s in team]
+    plans = planner.plan(team, np.random.default_rng(0))
+    gained = [
+        g - np.hypot(*(place - s.own.position[:2] - p.controls.sum(axis=0)))
+        for g, s, p in zip(gaps, team, plans, strict=True)
+    ]
+    assert gained[int(np.argmin(gaps))] > 20.0  # of the 25 m that it can fly
+
+
+def test_two_do_not_look_in_the_same_place(random_team):
+    """The second of a sequence goes for what the first leaves."""
+    people = np.zeros((20, 30))
+    people[9:11, [2, 27]] = 1.0
+    team = [unaware(s, people) for s in random_team(0, uavs=2, targets=0, trees=0, spread=3.0)]
+    plans = load_planner("sma-nbo(search=100)").plan(team, np.random.default_rng(0))
+    east = [p.controls[:, 0].sum() for p in plans]
+    assert sorted(np.sign(east)) == [-1.0, 1.0] and min(np.abs(east)) > 15.0
+
+
+def test_each_uav_infers_what_is_unseen_from_the_cameras_it_hears_of():
+    def beliefs(*overrides, **options):
+        mission, _ = fly("tracking.initial_tracks=none", "sensing.mode=ideal", "trees.density=0", *overrides, **options)
+        return [undetected.belief.people for undetected in mission._undetected]
+
+    together, apart = beliefs(duration=0.2), beliefs("network.range=1", duration=0.2)
+    for belief in together[1:]:
+        np.testing.assert_array_equal(belief, together[0])
+    np.testing.assert_allclose(together[0], np.prod(apart, axis=0) / (4.0 / 600) ** 2, rtol=1e-12)
+    np.testing.assert_array_equal(beliefs("people.count=1", duration=0.2), together)
+    assert beliefs("tracking.unseen=9", duration=0.2)[0].sum() == pytest.approx(2.25 * together[0].sum())
+
+
+def test_nothing_is_inferred_from_a_camera_that_takes_no_frame_when_uavs_plan():
+    def left(duration):
+        settings = ("rates.planning=5", "uavs.0.rate=1", "uavs.1.rate=1", "network.range=1", "people.paths=[]")
+        settings += ("people.count=1", "sensing.mode=ideal", "tracking.initial_tracks=none", "trees.density=0")
+        mission, _ = fly(*settings, duration=duration, seed=1)
+        return [undetected.belief.people.sum() for undetected in mission._undetected]
+
+    once, again, later = left(0.1), left(0.8), left(1.0)
+    np.testing.assert_allclose(again[:2], once[:2], rtol=1e-9)
+    assert again[2] < once[2] - 1e-3 and max(np.subtract(later, again)) < -1e-3
+
+
+def test_where_all_are_known_nobody_is_unseen():
+    mission, _ = fly("sensing.mode=ideal", planner="sma-nbo-mwtp", duration=3)
+    assert not any(undetected.belief.people.any() for undetected in mission._undetected)
+
+
+def test_with_search_fewer_people_are_left_where_no_camera_looked():
+    """Wandering people: without search UAVs hover by those whom they have found."""
+    left = {}
+    for search in (0, 25):
+        planner = f"sma-nbo-mwtp(search={search}, evaluations=256)"
+        settings = ("people.paths=[]", "sensing.mode=ideal", "trees.density=15", "tracking.initial_tracks=none")
+        mission, _ = fly(*settings, planner=planner, duration=12, seed=3)
+        left[search] = [undetected.belief.people.sum() for undetected in mission._undetected]
+        assert mission.faults == []
+    assert max(left[25]) < min(left[0]) - 0.5
+
+
+@pytest.mark.parametrize("option", ["search", "separation"])
+@pytest.mark.parametrize("value", ["-1", "inf", "yes"])
+def test_a_wrong_weight_is_named_in_one_line(option, value):
+    with pytest.raises(ValueError, match=f"^planner: [^\n]*{option}[^\n]* must be a (finite )?number"):
+        load_planner(f"sma-nbo({option}={value})")
+
+
+def test_options_choose_the_terms():
+    assert load_planner("sma-nbo(separation=3, search=25)").composition.terms == (Search(25), Separation(3))
+    assert load_planner("sma-nbo").composition.terms == ()

@@ -1,0 +1,132 @@
+"""The optimisers on functions whose minimum is known, and against exhaustive search."""
+
+from time import perf_counter, sleep
+
+import numpy as np
+import pytest
+from helpers.nominal import nominal
+
+from planning.coordination import expected
+from planning.objective.nbo import costs
+from planning.optimizers.cross_entropy import CrossEntropy
+from planning.optimizers.grid import Grid
+from planning.optimizers.initial_plans import pursuits
+from planning.optimizers.optimizer import limited
+from planning.optimizers.particle_swarm import ParticleSwarm
+from planning.prediction.propagation import nominal_positions
+
+SEARCHES = {
+    "cross-entropy": CrossEntropy(8192, elites=8, rounds=20, spread=0.5, shrink=0.75),
+    "particle-swarm": ParticleSwarm(6000),
+}
+LIMIT = np.array([5.0])
+
+
+def run(optimizer, objective, starts, seed=0, limits=LIMIT):
+    return optimizer.minimise(objective, starts, limits, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("name", SEARCHES)
+@pytest.mark.parametrize("uavs", [1, 2])
+def test_the_minimum_of_a_quadratic_is_found(name, uavs):
+    goal = np.array([[[1.0, -2.0], [3.0, 0.5], [-1.0, 2.0]], [[0.0, 0.5], [-3.0, 1.0], [1.0, 1.0]]])[:uavs]
+    found = run(SEARCHES[name], lambda c: np.sum((c - goal) ** 2, axis=(1, 2, 3)), np.zeros((1, uavs, 3, 2)))
+    np.testing.assert_allclose(found.plans, goal, atol=0.1)
+    assert found.cost == np.sum((found.plans - goal) ** 2)
+
+
+@pytest.mark.parametrize("optimizer", [CrossEntropy(16, rounds=2), ParticleSwarm(40), Grid(2)])
+def test_no_optimiser_is_worse_than_its_best_start_or_too_fast(optimizer):
+    rng = np.random.default_rng(2)
+    limits = np.array([5.0, 2.0])
+    for seed in range(10):
+        starts = limited(rng.normal(0, 3, (5, 2, 2, 2)), limits)
+        weights = rng.normal(size=(2, 2, 2))
+
+        def objective(c, weights=weights):
+            return np.sum(np.sin(7 * c * weights) + c * weights, axis=(1, 2, 3))
+
+        found = run(optimizer, objective, starts, seed, limits)
+        assert objective(found.plans[None])[0] == found.cost <= objective(starts).min()
+        assert np.all(np.linalg.norm(found.plans, axis=2).max(axis=1) <= limits * (1 + 1e-12))
+
+
+@pytest.mark.parametrize("optimizer", [CrossEntropy(160), ParticleSwarm(120), Grid(4, 2), Grid(4, 2, evaluations=30)])
+def test_what_an_optimiser_used_is_what_it_reports(optimizer):
+    asked = []
+
+    def objective(c):
+        asked.append(len(c))
+        return np.sum(c**2, axis=(1, 2, 3))
+
+    found = run(optimizer, objective, np.ones((3, 1, 2, 2)))
+    assert found.evaluations == sum(asked)
+    assert sum(asked) - 3 <= (optimizer.evaluations or 9**2) + (40 if isinstance(optimizer, ParticleSwarm) else 0)
+
+
+@pytest.mark.parametrize("optimizer", [CrossEntropy(64, seconds=0.2), ParticleSwarm(10**9, seconds=0.2)])
+def test_a_budget_in_seconds_is_used_and_kept(optimizer):
+    began = perf_counter()
+    found = run(optimizer, lambda c: np.sum(c**2, axis=(1, 2, 3)), np.ones((1, 1, 2, 2)))
+    assert 0.2 <= perf_counter() - began < 2.0
+    assert found.evaluations > 1000
+
+
+@pytest.mark.parametrize(
+    "optimizer",
+    [CrossEntropy(10**5, rounds=100, seconds=0.2), ParticleSwarm(10**5, seconds=0.2), Grid(300, seconds=0.2)],
+)
+def test_a_budget_in_seconds_ends_a_search_that_would_take_longer_and_keeps_the_best_so_far(optimizer):
+    """Each call takes 0.05 s; all plans would take ten calls or more."""
+    asked = []
+
+    def objective(c):
+        sleep(0.05)
+        asked.append(c)
+        return np.sum((c - 1.0) ** 2, axis=(1, 2, 3))
+
+    began = perf_counter()
+    found = run(optimizer, objective, np.full((1, 1, 2, 2), 3.0))
+    assert perf_counter() - began < 2.0 and len(asked) <= 6
+    tried = np.concatenate(asked)
+    assert found.evaluations == len(tried)
+    assert found.cost == np.sum((tried - 1.0) ** 2, axis=(1, 2, 3)).min() == np.sum((found.plans - 1.0) ** 2)
+
+
+def test_the_grid_holds_every_sequence_of_its_controls():
+    grid = Grid(4)
+    tried = []
+
+    def objective(c):
+        tried.append(c)
+        return np.zeros(len(c))
+
+    run(grid, objective, np.zeros((1, 2, 2, 2)), limits=np.array([5.0, 5.0]))
+    plans = {tuple(np.round(p, 9).ravel().tolist()) for p in np.concatenate(tried)}
+    assert len(plans) == 5 ** (2 * 2)
+    with pytest.raises(ValueError, match="optimizer grid: 625 plans of 2 UAVs over 2 steps, at most 600"):
+        run(Grid(4, most=600), objective, np.zeros((1, 2, 2, 2)), limits=np.array([5.0, 5.0]))
+
+
+def test_limited_shortens_and_keeps_the_direction():
+    plans = limited(np.array([[[6.0, 8.0], [0.3, 0.4]]]), 5.0)
+    assert plans[0, 0] == pytest.approx([3.0, 4.0])
+    assert plans[0, 1] == pytest.approx([0.3, 0.4])
+
+
+@pytest.mark.parametrize("optimizer", [CrossEntropy(), ParticleSwarm(12_288, particles_per_step=100)])
+def test_with_effort_the_optimum_of_exhaustive_search_is_found(random_team, optimizer):
+    """Fifty small cases: one of two UAVs, two steps; exhaustive search over 24 directions at three speeds."""
+    excess = []
+    for seed in range(50):
+        situation = random_team(seed, uavs=2, targets=3, spread=15.0)[0]
+        view, plans = nominal(situation, 2), expected(situation, 2)
+
+        def objective(c, view=view, plans=plans):
+            return costs(view, plans, [0], c, 0.5)
+
+        chases = pursuits(nominal_positions(situation.tracks, 1.0, 2), situation.own, 1.0)[:, None]
+        best = run(Grid(24, 3), objective, plans[None, :1]).cost
+        found = run(optimizer, objective, np.concatenate([plans[None, :1], chases]), seed)
+        excess.append(found.cost / best - 1.0)
+    assert max(excess) <= 0.01

@@ -1,0 +1,125 @@
+"""Planners predict people exactly as trackers let beliefs coast: scan by scan."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers.nominal import nominal
+
+from planning.composition import Composition
+from planning.objective.nbo import team_cost
+from planning.prediction.propagation import MonteCarlo, Nominal
+from planning.registry import load_planner
+from sim.mission.mission import Mission
+from sim.mission.tracker_setup import planned_motion, tracker_parameters
+from sim.scenario.loading import load
+from tracking.filter.bounded_speed import BoundedSpeed
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.geometry.camera import Camera
+from tracking.geometry.visibility import Forest
+from tracking.tracker import Tracker
+
+
+class Watched:
+    """A planner that keeps what it is given."""
+
+    def __init__(self):
+        self.seen = []
+
+    def plan(self, team, rng):
+        self.seen.append(team)
+        return load_planner("hover").plan(team, rng)
+
+
+def coasting(tracks, scenario, seconds):
+    """Means (T, 4) and covariances (T, 4, 4) of a tracker of the scenario that sees nobody for so long."""
+    tracker = Tracker(0, Camera(1.0, 64), Forest(()), tracker_parameters(scenario), tracks)
+    for k in range(seconds * scenario.rates.sensing + 1):
+        tracker.coast(k / scenario.rates.sensing)
+    return (
+        np.array([t.belief.mean for t in tracker.tracks]),
+        np.array([t.belief.covariance for t in tracker.tracks]),
+    )
+
+
+@pytest.mark.parametrize("settings", [[], ["rates.sensing=10"], ["tracking.sigma_a=1.0", "rates.planning=5"]])
+@pytest.mark.parametrize("seconds", [1, 5, 10])
+def test_planners_predict_as_trackers_coast(random_team, settings, seconds):
+    """Mean, covariance, the points of expected visibility and the cost of plans that see nobody."""
+    scenario = load("forest", settings)
+    motion = planned_motion(scenario)
+    situation = dataclasses.replace(random_team(3)[0], motion=motion)
+    means, covariances = coasting(situation.tracks, scenario, seconds)
+    steps = seconds * scenario.rates.planning
+    ahead = (
+        np.array([t.belief.mean for t in situation.tracks]),
+        np.array([t.belief.covariance for t in situation.tracks]),
+    )
+    for _ in range(steps):
+        ahead = motion.predict_all(*ahead)
+    np.testing.assert_allclose(ahead[0], means, rtol=1e-12)
+    np.testing.assert_allclose(ahead[1], covariances, rtol=1e-12, atol=1e-13)
+    points = Nominal(expected=True).outlook(situation, steps, np.random.default_rng(0)).points[-1, :, :, :2]
+    np.testing.assert_allclose(points[:, 0], means[:, :2], rtol=1e-12)
+    np.testing.assert_allclose(points.mean(axis=1), means[:, :2], rtol=1e-9)
+    far = tuple(dataclasses.replace(v, position=v.position + np.array([9e3, 0.0, 0.0])) for v in situation.vehicles)
+    blind = dataclasses.replace(situation, own=far[0], neighbours=far[1:])
+    rest = team_cost(nominal(blind, steps), np.zeros((3, steps, 2)), 0.0)
+    if steps > 1:
+        rest -= team_cost(nominal(blind, steps - 1), np.zeros((3, steps - 1, 2)), 0.0)
+    assert rest == pytest.approx(np.trace(covariances[:, :2, :2], axis1=1, axis2=2).sum(), rel=1e-9)
+
+
+def test_one_long_step_has_more_noise_than_five_scans():
+    """Accelerations that are constant for a second move people farther than five that are independent."""
+    several, one = NearlyConstantVelocity(1.0, 0.5, scans=5), NearlyConstantVelocity(1.0, 0.5)
+    assert several.Q[2, 2] == pytest.approx(one.Q[2, 2] / 5) and several.Q[0, 2] == pytest.approx(one.Q[0, 2] / 5)
+    # Of an acceleration a in the scan that ends k scans before the step does come (k + 1/2) a dt² of way.
+    assert several.Q[0, 0] == pytest.approx(0.25 * 0.04**2 * 41.25, rel=1e-12)
+
+
+def test_a_mission_tells_planners_how_its_trackers_predict():
+    scenario = load("forest", ["duration=1", "sensing.mode=ideal", "dynamics=kinematic", "trees.density=0"])
+    planner = Watched()
+    list(Mission(scenario, planner, 0).fly())
+    motions = {s.motion for team in planner.seen for s in team}
+    assert motions == {NearlyConstantVelocity(1.0, 0.5, scans=5)}
+    assert tracker_parameters(scenario).motion == NearlyConstantVelocity(0.2, 0.5)
+
+
+def test_monte_carlo_trajectories_spread_as_trackers_coast(random_team):
+    situation = random_team(2, targets=1)[0]
+    points = MonteCarlo(40_000).outlook(situation, 5, np.random.default_rng(0)).points[:, :, 0, :2]
+    for seconds in (1, 5):
+        means, covariances = coasting(situation.tracks, load("forest", []), seconds)
+        spread = np.sqrt(np.trace(covariances[0, :2, :2]))
+        np.testing.assert_allclose(points[seconds - 1].mean(axis=0), means[0, :2], atol=4 * spread / 200)
+        np.testing.assert_allclose(np.cov(points[seconds - 1].T), covariances[0, :2, :2], atol=0.03 * spread**2)
+    # From step to step, too: how a trajectory goes on depends on the velocity that it has come to.
+    ways = np.diff(points[:, :, 0], axis=0)
+    speed, Q = situation.tracks[0].belief.covariance[2, 2], situation.motion.Q
+    expected = speed + Q[2, 2] + Q[0, 2]  # covariance of the second and the third way
+    assert np.cov(ways[0], ways[1])[0, 1] == pytest.approx(expected, rel=0.05)
+
+
+def test_prediction_by_one_step_is_an_option(random_team):
+    team = random_team(1)
+    single = [dataclasses.replace(s, motion=NearlyConstantVelocity(1.0, 0.5)) for s in team]
+    for name in ("sma-nbo-mwtp(evaluations=256", "mcr(samples=5, evaluations=256"):
+        option = load_planner(f"{name}, prediction=step)").plan(team, np.random.default_rng(0))
+        known = load_planner(f"{name})").plan(single, np.random.default_rng(0))
+        usual = load_planner(f"{name})").plan(team, np.random.default_rng(0))
+        assert all(np.array_equal(a.controls, b.controls) for a, b in zip(option, known, strict=True))
+        assert any(not np.array_equal(a.controls, b.controls) for a, b in zip(option, usual, strict=True))
+    assert Composition().prediction == "scans"
+
+
+@pytest.mark.parametrize("scans", [0, -1, 2.0])
+def test_scans_of_a_step_are_counted(scans):
+    with pytest.raises(ValueError, match=r"^scans must be an integer, 1 or more, is"):
+        NearlyConstantVelocity(1.0, 0.5, scans=scans)
+
+
+def test_bounded_speed_goes_scan_by_scan():
+    with pytest.raises(ValueError, match=r"^scans must be 1 where speed is bounded"):
+        BoundedSpeed(1.0, 0.5, 3.0, scans=5)

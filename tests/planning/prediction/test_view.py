@@ -1,0 +1,161 @@
+"""The planner's idea of a tilted camera's field of view against the camera itself."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from helpers.nominal import nominal, plain_cost, squares
+from scipy.spatial.transform import Rotation
+
+from planning.composition import Composition
+from planning.objective.mwtp import weighted_trace_penalty
+from planning.objective.nbo import team_cost
+from planning.planner import Vehicle
+from planning.prediction.intent import base_control
+from planning.prediction.view import aim, inside, quadrangle, reach, shortest_move, shown_at
+from tracking.detection.noise import NoiseModel
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.numerics.elementary import tan
+from tracking.tracker import Track
+
+
+def vehicle(tilt=0.0, heading=0.0, *, fov=60.0, height=19.1, place=(3.0, -4.0)):
+    """A vehicle whose camera is turned by `heading` and then pitched by `tilt` towards it, in degrees."""
+    attitude = Rotation.from_euler("ZY", [heading, -tilt], degrees=True).as_quat()
+    camera = Camera(math.radians(fov), 128)
+    return Vehicle(0, np.array([*place, height]), camera, NoiseModel.range_bearing(0.1), 5.0, attitude)
+
+
+def random_vehicle(rng):
+    fov = rng.uniform(20, 90)
+    return vehicle(rng.uniform(0, min(60, 85 - fov / 2)), rng.uniform(-180, 180), fov=fov, height=rng.uniform(7, 40))
+
+
+def seen(v, offsets):
+    """Whether the camera sees targets at offsets (N, 2) m from the vehicle, by projection (N,)."""
+    points = np.column_stack([v.position[:2] + offsets, np.full(len(offsets), TARGET_HEIGHT)])
+    return v.camera.sees(Pose(v.position, v.attitude), points)
+
+
+def test_the_half_planes_hold_exactly_what_the_camera_sees():
+    rng, shares = np.random.default_rng(0), []
+    for _ in range(60):
+        v = random_vehicle(rng)
+        offsets = rng.uniform(-1.2, 1.2, (300, 2)) * reach(v)
+        view = quadrangle(v)
+        clear = np.min(np.abs(offsets @ view[:4, :2].T - view[:4, 2]), axis=1) > 1e-9
+        expected = seen(v, offsets[clear])
+        found = [inside(view[None], 0, dx, dy) for dx, dy in offsets[clear]]
+        np.testing.assert_array_equal(found, expected)
+        shares.append(expected.mean())
+    assert 0.02 < np.mean(shares) < 0.5
+
+
+def test_a_level_camera_sees_a_square_to_the_last_bit():
+    for fov, height in ((60.0, 17.3), (75.0, 21.7), (33.3, 8.1)):
+        v = vehicle(fov=fov, height=height)
+        half = (height - TARGET_HEIGHT) * tan(math.radians(fov) / 2)
+        np.testing.assert_array_equal(quadrangle(v), squares([half])[0])
+
+
+def test_image_marks_are_where_the_cameras_rays_meet_the_plane_of_the_targets():
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        v, marks = random_vehicle(rng), rng.uniform(-1, 1, (30, 2))
+        pixels = v.camera.pixels / 2 * (1 + marks * [1, -1])
+        expected = v.camera.ground_points(Pose(v.position, v.attitude), pixels, TARGET_HEIGHT)
+        np.testing.assert_allclose(v.position[:2] + shown_at(v, marks), expected, atol=1e-9)
+        np.testing.assert_array_equal(aim(v), shown_at(v, np.zeros((1, 2)))[0])
+        assert aim(v) == pytest.approx(quadrangle(v)[4, :2])
+
+
+def test_a_camera_tilted_by_thirty_degrees_looks_ahead_by_its_height_times_the_tangent():
+    height = 19.1 - TARGET_HEIGHT
+    assert aim(vehicle(30.0)) == pytest.approx([height * math.tan(math.radians(30)), 0.0])
+    assert aim(vehicle(30.0, 90.0)) == pytest.approx([0.0, height * math.tan(math.radians(30))])
+    assert aim(vehicle(45.0, 180.0)) == pytest.approx([-height, 0.0])
+
+
+def test_the_shortest_move_just_covers_the_target_and_no_shorter_one_does():
+    rng = np.random.default_rng(2)
+    for _ in range(40):
+        v = random_vehicle(rng)
+        view = quadrangle(v)[None]
+        corners = v.camera.footprint(Pose(v.position, v.attitude), TARGET_HEIGHT) - v.position[:2]
+        rim = np.vstack([np.linspace(a, b, 4001) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
+        for target in rng.uniform(-2, 2, (20, 2)) * reach(v):
+            move = np.array(shortest_move(view, 0, *target))
+            if seen(v, target[None])[0]:
+                np.testing.assert_array_equal(move, 0.0)
+                continue
+            nearest = np.min(np.linalg.norm(rim - target, axis=1))
+            assert np.linalg.norm(move) == pytest.approx(nearest, rel=1e-3, abs=1e-3)
+            assert np.linalg.norm(move) <= nearest + 1e-9
+            slack = 1e-7 * (target - move - corners.mean(axis=0))
+            assert seen(v, (target - move - slack)[None])[0] and not seen(v, (target - move + slack)[None])[0]
+
+
+def test_the_shortest_move_of_a_square_is_that_of_each_axis_to_the_last_bit():
+    rng, half = np.random.default_rng(3), 11.27
+    for target in rng.uniform(-30, 30, (200, 2)):
+        excess = np.copysign(np.maximum(np.abs(target) - half, 0.0), target)
+        np.testing.assert_array_equal(shortest_move(squares([half]), 0, *target), excess)
+
+
+def tilted_team(team, seed):
+    """The team's situations with cameras tilted at random."""
+    rng = np.random.default_rng(seed)
+    turns = {s.own.id: Rotation.from_euler("ZY", [rng.uniform(-3, 3), -rng.uniform(0.2, 0.9)]).as_quat() for s in team}
+
+    def turned(v):
+        return dataclasses.replace(v, attitude=turns[v.id])
+
+    return [dataclasses.replace(s, own=turned(s.own), neighbours=tuple(turned(v) for v in s.neighbours)) for s in team]
+
+
+def test_the_compiled_objective_of_tilted_cameras_equals_a_plain_transcription(random_team):
+    counts = []
+    for seed in range(25):
+        situation = tilted_team(random_team(seed, spread=12.0 + seed), seed)[0]
+        controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (3, 5, 2))
+        expected, count = plain_cost(situation, controls, 0.0)
+        assert team_cost(nominal(situation, 5), controls, 0.0) == pytest.approx(expected, rel=1e-9)
+        counts += count
+    assert 0 in counts and 1 in counts and 2 in counts
+
+
+def test_mwtp_counts_from_where_a_tilted_camera_looks():
+    v = vehicle(30.0, place=(0.0, 0.0))
+    view, ahead = quadrangle(v)[None], aim(v)[0]
+    beyond = np.array([[ahead + 60.0, 0.0]])
+    sensors = np.zeros((1, 2))
+    assert weighted_trace_penalty(beyond, np.array([3.0]), sensors, view) == pytest.approx(60.0 * 3.0)
+    # p^MDO: the target is at the far edge of the image, which is in the direction of 60 degrees off nadir.
+    assert sensors[0] == pytest.approx([ahead + 60.0 - (19.1 - TARGET_HEIGHT) * math.tan(math.radians(60)), 0.0])
+    below = np.zeros((1, 2))  # straight below: at the near edge of the image, so in view
+    assert weighted_trace_penalty(below, np.array([3.0]), np.array([[-1e-6, 0.0]]), view) == 0.0
+
+
+def test_the_base_policy_brings_a_target_to_the_middle_of_the_image():
+    v = vehicle(40.0, 120.0)
+    target = v.position[:2] + aim(v) + [3.0, -2.0]
+    track = Track(0, Gaussian(np.array([*target, 0.0, 0.0]), np.eye(4)))
+    np.testing.assert_allclose(base_control(v, v.position[:2], [track], 0.0, 1.0), [3.0, -2.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("heading", [0.0, 135.0])
+def test_a_plan_keeps_a_target_in_a_tilted_view_where_a_level_planner_flies_over_it(random_team, heading):
+    situation = dataclasses.replace(random_team(0, uavs=1)[0], forest=Forest(()))
+    v = vehicle(45.0, heading, place=(0.0, 0.0))
+    target = aim(v) + np.array([3.0, 0.0])
+    track = Track(0, Gaussian(np.array([*target, 0.0, 0.0]), np.eye(4)))
+    ends = []
+    for own in (v, dataclasses.replace(v, attitude=vehicle().attitude)):
+        plan = Composition().plan([dataclasses.replace(situation, own=own, tracks=(track,))], np.random.default_rng(0))[
+            0
+        ]
+        ends.append(target - plan.controls.sum(axis=0))
+    assert seen(v, np.array(ends)).tolist() == [True, False]

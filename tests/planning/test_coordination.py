@@ -1,0 +1,188 @@
+"""Who decides what: coordinations against one another, single decisions and exhaustive search."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from helpers.nominal import nominal
+from helpers.situations import knowing
+
+from planning.composition import Composition
+from planning.coordination import Centralised, Decentralised, Parallel, Sequential, expected
+from planning.objective.nbo import objective, team_cost
+from planning.optimizers.cross_entropy import CrossEntropy
+from planning.optimizers.grid import Grid
+from planning.optimizers.initial_plans import pursuits, turns
+from planning.planner import Plan
+from planning.prediction.intent import BASE_RANGE, base_control, policy_of_intent
+from planning.prediction.propagation import MonteCarlo, nominal_positions
+from planning.prediction.targets_in_reach import Hints, sights
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.geometry.visibility import Forest
+
+
+def planned(team, seed=0, **pieces):
+    return np.array([p.controls for p in Composition(**pieces).plan(team, np.random.default_rng(seed))])
+
+
+@pytest.mark.parametrize("coordination", [Sequential(), Parallel()])
+def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination):
+    team = random_team(4, uavs=1)
+    intent = policy_of_intent(team[0], team[0].own, 3)[None]
+    chases = pursuits(nominal_positions(team[0].tracks, 1.0, 3), team[0].own, 1.0)
+    chases = np.concatenate([chases, turns(5.0, 3)])
+    view = nominal(team[0], 3)
+    value = objective(view, intent, [0], 0.5)
+    alone = CrossEntropy().minimise(
+        value,
+        np.concatenate([intent[None], chases[:, None]]),
+        np.array([5.0]),
+        np.random.default_rng(9),
+        Hints(value, sights(view, [0], np.array([5.0]))),
+    )
+    np.testing.assert_array_equal(planned(team, 9, horizon=3, coordination=coordination), alone.plans)
+
+
+@pytest.mark.parametrize("order", ["fixed", "random", "worst-first"])
+@pytest.mark.parametrize("beta", [0.0, 0.5])
+def test_no_sweep_of_the_sequence_raises_the_teams_objective(random_team, beta, order):
+    for seed in range(5):
+        team = random_team(seed)
+        before = [team_cost(nominal(team[0], 5), expected(team[0], 5), beta)]
+        for sweeps in (1, 2, 3):
+            plans = planned(team, seed, beta=beta, coordination=Sequential(order, sweeps), optimizer=CrossEntropy(256))
+            before.append(team_cost(nominal(team[0], 5), plans, beta))
+        assert before[1] < before[0]
+        if order != "random":  # where later sweeps go on from the same first one
+            assert before[3] <= before[2] * (1 + 1e-9) <= before[1] * (1 + 2e-9)
+
+
+def test_each_uav_of_the_sequence_answers_the_plans_before_it(random_team):
+    team = random_team(3)
+    plans = planned(team, 1)
+    rng = np.random.default_rng(1)
+    joint = expected(team[0], 5)
+    for uav, situation in enumerate(team):
+        joint[uav] = Composition().decide(situation, joint, [uav], rng)[0]
+    np.testing.assert_array_equal(plans, joint)
+
+
+def test_the_worst_first_is_who_is_near_the_most_uncertain_track(random_team):
+    team = random_team(5)
+    traces = [
+        max(
+            np.trace(t.belief.covariance[:2, :2])
+            for t in s.tracks
+            if np.hypot(*(t.belief.mean[:2] - s.own.position[:2])) <= BASE_RANGE
+        )
+        for s in team
+    ]
+    order = sorted(range(3), key=lambda i: -traces[i])
+    assert Sequential("worst-first")._sequence(team, np.random.default_rng(0)) == [team[i] for i in order]
+
+
+def test_in_parallel_each_answers_the_intents_of_all_others(random_team):
+    team = random_team(6)
+    plans = planned(team, 2, coordination=Parallel())
+    rng = np.random.default_rng(2)
+    for uav, situation in enumerate(team):
+        single = Composition().decide(situation, expected(situation, 5), [uav], rng)[0]
+        np.testing.assert_array_equal(plans[uav], single)
+
+
+def test_with_equal_beliefs_the_decentralised_plan_is_the_centralised_one(random_team):
+    for seed in range(4):
+        team = random_team(seed)
+        shares = planned(team, seed, coordination=Decentralised())
+        np.testing.assert_array_equal(shares, planned(team, seed, coordination=Centralised()))
+    mixed = [team[0], dataclasses.replace(team[1], tracks=random_team(9)[1].tracks), team[2]]
+    own = planned(mixed, seed, coordination=Decentralised())
+    np.testing.assert_array_equal(own[[0, 2]], shares[[0, 2]])
+    assert not np.array_equal(own[1], shares[1])
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.5])
+def test_the_centralised_plan_on_a_coarse_grid_is_the_exhaustive_optimum(random_team, beta):
+    grid = Grid(6)
+    for seed in range(5):
+        team = knowing(random_team(seed, spread=10.0), np.zeros((3, 1, 2)))
+        plans = planned(team, horizon=1, beta=beta, coordination=Centralised(), optimizer=grid)
+        steps = grid.controls(5.0)
+        view = nominal(team[0], 1)
+        tried = [team_cost(view, np.array(joint)[:, None], beta) for joint in itertools.product(steps, repeat=3)]
+        assert team_cost(view, plans, beta) <= min(tried)
+
+
+def test_the_centre_knows_all_uavs_whoever_hears_whom(random_team):
+    team = random_team(1)
+    deaf = [dataclasses.replace(s, neighbours=()) for s in team]
+    np.testing.assert_array_equal(planned(deaf, coordination=Centralised()), planned(team, coordination=Centralised()))
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.5])
+def test_without_chance_monte_carlo_equals_nominal(random_team, beta):
+    """Zero process noise and a point belief: all samples are the nominal trajectory."""
+    for seed in range(10):
+        situation = dataclasses.replace(random_team(seed)[0], motion=NearlyConstantVelocity(1.0, 1e-12))
+        view = nominal(situation, 5)
+        still = [
+            dataclasses.replace(t, belief=type(t.belief)(t.belief.mean, np.zeros((4, 4)))) for t in situation.tracks
+        ]
+        sure = dataclasses.replace(situation, tracks=tuple(still))
+        drawn = MonteCarlo(7).outlook(sure, 5, np.random.default_rng(0))
+        drawn = drawn._replace(covariances=np.tile(view.covariances, (7, 1, 1)))
+        controls = np.random.default_rng(seed).uniform(-3, 3, (3, 5, 2))
+        assert team_cost(drawn, controls, beta, 7) == pytest.approx(team_cost(view, controls, beta), rel=1e-9)
+
+
+def test_monte_carlo_draws_from_belief_and_motion_model(random_team):
+    situation = random_team(2, targets=1)[0]
+    points = MonteCarlo(20_000).outlook(situation, 3, np.random.default_rng(0)).points[:, :, 0, :2]
+    mean, covariance = situation.tracks[0].belief.mean, situation.tracks[0].belief.covariance
+    for step in range(3):
+        mean, covariance = situation.motion.predict_all(mean[None], covariance[None])
+        mean, covariance = mean[0], covariance[0]
+        spread = np.sqrt(np.diag(covariance)[:2])
+        np.testing.assert_allclose(points[step].mean(axis=0), mean[:2], atol=4 * spread.max() / np.sqrt(20_000))
+        np.testing.assert_allclose(np.cov(points[step].T), covariance[:2, :2], atol=0.05 * spread.max() ** 2)
+
+
+def test_the_occlusion_model_is_the_planners_own(random_team):
+    differing = 0
+    for seed in range(6):
+        team = random_team(seed, trees=75, spread=15.0)
+        discs = [dataclasses.replace(s, forest=Forest(s.forest.trees, "disc")) for s in team]
+        believed = planned(team, occlusion="disc")
+        np.testing.assert_array_equal(believed, planned(discs))
+        np.testing.assert_array_equal(planned(discs, occlusion="line_of_sight"), planned(team))
+        differing += not np.array_equal(believed, planned(team))
+    assert differing >= 2
+
+
+def test_the_last_plan_is_a_start_that_is_never_made_worse(random_team):
+    team = random_team(2)
+    plans = planned(team)
+    lazy = CrossEntropy(1, elites=1, rounds=1)
+    view = nominal(team[0], 5)
+    kept = planned(knowing(team, plans), 1, optimizer=lazy)
+    assert team_cost(view, kept, 0.5) <= team_cost(view, plans, 0.5) * (1 + 1e-9)
+
+
+def test_the_policy_of_intent_is_the_last_plan_shifted_and_one_base_step(random_team):
+    situation = random_team(7, trees=0)[0]
+    last = np.arange(10.0).reshape(5, 2) / 5
+    situation = dataclasses.replace(situation, intents={0: Plan(last)})
+    intent = policy_of_intent(situation, situation.own, 5)
+    np.testing.assert_array_equal(intent[:4], last[1:])
+    end = situation.own.position[:2] + last[1:].sum(axis=0)
+    near = [t for t in situation.tracks if np.hypot(*(t.belief.mean[:2] + 5 * t.belief.mean[2:] - end)) <= BASE_RANGE]
+    worst = max(near, key=lambda t: np.trace(t.belief.covariance[:2, :2]))
+    gap = worst.belief.mean[:2] + 5 * worst.belief.mean[2:] - end
+    np.testing.assert_allclose(intent[4], gap * min(1.0, 5.0 / np.hypot(*gap)), rtol=1e-12)
+
+
+def test_the_base_policy_hovers_where_no_track_is_within_its_range(random_team):
+    situation = random_team(0)[0]
+    far = situation.own.position[:2] + np.array([1000.0, 0.0])
+    np.testing.assert_array_equal(base_control(situation.own, far, situation.tracks, 0.0, 1.0), np.zeros(2))

@@ -1,0 +1,94 @@
+"""Planners that optimise the first action, which the base policy follows, against brute force."""
+
+import itertools
+
+import numpy as np
+import pytest
+from helpers.situations import knowing
+
+from planning.composition import Composition
+from planning.coordination import Centralised, expected
+from planning.objective.nbo import team_cost
+from planning.optimizers.grid import Grid
+from planning.prediction.intent import base_control
+from planning.prediction.propagation import MonteCarlo
+from planning.registry import load_planner
+
+
+def rolled_out(situation, uav, first, horizon):
+    """A first control and what the base policy makes of the steps after it, one by one."""
+    vehicle, controls = situation.vehicles[uav], [np.asarray(first)]
+    for k in range(1, horizon):
+        position = vehicle.position[:2] + np.sum(controls, axis=0)
+        controls.append(base_control(vehicle, position, situation.tracks, float(k), 1.0))
+    return np.array(controls)
+
+
+@pytest.mark.parametrize("horizon", [1, 2, 5])
+def test_the_first_action_on_a_grid_is_the_best_by_brute_force(random_team, horizon):
+    """Each UAV in turn: no control of the grid, with the base policy after it, is better on the same trajectories."""
+    grid = Grid(16)
+    for seed in range(6):
+        team = knowing(random_team(seed, spread=15.0), np.zeros((3, horizon, 2)))
+        pieces = Composition(horizon, propagation=MonteCarlo(6), beta=0.0, optimizer=grid, actions="first")
+        plans = np.array([p.controls for p in pieces.plan(team, np.random.default_rng(seed))])
+        rng, joint = np.random.default_rng(seed), expected(team[0], horizon)
+        for uav, situation in enumerate(team):
+            view = MonteCarlo(6).outlook(situation, horizon, rng)
+            np.testing.assert_allclose(plans[uav], rolled_out(situation, uav, plans[uav, 0], horizon), atol=1e-9)
+            costs = {}
+            for first in [*map(tuple, grid.controls(5.0)), tuple(plans[uav, 0])]:
+                tried = joint.copy()
+                tried[uav] = rolled_out(situation, uav, first, horizon)
+                costs[first] = team_cost(view, tried, 0.0, 6)
+            assert costs[tuple(plans[uav, 0])] <= min(costs.values()) * (1 + 1e-12)
+            joint[uav] = plans[uav]
+
+
+def test_joint_first_actions_are_the_best_by_brute_force(random_team):
+    grid = Grid(4)
+    for seed in range(4):
+        team = knowing(random_team(seed, uavs=2, spread=15.0), np.zeros((2, 3, 2)))
+        pieces = Composition(3, Centralised(), optimizer=grid, actions="first", beta=0.5)
+        plans = np.array([p.controls for p in pieces.plan(team, np.random.default_rng(seed))])
+        view = pieces.propagation.outlook(team[0], 3, np.random.default_rng(0))
+        tried = [
+            team_cost(view, np.array([rolled_out(team[0], i, u, 3) for i, u in enumerate(firsts)]), 0.5)
+            for firsts in itertools.product(grid.controls(5.0), repeat=2)
+        ]
+        assert team_cost(view, plans, 0.5) <= min(tried) * (1 + 1e-12)
+
+
+def test_with_one_step_the_first_action_is_the_whole_plan(random_team):
+    for name in ("mcr(samples=4, evaluations=512, horizon=1", "sma-nbo-mwtp(evaluations=512, horizon=1"):
+        whole = load_planner(f"{name})").plan(random_team(2), np.random.default_rng(0))
+        first = load_planner(f"{name}, actions=first)").plan(random_team(2), np.random.default_rng(0))
+        assert all(np.array_equal(a.controls, b.controls) for a, b in zip(first, whole, strict=True))
+
+
+@pytest.mark.parametrize("optimizer", ["cross-entropy", "particle-swarm", "grid"])
+def test_every_optimiser_finds_first_actions_within_limits(random_team, optimizer):
+    planner = load_planner(f"mcr(samples=4, actions=first, optimizer={optimizer})")
+    for case in ({}, {"targets": 0}):
+        for plan in planner.plan(random_team(4, **case), np.random.default_rng(0)):
+            assert plan.controls.shape == (5, 2) and np.all(np.linalg.norm(plan.controls, axis=1) <= 5.0 * (1 + 1e-9))
+
+
+def test_for_one_uav_optimising_all_controls_is_at_least_as_good(random_team):
+    """What the base policy does after a first control is one of the plans that all controls can make."""
+    gains = []
+    for seed in range(8):
+        team = random_team(seed, uavs=1, targets=6)
+        view = Composition().propagation.outlook(team[0], 5, np.random.default_rng(0))
+        whole, first = (
+            team_cost(view, np.array([p.controls for p in pieces.plan(team, np.random.default_rng(seed))]), 0.0)
+            for pieces in (Composition(beta=0.0), Composition(beta=0.0, actions="first"))
+        )
+        gains.append(1.0 - whole / first)
+    assert min(gains) >= -1e-9 and max(gains) > 0.01
+
+
+@pytest.mark.parametrize("text", ["mcr(actions=frist)", "sma-nbo(prediction=scan)"])
+def test_a_wrong_word_is_named(text):
+    with pytest.raises(ValueError, match=r"(actions|prediction) '.*' is unknown; .* did you mean (first|scans)\?"):
+        load_planner(text)

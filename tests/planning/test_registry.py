@@ -1,0 +1,267 @@
+"""Planners of other packages: the example that is installed and flown, and how broken ones are shown and refused."""
+
+import inspect
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from planning.catalogue import catalogue
+from planning.registry import PLANNERS, PlannerSpec, installed, load_planner
+from sim.__main__ import main
+from tracking.plugins.importing import imported
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "docs" / "examples" / "shepherd"
+MODULES = {
+    "fine.py": """from planning.planner import Plan
+class Fine:
+    '''Stays, and says so
+    in two lines.'''
+    def __init__(self, speed=0.5, name="x", turn=False, size=None):
+        pass
+    def plan(self, team, rng):
+        return [Plan([[0.0, 0.0]]) for _ in team]
+class Counting:
+    calls = 0
+    def plan(self, team, rng):
+        self.calls += 1
+        return Fine().plan(team, rng) if self.calls < 3 else []
+class Planless: pass
+class Planned:
+    def plans(self, team, rng): pass
+class Narrow:
+    def plan(self, team): pass
+class Unmakeable:
+    def __init__(self, weights): pass
+""",
+    "needy.py": "import torch_that_is_missing.nn\nclass Needy: pass\n",
+    "partial.py": "from planning.planner import Plann\n",
+    "raising.py": "raise RuntimeError('two\\nlines')\n",
+    "leaving.py": "import sys; sys.exit(3)\n",
+    "wrong.py": "class = 3\n",
+}
+POINTS = """[understory.planners]
+fine = fine:Fine
+needy = needy:Needy
+raising = raising:X
+classless = fine:Fin
+moduleless = fin:Fine
+bare = fine
+hover = fine:Fine
+"""
+
+
+def package(folder, name="theirs", points=POINTS):
+    """A package as pip leaves it in a folder: modules and metadata."""
+    metadata = folder / f"{name}-1.2.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.2\n")
+    (metadata / "entry_points.txt").write_text(points)
+    for file, text in MODULES.items():
+        (folder / file).write_text(text)
+
+
+def understory(folder, *arguments, modules=()):
+    """The command line in a process of its own."""
+    path = os.pathsep.join(map(str, (*modules, ROOT)))
+    return subprocess.run(
+        [sys.executable, "-m", "sim", *arguments],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": path, "COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+    )
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory):
+    """The example as pip installs it, without network."""
+    folder = tmp_path_factory.mktemp("example")
+    shutil.copytree(EXAMPLE, folder / "source")
+    options = ["--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check", "--quiet"]
+    pip = [sys.executable, "-m", "pip", "install", *options, "--target", "site", "./source"]
+    done = subprocess.run(pip, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return folder / "site"
+
+
+def test_the_example_is_listed(example, tmp_path):
+    done = understory(tmp_path, "planners", modules=[example])
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = [line.strip() for line in done.stdout.splitlines()]
+    theirs = lines.index("From understory-shepherd 0.1.0:")
+    assert lines[theirs + 1].split(maxsplit=1) == [
+        "shepherd",
+        "Sequential NBO that lets nobody stray from the nearest camera.",
+    ]
+    assert "shepherd      horizon=4, far=10.0" in lines
+
+
+def test_the_example_flies(example, tmp_path):
+    options = ["--planner", "shepherd(far=5)", "--duration", "2", "--no-video", "--out", "flown"]
+    done = understory(tmp_path, "run", *options, modules=[example])
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((tmp_path / "flown" / "summary.json").read_text())
+    assert summary["planner"] == "shepherd(far=5)" and summary["faults"] == []
+
+
+def test_the_example_passes_its_own_tests(example, tmp_path):
+    shutil.copytree(EXAMPLE / "tests", tmp_path / "tests")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (example, ROOT)))}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "tests"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert "2 passed" in done.stdout, done.stdout
+
+
+def test_what_is_broken_is_listed_as_such_and_hides_nothing(tmp_path):
+    second = tmp_path / "second"
+    second.mkdir()
+    package(tmp_path)
+    package(second, "zeal", "not an entry point\n")
+    done = understory(tmp_path, "planners", modules=[tmp_path, second])
+    assert (done.returncode, done.stderr) == (0, "")
+    listed = dict(line.split(maxsplit=1) for line in done.stdout.partition("From theirs 1.2:\n")[2].splitlines()[:7])
+    assert {name: meaning.strip() for name, meaning in listed.items()} == {
+        "bare": "cannot be used: it names no class; write fine:Class",
+        "classless": "cannot be used: fine has no class 'Fin'; did you mean Fine?",
+        "fine": "Stays, and says so",
+        "hover": "hidden: the name is that of a planner built in",
+        "moduleless": "cannot be used: No module named 'fin'; did you mean fine?",
+        "needy": "cannot be used: needy needs 'torch_that_is_missing', which is not installed: "
+        "No module named 'torch_that_is_missing'",
+        "raising": "cannot be used: RuntimeError: two lines",
+    }
+    lines = [line.split(maxsplit=1) for line in done.stdout.splitlines()]
+    assert ["fine", "speed=0.5, name=x, turn=False, size=None"] in [[word.strip() for word in line] for line in lines]
+
+
+REFUSED = {
+    "hoover": ["'hoover' is unknown", "did you mean hover?"],
+    "needy": ["'needy' of theirs 1.2, 'needy:Needy', cannot be imported", "needy needs 'torch_that_is_missing'"],
+    "moduleless": ["'moduleless' of theirs 1.2", "did you mean fine?"],
+    "partial:X": ["cannot import name 'Plann' from 'planning.planner'"],
+    "raising:X": ["'raising:X' cannot be imported: RuntimeError: two lines"],
+    "leaving:X": ["'leaving:X' cannot be imported: SystemExit: 3"],
+    "wrong:X": ["'wrong:X' cannot be imported: SyntaxError"],
+    "fine:Fin": ["fine has no class 'Fin'; did you mean Fine?"],
+    "fin:Fine": ["No module named 'fin'; did you mean fine?"],
+    "planning.baselnes:Hover": ["No module named 'planning.baselnes'; did you mean baselines?"],
+    "needy.sub:X": ["needy.sub needs 'torch_that_is_missing', which is not installed"],
+    "fine:": ["it names no class; write fine:Class"],
+    "fine.Fine": ["'fine.Fine' is unknown", "did you mean fine:Fine?"],
+    "planning.baselines": ["did you mean planning.baselines:Class?"],
+    "partial": ["did you mean partial:Class?"],
+    "fine:Planless": ["'fine:Planless' has no method plan(team, rng)"],
+    "fine:Planned": ["'fine:Planned' has no method plan(team, rng); did you mean plans?"],
+    "fine:Narrow": ["plan of 'fine:Narrow' takes (team); it must take (team, rng)"],
+    "fine:Unmakeable": ["'fine:Unmakeable' cannot be made", "missing 1 required positional argument: 'weights'"],
+    "fine:Fine(sped=1)": ["'fine:Fine' has no option 'sped'", "did you mean speed?"],
+    "fine:Fine(speed=fast)": ["option speed of 'fine:Fine' must be a number, is 'fast'"],
+    "fine:Fine(turn=1)": ["option turn of 'fine:Fine' must be True or False, is 1"],
+    "fine:Fine(name=3)": ["option name of 'fine:Fine' must be a word, is 3"],
+    "sma-nbo(horizon=0)": ["horizon must be a whole number from 1 to 100, is 0"],
+    "sma-nbo(horizon=five)": ["option horizon of 'sma-nbo' must be a number, is 'five'"],
+    "sma-nbo(coordination=sequentail)": ["coordination 'sequentail' is unknown", "did you mean sequential?"],
+    "sma-nbo(optimiser=grid)": ["no option 'optimiser'", "did you mean optimizer?"],
+    "lawnmower(pace=2)": ["pace must be in (0, 1], is 2"],
+    "hover(": ["'hover(' is not of the form name(option=value, ...)"],
+}
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch, capsys):
+    """The command line in this process, in a folder where a package is: exit code, standard output and error."""
+    package(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    for name in MODULES:
+        monkeypatch.delitem(sys.modules, name.removesuffix(".py"), raising=False)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["understory", *arguments])
+        try:
+            main()
+            code = 0
+        except SystemExit as end:
+            code = end.code or 0
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    installed.cache_clear()
+    yield run
+    installed.cache_clear()
+
+
+@pytest.mark.parametrize("planner", REFUSED)
+def test_what_is_no_planner_is_refused_alike_by_every_command(planner, call, tmp_path):
+    before = {path for path in tmp_path.rglob("*") if "__pycache__" not in str(path)}
+    answers = {
+        call(*command, planner) for command in (["run", "--planner"], ["compare", "--planner"], ["check-planner"])
+    }
+    ((code, out, line),) = answers
+    assert (code, out) == (2, "")
+    assert line.startswith("understory: planner: ") and line.count("\n") == 1
+    for words in REFUSED[planner]:
+        assert words in line
+    assert {path for path in tmp_path.rglob("*") if "__pycache__" not in str(path)} == before
+
+
+def test_the_check_has_a_line_per_check_and_an_exit_code(call):
+    code, out, err = call("check-planner", "fine(turn=True, speed=3)")
+    *lines, last = out.splitlines()
+    assert (code, err, last) == (0, "", "It conforms.")
+    assert [line.split()[0] for line in lines].count("-") == 2 and "FAILED" not in out
+    code, out, err = call("check-planner", "fine:Counting")
+    *lines, last = out.splitlines()
+    failed = [line for line in lines if line.startswith("FAILED")]
+    assert (code, err, last) == (1, "", f"1 of {len(lines)} checks failed")
+    assert failed == [f"FAILED  {'no memory':<26}after another situation, 0 plans for 3 UAVs"]
+
+
+def test_a_real_process_refuses_a_broken_entry_point(tmp_path):
+    package(tmp_path)
+    done = understory(tmp_path, "check-planner", "needy", modules=[tmp_path])
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1 and "needy needs 'torch_that_is_missing', which is not installed" in done.stderr
+
+
+def test_options_are_those_of_the_classes():
+    """The list reads sources, as importing them takes a second; what they say is what is imported."""
+    lines = catalogue()["Options, each with what it is if not given"]
+    told = {}
+    for name, spec in PLANNERS.items():
+        like, _, differences = lines.get(name, "").removeprefix("those of ").partition(", with ")
+        listed = lines.get(name, "") if like not in PLANNERS else differences
+        options = dict(part.split("=") for part in listed.split(", ") if part)
+        told[name] = {**told.get(like, {}), **options}
+        defaults = {p.name: p.default for p in inspect.signature(imported(spec.target)).parameters.values()}
+        had = defaults | dict(spec.options)
+        assert told[name] == {key: str(value) if value != "" else repr(value) for key, value in had.items()}
+        assert set(spec.options) <= set(defaults)
+        assert like not in PLANNERS or PLANNERS[like].target == spec.target
+    assert lines["sma-nbo"] == "those of sma-nbo-mwtp, with visibility=nominal, beta=0.0, evaluations=0, search=0.0"
+
+
+def test_upper_bounds_are_marked(monkeypatch):
+    monkeypatch.setitem(PLANNERS, "seer", PlannerSpec("planning.baselines:Hover", {}, "sees all", upper_bound=True))
+    assert catalogue()["Built in"]["seer"] == "sees all (upper bound: knows what no UAV can)"
+
+
+def test_of_two_packages_with_one_name_the_first_flies(tmp_path, monkeypatch):
+    for name, target in (("zeal", "planning.baselines:Greedy"), ("alpha", "planning.baselines:Hover")):
+        (tmp_path / name).mkdir()
+        package(tmp_path / name, name, f"[understory.planners]\nstill = {target}\n")
+        monkeypatch.syspath_prepend(tmp_path / name)
+    installed.cache_clear()
+    try:
+        assert load_planner("still") == load_planner("hover")
+        groups = catalogue()
+    finally:
+        installed.cache_clear()
+    assert groups["From alpha 1.2"] == {"still": "Stays where it is."}
+    assert groups["From zeal 1.2"] == {"still": "hidden: the name is that of a planner of alpha 1.2"}

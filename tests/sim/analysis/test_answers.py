@@ -1,0 +1,219 @@
+"""Cells, pairs and differences are those that a count by hand gives."""
+
+import msgspec
+import numpy as np
+import pytest
+from helpers.trials import failed, row, study
+
+from sim.analysis.answers import answers
+from sim.analysis.cells import baseline_of, constant, grouped, trimmed, varying
+from sim.analysis.measures import available, check, chosen, measure
+from sim.analysis.statistics import chances, holm, maps_needed, means, medians, spreads
+from sim.scenario.errors import InputError
+
+MEAN, SHARE, NEES = measure("ospa.mean_m"), measure("ospa.share_under_1m"), measure("nees.position")
+
+
+def flown(planner, values, name="ospa.mean_m", factors=()):
+    return [row(planner, seed, factors, {name: value}) for seed, value in values.items()]
+
+
+def answer(rows, baseline, asked=MEAN, planner="greedy", cell=()):
+    found = answers(grouped(rows, baseline), [asked], baseline)
+    (one,) = [a for a in found if (a.planner, a.cell) == (planner, cell)]
+    return one
+
+
+def test_pairs_are_by_seed_whatever_the_order_of_rows():
+    rows = flown("greedy", {2: 5.0, 0: 1.0, 1: 2.0}) + flown("sma-nbo", {1: 2.0, 2: 1.0, 0: 3.0})
+    gap = answer(rows, "sma-nbo").difference
+    assert (gap.pairs, gap.unpaired, gap.won, gap.tied, gap.lost) == (3, 0, 1, 1, 1)
+    assert gap.mean == means(np.array([[-2.0], [0.0], [4.0]]))[0]
+    assert answers(grouped(rows[::-1], "sma-nbo"), [MEAN], "sma-nbo") == answers(
+        grouped(rows, "sma-nbo"), [MEAN], "sma-nbo"
+    )
+
+
+def test_what_is_better_depends_on_the_metric():
+    for asked, expected in ((MEAN, (0, 0, 2)), (SHARE, (2, 0, 0)), (NEES, (0, 0, 0))):
+        rows = flown("sma-nbo", {0: 0.1, 1: 0.2}, asked.name) + flown("greedy", {0: 0.5, 1: 0.6}, asked.name)
+        gap = answer(rows, "sma-nbo", asked).difference
+        assert (gap.won, gap.tied, gap.lost) == expected
+
+
+def test_failed_undefined_and_lonely_maps_are_counted_and_left_out():
+    rows = [*flown("sma-nbo", {0: 1.0, 1: 1.0, 2: np.nan, 3: 1.0}), failed("sma-nbo", 4)]
+    rows += [*flown("greedy", {0: 2.0, 1: np.inf, 2: 2.0, 4: 2.0, 9: 3.0}), failed("greedy", 3)]
+    one = answer(rows, "sma-nbo")
+    assert (one.maps, one.flown, one.trials, one.failed, one.undefined) == (4, 6, 5, 1, 1)
+    assert one.mean == means(np.array([[2.0], [2.0], [2.0], [3.0]]))[0]
+    assert (one.difference.pairs, one.difference.unpaired) == (1, 5)  # seeds 1, 2, 3, 4 and 9 lack one of both
+    base = answer(rows, "sma-nbo", planner="sma-nbo")
+    assert (base.maps, base.flown, base.trials, base.failed, base.undefined) == (3, 5, 4, 1, 1)
+    assert base.difference is None
+
+
+def test_a_cell_without_the_baseline_has_no_pairs():
+    rows = flown("sma-nbo", {0: 1.0}, factors=(("R", "1"),)) + flown("greedy", {0: 1.0}, factors=(("R", "5"),))
+    gap = answer(rows, "sma-nbo", cell=(("R", "5"),)).difference
+    assert (gap.pairs, gap.unpaired) == (0, 1) and np.isnan(gap.mean.value)
+
+
+def test_a_group_that_failed_whole_is_there():
+    rows = [*flown("sma-nbo", {0: 1.0}), failed("greedy", 0)]
+    one = answer(rows, "sma-nbo")
+    assert (one.maps, one.failed) == (0, 1) and np.isnan(one.mean.value)
+
+
+def again(planner, values, factors=()):
+    """Rows of maps by seed, each with the values of its repeats; None where one failed."""
+    return [
+        failed(planner, seed, factors, repeat=r)
+        if v is None
+        else row(planner, seed, factors, {"ospa.mean_m": v}, repeat=r)
+        for seed, found in values.items()
+        for r, v in enumerate(found)
+    ]
+
+
+def test_a_map_counts_once_with_the_mean_of_its_repeats():
+    rows = again("sma-nbo", {0: [1.0, 3.0], 1: [4.0, 8.0], 2: [0.0, 2.0]})
+    rows += again("greedy", {0: [3.0, 3.0], 1: [4.0, 8.0], 2: [1.0, 2.0]})
+    one, base = answer(rows, "sma-nbo"), answer(rows, "sma-nbo", planner="sma-nbo")
+    expected = means(np.array([[2.0], [6.0], [1.0]]))[0]
+    assert (base.mean.value, base.mean.low, base.mean.high) == (3.0, 0.0, expected.high)  # no error is below zero
+    assert base.median == medians(np.array([[2.0], [6.0], [1.0]]))[0]
+    assert (base.maps, base.flown, base.trials) == (3, 3, 6)
+    gaps = np.array([[1.0], [0.0], [0.5]])
+    gap = one.difference
+    assert gap.mean == means(gaps)[0] and gap.chance == chances(gaps)[0] and [gap.needed] == maps_needed(gaps)
+    assert (gap.pairs, gap.unpaired, gap.won, gap.tied, gap.lost) == (3, 0, 0, 1, 2)
+    repeats = np.repeat([0, 1, 2], 2)
+    assert [gap.spread] == spreads(np.array([2.0, 0, 0, 0, 1, 0])[:, None], repeats)
+    assert [base.spread] == spreads(np.array([1.0, 3, 4, 8, 0, 2])[:, None], repeats)
+
+
+def test_the_order_of_repeats_and_rows_does_not_matter():
+    rows = again("sma-nbo", {0: [1.0, 3.0], 1: [4.0, 8.0]}) + again("greedy", {0: [3.0, 3.0], 1: [4.0, 9.0]})
+    assert answer(rows[::-1], "sma-nbo") == answer(rows, "sma-nbo")
+
+
+def test_a_repeat_that_failed_leaves_its_map_the_others():
+    rows = again("sma-nbo", {0: [1.0, 3.0], 1: [4.0, None], 2: [5.0, 5.0]})
+    rows += again("greedy", {0: [None, 4.0], 1: [None, 6.0], 2: [5.0, 6.0]})
+    one = answer(rows, "sma-nbo")
+    assert (one.maps, one.flown, one.trials, one.failed) == (3, 3, 4, 2)
+    gap = one.difference
+    assert gap.mean == means(np.array([[1.0], [0.5]]))[0]  # map 1 has no repeat that both flew
+    assert (gap.pairs, gap.unpaired) == (2, 1)
+
+
+def test_intervals_end_where_values_do():
+    rows = flown("sma-nbo", {s: v for s, v in enumerate((1.0, 1.0, 1.0, 1.0, 0.2))}, "ospa.share_under_1m")
+    share = answer(rows, "sma-nbo", SHARE, "sma-nbo").mean
+    free = means(np.array([[1.0, 1, 1, 1, 0.2]]).T)[0]
+    assert (share.low, share.high) == (0.0, 1.0) and free.low < 0 and free.high > 1
+    error = answer(flown("sma-nbo", {0: 0.0, 1: 0.1, 2: 9.0}), "sma-nbo", planner="sma-nbo").mean
+    assert error.low == 0.0 and error.high > 9.0
+
+
+def test_over_all_cells_repeats_are_paired_and_maps_counted():
+    cells = [(("R", "1"),), (("R", "5"),)]
+    rows = again("sma-nbo", {0: [0.0, 0.0], 1: [0.0, 0.0]}, cells[0]) + again(
+        "greedy", {0: [1.0, 2.0], 1: [3.0, 3.0]}, cells[0]
+    )
+    rows += again("sma-nbo", {0: [0.0, 0.0], 1: [0.0, None]}, cells[1]) + again(
+        "greedy", {0: [3.0, 4.0], 1: [5.0, 7.0]}, cells[1]
+    )
+    gap = answer(rows, "sma-nbo", cell=None).difference
+    assert gap.mean == means(np.array([[2.5], [4.0]]))[0] and (gap.pairs, gap.unpaired, gap.cells) == (2, 0, 2)
+
+
+def test_all_differences_are_judged_together():
+    rows = [row("base", s, metrics={"ospa.mean_m": 1.0, "recall": 0.5}) for s in range(8)]
+    rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s, "recall": 0.4 + 0.001 * s}) for s in range(8)]
+    found = [a.difference for a in answers(grouped(rows, "base"), [MEAN, measure("recall")], "base") if a.difference]
+    assert [gap.survives for gap in found] == holm([gap.chance for gap in found]) == [True, True]
+    many = [
+        *rows,
+        *(msgspec.structs.replace(r, planner=f"w{k}") for k in range(6) for r in rows if r.planner == "worse"),
+    ]
+    crowd = [a.difference for a in answers(grouped(many, "base"), [MEAN], "base") if a.difference]
+    assert {gap.chance for gap in crowd} == {2 / 2**8} and not any(gap.survives for gap in crowd)  # 7 x 2 / 2⁸ > 5 %
+
+
+def test_over_all_cells_each_seed_counts_once_and_whole():
+    cells = [(("R", "1"),), (("R", "5"),)]
+    rows = flown("sma-nbo", {0: 0.0, 1: 0.0, 2: 0.0}, factors=cells[0])
+    rows += flown("greedy", {0: 1.0, 1: 2.0, 2: 3.0}, factors=cells[0])
+    rows += flown("sma-nbo", {0: 0.0, 1: 0.0}, factors=cells[1]) + flown("greedy", {0: -2.0, 1: 4.0}, factors=cells[1])
+    gap = answer(rows, "sma-nbo", cell=None).difference
+    assert gap.mean == means(np.array([[-0.5], [3.0]]))[0]
+    assert (gap.pairs, gap.unpaired, gap.won, gap.lost, gap.cells) == (2, 1, 1, 1, 2)
+
+
+def test_cells_without_the_baseline_do_not_count_over_all_cells():
+    rows = [row(p, s, (("R", r),)) for p in ("sma-nbo", "greedy") for r in "15" for s in (0, 1)]
+    rows += [row("greedy", s, (("R", "9"),)) for s in (0, 1)]
+    gap = answer(rows, "sma-nbo", cell=None).difference
+    assert (gap.pairs, gap.unpaired, gap.tied, gap.cells) == (2, 0, 2, 2)
+
+
+def test_cells_and_planners_are_in_natural_order_with_the_baseline_first():
+    rows = [row(p, 0, (("lambda", d),)) for d in ("75", "15", "5") for p in ("mcr", "hover", "greedy")]
+    groups = grouped(rows, "hover")
+    assert [g.cell[0][1] for g in groups[::3]] == ["5", "15", "75"]
+    assert [g.planner for g in groups[:3]] == ["hover", "greedy", "mcr"]
+
+
+def test_options_that_vary_with_the_cell_leave_the_label():
+    rows = [
+        row(f"sma-nbo(horizon={h}, optimizer=swarm, weights=(1, {h}))", s, (("H", h),))
+        for h in ("1", "3")
+        for s in (0, 1)
+    ] + [row("greedy", s, (("H", h),)) for h in ("1", "3") for s in (0, 1)]
+    groups = grouped(rows, "sma-nbo")
+    assert [g.planner for g in groups] == ["sma-nbo(optimizer=swarm)", "greedy"] * 2
+    for baseline in ("sma-nbo", rows[0].planner, "sma-nbo(optimizer=swarm)", None):
+        assert baseline_of(rows, baseline) == "sma-nbo(optimizer=swarm)"
+
+
+def test_options_that_tell_planners_of_a_cell_apart_stay():
+    rows = [row(f"sma-nbo(horizon={h})", s) for h in (1, 3) for s in (0, 1)]
+    assert [g.planner for g in grouped(rows)] == ["sma-nbo(horizon=1)", "sma-nbo(horizon=3)"]
+
+
+def test_scenario_and_version_are_factors_where_they_differ():
+    rows = [row(seed=0, scenario="forest"), row(seed=0, scenario="park", version="0.2.0")]
+    assert varying(grouped(rows)) == {"scenario": ["forest", "park"], "version": ["0.1.0", "0.2.0"]}
+
+
+def test_factors_that_do_not_vary_are_told_apart():
+    groups = grouped(study())
+    assert constant(groups) == (("R", "5"),)
+    assert {g.cell for g in trimmed(groups)} == {(("lambda", "15"),), (("lambda", "75"),)}
+
+
+def test_a_trial_that_is_there_twice_is_refused():
+    with pytest.raises(ValueError, match=r"greedy, seed 3 is there twice in λ = 15"):
+        grouped([row("greedy", 3, (("lambda", "15"),))] * 2)
+
+
+def test_wrong_names_are_answered_with_the_nearest():
+    with pytest.raises(InputError, match=r"--baseline: 'gredy' is none .* did you mean greedy\?"):
+        baseline_of(study(), "gredy")
+    with pytest.raises(InputError, match=r"--metric: 'ospa.mean' is unknown; .* did you mean ospa.mean_m\?"):
+        chosen(study(), ["ospa.mean"])
+    with pytest.raises(InputError, match=r"--metric: 'ospa.maen_m' .* did you mean ospa.mean_m\?"):
+        check(["recall", "ospa.maen_m"])
+    with pytest.raises(InputError, match="no trials"):
+        baseline_of([], None)
+
+
+def test_the_usual_metrics_are_shown_unless_others_are_asked_for():
+    rows = [*study(), row(seed=99, metrics={"new_m": 1.0})]
+    assert [m.name for m in chosen(rows, [])] == ["ospa.share_under_1m", "ospa.mean_m", "ospa.median_m"]
+    assert [m.name for m in chosen(rows, ["new_m", "new_m"])] == ["new_m"]
+    assert measure("new_m").title == "new m [m]" and measure("new_m").better == "neither"
+    assert available(rows)[-1] == "new_m"
+    assert chosen([failed()], ["ospa.mean_m"]) == [MEAN]  # where all failed, no name is unknown

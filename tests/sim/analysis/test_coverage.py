@@ -1,0 +1,119 @@
+"""Intervals hold the true mean as often as the report says, on maps drawn from trials that were flown.
+
+`data/trials.csv` is of `understory compare --planner sma-nbo-mwtp --planner sma-nbo --planner greedy --planner hover
+--sensing ideal --duration 20` on seeds 0 to 171, and of 40 s without `hover` on fewer.
+"""
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim.analysis.coverage import COVERED, ENOUGH, ERRORS, SHARES, caveats
+from sim.analysis.measures import measure
+from sim.analysis.statistics import means, medians
+
+DATA = Path(__file__).parents[2] / "data" / "trials.csv"
+DOC = Path(__file__).parents[3] / "docs" / "reports.md"
+NUMBERS = (3, 5, 8, 10, 20, 50)
+SAMPLES = 4000
+MEAN, MEDIAN = ERRORS["ospa.mean_m"], ERRORS["ospa.median_m"]
+
+
+def pools(metric):
+    """The values (maps,) of every planner, and of its difference from the first, by duration."""
+    table = {}
+    with DATA.open(newline="") as file:
+        for line in csv.DictReader(file):
+            table.setdefault((line["duration_s"], line["planner"]), {})[int(line["seed"])] = float(line[metric])
+    found = {}
+    for (duration, planner), values in table.items():
+        base = table[duration, "sma-nbo-mwtp"]
+        assert base.keys() == values.keys()
+        found[duration, planner] = np.array([values[seed] for seed in sorted(values)])
+        if values is not base:
+            found[duration, f"{planner} less"] = np.array([values[s] - base[s] for s in sorted(values)])
+    return found
+
+
+def held(metric, maps, estimates=means, truth=np.mean):
+    """Of every pool the share of samples of so many maps whose interval holds the pool's own value."""
+    rng = np.random.default_rng(maps)
+    found = {}
+    for name, values in pools(metric).items():
+        drawn = values[rng.integers(0, len(values), (maps, SAMPLES))]
+        slack = 1e-12 * np.abs(values).max()
+        aim = truth(values)
+        found[name] = np.mean([e.low - slack <= aim <= e.high + slack for e in estimates(drawn)])
+    return found
+
+
+def test_the_trials_are_of_many_maps():
+    sizes = {name: len(values) for name, values in pools("ospa.mean_m").items()}
+    assert sizes["20", "hover"] == 172 and sizes["40", "greedy"] >= 60 and len(sizes) == 7 + 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("maps", NUMBERS)
+def test_intervals_of_shares_hold_the_mean_and_mean_difference(maps):
+    least = min(held("ospa.share_under_1m", maps).values())
+    assert least >= 0.92 or maps < ENOUGH
+    assert 100 * least == pytest.approx(SHARES[maps], abs=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("metric", ERRORS)
+@pytest.mark.parametrize("maps", NUMBERS)
+def test_intervals_of_mean_errors_hold_as_often_as_tables_say(metric, maps):
+    found = [100 * share for share in held(metric, maps).values()]
+    assert (np.median(found), min(found)) == pytest.approx(ERRORS[metric][maps], abs=2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("metric", ["ospa.share_under_1m", "ospa.mean_m", "ospa.median_m"])
+@pytest.mark.parametrize("maps", [6, 8, 10, 20, 50])
+def test_intervals_of_medians_hold_whatever_the_metric(metric, maps):
+    assert min(held(metric, maps, medians, np.median).values()) >= 0.945
+
+
+def test_the_page_has_the_numbers_that_tables_tell():
+    pattern = r"^\| (\d+) " + r"\| (\d+) % " * 5 + r"\|$"
+    rows = re.findall(pattern, DOC.read_text(encoding="utf-8"), flags=re.M)
+    assert [tuple(map(int, row)) for row in rows] == [
+        (n, SHARES[n], *(share for counted in ERRORS.values() for share in counted[n])) for n in NUMBERS
+    ]
+
+
+def test_what_tables_say_follows_metric_and_number_of_maps():
+    share, error = measure("ospa.share_under_1m"), measure("ospa.mean_m")
+    assert caveats([(share, 8), (error, 1), (share, 0)]) == []
+    (few,) = caveats([(share, 20), (share, 6)])
+    assert few == f"Intervals over 6 maps, which are few, hold in {SHARES[5]} % of cases."
+    told = caveats([(error, 12), (measure("ospa.median_m"), 12)])
+    usual, least = MEAN[10]
+    assert told == [f"Intervals of mean errors over 12 maps hold in {usual} % of cases, at worst in {least} %."]
+    assert caveats([(error, 2)])[0].endswith(
+        f"over 2 maps hold in {MEAN[3][0]} % of cases, at worst in {MEAN[3][1]} %."
+    )
+    assert caveats([(error, 1000)])[0].endswith(f"at worst in {MEAN[50][1]} %.")
+    assert f"From {ENOUGH} maps on" in COVERED[0]
+
+
+def test_errors_over_several_numbers_of_maps_are_told_at_their_worst():
+    (told,) = caveats([(measure("ospa.mean_m"), 4), (measure("ospa.mean_m"), 10)])
+    assert told.endswith(f"over 4 to 10 maps hold in {MEAN[10][0]} % of cases, at worst in {MEAN[10][1]} %.")
+    (told,) = caveats([(measure("ospa.mean_m"), 50), (measure("ospa.median_m"), 50)])
+    assert told.endswith(f"hold in {MEAN[50][0]} % of cases, at worst in {MEDIAN[50][1]} %.")
+
+
+@pytest.mark.parametrize("maps", [3, 50])
+def test_metrics_of_which_nothing_was_counted_are_named(maps):
+    names = "contacts", "identity_switches", "nees.position", "gospa.missed", "gospa.mean_m", "wall_s", "faults", "my_m"
+    names += "recall", "precision", "share_held"
+    labels = ", ".join(measure(name).label for name in names)
+    said = f"How often intervals of means hold was not counted for: {labels}."
+    assert caveats([(measure(name), maps) for name in names]) == [said]
+    assert caveats([(measure("contacts"), 1)]) == []
+    assert "run times among them, it was not counted" in COVERED[-1]

@@ -1,0 +1,218 @@
+"""`understory compare`: what it says, what it leaves, and how it ends."""
+
+import sqlite3
+import sys
+from contextlib import contextmanager
+
+import pytest
+from helpers.commands import called
+from helpers.studies import Serial
+
+from sim.cli import compare as command
+from sim.study.store import NAME, SCHEMA, Store, StoreError, read_rows
+from sim.study.study import STUDIES
+from sim.terminal import console
+from sim.terminal.study_progress import pace
+
+FLAGS = ["--duration", "1", "--sensing", "ideal"]
+FILE = """
+study = { name = "mine", planners = ["hover", "greedy"], seeds = "0" }
+factors.L.3.trees.density = 3
+factors.L.5.trees.density = 5
+"""
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch, capsys):
+    """Calls `understory compare` in a folder of its own with one backend: exit code, output and complaint."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(console.console, "width", 100)
+
+    def run(*arguments, backend=None):
+        @contextmanager
+        def flown(workers, dask):
+            yield backend or Serial()
+
+        if "--dask" not in arguments:
+            monkeypatch.setattr(command, "_backend", flown)
+        return called([*arguments], monkeypatch, capsys)
+
+    return run
+
+
+def test_a_study_file_is_flown_once_and_shown_by_cell(call, tmp_path):
+    (tmp_path / "mine.toml").write_text(FILE)
+    code, out, err = call("compare", "mine.toml", *FLAGS, "--maps", "2")
+    assert (code, err) == (0, "") and "8/8 trials" in out
+    table = out[: out.index("OSPA mean")].splitlines()
+    cells = [line.split()[:2] for line in table if line.split()[:1] in (["hover"], ["greedy"], ["L"])]
+    assert cells == [["L", "="], ["hover", "2"], ["greedy", "2"]] * 2 + [["greedy", "2"]]
+    assert "Results in runs/mine" in out and len(read_rows(tmp_path / "runs" / "mine")) == 8
+    backend = Serial()
+    assert call("compare", "mine.toml", *FLAGS, "--maps", "3", backend=backend)[0] == 0
+    assert backend.flown == [("hover", 2), ("greedy", 2)] * 2
+    backend = Serial()
+    call("compare", "mine.toml", *FLAGS, "--redo", backend=backend)
+    assert len(backend.flown) == 4
+
+
+def test_more_repeats_are_flown_on_the_same_maps_and_shown(call, tmp_path):
+    options = ["compare", "--planner", "hover", "--planner", "greedy", "--maps", "2", *FLAGS, "--metric", "ospa.mean_m"]
+    code, out, _ = call(*options)
+    assert code == 0 and "4/4 trials" in out and "spread" not in out
+    backend = Serial()
+    code, out, _ = call(*options, "--repeats", "2", backend=backend)
+    assert code == 0 and backend.flown == [("hover", 0), ("greedy", 0), ("hover", 1), ("greedy", 1)]
+    assert "8/8 trials" in out and "OSPA mean [m]: spread" in out
+    rows = read_rows(tmp_path / "runs" / "compare")
+    assert sorted((r.seed, r.repeat) for r in rows if r.planner == "hover") == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert len({r.ospa.tobytes() for r in rows}) == 8
+    page = (tmp_path / "runs" / "compare" / "report.html").read_text()
+    assert "--repeat 1 --set" in page and "greedy and hover cannot be told apart" in page
+
+
+def test_a_scenario_name_or_file_is_compared_by_flags(call, tmp_path):
+    (tmp_path / "grove.toml").write_text("duration = 1.0\ntrees.density = 3\nsensing.mode = 'ideal'\n")
+    code, out, _ = call("compare", "grove.toml", "--planner", "hover", "--seeds", "4", "--keep", "recordings")
+    assert code == 0 and "Results in runs/compare" in out
+    (row,) = read_rows(tmp_path / "runs" / "compare")
+    assert (row.scenario, row.factors, row.planner, row.seed) == ("grove.toml", (), "hover", 4)
+    assert len(list((tmp_path / "runs" / "compare" / "recordings").glob("*.npz"))) == 1
+
+
+def test_failures_are_shown_and_told_by_the_exit_code(call, tmp_path):
+    backend = Serial({"hover": ["ValueError: no"] * 4})
+    options = ["--planner", "hover", "--planner", "greedy", "--seeds", "0-1"]
+    code, out, err = call("compare", *options, *FLAGS, backend=backend)
+    assert code == 1 and "4/4 trials" in out and "2 failed" in out
+    assert err == "understory: 2 of 4 trials failed, hover, seed 0: ValueError: no\n"
+    assert sorted(row.status for row in read_rows(tmp_path / "runs" / "compare")) == ["done"] * 2 + ["failed"] * 2
+
+
+def test_ctrl_c_keeps_what_is_complete_and_says_how_to_go_on(call, tmp_path):
+    backend = Serial({"hover": [None] * 9})
+    submit = backend.submit
+
+    def interrupted(task, **given):
+        if len(backend.flown) == 2:
+            raise KeyboardInterrupt
+        return submit(task, **given)
+
+    backend.submit, backend.room = interrupted, lambda: len(backend.flown) == len(read_rows(tmp_path / "s"))
+    code, _, err = call("compare", "--planner", "hover", *FLAGS, "--out", "s", backend=backend)
+    assert code == 1
+    assert err == "understory: interrupted; 2 of 10 trials are kept in s, the same command flies the rest\n"
+    assert len(read_rows(tmp_path / "s")) == 2
+
+
+def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(call, tmp_path, monkeypatch):
+    options = ["compare", "--planner", "hover", "--planner", "greedy", "--seeds", "0-1", *FLAGS, "--out", "full[x]"]
+    add, full = Store.add, StoreError("study.sqlite: database or disk is full")
+
+    def added(store, task, row):
+        if len(read_rows(store.path)) == 3:
+            raise full
+        add(store, task, row)
+
+    monkeypatch.setattr(Store, "add", added)
+    code, _, err = call(*options)
+    end = "full; 3 of 4 trials are kept in full[x], the same command flies the rest\n"
+    assert (code, err) == (1, f"understory: study.sqlite: database or disk is {end}")
+    monkeypatch.setattr(Store, "add", add)
+
+    def failing(*arguments):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pathlib.Path.write_bytes", failing)
+        backend = Serial()
+        code, _, err = call(*options, backend=backend)
+    told = (
+        "report: full[x] cannot be written: No space left on device; all 4 trials are kept in full[x], the same command"
+    )
+    assert (code, err) == (1, f"understory: {told} writes the report\n") and len(backend.flown) == 1
+    backend = Serial()
+    code, out, err = call(*options, backend=backend)
+    assert (code, err, backend.flown) == (0, "", []) and "Results in full[x] (report.html)." in out
+
+
+def test_a_disk_that_is_full_at_once_is_one_line(call, tmp_path, monkeypatch):
+    def failing(connection, path, study):
+        raise StoreError(f"{path}: database or disk is full")
+
+    monkeypatch.setattr("sim.study.store._prepare", failing)
+    code, _, err = call("compare", "--planner", "hover", *FLAGS, "--out", "s")
+    told = "understory: s/study.sqlite: database or disk is full; no trial was flown, what s holds stays\n"
+    assert (code, err) == (1, told)
+
+
+def test_recordings_asked_for_later_are_flown_again(call, tmp_path):
+    options = ["compare", "--planner", "hover", "--seeds", "0", *FLAGS, "--out", "s"]
+    for extra, flown in (([], 1), (["--keep", "recordings"], 1), (["--keep", "recordings"], 0)):
+        backend = Serial()
+        assert call(*options, *extra, backend=backend)[0] == 0 and len(backend.flown) == flown
+    assert len(list((tmp_path / "s" / "recordings").iterdir())) == len(read_rows(tmp_path / "s")) == 1
+
+
+def test_results_of_another_version_are_said_to_be_apart(call, tmp_path):
+    options = ["compare", "--planner", "hover", "--seeds", "0", *FLAGS]
+    call(*options)
+    sql = sqlite3.connect(tmp_path / "runs" / "compare" / NAME)
+    sql.execute("UPDATE trials SET version = '0.0.9', key = 'x'")
+    sql.commit()
+    sql.close()
+    backend = Serial()
+    code, _, err = call(*options, backend=backend)
+    assert code == 0 and len(backend.flown) == 1
+    assert err.endswith("trials of another version are kept apart, not shown: 1 of version 0.0.9\n")
+
+
+def test_studies_are_listed_with_their_meaning(call):
+    code, out, _ = call("studies")
+    assert code == 0 and all(name in out for name in STUDIES)
+
+
+WRONG = {
+    "unknown study": (["paper-horizn"], ["study: 'paper-horizn'", "did you mean paper-horizon?"]),
+    "missing file": (["no.toml"], ["no file no.toml"]),
+    "misspelt key": (["misspelt.toml"], ["study.planers: unknown key", "did you mean planners?"]),
+    "empty study": (["empty.toml"], ["no trial"]),
+    "maps and seeds": (["--maps", "3", "--seeds", "1"], ["--maps", "--seeds 0-49"]),
+    "no map": (["--maps", "0"], ["--maps", "1 to 100000"]),
+    "unknown sensing": (["--sensing", "idel"], ["--sensing: 'idel'", "did you mean ideal?"]),
+    "unknown thing to keep": (["--keep", "recording"], ["--keep: 'recording'", "did you mean recordings?"]),
+    "timeout of nothing": (["--timeout", "0"], ["--timeout", "more than 0 s"]),
+    "unknown planner": (["faults", "--planner", "hoover"], ["did you mean hover?"]),
+    "varied key": (["faults", "--set", "network.loss=0.1"], ["network.loss is what factor 'fault'"]),
+    "forest that cannot be": (["--set", "trees.density=160"], ["trees.density = 160"]),
+    "newer store": (["--out", "newer"], [f"store of version {SCHEMA + 1}", f"reads {SCHEMA}"]),
+    "file for a folder": (["--out", "empty.toml"], ["--out: empty.toml", "cannot be used"]),
+    "folder that cannot be": (["--out", "/proc/study"], ["--out: /proc/study", "cannot be used"]),
+    "dask that does not answer": (["--dask", "tcp://127.0.0.1:9"], ["--dask: 'tcp://127.0.0.1:9' does not answer"]),
+}
+
+
+@pytest.mark.parametrize(("arguments", "words"), WRONG.values(), ids=WRONG)
+def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(call, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.setattr("sim.study.cluster._CONNECT", 0.5)
+    (tmp_path / "misspelt.toml").write_text("[study]\nplaners = ['hover']")
+    (tmp_path / "empty.toml").write_text("[study]\nplanners = []")
+    (tmp_path / "newer").mkdir()
+    sql = sqlite3.connect(tmp_path / "newer" / NAME)
+    sql.execute(f"PRAGMA user_version = {SCHEMA + 1}")
+    sql.close()
+    before = sorted(tmp_path.rglob("*"))
+    code, out, err = call("compare", *arguments)
+    assert code == 2
+    assert err.startswith("understory: ") and err.count("\n") == 1 and "Traceback" not in out
+    for word in words:
+        assert word in err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_the_pace_of_a_study_in_words():
+    assert pace(0, 10, 0, 3.0) == ""
+    assert pace(2, 10, 1, 20.0) == ", 6.0 a minute, 1:40 left, 1 failed"
+    assert pace(1, 100, 0, 100.0) == ", 0.6 a minute, 2:46:40 left"
+    assert pace(10, 0, 0, 20.0) == ", 30.0 a minute"

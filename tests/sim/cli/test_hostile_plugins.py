@@ -1,0 +1,129 @@
+"""Whatever a plug-in does, a run ends, says in a line what was wrong, and leaves a whole folder or nothing."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from helpers.hostile import DETECTED, DETECTOR, FLOWN, HEAD, PLANNER, REFUSED, UNDETECTED, planner
+from helpers.processes import started_with
+
+from sim.mission.plan_check import decide
+from sim.sensing.sensors import Sensors
+from tracking.detection.detector import Frame
+from tracking.geometry.camera import Camera, Pose
+
+ROOT = Path(__file__).parents[3]
+CAMERA = Camera(1.0, 64)
+FILES = ["mission.npz", "ospa.png", "summary.json", "timeline.png"]
+MOST = 2 << 30  # bytes
+LIMIT = 20  # s of the processor for each process; of wall time, which others share, more
+ENDED = {
+    **{claim: (PLANNER, code, 0, words) for claim, (code, words) in FLOWN.items()},
+    **{claim: (DETECTOR, code, 0, words) for claim, (code, words) in DETECTED.items()},
+    **{claim: (PLANNER, *ending) for claim, ending in REFUSED.items()},
+    **{claim: (DETECTOR, *ending) for claim, ending in UNDETECTED.items()},
+}
+
+
+def flown(folder, code, options, *more):
+    """A run as a user would start it, within 2 GB of memory and 20 s of the processor."""
+
+    def limited():
+        resource.setrlimit(resource.RLIMIT_AS, (MOST, MOST))
+        resource.setrlimit(resource.RLIMIT_CPU, (LIMIT, LIMIT))
+
+    (folder / "hostile.py").write_text(HEAD + code)
+    return subprocess.run(
+        [sys.executable, "-m", "sim", "run", *options.split(), "--no-video", "--out", "out", *more],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200", "HOSTILE": str(folder), "OMP_NUM_THREADS": "1"},
+        preexec_fn=limited,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=10 * LIMIT,
+    )
+
+
+def test_there_are_sixty_of_them():
+    assert len(ENDED) >= 60
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("claim", ENDED)
+def test_whatever_a_plug_in_does_a_run_ends_and_says_so(claim, tmp_path):
+    options, code, exit_code, words = ENDED[claim]
+    done = flown(tmp_path, code, options, *(["--timeout", "10"] if "timeout" in words else []))
+    assert done.returncode == exit_code, done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+    assert started_with("HOSTILE", tmp_path) == []
+    names = sorted(path.name for path in tmp_path.iterdir() if path.name != "__pycache__")
+    if exit_code:
+        assert done.stderr.startswith("understory: ") and done.stderr.count("\n") == 1
+        assert words in done.stderr and done.stdout.strip() == "" and names == ["hostile.py"]
+        return
+    assert names == ["hostile.py", "out"] and sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES
+    faults = json.loads((tmp_path / "out" / "summary.json").read_text())["faults"]
+    assert bool(faults) == bool(words) and all(words in fault["message"] for fault in faults)
+    assert done.stderr == "" and ("fault" in done.stdout.partition("┏")[0]) == bool(words)
+
+
+@pytest.mark.slow
+def test_without_a_timeout_a_second_ctrl_c_ends_what_hangs(tmp_path):
+    hanging = "if team[0].time < 0.5: return still(team)", "print('hanging', flush=True)", "while True: time.sleep(1)"
+    (tmp_path / "hostile.py").write_text(HEAD + planner(*hanging))
+    command = [sys.executable, "-m", "sim", "run", *PLANNER.split(), "--no-video", "--out", "out"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, cwd=tmp_path, env=environment, **pipes) as process:
+        assert any("hanging" in line for line in process.stdout)
+        for _ in range(2):
+            process.send_signal(signal.SIGINT)
+            time.sleep(0.5)
+        assert process.communicate(timeout=60)[1] == "understory: interrupted; nothing is kept\n"
+    assert process.returncode == 1
+    assert sorted(path.name for path in tmp_path.iterdir() if path.name != "__pycache__") == ["hostile.py"]
+
+
+PROCESS = (  # what these do outlasts a test
+    "a planner asks for a keyboard",
+    "threads without end",
+    "processes without end",
+    "a planner forks",
+    "the folder is left",
+    "standard output is closed",
+)
+HARMLESS = [claim for claim in FLOWN if claim not in PROCESS]
+
+
+@pytest.mark.parametrize("claim", HARMLESS)
+def test_a_planner_that_does_wrong_is_a_fault_and_the_team_hovers(claim, random_team):
+    code, words = FLOWN[claim]
+    names = {}
+    exec(compile(HEAD + code, "hostile.py", "exec"), names)
+    team = random_team(0)
+    plans, faults = decide(names["Mine"](), team, {}, np.random.default_rng(0))
+    assert bool(faults) == bool(words) and all(words in fault.message for fault in faults)
+    for plan, situation in zip(plans, team, strict=True):
+        assert plan.controls.shape[1] == 2 and np.linalg.norm(plan.controls, axis=1).max() <= situation.own.max_speed
+    assert all(fault.trace == () or "hostile.py" in fault.trace[0] for fault in faults)
+
+
+@pytest.mark.parametrize("claim", DETECTED)
+def test_a_detector_that_does_wrong_finds_nothing(claim):
+    code, words = DETECTED[claim]
+    names = {}
+    exec(compile(HEAD + code, "hostile.py", "exec"), names)
+    frame = Frame(0, 0.0, CAMERA, Pose.level(0.0, 0.0, 20.0), np.zeros((64, 64, 3), np.uint8))
+    sensors = SimpleNamespace(_detector=names["Mine"]())
+    found, faults = Sensors._detected(sensors, frame, None)
+    assert bool(faults) == bool(words) and all(words in fault.message for fault in faults)
+    assert len(found.ground) == (0 if words else 1) and CAMERA.fov == 1.0 and frame.pose.position[2] == 20.0

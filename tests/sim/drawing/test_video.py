@@ -1,0 +1,245 @@
+"""The video plays in browsers, shows things where they are, and is there whole or not at all."""
+
+import dataclasses
+import os
+
+import av
+import numpy as np
+import pytest
+from helpers import synthetic
+
+from sim.drawing.layout import Box, arrange
+from sim.drawing.lettering import Style, width, write
+from sim.drawing.map_view import MARGIN, MapView
+from sim.drawing.palette import PANEL, track_colour, uav_colour
+from sim.drawing.video import HEIGHT, WIDTH, Film, Video
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
+from tracking.tracker import Track
+
+
+@pytest.fixture(scope="module")
+def mission():
+    setting = synthetic.scenario()
+    trees = synthetic.forest(setting)
+    return setting, trees, list(synthetic.snapshots(setting, trees, 8))
+
+
+def write_video(path, mission, frames=8):
+    setting, trees, snapshots = mission
+    with Video(path, Film(setting, trees, planner="hover"), fps=5) as video:
+        for snapshot in snapshots[:frames]:
+            video.add(snapshot, synthetic.frames(setting, trees, snapshot))
+
+
+def decoded(path):
+    with av.open(str(path)) as container:
+        return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+
+
+def empty(snapshot, **changes):
+    """A snapshot with UAVs and nothing else."""
+    n = len(snapshot.poses)
+    nothing = {
+        "people": np.zeros((0, 2)),
+        "headings": np.zeros(0),
+        "pixels": [np.zeros((0, 2))] * n,
+        "tracks": [()] * n,
+        "plans": None,
+        "visible": np.zeros((n, 0), dtype=np.int64),
+        "matched": np.zeros((n, 0), dtype=bool),
+        "contacts": (),
+    }
+    return dataclasses.replace(snapshot, **{**nothing, **changes})
+
+
+def changed_near(image, before, x, y, reach):
+    """Whether something changed, and only within `reach` pixels of (x, y)."""
+    rows, columns = np.nonzero(np.any(image != before, axis=2))
+    assert len(rows) > 0
+    return max(abs(rows + 0.5 - y).max(), abs(columns + 0.5 - x).max()) <= reach
+
+
+def test_the_file_is_h264_in_real_time(tmp_path, mission):
+    write_video(tmp_path / "mission.mp4", mission)
+    with av.open(str(tmp_path / "mission.mp4")) as container:
+        stream = container.streams.video[0]
+        assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
+        assert stream.codec_context.colorspace == 6  # BT.601, as OpenCV converts; browsers would take BT.709
+        assert (stream.width, stream.height) == (WIDTH, HEIGHT) == (1280, 720)
+        assert float(stream.duration * stream.time_base) == pytest.approx(8 / 5)
+        times = [float(frame.pts * frame.time_base) for frame in container.decode(video=0)]
+    np.testing.assert_allclose(times, np.arange(8) / 5)
+
+
+def test_a_browser_finds_the_index_before_the_pictures(tmp_path, mission):
+    write_video(tmp_path / "mission.mp4", mission)
+    content = (tmp_path / "mission.mp4").read_bytes()
+    assert 0 < content.index(b"moov") < content.index(b"mdat")
+
+
+def test_decoded_pictures_are_the_drawn_ones(tmp_path, mission):
+    setting, trees, snapshots = mission
+    write_video(tmp_path / "mission.mp4", mission)
+    film = Film(setting, trees, planner="hover")
+    for snapshot, shown in zip(snapshots, decoded(tmp_path / "mission.mp4"), strict=True):
+        drawn = film.draw(snapshot, synthetic.frames(setting, trees, snapshot))
+        error = np.abs(shown.astype(float) - drawn)
+        assert error.mean() < 3.0
+        # The orange border of UAV 1, and what the other usual matrix would make of it.
+        border = np.median(shown[300:440, -13:-10].reshape(-1, 3), axis=0)
+        assert np.linalg.norm(border - uav_colour(1)) < 10 < np.linalg.norm(border - (238, 149, 0))
+
+
+def test_the_tile_of_each_uav_wears_its_colour_round_its_own_frame(mission):
+    setting, trees, snapshots = mission
+    film = Film(setting, trees, planner="hover")
+    flat = [np.full((128, 128, 3), 60 + 50 * i, dtype=np.uint8) for i in range(3)]
+    image = film.draw(empty(snapshots[0]), flat)
+    right = image[:, -40]
+    for i in range(3):
+        rows = np.flatnonzero(np.all(right == 60 + 50 * i, axis=1))
+        assert len(rows) > 150
+        np.testing.assert_array_equal(image[rows[0] - 2, -40], uav_colour(i))
+        np.testing.assert_array_equal(image[rows[-1] + 2, -40], uav_colour(i))
+
+
+def test_missing_frames_leave_detections_and_tracks(mission):
+    setting, trees, snapshots = mission
+    blank = Film(setting, trees, planner="hover").draw(empty(snapshots[0]), None)
+    image = Film(setting, trees, planner="hover").draw(snapshots[0], None)
+    assert sum(len(pixels) for pixels in snapshots[0].pixels) > 0
+    assert np.any(image[:, -200:] != blank[:, -200:])
+
+
+def test_people_tracks_and_uavs_stand_where_they_are():
+    setting = synthetic.scenario(uavs=1)
+    size = (790, 540)
+    scale = 540 / (100 + 2 * MARGIN)
+    base = empty(next(synthetic.snapshots(setting, Forest(()), 1)))
+
+    def drawn(snapshot):
+        image = np.zeros((size[1], size[0], 3), dtype=np.uint8)
+        view = MapView(setting, Forest(()), size)
+        assert view.scale == pytest.approx(scale)
+        view.draw(image, snapshot)
+        return image
+
+    away = dataclasses.replace(base, poses=[Pose.level(500, 500, 17)], cameras=[Pose.level(500, 500, 17)])
+    before = drawn(away)
+    x, y = 395 + 40 * scale, 270 - 20 * scale
+    person = dataclasses.replace(
+        away, people=np.array([[40.0, 20.0]]), headings=np.zeros(1), visible=np.ones((1, 1), int)
+    )
+    image = drawn(person)
+    assert changed_near(image, before, x, y, 12)
+    assert image[round(y - 0.5), round(x - 0.5)].max() < 60
+    ring = Gaussian(np.array([40.0, 20.0, 0.0, 0.0]), np.diag([4.0, 1.0, 1.0, 1.0]))
+    image = drawn(dataclasses.replace(away, tracks=[(Track(1, ring),)]))
+    # The ellipse that holds 95 % of a planar Gaussian reaches 2.4477 standard deviations.
+    for dx, dy in ((2.4477 * 2.0, 0.0), (0.0, 2.4477)):
+        at = image[round(y - 0.5 - dy * scale), round(x - 0.5 + dx * scale)]
+        assert np.abs(at.astype(int) - track_colour(1)).max() < 60
+    uav = dataclasses.replace(base, poses=[Pose.level(40, 20, 17.32)], cameras=[Pose.level(40, 20, 17.32)])
+    image = drawn(uav)
+    np.testing.assert_array_equal(image[round(y - 0.5), round(x - 0.5)], uav_colour(0))
+    edge = image[round(y - 0.5 + 10 * scale), round(x + 20)]
+    assert np.abs(edge.astype(int) - uav_colour(0)).max() < 60
+
+
+def test_trees_are_discs_of_the_canopys_size():
+    setting = synthetic.scenario(uavs=1)
+    scale = 10.0
+    view = MapView(setting, Forest((Tree(0.0, 0.0, 5.0),)), (1580, 1080))
+    image = np.zeros((1080, 1580, 3), dtype=np.uint8)
+    away = empty(next(synthetic.snapshots(setting, Forest(()), 1)))
+    view.draw(image, dataclasses.replace(away, poses=[Pose.level(500, 0, 9)], cameras=[Pose.level(500, 0, 9)]))
+    green = np.all(np.abs(image.astype(int) - image[540 + 25, 790 + 25]) < 8, axis=2)
+    rows, columns = np.nonzero(green)
+    distance = np.hypot(rows + 0.5 - 540, columns + 0.5 - 790)
+    assert 5 * scale - 2 < distance.max() <= 5 * scale + 1
+    # All but the trunk and a line of two pixels round the canopy.
+    assert len(rows) == pytest.approx(np.pi * (5 * scale - 1) ** 2, rel=0.03)
+
+
+def test_absent_people_are_not_drawn(mission):
+    setting, trees, snapshots = mission
+    absent = empty(snapshots[0], people=np.full((2, 2), np.nan), headings=np.zeros(2), visible=np.zeros((3, 2), int))
+    one = Film(setting, trees, planner="hover").draw(absent, None)
+    np.testing.assert_array_equal(one, Film(setting, trees, planner="hover").draw(empty(snapshots[0]), None))
+
+
+def test_a_camera_that_looks_past_the_horizon_is_drawn_without_a_field_of_view(mission):
+    setting, trees, snapshots = mission
+    tilted = Pose(np.array([0.0, 0.0, 20.0]), np.array([np.sin(0.5), 0.0, 0.0, np.cos(0.5)]))
+    snapshot = dataclasses.replace(snapshots[0], cameras=[tilted] * 3, poses=[tilted] * 3)
+    image = Film(setting, trees, planner="hover").draw(snapshot, None)
+    assert image.shape == (HEIGHT, WIDTH, 3)
+
+
+@pytest.mark.parametrize("options", [{"uavs": 1}, {"uavs": 20, "people": 9}, {"mode": "ideal"}, {"people": 0}])
+@pytest.mark.parametrize("area", [(150.0, 100.0), (60.0, 300.0), (500.0, 50.0)])
+def test_any_team_and_area_can_be_drawn(options, area):
+    setting = synthetic.scenario(area=area, **options)
+    trees = synthetic.forest(setting, 5)
+    film = Film(setting, trees, planner="hover")
+    for snapshot in synthetic.snapshots(setting, trees, 2):
+        frames = synthetic.frames(setting, trees, snapshot) if setting.sensing.mode == "camera" else None
+        image = film.draw(snapshot, frames)
+        assert image.shape == (HEIGHT, WIDTH, 3) and image.dtype == np.uint8
+        assert np.mean(np.all(image == PANEL, axis=2)) > 0.02
+
+
+@pytest.mark.parametrize("aspect", [0.2, 0.7, 1.46, 3.0, 8.0])
+def test_map_and_tiles_stay_inside_the_panel_and_apart(aspect):
+    panel = Box(10, 48, 1260, 632)
+    for tiles in range(21):
+        layout = arrange(panel, aspect, tiles)
+        assert len(layout.tiles) == tiles
+        taken = np.zeros((720, 1280), dtype=int)
+        for box in (layout.map, *layout.tiles):
+            assert panel.x <= box.x and box.x + box.width <= panel.x + panel.width
+            assert panel.y <= box.y and box.y + box.height <= panel.y + panel.height
+            taken[box.slices] += 1
+        assert taken.max() == 1
+        assert layout.map.width / layout.map.height == pytest.approx(aspect, rel=0.02)
+        assert all(box.width == box.height >= 80 for box in layout.tiles)
+
+
+def test_a_video_closed_early_plays(tmp_path, mission):
+    write_video(tmp_path / "mission.mp4", mission, frames=1)
+    assert [frame.shape for frame in decoded(tmp_path / "mission.mp4")] == [(720, 1280, 3)]
+    assert os.listdir(tmp_path) == ["mission.mp4"]
+
+
+def test_nothing_appears_before_the_video_is_closed(tmp_path, mission):
+    setting, trees, snapshots = mission
+    video = Video(tmp_path / "mission.mp4", Film(setting, trees, planner="hover"), fps=5)
+    video.add(snapshots[0], None)
+    assert not (tmp_path / "mission.mp4").exists()
+    video.close()
+    assert os.listdir(tmp_path) == ["mission.mp4"]
+
+
+def test_an_error_or_no_frame_at_all_leaves_nothing(tmp_path, mission):
+    setting, trees, snapshots = mission
+    film = Film(setting, trees, planner="p")
+    with pytest.raises(ZeroDivisionError), Video(tmp_path / "a.mp4", film, fps=5) as video:
+        video.add(snapshots[0], None)
+        raise ZeroDivisionError
+    write_video(tmp_path / "b.mp4", mission, frames=0)
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("at", [(-50.0, -50.0), (0.0, 20.0), (199.0, 39.0), (500.0, 90.0)])
+def test_text_is_moved_inside_the_image(at):
+    image = np.full((40, 200, 3), 255, dtype=np.uint8)
+    free = np.full((40, 400, 3), 255, dtype=np.uint8)
+    style = Style(14, (0, 0, 0), bold=True)
+    write(image, "UAV 7", at, style)
+    write(free, "UAV 7", (150.0, 20.0), style)
+    assert (255.0 - image).sum() == (255.0 - free).sum() > 0
+    columns = np.flatnonzero((free < 128).any(axis=(0, 2)))
+    # Ink and advance differ by the side bearings: 2 pixels with one version of FreeType, 3 with another.
+    assert abs(columns[-1] + 1 - columns[0] - width("UAV 7", style)) <= 3

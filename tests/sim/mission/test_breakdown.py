@@ -1,0 +1,199 @@
+"""A UAV that breaks down leaves its fleet and all that counts it, and whoever looks at the mission sees that."""
+
+import json
+
+import numpy as np
+import pytest
+from helpers import synthetic
+from helpers.films import frames_of
+from helpers.network_flights import fly, recorded
+
+from planning.planner import Plan
+from planning.registry import PLANNERS
+from sim.drawing.map_view import MapView
+from sim.drawing.palette import ALARM, FAINT, uav_colour
+from sim.drawing.plots import ospa_figure
+from sim.drawing.video import Film
+from sim.evaluation.metrics import metrics
+from sim.mission.mission import Mission, Trial
+from sim.recording.archive import load as load_recording
+from sim.replay.frames.rerender import check_working, scenario_of
+from sim.running.run import run
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load
+from sim.sensing.fault import Fault
+from sim.study.tasks import task_of
+from sim.study.trial import fly as fly_trial
+from tracking.geometry.visibility import Forest
+
+BROKEN = "broke down, hovers from now on"
+
+
+@pytest.mark.parametrize("dynamics", ["quadrotor", "kinematic"])
+@pytest.mark.parametrize("planner", sorted(PLANNERS))
+def test_every_planner_flies_on_without_the_first_uav(planner, dynamics):
+    mission, snapshots = fly("uavs.0.fails_at=1.5", f"dynamics={dynamics}", planner=planner, duration=5)
+    assert mission.faults == [Fault(1.5, 0, BROKEN)]
+    for s in snapshots:
+        before = s.time < 1.5
+        assert s.working == ([0, 1, 2] if before else [1, 2])
+        assert (
+            np.isnan(s.ospa).any(axis=1).tolist() == np.isnan(s.ospa).all(axis=1).tolist() == [not before, False, False]
+        )
+        if before:
+            continue
+        assert s.tracks[0] == () and len(s.scans[0].measurements) == 0 and s.bytes_sent[0] == 0
+        assert not s.visible[0].any() and not s.matched[0].any()
+        assert s.plans is None or [len(plan.controls) > 0 for plan in s.plans] == [False, True, True]
+        if s.time > 1.6:
+            np.testing.assert_array_equal(s.commands[0], 0.0)
+    places = np.array([s.poses[0].position for s in snapshots if s.time > 3.5])
+    np.testing.assert_allclose(
+        places, np.tile(places[0], (len(places), 1)), atol=0.05 if dynamics == "quadrotor" else 0
+    )
+
+
+def test_whoever_has_broken_down_is_nobodys_neighbour_and_means_to_do_nothing():
+    """And ids are told apart from places in the team."""
+    heard = []
+
+    class Listener:
+        def plan(self, team, rng):
+            heard.append([(s.own.id, [v.id for v in s.neighbours], sorted(s.intents)) for s in team])
+            return [Plan(np.array([[0.1 * s.own.id, 0.0]])) for s in team]
+
+    setting = load("forest", ["sensing.mode=ideal", "duration=3", "uavs.1.fails_at=1.2"])
+    snapshots = list(Mission(setting, Listener(), 0).fly())
+    every = [(0, [1, 2]), (1, [0, 2]), (2, [0, 1])]
+    assert heard[0] == [(i, others, []) for i, others in every]
+    assert heard[1] == [(i, others, [0, 1, 2]) for i, others in every]
+    assert heard[2:] == [[(0, [2], [0, 2]), (2, [0], [0, 2])]] * 2
+    assert snapshots[-1].commands[:, 0].tolist() == [0.0, 0.0, 0.2]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_others_take_over_the_people_of_a_uav_that_breaks_down(seed):
+    """In the open, tracked by a planner: nobody is lost and nobody's id changes."""
+    mission, snapshots = fly("uavs.1.fails_at=4", "trees.density=0", planner="sma-nbo-mwtp", seed=seed, duration=12)
+    assert mission.faults == [Fault(4.0, 1, BROKEN)]
+    held = [[sorted(t.id for t in s.tracks[i]) for i in s.working] for s in snapshots]
+    assert {tuple(ids) for scan in held for ids in scan} == {(0, 1, 2, 3)}
+    recording = recorded(mission, snapshots)
+    assert min(metrics(recording)["people_held"]) > 0.9
+    for person in range(4):  # at the end each id is still that person's
+        (track,) = [t for t in snapshots[-1].tracks[0] if t.id == person]
+        assert np.linalg.norm(track.belief.mean[:2] - snapshots[-1].people[person]) < 2.0
+
+
+def test_the_fate_of_one_uav_changes_neither_forest_nor_people_nor_the_losses_of_others():
+    lossy = ("network.loss=0.5", "network.links=[[0, 1]]")
+    (one, whole), (other, broken) = fly(*lossy), fly(*lossy, "uavs.2.fails_at=0")
+    assert one.forest.trees == other.forest.trees
+    for a, b in zip(whole, broken, strict=True):
+        np.testing.assert_array_equal(a.people, b.people)
+        np.testing.assert_array_equal(a.bytes_sent[:2], b.bytes_sent[:2])
+    # Before the noise of sensors parts ways, with the first measurement of the one that is there or not.
+    np.testing.assert_array_equal(whole[0].ospa[:2], broken[0].ospa[:2])
+
+
+def test_a_mission_of_which_all_uavs_break_down_is_flown_and_shown_to_its_end(tmp_path):
+    setting = load(
+        "forest", ["duration=2", "sensing.mode=ideal", *(f"uavs.{i}.fails_at={(4 + 2 * i) / 10}" for i in range(3))]
+    )
+    summary = run(Trial(setting, "greedy", 0), tmp_path / "out")
+    assert [(f["time"], f["uav"]) for f in summary["faults"]] == [(0.4, 0), (0.6, 1), (0.8, 2)]
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+    recording = load_recording(tmp_path / "out" / "mission.npz")
+    assert recording.working.sum(axis=0).tolist() == [2, 3, 4]
+    assert recording.plan_times.tolist() == [0.0]
+    known = recording.ospa[:, :, 0][recording.working]
+    assert summary["ospa"]["mean_m"] == known.mean() and len(known) == 9
+    assert summary["ospa"]["share_under_1m"] == np.mean(known < 1)
+    assert frames_of(tmp_path / "out" / "mission.mp4") == ("h264", 11)
+    found = fly_trial(task_of(setting, "greedy", 0)).row.metrics
+    assert (found["ospa.mean_m"], found["faults"]) == (pytest.approx(known.mean()), 3)
+
+
+def test_people_are_held_by_those_who_work():
+    mission, snapshots = fly("uavs.0.fails_at=0.2", "uavs.1.fails_at=0.2", "trees.density=0", duration=2)
+    recording = recorded(mission, snapshots)
+    alone = [np.nan_to_num([t.belief.mean[:2] for t in s.tracks[2]]) for s in snapshots]
+    near = [[np.linalg.norm(a - p, axis=1).min() < 1 for p in s.people] for a, s in zip(alone, snapshots, strict=True)]
+    first = [[np.linalg.norm([t.belief.mean[:2] - p for t in h], axis=1).min() < 1 for p in snapshots[0].people]
+             for h in snapshots[0].tracks[:2]]  # fmt: skip
+    expected = (np.sum(near, axis=0) + np.sum(first, axis=0)) / (len(snapshots) + 2)
+    np.testing.assert_allclose(metrics(recording)["people_held"], expected)
+
+
+def test_curves_end_where_uavs_break_down():
+    times, ospa = np.arange(4) / 5, np.ones((4, 2, 3))
+    ospa[:, 1] = 3.0
+    ospa[2:, 1] = np.nan
+    axes = ospa_figure(times, ospa).axes[0]
+    lines = {line.get_label(): line.get_ydata() for line in axes.get_lines()}
+    np.testing.assert_array_equal(lines["UAV 1"], [3, 3, np.nan, np.nan])
+    np.testing.assert_array_equal(lines["mean of UAVs"], [2, 2, 1, 1])
+    assert axes.get_title(loc="left") == "OSPA: mean 1.67 m, median 1.00 m, under 1 m 0 %"
+    assert [
+        tuple(c.get_offsets()[0]) for c in axes.collections if len(c.get_offsets()) == 1 and c.get_linewidth() == 2
+    ] == [(0.2, 3.0)]
+
+
+def film(fails_at):
+    """The last of 11 snapshots with UAV 0 broken down, or not, as film and map show it; the film's tile of UAV 0."""
+    setting = synthetic.scenario(uavs=3, mode="camera")
+    given = list(synthetic.snapshots(setting, Forest(()), 11))
+    for s in given:
+        if fails_at is not None and s.time >= fails_at:
+            s.ospa[0], s.tracks[0] = np.nan, ()
+    drawn, view = Film(setting, Forest(()), planner="p"), MapView(setting, Forest(()), (790, 540))
+    page = [drawn.draw(s, synthetic.frames(setting, Forest(()), s)) for s in given][-1]
+    image = np.zeros((540, 790, 3), dtype=np.uint8)
+    for s in given:
+        view.draw(image, s)
+    centre = np.array([395, 270]) + view.scale * given[-1].poses[0].position[:2] * [1, -1]
+    x, y = np.round(centre).astype(int)
+    tile = drawn._layout.tiles[0]
+    return image[y - 16 : y + 16, x - 16 : x + 16], page[tile.slices]
+
+
+def count(image, colour):
+    return int(np.all(image == colour, axis=2).sum())
+
+
+def test_map_and_tile_show_a_uav_that_has_broken_down_in_grey_and_crossed_out():
+    mark, tile = film(1.0)
+    assert count(mark, ALARM) > 10 and count(mark, FAINT) > 10 and count(mark, uav_colour(0)) == 0
+    assert count(tile, ALARM) > 10 and count(tile, uav_colour(0)) == 0
+    assert np.all(tile[0] == FAINT)
+    mark, tile = film(None)
+    assert count(mark, ALARM) == count(mark, FAINT) == 0 < count(mark, uav_colour(0))
+    assert np.all(tile[0] == uav_colour(0))
+
+
+def test_frames_after_a_breakdown_are_refused_in_one_line():
+    recording = recorded(*fly("uavs.1.fails_at=0.5", "uavs.2.fails_at=0", duration=2))
+    assert scenario_of(recording).uavs[1].fails_at == 0.5
+    check_working(recording, [0, 1, 2], 1)
+    check_working(recording, list(range(11)), 0)
+    with pytest.raises(InputError, match=r"^--time: at 0\.6 s UAV 1 had broken down; its last scan is that at 0\.4 s$"):
+        check_working(recording, [2, 3, 4], 1)
+    with pytest.raises(InputError, match=r"^--time: at 0 s UAV 2 had broken down; it never worked$"):
+        check_working(recording, [0], 2)
+
+
+def test_the_command_says_when_a_uav_broke_down(monkeypatch, tmp_path, capsys):
+    from sim.__main__ import main
+
+    monkeypatch.chdir(tmp_path)
+    options = ["--duration", "1", "--set", "sensing.mode=ideal", "--set", "uavs.2.fails_at=0.4", "--no-video"]
+    monkeypatch.setattr("sys.argv", ["understory", "run", "--out", "out", "--planner", "hover", *options])
+    main()
+    assert f"fault at 0.4 s, UAV 2: {BROKEN}" in capsys.readouterr().out
+    monkeypatch.setattr("sys.argv", ["understory", "frames", "out", "--uav", "2", "--time", "0.8"])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    assert caught.value.code == 2
+    assert capsys.readouterr().err == (
+        "understory: --time: at 0.8 s UAV 2 had broken down; its last scan is that at 0.2 s\n"
+    )

@@ -1,0 +1,204 @@
+"""Missions fly in every variant, and only what should change them does."""
+
+import itertools
+
+import numpy as np
+import pytest
+from helpers.flights import fly
+
+from planning.planner import Plan
+from planning.registry import load_planner
+from sim.mission.mission import Mission, Trial
+from sim.scenario.loading import load
+
+CROWD = "t,id,x,y\n" + "".join(
+    f"{t},{name},{-28 + 1.5 * t},{y}\n"
+    for name, y, first, last in (("early", -14, 0, 1), ("whole", 0, 0, 3), ("late", 14, 1, 3))
+    for t in range(first, last + 1)
+)
+
+
+def test_a_mission_has_a_scan_at_each_multiple_of_the_period_and_a_plan_each_second():
+    mission, snapshots = fly(duration=2.3)
+    np.testing.assert_allclose([s.time for s in snapshots], np.arange(12) / 5)
+    assert [s.time for s in snapshots if s.plans] == [0.0, 1.0, 2.0]
+    assert mission.faults == []
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["dynamics=kinematic"],
+        ["sensing.mode=ideal"],
+        ["sensing.noise=camera"],
+        ["sensing.occlusion=disc"],
+        ["dynamics=kinematic", "sensing.mode=ideal", "sensing.occlusion=disc"],
+        ["tracking.initial_tracks=none"],
+        ["trees.density=0"],
+        ["trees.density=75", "trees.canopy_radius=1"],
+        ["people.count=1"],
+        ["people.count=6"],
+        ["network.range=5"],
+        ["network.rounds=0"],
+        ["rates.planning=5"],
+        ["uavs=[{start=[-28, 0]}]"],
+        *([f"uavs.{i}.mount=body" for i in range(3)],),
+    ],
+    ids=" ".join,
+)
+def test_every_variant_flies_without_fault(overrides):
+    mission, snapshots = fly(*overrides, planner="sma-nbo-mwtp")
+    assert len(snapshots) == 6
+    assert mission.faults == []
+    assert all(np.all(np.isfinite(s.ospa)) for s in snapshots)
+
+
+def test_without_people_nobody_is_seen_or_tracked():
+    mission, snapshots = fly("people.count=0", planner="sma-nbo-mwtp")
+    assert mission.faults == []
+    for s in snapshots:
+        assert s.people.shape == (0, 2) and s.visible.shape == (3, 0)
+        assert [len(scan.measurements) for scan in s.scans] == [0, 0, 0]
+        assert s.tracks == [(), (), ()]
+        np.testing.assert_array_equal(s.ospa, 0.0)
+
+
+def test_people_of_a_file_appear_and_leave(tmp_path):
+    (tmp_path / "crowd.csv").write_text(CROWD)
+    (tmp_path / "crowd.toml").write_text('duration = 3.0\n[people]\ntrajectories = "crowd.csv"\n[trees]\ndensity = 0\n')
+    snapshots = list(Mission.of(Trial(load(str(tmp_path / "crowd.toml")), "hover", 0)).fly())
+    present = np.array([~np.isnan(s.people[:, 0]) for s in snapshots])
+    time = np.array([s.time for s in snapshots])
+    np.testing.assert_array_equal(present, np.column_stack([time <= 1, time >= 0, time >= 1]))
+    # UAV 0 hovers over the first of them and sees them as long as they are there; the last one is found.
+    assert [int(s.visible[0, 0] > 0) for s in snapshots] == [int(t <= 1) for t in time]
+    assert any(s.matched[:, 2].any() for s in snapshots)
+    assert len(snapshots[-1].tracks[2]) >= 1
+
+
+def test_a_body_mounted_camera_tilts_with_the_body_and_a_gimbal_does_not():
+    _, gimbal = fly(planner="greedy")
+    _, body = fly(*[f"uavs.{i}.mount=body" for i in range(3)], planner="greedy")
+    for s in gimbal:
+        np.testing.assert_array_equal([c.quaternion for c in s.cameras], np.tile([0.0, 0, 0, 1], (3, 1)))
+    for s in body:
+        np.testing.assert_array_equal([c.quaternion for c in s.cameras], [p.quaternion for p in s.poses])
+    assert max(1 - abs(c.quaternion[3]) for s in body for c in s.cameras) > 1e-3
+
+
+def test_another_planner_meets_the_same_forest_and_people():
+    (one, first), (two, second) = (fly(planner=planner, seed=3) for planner in ("greedy", "hover"))
+    assert one.forest.trees == two.forest.trees
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a.people, b.people)
+        np.testing.assert_array_equal(a.headings, b.headings)
+    assert not np.array_equal(first[-1].poses[0].position, second[-1].poses[0].position)
+
+
+def test_another_seed_is_another_forest_with_other_people():
+    (one, first), (two, second) = (fly(seed=seed) for seed in (0, 1))
+    assert one.forest.trees != two.forest.trees
+    assert not np.array_equal(first[0].people, second[0].people)
+
+
+class Faulty:
+    """Flies east and goes wrong once a second, each time in another way."""
+
+    def __init__(self):
+        self.calls = itertools.count()
+
+    def plan(self, team, rng):
+        east = [Plan(np.tile([3.0, 0.0], (3, 1))) for _ in team]
+        match next(self.calls):
+            case 1:
+                raise RuntimeError("lost")
+            case 2:
+                return [Plan(np.full((1, 2), np.nan)), *east[1:]]
+            case 3:
+                return [*east[:2], Plan(np.array([[30.0, 40.0]]))]
+            case 4:
+                return east[:1]
+        return east
+
+
+def test_a_planner_that_fails_does_not_end_the_mission():
+    mission = Mission(load("forest", ["duration=5", "sensing.mode=ideal"]), Faulty(), 0)
+    snapshots = list(mission.fly())
+    assert [(f.time, f.uav) for f in mission.faults] == [(1.0, None), (2.0, 0), (3.0, 2), (4.0, None)]
+    for fault, words in zip(mission.faults, ("lost", "finite", "clipped", "1 plans for 3"), strict=True):
+        assert words in fault.message
+    plans = {s.time: [plan.controls for plan in s.plans] for s in snapshots if s.plans}
+    np.testing.assert_array_equal(plans[1.0][0], np.tile([3.0, 0.0], (2, 1)))  # the rest of the last intent
+    np.testing.assert_array_equal(plans[2.0][0], [[3.0, 0.0]])
+    np.testing.assert_allclose(plans[3.0][2], [[3.0, 4.0]])  # shortened to the limit of 5 m/s
+    np.testing.assert_array_equal(plans[4.0][2], [[0.0, 0.0]])  # nothing is left of the intent: hover
+    assert len(snapshots) == 26
+
+
+def test_known_tracks_start_on_everyone_and_in_the_open_unknown_people_are_found_at_once():
+    _, known = fly("trees.density=0")
+    assert [len(held) for held in known[0].tracks] == [4, 4, 4]
+    _, unknown = fly("trees.density=0", "tracking.initial_tracks=none", seed=3)
+    assert [len(held) for held in unknown[0].tracks] == [0, 0, 0]
+    assert np.all(np.any(unknown[0].visible, axis=0))
+    assert [len(held) for held in unknown[2].tracks] == [4, 4, 4]
+    assert np.all(unknown[-1].ospa[:, 0] < 1.0)
+
+
+def test_a_mission_of_one_scan_knows_its_tracks():
+    _, snapshots = fly(duration=0.1)
+    assert [[len(held) for held in s.tracks] for s in snapshots] == [[4, 4, 4]]
+
+
+def test_a_mission_closes_its_world_when_it_is_left_early():
+    mission = Mission(load("forest", ["sensing.mode=ideal"]), load_planner("hover"), 0)
+    flight = mission.fly()
+    next(flight)
+    flight.close()
+    assert list(flight) == []
+
+
+def test_a_uav_knows_only_the_neighbours_it_hears_and_their_intents():
+    """Three in a row, 30 m apart, that reach 40 m: the middle one hears both, the outer ones only the middle one."""
+    starts = [f"{{start=[{x}, 0], footprint={edge}}}" for x, edge in ((-30, 20), (0, 25), (30, 22))]
+    setting = load("forest", [f"uavs=[{','.join(starts)}]", "network.range=40", "trees.density=0", "duration=1"])
+
+    heard = []
+
+    class Listener:
+        def plan(self, team, rng):
+            heard.append([([v.id for v in s.neighbours], sorted(s.intents)) for s in team])
+            return [Plan(np.zeros((2, 2))) for _ in team]
+
+    for _ in Mission(setting, Listener(), 0).fly():
+        pass
+    neighbours = [[1], [0, 2], [1]]
+    assert heard[0] == [(n, []) for n in neighbours]
+    assert heard[1] == [(n, sorted([i, *n])) for i, n in enumerate(neighbours)]
+
+
+def test_a_planner_that_spoils_its_map_spoils_nothing_else():
+    class Vandal:
+        def plan(self, team, rng):
+            for situation in team:
+                situation.forest.blockers[:] = 0.0
+                situation.own.position[:] = 0.0
+            return [Plan(np.zeros((1, 2))) for _ in team]
+
+    setting = load("forest", ["duration=2", "sensing.mode=ideal"])
+    spoilt, kept = (list(Mission(setting, planner, 0).fly()) for planner in (Vandal(), load_planner("hover")))
+    for a, b in zip(spoilt, kept, strict=True):
+        for one, other in zip(a.scans, b.scans, strict=True):
+            np.testing.assert_array_equal(one.measurements, other.measurements)
+        for one, other in zip(a.poses, b.poses, strict=True):
+            np.testing.assert_array_equal(one.position, other.position)
+
+
+def test_no_trunk_stands_in_the_way_of_recorded_people(tmp_path):
+    path = tmp_path / "walk.csv"
+    rows = [f"{t},{y},{-70 + 14 * t},{y}" for t in range(11) for y in range(-48, 49, 6)]
+    path.write_text("t,id,x,y\n" + "\n".join(rows))
+    mission = Mission.of(Trial(load("forest", [f"people.trajectories={path}", "duration=10"]), "hover", 0))
+    trunks = np.array([(t.x, t.y) for t in mission.forest.trees])
+    gaps = np.linalg.norm(mission.people.positions[:, :, None] - trunks, axis=3)
+    assert gaps.min() > 0.2 + 0.5 - 0.12  # the path is kept clear where it is sampled, 0.23 m apart

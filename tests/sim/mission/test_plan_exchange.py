@@ -1,0 +1,297 @@
+"""Plans pass the network: what is lost leaves the last plan known, shifted, and all that is sent is counted."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from helpers.summaries import shown
+
+from planning.composition import Composition
+from planning.coordination import Decentralised, Parallel, Sequential, expected
+from planning.planner import Exchange, Plan
+from planning.prediction.intent import policy_of_intent
+from planning.registry import load_planner
+from sim.mission.mission import Mission, Trial
+from sim.mission.plan_check import decide
+from sim.mission.plan_exchange import Intents
+from sim.mission.radio import Links
+from sim.running.run import run
+from sim.scenario.loading import load
+from sim.scenario.network import Network
+from sim.scenario.random_streams import stream
+
+IDEAL = ("sensing.mode=ideal", "dynamics=kinematic")
+FIVE_STEPS = 8 * (5 + 2 * 5)  # bytes: sender, time, x, y, z, and five controls
+
+
+class Drawn:
+    """Flies plans by chance and keeps the situations it is given."""
+
+    def __init__(self, steps=5, exchange=None):
+        self.teams, self.made, self.steps = [], [], steps
+        if exchange is not None:
+            self.exchange = exchange
+
+    def plan(self, team, rng):
+        self.teams.append(team)
+        self.made.append({s.own.id: rng.uniform(-3, 3, (self.steps, 2)) for s in team})
+        return [Plan(self.made[-1][s.own.id]) for s in team]
+
+
+def flown(planner, *overrides, duration=7, seed=0):
+    """The mission and its snapshots."""
+    mission = Mission(load("forest", [f"duration={duration}", *IDEAL, *overrides]), planner, seed)
+    return mission, list(mission.fly())
+
+
+def intents_of(team, i):
+    """Of the UAV in place i: controls by id."""
+    return {j: plan.controls for j, plan in team[i].intents.items()}
+
+
+class Checked:
+    """Plans, and plans once more on a team in which everyone knows everyone's position and last plan."""
+
+    def __init__(self, planner):
+        self.planner, self.exchange, self.calls = planner, planner.exchange, 0
+
+    def plan(self, team, rng):
+        last = {s.own.id: s.intents[s.own.id] for s in team if s.own.id in s.intents}
+        whole = [
+            dataclasses.replace(s, neighbours=tuple(o.own for o in team if o is not s), intents=last, reception=())
+            for s in team
+        ]
+        twin = np.random.default_rng()
+        twin.bit_generator.state = rng.bit_generator.state
+        plans = self.planner.plan(team, rng)
+        for plan, other in zip(plans, self.planner.plan(whole, twin), strict=True):
+            np.testing.assert_array_equal(plan.controls, other.controls)
+        self.calls += 1
+        return plans
+
+
+@pytest.mark.parametrize("name", ["sma-nbo-mwtp", "sma-nbo(sweeps=2, order=random, horizon=3)", "pma-nbo"])
+def test_over_a_network_without_faults_plans_are_those_of_a_team_that_knows_all(name):
+    planner = Checked(load_planner(name))
+    mission, _ = flown(planner, duration=4)
+    assert planner.calls == 5 and mission.faults == []
+
+
+def test_behind_a_cut_link_a_uav_is_where_its_last_known_plan_has_brought_it_until_that_ends():
+    """Links to UAV 2 are down from 1.5 s: its plan of 1 s is the last that UAV 0 knows, and UAV 0's that it knows."""
+    planner = Drawn()
+    flown(planner, "network.cuts=[{links=[[0, 2], [1, 2]], start=1.5}]")
+    for me, other in ((0, 2), (2, 0), (2, 1)):
+        last, place = planner.made[1][other], planner.teams[1][other].own.position
+        for k in range(2, 6):  # s; in k - 1 steps it has flown so many of the five
+            situation = planner.teams[k][me]
+            (vehicle,) = [v for v in situation.neighbours if v.id == other]
+            np.testing.assert_allclose(vehicle.position[:2], place[:2] + last[: k - 1].sum(axis=0), rtol=1e-12)
+            np.testing.assert_array_equal(situation.intents[other].controls, last[k - 2 :])
+            intent = policy_of_intent(situation, vehicle, 5)
+            np.testing.assert_array_equal(intent[: 6 - k], last[k - 1 :])
+            assert not situation.receives(other)
+        for k in (6, 7):
+            assert other not in [v.id for v in planner.teams[k][me].neighbours]
+            assert other not in planner.teams[k][me].intents
+    for k in range(1, 8):  # those that hear one another know what was planned last and where they are
+        np.testing.assert_array_equal(planner.teams[k][0].intents[1].controls, planner.made[k - 1][1])
+        (vehicle,) = [v for v in planner.teams[k][0].neighbours if v.id == 1]
+        np.testing.assert_array_equal(vehicle.position, planner.teams[k][1].own.position)
+
+
+def test_a_plan_that_is_lost_leaves_the_one_before_it_and_a_link_that_heals_brings_the_new_one():
+    planner = Drawn()
+    flown(planner, "network.loss=0.6", "network.rounds=50", seed=3)  # of fifty rounds one arrives: all are in touch
+    rng = stream(3, "intents")
+    known = [{} for _ in range(3)]
+    lost = 0
+    for k, team in enumerate(planner.teams):
+        for i, situation in enumerate(team):
+            assert {j for j in intents_of(team, i) if j != i} == {j for j in known[i] if len(known[i][j])}
+            for j, controls in known[i].items():
+                if len(controls):
+                    np.testing.assert_array_equal(situation.intents[j].controls, controls)
+            assert [v.id for v in situation.neighbours] == [j for j in range(3) if j != i]
+        reached = rng.random((1, 3, 3))[0] >= 0.6
+        for i, situation in enumerate(team):
+            assert situation.reception == (tuple(j for j in range(3) if j != i and reached[i, j]),)
+            for j in range(3):
+                if j == i:
+                    continue
+                lost += not reached[i, j]
+                known[i][j] = planner.made[k][j] if reached[i, j] else known[i].get(j, np.zeros((0, 2)))[1:]
+    assert 15 < lost < 45
+
+
+def test_when_nothing_arrives_a_uav_knows_itself_alone():
+    planner = Drawn()
+    flown(planner, "network.loss=1", duration=2)
+    for k, team in enumerate(planner.teams):
+        for i, situation in enumerate(team):
+            assert situation.neighbours == () and situation.reception == ((),)
+            assert list(situation.intents) == [i] * (k > 0)
+
+
+@pytest.mark.parametrize("sweeps", [1, 2])
+def test_in_a_sequence_a_uav_answers_the_plans_that_reached_it_and_expects_intents_of_the_others(random_team, sweeps):
+    team = random_team(3)
+    rng = np.random.default_rng(8)
+    team = [
+        dataclasses.replace(s, intents={j: Plan(rng.uniform(-3, 3, (5, 2))) for j in range(3)}, reception=heard)
+        # Who receives whom in the first sweep and in the second: the plan of 1 never gets to 2, that of 0 late.
+        for s, heard in zip(team, [((), (1,)), ((0,), (0, 2)), ((), (0,))], strict=True)
+    ]
+    plans = Composition(coordination=Sequential(sweeps=sweeps)).plan(team, np.random.default_rng(1))
+    rng = np.random.default_rng(1)
+    decide_ = Composition().decide
+    knows = [expected(s, 5) for s in team]
+    for sweep in range(sweeps):
+        for i, s in enumerate(team):
+            knows[i][i] = decide_(s, knows[i], [i], rng)[0]
+            for j, other in enumerate(team):
+                if i in other.reception[sweep]:
+                    knows[j][i] = knows[i][i]
+    for i, plan in enumerate(plans):
+        np.testing.assert_array_equal(plan.controls, knows[i][i])
+    unheard = Composition(coordination=Parallel()).plan(team[:1], np.random.default_rng(1))[0]
+    if sweeps == 1:
+        np.testing.assert_array_equal(plans[0].controls, unheard.controls)
+
+
+def test_without_messages_a_uav_remembers_what_it_planned_for_the_others():
+    class Spy:
+        exchange = Decentralised.exchange
+
+        def __init__(self):
+            self.teams, self.plans = [], []
+
+        def plan(self, team, rng):
+            self.teams.append(team)
+            self.plans.append(load_planner("dec-pomdp(horizon=3, evaluations=64)").plan(team, rng))
+            return self.plans[-1]
+
+    spy = Spy()
+    _, snapshots = flown(spy, "network.cuts=[{links=[[0, 2]], start=2.5}]", duration=4)
+    for k in (1, 2, 3):
+        for i, situation in enumerate(spy.teams[k]):
+            assert situation.reception == ()
+            for j in {0, 1, 2} - {i}:
+                given = situation.intents[j].controls
+                cut = k == 3 and {i, j} == {0, 2}  # still the last that it planned when they were in touch
+                np.testing.assert_array_equal(given, spy.plans[2 if cut else k - 1][i].others[j])
+    np.testing.assert_array_equal(spy.teams[4][0].intents[2].controls, spy.plans[2][0].others[2][1:])
+    assert not np.any([s.plan_bytes for s in snapshots])
+
+
+@pytest.mark.parametrize(
+    ("planner", "sent", "rounds"),
+    [
+        ("sma-nbo-mwtp", [FIVE_STEPS] * 3, 1),
+        ("sma-nbo(sweeps=2, horizon=3)", [2 * 8 * (5 + 2 * 3)] * 3, 2),
+        ("pma-nbo", [FIVE_STEPS] * 3, 1),
+        ("mcr(samples=3)", [FIVE_STEPS] * 3, 1),
+        ("dec-pomdp(evaluations=64)", [0, 0, 0], 0),
+        ("centralized(evaluations=64)", [2 * FIVE_STEPS, 0, 0], 1),
+        ("hover", [0, 0, 0], 0),
+        ("greedy", [0, 0, 0], 0),
+        ("lawnmower", [0, 0, 0], 0),
+    ],
+)
+def test_bytes_and_rounds_of_plans_are_those_counted_by_hand(planner, sent, rounds):
+    _, snapshots = flown(load_planner(planner), "people.count=2", duration=1)
+    for s in snapshots:
+        made = s.plans is not None
+        assert s.plan_bytes.tolist() == [made * size for size in sent] and s.plan_rounds == made * rounds
+
+
+def test_a_planner_that_does_not_say_what_it_sends_sends_each_plan_once_to_those_that_hear():
+    planner = Drawn(steps=2)
+    _, snapshots = flown(planner, "network.links=[[0, 1]]", "network.loss=1", duration=1)
+    assert snapshots[0].plan_bytes.tolist() == [8 * 9, 8 * 9, 0]  # what is lost has been sent; nobody hears the last
+    _, snapshots = flown(Drawn(steps=2, exchange="of glances"), duration=1)
+    assert snapshots[0].plan_bytes.tolist() == [8 * 9] * 3 and snapshots[0].plan_rounds == 1
+    planner = Drawn(steps=2, exchange=Exchange(3))
+    _, snapshots = flown(planner, "network.links=[[0, 1], [1, 2]]", "uavs.0.fails_at=0.5", duration=1)
+    assert snapshots[0].plan_bytes.tolist() == [3 * 72] * 3
+    assert snapshots[-1].plan_bytes.tolist() == [0, 3 * 72, 3 * 72] and snapshots[-1].plan_rounds == 3
+    assert [s.reception for s in planner.teams[0]] == [((1,),) * 3, ((0, 2),) * 3, ((1,),) * 3]
+
+
+@pytest.mark.parametrize("rounds", [-1, 1.0, True])
+def test_rounds_are_whole_numbers(rounds):
+    with pytest.raises(ValueError, match=r"^rounds must be a whole number of at least 0, is "):
+        Exchange(rounds)
+
+
+def test_a_run_says_what_plans_took_to_send(tmp_path):
+    setting = load("forest", ["duration=1", *IDEAL, "uavs.2.fails_at=0.6"])
+    summary = run(Trial(setting, "sma-nbo-mwtp(evaluations=64)", 0), tmp_path / "out", video=False)
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["network"] == summary["network"]
+    assert summary["network"]["plans"] == {
+        "bytes_total": 5 * FIVE_STEPS, "bytes_per_decision_mean": 120.0, "bytes_per_decision_max": 120, "rounds": 1,
+    }  # fmt: skip
+    (line,) = [line for line in shown(summary).splitlines() if "plans of a UAV per decision" in line]
+    assert "120 B, 1 round " in line
+
+
+def test_losses_of_plans_leave_those_of_consensus_as_they_are():
+    lossy = ("network.loss=0.5", "tracking.initial_tracks=none")
+    (_, one), (_, other) = flown(Drawn(), *lossy, duration=3), flown(Drawn(exchange=Exchange(4)), *lossy, duration=3)
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a.bytes_sent, b.bytes_sent)
+        for x, y in zip(a.tracks, b.tracks, strict=True):
+            assert [t.belief.mean.tobytes() for t in x] == [t.belief.mean.tobytes() for t in y]
+
+
+@pytest.mark.parametrize("others", [{1: "north"}, {1: np.zeros(3)}, {1: [[np.inf, 0.0]]}, [1]])
+def test_nonsense_about_others_is_a_fault(random_team, others):
+    class Confused:
+        def plan(self, team, rng):
+            return [Plan(np.ones((1, 2)), others) for _ in team]
+
+    plans, faults = decide(Confused(), random_team(0), {}, np.random.default_rng(0))
+    assert [f.uav for f in faults] == [0, 1, 2] and "others" in faults[0].message
+    for plan in plans:
+        np.testing.assert_array_equal(plan.controls, [[0.0, 0.0]])
+
+
+def test_whoever_plans_for_all_loses_nothing(random_team):
+    fleet = [s.own for s in random_team(0)]
+    none = np.zeros((3, 3), dtype=bool)
+    intents = Intents(Network(loss=1.0), Exchange(centre=True), np.random.default_rng(0))
+    intents.begin(fleet, Links(none, none[None]), [0, 2], 1.0)
+    sent = intents.end({0: Plan(np.ones((4, 2))), 2: Plan(np.ones((3, 2)))})
+    assert sent.bytes.tolist() == [8 * (5 + 6), 0, 0]
+    assert intents.own[2].controls.shape == (3, 2)
+
+
+@pytest.mark.parametrize("delay", [0.2, 1.0, 2.4])
+def test_a_delayed_plan_is_flown_exactly_so_much_later(delay):
+    """Of a planner whose plans depend on nothing but the time of the decision."""
+    (_, prompt), (_, late) = flown(Drawn(), duration=5), flown(Drawn(), f"network.plan_delay={delay}", duration=5)
+    commands, delayed = (np.array([s.commands for s in snapshots]) for snapshots in (prompt, late))
+    scans = round(5 * delay)
+    np.testing.assert_array_equal(delayed[: scans + 1], 0.0)  # commands are those in force up to a scan
+    np.testing.assert_array_equal(delayed[scans:], commands[: len(commands) - scans])
+    assert np.all(np.any(commands[1:], axis=(1, 2)))
+
+
+def test_a_uav_that_breaks_down_flies_no_delayed_plan():
+    _, snapshots = flown(Drawn(), "network.plan_delay=1.4", "uavs.1.fails_at=1.1", duration=3)
+    assert all(not np.any(s.commands[1]) for s in snapshots)
+    assert np.any(snapshots[-1].commands[0])
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("0.3", "network.plan_delay: 0.3 s is no multiple of the 0.2 s between scans; the nearest are 0.2 and 0.4"),
+        ("-1", "network.plan_delay: -1 is not allowed; expected float >= 0.0"),
+    ],
+)
+def test_a_delay_between_scans_is_refused_in_one_line(value, message):
+    with pytest.raises(ValueError) as caught:
+        load("forest", [f"network.plan_delay={value}"])
+    assert str(caught.value) == message

@@ -1,0 +1,211 @@
+"""Networks lose messages, have fixed links, and split and heal, and a mission comes out as it must."""
+
+import dataclasses
+import zipfile
+
+import numpy as np
+import pytest
+from helpers.network_flights import IDEAL, fly, recorded
+from helpers.recordings import assert_same, npy, record, rewritten
+from helpers.summaries import hand_made, shown, summary
+
+from sim.mission.mission import Mission, Trial
+from sim.mission.radio import disagreement, hearing, losses
+from sim.recording.archive import load as load_recording
+from sim.recording.archive import save
+from sim.scenario.loading import load
+from sim.scenario.network import Cut, Network
+from sim.study.tasks import task_of
+from sim.study.trial import fly as fly_trial
+from tracking.filter.kalman import Gaussian
+from tracking.metrics.ospa import ospa
+from tracking.tracker import Track
+
+UNKNOWN = "unknown key; allowed are links, start, end; did you mean start?"
+
+
+def track(id, x, y):
+    return Track(id, Gaussian(np.array([x, y, 0.0, 0.0]), np.eye(4)))
+
+
+def test_who_hears_whom_is_who_is_near_linked_and_not_cut():
+    places = np.array([[0.0, 0, 20], [30, 0, 20], [60, 0, 20], [90, 0, 20]])
+    pairs = lambda network, time=0.0: np.argwhere(np.triu(hearing(network, time, places))).tolist()  # noqa: E731
+    everyone = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
+    assert pairs(Network()) == everyone
+    assert pairs(Network(range=60.0)) == [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]
+    assert pairs(Network(links=((3, 0), (1, 2)))) == [[0, 3], [1, 2]]
+    assert pairs(Network(links=((3, 0), (1, 2)), range=60.0)) == [[1, 2]]
+    cut = Network(cuts=(Cut(((1, 0), (2, 3)), 10.0, 20.0), Cut(((0, 3),), 15.0)))
+    without = lambda *gone: [pair for pair in everyone if pair not in gone]  # noqa: E731
+    assert pairs(cut, 9.8) == pairs(Network())
+    assert pairs(cut, 10.0) == pairs(cut, 14.8) == without([0, 1], [2, 3])
+    assert pairs(cut, 15.0) == without([0, 1], [2, 3], [0, 3])
+    assert pairs(cut, 20.0) == pairs(cut, 1e6) == without([0, 3])
+    for time in (0.0, 12.0, 17.0):
+        table = hearing(cut, time, places)
+        np.testing.assert_array_equal(table, table.T)
+        assert not table.diagonal().any()
+
+
+def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():
+    rng, twin = np.random.default_rng(0), np.random.default_rng(0)
+    assert losses(Network(), 3, rng) is None
+    assert rng.bit_generator.state == twin.bit_generator.state
+    lost = losses(Network(loss=0.3, rounds=100_000), 2, rng)
+    assert lost.shape == (100_000, 2, 2)
+    np.testing.assert_allclose(lost.mean(axis=0), 0.3, atol=5 * np.sqrt(0.21 / 1e5))  # five standard deviations
+    assert losses(Network(loss=1.0), 3, rng).all()
+    assert np.all(losses(Network(loss=0.6, rounds=100_000), 2, twin)[lost])  # more loss loses the same and more
+
+
+def test_disagreement_is_the_mean_ospa_between_pairs():
+    held = [[track(0, 0, 0)], [track(0, 3, 4)], [track(0, 0, 0), track(1, 9, 9)]]
+    alone = ospa(np.zeros((1, 2)), np.array([[0.0, 0], [9, 9]])).distance
+    third = ospa(np.array([[3.0, 4]]), np.array([[0.0, 0], [9, 9]])).distance
+    assert disagreement(held) == pytest.approx((5.0 + alone + third) / 3)
+    assert disagreement(held[:1]) == disagreement([]) == disagreement([[], []]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("network.links=[[0, 3]]", "network.links: [0, 3] names UAV 3; allowed are 0 to 2"),
+        ("network.links=[[1, 1]]", "network.links: [1, 1] links UAV 1 to itself; allowed are pairs of two UAVs"),
+        ("network.links=[[0, 1], [1, 0]]", "network.links: [1, 0] is there twice; allowed is each pair once"),
+        ("network.links=[[0, 1, 2]]", "network.links.0: [0, 1, 2] is not allowed; expected array of length 2, got 3"),
+        ("network.links=[[0, -1]]", "network.links.0.1: -1 is not allowed; expected int >= 0"),
+        ("network.cuts=[{links=[[0, 5]]}]", "network.cuts.0.links: [0, 5] names UAV 5; allowed are 0 to 2"),
+        ("network.cuts=[{links=[]}]", "network.cuts.0.links: [] is not allowed; expected array of length >= 1"),
+        ("network.cuts=[{links=[[0, 1]], start=9, end=9}]", "network.cuts.0: end 9 must be after start 9"),
+        ("network.cuts=[{links=[[0, 1]], strat=9}]", f"network.cuts.0.strat: {UNKNOWN}"),
+        ("network.loss=1.5", "network.loss: 1.5 is not allowed; expected float <= 1.0"),
+        ("network.fusion=hcmi", "network.fusion: hcmi is not allowed; allowed are kla, hcmci; did you mean hcmci?"),
+        ("uavs.1.fails_at=-1", "uavs.1.fails_at: -1 is not allowed; expected float >= 0.0"),
+        ("uavs=[{start=[0, 0], fails_at=0}]", "uavs: all have fails_at 0; one or more have to work at the start"),
+    ],
+)  # fmt: skip
+def test_a_network_that_cannot_be_is_refused_in_one_line(override, message):
+    with pytest.raises(ValueError) as caught:
+        load("forest", [override])
+    assert str(caught.value).replace("'", "") == message
+
+
+def test_a_cut_of_a_link_that_is_not_there_is_refused():
+    with pytest.raises(ValueError, match=r"^network\.cuts\.0\.links: \[0, 2\] is not in network\.links; allowed are "):
+        load("forest", ["network.links=[[0, 1], [1, 2]]", "network.cuts=[{links=[[0, 2]]}]"])
+
+
+def test_the_same_seed_loses_the_same_messages():
+    lossy = ("network.loss=0.5", "tracking.initial_tracks=none")
+    one, other = (recorded(*fly(*lossy, planner="sma-nbo-mwtp", seed=2)) for _ in range(2))
+    assert_same(one, other)
+
+
+def test_losses_change_neither_forest_nor_people_nor_noise():
+    """A fleet that hovers sees the same whatever it believes."""
+    (whole, without), (lossy, losing) = fly(), fly("network.loss=0.8")
+    assert whole.forest.trees == lossy.forest.trees
+    differ = 0
+    for a, b in zip(without, losing, strict=True):
+        np.testing.assert_array_equal(a.people, b.people)
+        for one, other in zip(a.scans, b.scans, strict=True):
+            np.testing.assert_array_equal(one.measurements, other.measurements)
+        np.testing.assert_array_equal(a.bytes_sent, b.bytes_sent)  # what is lost has been sent
+        differ += any(
+            x.belief.mean.tobytes() != y.belief.mean.tobytes() for x, y in zip(a.tracks[0], b.tracks[0], strict=True)
+        )
+    assert sum(len(scan.measurements) for s in without for scan in s.scans) > 50
+    assert differ > 10
+
+
+def test_bytes_are_those_of_all_rounds_to_whoever_is_linked():
+    # Four tracks: 4 + 4 * 25 numbers of 8 bytes in each of five rounds; UAV 2 has no link.
+    _, snapshots = fly("network.links=[[0, 1]]", duration=1)
+    for s in snapshots:
+        np.testing.assert_array_equal(s.bytes_sent, [5 * 8 * 104, 5 * 8 * 104, 0])
+
+
+def test_a_fleet_that_splits_disagrees_and_agrees_again_in_the_scan_in_which_it_heals():
+    """Four people, all known at the start; UAV 2 is cut off from 1 s to 3 s, and then hears only UAV 1."""
+    cuts = "network.cuts=[{links=[[1, 2]], start=1, end=3}]"
+    mission, snapshots = fly("network.links=[[0, 1], [1, 2]]", cuts, "network.rounds=8", "trees.density=0", duration=6)
+    assert mission.faults == []
+    for s in snapshots:
+        ids = [[t.id for t in held] for held in s.tracks]
+        assert all(len(set(held)) == len(held) <= 4 for held in ids)
+        between = disagreement(s.tracks)
+        if 1 <= s.time < 3:
+            np.testing.assert_array_equal(s.bytes_sent[2], 0)
+            assert between > 1e-3
+        else:
+            assert ids[0] == ids[1] == ids[2]
+            assert between < 0.02
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_people_found_by_both_parts_of_a_split_fleet_are_not_doubled_when_it_heals(seed):
+    cuts = "network.cuts=[{links=[[0, 1], [0, 2]], end=3}]"
+    _, snapshots = fly(cuts, "tracking.initial_tracks=none", "trees.density=0", seed=seed, duration=4)
+    before, after = ([{t.id for t in held} for held in s.tracks] for s in (snapshots[14], snapshots[15]))
+    assert before[0] and before[0].isdisjoint(before[1] | before[2])  # each part gave ids of its own
+    assert after[0] == after[1] == after[2] and len(after[0]) <= 4
+    seen = snapshots[15].visible.any(axis=0) & np.any([s.visible.any(axis=0) for s in snapshots[12:15]], axis=0)
+    assert len(after[0]) >= seen.sum() > 1
+
+
+@pytest.mark.parametrize("fusion", ["kla", "hcmci"])
+@pytest.mark.parametrize("initial", ["known", "none"])
+def test_with_half_of_all_messages_lost_the_fleet_agrees(fusion, initial):
+    """On every id in all but a few scans, and within centimetres in the mean."""
+    overrides = ("network.loss=0.5", f"network.fusion={fusion}", f"tracking.initial_tracks={initial}")
+    _, snapshots = fly(*overrides, seed=0, duration=12)
+    alike = [len({tuple(t.id for t in held) for held in s.tracks}) == 1 for s in snapshots]
+    assert np.mean(alike) > 0.95
+    gaps = [disagreement(s.tracks) for s, same in zip(snapshots, alike, strict=True) if same]
+    assert 0.0 < np.mean(gaps) < 0.05
+
+
+def test_loss_makes_the_fleet_disagree_and_a_row_says_by_how_much():
+    setting = load("forest", [*IDEAL, "duration=3", "network.loss=0.9"])
+    row = fly_trial(task_of(setting, "hover", 1)).row
+    snapshots = list(Mission.of(Trial(setting, "hover", 1)).fly())
+    assert row.metrics["disagreement_m"] == np.mean([disagreement(s.tracks) for s in snapshots]) > 0.01
+    whole = fly_trial(task_of(load("forest", [*IDEAL, "duration=3"]), "hover", 1)).row
+    assert whole.metrics["disagreement_m"] < 1e-9
+
+
+def test_bytes_survive_the_disk_and_are_summarised(tmp_path):
+    recording = dataclasses.replace(hand_made(), bytes_sent=np.array([[100, 300], [0, 1000]]))
+    network = summary(recording)["network"]
+    assert {k: v for k, v in network.items() if k.startswith("bytes")} == {
+        "bytes_total": 1400, "bytes_per_scan_mean": 350.0, "bytes_per_scan_max": 1000
+    }  # fmt: skip
+    held = [recording.tracks_at(k, i) for k in range(2) for i in range(2)]
+    assert network["disagreement_m"] == (disagreement(held[:2]) + disagreement(held[2:])) / 2
+    (line,) = [line for line in shown(summary(recording)).splitlines() if "sent by a UAV per scan" in line]
+    assert "0.3 kB" in line or "0.4 kB" in line
+    save(record(), tmp_path / "mission.npz")
+    np.testing.assert_array_equal(
+        load_recording(tmp_path / "mission.npz").bytes_sent, 100 * np.arange(11)[:, None] + np.arange(3)
+    )
+
+
+@pytest.mark.parametrize("lacking", [("bytes_sent",), ("bytes_sent", "contacts")])
+def test_recordings_from_before_bytes_were_counted_can_be_read(tmp_path, lacking):
+    save(record(), tmp_path / "new.npz")
+    old = load_recording(rewritten(tmp_path / "new.npz", tmp_path / "old.npz", **dict.fromkeys(lacking)))
+    assert old.bytes_sent.shape == (11, 3) and np.all(old.bytes_sent == -1)
+    assert len(old.contacts) == (0 if "contacts" in lacking else 6)
+    assert old.snapshot(4).bytes_sent.tolist() == [-1, -1, -1]
+    assert summary(old)["network"]["bytes_total"] is None
+    assert "sent by a UAV" not in shown(summary(old))
+
+
+def test_a_field_under_a_damaged_name_is_no_old_recording(tmp_path):
+    save(record(), tmp_path / "mission.npz")
+    damaged = rewritten(tmp_path / "mission.npz", tmp_path / "damaged.npz", bytes_sent=None)
+    with zipfile.ZipFile(damaged, "a") as archive:
+        archive.writestr("bytes_semt.npy", npy(np.zeros((11, 3), dtype=np.int64)))
+    with pytest.raises(ValueError, match="'bytes_sent' is missing"):
+        load_recording(damaged)

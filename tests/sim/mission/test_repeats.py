@@ -1,0 +1,217 @@
+"""Repeats fly the map of a seed with another chance; the first repeat is what the seed alone gives."""
+
+import json
+import os
+import sqlite3
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from helpers.commands import called
+from helpers.studies import invented, plain, short
+from helpers.trials import row
+
+from sim.mission.mission import Mission, Trial, forest_and_people
+from sim.recording.archive import load as load_recording
+from sim.recording.archive import save
+from sim.recording.recording import Recorder
+from sim.replay.links import links_of
+from sim.report.replay_commands import command
+from sim.scenario.loading import load
+from sim.scenario.random_streams import numbered, stream
+from sim.scenario.scenario import resolved
+from sim.study.cluster import connected
+from sim.study.engine import Borrowed, complete
+from sim.study.pool import Pool
+from sim.study.store import _COLUMNS, NAME, SCHEMA, Store, read_rows
+from sim.study.study import adapted, read
+from sim.study.tasks import tasks
+from sim.study.trial import fly
+from sim.world.appearance import style_of
+
+NOISY = ["duration=2", "sensing.mode=ideal", "trees.density=5", "network.loss=0.3", "wind.gust=0.5"]
+
+
+def flown(repeat, planner="sma-nbo(evaluations=64)", seed=7):
+    trial = Trial(load("forest", NOISY), planner, seed, repeat)
+    mission, recorder = Mission.of(trial), Recorder(repeat)
+    for snapshot in mission.fly():
+        recorder.add(snapshot)
+    return recorder.recording(scenario=resolved(trial.scenario), planner=planner, seed=seed, forest=mission.forest)
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    return [flown(repeat) for repeat in (0, 1, 2)]
+
+
+def test_the_first_repeat_has_the_streams_of_the_seed():
+    for name in ("sensors", "planner", "network"):
+        plainly, repeated = (stream(7, name, **given).random(4).tolist() for given in ({}, {"repeat": 0}))
+        assert plainly == repeated
+
+
+def test_every_repeat_has_streams_of_its_own():
+    drawn = [
+        stream(seed, name, *index, repeat=repeat).integers(2**63)
+        for seed in (0, 1)
+        for name in ("sensors", "repeat")
+        for index in ((), (1,), (1, 2))
+        for repeat in range(5)
+    ]
+    assert len(set(drawn)) == len(drawn)
+
+
+def test_streams_of_repeats_stay_as_they_are():
+    assert stream(0, "sensors", repeat=1).bit_generator.random_raw() == 13513145829749232258
+
+
+def test_repeats_share_forest_and_people_and_nothing_of_chance(recordings):
+    first, *others = recordings
+    for other in others:
+        np.testing.assert_array_equal(other.trees, first.trees)
+        np.testing.assert_array_equal(other.people, first.people)
+        assert not np.array_equal(other.measurements[:10], first.measurements[:10])
+        assert not np.array_equal(other.poses, first.poses)
+    assert not np.array_equal(others[0].measurements[:10], others[1].measurements[:10])
+    again = flown(2)
+    assert again.measurements.tobytes() == others[1].measurements.tobytes()
+    assert again.track_means.tobytes() == others[1].track_means.tobytes()
+
+
+def test_a_map_is_what_the_seed_gives():
+    setting = load("forest", NOISY)
+    forest, people = forest_and_people(setting, 7)
+    mission = Mission.of(Trial(setting, "hover", 7, 3))
+    assert mission.forest.trees == forest.trees and mission.people.positions.tobytes() == people.positions.tobytes()
+
+
+def test_a_map_looks_the_same_in_every_repeat_and_only_its_pixel_noise_differs():
+    setting = load("forest", ["appearance.randomise=true"])
+    one, other = (style_of(setting, 4, trees=3, people=2, repeat=repeat) for repeat in (0, 5))
+    for name in set(type(one).__dataclass_fields__) - {"repeat"}:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    grey = np.full((8, 8, 3), 100, np.uint8)
+    assert not np.array_equal(one.develop(grey, 0, 0.2), other.develop(grey, 0, 0.2))
+
+
+def test_replay_finds_the_messages_that_the_repeat_lost(recordings):
+    setting = load("forest", NOISY)
+    lost = [np.array([links.lost for links in links_of(r, setting)]) for r in recordings]
+    assert not np.array_equal(lost[0], lost[1])
+    forgotten = flown(0)
+    np.testing.assert_array_equal(lost[0], np.array([links.lost for links in links_of(forgotten, setting)]))
+
+
+def test_a_recording_carries_its_repeat(recordings, tmp_path):
+    save(recordings[2], tmp_path / "mission.npz")
+    assert load_recording(tmp_path / "mission.npz").repeat == 2
+
+
+def test_a_run_leaves_its_repeat_in_folder_recording_and_summary(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    options = ["--seed", "7", "--planner", "hover", "--no-video", *(w for o in NOISY for w in ("--set", o))]
+    code, out, _ = called(["run", *options, "--repeat", "2"], monkeypatch, capsys)
+    folder = tmp_path / "runs" / "forest-hover-seed7-repeat2"
+    assert code == 0 and "hover, seed 7, repeat 2" in out and folder.is_dir()
+    assert json.loads((folder / "summary.json").read_text())["repeat"] == 2
+    assert load_recording(folder / "mission.npz").repeat == 2
+    code, out, _ = called(["run", *options, "--repeat", "0"], monkeypatch, capsys)
+    plainly = tmp_path / "runs" / "forest-hover-seed7"
+    assert code == 0 and plainly.is_dir() and "repeat" not in out
+    again = called(["run", *options, "--out", "plain"], monkeypatch, capsys)
+    assert again[0] == 0
+    assert (plainly / "mission.npz").read_bytes() == (tmp_path / "plain" / "mission.npz").read_bytes()
+
+
+@pytest.mark.parametrize("value", ["-1", "10000", "1.5", "two", "", "9" * 30])
+def test_a_repeat_that_is_none_is_one_line(value, monkeypatch, capsys):
+    code, _, err = called(["run", "--repeat", value], monkeypatch, capsys)
+    assert (code, err) == (
+        2,
+        f"understory: --repeat: {value!r} is not allowed; expected an integer, 0 to 9999\n",
+    )
+
+
+@pytest.mark.parametrize("value", ["0", "10001", "1.5"])
+def test_a_number_of_repeats_that_is_none_is_one_line(value, monkeypatch, capsys):
+    code, _, err = called(["compare", "--repeats", value], monkeypatch, capsys)
+    assert (code, err) == (2, f"understory: --repeats: {value!r} is not allowed; expected an integer, 1 to 10000\n")
+
+
+def test_a_study_flies_all_maps_before_it_repeats_them(tmp_path):
+    (tmp_path / "mine.toml").write_text('study = { planners = ["hover", "greedy"], seeds = "4,2", repeats = 2 }')
+    study = read(str(tmp_path / "mine.toml"))
+    order = [(t.repeat, t.seed, t.planner) for t in tasks(study)]
+    assert order == [(r, s, p) for r in (0, 1) for s in (4, 2) for p in ("hover", "greedy")]
+    assert len({t.key for t in tasks(study)}) == 8
+    assert {t.repeat for t in tasks(adapted(study, repeats=1))} == {0}
+    once = tasks(adapted(study, repeats=1))
+    assert [t.key for t in once] == [t.key for t in tasks(study)[:4]]
+
+
+@pytest.mark.parametrize(("repeats", "told"), [("0", " >= 1"), ("10001", " <= 10000"), ("1.5", ", got float")])
+def test_a_study_file_with_a_wrong_number_of_repeats_is_refused(tmp_path, repeats, told):
+    (tmp_path / "mine.toml").write_text(f'study = {{ planners = ["hover"], repeats = {repeats} }}')
+    with pytest.raises(ValueError, match=rf"mine\.toml: repeats: expected int{told}"):
+        read(str(tmp_path / "mine.toml"))
+
+
+def test_the_store_keeps_repeats_apart_and_flies_only_new_ones(tmp_path):
+    made = short(["hover"], "0-1", repeats=3)
+    with Store.opened(tmp_path, "short") as store:
+        for task in made[:2]:
+            store.add(task, invented(task))
+        with ThreadPoolExecutor(1) as executor:
+            rows = complete(made, store, Borrowed(executor))
+    assert [plain(r) for r in rows[:2]] == [plain(invented(task)) for task in made[:2]]
+    assert [(r.repeat, r.seed) for r in rows] == [(r, s) for r in range(3) for s in (0, 1)]
+    assert [(r.seed, r.repeat) for r in read_rows(tmp_path)] == [(s, r) for s in (0, 1) for r in range(3)]
+
+
+def old_store(folder, task):
+    """A store as it was before there were repeats."""
+    with Store.opened(folder, "short") as store:
+        store.add(task, invented(task))
+    sql = sqlite3.connect(folder / NAME)
+    for column in ("repeat", "recording", "machine"):
+        sql.execute(f"ALTER TABLE trials DROP COLUMN {column}")
+    sql.execute("PRAGMA user_version = 1")
+    sql.commit()
+    sql.close()
+
+
+def test_a_store_of_the_first_version_reads_as_the_first_repeat_and_goes_on(tmp_path):
+    first, second = short(["hover"], "0", repeats=2)
+    old_store(tmp_path, first)
+    before = (tmp_path / NAME).read_bytes()
+    assert [plain(r) for r in read_rows(tmp_path)] == [plain(invented(first))]
+    assert (tmp_path / NAME).read_bytes() == before
+    with Store.opened(tmp_path, "short") as store:
+        assert plain(store.done([first])[first.key]) == plain(invented(first))
+        store.add(second, invented(second))
+    assert [r.repeat for r in read_rows(tmp_path)] == [0, 1]
+    sql = sqlite3.connect(tmp_path / NAME)
+    assert sql.execute("PRAGMA user_version").fetchone() == (SCHEMA,)
+    assert {name for _, name, *_ in sql.execute("PRAGMA table_info(trials)")} >= set(_COLUMNS.split(", "))
+    sql.close()
+
+
+def test_the_command_of_a_trial_flies_its_repeat():
+    assert "--seed 3 --repeat 2 --set" in command(row(seed=3, repeat=2))
+    assert "--repeat" not in command(row(seed=3))
+    assert [numbered(3, repeat) for repeat in (0, 2)] == ["seed 3", "seed 3, repeat 2"]
+
+
+def test_serial_pool_and_dask_give_the_same_rows(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    made = short(["greedy"], "0-1", repeats=2)
+    serial = [plain(fly(task).row) for task in made]
+    assert len({row[-2] for row in serial}) == 4
+    with Pool(2) as pool, Store.opened(tmp_path / "pool", "short") as store:
+        assert [plain(r) for r in complete(made, store, pool)] == serial
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
+    with distributed.LocalCluster(**options) as local, connected(local.scheduler_address) as cluster:
+        with Store.opened(tmp_path / "dask", "short") as store:
+            assert [plain(r) for r in complete(made, store, cluster)] == serial
+    assert sorted(os.listdir(tmp_path)) == ["dask", "pool"]

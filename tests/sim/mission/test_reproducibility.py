@@ -1,0 +1,52 @@
+"""The same bytes of a recording, whatever the processor: a short form of `python tests/helpers/reproducibility.py`."""
+
+import json
+import re
+import sys
+
+import pytest
+from helpers.reproducibility import ROOT, SHORT, VARIANTS, hashes
+
+from planning.registry import DEFAULT_PLANNER
+from sim.evaluation.machine import machine, machine_line
+from sim.mission.mission import Trial
+from sim.recording.archive import digest, load
+from sim.running.run import run
+from sim.scenario.loading import load as load_scenario
+
+# Of the short mission and of images, on any machine: what `python tests/helpers/reproducibility.py --short` prints.
+EXPECTED = [
+    "855a914d0af80a10f5d52d5a83eceb9cd01ed93a0f3f4b6a49661c95d348485a",
+    "d4e4ee7800deac8f7e05a038fad58b68cc577d1d42367f477c158b7cc07309f3",
+]
+# At once, as each alone flies the mission again.
+EVERYTHING = {
+    **VARIANTS["OpenBLAS for Prescott"],
+    **VARIANTS["NumPy without AVX-512 and AVX2"],
+    **VARIANTS["OpenCV without AVX-512 and AVX2"],
+    **VARIANTS["C library without AVX2 and FMA"],
+    **VARIANTS["8 threads"],
+    **VARIANTS["other hash seed, locale and time zone"],
+}
+
+
+@pytest.mark.parametrize("environment", [{}, EVERYTHING], ids=["here", "other kernels everywhere"])
+def test_recordings_and_images_have_the_same_bytes_on_every_processor(environment):
+    mission, duration = SHORT
+    assert hashes(sys.executable, [mission], duration=duration, **environment) == EXPECTED
+
+
+def test_the_readme_has_the_figure_of_its_first_command(tmp_path):
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    (figure,) = re.findall(r"Seed 0,\s+which the first command flies, has ([0-9.]+) %", readme)
+    summary = run(Trial(load_scenario("forest"), DEFAULT_PLANNER, 0), tmp_path / "out", video=False)
+    assert f"{100 * summary['ospa']['share_under_1m']:.1f}" == figure
+
+
+def test_the_summary_names_the_machine_and_the_recordings_hash(tmp_path):
+    scenario = load_scenario("forest", ["duration=1", "sensing.mode=ideal", "trees.density=5"])
+    run(Trial(scenario, "hover", 0), tmp_path / "out", video=False)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["recording_sha256"] == digest(load(tmp_path / "out" / "mission.npz"))
+    assert summary["machine"] == machine() and set(machine()) == {"processor", "blas"}
+    assert all(machine().values()) and machine_line() == ", ".join(machine().values())

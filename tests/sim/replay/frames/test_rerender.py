@@ -1,0 +1,302 @@
+"""Frames rendered again are those flown; what is drawn on them is where it is; wrong input leaves nothing."""
+
+import dataclasses
+import math
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from helpers import synthetic
+from helpers.commands import called
+
+from sim.drawing.labels import Labels
+from sim.drawing.lettering import Style
+from sim.drawing.map_view import ellipse
+from sim.drawing.palette import INK, PANEL, track_colour
+from sim.mission.mission import Mission, Trial
+from sim.recording.archive import load, save
+from sim.recording.recording import Recorder
+from sim.replay.frames import rerender as module
+from sim.replay.frames.annotation import annotated
+from sim.replay.frames.panel import draw_panel, field_of_view
+from sim.replay.frames.rerender import Rerenderer, rerender, scans_between, scenario_of, write_frames
+from sim.replay.frames.sightings import Sight
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load as load_scenario
+from sim.scenario.scenario import resolved
+from sim.world.world import World
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.tracker import Track
+
+# One above the other, so that they see one another.
+FLEET = "uavs=[{{start=[-28,-2],footprint=20,mount='{0}'}},{{start=[-28,2],footprint=27,mount='{0}',pixels=96}}]"
+
+
+def flown(*overrides, seconds=4):
+    """A recording, and the image of each scan and UAV that the mission had."""
+    setting = load_scenario("forest", [f"duration={seconds}", *overrides])
+    mission, recorder, images = Mission.of(Trial(setting, "greedy", 3)), Recorder(), []
+    for snapshot in mission.fly():
+        recorder.add(snapshot)
+        images.append([None if frame is None else frame.copy() for frame in mission.frames])
+    return recorder.recording(scenario=resolved(setting), planner="greedy", seed=3, forest=mission.forest), images
+
+
+@pytest.fixture(scope="module", params=[("gimbal", "false"), ("body", "false"), ("body", "true")], ids="-".join)
+def mission(request, tmp_path_factory):
+    """A mission that was saved and loaded again, and its images; with and without randomised appearance."""
+    mount, randomise = request.param
+    recording, images = flown(FLEET.format(mount), f"appearance.randomise={randomise}")
+    path = tmp_path_factory.mktemp(mount) / "mission.npz"
+    save(recording, path)
+    return load(path), images
+
+
+def differing(recording, images):
+    """How many of the mission's frames come out otherwise."""
+    with Rerenderer(recording) as again:
+        pairs = [(again.image(k, i), image) for k, row in enumerate(images) for i, image in enumerate(row)]
+    assert len(pairs) == 42
+    return sum(one.tobytes() != other.tobytes() or one.shape != other.shape for one, other in pairs)
+
+
+def test_frames_from_the_recording_alone_are_those_flown_byte_for_byte(mission):
+    recording, images = mission
+    assert differing(recording, images) == 0
+    np.testing.assert_array_equal(rerender(recording, 9, 1), images[9][1])
+
+
+def test_where_a_slow_camera_took_no_image_the_truth_is_what_geometry_tells():
+    recording, _ = flown("uavs.0.rate=1", "trees.density=0", seconds=2)
+    taken, idle = (Sight.of(recording, scenario_of(recording), k, 0) for k in (5, 6))
+    assert any(p.status == "in view" for p in taken.people)
+    assert {p.status for p in idle.people} <= {"in view", "outside the view"}
+    assert any(p.status == "in view" for p in idle.people)
+
+
+def test_other_uavs_in_the_view_are_put_back_too(mission, monkeypatch):
+    monkeypatch.setattr(World, "place_uavs", lambda self, poses: None)
+    assert differing(*mission) > 0
+
+
+def test_frames_do_not_depend_on_the_order_they_are_asked_for(mission):
+    recording, images = mission
+    with Rerenderer(recording) as again:
+        for k in (20, 3, 11, 3):
+            np.testing.assert_array_equal(again.image(k, 0), images[k][0])
+
+
+def test_a_default_recording_of_40_s_takes_less_than_5_megabytes(tmp_path):
+    recording, _ = flown(seconds=8)  # a fifth of it, so a fifth of the size
+    save(recording, tmp_path / "mission.npz")
+    assert (tmp_path / "mission.npz").stat().st_size < 5e6 / 5
+
+
+def scene(*, tracks=(), people=(), trees=(), pose=None):
+    """A sight of one UAV with 20 m on the ground in 128 pixels, which found what is in `people`."""
+    setting = synthetic.scenario(uavs=1, people=len(people))
+    trees, pose = Forest(tuple(trees)), pose or Pose.level(0.0, 0.0, setting.uavs[0].altitude)
+    first = next(synthetic.snapshots(setting, trees, 1))
+    snapshot = dataclasses.replace(first, cameras=[pose], tracks=[tracks], people=np.reshape(people, (-1, 2)))
+    return Sight(setting, trees, snapshot, 0, ())
+
+
+def bare(seen):
+    """The same without measurements."""
+    scan = dataclasses.replace(seen.snapshot.scans[0], measurements=np.zeros((0, 2)), covariances=np.zeros((0, 2, 2)))
+    return dataclasses.replace(
+        seen, snapshot=dataclasses.replace(seen.snapshot, scans=[scan], pixels=[np.zeros((0, 2))])
+    )
+
+
+@pytest.mark.parametrize(
+    ("pixels", "size", "side"), [(128, 896, 896), (128, 900, 896), (128, 128, 128), (128, 100, 100)]
+)
+def test_each_pixel_of_the_camera_is_a_square_or_the_frame_is_shrunk(pixels, size, side):
+    frame = np.random.default_rng(0).integers(0, 256, (pixels, pixels, 3)).astype(np.uint8)
+    view = annotated(frame, bare(scene()), size)
+    assert view.shape == (side, side, 3)
+    if side > pixels:
+        factor = side // pixels
+        enlarged = frame.repeat(factor, axis=0).repeat(factor, axis=1)
+        upper = slice(0, int(0.85 * side))  # below are the scale bar and north
+        np.testing.assert_array_equal(view[upper], enlarged[upper])
+        assert np.any(view != enlarged)
+
+
+def colours_at(view, points):
+    return [tuple(view[y, x].tolist()) for x, y in np.floor(points).astype(int)]
+
+
+def test_a_track_is_drawn_with_its_ellipse_where_the_camera_would_see_it():
+    belief = Gaussian(np.array([3.0, -2.0, 0.0, 0.0]), np.diag([1.0, 0.25, 1.0, 1.0]))
+    seen = bare(scene(tracks=(Track(2, belief),)))
+    view = annotated(np.full((128, 128, 3), 90, np.uint8), seen, 1024)
+    ring = ellipse(belief.mean[:2], belief.covariance[:2, :2])
+    points = np.column_stack([ring, np.full(len(ring), TARGET_HEIGHT)])
+    on_it = 8 * seen.camera.project(seen.pose, points)[0]
+    right = [colour == track_colour(2) for colour in colours_at(view, on_it)]
+    assert np.mean(right) > 0.8
+    assert np.ptp(on_it[:, 0]) == pytest.approx(2 * np.ptp(on_it[:, 1]), rel=0.01)
+
+
+def test_the_rim_is_round_what_trees_hide_and_covers_none_of_it():
+    tree = Tree(2.0, 1.0, 3.0)
+    frame = np.full((128, 128, 3), 90, np.uint8)
+    seen = bare(scene(trees=[tree]))
+    view = annotated(frame, seen, 1024)
+    rows, columns = np.nonzero(np.any(view != 90, axis=2))
+    # Pixels that changed, the corners with scale and north and the name in the middle aside.
+    uv = np.column_stack([columns, rows])[rows < 800] + 0.5
+    ground = seen.camera.ground_points(seen.pose, uv / 8, TARGET_HEIGHT)
+    free = seen.forest.visible(seen.pose.position, np.column_stack([ground, np.full(len(uv), TARGET_HEIGHT)]))[0]
+    named = np.hypot(*(uv - uv.mean(axis=0)).T) < 80
+    assert named.sum() > 200
+    assert np.mean(free[~named]) > 0.85  # the rest is the soft edge of the line
+    assert (~named).sum() > 2000
+
+
+def test_numbers_of_the_view_are_those_of_the_geometry():
+    altitude = 20 / (2 * math.tan(math.radians(30)))
+    camera = Camera(math.radians(60), 128)
+    assert field_of_view(camera, Pose.level(5.0, 0.0, altitude)) == [
+        "128 pixels, 60°",
+        "altitude 17.3 m, 0.0° off nadir",
+        "edges 20.0 m on the ground",
+        "15.6 × 15.6 cm a pixel in the middle",
+    ]
+    # Tilted by 30 degrees to the north, the lower edge looks straight down.
+    tilted = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(math.radians(15)), 0, 0, math.cos(math.radians(15))]))
+    bottom, top = 2 * 10 * math.tan(math.radians(30)) * math.cos(math.radians(30)) / np.array([1.0, 0.5])
+    assert field_of_view(camera, tilted)[1] == "altitude 10.0 m, 30.0° off nadir"
+    assert f"bottom {bottom:.1f}, " in field_of_view(camera, tilted)[3]
+    assert f"top {top:.1f}, " in field_of_view(camera, tilted)[3]
+    level = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(math.radians(45)), 0, 0, math.cos(math.radians(45))]))
+    assert field_of_view(camera, level)[-1] == "reaches the horizon"
+
+
+@pytest.mark.parametrize(("anchor", "count"), [((150.0, 150.0), 4), ((290.0, 9.0), 2)])
+def test_names_keep_clear_of_one_another_and_of_marks_inside_the_image(anchor, count):
+    image, changed = np.full((300, 300, 3), 128, np.uint8), []
+    labels = Labels(image)
+    labels.reserve(np.array(anchor), 8.0)
+    for k in range(count):
+        before = image.copy()
+        labels.put(f"track {k}", np.array(anchor), Style(13, INK, True, PANEL))
+        changed.append(np.any(image != before, axis=2))
+    assert np.sum(changed, axis=0).max() == 1
+    assert max(map(np.sum, changed)) < 1.1 * min(map(np.sum, changed))  # none is cut off
+    x, y = map(int, anchor)
+    assert not np.any(np.array(changed)[:, max(y - 8, 0) : y + 8, x - 8 : x + 8])
+
+
+def test_views_of_anything_can_be_drawn():
+    for options in ({}, {"people": 0}, {"mode": "ideal"}, {"people": 30}):
+        setting = synthetic.scenario(**options)
+        trees = synthetic.forest(setting)
+        recorder = Recorder()
+        for snapshot in synthetic.snapshots(setting, trees, 3):
+            recorder.add(snapshot)
+        recording = recorder.recording(scenario=resolved(setting), planner="p", seed=0, forest=trees)
+        with Rerenderer(recording) as again:
+            page = module.draw(recording, again, 2, 1, size=300)
+        assert page.shape[0] >= 276 and page.dtype == np.uint8
+    level = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(math.radians(45)), 0, 0, math.cos(math.radians(45))]))
+    seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=level)
+    assert annotated(np.zeros((128, 128, 3), np.uint8), seen, 256).shape == (256, 256, 3)
+    assert draw_panel(seen, [], height=100).shape[0] > 300
+
+
+def test_scans_in_a_window_or_the_nearest_to_a_time(mission):
+    recording, _ = mission
+    assert scans_between(recording, 0.0, None) == [0]
+    assert scans_between(recording, 1.07, None) == [5]
+    assert scans_between(recording, 4.0, None) == [20]
+    assert scans_between(recording, 0.6, 1.2) == [3, 4, 5, 6]
+    assert scans_between(recording, 3.9, 4.0) == [20]
+    with pytest.raises(InputError, match=r"no scan lies between 1.05 and 1.15 s; the nearest are at 1, 1.2 s"):
+        scans_between(recording, 1.05, 1.15)
+
+
+def test_a_failure_half_way_leaves_no_folder(mission, tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        module, "draw", lambda recording, again, k, uav, size: np.zeros((9, 9, 3), np.uint8)[: 9 // (k < 2)]
+    )
+    with pytest.raises(ZeroDivisionError):
+        write_frames(mission[0], [0, 1, 2], 0, tmp_path / "deep" / "out", size=256, progress=lambda k: None)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch, capsys):
+    """Calls `understory frames` in a folder with a recording of 2 s in `run`."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    setting = synthetic.scenario(mode="ideal")
+    recorder = Recorder()
+    for snapshot in synthetic.snapshots(setting, synthetic.forest(setting), 11):
+        recorder.add(snapshot)
+    (tmp_path / "run").mkdir()
+    recording = recorder.recording(scenario=resolved(setting), planner="p", seed=0, forest=synthetic.forest(setting))
+    save(recording, tmp_path / "run" / "mission.npz")
+    save(dataclasses.replace(recording, scenario='{"uavs": 3}'), tmp_path / "broken.npz")
+    save(dataclasses.replace(recording, scenario=resolved(synthetic.scenario(uavs=2))), tmp_path / "other.npz")
+    (tmp_path / "junk.npz").write_bytes(b"junk")
+
+    def run(*arguments):
+        return called(["frames", *arguments], monkeypatch, capsys)
+
+    return run
+
+
+WRONG = {
+    "no such folder": (["nowhere", "--uav", "0", "--time", "1"], ["DIR", "nowhere does not exist"]),
+    "no recording inside": ([".", "--uav", "0", "--time", "1"], ["DIR", "holds no mission.npz"]),
+    "no recording": (["junk.npz", "--uav", "0", "--time", "1"], ["DIR", "junk.npz: not a recording"]),
+    "broken scenario": (["broken.npz", "--uav", "0", "--time", "1"], ["DIR", "uavs", "3"]),
+    "other scenario": (["other.npz", "--uav", "0", "--time", "1"], ["DIR", "3 UAVs flew, but its scenario has 2"]),
+    "no such UAV": (["run", "--uav", "3", "--time", "1"], ["--uav", "'3'", "0 to 2"]),
+    "negative UAV": (["run", "--uav", "-1", "--time", "1"], ["--uav", "'-1'", "0 to 2"]),
+    "UAV by name": (["run", "--uav", "one", "--time", "1"], ["--uav", "'one'", "0 to 2"]),
+    "no UAV": (["run", "--time", "1"], ["--uav"]),
+    "no time": (["run", "--uav", "0"], ["--time"]),
+    "beyond the end": (["run", "--uav", "0", "--time", "2.5"], ["--time", "2.5 s", "0 to 2 s"]),
+    "end beyond the end": (["run", "--uav", "0", "--time", "1:50"], ["--time", "50 s", "0 to 2 s"]),
+    "before the start": (["run", "--uav", "0", "--time", "-1"], ["--time", "'-1'", "0 s or more"]),
+    "end before start": (["run", "--uav", "0", "--time", "2:1"], ["--time", "'2:1'", "no T2 before T"]),
+    "no number": (["run", "--uav", "0", "--time", "noon"], ["--time", "'noon'", "1.5min"]),
+    "not a number": (["run", "--uav", "0", "--time", "nan:1"], ["--time", "'nan'"]),
+    "open end": (["run", "--uav", "0", "--time", "1:"], ["--time", "''"]),
+    "between scans": (["run", "--uav", "0", "--time", "1.05:1.1"], ["--time", "no scan", "1, 1.2 s"]),
+    "too small": (["run", "--uav", "0", "--time", "1", "--size", "9"], ["--size", "'9'", "256 to 4096"]),
+    "too large": (["run", "--uav", "0", "--time", "1", "--size", "9000"], ["--size", "'9000'", "256 to 4096"]),
+    "folder in use": (["run", "--uav", "0", "--time", "1", "--out", "run"], ["--out", "run", "not an empty folder"]),
+}
+
+
+@pytest.mark.parametrize(("arguments", "words"), WRONG.values(), ids=WRONG)
+def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(call, tmp_path, arguments, words):
+    before = sorted(tmp_path.rglob("*"))
+    code, _, err = call(*arguments)
+    assert code == 2
+    assert err.startswith("understory: ") and err.count("\n") == 1
+    for word in words:
+        assert word in err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_the_command_writes_one_picture_a_scan_also_of_ideal_sensing(call, tmp_path):
+    code, out, err = call("run", "--uav", "1", "--time", "0.4:0.8", "--size", "256")
+    assert (code, err) == (0, "")
+    names = [f"uav1-scan000{k}-0.{2 * k}s.png" for k in (2, 3, 4)]
+    assert sorted(path.name for path in (tmp_path / "run" / "frames-uav1-0.4-0.8s").iterdir()) == names
+    assert "3/3 frames" in out and names[0] in out
+    assert call("run/mission.npz", "--uav", "1", "--time", "0.4:0.8", "--size", "256")[0] == 0
+    first, second = (tmp_path / "run" / f"frames-uav1-0.4-0.8s{suffix}" / names[0] for suffix in ("", "-2"))
+    assert first.read_bytes() == second.read_bytes()
+    assert cv2.imread(str(first)).shape[1] == 256 + 8 + 340 + 30
+    assert call("run", "--uav", "0", "--time", "1", "--out", "deep/new")[0] == 0
+    assert [path.name for path in (tmp_path / "deep" / "new").iterdir()] == ["uav0-scan0005-1.0s.png"]

@@ -1,0 +1,124 @@
+"""A frame follows from poses alone: it is the same whatever was rendered before, flown or replayed, in any process."""
+
+import hashlib
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import synthetic
+
+from assets import ASSETS
+from sim.mission.mission import Mission, Trial
+from sim.recording.archive import load, save
+from sim.recording.recording import Recorder
+from sim.replay.frames.rerender import Rerenderer
+from sim.scenario.loading import load as load_scenario
+from sim.scenario.scenario import resolved
+from sim.sensing.renderer import capture
+from sim.world.world import World
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest, Tree
+
+# One above the other, so that they see one another; cameras of two sizes.
+FLEET = "uavs=[{{start=[-28,-2],footprint=20,mount='{0}'}},{{start=[-28,2],footprint=27,mount='{0}',pixels=96}}]"
+CAMERA = Camera(math.radians(60), 128)
+
+
+def normals(name):
+    lines = (ASSETS / "meshes" / f"{name}.obj").read_text().splitlines()
+    return np.array([line.split()[1:] for line in lines if line.startswith("vn ")], dtype=np.float32)
+
+
+@pytest.mark.parametrize("name", ["canopy", "trunk", "person", "quadrotor"])
+def test_the_engine_leaves_normals_as_they_are_when_it_normalises_them(name):
+    given = normals(name)
+    length = np.sqrt(given[:, 2] * given[:, 2] + given[:, 1] * given[:, 1] + given[:, 0] * given[:, 0])
+    assert given.dtype == length.dtype == np.float32
+    np.testing.assert_array_equal(given * (np.float32(1) / length)[:, None], given)
+    assert np.ptp(given, axis=0).min() > 0.5  # it has normals of many directions
+
+
+# Where a pixel alternated with each image while the meshes had normals that do not stay: camera's place and quaternion.
+ALTERNATED = {
+    "canopy": ((8.22, 2.2, 7.44), (0.353, 0.46, 0.646, 0.496)),
+    "uav": ((-10.48, -0.68, 8.35), (0.527, -0.167, -0.252, 0.794)),
+}
+
+
+@pytest.mark.parametrize(("place", "quaternion"), ALTERNATED.values(), ids=ALTERNATED)
+def test_the_same_view_is_the_same_image_again(place, quaternion):
+    pose = Pose(np.array(place), np.array(quaternion) / np.linalg.norm(quaternion))
+    with World(synthetic.scenario(uavs=1), Forest((Tree(0.0, 0.0, 5.0),)), 1) as world:
+        world.place_people(np.array([[10.0, 0.0]]), np.zeros(1))
+        world.place_uavs([Pose(np.array([-10.0, 0.0, 8.0]), np.array([0.0, 0.0, 0.0, 1.0]))])
+        images = [capture(world.client, CAMERA, pose)[0] for _ in range(4)]
+    for image in images[1:]:
+        np.testing.assert_array_equal(image, images[0])
+
+
+def flown(seconds, *overrides):
+    """A recording, and the image of each scan and UAV that the mission had."""
+    setting = load_scenario("forest", [f"duration={seconds}", "trees.density=75", *overrides])
+    mission, recorder, images = Mission.of(Trial(setting, "greedy", 3)), Recorder(), []
+    for snapshot in mission.fly():
+        recorder.add(snapshot)
+        images.append([None if frame is None else frame.copy() for frame in mission.frames])
+    return recorder.recording(scenario=resolved(setting), planner="greedy", seed=3, forest=mission.forest), images
+
+
+APPEARANCE = {
+    "plain": (),
+    "light": ("appearance.light_deg=60", "appearance.ambient=0.15"),
+    "camera": ("appearance.exposure=0.2", "appearance.blur=0.5", "appearance.noise=4"),
+    "all": ("appearance.randomise=true", "wind.velocity=[4,1]", "wind.gust=2", "uavs.1.rate=1", "uavs.0.fails_at=3"),
+}
+
+
+@pytest.mark.parametrize("mount", ["gimbal", "body"])
+@pytest.mark.parametrize("overrides", APPEARANCE.values(), ids=APPEARANCE)
+def test_frames_rendered_again_in_any_order_are_those_flown_byte_for_byte(mount, overrides, tmp_path):
+    recording, images = flown(4, FLEET.format(mount), *overrides)
+    save(recording, tmp_path / "mission.npz")
+    recording = load(tmp_path / "mission.npz")
+    order = np.random.default_rng(0).permutation(len(images)).tolist()
+    with Rerenderer(recording) as again:
+        for k in order:
+            for mine, theirs in zip(again.frames(k, [0, 1]), images[k], strict=True):
+                assert (mine is None) == (theirs is None)
+                assert mine is None or mine.tobytes() == theirs.tobytes()
+
+
+DIGEST = """
+import hashlib, sys
+from pathlib import Path
+from sim.replay.frames.rerender import Rerenderer, find
+recording = find(Path(sys.argv[1]))
+with Rerenderer(recording) as again:
+    frames = [image.tobytes() for k in range(len(recording.times)) for image in again.frames(k, [0, 1])]
+print(hashlib.sha256(b"".join(frames)).hexdigest())
+"""
+
+
+def test_a_fresh_process_elsewhere_renders_the_same_frames(tmp_path):
+    recording, images = flown(2, FLEET.format("body"))
+    save(recording, tmp_path / "mission.npz")
+    there = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[4])}
+    command = [sys.executable, "-c", DIGEST, "mission.npz"]
+    done = subprocess.run(command, cwd=tmp_path, env=there, capture_output=True, text=True, check=True)
+    flown_ones = b"".join(image.tobytes() for row in images for image in row)
+    assert done.stdout.strip() == hashlib.sha256(flown_ones).hexdigest()
+
+
+@pytest.mark.slow
+def test_six_thousand_frames_of_whole_missions_come_out_as_flown():
+    for number in range(5):
+        recording, images = flown(40, FLEET.format(("gimbal", "body")[number % 2]), f"people.count={4 + number}")
+        with Rerenderer(recording) as again:
+            for _ in range(3):
+                for k, row in enumerate(images):
+                    for mine, theirs in zip(again.frames(k, [0, 1]), row, strict=True):
+                        assert mine is not None and mine.tobytes() == theirs.tobytes()

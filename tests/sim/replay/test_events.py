@@ -1,0 +1,143 @@
+"""What happened in a mission, told from its recording: against events made by hand, and a mission's own links."""
+
+import json
+import math
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from helpers import synthetic
+
+from sim.mission.mission import Mission, Trial
+from sim.recording.recording import Recorder
+from sim.replay.events import KINDS, events_of
+from sim.replay.links import links_of
+from sim.scenario.loading import load
+from sim.scenario.network import Cut, Network
+from sim.scenario.scenario import resolved
+from sim.world.contacts import Contact
+from tracking.filter.kalman import Gaussian
+from tracking.tracker import Track
+
+SETTING = synthetic.scenario(uavs=2, people=2)
+PEOPLE = np.array([[0.0, 0.0], [20.0, 0.0]])
+
+
+def held(*tracks):
+    """Tracks by id and, in metres, where from west to east."""
+    return tuple(Track(id_, Gaussian(np.array([x, 0.0, 0.0, 0.0]), np.eye(4))) for id_, x in tracks)
+
+
+def recorded(tracks, setting=SETTING, **changes):
+    """A mission of two people who stand still; `tracks` are those of both UAVs at each scan."""
+    forest, recorder = synthetic.forest(setting, count=0), Recorder()
+    plain = list(synthetic.snapshots(setting, forest, scans=len(tracks)))
+    for snapshot, both in zip(plain, tracks, strict=True):
+        recorder.add(replace(snapshot, people=PEOPLE, tracks=list(both), contacts=()))
+    recording = recorder.recording(scenario=resolved(setting), planner="hover", seed=0, forest=forest)
+    return replace(recording, **changes)
+
+
+def told(recording, setting=SETTING, without=("link lost", "link restored")):
+    return [(round(e.time, 6), e.kind, e.text) for e in events_of(recording, setting) if e.kind not in without]
+
+
+def test_tracks_are_born_taken_up_dropped_and_deleted_under_their_numbers():
+    one, none = held((70, 0.0), (30, 20.0)), held((30, 20.0))
+    found = told(recorded([(one, none), (one, one), (none, one), (none, none)]))
+    assert [e for e in found if e[1].startswith("track")] == [
+        (0.0, "track born", "track 0 born and confirmed by UAV 0"),
+        (0.0, "track born", "track 1 born and confirmed by UAV 0, 1"),
+        (0.2, "track taken up", "track 0 taken up by UAV 1"),
+        (0.4, "track dropped", "track 0 dropped by UAV 0"),
+        (0.6, "track deleted", "track 0 deleted by UAV 1"),
+    ]
+
+
+def test_losses_say_where_the_track_is_and_finds_how_long_it_took():
+    on, off, gone = held((7, 0.0), (9, 20.0)), held((7, 3.0), (9, 20.0)), held((9, 20.0))
+    recording = recorded([(on, on), (on, off), (off, off), (gone, gone), (on, gone)])
+    recording = replace(recording, matched=np.zeros_like(recording.matched), visible=np.zeros_like(recording.visible))
+    found = [e for e in told(recording) if e[1].startswith("person")]
+    assert [(time, kind) for time, kind, _ in found] == [(0.4, "person lost"), (0.8, "person found")]
+    assert found[0][2].startswith("person 0 lost by all UAVs: ") and found[0][2].endswith("; track 0 is 3.0 m off")
+    assert found[1][2] == "person 0 found again by UAV 0 after 0.4 s"
+
+
+def test_another_track_of_its_own_is_handed_over_and_that_of_another_is_swapped():
+    straight, crossed, fresh = held((1, 0.0), (2, 20.0)), held((2, 0.0), (1, 20.0)), held((2, 0.0), (5, 20.0))
+    found = told(recorded([(straight, straight), (crossed, straight), (crossed, straight), (fresh, straight)]))
+    assert [e[::2] for e in found if e[1] == "identity changed"] == [
+        (0.2, "person 0 swapped track 0 for track 1, that of person 1, to UAV 0"),
+        (0.2, "person 1 swapped track 1 for track 0, that of person 0, to UAV 0"),
+        (0.6, "person 1 handed over from track 0 to track 2 to UAV 0"),
+    ]
+
+
+def test_breakdowns_faults_and_contacts_are_told_once():
+    first, second = SETTING.uavs
+    setting = msgspec.structs.replace(SETTING, uavs=(first, msgspec.structs.replace(second, fails_at=0.3)))
+    on = held((1, 0.0), (2, 20.0))
+    recording = recorded([(on, on), (on, on), (on, ()), (on, ())], setting)
+    ospa = recording.ospa.copy()
+    ospa[2:, 1] = math.nan
+    faults = [{"time": 0.2, "uav": None, "message": "ValueError: no"}, {"time": 0.3, "uav": 1, "message": "broke down"}]
+    contacts = np.array([[1, 0, 1, 4], [3, 1, 4, 0]])
+    recording = replace(recording, ospa=ospa, faults=json.dumps(faults), contacts=contacts)
+    assert [e for e in told(recording, setting) if not e[1].startswith("person") and e[0]] == [
+        (0.2, "fault", "team: ValueError: no"),
+        (0.2, "contact", "UAV 0 touched canopy 4"),
+        (0.3, "breakdown", "UAV 1 broke down"),
+        (0.6, "contact", "UAV 1 touched the ground"),
+    ]
+    assert Contact(0, "canopy", 4) in recording.contacts_at(1)
+
+
+def test_links_are_told_when_they_go_and_come():
+    cut = Network(cuts=(Cut(links=((0, 1),), start=0.3, end=0.5),))
+    setting = msgspec.structs.replace(SETTING, network=cut)
+    on = held((1, 0.0), (2, 20.0))
+    assert [e for e in told(recorded([(on, on)] * 4, setting), setting, ()) if e[1].startswith("link")] == [
+        (0.4, "link lost", "UAV 0 and UAV 1: too far, cut or not there"),
+        (0.6, "link restored", "UAV 0 and UAV 1"),
+    ]
+
+
+def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
+    overrides = ["duration=4", "sensing.mode=ideal", "network.loss=0.7", "network.rounds=2", "network.range=22",
+                 "uavs.1.fails_at=2.1"]  # fmt: skip
+    scenario, flown = load("forest", overrides), []
+    original = Mission._links
+    monkeypatch.setattr(Mission, "_links", lambda *a: flown.append(original(*a)) or flown[-1])
+    mission, recorder = Mission.of(Trial(scenario, "greedy", 5)), Recorder()
+    for snapshot in mission.fly():
+        recorder.add(snapshot)
+    recording = recorder.recording(scenario=resolved(scenario), planner="greedy", seed=5, forest=mission.forest)
+    again = links_of(recording, scenario)
+    assert len(again) == len(flown) == 21
+    silent = 0
+    for now, then, working in zip(again, flown, recording.working, strict=True):
+        both = working[:, None] & working
+        np.testing.assert_array_equal(now.lost, then.lost)
+        np.testing.assert_array_equal(now.up, then.up & both)
+        silent += np.count_nonzero(now.up & ~now.touch)
+    assert silent > 5 and not recording.working[-1, 1]
+    events = events_of(recording, scenario)
+    assert all(e.kind in KINDS for e in events)
+    began = [e for e in events if e.kind == "messages lost"]
+    first = next(k for k, now in enumerate(again) if (now.up & ~now.touch).any())
+    i, j = np.argwhere(again[first].up & ~again[first].touch)[0]
+    assert began[0][::2] == (recording.times[first], f"UAV {i} hears nothing of UAV {j}")
+    ended = [e for e in events if e.kind == "messages heard"]
+    assert 0 < len(ended) <= len(began) <= silent
+
+
+@pytest.mark.parametrize("uavs", [1, 3])
+def test_events_come_in_order_of_time(uavs):
+    setting = synthetic.scenario(uavs=uavs)
+    forest, recorder = synthetic.forest(setting), Recorder()
+    for snapshot in synthetic.snapshots(setting, forest):
+        recorder.add(snapshot)
+    found = events_of(recorder.recording(scenario=resolved(setting), planner="hover", seed=0, forest=forest), setting)
+    assert found and [e.time for e in found] == sorted(e.time for e in found)

@@ -1,0 +1,222 @@
+"""What is exported is what was recorded, to the last digit, and other tools read it."""
+
+import configparser
+import csv
+import datetime
+
+import numpy as np
+import pytest
+from helpers import synthetic
+from stonesoup.reader.generic import CSVDetectionReader, CSVGroundTruthReader, CSVTrackReader
+
+from sim.evaluation.metrics import velocities
+from sim.recording.archive import save
+from sim.recording.recording import Recorder
+from sim.replay import export as module
+from sim.replay.export import STATE, export
+from sim.scenario.errors import InputError
+from sim.scenario.scenario import Area, resolved
+from sim.world.trajectories import read
+from tracking.measurement_files import read_cameras, read_forest, read_scans
+
+SECONDS = {"time_field": "time", "timestamp": True}
+START = datetime.datetime(1970, 1, 1)
+
+
+def record(setting, scans=21):
+    trees = synthetic.forest(setting)
+    recorder = Recorder()
+    for snapshot in synthetic.snapshots(setting, trees, scans):
+        recorder.add(snapshot)
+    return recorder.recording(scenario=resolved(setting), planner="hover", seed=2, forest=trees)
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return record(synthetic.scenario())
+
+
+@pytest.fixture(scope="module")
+def folders(recording, tmp_path_factory):
+    out = tmp_path_factory.mktemp("export")
+    for target in module.TARGETS:
+        export(recording, target, out / target)
+    return out
+
+
+def rows(path):
+    with path.open(newline="") as file:
+        return [[float(text) if text else None for text in row] for row in csv.reader(file) if row[0][0] not in "tux"]
+
+
+def test_scans_come_back_bit_for_bit(recording, folders):
+    found = list(read_scans(folders / "csv" / "scans.csv"))
+    assert len(found) == 21
+    measured = 0
+    for k, scans in enumerate(found):
+        assert [scan.uav for scan in scans] == [0, 1, 2]
+        for i, scan in enumerate(scans):
+            expected = recording.scan_at(k, i)
+            assert scan.time == expected.time
+            np.testing.assert_array_equal(scan.measurements, expected.measurements)
+            np.testing.assert_array_equal(scan.covariances, expected.covariances)
+            np.testing.assert_array_equal(scan.pose.position, expected.pose.position)
+            np.testing.assert_array_equal(scan.pose.quaternion, expected.pose.quaternion)
+            measured += len(scan.measurements)
+    assert measured == len(recording.measurements) > 20
+    assert any(len(scan.measurements) == 0 for scans in found for scan in scans)
+
+
+def test_cameras_and_trees_come_back_bit_for_bit(recording, folders):
+    assert read_forest(folders / "csv" / "trees.csv").trees == recording.forest.trees
+    cameras = read_cameras(folders / "csv" / "cameras.csv")
+    assert {i: (camera.fov, camera.pixels) for i, camera in cameras.items()} == {
+        i: (np.radians(60), 128) for i in range(3)
+    }
+
+
+def test_tracks_have_every_digit_of_state_and_covariance(recording, folders):
+    table = rows(folders / "csv" / "tracks.csv")
+    assert len(table) == len(recording.track_ids) == 21 * 3 * 4
+    expected = [
+        [recording.times[k], i, track.id, *track.belief.mean, *track.belief.covariance[np.triu_indices(4)], np.nan]
+        for k in range(21)
+        for i in range(3)
+        for track in recording.tracks_at(k, i)
+    ]
+    np.testing.assert_array_equal(table, expected)
+
+
+def test_the_truth_can_be_flown_again(recording, folders):
+    again = read(folders / "csv" / "truth.csv", Area(), duration=4.0)
+    for k, time in enumerate(recording.times):
+        np.testing.assert_allclose(again.at(time)[0], recording.people[k], rtol=0, atol=1e-12)
+    truth = [row[2:] for row in rows(folders / "csv" / "truth.csv")]
+    np.testing.assert_array_equal(truth, recording.people[~np.isnan(recording.people[..., 0])])
+
+
+def test_a_camera_that_took_no_frame_or_a_uav_that_broke_down_has_no_row(tmp_path):
+    setting = synthetic.scenario()
+    slow = setting.uavs[1].__class__(start=(1.0, 0.0), footprint=23.0, pixels=128, rate=1)
+    setting = type(setting)(uavs=(setting.uavs[0], slow, setting.uavs[2]), people=setting.people)
+    recording = record(setting)
+    recording.ospa[7:, 2] = np.nan
+    for target in module.TARGETS:
+        export(recording, target, tmp_path / target)
+    held = {i: [row[0] for row in rows(tmp_path / "csv" / "scans.csv") if row[1] == i] for i in range(3)}
+    assert sorted(set(held[0])) == recording.times.tolist()
+    assert sorted(set(held[1])) == recording.times[::5].tolist()
+    assert sorted(set(held[2])) == recording.times[:7].tolist()
+    assert len(rows(tmp_path / "stonesoup" / "tracks-uav2.csv")) == 7 * 4
+    assert len(rows(tmp_path / "mot" / "tracks" / "uav2.txt")) == 7 * 4
+
+
+def test_stone_soup_reads_detections_truth_tracks_and_sensors(recording, folders):
+    folder = folders / "stonesoup"
+    detections = CSVDetectionReader(str(folder / "detections-uav1.csv"), state_vector_fields=("x", "y"), **SECONDS)
+    seen = 0
+    for time, found in detections:
+        k = round((time - START).total_seconds() * 5)
+        ours = recording.scan_at(k, 1)
+        assert sorted(map(tuple, ours.measurements)) == sorted(tuple(d.state_vector.ravel()) for d in found)
+        assert {float(d.metadata["xx"]) for d in found} == set(ours.covariances[:, 0, 0])
+        seen += len(found)
+    assert seen == sum(len(recording.measurements_at(k, 1)) for k in range(21)) > 0
+
+    truth = CSVGroundTruthReader(
+        str(folder / "groundtruth.csv"), state_vector_fields=STATE, path_id_field="id", **SECONDS
+    )
+    paths = {path.id: path for _, updated in truth for path in updated}
+    states = np.concatenate([recording.people, velocities(recording)], axis=2)
+    for m in range(4):
+        there = states[~np.isnan(states[:, m, 0]), m]
+        np.testing.assert_array_equal([s.state_vector.ravel() for s in paths[str(m)]], there)
+
+    covariance = {a + b: ([i, j], [j, i]) for i, a in enumerate(STATE) for j, b in enumerate(STATE) if i <= j}
+    reader = CSVTrackReader(
+        str(folder / "tracks-uav0.csv"),
+        state_vector_fields=STATE,
+        track_id_field="id",
+        default_covar=np.zeros((4, 4)),
+        covar_fields_index=covariance,
+        **SECONDS,
+    )
+    tracks = {track.id: track for _, updated in reader for track in updated}
+    assert sorted(tracks) == ["1", "2", "3", "4"]
+    for k in range(21):
+        for track in recording.tracks_at(k, 0):
+            np.testing.assert_array_equal(tracks[str(track.id)][k].mean.ravel(), track.belief.mean)
+            np.testing.assert_array_equal(np.triu(tracks[str(track.id)][k].covar), np.triu(track.belief.covariance))
+
+    sensors = CSVGroundTruthReader(
+        str(folder / "sensors.csv"), state_vector_fields=("x", "y", "z"), path_id_field="uav", **SECONDS
+    )
+    flights = {path.id: path for _, updated in sensors for path in updated}
+    for i in range(3):
+        positions = [s.state_vector.ravel() for s in flights[str(i)]]
+        np.testing.assert_array_equal(positions, recording.cameras[:, i, :3])
+
+
+def test_mot_sequences_hold_truth_detections_and_tracks(recording, folders):
+    present = ~np.isnan(recording.people[..., 0])
+    for i in range(3):
+        sequence = folders / "mot" / f"uav{i}"
+        k, m = np.nonzero(present)
+        truth = np.array(rows(sequence / "gt" / "gt.txt"))
+        np.testing.assert_array_equal(truth[:, :2], np.column_stack([k + 1, m + 1]))
+        np.testing.assert_array_equal(truth[:, 2:7], np.tile([-1, -1, -1, -1, 1], (len(k), 1)))
+        np.testing.assert_array_equal(truth[:, 7:9], recording.people[present])
+        assert not truth[:, 9].any()
+        found = np.array(rows(sequence / "det" / "det.txt"))
+        scans = [recording.measurements_at(k, i) for k in range(21)]
+        np.testing.assert_array_equal(found[:, 0], np.repeat(np.arange(1, 22), list(map(len, scans))))
+        np.testing.assert_array_equal(found[:, 7:9], np.concatenate(scans))
+        assert set(found[:, 1]) == {-1}
+        tracks = np.array(rows(folders / "mot" / "tracks" / f"uav{i}.txt"))
+        expected = [(k + 1, t.id + 1, *t.belief.mean[:2]) for k in range(21) for t in recording.tracks_at(k, i)]
+        np.testing.assert_array_equal(tracks[:, [0, 1, 7, 8]], expected)
+        facts = configparser.ConfigParser()
+        facts.read(sequence / "seqinfo.ini")
+        assert dict(facts["Sequence"])["seqlength"] == "21" and dict(facts["Sequence"])["framerate"] == "5"
+
+
+def test_a_mission_without_anybody_exports_too(tmp_path):
+    for target in module.TARGETS:
+        export(record(synthetic.scenario(people=0)), target, tmp_path / target)
+    assert (tmp_path / "csv" / "truth.csv").read_text() == "t,id,x,y\n"
+    assert (tmp_path / "mot" / "uav0" / "det" / "det.txt").read_text() == ""
+
+
+def test_an_export_that_fails_leaves_nothing(recording, tmp_path, monkeypatch):
+    def broken(*arguments):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(module, "_truth", broken)
+    for target in module.TARGETS:
+        with pytest.raises(OSError, match="disk full"):
+            export(recording, target, tmp_path / "new" / target)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_wrong_targets_and_folders_are_one_line(recording, tmp_path):
+    with pytest.raises(InputError, match=r"^--to: 'stonesop' is unknown; .*did you mean stonesoup\?$"):
+        export(recording, "stonesop", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "file").touch()
+    with pytest.raises(InputError, match=r"--out: .*full exists and is not an empty folder"):
+        export(recording, "csv", tmp_path / "full")
+
+
+def test_the_command_leaves_a_folder_of_its_own_in_the_run(recording, tmp_path, monkeypatch, capsys):
+    from sim import __main__ as cli
+
+    (tmp_path / "run").mkdir()
+    save(recording, tmp_path / "run" / "mission.npz")
+    for arguments in (["run", "--to", "csv"], ["run/mission.npz", "--to", "csv"], ["run", "--to", "mot", "--out", "m"]):
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr("sys.argv", ["understory", "export", *arguments])
+        cli.main()
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["export-csv", "export-csv-2", "mission.npz"]
+    assert sorted(path.name for path in (tmp_path / "m").iterdir()) == ["tracks", "uav0", "uav1", "uav2"]
+    assert "cameras.csv, scans.csv, tracks.csv, trees.csv, truth.csv" in capsys.readouterr().out

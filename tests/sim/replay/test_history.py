@@ -1,0 +1,84 @@
+"""What became of people, scan by scan, against one camera's sight and against counting by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers import synthetic
+
+from sim.recording.recording import Recorder
+from sim.replay.frames.sightings import Sight
+from sim.replay.history import STATES, History
+from sim.scenario.scenario import resolved
+from tracking.geometry.visibility import Forest, Tree
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    scenario = synthetic.scenario()
+    forest, recorder = synthetic.forest(scenario), Recorder()
+    for snapshot in synthetic.snapshots(scenario, forest):
+        recorder.add(snapshot)
+    return recorder.recording(scenario=resolved(scenario), planner="hover", seed=0, forest=forest), scenario
+
+
+def test_views_are_those_of_each_camera(recorded):
+    recording, scenario = recorded
+    history = History.of(recording, scenario)
+    hidden = 0
+    for k in range(len(recording.times)):
+        for i in range(3):
+            for m, person in enumerate(Sight.of(recording, scenario, k, i).people):
+                assert history.inside[k, i, m] == person.inside
+                assert history.hidden_by[k, i, m] == min(person.hidden_by, default=-1)
+                hidden += bool(person.hidden_by)
+    assert hidden > 5 and history.inside.any() and not history.inside.all()
+
+
+def test_each_tree_hides_by_itself():
+    rng = np.random.default_rng(0)
+    trees = tuple(Tree(*rng.uniform(-20, 20, 2), rng.uniform(1, 5)) for _ in range(20))
+    camera = np.array([0.0, 0.0, 20.0])
+    points = np.column_stack([rng.uniform(-25, 25, (200, 2)), np.full(200, 0.85)])
+    alone = np.stack([~Forest((tree,)).visible(camera, points)[0] for tree in trees], axis=1)
+    np.testing.assert_array_equal(Forest(trees).hiding(camera, points), alone)
+    assert alone.any() and not alone.all()
+    assert Forest(()).hiding(camera, points).shape == (200, 0)
+
+
+def test_states_losses_and_holders_are_those_counted_by_hand(recorded):
+    recording, scenario = recorded
+    history = History.of(recording, scenario)
+    shape = history.tracks.shape
+    for k, m in np.ndindex(shape[0], shape[2]):
+        told = [s for s, by in (("hidden", history.inside), ("missed", history.shown), ("seen", history.detected))
+                if by[k, :, m].any()]  # fmt: skip
+        expected = told[-1] if told else "out of view"
+        assert STATES[history.states[k, m]] == (expected if history.present[k, m] else "absent")
+    tracks = np.array([[[7], [7]], [[-1], [7]], [[-1], [-1]], [[-1], [-1]], [[9], [-1]], [[-1], [-1]]])
+    present = np.array([[True], [True], [True], [True], [True], [False]])
+    few = replace(history, tracks=tracks, present=present)
+    np.testing.assert_array_equal(few.held[:, 0], [2, 1, 0, 0, 1, 0])
+    assert [(loss.person, loss.first, loss.last, loss.found) for loss in few.losses] == [(0, 2, 3, True)]
+    never = replace(few, tracks=np.full((6, 2, 1), -1))
+    assert [(loss.first, loss.last, loss.found) for loss in never.losses] == [(0, 4, False)]
+
+
+def test_a_track_holds_who_is_within_a_metre(recorded):
+    recording, scenario = recorded
+    history = History.of(recording, scenario)
+    count = 0
+    for k, i, m in np.argwhere(history.tracks >= 0).tolist():
+        (track,) = (t for t in recording.tracks_at(k, i) if t.id == history.tracks[k, i, m])
+        assert np.hypot(*(track.belief.mean[:2] - recording.people[k, m])) <= 1.0
+        count += 1
+    assert count > 100
+
+
+def test_nothing_is_inside_a_frame_that_was_not_taken(recorded):
+    recording, scenario = recorded
+    ospa = recording.ospa.copy()
+    ospa[10:, 1] = np.nan  # broken down
+    history = History.of(replace(recording, ospa=ospa), scenario)
+    assert not history.looked[10:, 1].any() and not history.inside[10:, 1].any() and not history.detected[10:, 1].any()
+    assert history.looked[:, [0, 2]].all()

@@ -1,0 +1,203 @@
+"""A mission in a notebook: what tables, arrays and figures hold, against the recording's own accessors."""
+
+import base64
+import dataclasses
+import re
+import sys
+import types
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from helpers import synthetic
+from helpers.recordings import record
+from matplotlib.figure import Figure
+
+from sim.drawing.map_view import MapView
+from sim.recording.archive import save
+from sim.recording.fault_text import recorded
+from sim.recording.recording import Recorder
+from sim.replay.frames.rerender import Rerenderer, draw
+from sim.replay.notebook import Flight, load
+from sim.replay.tables import TABLES
+from sim.scenario.errors import InputError
+from sim.scenario.scenario import resolved
+from sim.sensing.fault import Fault
+
+TEXT = (Path(__file__).parents[3] / "docs" / "notebooks.md").read_text(encoding="utf-8")
+
+
+def losing():
+    """A mission of 4 s in which nobody is held from 1 s to 2 s."""
+    setting = synthetic.scenario()
+    trees, recorder = synthetic.forest(setting), Recorder()
+    for snapshot in synthetic.snapshots(setting, trees):
+        lost = 1.0 <= snapshot.time <= 2.0
+        recorder.add(dataclasses.replace(snapshot, tracks=[()] * 3) if lost else snapshot)
+    return recorder.recording(scenario=resolved(setting), planner="hover", seed=3, forest=trees)
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return Flight(losing())
+
+
+def test_each_row_of_a_table_is_what_the_recording_says(flight):
+    r = flight.recording
+    tracks, measured, ospa = (flight.columns(name) for name in ("tracks", "measurements", "ospa"))
+    assert len(tracks["time_s"]) == 3 * (21 - 6) * 4
+    for k, i in np.ndindex(21, 3):
+        rows = (tracks["time_s"] == r.times[k]) & (tracks["uav"] == i)
+        held = r.tracks_at(k, i)
+        assert tracks["track"][rows].tolist() == [r.track_numbers[track.id] for track in held]
+        for name, (row, column) in {"xx_m2": (0, 0), "xy_m2": (0, 1), "yy_m2": (1, 1)}.items():
+            assert tracks[name][rows].tolist() == [track.belief.covariance[row, column] for track in held]
+        for axis, name in enumerate(("x_m", "y_m", "vx_m_per_s", "vy_m_per_s")):
+            assert tracks[name][rows].tolist() == [track.belief.mean[axis] for track in held]
+        rows = (measured["time_s"] == r.times[k]) & (measured["uav"] == i)
+        found = np.column_stack([measured["x_m"][rows], measured["y_m"][rows]])
+        np.testing.assert_array_equal(found, r.measurements_at(k, i))
+        pixels = np.column_stack([measured["u_px"][rows], measured["v_px"][rows]])
+        np.testing.assert_array_equal(pixels, r.pixels_at(k, i))
+    np.testing.assert_array_equal(ospa["ospa_m"].reshape(21, 3), r.ospa[..., 0])
+
+
+def test_people_sightings_and_losses_are_those_of_the_history(flight):
+    history = flight.history
+    people, sightings, losses = (flight.columns(name) for name in ("people", "sightings", "losses"))
+    assert len(people["time_s"]) == history.present.sum() == 21 * 4 - 5  # the fourth comes after a second
+    gone = (people["time_s"] >= 1.0) & (people["time_s"] <= 2.0)
+    assert not people["held_by_uavs"][gone].any()
+    step = people["person"] == 0
+    np.testing.assert_allclose(np.diff(people["x_m"][step])[0] / 0.2, people["vx_m_per_s"][step][0])
+    seen = sightings["inside"]
+    assert seen.sum() == history.inside.sum()
+    assert (sightings["hidden_by_tree"][seen] >= 0).sum() == (history.hidden_by >= 0).sum() > 0
+    assert (sightings["held_by_track"] >= 0).sum() == (history.tracks >= 0).sum()
+    assert [tuple(row) for row in zip(*losses.values(), strict=True)] == [
+        (loss.person, flight.recording.times[loss.first], flight.recording.times[loss.last], loss.found)
+        for loss in history.losses
+    ]
+    events = flight.columns("events")
+    assert [*zip(*events.values(), strict=True)] == [*flight.events] and "person lost" in events["kind"]
+
+
+@pytest.mark.parametrize("options", [{"people": 0}, {"uavs": 1}, {"mode": "ideal"}, {"scans": 1}])
+def test_every_table_and_figure_stands_small_missions(options):
+    flight = Flight(record(**options))
+    for name in TABLES:
+        assert len({len(column) for column in flight.columns(name).values()}) == 1
+        assert list(flight.table(name).columns) == list(flight.columns(name))
+    for figure in (flight.ospa_figure(), flight.timeline_figure(), flight.map_figure(0.0)):
+        assert isinstance(figure, Figure)
+    assert "hover" in repr(flight) and "<table" in flight._repr_html_()
+
+
+def test_arrays_are_the_recordings_and_cannot_be_changed(flight):
+    for name, array in flight.arrays.items():
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+        assert not array.flags.writeable, name
+    np.testing.assert_array_equal(flight.arrays["person_m"], flight.recording.people)
+    assert flight.recording.people.flags.writeable
+
+
+def test_tables_take_pandas_or_polars_or_say_what_is_missing(flight, monkeypatch):
+    assert type(flight.table("trees")).__module__.startswith("pandas")
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    monkeypatch.setitem(sys.modules, "polars", types.SimpleNamespace(DataFrame=lambda columns: ("polars", columns)))
+    library, columns = flight.table("trees")
+    assert library == "polars" and list(columns) == list(flight.columns("trees"))
+    monkeypatch.setitem(sys.modules, "polars", None)
+    with pytest.raises(InputError, match="pandas or polars; neither is installed"):
+        flight.table("trees")
+
+
+def test_the_map_is_that_of_a_film_from_the_start(flight):
+    figure = flight.map_figure(3.63)  # nearest to scan 18
+    shown = figure.axes[0].get_images()[0].get_array()
+    view = MapView(flight.scenario, flight.recording.forest, shown.shape[1::-1])
+    image = np.zeros(shown.shape, np.uint8)
+    for k in range(19):
+        view.draw(image, flight._numbered(k))
+    np.testing.assert_array_equal(shown, image)
+
+
+def test_a_frame_is_the_annotated_one(flight):
+    shown = flight.frame_figure(3.0, uav=2).axes[0].get_images()[0].get_array()
+    with Rerenderer(flight.recording) as again:
+        np.testing.assert_array_equal(shown, draw(flight.recording, again, 15, 2, size=640))
+
+
+@pytest.mark.parametrize(
+    ("ask", "reason"),
+    [
+        (lambda f: f.map_figure(4.5), "time: 4.5 s is not in the recording; allowed are 0 to 4 s"),
+        (lambda f: f.map_figure(float("nan")), "time: nan s is not in the recording"),
+        (lambda f: f.frame_figure(1.0, uav=3), "uav: 3 is not there; allowed are 0 to 2"),
+        (lambda f: f.frame_figure(1.0, uav=-1), "uav: -1 is not there"),
+        (lambda f: f.table("track"), "table: 'track' is unknown; .*did you mean tracks"),
+        (lambda f: load("nowhere"), "DIR: nowhere does not exist"),
+    ],
+)
+def test_wrong_questions_are_answered_in_one_line(flight, ask, reason):
+    with pytest.raises(InputError, match=reason) as caught:
+        ask(flight)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_summary_is_small_and_escaped_and_shows_the_curve(flight):
+    faults = recorded([Fault(1.0, None, "x")])
+    mine = Flight(dataclasses.replace(flight.recording, planner="<b>:Mine", faults=faults))
+    page = mine._repr_html_()
+    assert "&lt;b&gt;:Mine" in page and "<b>" not in page and len(page) < 60_000
+    assert mine.facts["faults"] == "1" and mine.facts["seed"] == "3"
+    (picture,) = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
+    image = cv2.imdecode(np.frombuffer(base64.b64decode(picture), np.uint8), cv2.IMREAD_COLOR)
+    assert image.shape == (220, 460, 3) and (image < 60).all(axis=2).sum() > 500
+    errors = mine.recording.ospa[..., 0]
+    assert mine.facts["OSPA"] == f"mean {errors.mean():.2f} m, {100 * np.mean(errors < 1):.1f} % under 1 m"
+    lost = [loss for loss in mine.history.losses if loss.found]
+    longest = max(loss.last - loss.first + 1 for loss in lost) / 5
+    assert mine.facts["losses"] == f"{len(lost)}, the longest {longest:.1f} s"
+    assert repr(mine).startswith("<Flight: <b>:Mine, seed 3; 4.0 s, 21 scans; 3 UAVs, 4 people, 45 trees; OSPA mean ")
+    assert "\n" not in repr(mine)
+
+
+def test_loading_in_a_notebook_lets_it_show_figures(tmp_path, monkeypatch, flight):
+    """IPython shows figures only once pyplot has told it how; a stand-in for its shell hears of it here."""
+    shown = types.SimpleNamespace(type_printers={})
+    shown.for_type = shown.type_printers.__setitem__
+    shell = types.SimpleNamespace(display_formatter=types.SimpleNamespace(formatters={"image/png": shown}))
+    monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: shell))
+    save(flight.recording, tmp_path / "mission.npz")
+    figure = load(tmp_path).ospa_figure()
+    assert shown.type_printers[Figure](figure).startswith(b"\x89PNG")
+
+
+def test_its_page_runs_block_by_block(tmp_path, monkeypatch, capsys, flight):
+    folder = tmp_path / "runs" / "forest-sma-nbo-mwtp-seed0"
+    folder.mkdir(parents=True)
+    save(flight.recording, folder / "mission.npz")
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    blocks = re.findall(r"^```python\n(.*?)^```$", TEXT, flags=re.M | re.S)
+    assert len(blocks) == 6
+    for block in blocks:
+        exec(compile(block, "notebooks.md", "exec"), names)
+    assert (tmp_path / "loss.png").exists() and isinstance(names["figure"], Figure)
+    assert "nearest UAV to each person: [" in capsys.readouterr().out
+
+
+def test_its_page_lists_every_array_and_column(flight):
+    r = flight.recording
+    sizes = {"K": 21, "n": 3, "M": 4, "T": len(r.trees), "D": len(r.measurements), "S": len(r.track_ids)}
+    sizes |= {"E": len(r.plan_times), "H": r.plans.shape[2]}
+    rows = re.findall(r"^\| `(\w+)` \| ([\w, ]+) \| [^`]*\|$", TEXT, flags=re.M)
+    told = {name: tuple(int(sizes.get(s, s)) for s in shape.split(", ")) for name, shape in rows if shape[0] in sizes}
+    assert told == {name: array.shape for name, array in flight.arrays.items()}
+    tables = dict(re.findall(r"^\| `(\w+)` \| [^|`]+ \| (`time_s`.*|`tree`.*|`person`.*) \|$", TEXT, flags=re.M))
+    assert {name: re.findall("`(\\w+)`", text) for name, text in tables.items()} == {
+        name: list(flight.columns(name)) for name in TABLES
+    }

@@ -1,0 +1,126 @@
+"""The timeline of a mission: stretches of time counted by hand, and a figure that shows each of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers import synthetic
+from matplotlib.collections import PolyCollection
+
+from sim.drawing.palette import ALARM, CANOPY, uav_colour
+from sim.drawing.plots import rgb
+from sim.evaluation.metrics import metrics
+from sim.recording.recording import Recorder
+from sim.replay.episodes import BROKEN, HOLDS, Episode, episodes, holds, lanes, last_looks, switches
+from sim.replay.history import STATES, History
+from sim.replay.timeline import timeline_figure
+from sim.scenario.scenario import resolved
+
+
+def recorded(scans=21, **settings):
+    scenario = synthetic.scenario(**settings)
+    forest, recorder = synthetic.forest(scenario), Recorder()
+    for snapshot in synthetic.snapshots(scenario, forest, scans):
+        recorder.add(snapshot)
+    return recorder.recording(scenario=resolved(scenario), planner="hover", seed=0, forest=forest), scenario
+
+
+def history(inside, shown, detected, tracks, **other):
+    """Of one person and UAVs whose every column is one row of text, a letter a scan: x for yes."""
+    tables = {name: np.array([[c == "x" for c in row] for row in rows]).T[:, :, None]
+              for name, rows in (("inside", inside), ("shown", shown), ("detected", detected))}  # fmt: skip
+    held = np.array(tracks).T[:, :, None]
+    scans, uavs = held.shape[:2]
+    plain = {
+        "times": 0.2 * np.arange(scans),
+        "present": np.ones((scans, 1), bool),
+        "working": np.ones((scans, uavs), bool),
+        "looked": np.ones((scans, uavs), bool),
+        "hidden_by": np.full((scans, uavs, 1), -1),
+    }
+    return History(**{**plain, **tables, "tracks": held, **other})
+
+
+def test_stretches_cover_all_scans():
+    assert episodes(np.array([3])) == [Episode(0, 0, 3)]
+    assert episodes(np.array([1, 1, 0, 2, 2])) == [Episode(0, 1, 1), Episode(2, 2, 0), Episode(3, 4, 2)]
+
+
+def test_lanes_bars_and_switches_are_those_counted_by_hand():
+    working = np.ones((6, 2), bool)
+    working[4:, 1] = False
+    present = np.array([[True]] * 5 + [[False]])
+    looked = np.array([[True, k % 2 == 0] for k in range(6)])
+    made = history(
+        ["-xxx--", "x-x---"],
+        ["--xx--", "x-----"],
+        ["---x--", "x-----"],
+        [[-1, 5, -1, 6, -1, -1], [-1, 5, -1, -1, -1, -1]],
+        working=working,
+        present=present,
+        looked=looked,
+    )
+    names = [[STATES[s] if s != BROKEN else "broken" for s in lane] for lane in lanes(made)[:, :, 0].T]
+    assert names[0] == ["out of view", "hidden", "missed", "seen", "out of view", "absent"]
+    assert names[1] == ["seen", "seen", "hidden", "hidden", "broken", "broken"]  # no frames at odd scans
+    assert last_looks(made)[:, 1].tolist() == [0, 0, 2, 2, 4, 4]
+    held = [HOLDS[s] for s in holds(made)[:, 0]]
+    assert held == ["not found yet", "held", "lost", "held by some", "lost", "absent"]
+    assert switches(made, 0) == [3]
+
+
+def test_who_holds_alone_holds_for_all_that_work():
+    working = np.array([[True, True], [True, False], [False, False]])
+    made = history(["---", "---"], ["---", "---"], ["---", "---"], [[1, 1, -1], [-1, -1, -1]], working=working)
+    assert [HOLDS[s] for s in holds(made)[:, 0]] == ["held by some", "held", "lost"]
+
+
+def test_switches_are_those_that_the_summary_counts():
+    recording, scenario = recorded()
+    ids = recording.track_ids.copy()
+    ids[recording.track_offsets[30] :] += 10
+    switched = replace(recording, track_ids=ids)
+    counted = sum(row["switches"] for row in metrics(switched)["uavs"])
+    told = History.of(switched, scenario)
+    assert counted == 3 * sum(len(switches(told, m)) for m in range(4)) > 0
+
+
+def shades(figure):
+    """Faces of the boxes in the figure, and their left, right and top edges."""
+    (boxes,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
+    corners = [path.vertices for path in boxes.get_paths()]
+    edges = [(c[:, 0].min(), c[:, 0].max(), c[:, 1].min()) for c in corners]
+    return [(tuple(face[:3]), edge) for face, edge in zip(boxes.get_facecolors(), edges, strict=True)]
+
+
+def test_the_figure_shows_each_stretch_where_and_when_it_was():
+    made = history(["--xx", "xx--"], ["----", "xx--"], ["----", "xx--"], [[1, -1, -1, 1], [1, -1, -1, 1]])
+    found = shades(timeline_figure(made, np.ones((4, 2, 3))))
+    spans = {colour: [edge[:2] for shade, edge in found if shade == pytest.approx(rgb(colour))]
+             for colour in (ALARM, CANOPY, uav_colour(0), uav_colour(1))}  # fmt: skip
+    assert spans[ALARM] == [pytest.approx((0.2, 0.6))]
+    assert spans[CANOPY] == [pytest.approx((0.4, 0.8))]
+    assert spans[uav_colour(0)] == [] and spans[uav_colour(1)] == [pytest.approx((0.0, 0.4))]
+
+
+@pytest.mark.parametrize(("uavs", "people", "scans"), [(3, 20, 21), (8, 2, 6), (1, 0, 6), (2, 1, 1)])
+def test_any_fleet_and_any_number_of_people_can_be_shown(uavs, people, scans):
+    recording, scenario = recorded(scans, uavs=uavs, people=people)
+    ospa = recording.ospa.copy()
+    ospa[scans // 2 + 1 :, 0] = np.nan
+    broken = replace(recording, ospa=ospa)
+    figure = timeline_figure(History.of(broken, scenario), ospa)
+    labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    assert labels == [f"person {m}" for m in range(people)]
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert {"in the frame, hidden", "out of view", "lost", "track switched"} <= set(words)
+    assert (scans > 1) == any("UAV 0 broke down" in text.get_text() for text in figure.axes[1].texts)
+    figure.draw_without_rendering()
+
+
+def test_a_timeline_says_how_often_people_were_lost():
+    calm = history(["xx"], ["xx"], ["xx"], [[1, 1]])
+    assert timeline_figure(calm, np.ones((2, 1, 3))).axes[0].get_title("left").endswith("100 % of the time, never lost")
+    lost = history(["x---"], ["x---"], ["x---"], [[1, -1, -1, 1]])
+    title = timeline_figure(lost, np.ones((4, 1, 3))).axes[0].get_title("left")
+    assert title == "People held 50 % of the time, lost once, longest: person 0 for 0.4 s from 0.2 s"

@@ -1,0 +1,139 @@
+"""Figures of a study show the data they are given."""
+
+import numpy as np
+import pytest
+from helpers.trials import row, study
+from matplotlib.colors import to_rgb
+
+from sim.analysis.cells import grouped, trimmed
+from sim.analysis.measures import measure
+from sim.analysis.statistics import bands
+from sim.report.figures import AT, content, ecdf_figure, runtime_figure, scatter_figure, time_figure
+from sim.report.panels import sheets
+
+
+def groups(rows=None, baseline="sma-nbo"):
+    return trimmed(grouped(study() if rows is None else rows, baseline))
+
+
+def lines(axes):
+    """Lines that show data: one with as many points as any."""
+    return [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
+
+
+def test_the_distribution_is_that_of_all_scans_of_all_maps():
+    found = groups()
+    (sheet,) = sheets(found)
+    figure = ecdf_figure(sheet)
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["λ = 15", "λ = 75"]
+    for axes, panel in zip(figure.axes, sheet.panels, strict=True):
+        for line, curve in zip(lines(axes), panel.curves, strict=True):
+            pooled = np.concatenate([r.ospa for r in curve.group.done])
+            brute = [100 * np.mean(pooled <= x) for x in AT]
+            np.testing.assert_allclose(line.get_ydata(), brute, rtol=1e-12)
+        assert axes.get_xscale() == "log" and "logarithmic" in figure.axes[-1].get_xlabel()
+
+
+def test_bands_over_time_are_quartiles_of_the_maps():
+    (sheet,) = sheets(groups())
+    figure = time_figure(sheet)
+    for axes, panel in zip(figure.axes, sheet.panels, strict=True):
+        for line, shade, curve in zip(lines(axes), axes.collections, panel.curves, strict=True):
+            low, median, high = bands(np.array([r.ospa for r in curve.group.done], dtype=float))
+            np.testing.assert_allclose(line.get_ydata(), median)
+            np.testing.assert_allclose(line.get_xdata(), np.arange(26) / 5)
+            drawn = set(np.round(shade.get_paths()[0].vertices[:, 1], 9))
+            assert drawn == set(np.round([*low, *high], 9))
+
+
+def test_points_are_maps_that_both_flew():
+    found = groups()
+    shown = measure("ospa.share_under_1m")
+    figure = scatter_figure(found, "sma-nbo", shown)
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["greedy", "hover"]
+    by_seed = {(g.cell, g.planner, r.seed): 100 * r.metrics[shown.name] for g in found for r in g.done}
+    for axes, planner in zip(figure.axes, ("greedy", "hover"), strict=True):
+        drawn = {tuple(point) for line in lines(axes) for point in np.round(line.get_xydata(), 9)}
+        assert drawn == {
+            (round(by_seed[g.cell, "sma-nbo", s], 9), round(by_seed[g.cell, planner, s], 9))
+            for g in found[:: len(found) // 2]
+            for s in range(6)
+        }
+        assert axes.get_xlim() == axes.get_ylim()
+
+
+def test_run_times_are_means_in_their_unit():
+    found = groups()
+    figure = runtime_figure(found, measure("planning_s_per_decision"))
+    dots = sorted(float(line.get_xdata()[0]) for line in figure.axes[0].get_lines() if line.get_marker() == "o")
+    np.testing.assert_allclose(dots, sorted(1000 * g.values("planning_s_per_decision").mean() for g in found))
+
+
+def test_a_planner_looks_the_same_in_every_figure_and_unlike_the_others():
+    found = groups(study(densities=("15", "45", "75")))
+    (sheet,) = sheets(found)
+    colours = [{c.label: c.style for c in panel.curves} for panel in sheet.panels]
+    assert colours[0] == colours[1] == colours[2] and len(set(colours[0].values())) == 3
+    legend = [text.get_text() for text in ecdf_figure(sheet).legends[0].get_texts()]
+    assert legend == ["sma-nbo", "greedy", "hover"]
+
+
+def factored(**factors):
+    names = list(factors)
+    cells = [()]
+    for name in names:
+        cells = [(*cell, (name, value)) for cell in cells for value in factors[name]]
+    return cells
+
+
+def test_one_planner_is_drawn_as_in_the_papers_first_figure():
+    cells = factored(**{"lambda": ["15", "45", "75"], "R": ["1", "5"], "H": ["1", "3", "5"]})
+    rows = [row(f"sma-nbo(horizon={dict(c)['H']})", s, c) for c in cells for s in (0, 1)]
+    (sheet,) = sheets(groups(rows))
+    assert [panel.title for panel in sheet.panels] == ["λ = 15", "λ = 45", "λ = 75"] and sheet.columns == 3
+    assert [curve.label for curve in sheet.panels[0].curves] == [f"R = {r}, H = {h}" for r in (1, 5) for h in (1, 3, 5)]
+    styles = {(c.style.colour, c.style.dash) for c in sheet.panels[0].curves}
+    assert len(styles) == 6 and len({dash for _, dash in styles}) == 2  # colour: H, dash: R
+
+
+def test_several_planners_are_drawn_as_in_the_papers_second_figure():
+    cells = factored(**{"lambda": ["15", "45", "75"], "H": ["1", "3", "5"]})
+    rows = [row(f"{p}(horizon={dict(c)['H']})", s, c) for c in cells for s in (0, 1) for p in ("sma-nbo", "mcr")]
+    (sheet,) = sheets(groups(rows))
+    assert sheet.columns == 3 and len(sheet.panels) == 9
+    assert [panel.title for panel in sheet.panels[:3]] == [f"λ = 15, H = {h}" for h in (1, 3, 5)]
+
+
+def test_three_factors_give_several_figures():
+    cells = factored(**{"lambda": ["15", "45", "75"], "R": ["1", "5"], "H": ["1", "3", "5"]})
+    rows = [row(p, 0, c) for c in cells for p in ("sma-nbo", "mcr")]
+    found = sheets(groups(rows))
+    assert [sheet.title for sheet in found] == ["R = 1", "R = 5"]
+    assert sum(len(panel.curves) for sheet in found for panel in sheet.panels) == 36
+
+
+def test_colours_are_told_apart_by_colour_blind_eyes():
+    (sheet,) = sheets(groups(study(planners=[f"p{i}" for i in range(9)], densities=("15",)), "p0"))
+    styles = [curve.style for curve in sheet.panels[0].curves]
+    assert len({(s.colour, s.dash) for s in styles}) == 9
+    figure = ecdf_figure(sheet)
+    assert len({(to_rgb(line.get_color()), line.get_linestyle()) for line in lines(figure.axes[0])}) == 9
+
+
+@pytest.mark.parametrize("kind", ["svg", "png"])
+def test_equal_data_give_equal_files(kind):
+    files = [content(ecdf_figure(sheets(groups())[0]), kind) for _ in range(2)]
+    assert files[0] == files[1]
+
+
+def test_missing_curves_and_values_do_not_stop_a_figure():
+    rows = [*study(), row("late", 0, (("lambda", "15"), ("R", "5")), {"ospa.mean_m": np.nan})]
+    found = groups(rows)
+    (sheet,) = sheets(found)
+    for figure in (
+        ecdf_figure(sheet),
+        time_figure(sheet),
+        scatter_figure(found, "sma-nbo", measure("ospa.mean_m")),
+        runtime_figure(found, measure("planning_s_per_decision")),
+    ):
+        assert content(figure, "svg").startswith(b"<?xml")

@@ -1,0 +1,287 @@
+"""The report needs nothing but itself, hides nothing, and its commands fly what it shows."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+
+import msgspec
+import numpy as np
+import pytest
+from helpers.html_pages import Page
+from helpers.trials import failed, row, study
+from typer.main import get_command
+
+from planning.registry import load_planner
+from sim.__main__ import app
+from sim.analysis.answers import Difference
+from sim.analysis.measures import measure
+from sim.analysis.statistics import Estimate, chances, maps_needed, means
+from sim.report.page import verdict
+from sim.report.report import About, duration, made, ranges, write
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load
+
+EVIL = "<script>alert('x')</script> & \"quoted\" --rm"
+ABOUT = About(
+    "tried",
+    description=EVIL,
+    command="understory compare tried.toml --maps 6",
+    versions={"understory": "0.1.0", "numpy": "2.0"},
+    machine="2 cores, test",
+    wall_s=5400.0,
+    baseline="sma-nbo",
+)
+
+
+def rows():
+    """A study with a planner that shells mind, and one failed trial."""
+    bad = failed("lab.mine:Planner(style='a b')", 3, (("lambda", "15"), ("R", "5")), error=EVIL)
+    good = row("lab.mine:Planner(style='a b')", 1, (("lambda", "15"), ("R", "5")), {"ospa.share_under_1m": 0.5})
+    return [*study(), good, bad]
+
+
+@pytest.fixture(scope="module")
+def files():
+    return made(rows(), ABOUT)
+
+
+@pytest.fixture(scope="module")
+def page(files):
+    return Page(files["report.html"].decode())
+
+
+def test_nothing_comes_from_elsewhere(page):
+    assert not page.of("script")
+    for tag, given in page.elements:
+        for name in ("src", "href", "srcset", "action", "data", "poster"):
+            assert given.get(name, "#").startswith(("#", "data:")), (tag, given)
+        assert not any(name.startswith("on") for name in given)
+    (style,) = page.of("style")
+    assert "url(" not in style[1] and "@import" not in style[1]
+    policy = next(g["content"] for g, _ in page.of("meta") if g.get("http-equiv") == "Content-Security-Policy")
+    assert policy.startswith("default-src 'none'")
+
+
+def test_ids_are_unique_and_links_lead_somewhere(page):
+    ids = [given["id"] for _, given in page.elements if "id" in given]
+    assert len(ids) == len(set(ids)) > 10
+    assert {given["href"][1:] for given, _ in page.of("a")} <= set(ids)
+
+
+def test_every_figure_says_what_it_shows(page):
+    images = page.of("img")
+    assert len(images) == len(page.of("figcaption")) == 5
+    for given, _ in images:
+        assert len(given["alt"]) > 40 and re.search(r"\d", given["alt"])
+
+
+def test_whatever_was_typed_is_text(files, page):
+    text = files["report.html"].decode()
+    assert "<script" not in text and text.count("&lt;script&gt;alert(") == 2
+    assert any(EVIL in shown for _, shown in page.of("strong"))
+
+
+def test_what_was_run_is_there(page):
+    ((_, text),) = page.of("main")
+    for part in (
+        *("tried", "forest", "R = 5", "15, 75", "lab.mine:Planner(style='a b')", "6: 0-5", "37 done, 1 failed"),
+        *("1 h 30 min", "2 cores, test", "numpy 2.0", ABOUT.command, "Failures: 1"),
+    ):
+        assert part in text, part
+
+
+def test_commands_fly_the_maps_that_they_stand_for(page):
+    commands = [shlex.split(text) for text in page.commands()]
+    known = {option for parameter in get_command(app).commands["run"].params for option in parameter.opts}
+    flown = [words for words in commands if words[1] == "run"]
+    assert len(flown) == 2 * 7 + 1  # best and worst of seven groups, and what failed
+    for words in flown:
+        assert words[:3] == ["understory", "run", "forest"]
+        options, values = words[3::2], words[4::2]
+        assert set(options) == {"--planner", "--seed", "--set"} <= known
+        setting = load("forest", [v for o, v in zip(options, values, strict=True) if o == "--set"])
+        assert (setting.trees.density, setting.sensing.mode, setting.duration) == (75.0, "ideal", 10.0)
+        planner = values[options.index("--planner")]
+        if not planner.startswith("lab."):
+            load_planner(planner)
+    assert "lab.mine:Planner(style='a b')" in {words[4] for words in flown}
+
+
+def test_links_lead_to_the_best_and_the_worst_map(page):
+    metric, group = "ospa.share_under_1m", [r for r in study() if r.planner == "greedy" and r.factors[0][1] == "75"]
+    ends = {"best": max, "worst": min}
+    for what, pick in ends.items():
+        seed = pick(group, key=lambda r: r.metrics[metric]).seed
+        (shown,) = [
+            t for g, t in page.of("div") if g.get("class") == "map" and f"λ = 75, greedy, seed {seed}: {what}," in t
+        ]
+        assert f"--planner greedy --seed {seed} " in shown
+
+
+def test_the_same_rows_in_any_order_give_the_same_files(files):
+    assert made(rows()[::-1], ABOUT) == files
+
+
+def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
+    monkeypatch.setattr("sim.report.report.made", lambda rows, about: files)
+    write(rows(), tmp_path / "report", ABOUT)
+    written = {str(p.relative_to(tmp_path / "report")): p.read_bytes() for p in (tmp_path / "report").rglob("*.*")}
+    assert written == files
+    assert {"report.html", "table.csv", "table.md", "figures/ecdf.svg", "figures/ecdf.png"} <= set(files)
+    before = dict(written)
+
+    def full(path, data):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    with pytest.raises(InputError, match="cannot be written: No space left on device"):
+        write(rows(), tmp_path / "report", ABOUT)
+    after = {str(p.relative_to(tmp_path / "report")): p.read_bytes() for p in (tmp_path / "report").rglob("*.*")}
+    assert after == before
+
+
+def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path):
+    few = [row("sma-nbo", 0), row("greedy", 0)]
+    larger, smaller = (About("x", metrics=names) for names in (("ospa.mean_m", "recall"), ("ospa.mean_m",)))
+    few = [msgspec.structs.replace(r, metrics={"ospa.mean_m": 1.0, "recall": 0.5}) for r in few]
+    write(few, tmp_path, larger)
+    (tmp_path / "figures" / "mine.png").write_bytes(b"")
+    assert (tmp_path / "figures" / "maps-recall.svg").exists()
+    write(few, tmp_path, smaller)
+    found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*")}
+    assert found == {*made(few, smaller), "figures/mine.png"}
+
+
+def test_what_all_trials_share_and_their_version_are_told():
+    given = [msgspec.structs.replace(r, version="0.1.0+abc") for r in study()]
+    text = made(given, About("x", versions={"understory": "0.1.0", "numpy": "2.0"}))["report.html"].decode()
+    assert "<dt>set for all trials</dt><dd>duration = 10, sensing.mode = ideal" in text
+    assert "understory 0.1.0+abc, numpy 2.0" in text
+
+
+def test_wrong_names_leave_nothing(tmp_path):
+    for about in (About("x", baseline="sma-nob"), About("x", metrics=("ospa.maen_m",))):
+        with pytest.raises(InputError, match="did you mean"):
+            write(study(), tmp_path / "report", about)
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        [row("sma-nbo", 0, metrics={"ospa.mean_m": 0.0})],
+        [failed("sma-nbo", 0), failed("greedy", 0)],
+        [msgspec.structs.replace(r, metrics={"nees.position": float("nan")}) for r in study(seeds=2)],
+        study(planners=("sma-nbo",), densities=("15", "45", "75")),
+    ],
+    ids=["one trial", "all failed", "all undefined", "one planner"],
+)
+def test_odd_studies_have_a_report_too(given):
+    page = Page(made(given, About("odd"))["report.html"].decode())
+    assert page.of("h1") and page.of("table")
+
+
+def gap_of(values, shown=1):
+    (mean,), (chance,) = means(values), chances(values)
+    signs = np.sign(values)
+    counts = [int(np.sum(signs == sign)) for sign in (1, 0, -1)]
+    return Difference(mean, len(values), 0, *counts, chance=chance, needed=maps_needed(values)[0], survives=shown == 1)
+
+
+def test_verdicts_follow_the_interval():
+    share = measure("ospa.share_under_1m")
+    spread = np.linspace(-0.05, 0.05, 9)[:, None]
+    one = "mine and base cannot be told apart: scans with OSPA under 1 m +1.0 points (95 %: -1.6 to +3.6)"
+    for middle, told in ((0.1, "mine is better than base: "), (-0.1, "mine is worse than base: ")):
+        gap = gap_of(spread + middle)
+        assert verdict("mine", "base", share, gap).startswith(told)
+        assert "Holm" not in verdict("mine", "base", share, gap, shown=4)
+        lone = gap_of(spread + middle, shown=4)
+        assert verdict("mine", "base", share, lone, shown=4).endswith(
+            "survive Holm's correction for all 4 differences."
+        )
+    text = verdict("mine", "base", share, gap_of(spread + 0.01))
+    assert text.startswith(one)
+    assert text.endswith("of 9 maps it won 5, tied 0 and lost 4. A difference as large takes some 94 maps.")
+    alone = verdict("mine", "base", share, Difference(Estimate(), 0, 2, 0, 0, 0))
+    assert alone == "mine and base cannot be told apart: they have no map in common."
+
+
+@pytest.mark.parametrize("maps", [1, 2, 3, 4, 5])
+def test_few_maps_tell_nothing_apart_however_large_the_difference(maps):
+    share = measure("ospa.share_under_1m")
+    for values in (np.full((maps, 1), 0.5), 0.5 + 1e-3 * np.arange(maps)[:, None]):
+        text = verdict("mine", "base", share, gap_of(values))
+        assert text.startswith("mine and base cannot be told apart: scans with OSPA under 1 m +50.")
+        assert f"{maps} map{'s' * (maps > 1)} cannot tell any planners apart, six at least are needed." in text
+
+
+@pytest.mark.parametrize("maps", [1, 2, 5])
+def test_the_headline_says_that_planners_cannot_be_told_apart(maps):
+    rows = [
+        row(p, s, metrics={"ospa.share_under_1m": v})
+        for p, v in (("sma-nbo", 0.9), ("greedy", 0.2))
+        for s in range(maps)
+    ]
+    page = made(rows, About("few"))["report.html"].decode()
+    short = page[page.index("In short</h2>") : page.index("What was run</h2>")]
+    assert "greedy and sma-nbo cannot be told apart" in short
+    assert "is worse" not in page and "is better than" not in short
+
+
+def test_repeats_are_told_and_flown_again():
+    rows = [
+        row(p, s, metrics={"ospa.share_under_1m": 0.1 * s + 0.01 * r + 0.02 * i}, repeat=r)
+        for i, p in enumerate(("sma-nbo", "greedy"))
+        for s in range(8)
+        for r in range(3)
+    ]
+    page = Page(made(rows, About("again"))["report.html"].decode())
+    ((_, text),) = page.of("main")
+    assert "repeats of each map3" in re.sub(r"\s+(?=\d)", "", text) and "48 done, 0 failed" in text
+    assert "scans with OSPA under 1 m [%]: spread" in text
+    best = [words for words in page.commands() if "--seed 7" in words]
+    assert len(best) == 2 and all("--seed 7 --repeat 2 --set" in words for words in best)
+    worst = [words for words in page.commands() if "--seed 0" in words]
+    assert len(worst) == 2 and not any("--repeat" in words for words in worst)
+    assert len(page.of("a")) and "seed 7, repeat 2" in text
+
+
+def test_numbers_read_as_people_write_them():
+    shown = [measure("ospa.mean_m").text(value, signed=True) for value in (0.0, -0.0, 1e-6, -1e-6, 0.5)]
+    assert shown == ["0.00", "0.00", "+0.00", "-0.00", "+0.50"]
+    assert measure("ospa.mean_m").text(-1e-6) == "0.00"
+    assert ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
+    assert [duration(s) for s in (71.2, 600, 34000)] == ["71 s", "10 min", "9 h 27 min"]
+
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1440, 900)])
+def test_a_browser_shows_it_without_complaint(tmp_path, files, width, height):
+    probe = (
+        "<script>addEventListener('load', () => { document.documentElement.dataset.seen = JSON.stringify({"
+        "wide: document.documentElement.scrollWidth, view: innerWidth,"
+        "drawn: [...document.images].every(i => i.complete && i.naturalWidth > 300),"
+        "asked: performance.getEntriesByType('resource').filter(e => !e.name.startsWith('data:')).length,"
+        "small: [...document.querySelectorAll('main *')].filter(e => e.textContent.trim() &&"
+        " parseFloat(getComputedStyle(e).fontSize) < 13).length}); });</script>"
+    )
+    text = files["report.html"].decode()
+    policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+    assert policy in text
+    page = tmp_path / "report.html"
+    page.write_text(text.replace(policy, f"{policy}; script-src 'unsafe-inline'").replace("</head>", f"{probe}</head>"))
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--window-size={width},{height}"]
+    options += [f"--user-data-dir={tmp_path / 'profile'}", "--enable-logging=stderr", "--virtual-time-budget=5000"]
+
+    options += ["--dump-dom", page.as_uri()]
+    told = subprocess.run([CHROMIUM, *options], capture_output=True, text=True, timeout=60, check=True)
+    assert "CONSOLE" not in told.stderr
+    ((html, _),) = Page(told.stdout).of("html")
+    seen = msgspec.json.decode(html["data-seen"])
+    assert seen == {"wide": width, "view": width, "drawn": True, "asked": 0, "small": 0}

@@ -1,0 +1,117 @@
+"""Wide tables of a study: what stands where, and what each mean is compared with."""
+
+import itertools
+
+import numpy as np
+import pytest
+from helpers.trials import failed, row, study
+
+from sim.analysis.statistics import means
+from sim.report.wide_table import main, table, without_start
+
+SHARE = "ospa.share_under_1m"
+
+
+def parsed(text):
+    lines = [[part.strip() for part in line.strip("|").split("|")] for line in text.splitlines()]
+    assert set(lines[1]) == {"---"} and len({len(line) for line in lines}) == 1
+    return lines[0], {tuple(line[:-1]) if len(lines[0]) == 2 else line[0]: line[1:] for line in lines[2:]}
+
+
+def shares(rows, planner, density):
+    found = [r.metrics[SHARE] for r in rows if r.planner == planner and ("lambda", density) in r.factors]
+    return np.array(found)
+
+
+def shown(values, *, signed=False):
+    (estimate,) = means(values[:, None])
+    sign = "+" if signed else ""
+    low, high = estimate.low, min(estimate.high, 1.0)  # a share has no more
+    return f"{100 * estimate.value:{sign}.1f} [{100 * low:{sign}.1f}, {100 * high:{sign}.1f}]"
+
+
+def test_planners_side_by_side_are_compared_with_the_first():
+    rows = study(planners=("a", "b"))
+    head, lines = parsed(table(rows, "planner"))
+    assert head == ["λ", "a", "b"] and list(lines) == ["15", "75"]
+    for density in ("15", "75"):
+        a, b = (shares(rows, name, density) for name in ("a", "b"))
+        assert lines[density] == [shown(a), f"{100 * b.mean():.1f}: {shown(b - a, signed=True)}"]
+
+
+def test_the_baseline_comes_first_and_is_what_others_are_compared_with():
+    rows = study(planners=("a(x=1)", "b"))
+    head, lines = parsed(table(rows, "planner", baseline="b"))
+    assert head == ["λ", "b", "a(x=1)"]
+    a, b = (shares(rows, name, "15") for name in ("a(x=1)", "b"))
+    assert lines["15"] == [shown(b), f"{100 * a.mean():.1f}: {shown(a - b, signed=True)}"]
+    assert table(rows, "planner", baseline="a") == table(rows, "planner")
+
+
+def test_levels_one_below_the_other_are_compared_with_the_line_before():
+    steps = ("1-paper", "2-known", "10-default")
+    rows = [
+        row("sma-nbo", seed, (("lambda", density), ("step", step)), {SHARE: rng})
+        for density in ("15", "75")
+        for k, step in enumerate(steps)
+        for seed, rng in enumerate(np.random.default_rng((k, int(density))).uniform(size=8).tolist())
+    ]
+    head, lines = parsed(table(rows, "lambda", "above"))
+    assert head == ["step", "λ = 15", "λ = 75"] and tuple(lines) == steps
+    values = {
+        step: [
+            np.array([r.metrics[SHARE] for r in rows if r.factors == (("lambda", density), ("step", step))])
+            for density in ("15", "75")
+        ]
+        for step in steps
+    }
+    assert lines[steps[0]] == [shown(v) for v in values[steps[0]]]
+    for before, step in itertools.pairwise(steps):
+        assert lines[step] == [
+            f"{100 * v.mean():.1f}: {shown(v - w, signed=True)}"
+            for v, w in zip(values[step], values[before], strict=True)
+        ]
+
+
+def test_nothing_is_compared_over_two_factors_at_once():
+    rows = [
+        row("a", seed, (("lambda", density), ("step", step)), {SHARE: 0.1 * seed})
+        for density in ("15", "75")
+        for step in ("1", "2")
+        for seed in range(3)
+    ]
+    text = table(rows, "planner", "above").splitlines()[2:]
+    assert [":" in line for line in text] == [False, True, False, True]
+
+
+def test_cells_that_were_not_flown_and_failed_trials_are_left_out():
+    rows = [row("a", s, (("H", h),), {SHARE: 0.5 + 0.1 * s}) for h in ("1", "3") for s in range(3)]
+    rows += [row("b", 0, (("H", "3"),), {SHARE: 0.9}), failed("b", 1, (("H", "3"),))]
+    _head, lines = parsed(table(rows, "planner"))
+    assert lines["1"][1] == "-" and lines["3"][1] == "90.0: +40.0"
+
+
+def test_the_start_of_a_mission_can_be_left_out():
+    ospa = np.array([50.0, 50.0, 0.5, 2.0, 0.5, 0.5], dtype=np.float32)
+    rows = [row("a", 0, (), {SHARE: 0.5}, ospa=ospa), failed("a", 1)]
+    assert without_start(rows, 0) == rows
+    later = without_start(rows, 2)
+    assert later[0].metrics[SHARE] == 0.75 and later[1] is rows[1] and rows[0].metrics[SHARE] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"columns": "lamda"}, "--columns: 'lamda' is unknown; allowed are lambda, planner; did you mean lambda?"),
+        ({"less": "right"}, "--less: 'right' is unknown; allowed are left, above"),
+        ({"columns": "planner", "baseline": "c"}, "--baseline: 'c' is none of the study's planners"),
+        ({}, "there is no store of a study"),
+    ],
+)
+def test_wrong_options_are_named(tmp_path, options, words):
+    with pytest.raises(ValueError) as caught:
+        if "columns" in options:
+            table(study(), **options)
+        else:
+            main(tmp_path, **{"columns": "planner", "less": "left", "first": 0, "metric": SHARE, **options})
+    assert words in str(caught.value) and "\n" not in str(caught.value)

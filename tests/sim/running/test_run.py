@@ -1,0 +1,179 @@
+"""What a run leaves: a whole folder or nothing."""
+
+import itertools
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.films import frames_of
+
+from sim.mission.mission import Trial
+from sim.recording.archive import load as load_recording
+from sim.recording.atomic_files import new_folder
+from sim.running import run as module
+from sim.running.run import run
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load
+
+pytestmark = pytest.mark.usefixtures("heard")
+ROOT = Path(__file__).parents[3]
+FILES = ["mission.html", "mission.mp4", "mission.npz", "ospa.png", "summary.json", "timeline.png"]
+
+
+def trial(*overrides, duration=2, planner="hover"):
+    return Trial(load("forest", [f"duration={duration}", "sensing.mode=ideal", *overrides]), planner, 5)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def interrupting(*scans):
+    """A progress function that presses Ctrl-C at the given scans."""
+    counter = itertools.count(1)
+
+    def progress(moment):
+        k = next(counter)
+        for _ in range(scans.count(k)):
+            signal.raise_signal(signal.SIGINT)
+
+    return progress
+
+
+def test_a_run_leaves_files_that_agree(tmp_path):
+    setting = load("forest", ["duration=2"])
+    summary = run(Trial(setting, "greedy", 3), tmp_path / "deep" / "out")
+    assert names(tmp_path) == ["deep"] and names(tmp_path / "deep") == ["out"]
+    out = tmp_path / "deep" / "out"
+    assert names(out) == FILES
+    assert json.loads((out / "summary.json").read_text()) == summary
+    recording = load_recording(out / "mission.npz")
+    assert (recording.planner, recording.seed, recording.interrupted) == ("greedy", 3, False)
+    assert json.loads(recording.scenario) == summary["scenario"]
+    np.testing.assert_allclose(recording.times, np.arange(11) / 5)
+    assert summary["ospa"]["mean_m"] == recording.ospa[:, :, 0].mean()
+    assert frames_of(out / "mission.mp4") == ("h264", 11)
+    assert set(summary["versions"]) >= {"python", "understory", "pybullet", "numpy"}
+
+
+def test_a_run_can_do_without_video(tmp_path):
+    run(trial(), tmp_path / "out", video=False)
+    assert names(tmp_path / "out") == FILES[2:]
+
+
+def test_the_same_seed_gives_the_same_bytes_in_two_processes(tmp_path):
+    for name, chance in (("one", "1"), ("two", "2")):
+        command = [sys.executable, "-m", "sim", "run", "--duration", "3", "--seed", "7", "--out", str(tmp_path / name)]
+        environment = {**os.environ, "PYTHONHASHSEED": chance}
+        subprocess.run([*command, "--no-video"], cwd=ROOT, env=environment, check=True, capture_output=True)
+    first, second = ((tmp_path / name / "mission.npz").read_bytes() for name in ("one", "two"))
+    assert first == second
+
+
+def test_a_failing_planner_is_in_the_summary(tmp_path, monkeypatch):
+    (tmp_path / "sick.py").write_text("class Sick:\n    def plan(self, team, rng):\n        raise KeyError('gone')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    summary = run(trial(planner="sick:Sick"), tmp_path / "out", video=False)
+    assert [(f["time"], f["uav"], f["message"]) for f in summary["faults"]] == [
+        (t, None, "KeyError: 'gone'") for t in (0.0, 1.0, 2.0)
+    ]
+    assert not summary["interrupted"]
+
+
+def test_ctrl_c_in_flight_keeps_what_was_flown(tmp_path):
+    summary = run(trial(), tmp_path / "out", progress=interrupting(4))
+    assert summary["interrupted"] and summary["duration_s"] == pytest.approx(0.6)
+    assert names(tmp_path / "out") == FILES
+    recording = load_recording(tmp_path / "out" / "mission.npz")
+    assert recording.interrupted and len(recording.times) == 4
+    assert frames_of(tmp_path / "out" / "mission.mp4") == ("h264", 4)
+
+
+def test_a_second_ctrl_c_leaves_nothing(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        run(trial(), tmp_path / "new" / "out", progress=interrupting(4, 4))
+    assert names(tmp_path) == []
+
+
+def test_ctrl_c_before_take_off_leaves_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "warm_up", lambda: signal.raise_signal(signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        run(trial(), tmp_path / "out")
+    assert names(tmp_path) == []
+
+
+def test_ctrl_c_after_landing_changes_nothing(tmp_path, monkeypatch):
+    write = module.write_results
+
+    def interrupted(*arguments):
+        signal.raise_signal(signal.SIGINT)
+        write(*arguments)
+
+    monkeypatch.setattr(module, "write_results", interrupted)
+    assert not run(trial(), tmp_path / "out")["interrupted"]
+    assert names(tmp_path / "out") == FILES
+
+
+def test_ctrl_c_is_as_before_after_a_run(tmp_path):
+    before = signal.getsignal(signal.SIGINT)
+    run(trial(duration=0.2), tmp_path / "out", video=False)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("sign", ["*.part", "*.part/.mission.mp4.*"], ids=["starting", "flying"])
+def test_ctrl_c_and_sigterm_in_a_real_process_leave_a_whole_run_or_nothing(tmp_path, sign, number):
+    command = [sys.executable, "-m", "sim", "run", "--out", str(tmp_path / "out")]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob(f".out.{sign}")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=60)
+    if process.returncode == 0:
+        assert names(tmp_path) == ["out"] and names(tmp_path / "out") == FILES
+        recording = load_recording(tmp_path / "out" / "mission.npz")
+        assert recording.interrupted and 1 <= len(recording.times) < 201
+        assert json.loads((tmp_path / "out" / "summary.json").read_text())["interrupted"]
+        assert frames_of(tmp_path / "out" / "mission.mp4") == ("h264", len(recording.times))
+    else:
+        assert (process.returncode, err) == (1, "understory: interrupted; nothing is kept\n")
+        assert names(tmp_path) == []
+
+
+def test_a_folder_appears_whole(tmp_path):
+    with new_folder(tmp_path / "a" / "b") as part:
+        (part / "file").write_text("content")
+        assert not (tmp_path / "a" / "b").exists()
+    assert names(tmp_path / "a") == ["b"] and names(tmp_path / "a" / "b") == ["file"]
+
+
+def test_an_empty_folder_is_filled_and_survives_a_failure(tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    with pytest.raises(RuntimeError), new_folder(out):
+        raise RuntimeError
+    assert names(tmp_path) == ["out"] and names(out) == []
+    with new_folder(out) as part:
+        (part / "file").touch()
+    assert names(tmp_path) == ["out"] and names(out) == ["file"]
+
+
+def test_folders_in_use_by_others_stay(tmp_path):
+    with pytest.raises(RuntimeError), new_folder(tmp_path / "runs" / "mine"):
+        (tmp_path / "runs" / "theirs").mkdir()
+        raise RuntimeError
+    assert names(tmp_path / "runs") == ["theirs"]
+
+
+def test_a_folder_in_use_is_refused_untouched(tmp_path):
+    (tmp_path / "summary.json").write_text("{}")
+    with pytest.raises(InputError, match="already holds a run"), new_folder(tmp_path):
+        pass
+    assert names(tmp_path) == ["summary.json"]

@@ -1,0 +1,77 @@
+import math
+from dataclasses import astuple
+
+import numpy as np
+from helpers.poses import tilted
+
+from sim.sensing.culling import FAR, NEAR, in_frustum, people_hidden, trunks_hidden
+from tracking.geometry.camera import Camera
+from tracking.geometry.visibility import Forest, Tree, line_of_sight
+
+CAMERA = Camera(math.radians(60), 128)
+
+
+def test_a_sphere_is_in_the_frustum_wherever_a_point_of_it_is_in_the_image():
+    rng = np.random.default_rng(0)
+    seen = 0
+    for _ in range(100):
+        pose = tilted(rng, rng.uniform([-5, -5, 5], [5, 5, 25]), 1.5)
+        centres, radii = rng.uniform([-40, -40, 0], [40, 40, 30], (200, 3)), rng.uniform(0.1, 6, 200)
+        surface = rng.normal(size=(50, 3))
+        points = centres[:, None] + radii[:, None, None] * surface / np.linalg.norm(surface, axis=1)[:, None]
+        _, depths = CAMERA.project(pose, points.reshape(-1, 3))
+        inside = CAMERA.sees(pose, points.reshape(-1, 3)) & (depths >= NEAR) & (depths <= FAR)
+        inside = inside.reshape(200, 50).any(axis=1)
+        found = in_frustum(centres, radii, pose.position, pose.rotation, CAMERA.fov)
+        assert not np.any(inside & ~found)
+        # Only spheres near a plane of the frustum, or a corner, are kept for nothing.
+        assert np.mean(found & ~inside) < 0.15
+        seen += inside.sum()
+    assert seen > 1000
+
+
+def test_who_is_nowhere_is_not_in_the_frustum():
+    pose = tilted(np.random.default_rng(0), [0, 0, 20.0], 0.0)
+    assert not in_frustum(np.full((1, 3), np.nan), np.ones(1), pose.position, pose.rotation, CAMERA.fov)[0]
+
+
+def test_a_trunk_is_left_out_only_where_its_own_canopy_hides_all_of_it():
+    rng = np.random.default_rng(1)
+    angle, height = np.linspace(0, 2 * math.pi, 24), np.linspace(0, 1, 12)
+    hidden, seen, above = np.zeros((3, 500), bool)
+    for k in range(500):
+        base = rng.uniform(1, 5)
+        tree = Tree(*rng.uniform(-3, 3, 2), rng.uniform(1, 6), base, base + rng.uniform(0.5, 4), rng.uniform(0.1, 0.5))
+        camera = rng.uniform([-20, -20, 0], [20, 20, 25])
+        hidden[k] = trunks_hidden(np.array([astuple(tree)]), camera, CAMERA.fov)[0]
+        x, y = 1.01 * tree.trunk_radius * np.array([np.cos(angle), np.sin(angle)])
+        bark = [np.column_stack([tree.x + x, tree.y + y, np.full(24, h)]) for h in 0.999 * base * height]
+        canopy = Forest((Tree(tree.x, tree.y, 0.99 * tree.canopy_radius, base, tree.canopy_top, 0.0),))
+        seen[k] = line_of_sight(camera, np.concatenate(bark), canopy).any()
+        above[k] = camera[2] > tree.canopy_top + 1
+    assert not np.any(hidden & seen)
+    assert np.mean((hidden | seen)[above]) > 0.95
+    assert np.sum(hidden) > 100 and np.sum(seen & above) > 50
+
+
+def test_a_person_is_left_out_only_where_a_canopy_hides_all_of_them():
+    rng = np.random.default_rng(2)
+    angle, height = np.linspace(0, 2 * math.pi, 24), np.linspace(0, 1.7, 12)
+    ring = 0.49 * np.column_stack([np.cos(angle), np.sin(angle)])
+    hidden, seen = np.zeros((2, 500), bool)
+    for k in range(500):
+        base = rng.uniform(1, 5)
+        tree = Tree(0.0, 0.0, rng.uniform(2, 6), base, base + rng.uniform(0.5, 4), 0.0)
+        camera, person = rng.uniform([-20, -20, 0], [20, 20, 25]), rng.uniform(-5, 5, 2)
+        hidden[k] = people_hidden(person[None], np.array([astuple(tree)]), camera, CAMERA.fov)[0]
+        body = np.concatenate([np.column_stack([person + ring, np.full(24, h)]) for h in height])
+        seen[k] = line_of_sight(camera, body, Forest((tree,))).any()
+    assert not np.any(hidden & seen)
+    assert np.sum(hidden) > 50 and np.sum(seen) > 200
+
+
+def test_a_trunk_is_drawn_where_the_near_plane_may_cut_its_canopy_away():
+    tree = np.array([astuple(Tree(0.0, 0.0))])
+    assert not trunks_hidden(tree, np.array([0.0, 0.0, 6.0 + NEAR]), CAMERA.fov)[0]
+    assert trunks_hidden(tree, np.array([0.0, 0.0, 6.0 + 2 * NEAR]), CAMERA.fov)[0]
+    assert not trunks_hidden(tree, np.array([0.0, 0.0, 2.0]), CAMERA.fov)[0]

@@ -1,0 +1,218 @@
+"""Cameras with their own mounting angle and rate, from the scenario to tracks, plans and the film."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from helpers import synthetic
+from helpers.scenes import CAMERA, MOTION, OPEN, track
+from scipy.spatial.transform import Rotation
+
+from planning.registry import load_planner
+from sim.drawing.map_view import MapView
+from sim.drawing.palette import PANEL
+from sim.drawing.video import Film
+from sim.mission.mission import Mission, Trial
+from sim.scenario.fleet import Uav
+from sim.scenario.loading import load
+from sim.scenario.scenario import Scenario
+from sim.sensing.sensors import Sensors, camera_pose, planned_attitude
+from sim.sensing.stopwatch import Stopwatch
+from sim.world.world import World
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest
+from tracking.tracker import Scan, Tracker, TrackerParameters
+
+
+def uav(mount="gimbal", tilt=30.0):
+    return Uav(start=(0.0, 0.0), mount=mount, tilt_deg=tilt)
+
+
+def body(*angles):
+    """A body turned by yaw, pitch and roll in degrees."""
+    return Pose(np.array([1.0, 2.0, 19.0]), Rotation.from_euler("ZYX", angles, degrees=True).as_quat())
+
+
+@pytest.mark.parametrize("tilt", [0.0, 10.0, 59.0])
+def test_a_gimbal_holds_its_camera_tilted_to_the_east_however_the_body_turns(tilt):
+    sin, cos = math.sin(math.radians(tilt)), math.cos(math.radians(tilt))
+    for pose in (body(0, 0, 0), body(70, 10, -20)):
+        camera = camera_pose(uav(tilt=tilt), pose)
+        np.testing.assert_allclose(-camera.rotation[:, 2], [sin, 0.0, -cos], atol=1e-12)  # where it looks
+        np.testing.assert_allclose(camera.rotation[:, 1], [0.0, 1.0, 0.0], atol=1e-12)  # north at the top
+        np.testing.assert_array_equal(camera.quaternion, planned_attitude(uav(tilt=tilt), pose))
+
+
+def test_a_body_fixed_camera_turns_with_the_body_and_looks_to_its_front():
+    for angles in ((0, 0, 0), (90, 0, 0), (-130, 12, 7)):
+        pose = body(*angles)
+        camera = camera_pose(uav("body", 40.0), pose)
+        expected = pose.rotation @ Rotation.from_euler("Y", -40.0, degrees=True).as_matrix()
+        np.testing.assert_allclose(camera.rotation, expected, atol=1e-12)
+    north = camera_pose(uav("body", 40.0), body(90, 0, 0))
+    assert -north.rotation[:, 2] == pytest.approx([0.0, math.sin(math.radians(40)), -math.cos(math.radians(40))])
+
+
+def test_planners_take_a_body_as_level_at_its_present_heading():
+    leaning, level = body(-130, 12, 7), body(-130, 0, 0)
+    heading = math.atan2(leaning.rotation[1, 0], leaning.rotation[0, 0])
+    assert math.degrees(heading) == pytest.approx(-130)
+    expected = camera_pose(uav("body"), level).quaternion
+    np.testing.assert_allclose(planned_attitude(uav("body"), leaning), expected, atol=1e-12)
+    np.testing.assert_array_equal(planned_attitude(uav("body", 0.0), leaning), [0.0, 0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("tilt", [20.0, 45.0])
+def test_a_tilted_camera_measures_people_ahead_where_they_are(tilt):
+    setting = load("forest", [f"uavs=[{{start=[0, 0], tilt_deg={tilt}, footprint=20}}]", "sensing.noise=camera"])
+    ahead = setting.uavs[0].altitude * math.tan(math.radians(tilt))
+    people = np.array([[ahead, 0.0], [ahead + 4.0, 3.0], [ahead - 3.0, -4.0], [-6.0, 0.0]])
+    with World(setting, Forest(()), 4) as world:
+        world.place_people(people, np.zeros(4))
+        sensors = Sensors(setting, world, Forest(()), rng=np.random.default_rng(0), clock=Stopwatch())
+        look = sensors.look(0, 0.0, camera_pose(setting.uavs[0], world.poses()[0]), people)
+    assert look.matched.tolist() == [True, True, True, False]  # the last one stands behind
+    gaps = np.linalg.norm(people[:3, None] - look.scan.measurements, axis=2).min(axis=1)
+    assert gaps.max() < 0.3
+
+
+def fly(*overrides, planner="hover", seed=0):
+    mission = Mission.of(Trial(load("forest", ["duration=3", *overrides]), planner, seed))
+    frames, snapshots = [], []
+    for snapshot in mission.fly():
+        snapshots.append(snapshot)
+        frames.append([frame is not None for frame in mission.frames])
+    return mission, snapshots, np.array(frames)
+
+
+@pytest.mark.parametrize("mount", ["gimbal", "body"])
+@pytest.mark.parametrize("dynamics", ["quadrotor", "kinematic"])
+def test_tilted_fleets_fly_and_see_people_where_they_look(mount, dynamics):
+    tilts = [f"uavs.{i}.{key}" for i in range(3) for key in ("tilt_deg=30", f"mount={mount}")]
+    mission, snapshots, _ = fly(*tilts, f"dynamics={dynamics}", "trees.density=0", planner="sma-nbo-mwtp")
+    assert mission.faults == []
+    for s in snapshots:
+        for i, (uav, camera) in enumerate(zip(mission.scenario.uavs, s.cameras, strict=True)):
+            np.testing.assert_array_equal(camera.quaternion, camera_pose(uav, s.poses[i]).quaternion)
+    assert any(s.matched.any() for s in snapshots)
+    assert max(s.ospa[:, 0].mean() for s in snapshots) < 1.0
+
+
+def test_a_slow_camera_takes_its_frames_at_its_own_rate_and_the_others_at_theirs():
+    mission, snapshots, frames = fly("uavs.1.rate=1", "trees.density=0")
+    expected = np.ones((16, 3), dtype=bool)
+    expected[:, 1] = np.arange(16) % 5 == 0
+    np.testing.assert_array_equal(frames, expected)
+    for k, s in enumerate(snapshots):
+        assert mission.scenario.has_frame(1, k) == expected[k, 1]
+        assert len(s.scans[1].measurements) == len(s.pixels[1]) == int(s.matched[1].sum())
+        assert expected[k, 1] or not s.visible[1].any()
+        assert s.scans[1].time == s.time
+    assert any(len(s.scans[1].measurements) for s in snapshots)
+
+
+def test_a_slow_camera_alone_needs_two_of_its_own_frames_to_find_somebody():
+    overrides = ("uavs=[{start=[-28, -6], rate=1, footprint=30}]", "tracking.initial_tracks=none", "trees.density=0")
+    _, snapshots, _ = fly(*overrides)
+    held = [len(s.tracks[0]) > 0 for s in snapshots]
+    assert held == [k >= 5 for k in range(16)]
+
+
+def test_scans_without_a_frame_are_neither_hits_nor_misses():
+    """Over an empty place in plain view a track dies of five misses; scans without a frame do it no harm."""
+    nobody = (np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    looking, resting = (Tracker(0, CAMERA, OPEN, TrackerParameters(MOTION), [track(0, 0, 0, 0, 0)]) for _ in range(2))
+    for k in range(60):
+        looking.step(Scan(0, 0.2 * k, Pose.level(0, 0, 19), *nobody))
+        if k % 15:
+            resting.coast(0.2 * k)
+        else:
+            resting.step(Scan(0, 0.2 * k, Pose.level(0, 0, 19), *nobody))
+        for each in (looking, resting):
+            fuse([each], np.zeros((1, 1), dtype=bool), 5)
+        assert (len(looking.tracks), len(resting.tracks)) == (int(k < 4), 1)
+
+
+def test_coasting_is_prediction():
+    known = track(0, 1.0, 2.0, 0.5, -1.0)
+    tracker = Tracker(0, CAMERA, OPEN, TrackerParameters(MOTION), [known])
+    expected = known.belief
+    for k in range(8):
+        tracker.coast(0.2 * k)
+        fuse([tracker], np.zeros((1, 1), dtype=bool), 5)
+        expected = MOTION.predict(expected) if k else expected
+    np.testing.assert_allclose(tracker.tracks[0].belief.mean, expected.mean, rtol=1e-9)
+    np.testing.assert_allclose(tracker.tracks[0].belief.covariance, expected.covariance, rtol=1e-9)
+    with pytest.raises(ValueError, match="not after"):
+        tracker.coast(1.4)
+
+
+def test_a_uav_without_a_frame_holds_what_its_neighbours_saw():
+    trackers = [Tracker(i, CAMERA, OPEN, TrackerParameters(MOTION), [track(0, 0, 0, 0, 0)]) for i in range(2)]
+    for k in range(5):
+        trackers[0].step(Scan(0, 0.2 * k, Pose.level(0, 0, 19), np.array([[0.1, 0.2]]), np.full((1, 2, 2), np.eye(2))))
+        trackers[1].coast(0.2 * k)
+        fuse(trackers, ~np.eye(2, dtype=bool), 5)
+    one, other = (t.tracks[0].belief for t in trackers)
+    np.testing.assert_allclose(one.mean, other.mean, rtol=1e-6)
+    np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-5)
+
+
+def test_default_rates_and_angles_leave_nothing_out():
+    scenario = Scenario()
+    assert all(scenario.has_frame(i, k) for i in range(3) for k in range(20))
+    planner = load_planner("hover")
+    mission = Mission(load("forest", ["duration=0.4", "sensing.mode=ideal"]), planner, 0)
+    for s in mission.fly():
+        np.testing.assert_array_equal([c.quaternion for c in s.cameras], np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)))
+
+
+def test_the_film_keeps_the_last_picture_of_a_slow_camera_whole():
+    setting = synthetic.scenario(uavs=2)
+    trees = synthetic.forest(setting)
+    first, second = list(synthetic.snapshots(setting, trees, 2))
+    film = Film(setting, trees, planner="hover")
+    frames = synthetic.frames(setting, trees, first)
+    before = film.draw(first, frames)
+    after = film.draw(second, [frames[0], None])
+    tiles = film._layout.tiles
+    np.testing.assert_array_equal(before[tiles[1].slices], after[tiles[1].slices])
+    assert np.any(before[tiles[0].slices] != after[tiles[0].slices])
+
+
+def test_whom_a_slow_camera_saw_in_its_last_frame_is_not_drawn_as_hidden():
+    setting = load("forest", ["uavs=[{start=[0, 0], rate=1}]"])
+    view = MapView(setting, Forest(()), (790, 540))
+    base = next(synthetic.snapshots(synthetic.scenario(uavs=1, people=1), Forest(()), 1))
+    hollow = []
+    for k in range(6):
+        changes = {"people": np.array([[30.0, 30.0]]), "visible": np.full((1, 1), 9 if k == 0 else 0)}
+        snapshot = dataclasses.replace(base, time=0.2 * k, tracks=[()], plans=None, contacts=(), **changes)
+        image = np.zeros((540, 790, 3), dtype=np.uint8)
+        view.draw(image, snapshot)
+        x, y = np.array([395, 270]) + view.scale * np.array([30.0, -30.0])
+        hollow.append(bool(np.all(image[int(y), int(x)] == PANEL)))
+    assert hollow == [False] * 5 + [True]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["uavs.0.tilt_deg=61"], ["uavs.0.tilt_deg", "61", "<= 60"]),
+        (["uavs.0.tilt_deg=-1"], ["uavs.0.tilt_deg", "-1", ">= 0"]),
+        (["uavs.0.tilt_deg=50", "uavs.0.fov_deg=80"], ["uavs.0", "tilt_deg 50", "fov_deg 80", "less than 50"]),
+        (["uavs.2.rate=2"], ["uavs.2.rate", "2 Hz", "rates.sensing 5 Hz", "1, 5"]),
+        (["uavs.2.rate=10"], ["uavs.2.rate", "10 Hz", "1, 5"]),
+        (["uavs.0.rate=2.5"], ["uavs.0.rate", "2.5", "int"]),
+        (["uavs.0.tilt=5"], ["uavs.0.tilt", "did you mean tilt_deg"]),
+    ],
+)
+def test_a_wrong_mount_or_rate_is_named_in_one_line(overrides, words):
+    with pytest.raises(ValueError) as caught:
+        load("forest", overrides)
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message

@@ -1,0 +1,235 @@
+"""Whatever ends a trial, the others fly on, and it has a second chance; any executor gives the same rows."""
+
+import os
+import threading
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import msgspec
+import numpy as np
+import pytest
+from helpers.processes import ended
+from helpers.studies import Serial, plain, short
+
+from sim.mission.mission import Mission, Trial
+from sim.recording.archive import load as load_recording
+from sim.study import engine, pool
+from sim.study.engine import Borrowed, Options, complete, rows_of
+from sim.study.pool import Pool
+from sim.study.store import Store, StoreError, read_rows
+from sim.study.trial import fly, metrics
+
+# Planners that end their process, hang or raise, always or but once (a file tells).
+AILING = """
+import os, subprocess, time
+from pathlib import Path
+from planning.baselines import Hover
+
+class Dies:
+    def __init__(self, marks="", once=True):
+        self.mark, self.once = Path(marks) / f"{type(self).__name__}", once
+    def plan(self, team, rng):
+        if not (self.once and self.mark.exists()):
+            self.mark.touch()
+            self.fail()
+        return Hover().plan(team, rng)
+    def fail(self):
+        os._exit(3)
+
+class Hangs(Dies):
+    def fail(self):
+        self.mark.write_text(str(subprocess.Popen(["sleep", "3600"]).pid))
+        time.sleep(3600)
+
+class Interrupts(Dies):
+    def fail(self):
+        raise KeyboardInterrupt
+"""
+
+
+@pytest.fixture
+def ailing(tmp_path, monkeypatch):
+    """Makes the names of ailing planners."""
+    (tmp_path / "ailing_study.py").write_text(AILING)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return lambda name, once=True: f"ailing_study:{name}(marks={str(tmp_path)!r}, once={once})"
+
+
+def run(tmp_path, tasks, backend, *given, **named):
+    with Store.opened(tmp_path / "study", "short") as store:
+        return complete(tasks, store, backend, *given, **named)
+
+
+def test_a_planner_that_interrupts_a_process_of_the_pool_is_a_failed_row(ailing):
+    (task,) = short([ailing("Interrupts", once=False)], "0")
+    row = pool._fly(task, keep=False, timeout=None).row
+    assert (row.status, row.error) == ("failed", "KeyboardInterrupt: raised by a plug-in")
+    with pytest.raises(KeyboardInterrupt):  # here it may be the user's
+        fly(task)
+
+
+def test_a_row_holds_what_the_mission_came_to():
+    (task,) = short(["greedy"], "4")
+    row = fly(task).row
+    mission = Mission.of(Trial(task.setting, "greedy", 4))
+    snapshots = list(mission.fly())
+    errors = [snapshot.error for snapshot in snapshots]
+    distance = np.array([snapshot.ospa[:, 0] for snapshot in snapshots])
+    assert row.ospa.tolist() == pytest.approx(errors, rel=1e-6) and row.ospa.dtype == "float32"
+    assert row.times.tolist() == task.setting.scan_times
+    assert row.metrics["ospa.mean_m"] == distance.mean() and row.metrics["ospa.median_m"] == np.median(distance)
+    assert row.metrics["ospa.share_under_1m"] == np.mean(distance < 1) and row.metrics["faults"] == 0
+    assert row.metrics["planning_s_per_decision"] == row.metrics["seconds.planning"] / 2
+    assert row.metrics["precision"] != row.metrics["precision"]  # NaN: ideal sensing has no detections
+    assert (row.status, row.error, row.seed, row.planner) == ("done", "", 4, "greedy")
+
+
+def test_metrics_are_those_of_a_summary():
+    empty = dict.fromkeys(("mean_m", "localisation_m", "missed", "false"))
+    summary = {
+        "ospa": {"mean_m": 1.0, "median_m": None, "share_under_1m": 0.5},
+        "gospa": {**empty, "missed": 2},
+        "ospa2_m": 3.0,
+        "identity": {"switches": 4, "fragmentations": 5},
+        "share_held": 0.75,
+        "nees": {"position": {"mean": 2.5}, "state": {"mean": None}},
+        "detection": {"recall": 0.9, "precision": None},
+        "network": {"bytes_total": 8, "bytes_per_scan_mean": 9.0, "bytes_per_scan_max": 10, "disagreement_m": 0.25}
+        | {"plans": {"bytes_total": 11, "rounds": None}},
+        "sees_truth": False,
+        "faults": [{}, {}],
+        "contacts": [],
+        "seconds": {"planning": 6.0},
+        "real_time_factor": 11.0,
+        "wall_s": 12.0,
+    }
+    found = metrics(summary, decisions=3)
+    assert {name for name, value in found.items() if value != value} == {
+        *(
+            "ospa.median_m",
+            "gospa.mean_m",
+            "gospa.localisation_m",
+            "gospa.false",
+            "nees.state",
+            "precision",
+            "plan_rounds",
+        )
+    }
+    assert (found["identity_switches"], found["faults"], found["planning_s_per_decision"]) == (4, 2, 2.0)
+
+
+def test_what_fails_once_is_tried_again_and_what_fails_twice_is_recorded(tmp_path):
+    tasks = short(["hover", "greedy", "lawnmower"], "0-1")
+    backend = Serial({"greedy": ["ValueError: one"], "lawnmower": [OSError("gone"), "ValueError: two", "x", "y"]})
+    heard = []
+    rows = run(tmp_path, tasks, backend, heard=lambda task, row, fresh: heard.append((task.key, row.status, fresh)))
+    assert [row.status for row in rows] == ["done", "done", "failed"] * 2
+    assert [rows[2].error, rows[5].error] == ["x", "y"]  # seconds tries come after all first ones
+    assert len(backend.flown) == 6 + 1 + 2
+    assert sorted(key for key, *_ in heard) == sorted(task.key for task in tasks)
+    assert sorted(map(str, map(plain, read_rows(tmp_path / "study")))) == sorted(map(str, map(plain, rows)))
+
+
+def test_a_trial_that_cannot_be_built_is_a_failed_row_with_its_reason():
+    task = short(["hover"], "0", factors={"x": {"y": {"trees": {"density": 160}}}})[0]
+    row = fly(task).row
+    assert row.status == "failed" and row.error.startswith("InputError: trees.density = 160")
+    assert len(row.ospa) == len(row.times) == 0 and row.metrics == {}
+
+
+def test_another_version_of_the_package_flies_nothing():
+    (task,) = short(["hover"], "0")
+    row = fly(msgspec.structs.replace(task, version="0.0.9")).row
+    assert row.status == "failed" and "not 0.0.9" in row.error
+
+
+def test_a_slow_trial_ends_by_itself_on_any_executor(tmp_path):
+    with ThreadPoolExecutor(1) as executor:
+        (row,) = run(tmp_path, short(["hover"], "0"), Borrowed(executor), Options(timeout=1e-6))
+    assert row.status == "failed" and row.error == "TimeoutError: took longer than the timeout of 1e-06 s"
+
+
+def test_what_hangs_is_dropped_and_the_rest_flies_on(tmp_path, monkeypatch):
+    monkeypatch.setattr(engine, "_GRACE", 0.0)
+    monkeypatch.setattr(engine, "_TICK", 0.01)
+    backend = Serial({"hover": [None] * 9, "greedy": ["hangs", "hangs"]})
+    submit = backend.submit
+    backend.submit = lambda task, **given: Future() if "greedy" in task.planner else submit(task, **given)
+    rows = run(tmp_path, short(["hover", "greedy"], "0"), backend, Options(timeout=0.05))
+    assert [row.status for row in rows] == ["done", "failed"]
+    assert rows[1].error == "TimeoutError: hung for longer than the timeout of 0.05 s"
+    assert len(backend.dropped) == 2
+
+
+def test_an_executor_that_takes_no_more_ends_the_study_and_keeps_what_there_is(tmp_path):
+    tasks = short(["hover"], "0-2")
+    backend = Serial({"hover": [None] * 9})
+    backend.room = lambda: len(backend.flown) < 2 or bool(read_rows(tmp_path / "study"))
+    submit = backend.submit
+
+    def once(task, **given):
+        if len(backend.flown) == 2:
+            raise RuntimeError("shut down")
+        return submit(task, **given)
+
+    backend.submit = once
+    with pytest.raises(StoreError, match="no more trials can be flown: RuntimeError: shut down"):
+        run(tmp_path, tasks, backend)
+    assert len(read_rows(tmp_path / "study")) == 1
+
+
+def test_recordings_are_kept_on_demand(tmp_path):
+    folder = tmp_path / "recordings"
+    (task,) = short(["hover"], "3")
+    run(tmp_path, [task], Serial(), Options(recordings=folder))
+    recording = load_recording(folder / f"{task.key}.npz")
+    assert (recording.planner, recording.seed, len(recording.times)) == ("hover", 3, 6)
+    assert [path.name for path in folder.iterdir()] == [f"{task.key}.npz"]
+
+
+def test_threads_give_the_rows_of_a_single_one(tmp_path):
+    tasks = short(seeds="0-2")
+    with ThreadPoolExecutor(3) as executor:
+        rows = run(tmp_path, tasks, Borrowed(executor))
+    assert list(map(plain, rows)) == [plain(fly(task).row) for task in tasks]
+
+
+def test_rows_that_are_kept_nowhere_have_the_order_of_their_tasks_and_none_failed():
+    tasks = short(["hover", "greedy"], "2,0")[::-1]
+    heard = []
+    with ThreadPoolExecutor(2) as executor:
+        rows = rows_of(tasks, Borrowed(executor), heard.append)
+    assert list(map(plain, rows)) == [plain(fly(task).row) for task in tasks]
+    assert sorted((r.planner, r.seed) for r in heard) == [("greedy", 0), ("greedy", 2), ("hover", 0), ("hover", 2)]
+    with pytest.raises(RuntimeError, match="hover, seed 0: ValueError: no"):
+        rows_of(tasks, Serial({"hover": ["ValueError: no"] * 4}))
+
+
+def test_processes_that_die_or_hang_lose_no_trial_change_no_row_and_leave_nothing(tmp_path, ailing, monkeypatch):
+    monkeypatch.setattr(engine, "_GRACE", 0.2)
+    tasks = short(["hover", ailing("Dies"), ailing("Hangs"), ailing("Interrupts")], "0-1")
+    before = dict(os.environ)
+    with Pool(2) as flying:
+        rows = run(tmp_path, tasks, flying, Options(timeout=3.0))
+        pids = [process.pid for lane in flying._lanes for process in lane._processes]
+    assert list(map(plain, rows)) == [plain(fly(task).row) for task in tasks]
+    assert {row.status for row in rows} == {"done"} and len(list(tmp_path.glob("[DHI]*s"))) == 3
+    assert dict(os.environ) == before and pids
+    assert ended(int((tmp_path / "Hangs").read_text()))
+    for pid in pids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+
+
+@pytest.mark.slow
+def test_what_always_dies_or_hangs_is_recorded_with_its_error(tmp_path, ailing):
+    tasks = short([ailing("Dies", once=False), "hover", ailing("Hangs", once=False)], "0-1")
+    before = {thread.name for thread in threading.enumerate()}
+    start = time.monotonic()
+    with Pool(2) as flying:
+        rows = run(tmp_path, tasks, flying, Options(timeout=3.0))
+    assert [row.status for row in rows] == ["failed", "done", "failed"] * 2
+    assert "the process that flew it died" in rows[0].error
+    assert rows[2].error == "TimeoutError: hung for longer than the timeout of 3 s"
+    assert time.monotonic() - start < 120
+    assert {thread.name for thread in threading.enumerate()} - before == set()

@@ -1,0 +1,33 @@
+"""The README's claims of the default scenario, flown again: `pytest -m slow -n 0 tests/sim/study/test_results.py`."""
+
+import numpy as np
+import pytest
+
+from sim.mission.mission import Mission, Trial
+from sim.scenario.loading import load
+from sim.study.engine import rows_of
+from sim.study.pool import Pool
+from sim.study.tasks import task_of
+
+SEEDS = range(10)
+
+
+@pytest.mark.slow
+def test_the_default_planner_holds_the_people_and_baselines_do_not():
+    names = ("sma-nbo-mwtp", "greedy", "hover")
+    with Pool(2) as pool:
+        rows = rows_of([task_of(load("forest"), name, seed) for name in names for seed in SEEDS], pool)
+    share = {name: np.mean([r.metrics["ospa.share_under_1m"] for r in rows if r.planner == name]) for name in names}
+    assert share["sma-nbo-mwtp"] >= 0.80
+    assert share["greedy"] <= share["sma-nbo-mwtp"] - 0.15
+    assert share["hover"] <= share["sma-nbo-mwtp"] - 0.40
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", SEEDS)
+def test_people_unknown_at_first_are_all_found_and_held(seed):
+    setting = load("forest", ["tracking.initial_tracks=none"])
+    sizes = [len(s.tracks[0]) for s in Mission.of(Trial(setting, "sma-nbo-mwtp", seed)).fly()]
+    found = sizes.index(4)
+    assert found <= 100  # within 20 s
+    assert np.mean(np.array(sizes[found:]) == 4) >= 0.95

@@ -1,0 +1,262 @@
+"""The store holds each complete trial once, and says in one line why it cannot."""
+
+import sqlite3
+
+import msgspec
+import numpy as np
+import pytest
+from helpers.studies import Serial, invented, plain, short
+
+from sim.scenario.errors import InputError
+from sim.study.engine import Options, complete
+from sim.study.store import NAME, SCHEMA, Store, StoreError, frame, read_rows
+
+FACTORS = {"lambda": {"5": {"trees": {"density": 5}}, "3": {"trees": {"density": 3}}}}
+
+
+@pytest.fixture
+def filled(tmp_path):
+    """A folder with the rows of some trials, the trials, and the rows."""
+    tasks = short(["hover", "greedy"], "0-2", factors=FACTORS)
+    rows = [invented(task) for task in tasks]
+    with Store.opened(tmp_path, "short") as store:
+        for task, row in zip(tasks, rows, strict=True):
+            store.add(task, row)
+    return tmp_path, tasks, rows
+
+
+def test_rows_come_back_as_they_were(filled):
+    folder, tasks, rows = filled
+    with Store.opened(folder, "short") as store:
+        found = store.done(tasks)
+        assert store.versions() == {tasks[0].version: len(tasks)}
+    assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))
+    assert sorted(map(str, map(plain, read_rows(folder)))) == sorted(map(str, map(plain, rows)))
+    assert found[tasks[0].key].metrics["wall_s"] == rows[0].metrics["wall_s"]
+
+
+def test_seeds_of_any_size_come_back(tmp_path):
+    tasks = short(["hover"], f"{2**63 - 1},{2**63},{2**80}")
+    with Store.opened(tmp_path, "short") as store:
+        for task in tasks:
+            store.add(task, msgspec.structs.replace(invented(short(["hover"], "0")[0]), seed=task.seed))
+        assert [store.done(tasks)[task.key].seed for task in tasks] == [2**63 - 1, 2**63, 2**80]
+
+
+def test_a_trial_added_again_replaces_the_first(filled):
+    folder, tasks, rows = filled
+    with Store.opened(folder, "short") as store:
+        store.add(tasks[0], msgspec.structs.replace(rows[0], metrics={"ospa.mean_m": -1.0}))
+        assert store.done(tasks)[tasks[0].key].metrics == {"ospa.mean_m": -1.0}
+    assert len(read_rows(folder)) == len(tasks)
+
+
+def test_plain_sql_reads_it(filled):
+    folder, _, rows = filled
+    with sqlite3.connect(folder / NAME) as sql:
+        means = dict(
+            sql.execute(
+                "SELECT t.planner, avg(m.value) FROM trials t JOIN metrics m USING (key) JOIN factors f USING (key)"
+                " WHERE m.name = 'ospa.mean_m' AND f.name = 'lambda' AND f.level = '3' GROUP BY t.planner"
+            )
+        )
+        undefined = sql.execute("SELECT DISTINCT value FROM metrics WHERE name = 'precision'").fetchall()
+    sql.close()
+    expected = [r.metrics["ospa.mean_m"] for r in rows if r.factors == (("lambda", "3"),) and r.planner == "hover"]
+    assert means["hover"] == pytest.approx(np.mean(expected)) and set(means) == {"hover", "greedy"}
+    assert undefined == [(None,)]
+
+
+def test_one_call_makes_a_frame(filled):
+    folder, _, rows = filled
+    table = frame(folder)
+    assert len(table) == len(rows) and {"planner", "seed", "factor.lambda", "ospa.mean_m"} <= set(table.columns)
+    mean = table[table["planner"] == "greedy"].groupby("factor.lambda")["recall"].mean()["5"]
+    expected = [r.metrics["recall"] for r in rows if (r.planner, r.factors) == ("greedy", (("lambda", "5"),))]
+    assert len(expected) == 3 and mean == pytest.approx(np.mean(expected))
+    assert table["precision"].isna().all()
+
+
+def test_another_version_is_kept_apart(tmp_path):
+    old = [msgspec.structs.replace(task, version="0.0.9", key=f"old{task.seed}") for task in short(["hover"])]
+    with Store.opened(tmp_path, "short") as store:
+        for task in old:
+            store.add(task, msgspec.structs.replace(invented(task), version="0.0.9"))
+        rows = complete(short(["hover"]), store, Serial({"hover": [None, None]}))
+        assert store.versions() == {"0.0.9": 2, rows[0].version: 2}
+    assert {row.version for row in rows} == {short()[0].version}
+
+
+def test_levels_may_be_renamed(filled):
+    folder, *_ = filled
+    renamed = short(["hover", "greedy"], "0-2", factors={"density": {"few": {"trees": {"density": 3}}}})
+    with Store.opened(folder, "short") as store:
+        backend = Serial()
+        rows = complete(renamed, store, backend)
+    assert backend.flown == []
+    assert {row.factors for row in rows} == {(("density", "few"),)}
+    shown = [row.factors for row in read_rows(folder)]
+    assert shown.count((("density", "few"),)) == 6 and shown.count((("lambda", "5"),)) == 6
+
+
+def test_a_full_disk_loses_nothing_and_the_study_goes_on_once_there_is_room(tmp_path):
+    tasks = short(["hover"], "0-39")
+    with Store.opened(tmp_path, "short") as store:
+        (pages,) = store._connection.execute("PRAGMA page_count").fetchone()
+        store._connection.execute(f"PRAGMA max_page_count = {pages + 2}")
+        with pytest.raises(StoreError, match=r"study\.sqlite: database or disk is full"):
+            complete(tasks, store, Serial({"hover": [None] * 40}))
+    kept = len(read_rows(tmp_path))
+    assert 0 < kept < 40
+    with Store.opened(tmp_path, "short") as store:
+        backend = Serial({"hover": [None] * 40})
+        rows = complete(tasks, store, backend)
+    assert len(backend.flown) == 40 - kept
+    assert list(map(plain, rows)) == [plain(invented(task)) for task in tasks]
+    assert intact(tmp_path)
+
+
+def intact(folder):
+    sql = sqlite3.connect(folder / NAME)
+    answer = sql.execute("PRAGMA integrity_check").fetchone()
+    sql.close()
+    return answer == ("ok",)
+
+
+def broken(tmp_path, kind):
+    path = tmp_path / NAME
+    if kind == "text":
+        path.write_text("this is no database, however long it may be\n" * 200)
+    elif kind == "newer":
+        with Store.opened(tmp_path, "short"):
+            pass
+        sql = sqlite3.connect(path)
+        sql.execute(f"PRAGMA user_version = {SCHEMA + 1}")
+        sql.close()
+    elif kind == "other":
+        sql = sqlite3.connect(path)
+        sql.execute("CREATE TABLE mine (x)")
+        sql.close()
+    elif kind == "folder":
+        path.mkdir()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("text", "cannot be used: file is not a database"),
+        ("newer", f"is a store of version {SCHEMA + 1}, but this program reads {SCHEMA}"),
+        ("other", "is a database, but no store of a study"),
+        ("folder", "cannot be used: is no file"),
+    ],
+)
+def test_a_store_that_is_none_is_refused_and_left_alone(tmp_path, kind, message):
+    path = broken(tmp_path, kind) / NAME
+    before = path.read_bytes() if path.is_file() else None
+    with pytest.raises(InputError, match=message) as raised, Store.opened(tmp_path, "short"):
+        pass
+    assert "\n" not in str(raised.value) and str(path) in str(raised.value)
+    assert before is None or path.read_bytes() == before
+
+
+def test_a_damaged_store_is_one_line(filled):
+    folder, tasks, _ = filled
+    with open(folder / NAME, "r+b") as file:
+        file.seek(4096)
+        file.write(b"damaged " * 4096)
+    with pytest.raises(InputError, match="cannot be used: database disk image is malformed"):
+        read_rows(folder)
+    with (
+        pytest.raises(InputError, match="cannot be used: database disk image is malformed"),
+        Store.opened(folder, "short") as store,
+    ):
+        store.done(tasks)
+
+
+def test_a_folder_of_another_study_is_refused(filled):
+    folder, tasks, _ = filled
+    with pytest.raises(InputError, match="holds study 'short', not 'long'"), Store.opened(folder, "long"):
+        pass
+    assert len(read_rows(folder)) == len(tasks)
+
+
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    for folder in (tmp_path / "file" / "study", "/proc/study", "/proc/full"):
+        with pytest.raises(InputError, match=r"--out: .* cannot be used"), Store.opened(tmp_path / folder, "short"):
+            pass
+
+
+def test_reading_what_is_not_there_makes_nothing(tmp_path):
+    with pytest.raises(InputError, match="there is no store"):
+        read_rows(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_failed_trials_are_flown_again_and_done_ones_only_on_demand(tmp_path):
+    tasks = short(["hover", "greedy"])
+    with Store.opened(tmp_path, "short") as store:
+        first = complete(tasks, store, Serial({"greedy": ["x", "x", "x", "x"]}))
+        assert [row.status for row in first] == ["done", "failed"] * 2
+        again = Serial({"hover": [None] * 9})
+        assert [row.status for row in complete(tasks, store, again)] == ["done"] * 4
+        assert again.flown == [("greedy", 0), ("greedy", 1)]
+        redone = Serial({"hover": [None] * 9})
+        complete(tasks, store, redone, Options(redo=True))
+        assert len(redone.flown) == 4
+    assert len(read_rows(tmp_path)) == 4
+
+
+@pytest.mark.parametrize(
+    ("statement", "message"),
+    [
+        ("DELETE FROM study", "it names no study"),
+        ("INSERT INTO study VALUES ('another')", "it names no study"),
+        ("UPDATE study SET name = x'ff'", "it names no study"),
+        ("ALTER TABLE study RENAME COLUMN name TO title", "no such column: name"),
+        ("DROP TABLE trials", "it names no study"),
+        ("UPDATE trials SET metrics = '[]'", "a trial in it: Expected `object`, got `array`"),
+        ("UPDATE trials SET factors = 'x'", "a trial in it: JSON is malformed"),
+        ("UPDATE trials SET ospa = x'ffffff'", "a trial in it: buffer size must be a multiple"),
+        ("UPDATE trials SET ospa = 'text'", "a trial in it: Expected `bytes`, got `str`"),
+        ("UPDATE trials SET scans_per_s = 0", "a trial in it: scans_per_s is 0"),
+        ("UPDATE trials SET seed = 'x'", "a trial in it: invalid literal for int"),
+        ("UPDATE trials SET seed = 9e999", "a trial in it: cannot convert float infinity to integer"),
+        ("UPDATE trials SET planner = x'ff'", "a trial in it: Expected `str`, got `bytes`"),
+    ],
+)
+def test_a_store_of_which_something_was_changed_is_one_line(filled, statement, message):
+    folder, tasks, _ = filled
+    sql = sqlite3.connect(folder / NAME)
+    with sql:
+        sql.execute(statement)
+    sql.close()
+    with pytest.raises(InputError, match=message) as raised:
+        read_rows(folder)
+    assert "\n" not in str(raised.value) and str(folder) in str(raised.value)
+    with pytest.raises(InputError, match=message), Store.opened(folder, "short") as store:
+        store.done(tasks)
+
+
+def test_a_view_in_place_of_a_table_is_not_asked_as_it_may_never_end(filled):
+    folder, *_ = filled
+    sql = sqlite3.connect(folder / NAME)
+    with sql:
+        sql.execute("DROP TABLE study")
+        endless = "WITH RECURSIVE n(name) AS (SELECT 'x' UNION ALL SELECT 'x' FROM n) SELECT count(name) AS name FROM n"
+        sql.execute(f"CREATE VIEW study AS {endless}")
+    sql.close()
+    with pytest.raises(InputError, match="it names no study"):
+        read_rows(folder)
+
+
+def test_a_stored_trial_is_what_its_key_says(filled):
+    folder, tasks, rows = filled
+    sql = sqlite3.connect(folder / NAME)
+    with sql:
+        sql.execute("UPDATE trials SET seed = 3, planner = 'other'")
+    sql.close()
+    with Store.opened(folder, "short") as store:
+        found = store.done(tasks)
+    assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))

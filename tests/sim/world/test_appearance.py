@@ -1,0 +1,179 @@
+"""What cameras show varies by the seed as far as the scenario says, and every frame can be made again."""
+
+import colorsys
+import math
+import re
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from helpers.frames import WIDE, Tally, frame
+from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
+
+from assets.build import PALETTE
+from sim.mission.mission import Mission, Trial
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import Appearance, Scenario
+from sim.sensing.renderer import Renderer
+from sim.world.appearance import FULL, style_of
+from sim.world.world import World
+from tracking.detection.detector import detect
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
+
+REFERENCE = (Path(__file__).parents[3] / "docs" / "scenarios.md").read_text(encoding="utf-8")
+POSE = Pose.level(0.0, 0.0, 19.0)
+TREES = Forest((Tree(5.0, 4.0, 3.0), Tree(-6.0, -5.0, 3.0)))
+# Which part of the style each strength decides; the ground is as bright as the light on it.
+PARTS = {
+    "light_deg": {"light", "ground_tint"},
+    "ambient": {"ambient", "ground_tint"},
+    "ground_tint": {"ground_tint"},
+    "ground_moved": {"ground_place"},
+    "canopy_tint": {"canopies"},
+    "clothing_hue_deg": {"clothes"},
+    "clothing_shade": {"clothes"},
+    "exposure": {"gains"},
+    "blur": {"blur"},
+    "noise": {"noise"},
+}
+
+
+def varied(**strengths):
+    return msgspec.structs.replace(SCENARIO, appearance=Appearance(**strengths))
+
+
+def style(seed=0, **strengths):
+    return style_of(varied(**strengths), seed, trees=2, people=3)
+
+
+def different(one, other):
+    names = set(type(one).__dataclass_fields__) - {"seed"}
+    return {name for name in names if not np.array_equal(getattr(one, name), getattr(other, name))}
+
+
+def shot(scenario, seed, time=0.4):
+    with World(scenario, TREES, 2, seed) as world:
+        world.place_people(np.array([[0.0, 3.0], [2.0, -4.0]]), np.zeros(2))
+        return Renderer(world).take(0, time, CAMERA, POSE)
+
+
+def test_by_default_the_seed_changes_no_pixel():
+    one, other = shot(SCENARIO, 0), shot(SCENARIO, 5)
+    assert one.image.tobytes() == other.image.tobytes()
+    image = np.zeros((4, 4, 3), dtype=np.uint8)
+    assert style().develop(image, 0, 0.0) is image
+
+
+@pytest.mark.parametrize("name", FULL)
+def test_each_strength_varies_its_own_part_and_shows(name):
+    alone = style(**{name: FULL[name]})
+    assert different(alone, style()) == PARTS[name]
+    # The others' strengths do not change it; and what is given holds against full randomisation.
+    assert different(style(randomise=True, **{name: 0}), style(randomise=True)) == PARTS[name]
+    plain, changed = shot(SCENARIO, 3), shot(varied(**{name: FULL[name]}), 3)
+    assert np.array_equal(plain.people, changed.people)
+    assert not np.array_equal(plain.image, changed.image)
+
+
+def test_full_randomisation_has_the_strengths_that_the_reference_lists():
+    listed = dict(re.findall(r"^\| `appearance\.(\w+)` \|.*\| `([\w.]+)` \|$", REFERENCE, flags=re.M))
+    assert listed == {name: str(value).lower() for name, value in FULL.items()}
+    assert different(style(randomise=True), style(**FULL)) == set()
+    assert different(style(randomise=True), style()) == set().union(*PARTS.values())
+
+
+def test_draws_fill_their_ranges_and_stay_inside():
+    styles = [style(seed, randomise=True) for seed in range(300)]
+    zenith = [math.degrees(math.acos(s.light[2])) for s in styles]
+    assert max(zenith) <= 60.0 and max(zenith) > 57 and min(zenith) < 3
+    gains = np.concatenate([s.gains for s in styles])
+    assert gains.max() <= 1.2 and gains.max() > 1.19 and gains.min() >= 1 / 1.2 and gains.min() < 0.845
+    tints = np.concatenate([style(seed, canopy_tint=0.2).canopies for seed in range(300)])
+    assert tints.max() <= 1.44 and tints.min() >= 0.64
+    # The engine wraps tones above 255, before it applies the light.
+    brightest = np.array([122, 152, 76]) * tints.max()
+    assert brightest.max() < 255
+
+
+def test_clothes_keep_to_the_family_of_hues_the_detector_is_made_for():
+    tints = np.concatenate([style(seed, randomise=True).clothes for seed in range(300)])
+    assert tints.max(axis=0) == pytest.approx([1.0, 1.35, 1.35], abs=0.05)
+    for name in ("vest", "trousers", "boots", "hair"):
+        tones = np.array(PALETTE[name]) * tints
+        hues = np.array([360 * colorsys.rgb_to_hsv(*(tone / 255))[0] for tone in tones])
+        assert hues.min() > 9.9 and hues.max() < 22.1
+        assert tones.max() <= 255
+
+
+def test_noise_blur_and_gain_are_as_strong_as_the_scenario_says():
+    flat = np.full((128, 128, 3), 100, dtype=np.uint8)
+    noisy = style(noise=4.0).develop(flat, 0, 0.2).astype(float) - 100
+    assert abs(noisy.mean()) < 0.05
+    assert noisy.std() == pytest.approx(math.sqrt(16 + 1 / 12), rel=0.01)
+    gained = style(exposure=0.2)
+    assert np.unique(gained.develop(flat, 0, 0.2)).tolist() == [round(100 * gained.gains[0])]
+    square = np.zeros((33, 33, 3), dtype=np.uint8)
+    square[12:21, 12:21] = 255
+    spread = style(blur=1.0).develop(square, 0, 0.2)[..., 0].sum(axis=0, dtype=float)
+    variance = (spread @ (np.arange(33) - 16) ** 2) / spread.sum() - (9**2 - 1) / 12
+    assert variance == pytest.approx(1.0, abs=0.05)
+
+
+def test_noise_depends_on_seed_uav_and_time_alone():
+    flat = np.full((16, 16, 3), 100, dtype=np.uint8)
+    taken = [
+        style(seed, noise=4.0).develop(flat, uav, time).tobytes()
+        for seed, uav, time in ((0, 0, 0.2), (1, 0, 0.2), (0, 0, 0.4))
+    ]
+    assert len(set(taken)) == 3
+    fleet = Scenario(appearance=Appearance(noise=4.0))
+    two = style_of(fleet, 0, trees=9, people=0)
+    two.develop(flat, 2, 7.0)
+    assert two.develop(flat, 0, 0.2).tobytes() == taken[0]
+    assert two.develop(flat, 1, 0.2).tobytes() != taken[0]
+
+
+def test_a_frame_made_again_from_poses_and_seed_is_the_one_flown():
+    scenario = Scenario(duration=1.0, uavs=(Uav(start=(-28.0, 0.0)),), appearance=Appearance(randomise=True))
+    mission = Mission.of(Trial(scenario, "hover", 4))
+    flown = [(snapshot, mission.frames[0]) for snapshot in mission.fly()]
+    with World(scenario, mission.forest, 4, 4) as world:
+        renderer = Renderer(world)
+        for snapshot, image in reversed(flown):
+            world.place_people(snapshot.people, snapshot.headings)
+            again = renderer.take(0, snapshot.time, CAMERA, snapshot.cameras[0])
+            assert again.image.tobytes() == image.tobytes()
+
+
+def survey(worlds, frames):
+    """Recall and precision of people half or more visible who touch nobody, in worlds of full randomisation."""
+    rng = np.random.default_rng(0)
+    tally = Tally([], [])
+    for seed in range(worlds):
+        count, radius = ((20, 5.0), (60, 1.0), (28, 4.0))[seed % 3]
+        forest = random_forest(rng, count, radius)
+        with World(varied(randomise=True), forest, 8, seed) as world, World(SCENARIO, Forest(()), 8) as bare:
+            full, alone = Renderer(world), Renderer(bare)
+            for k in range(frames):
+                pose = Pose.level(*rng.uniform(-30, 30, 2), rng.choice(ALTITUDES))
+                half = pose.position[2] * math.tan(CAMERA.fov / 2) + 0.5
+                places, headings = pose.position[:2] + rng.uniform(-half, half, (8, 2)), rng.uniform(-3, 3, 8)
+                for each in (world, bare):
+                    each.place_people(places, headings)
+                taken = full.take(0, k / 5, CAMERA, pose)
+                found = detect(frame(taken.image, pose))
+                tally.count(found, places, pose, taken.people, alone.render(WIDE, pose).people)
+    return np.array(tally.people, dtype=float), np.array(tally.detections)
+
+
+@pytest.mark.parametrize(("worlds", "frames"), [(25, 4), pytest.param(150, 4, marks=pytest.mark.slow)])
+def test_people_are_found_under_full_randomisation(worlds, frames):
+    people, detections = survey(worlds, frames)
+    assert len(people) > 4 * worlds * frames
+    assert people[:, 0].mean() >= 0.98
+    assert detections.mean() >= 0.98
+    found = people[people[:, 0] == 1]
+    assert np.abs(found[:, 2:].mean(axis=0)).max() < 0.02
+    assert found[:, 2:].std(axis=0).max() < 0.1

@@ -1,0 +1,142 @@
+"""What UAVs touch is noticed, recorded, summarised and shown; what they miss is not."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from helpers import synthetic
+from helpers.recordings import npy, record, rewritten
+from rich.console import Console
+
+from planning.planner import Plan
+from sim.drawing.map_view import ALERT, MapView
+from sim.drawing.palette import ALARM
+from sim.evaluation.summary import contacts, results_table, summarise
+from sim.mission.mission import Mission
+from sim.recording.archive import load as load_recording
+from sim.recording.archive import save
+from sim.recording.recording import Recorder
+from sim.scenario.fleet import Uav
+from sim.scenario.loading import load
+from sim.scenario.scenario import Scenario
+from sim.world.contacts import Contact
+from sim.world.world import World
+from tracking.geometry.visibility import Forest, Tree
+
+APART = 6.0  # m
+
+
+def approach(dynamics, offset):
+    """Scenario of two UAVs of one altitude, the second one ahead of the first, `offset` m aside."""
+    return Scenario(dynamics=dynamics, uavs=(Uav(start=(0.0, 0.0)), Uav(start=(APART, offset))))
+
+
+@pytest.mark.parametrize("dynamics", ["quadrotor", "kinematic"])
+@pytest.mark.parametrize(("offset", "expected"), [(0.1, (Contact(0, "uav", 1),)), (0.5, ())])
+def test_uavs_on_a_collision_course_touch_once_they_meet(dynamics, offset, expected):
+    with World(approach(dynamics, offset), Forest(()), 0) as world:
+        for _ in range(240):  # a second at 1 m/s each leaves 4 m between them
+            world.step(np.array([[1.0, 0.0], [-1.0, 0.0]]))
+        assert world.take_contacts() == ()
+        for _ in range(600):
+            world.step(np.array([[1.0, 0.0], [-1.0, 0.0]]))
+        assert world.take_contacts() == expected
+        assert world.take_contacts() == ()
+
+
+@pytest.mark.parametrize("dynamics", ["quadrotor", "kinematic"])
+@pytest.mark.parametrize("kind", ["canopy", "trunk"])
+def test_a_uav_flown_into_a_tree_touches_that_tree(dynamics, kind):
+    """No scenario lets trees reach up to a UAV, so the world is given a forest that does."""
+    setting = Scenario(dynamics=dynamics, uavs=(Uav(start=(0.0, 0.0)),))
+    base = 10.0 if kind == "canopy" else 25.0  # the UAV flies at 17.3 m
+    trees = (Tree(0.0, 20.0), Tree(4.0, 0.0, 2.0, base, 30.0), Tree(-30.0, 0.0))
+    with World(setting, Forest(trees), 1) as world:
+        for _ in range(240 * 3):
+            world.step(np.array([[2.0, 0.0]]))
+        assert world.take_contacts() == (Contact(0, kind, 1),)
+        if dynamics == "quadrotor":
+            assert world.poses()[0].position[0] < 4.0
+
+
+def test_a_mission_records_who_touched_whom_in_which_scan():
+    class Collide:
+        def plan(self, team, rng):
+            return [Plan(np.array([[1.0, 0.0]])), Plan(np.array([[-1.0, 0.0]]))]
+
+    fleet = f"uavs=[{{start=[0, 0]}}, {{start=[{APART}, 0]}}]"
+    setting = load("forest", ["duration=4", "sensing.mode=ideal", "trees.density=0", fleet, "dynamics=kinematic"])
+    snapshots = list(Mission(setting, Collide(), 0).fly())
+    touching = [s.time for s in snapshots if s.contacts]
+    # Bodies 0.34 m wide that close 6 m at 2 m/s touch from 2.83 s, before the scan at 3.0 s, to 3.17 s, before 3.2 s.
+    assert touching == [3.0, 3.2]
+    assert {c for s in snapshots for c in s.contacts} == {Contact(0, "uav", 1)}
+
+
+def test_contacts_survive_the_disk_and_come_back_scan_by_scan(tmp_path):
+    recording = record()
+    save(recording, tmp_path / "mission.npz")
+    read = load_recording(tmp_path / "mission.npz")
+    expected = [(Contact(0, "canopy", 4), Contact(2, "ground", 0)) if 3 <= k <= 5 else () for k in range(11)]
+    assert [read.contacts_at(k) for k in range(11)] == expected
+    assert [read.snapshot(k).contacts for k in range(11)] == expected
+
+
+@pytest.mark.parametrize("row", [(11, 0, 0, 0), (0, 3, 0, 0), (0, 0, 5, 0), (0, 0, 0, -1)])
+def test_contacts_of_what_is_not_there_are_refused(tmp_path, row):
+    save(record(), tmp_path / "mission.npz")
+    damaged = rewritten(tmp_path / "mission.npz", tmp_path / "damaged.npz", contacts=npy(np.array([row])))
+    with pytest.raises(ValueError, match="field 'contacts'"):
+        load_recording(damaged)
+
+
+def with_contacts(rows):
+    return dataclasses.replace(record(), contacts=np.array(rows, dtype=np.int64).reshape(-1, 4))
+
+
+def test_a_contact_that_lasts_counts_once():
+    # UAVs 0 and 1 at scans 3 and 4, and again at 6; UAV 2 and canopy 7 at scan 4.
+    found = contacts(with_contacts([(3, 0, 0, 1), (4, 0, 0, 1), (4, 2, 1, 7), (6, 0, 0, 1)]))
+    assert found == [
+        {"time": 3 / 5, "until": 4 / 5, "uav": 0, "kind": "uav", "other": 1},
+        {"time": 4 / 5, "until": 4 / 5, "uav": 2, "kind": "canopy", "other": 7},
+        {"time": 6 / 5, "until": 6 / 5, "uav": 0, "kind": "uav", "other": 1},
+    ]
+
+
+def test_the_table_shows_contacts_only_if_there_are_any():
+    texts = []
+    for rows in ([], [(3, 0, 0, 1), (4, 2, 1, 7)]):
+        result = summarise(with_contacts(rows), seconds={}, wall_s=1.0, faults=[], versions={})
+        assert json.loads(json.dumps(result, allow_nan=False)) == result
+        console = Console(width=100, record=True, file=open("/dev/null", "w"))
+        console.print(results_table(result))
+        texts.append(console.export_text())
+    assert "contacts" not in texts[0]
+    for piece in ("contacts", "at 0.6 s", "UAV 0, uav 1", "at 0.8 s", "UAV 2, canopy 7"):
+        assert piece in texts[1]
+
+
+def test_the_map_marks_a_uav_for_a_second_after_its_contact():
+    setting = synthetic.scenario(uavs=2)
+    given = list(synthetic.snapshots(setting, Forest(()), 12))
+    given = [dataclasses.replace(s, contacts=(Contact(1, "uav", 0),) if k == 2 else ()) for k, s in enumerate(given)]
+    view, marked = MapView(setting, Forest(()), (790, 540)), []
+    for snapshot in given:
+        image = np.zeros((540, 790, 3), dtype=np.uint8)
+        view.draw(image, snapshot)
+        centre = np.array([395, 270]) + view.scale * snapshot.poses[1].position[:2] * [1, -1]
+        rows, columns = np.nonzero(np.all(image == ALARM, axis=2))
+        ring = np.abs(np.hypot(columns + 0.5 - centre[0], rows + 0.5 - centre[1]) - 15.0) < 2.0
+        marked.append(bool(ring.sum() > 40))
+    assert marked == [2 <= k < 2 + round(ALERT * 5) for k in range(12)]
+
+
+def test_a_recorder_counts_contacts_by_its_own_scans():
+    setting = synthetic.scenario(uavs=1)
+    recorder = Recorder()
+    for snapshot in list(synthetic.snapshots(setting, Forest(()), 6))[3:]:
+        recorder.add(snapshot)
+    recording = recorder.recording(scenario="{}", planner="p", seed=0, forest=Forest(()))
+    assert recording.contacts[:, 0].tolist() == [0, 0, 1, 1, 2, 2]

@@ -1,0 +1,109 @@
+"""Association against every joint event written out, and against Stone Soup's JPDA."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers.peers import StoneSoup
+from helpers.scenes import MOTION, R, scan, track, tracker
+from stonesoup.dataassociator.probability import JPDA
+from stonesoup.hypothesiser.probability import PDAHypothesiser
+from stonesoup.updater.kalman import KalmanUpdater
+
+from tracking.association.jpda import association_probabilities, gated_likelihood
+from tracking.fusion.consensus import fuse
+from tracking.tracker import TrackerParameters
+
+
+def events(tracks: int, measurements: int, used: tuple[int, ...] = ()):
+    """All ways to give each track none, 0, or one, from 1, of the measurements, none of them twice."""
+    if len(used) == tracks:
+        yield used
+        return
+    for j in range(measurements + 1):
+        if j == 0 or j not in used:
+            yield from events(tracks, measurements, (*used, j))
+
+
+def brute_force(likelihood: np.ndarray, detection: np.ndarray, clutter: float) -> np.ndarray:
+    """Marginals from the weights of all joint events, as they stand in the book; detection (T, N + 1)."""
+    T, N = likelihood.shape
+    factor = np.column_stack([1 - detection[:, 0], detection[:, 1:] * likelihood / clutter])
+    every = np.array(list(events(T, N)), dtype=int).reshape(-1, T)
+    weight = np.prod(factor[np.arange(T), every], axis=1)
+    return np.array([[weight[every[:, i] == j].sum() for j in range(N + 1)] for i in range(T)]) / weight.sum()
+
+
+@pytest.mark.parametrize("tracks", range(1, 7))
+@pytest.mark.parametrize("measurements", range(7))
+def test_association_with_state_dependent_detection_matches_brute_force(tracks, measurements):
+    """Likelihoods over four decades, full and sparse gates, clutter over five decades, people who cannot be seen."""
+    rng = np.random.default_rng([tracks, measurements])
+    for density in (0.3, 0.7, 1.0):
+        likelihood = 10 ** rng.uniform(-4, 0, (tracks, measurements)) * (rng.random((tracks, measurements)) < density)
+        detection = rng.random((tracks, measurements + 1))
+        detection[rng.random(detection.shape) < 0.2] = 0.0
+        clutter = 10 ** rng.uniform(-5, 0)
+        beta = association_probabilities(likelihood, detection, clutter)
+        np.testing.assert_allclose(beta, brute_force(likelihood, detection, clutter), rtol=1e-9, atol=1e-300)
+
+
+class EachItsOwn:
+    """A hypothesiser for each of Stone Soup's tracks, because its probability of detection is one number."""
+
+    def __init__(self, hypothesisers):
+        self.hypothesisers = hypothesisers
+
+    def hypothesise(self, track, detections, timestamp, **kwargs):
+        return self.hypothesisers[track].hypothesise(track, detections, timestamp, **kwargs)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_association_matches_stone_soup(seed):
+    """Gates, likelihoods and probabilities, with a different probability of detection for each track."""
+    rng = np.random.default_rng(seed)
+    known = [track(k, *rng.uniform(-1, 1, 4), variance=rng.uniform(0.1, 0.5)) for k in range(4)]
+    p = TrackerParameters(MOTION, gate_probability=0.97, clutter_density=10 ** rng.uniform(-6, 0))
+    peer, detection = StoneSoup(p, known), rng.uniform(0.0, 0.99, 4)
+    z = rng.uniform(-1.5, 1.5, (5, 2))
+    own = [
+        PDAHypothesiser(peer.predictor, KalmanUpdater(None), p.clutter_density, d, p.gate_probability)
+        for d in detection.tolist()
+    ]
+    peer.associator = JPDA(EachItsOwn(dict(zip(peer.tracks, own, strict=True))))
+    detections, time = peer.detections(scan(1, *z))
+    found = peer.associator.associate(peer.tracks, detections, time)
+    expected = np.zeros((4, 6))
+    for i, t in enumerate(peer.tracks):
+        for hypothesis in found[t]:
+            j = detections.index(hypothesis.measurement) + 1 if hypothesis else 0
+            expected[i, j] = float(hypothesis.probability)
+    means = np.array([t.belief.mean for t in known])
+    predicted = MOTION.predict_all(means, np.array([t.belief.covariance for t in known]))
+    likelihood = gated_likelihood(*predicted, z, np.tile(R, (5, 1, 1)), p.gate_probability)
+    beta = association_probabilities(likelihood, detection * p.gate_probability, p.clutter_density)
+    np.testing.assert_allclose(beta, expected, atol=1e-6)
+    np.testing.assert_array_equal(beta == 0, expected == 0)  # the same gates
+    assert np.count_nonzero(beta[:, 1:]) > 4 and math.isclose(expected.sum(), 4)
+
+
+def test_a_tracker_on_a_whole_run_is_stone_soups():
+    """Predictions, associations and mixtures of 20 scans of three people who cross, with false alarms."""
+    rng = np.random.default_rng(0)
+    never = (62, 62)  # nobody else's track begins
+    known = [track(k, -3 + 2 * k, 2 - 2 * k, 1 - k, k - 1) for k in range(3)]
+    subject = tracker(*known, detection_probability=0.9, clutter_density=0.01, gate_probability=0.99, confirm=never)
+    subject.step(scan(0))
+    fuse([subject], np.zeros((1, 1), bool), 0)
+    peer = StoneSoup(subject.parameters, subject.tracks)
+    for k in range(1, 21):
+        people = np.array([t.belief.mean[:2] + 0.2 * k * t.belief.mean[2:] for t in known])
+        people += rng.multivariate_normal([0, 0], R, 3)
+        s = scan(k, *people[rng.random(3) < 0.9], *rng.uniform(-4, 4, (1, 2)))
+        subject.step(s)
+        peer.step(*peer.detections(s))
+        held = {t.id: t.belief for t in subject.tracks}
+        for i, belief in enumerate(peer.beliefs):
+            np.testing.assert_allclose(held[i].mean, belief.mean, atol=1e-6)
+            np.testing.assert_allclose(held[i].covariance, belief.covariance, atol=1e-6)
+        fuse([subject], np.zeros((1, 1), bool), 0)

@@ -1,0 +1,220 @@
+import math
+
+import cv2
+import numpy as np
+import pytest
+from helpers.frames import WIDE, Tally, frame
+from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
+
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import Scenario
+from sim.sensing.renderer import Renderer
+from sim.world.world import World
+from tracking.detection.components import components
+from tracking.detection.detector import detect
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+
+GREEN = (100, 115, 75)
+
+
+def blank():
+    return np.full((128, 128, 3), GREEN, dtype=np.uint8)
+
+
+def fly(tally, rng, *, frames, forest, people):
+    """Detect in random frames over one forest, with people anywhere in the image and across its edges."""
+    with World(SCENARIO, forest, people) as world, World(SCENARIO, Forest(()), people) as bare:
+        full, alone = Renderer(world), Renderer(bare)
+        for _ in range(frames):
+            pose = Pose.level(*rng.uniform(-30, 30, 2), rng.choice(ALTITUDES))
+            half = pose.position[2] * math.tan(CAMERA.fov / 2) + 0.5
+            places = pose.position[:2] + rng.uniform(-half, half, (people, 2))
+            headings = rng.uniform(-math.pi, math.pi, people)
+            for each in (world, bare):
+                each.place_people(places, headings)
+            rendered = full.render(CAMERA, pose)
+            found = detect(frame(rendered.image, pose))
+            tally.count(found, places, pose, rendered.people, alone.render(WIDE, pose).people)
+
+
+def test_a_thousand_frames_find_people_and_only_people_where_they_are():
+    rng = np.random.default_rng(0)
+    tally = Tally([], [])
+    for count, radius in ((20, 5.0), (60, 1.0), (28, 4.0), (20, 5.0)):
+        fly(tally, rng, frames=250, forest=random_forest(rng, count, radius), people=8)
+    people = np.array(tally.people, dtype=float)
+    assert len(people) > 3000
+    assert np.mean(people[:, 0]) >= 0.99
+    assert np.mean(tally.detections) >= 0.99
+    for low in range(0, 40, 5):
+        errors = people[(people[:, 1] >= low) & (people[:, 1] < low + 5) & (people[:, 0] == 1), 2:]
+        assert len(errors) > 50
+        assert np.abs(errors.mean(axis=0)).max() < 0.03, f"{low} degrees: {errors.mean(axis=0)}"
+        assert errors.std(axis=0).max() < 0.12
+
+
+def test_a_camera_that_tilts_with_its_uav_measures_as_well():
+    rng = np.random.default_rng(1)
+    errors = []
+    with World(SCENARIO, Forest(()), 1) as world:
+        renderer = Renderer(world)
+        for _ in range(200):
+            angle, axis = rng.uniform(0, 0.25), rng.uniform(-math.pi, math.pi)
+            turn = [math.cos(axis) * math.sin(angle / 2), math.sin(axis) * math.sin(angle / 2), 0.0]
+            pose = Pose(np.array([5.0, -3.0, 19.0]), np.array([*turn, math.cos(angle / 2)]))
+            place = CAMERA.ground_points(pose, rng.uniform(12, 116, (1, 2)), TARGET_HEIGHT)
+            world.place_people(place, rng.uniform(-math.pi, math.pi, 1))
+            found = detect(frame(renderer.render(CAMERA, pose).image, pose))
+            assert len(found.ground) == 1
+            errors.append(found.ground[0] - place[0])
+    assert np.abs(np.mean(errors, axis=0)).max() < 0.01
+    assert np.linalg.norm(errors, axis=1).max() < 0.25
+
+
+def test_nothing_but_people_has_a_persons_colour():
+    rng = np.random.default_rng(0)
+    uavs = tuple(Uav(start=tuple(rng.uniform(-20, 20, 2)), footprint=10.0) for _ in range(10))
+    with World(Scenario(uavs=uavs), random_forest(rng, 40, 3.0), 0) as world:
+        renderer = Renderer(world)
+        for _ in range(30):
+            pose = Pose.level(*rng.uniform(-30, 30, 2), 21.7)
+            found = detect(frame(renderer.render(CAMERA, pose).image, pose))
+            assert found.pixels.shape == (0, 2)
+            assert found.ground.shape == (0, 2)
+            assert found.boxes.shape == (0, 4)
+
+
+def test_every_pixel_of_a_person_has_a_persons_colour():
+    rng = np.random.default_rng(0)
+    with World(SCENARIO, Forest(()), 1) as world:
+        renderer = Renderer(world)
+        for _ in range(50):
+            world.place_people(rng.uniform(-8, 8, (1, 2)), rng.uniform(-math.pi, math.pi, 1))
+            pose = Pose.level(0.0, 0.0, 19.0)
+            rendered = renderer.render(CAMERA, pose)
+            rows, columns = np.nonzero(rendered.people == 0)
+            found = detect(frame(rendered.image, pose))
+            assert found.areas.tolist() == [len(rows)]
+            box = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
+            assert found.boxes.tolist() == [box]
+            assert found.pixels[0] == pytest.approx([columns.mean() + 0.5, rows.mean() + 0.5])
+
+
+def test_a_single_pixel_is_a_detection():
+    image = blank()
+    image[40, 90] = (230, 62, 0)
+    pose = Pose.level(1.0, 2.0, 19.0)
+    found = detect(frame(image, pose))
+    assert found.pixels.tolist() == [[90.5, 40.5]]
+    assert found.ground == pytest.approx(CAMERA.ground_points(pose, np.array([[90.5, 40.5]]), TARGET_HEIGHT))
+
+
+def test_a_person_whom_a_trunk_cuts_in_two_is_one_person():
+    pose = Pose.level(0.0, 0.0, 19.0)
+    with World(SCENARIO, Forest(()), 1) as world:
+        renderer = Renderer(world)
+        for heading in np.linspace(-math.pi, math.pi, 12):
+            world.place_people(np.array([[8.0, -6.0]]), np.array([heading]))
+            rendered = renderer.render(CAMERA, pose)
+            row = int(np.nonzero(rendered.people == 0)[0].mean())
+            image = rendered.image.copy()
+            image[row] = GREEN
+            mask = (rendered.people == 0).astype(np.uint8)
+            mask[row] = 0
+            assert cv2.connectedComponents(mask)[0] - 1 >= 2
+            found = detect(frame(image, pose))
+            assert len(found.ground) == 1
+            assert found.ground[0] == pytest.approx([8.0, -6.0], abs=0.2)
+
+
+def test_two_who_touch_are_two():
+    rng = np.random.default_rng(0)
+    pose = Pose.level(0.0, 0.0, 19.0)
+    with World(SCENARIO, Forest(()), 2) as world:
+        renderer = Renderer(world)
+        met = 0
+        for _ in range(100):
+            first = rng.uniform(-7, 7, 2)
+            # Side by side as the camera sees them, in step.
+            across = np.array([-first[1], first[0]]) / np.linalg.norm(first)
+            places = np.array([first, first + rng.uniform(0.6, 0.8) * across])
+            world.place_people(places, np.full(2, math.atan2(first[1], first[0])))
+            rendered = renderer.render(CAMERA, pose)
+            if cv2.connectedComponents((rendered.people >= 0).astype(np.uint8))[0] != 2:
+                continue
+            met += 1
+            found = detect(frame(rendered.image, pose)).ground
+            assert len(found) == 2
+            order = np.argsort((found - first) @ across)
+            assert np.linalg.norm(found[order] - places, axis=1).max() < 0.35
+    assert met > 20
+
+
+def test_the_edge_of_the_image_does_not_pull_people_inwards():
+    rng = np.random.default_rng(0)
+    pose = Pose.level(0.0, 0.0, 19.0)
+    half = 19.0 - TARGET_HEIGHT
+    half *= math.tan(CAMERA.fov / 2)
+    errors, raw = [], []
+    with World(SCENARIO, Forest(()), 1) as world:
+        renderer = Renderer(world)
+        for _ in range(300):
+            place = np.array([[half - rng.uniform(0, 0.3), rng.uniform(-7, 7)]])
+            world.place_people(place, rng.uniform(-math.pi, math.pi, 1))
+            rendered = renderer.render(CAMERA, pose)
+            found = detect(frame(rendered.image, pose))
+            assert len(found.ground) == 1
+            errors.append(found.ground[0, 0] - place[0, 0])
+            columns = np.nonzero(rendered.people == 0)[1]
+            raw.append((columns.mean() + 0.5 - 64) * (19.0 - TARGET_HEIGHT) / CAMERA.focal - place[0, 0])
+    assert np.mean(raw) < -0.1
+    assert abs(np.mean(errors)) < 0.03
+
+
+def test_nobody_stands_above_the_horizon():
+    image = blank()
+    image[30:34, 61:63] = image[100:104, 61:63] = (230, 62, 0)
+    level = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]))
+    found = detect(frame(image, level))
+    assert found.pixels == pytest.approx(np.array([[62.0, 102.0]]))
+    assert found.ground[0, 1] > 0
+
+
+def test_any_image_from_any_camera_gives_finite_people():
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        camera = Camera(rng.uniform(0.2, 3.0), int(rng.choice([16, 32])))
+        half, axis = rng.uniform(0, 0.8), rng.uniform(-math.pi, math.pi)
+        turn = [math.cos(axis) * math.sin(half), math.sin(axis) * math.sin(half), 0.0, math.cos(half)]
+        pose = Pose(np.array([1.0, 2.0, rng.uniform(0.9, 20.0)]), np.array(turn))
+        image = np.full((camera.pixels, camera.pixels, 3), GREEN, dtype=np.uint8)
+        image[rng.random(image.shape[:2]) < rng.choice([0.01, 0.1, 0.4])] = (230, 62, 0)
+        assert np.isfinite(detect(frame(image, pose, camera)).ground).all()
+
+
+def test_detection_repeats_exactly_and_leaves_the_image_alone():
+    image = blank()
+    image[20:24, 30:33] = image[80:84, 32:36] = image[80:84, 38:41] = (230, 62, 0)
+    before = image.tobytes()
+    one, other = (detect(frame(image, Pose.level(0.0, 0.0, 19.0))) for _ in range(2))
+    assert one.ground.tobytes() == other.ground.tobytes()
+    assert image.tobytes() == before
+    assert len(one.ground) == 3
+
+
+def test_components_are_those_that_opencv_finds_by_colour():
+    rng = np.random.default_rng(9)
+    for density in (0.0, 1e-4, 0.003, 0.02, 0.1, 0.4):
+        for size in (128, 127) * 6:
+            image = rng.integers(0, 256, (size, size, 3)).astype(np.uint8)
+            image[rng.random((size, size)) >= density] = GREEN
+            red, green, blue = np.moveaxis(image.astype(int), 2, 0)
+            mask = (2 * red > 3 * green) & (red > 2 * blue) & (red - green >= 20)
+            _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+            sure = np.unique(labels[mask & (red - green >= 40)])
+            found = components(image)
+            assert len(found) == len(sure)
+            for k, blob in zip(sure, found, strict=True):
+                rows, columns = np.nonzero(labels == k)
+                np.testing.assert_array_equal(blob, np.column_stack([columns + 0.5, rows + 0.5]))

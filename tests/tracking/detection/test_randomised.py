@@ -1,0 +1,138 @@
+"""People seen in part and people who touch are found under full randomisation, and nothing else is."""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import msgspec
+import numpy as np
+import pytest
+from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
+
+from sim.scenario.scenario import Appearance
+from sim.sensing.detection_truth import matched_people
+from sim.sensing.renderer import Renderer
+from sim.world.world import World
+from tracking.detection.detector import Frame, detect
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest
+
+RANDOMISED = msgspec.structs.replace(SCENARIO, appearance=Appearance(randomise=True))
+WIDE = Camera(2 * math.atan((CAMERA.pixels / 2 + 16) / CAMERA.focal), CAMERA.pixels + 32)
+PEOPLE = 8
+TREES = ((90, 1.5), (20, 5.0), (60, 2.0), (120, 1.0))
+# Points of a body that tell roughly how much of somebody shows.
+BODY = np.array([(x, y, z) for x in (-0.2, 0.0, 0.2) for y in (-0.2, 0.0, 0.2) for z in (0.1, 0.5, 0.9, 1.3, 1.6)])
+
+
+@dataclass
+class Score:
+    """How many people there were of those asked for, how many of them were found, and how often nobody was."""
+
+    people: int = 0
+    found: int = 0
+    false: int = 0
+
+    def count(self, asked, pixels, mask):
+        """Detections at pixels, by the mask of who is where, in a frame where some people (M,) are asked for."""
+        matched = matched_people(pixels, mask, PEOPLE)
+        self.people += int(asked.sum())
+        self.found += int(matched[asked].sum())
+        self.false += len(pixels) - int(matched.sum())
+
+    @property
+    def recall(self):
+        return self.found / self.people
+
+    @property
+    def precision(self):
+        """With every false detection of the frames held against the people asked for alone."""
+        return self.found / (self.found + self.false)
+
+
+def frames(worlds, each, place):
+    """Detections and masks in randomised frames, each world of another seed, and masks of the same people alone."""
+    rng = np.random.default_rng(0)
+    with World(SCENARIO, Forest(()), PEOPLE) as bare:
+        alone = Renderer(bare)
+        for seed in range(worlds):
+            forest = random_forest(rng, *TREES[seed % len(TREES)])
+            with World(RANDOMISED, forest, PEOPLE, seed) as world:
+                renderer = Renderer(world)
+                for k in range(each):
+                    pose = Pose.level(*rng.uniform(-25, 25, 2), ALTITUDES[k % 3])
+                    places, headings = place(rng, pose, forest), rng.uniform(-math.pi, math.pi, PEOPLE)
+                    for one in (world, bare):
+                        one.place_people(places, headings)
+                    taken = renderer.take(0, k / 5, CAMERA, pose)
+                    found = detect(Frame(0, k / 5, CAMERA, pose, taken.image))
+                    yield found.pixels, taken.people, alone.render(WIDE, pose).people
+
+
+def shares(pose, forest, places):
+    """Roughly how much of each person at places (N, 2) m shows (N,)."""
+    points = (np.column_stack([places, np.zeros(len(places))])[:, None] + BODY).reshape(-1, 3)
+    shown = CAMERA.sees(pose, points) & forest.visible(pose.position, points)[0]
+    return shown.reshape(len(places), -1).mean(axis=1)
+
+
+def apart(places, gap):
+    """The first so many of places (N, 2) m that keep their distance from one another."""
+    kept = []
+    for place in places:
+        if all(math.dist(place, other) > gap for other in kept):
+            kept.append(place)
+    return kept
+
+
+def half_width(pose):
+    return pose.position[2] * math.tan(CAMERA.fov / 2) + 0.3
+
+
+def hidden_in_part(rng, pose, forest):
+    """People most of whom something hides in part: trees, or the edge of the image."""
+    places = pose.position[:2] + rng.uniform(-half_width(pose), half_width(pose), (400, 2))
+    share = shares(pose, forest, places)
+    chosen = apart(places[(share > 0.2) & (share < 0.6)], 1.2)[:PEOPLE]
+    return np.array(chosen + [[np.nan, np.nan]] * (PEOPLE - len(chosen)))
+
+
+def in_pairs(rng, pose, forest):
+    """Pairs in plain view who stand close together."""
+    places = pose.position[:2] + rng.uniform(-half_width(pose), half_width(pose), (60, 2))
+    bearing, gap = rng.uniform(-math.pi, math.pi, 60), rng.uniform(0.5, 0.9, 60)
+    beside = places + gap[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)])
+    plain = (shares(pose, forest, places) == 1.0) & (shares(pose, forest, beside) == 1.0)
+    pairs = {tuple(a): b for a, b in zip(places[plain].tolist(), beside[plain], strict=True)}
+    chosen = [x for a in apart(pairs, 3.5)[: PEOPLE // 2] for x in (a, pairs[a])]
+    return np.array(chosen + [[np.nan, np.nan]] * (PEOPLE - len(chosen)))
+
+
+def touching(mask):
+    """Which of the people (M,), two by two, have a silhouette that meets their neighbour's, corners included."""
+    around = np.ones((3, 3), dtype=np.uint8)
+    shown = [(mask == k).astype(np.uint8) for k in range(PEOPLE)]
+    meet = [np.any(cv2.dilate(shown[k], around) & shown[k + 1]) for k in range(0, PEOPLE, 2)]
+    return np.repeat(meet, 2)
+
+
+@pytest.mark.parametrize(("worlds", "each"), [(16, 16), pytest.param(200, 20, marks=pytest.mark.slow)])
+def test_people_of_whom_a_third_to_a_half_shows_are_found_under_full_randomisation(worlds, each):
+    score = Score()
+    for pixels, mask, whole in frames(worlds, each, hidden_in_part):
+        visible, all_of = (np.bincount(m[m >= 0], minlength=PEOPLE) for m in (mask, whole))
+        share = visible / np.maximum(all_of, 1)
+        score.count((share >= 0.3) & (share <= 0.5), pixels, mask)
+    assert score.people > 4 * worlds * each
+    assert score.recall >= 0.95
+    assert score.precision >= 0.95
+
+
+@pytest.mark.parametrize(("worlds", "each"), [(24, 14), pytest.param(200, 20, marks=pytest.mark.slow)])
+def test_pairs_who_touch_are_found_under_full_randomisation(worlds, each):
+    score = Score()
+    for pixels, mask, _ in frames(worlds, each, in_pairs):
+        score.count(touching(mask), pixels, mask)
+    assert score.people > 4 * worlds * each
+    assert score.recall >= 0.95
+    assert score.precision >= 0.95

@@ -1,0 +1,87 @@
+"""Kalman filter: against filterpy and against the closed forms of linear Gaussian estimation."""
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+from helpers.scenes import H
+
+from tracking.filter.kalman import (
+    Gaussian,
+    NearlyConstantVelocity,
+    information_form,
+    innovation,
+    moment_form,
+    update,
+)
+
+MOTION = NearlyConstantVelocity(0.2, 0.5)
+
+
+def random_beliefs(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    roots = rng.normal(size=(count, 4, 4))
+    return rng.normal(scale=50, size=(count, 4)), roots @ np.swapaxes(roots, 1, 2) + 0.01 * np.eye(4)
+
+
+def test_the_model_is_equation_1_of_the_paper():
+    dt, s = 0.2, 0.5
+    np.testing.assert_array_equal(MOTION.F, [[1, 0, dt, 0], [0, 1, 0, dt], [0, 0, 1, 0], [0, 0, 0, 1]])
+    G = np.array([[dt**2 / 2, 0], [0, dt**2 / 2], [dt, 0], [0, dt]])
+    np.testing.assert_allclose(MOTION.Q, s**2 * G @ G.T, rtol=1e-14)
+
+
+def test_predicting_a_stack_is_filterpys_prediction_of_each():
+    means, covariances = random_beliefs(np.random.default_rng(0), 30)
+    new_means, new_covariances = MOTION.predict_all(means, covariances)
+    for k in range(30):
+        one = MOTION.predict(Gaussian(means[k], covariances[k]))
+        np.testing.assert_allclose(new_means[k], one.mean, rtol=1e-13)
+        np.testing.assert_allclose(new_covariances[k], one.covariance, rtol=1e-12, atol=1e-13)
+
+
+def test_an_update_adds_the_measurements_information():
+    rng = np.random.default_rng(1)
+    means, covariances = random_beliefs(rng, 30)
+    for mean, covariance in zip(means, covariances, strict=True):
+        root = rng.normal(size=(2, 2))
+        z, R = rng.normal(scale=50, size=2), root @ root.T + 0.1 * np.eye(2)
+        after = update(Gaussian(mean, covariance), z, R)
+        omega = np.linalg.inv(covariance) + H.T @ np.linalg.inv(R) @ H
+        q = np.linalg.inv(covariance) @ mean + H.T @ np.linalg.inv(R) @ z
+        np.testing.assert_allclose(after.covariance, np.linalg.inv(omega), rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(after.mean, np.linalg.solve(omega, q), rtol=1e-7)
+        nu = innovation(Gaussian(mean, covariance), z, R)
+        np.testing.assert_allclose(nu.mean, z - mean[:2], rtol=1e-14)
+        np.testing.assert_allclose(nu.covariance, covariance[:2, :2] + R, rtol=1e-14)
+
+
+def test_a_run_is_filterpys_kalman_filter():
+    rng = np.random.default_rng(2)
+    peer = KalmanFilter(4, 2)
+    peer.x, peer.P, peer.F, peer.Q, peer.H = np.zeros(4), 3 * np.eye(4), MOTION.F, MOTION.Q, H
+    belief = Gaussian(np.zeros(4), 3 * np.eye(4))
+    for k in range(50):
+        z, R = np.array([0.3 * k, -0.1 * k]) + rng.normal(size=2), np.diag(rng.uniform(0.1, 1, 2))
+        peer.predict()
+        peer.update(z, R)
+        belief = update(MOTION.predict(belief), z, R)
+    np.testing.assert_allclose(belief.mean, peer.x, rtol=1e-10)
+    np.testing.assert_allclose(belief.covariance, peer.P, rtol=1e-10, atol=1e-14)
+
+
+def test_information_form_and_back_is_the_identity():
+    means, covariances = random_beliefs(np.random.default_rng(3), 30)
+    q, omega = information_form(means, covariances)
+    np.testing.assert_allclose(omega @ covariances, np.tile(np.eye(4), (30, 1, 1)), atol=1e-8)
+    back_means, back_covariances = moment_form(q, omega)
+    np.testing.assert_allclose(back_means, means, rtol=1e-7)
+    np.testing.assert_allclose(back_covariances, covariances, rtol=1e-6, atol=1e-9)
+    for matrices in (omega, back_covariances):
+        np.testing.assert_array_equal(matrices, np.swapaxes(matrices, 1, 2))
+        assert np.linalg.eigvalsh(matrices).min() > 0
+
+
+def test_covariances_stay_symmetric_and_positive_definite_over_a_thousand_precise_updates():
+    belief = Gaussian(np.zeros(4), 1e4 * np.eye(4))
+    for _ in range(1000):
+        belief = update(MOTION.predict(belief), np.zeros(2), 1e-8 * np.eye(2))
+        np.testing.assert_array_equal(belief.covariance, belief.covariance.T)
+        assert np.linalg.eigvalsh(belief.covariance).min() > 0

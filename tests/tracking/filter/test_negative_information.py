@@ -1,0 +1,222 @@
+"""Beliefs after a scan without a detection, against closed forms and sampling."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers.scenes import ABOVE, CAMERA, MOTION, play, scan, track, tracker
+from scipy import stats
+
+from tracking.filter.negative_information import crossed, given_undetected, look
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, TARGET_HEIGHT, Forest, Tree
+from tracking.measurement_update import foreseen
+from tracking.tracker import Scan, TrackerParameters
+
+
+def belief(rng):
+    root = rng.normal(size=(4, 4))
+    return rng.normal(0, 5, 4), root @ root.T + 0.1 * np.eye(4)
+
+
+def seen_where(condition, mean, covariance):
+    """At which sample positions a person would be seen, if that is where `condition` holds."""
+    return condition(mean[:2] + SAMPLES @ np.linalg.cholesky(covariance[:2, :2]).T)
+
+
+def test_the_samples_stand_for_a_standard_normal_distribution():
+    np.testing.assert_allclose(SAMPLES.mean(axis=0), 0, atol=1e-15)
+    second = SAMPLES.T @ SAMPLES / len(SAMPLES) + SAMPLE_VARIANCE * np.eye(2)
+    np.testing.assert_allclose(second, np.eye(2), atol=1e-14)
+    assert np.mean(np.abs(SAMPLES[:, 0])) == pytest.approx(math.sqrt(2 / math.pi), rel=1e-12)
+
+
+@pytest.mark.parametrize("value", [False, True])
+def test_nothing_is_learnt_where_all_or_nothing_would_have_been_seen(value):
+    mean, covariance = belief(np.random.default_rng(0))
+    seen = np.full((1, len(SAMPLES)), value)
+    means, covariances = given_undetected((mean[None], covariance[None]), 1 - 0.99 * seen)
+    np.testing.assert_array_equal(means[0], mean)
+    np.testing.assert_array_equal(covariances[0], covariance)
+
+
+def test_an_edge_through_the_mean_leaves_the_moments_of_half_a_normal_distribution():
+    covariance = np.diag([4.0, 1.0, 1.0, 1.0])
+    covariance[0, 2] = covariance[2, 0] = 1.2
+    mean = np.array([3.0, 0.0, 1.0, 0.5])
+    seen = seen_where(lambda p: p[:, 0] > 3.0, mean, covariance)
+    means, covariances = given_undetected((mean[None], covariance[None]), 1 - (1 - 1e-12) * seen[None])
+    half = stats.halfnorm()
+    shift = -half.mean()
+    assert means[0, 0] - 3.0 == pytest.approx(2 * shift, rel=1e-9)
+    assert covariances[0, 0, 0] == pytest.approx(4 * half.var(), rel=1e-9)
+    # What is correlated with the position follows by regression: slope 1.2 / 4.
+    assert means[0, 2] - 1.0 == pytest.approx(0.3 * (means[0, 0] - 3.0), rel=1e-9)
+    assert covariances[0, 2, 2] == pytest.approx(1 - 0.09 * (4 - covariances[0, 0, 0]), rel=1e-9)
+    assert means[0, 1] == pytest.approx(0.0, abs=1e-12) and covariances[0, 1, 1] == pytest.approx(1.0, rel=1e-9)
+
+
+def test_random_half_planes_give_the_moments_of_weighted_samples():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        mean, covariance = belief(rng)
+        angle, offset = rng.uniform(0, 2 * math.pi), rng.uniform(-0.6, 0.6)
+        normal = np.array([math.cos(angle), math.sin(angle)])
+        scale = math.sqrt(normal @ covariance[:2, :2] @ normal)
+
+        def visible(p, mean=mean, normal=normal, limit=offset * scale):
+            return (p - mean[:2]) @ normal > limit
+
+        means, covariances = given_undetected(
+            (mean[None], covariance[None]), 1 - 0.9 * seen_where(visible, mean, covariance)[None]
+        )
+        states = rng.multivariate_normal(mean, covariance, 100_000)
+        weights = 1 - 0.9 * visible(states[:, :2])
+        expected = np.average(states, axis=0, weights=weights)
+        spread = np.cov(states.T, aweights=weights)
+        sigma = np.sqrt(np.diag(covariance))
+        assert np.all(np.abs(means[0] - expected) < 0.2 * sigma)
+        assert np.all(np.abs(np.sqrt(np.diag(covariances[0])) - np.sqrt(np.diag(spread))) < 0.15 * sigma)
+
+
+def test_covariances_stay_positive_definite_and_never_grow_for_many_scans_of_the_same_empty_place():
+    mean, covariance = np.zeros(4), np.diag([4.0, 4.0, 1.0, 1.0])
+    means, covariances = mean[None], covariance[None]
+    for _ in range(200):
+        seen = seen_where(lambda p: np.hypot(*(p - 1.0).T) > 1.5, means[0], covariances[0])
+        before = np.trace(covariances[0])
+        means, covariances = given_undetected((means, covariances), 1 - 0.99 * seen[None])
+        assert np.linalg.eigvalsh(covariances[0]).min() > 0
+        assert np.trace(covariances[0]) <= before * (1 + 1e-9)
+    assert np.hypot(*(means[0, :2] - 1.0)) < 1.5
+
+
+def test_a_weight_tempers_the_likelihood_and_zero_turns_it_off():
+    mean, covariance = belief(np.random.default_rng(4))
+    seen = seen_where(lambda p: p[:, 0] > mean[0], mean, covariance)[None]
+    predicted = mean[None], covariance[None]
+
+    def undetected(weight):
+        p = TrackerParameters(MOTION, absence_weight=weight)
+        return foreseen(predicted, np.ones(1), seen, 1 - 0.99 * seen, p).undetected[0][0, 0]
+
+    off, half, full = undetected(0.0), undetected(0.5), undetected(1.0)
+    assert off == pytest.approx(mean[0], rel=1e-12)
+    # Half the mass is seen: with the likelihood l there, the mean moves by (1 - l) / (1 + l) of the full shift.
+    tempered, plain = (1 - 0.1) / (1 + 0.1), (1 - 0.01) / (1 + 0.01)
+    assert (half - mean[0]) / (full - mean[0]) == pytest.approx(tempered / plain, rel=1e-9)
+
+
+INSTANTS = (10, 25, 35, 50, 65)  # scans: 2 to 13 s
+
+
+def start(radius: float, speed: float) -> np.ndarray:
+    """A state under a canopy, on the way out."""
+    return np.array([-0.2 * radius, 0.0, speed, 0.0])
+
+
+def true_posterior(
+    radius: float, speed: float, detection: float = 0.99, count: int = 40_000
+) -> tuple[np.ndarray, np.ndarray]:
+    """Means and deviations, at `INSTANTS`, of who walks under the tree and is not seen, by a particle filter."""
+    rng, tree = np.random.default_rng(5), Forest((Tree(0.0, 0.0, radius),))
+    kick, out = MOTION.sigma_a * np.kron([[MOTION.dt**2 / 2], [MOTION.dt]], np.eye(2)), []
+    x = rng.multivariate_normal(start(radius, speed), 0.05 * np.eye(4), count)
+    for k in range(INSTANTS[-1] + 1):
+        if k:
+            x = x @ MOTION.F.T + rng.normal(size=(count, 2)) @ kick.T
+        points = np.column_stack([x[:, :2], np.full(count, TARGET_HEIGHT)])
+        weights = 1.0 - detection * (CAMERA.sees(ABOVE, points) & tree.visible(ABOVE.position, points)[0])
+        x = x[rng.choice(count, count, p=weights / weights.sum())]
+        if k in INSTANTS:
+            out.append((x.mean(axis=0), x.std(axis=0)))
+    means, deviations = zip(*out, strict=True)
+    return np.array(means), np.array(deviations)
+
+
+def believed(radius: float, speed: float, every: int = 1, **settings) -> tuple[np.ndarray, np.ndarray]:
+    """The same of a tracker that has a frame in some of the scans."""
+    known, tree = track(3, *start(radius, speed), variance=0.05), Forest((Tree(0.0, 0.0, radius),))
+    subject, out = tracker(known, forest=tree, delete=(60, 60), **settings), []
+    for k in range(INSTANTS[-1] + 1):
+        if k % every == 0:
+            play(subject, [scan(k)])
+        if k in INSTANTS:
+            belief = subject.tracks[0].belief
+            out.append((belief.mean, np.sqrt(np.diag(belief.covariance))))
+    means, deviations = zip(*out, strict=True)
+    return np.array(means), np.array(deviations)
+
+
+UNDER_TREES = [(1.0, 1.5), (2.0, 1.5), (2.0, 0.5), (5.0, 0.7), (5.0, 1.5), (8.0, 1.5)]
+
+
+@pytest.mark.parametrize(("radius", "speed"), UNDER_TREES)
+def test_who_does_not_come_out_is_believed_where_particles_are_and_as_surely(radius, speed):
+    """About as wide and, for the width, not far off, under small and large canopies; not so without this evidence."""
+    means, deviations = true_posterior(radius, speed)
+    found, widths = believed(radius, speed)
+    assert np.max(np.abs(found - means) / deviations) < 1.1
+    assert 0.8 < np.min(widths / deviations) and np.max(widths / deviations) < 1.6
+    if radius < 8.0:  # from under which it takes longer to come out than this
+        found, widths = believed(radius, speed, absence_weight=0.0)
+        assert np.max(np.abs(found - means) / deviations) > 2.0 and np.max(widths / deviations) > 2.0
+
+
+@pytest.mark.parametrize(("radius", "speed"), UNDER_TREES[1:])
+def test_fewer_frames_say_as_much(radius, speed):
+    """One a second instead of five; out of the smallest canopy people come between two of them."""
+    means, deviations = true_posterior(radius, speed)
+    found, widths = believed(radius, speed, every=5)
+    assert np.max(np.abs(found - means) / deviations) < 0.8
+    assert 0.7 < np.min(widths / deviations) and np.max(widths / deviations) < 1.5
+
+
+@pytest.mark.parametrize("detection", [0.7, 0.9, 0.999])
+def test_so_do_detectors_that_miss_more_or_less(detection):
+    """What is seen again says who has come meanwhile; that does not depend on how surely they are detected."""
+    for radius, speed in UNDER_TREES[1:4]:
+        means, deviations = true_posterior(radius, speed, detection)
+        found, widths = believed(radius, speed, detection_probability=detection)
+        assert np.max(np.abs(found - means) / deviations) < 0.8
+        assert 0.7 < np.min(widths / deviations) and np.max(widths / deviations) < 1.6
+
+
+def test_people_cross_a_share_of_their_belief():
+    covariances = np.array(
+        [np.diag([4.0, 4.0, 1.0, 1.0]), np.diag([3.0, 0.0, 0.0, 2.0]), np.diag([9.0, 9.0, 1.0, 1.0])]
+    )
+    means = np.array([[5.0, 5.0, 0.0, 0.0], [0.0, 0.0, 3.0, 4.0], [1.0, 0.0, 0.0, 4.0]])
+    expected = [0.2 * math.sqrt(2 / 8), 0.2 * math.sqrt(27 / 3), 0.2 * math.sqrt(18 / 18)]
+    np.testing.assert_allclose(crossed((means, covariances), 0.2), expected, rtol=1e-12)
+    np.testing.assert_allclose(crossed((means, covariances), 1.5), 7.5 * np.array(expected), rtol=1e-12)
+
+
+def test_a_look_says_all_where_the_last_one_did_not_reach():
+    tree = Forest((Tree(3.0, 0.0, 3.0),))
+    beliefs = np.zeros((1, 4)), np.diag([4.0, 4.0, 1.0, 1.0])[None]
+    beside = Pose.level(0.0, 10.5, 20.0)  # its view ends within the belief
+    points = np.column_stack([2.0 * SAMPLES, np.full(len(SAMPLES), TARGET_HEIGHT)])
+    there, before = (CAMERA.sees(p, points) & tree.visible(p.position, points)[0] for p in (ABOVE, beside))
+    assert (there & before).any() and (there & ~before).any()
+
+    def looked(time, last):
+        return look(CAMERA, tree, beliefs, now=(time, ABOVE), last=last, detection_probability=0.9)
+
+    seen, missed = looked(1.2, (1.0, beside))
+    np.testing.assert_array_equal(seen[0], there)
+    again = math.exp(-4.5 * 0.2 * math.sqrt(2 / 8))
+    np.testing.assert_allclose(missed[0], np.where(there, np.where(before, again, 0.1), 1.0), rtol=1e-12)
+    late, first = looked(9.0, (1.0, beside))[1], looked(9.0, None)[1]
+    np.testing.assert_allclose(late[0], np.where(there, 0.1, 1.0), rtol=1e-12)
+    np.testing.assert_array_equal(first, late)
+
+
+def test_the_first_look_at_a_place_counts_in_full():
+    """From then on only what may have come there since does: a look at once says nothing."""
+    tree, known = Forest((Tree(3.0, 0.0, 3.0),)), track(3, 0.0, 0.0, 1.0, 0.0, variance=1.0)
+    first, often = (tracker(known, forest=tree) for _ in range(2))
+    first.step(scan(0))
+    play(often, [Scan(0, 1e-5 * k, ABOVE, np.zeros((0, 2)), np.zeros((0, 2, 2))) for k in range(20)])
+    assert first.tracks[0].belief.mean[0] > 0.2
+    np.testing.assert_allclose(often.tracks[0].belief.mean, first.tracks[0].belief.mean, atol=1e-3)

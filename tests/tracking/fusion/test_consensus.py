@@ -1,0 +1,306 @@
+"""Consensus: the average it tends to, how fast, and ids that agree without a server."""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.graphs import GATE, exchange, graph, message, metropolis
+
+from tracking.filter.kalman import information_form
+from tracking.fusion.consensus import combine, fuse
+from tracking.fusion.message import Message, born_id
+from tracking.management.deletion import Evidence
+
+
+def beliefs(rng: np.random.Generator, count: int, centre=(0, 0, 0, 0)) -> tuple[np.ndarray, np.ndarray]:
+    roots = rng.normal(size=(count, 4, 4)) * 0.5
+    covariances = roots @ np.swapaxes(roots, 1, 2) + 0.2 * np.eye(4)
+    return np.array(centre) + rng.normal(scale=0.3, size=(count, 4)), covariances
+
+
+class Heard:
+    """A member that says a given message and keeps what it is left with."""
+
+    match_gate, max_speed = GATE, 3.0
+
+    def __init__(self, said: Message) -> None:
+        self.said = said
+
+    def message(self, degree: int) -> Message:
+        return replace(self.said, degree=degree)
+
+    def accept(self, message: Message) -> None:
+        self.left = message
+
+
+def like_named(rng: np.random.Generator, uavs: int) -> list[Message]:
+    """Messages about the same five tracks that differ in all else."""
+    out = []
+    for u in range(uavs):
+        seen = rng.integers(0, 3, 5) / 5.0
+        evidence = Evidence(rng.integers(0, 3, (5, 3)) / 5.0, rng.integers(0, 4, 5), rng.integers(0, 4, 5))
+        said = message(u, range(1, 6), *beliefs(rng, 5), degree=0, weight=rng.uniform(0.1, 1.0, 5))
+        sightings = np.column_stack([rng.normal(size=(5, 2)), seen])
+        novel = rng.normal(size=(5, 20 + u + 1)) * (rng.random((5, 1)) < 0.5)
+        company = (int(rng.integers(0, uavs)), float(rng.integers(0, 3)))
+        out.append(replace(said, evidence=evidence, sightings=sightings, novel=novel, company=company))
+    return out
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_table_of_all_messages_gives_what_each_uav_makes_of_those_it_hears(seed, monkeypatch):
+    """Bit by bit, whatever they say, with lost messages; two rounds do not reach everybody."""
+    rng = np.random.default_rng(seed)
+    adjacency, lost = graph(("line", "ring")[seed % 2], 8), rng.random((2, 8, 8)) < 0.4
+    members = [Heard(said) for said in like_named(rng, 8)]
+    expected = [m.message(int(row.sum())) for m, row in zip(members, adjacency, strict=True)]
+    for k in range(2):
+        expected = exchange(expected, adjacency & ~lost[k], 1)
+    monkeypatch.setattr("tracking.fusion.consensus.combine", None)  # one table for all is what is taken
+    fuse(members, adjacency, 2, lost)
+    assert len({m.evidence.times.tobytes() for m in expected}) > 1
+    for ours, theirs in zip([m.left for m in members], expected, strict=True):
+        assert (ours.company, ours.met, ours.deleted) == (theirs.company, theirs.met, theirs.deleted)
+        for name in ("ids", "aliases", "shares", "sightings"):
+            np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
+        for name in ("times", "misses", "shared"):
+            np.testing.assert_array_equal(getattr(ours.evidence, name), getattr(theirs.evidence, name))
+        width = theirs.novel.shape[1]  # columns of UAVs that it has not heard of are empty
+        np.testing.assert_array_equal(ours.novel[:, :width], theirs.novel)
+        assert not ours.novel[:, width:].any()
+
+
+@pytest.mark.parametrize("kind", ["line", "complete"])
+def test_what_a_fleet_agrees_on_stays_and_the_rest_is_mixed_by_metropolis_weights(kind):
+    rng, adjacency = np.random.default_rng(3), graph(kind, 6)
+    first, *_ = said = like_named(rng, 6)
+    novel = rng.normal(size=(6, 5, 26))
+    agreed = [
+        replace(
+            m,
+            evidence=Evidence(m.evidence.times, first.evidence.misses, first.evidence.shared),
+            sightings=first.sightings,
+            company=first.company,
+            novel=part,
+        )
+        for m, part in zip(said, novel, strict=True)
+    ]
+    members = [Heard(m) for m in agreed]
+    fuse(members, adjacency, 1)
+    weights, hears = metropolis(adjacency), adjacency | np.eye(6, dtype=bool)
+    for u, left in enumerate(m.left for m in members):
+        for ours, all_of_them in ((left.shares, np.array([m.shares for m in said])), (left.novel, novel)):
+            np.testing.assert_allclose(ours, np.tensordot(weights[u], all_of_them, 1), rtol=1e-12, atol=1e-12)
+        heard = [m.evidence.times for m, one in zip(said, hears[u], strict=True) if one]
+        np.testing.assert_array_equal(left.evidence.times, np.max(heard, axis=0))
+        np.testing.assert_array_equal(left.evidence.misses, first.evidence.misses)
+        np.testing.assert_array_equal(left.evidence.shared, first.evidence.shared)
+        np.testing.assert_array_equal(left.sightings, first.sightings)
+        assert (left.company, left.met) == (first.company, False)
+
+
+@pytest.mark.parametrize("columns", [0, 21])
+def test_a_fleet_without_tracks_agrees_on_that(columns):
+    rng = np.random.default_rng(0)
+    said = [m.only(np.array([], dtype=np.int64)) for m in like_named(rng, 3)]
+    members = [Heard(replace(m, novel=np.zeros((0, columns)))) for m in said]
+    fuse(members, graph("complete", 3), 2)
+    assert [(m.left.shares.shape, m.left.evidence.times.shape) for m in members] == [((0, 21), (0, 3))] * 3
+
+
+def team(means, covariances, adjacency: np.ndarray, weights=None) -> list[Message]:
+    """One track, the same id, held by all."""
+    weights = np.ones(len(means)) if weights is None else weights
+    return [
+        message(i, [7], means[i], covariances[i], degree=int(row.sum()), weight=weights[i])
+        for i, row in enumerate(adjacency)
+    ]
+
+
+@pytest.mark.parametrize("kind", ["complete", "ring", "line"])
+def test_consensus_among_uavs_that_all_see_converges_to_the_information_average(kind):
+    adjacency = graph(kind, 5)
+    means, covariances = beliefs(np.random.default_rng(0), 5)
+    q, omega = information_form(means, covariances)
+    for m in exchange(team(means, covariances, adjacency), adjacency, 200):
+        mean, covariance = m.beliefs()
+        np.testing.assert_allclose(covariance[0], np.linalg.inv(omega.mean(axis=0)), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(mean[0], np.linalg.solve(omega.mean(axis=0), q.mean(axis=0)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["ring", "line"])
+def test_the_error_falls_with_the_second_eigenvalue_of_the_metropolis_weights(kind):
+    adjacency = graph(kind, 6)
+    rate = np.sort(np.abs(np.linalg.eigvalsh(metropolis(adjacency))))[-2]
+    messages = team(*beliefs(np.random.default_rng(1), 6), adjacency)
+    target = np.mean([m.shares for m in messages], axis=0)
+    errors = []
+    for _ in range(40):
+        errors.append(np.linalg.norm([m.shares - target for m in messages]))
+        messages = exchange(messages, adjacency, 1)
+    assert np.all(np.array(errors) <= errors[0] * rate ** np.arange(40) * (1 + 1e-9))
+    assert errors[39] / errors[38] == pytest.approx(rate, rel=1e-2)
+
+
+def test_a_complete_graph_agrees_after_one_round():
+    adjacency = graph("complete", 4)
+    after = exchange(team(*beliefs(np.random.default_rng(2), 4), adjacency), adjacency, 1)
+    for m in after[1:]:
+        np.testing.assert_allclose(m.shares, after[0].shares, rtol=1e-12, atol=1e-12)
+
+
+def test_uavs_count_by_the_weight_of_what_they_saw():
+    adjacency, weights = graph("ring", 4), np.array([1.0, 0.25, 1e-9, 0.5])
+    means, covariances = beliefs(np.random.default_rng(3), 4)
+    q, omega = information_form(means, covariances)
+    average = np.average(omega, axis=0, weights=weights)
+    for m in exchange(team(means, covariances, adjacency, weights), adjacency, 200):
+        mean, covariance = m.beliefs()
+        np.testing.assert_allclose(covariance[0], np.linalg.inv(average), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(mean[0], np.linalg.solve(average, np.average(q, axis=0, weights=weights)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["complete", "ring", "line"])
+def test_the_only_one_who_saw_decides_what_all_believe_as_soon_as_word_reaches_them(kind):
+    adjacency = graph(kind, 5)
+    means, covariances = beliefs(np.random.default_rng(4), 5)
+    weights = np.array([1.0, 1e-9, 1e-9, 1e-9, 1e-9])
+    for m in exchange(team(means, covariances, adjacency, weights), adjacency, 5):
+        mean, covariance = m.beliefs()
+        np.testing.assert_allclose(mean[0], means[0], atol=1e-5)
+        np.testing.assert_allclose(covariance[0], covariances[0], atol=1e-5)
+
+
+def test_what_one_uav_tells_of_a_new_track_is_taken_over_unchanged_and_counted_once():
+    adjacency = graph("line", 3)
+    means, covariances = beliefs(np.random.default_rng(5), 1)
+    empty = np.zeros((0, 4)), np.zeros((0, 4, 4))
+    messages = [
+        message(0, [9], means, covariances, degree=1),
+        message(1, [], *empty, degree=2),
+        message(2, [], *empty, degree=1),
+    ]
+    for rounds in (2, 5):
+        for m in exchange(messages, adjacency, rounds):
+            np.testing.assert_array_equal(m.ids, [9])
+            np.testing.assert_allclose(m.beliefs()[0], means, rtol=1e-10)
+            np.testing.assert_allclose(m.beliefs()[1], covariances, rtol=1e-9, atol=1e-12)
+
+
+def random_fleet(rng: np.random.Generator, adjacency: np.ndarray) -> list[Message]:
+    """Each UAV holds some of four people, far apart, under ids of its own for people met in this scan."""
+    centres = 20.0 * np.array([[0, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 0, 0]])
+    out = []
+    for uav, row in enumerate(adjacency):
+        held = np.flatnonzero(rng.random(4) < 0.6)
+        parts = [beliefs(rng, 1, centres[k]) for k in held]
+        means = np.array([p[0][0] for p in parts]).reshape(-1, 4)
+        covariances = np.array([p[1][0] for p in parts]).reshape(-1, 4, 4)
+        ids = [born_id(3, uav, c) for c in range(len(held))]
+        out.append(message(uav, ids, means, covariances, degree=int(row.sum())))
+    return out
+
+
+@pytest.mark.parametrize("kind", ["complete", "ring", "line"])
+def test_tracks_born_on_different_uavs_get_one_id_each_on_all_of_them(kind):
+    rng = np.random.default_rng(6)
+    adjacency = graph(kind, 6)
+    for _ in range(20):
+        messages = random_fleet(rng, adjacency)
+        after = exchange(messages, adjacency, 5)
+        people = {tuple(np.round(mean[:2] / 20).astype(int)) for m in messages for mean in m.beliefs()[0]}
+        for m in after:
+            np.testing.assert_array_equal(m.ids, after[0].ids)
+            assert {tuple(np.round(mean[:2] / 20).astype(int)) for mean in m.beliefs()[0]} == people
+            assert len(m.ids) == len(people)
+
+
+def test_the_fleets_sum_is_conserved_while_ids_change():
+    rng = np.random.default_rng(7)
+    adjacency = graph("line", 6)
+    for _ in range(20):
+        messages = random_fleet(rng, adjacency)
+        total = sum(m.shares.sum(axis=0) for m in messages)
+        for _ in range(5):
+            messages = exchange(messages, adjacency, 1)
+            np.testing.assert_allclose(sum(m.shares.sum(axis=0) for m in messages), total, rtol=1e-11, atol=1e-9)
+
+
+def test_the_smaller_id_stays():
+    means, covariances = beliefs(np.random.default_rng(8), 1)
+    pair = [message(u, [id], means, covariances, degree=1) for u, id in enumerate((31, 12))]
+    for m in exchange(pair, graph("line", 2), 1):
+        np.testing.assert_array_equal(m.ids, [12])
+
+
+def test_people_apart_by_more_than_their_uncertainty_stay_two():
+    covariance = 0.1 * np.eye(4)
+    # Squared distances of 0.2: one pair just inside the gate, one just outside.
+    for factor, count in ((0.99, 1), (1.01, 2)):
+        offset = np.array([math.sqrt(factor * GATE * 0.2), 0, 0, 0])
+        pair = [message(0, [1], np.zeros(4), covariance, degree=1), message(1, [2], offset, covariance, degree=1)]
+        assert [len(m.ids) for m in exchange(pair, graph("line", 2), 3)] == [count, count]
+
+
+def test_a_match_needs_velocities_that_agree():
+    covariance = 0.1 * np.eye(4)
+    pair = [
+        message(0, [1], [0, 0, 1.5, 0], covariance, degree=1),
+        message(1, [2], [0, 0, -1.5, 0], covariance, degree=1),
+    ]
+    assert [len(m.ids) for m in exchange(pair, graph("line", 2), 3)] == [2, 2]
+
+
+def test_neighbouring_pairs_are_matched_together_not_greedily():
+    covariance = 0.1 * np.eye(4)
+    ours = np.array([[0.0, 0, 0, 0], [1.0, 0, 0, 0]])
+    theirs = np.array([[0.9, 0, 0, 0], [1.9, 0, 0, 0]])  # nearest first would pair 1.0 with 0.9 and lose two
+    pair = [
+        message(0, [1, 2], ours, [covariance] * 2, degree=1),
+        message(1, [3, 4], theirs, [covariance] * 2, degree=1),
+    ]
+    for m in exchange(pair, graph("line", 2), 1):
+        np.testing.assert_array_equal(m.ids, [1, 2])
+        np.testing.assert_allclose(m.beliefs()[0][:, 0], [0.45, 1.45])
+
+
+def test_a_track_given_up_is_not_brought_back_by_who_still_holds_it():
+    means, covariances = beliefs(np.random.default_rng(9), 1)
+    holder = message(0, [5], means, covariances, degree=1, seen=3.0)
+    deleter = message(1, [], means[:0], covariances[:0], degree=1, deleted=((5, 4.0),))
+    for m in exchange([holder, deleter], graph("line", 2), 2):
+        assert len(m.ids) == 0
+        assert m.deleted == ((5, 4.0),)
+
+
+def test_a_track_seen_after_others_gave_it_up_lives():
+    means, covariances = beliefs(np.random.default_rng(10), 1)
+    holder = message(0, [5], means, covariances, degree=1, seen=4.5)
+    deleter = message(1, [], means[:0], covariances[:0], degree=1, deleted=((5, 4.0),))
+    for m in exchange([holder, deleter], graph("line", 2), 2):
+        np.testing.assert_array_equal(m.ids, [5])
+
+
+def test_times_of_evidence_reach_as_many_hops_as_there_are_rounds():
+    adjacency = graph("line", 5)
+    means, covariances = beliefs(np.random.default_rng(11), 5)
+    messages = [
+        message(i, [7], means[i], covariances[i], degree=int(row.sum()), seen=9.0 if i == 0 else 1.0)
+        for i, row in enumerate(adjacency)
+    ]
+    for rounds in range(6):
+        after = exchange(messages, adjacency, rounds)
+        assert [m.evidence.times[0, 0] for m in after] == [9.0 if i <= rounds else 1.0 for i in range(5)]
+
+
+def test_no_two_births_share_an_id_and_older_ones_are_smaller():
+    ids = [born_id(*birth) for birth in itertools.product(range(1, 5), (0, 1, 999), (0, 1, 999))]
+    assert len(set(ids)) == len(ids)
+    assert born_id(2, 0, 0) > born_id(1, 999, 999) > 999_999
+
+
+def test_a_uav_without_neighbours_keeps_what_it_has():
+    own = message(0, [3], *beliefs(np.random.default_rng(12), 1), degree=0)
+    assert combine(own, [], GATE) is own

@@ -1,0 +1,167 @@
+"""Trackers as a fleet: one id per person, one end per track, whoever sees."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers.scenes import ABOVE, AWAY, CAMERA, R, check, play, scan, track, tracker
+
+from tracking.fusion.consensus import fuse
+from tracking.fusion.message import FIRST_BORN
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
+from tracking.tracker import Track, Tracker
+
+PAIR = np.ones((2, 2), bool)
+
+
+def fleet(count: int, *initial: Track, **settings) -> list[Tracker]:
+    return [tracker(*initial, uav=u, **settings) for u in range(count)]
+
+
+def line(n: int) -> np.ndarray:
+    i, j = np.indices((n, n))
+    return np.abs(i - j) == 1
+
+
+def test_a_track_lives_as_long_as_one_uav_of_the_fleet_sees_the_person():
+    trackers = fleet(3, track(3, 0, 0, 0, 0))
+    for k in range(20):
+        for u, t in enumerate(trackers):
+            t.step(scan(k, *([(0, 0)] if u == 0 else []), uav=u))
+        fuse(trackers, line(3), 5)
+    assert [[t.id for t in s.tracks] for s in trackers] == [[3]] * 3
+
+
+def test_the_whole_fleet_ends_a_track_in_the_same_scan():
+    trackers = fleet(4, track(3, 0, 0, 0, 0))
+    for k in range(6):
+        for u, t in enumerate(trackers):
+            t.step(scan(k, uav=u, pose=ABOVE if u == 3 else AWAY))
+        fuse(trackers, line(4), 5)
+        assert [len(t.tracks) for t in trackers] == [int(k < 4)] * 4
+
+
+def test_a_person_met_by_all_in_the_same_scan_gets_one_id_along_a_line():
+    rng = np.random.default_rng(5)
+    trackers = fleet(5)
+    for k in range(10):
+        for u, t in enumerate(trackers):
+            t.step(scan(k, *(np.array([[0, 0], [4, 4]]) + rng.normal(scale=0.15, size=(2, 2))), uav=u))
+        fuse(trackers, line(5), 5)
+        held = {tuple(t.id for t in s.tracks) for s in trackers}
+        assert len(held) == 1
+        assert len(held.pop()) == (2 if k else 0)
+
+
+def test_people_met_at_both_ends_of_a_line_get_one_id():
+    trackers = fleet(3)
+    for k in range(6):
+        for u, t in enumerate(trackers):
+            t.step(scan(k, *([(1, 1)] if u != 1 else []), uav=u, pose=AWAY if u == 1 else ABOVE))
+        fuse(trackers, line(3), 5)
+    assert [[t.id for t in s.tracks] for s in trackers] == [[2_000_000]] * 3
+
+
+def test_a_track_taken_over_from_a_neighbour_brings_its_misses_along():
+    trackers = [tracker(track(3, 0, 0, 0, 0)), tracker(uav=1)]
+    for k in range(5):
+        trackers[0].step(scan(k, uav=0))
+        trackers[1].step(scan(k, uav=1, pose=AWAY))
+        fuse(trackers, PAIR if k > 2 else np.eye(2, dtype=bool), 5)
+        assert [len(t.tracks) for t in trackers] == ([1, 0] if k < 3 else [1, 1] if k < 4 else [0, 0])
+
+
+def test_a_part_of_the_fleet_that_was_cut_off_does_not_bring_back_an_ended_track():
+    trackers = fleet(2, track(3, 0, 0, 0, 0))
+    for k in range(10):
+        trackers[0].step(scan(k, uav=0))
+        trackers[1].step(scan(k, uav=1, pose=AWAY))
+        fuse(trackers, PAIR if k > 7 else np.eye(2, dtype=bool), 5)
+        assert [len(t.tracks) for t in trackers] == ([1, 1] if k < 4 else [0, 1] if k < 8 else [0, 0])
+
+
+def test_a_part_that_was_cut_off_and_saw_the_person_since_brings_the_track_back():
+    trackers = fleet(2, track(3, 0, 0, 0, 0))
+    for k in range(10):
+        trackers[0].step(scan(k, uav=0))
+        trackers[1].step(scan(k, (0, 0), uav=1))
+        fuse(trackers, PAIR if k > 7 else np.eye(2, dtype=bool), 5)
+        assert [len(t.tracks) for t in trackers] == [int(k < 4 or k > 7), 1]
+
+
+def test_those_who_see_nothing_do_not_dilute():
+    trackers, lone = fleet(3, track(3, 0, 0, 0.5, 0)), tracker(track(3, 0, 0, 0.5, 0))
+    for k in range(15):
+        z = (0.1 * k + 0.05 * (-1) ** k, 0.02 * k)
+        for u, t in enumerate(trackers):
+            t.step(scan(k, *([z] if u == 2 else []), uav=u, pose=ABOVE if u == 2 else AWAY))
+        fuse(trackers, line(3), 5)
+        play(lone, [scan(k, z)])
+    for t in trackers:
+        np.testing.assert_allclose(t.tracks[0].belief.mean, lone.tracks[0].belief.mean, atol=1e-5)
+        np.testing.assert_allclose(t.tracks[0].belief.covariance, lone.tracks[0].belief.covariance, atol=1e-5)
+
+
+def walk(seed: int, scans: int = 150) -> tuple[list[Tracker], np.ndarray]:
+    """A fleet of three that starts from nothing above four people in a forest, with false alarms and misses."""
+    rng = np.random.default_rng(seed)
+    forest = Forest(tuple(Tree(*rng.uniform(-15, 15, 2), 1.5) for _ in range(12)))
+    trackers = fleet(3, forest=forest)
+    people = np.column_stack([rng.uniform(-6, 6, (4, 2)), rng.normal(scale=0.7, size=(4, 2))])
+    for k in range(scans):
+        people[:, 2:] += rng.normal(scale=0.05, size=(4, 2)) - 0.01 * people[:, :2]
+        people[:, :2] += 0.2 * people[:, 2:]
+        points = np.column_stack([people[:, :2], np.full(4, 0.85)])
+        for u, t in enumerate(trackers):
+            pose = Pose.level(*np.array([[0, 4], [4, -3], [-4, -3]])[u], 22.0)
+            seen = CAMERA.sees(pose, points) & forest.visible(pose.position, points)[0] & (rng.random(4) < 0.97)
+            z = people[seen, :2] + rng.multivariate_normal(np.zeros(2), R, int(seen.sum()))
+            false = pose.position[:2] + rng.uniform(-12, 12, (rng.poisson(0.05), 2))
+            t.step(scan(k, *z, *false, uav=u, pose=pose))
+        fuse(trackers, line(3), 5)
+        for t in trackers:
+            check(t)
+    return trackers, people
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_fleet_that_starts_from_nothing_finds_and_holds_all_people(seed):
+    trackers, people = walk(seed)
+    assert len({tuple(t.id for t in s.tracks) for s in trackers}) == 1
+    means = np.array([t.belief.mean[:2] for t in trackers[0].tracks])
+    assert len(means) == 4
+    nearest = np.linalg.norm(people[:, None, :2] - means, axis=2)
+    assert sorted(nearest.argmin(axis=1)) == [0, 1, 2, 3]
+
+
+def test_the_same_scans_give_the_same_bits():
+    first, second = (walk(7, 40)[0] for _ in range(2))
+    for a, b in zip(first, second, strict=True):
+        assert [t.id for t in a.tracks] == [t.id for t in b.tracks]
+        for s, t in zip(a.tracks, b.tracks, strict=True):
+            assert s.belief.mean.tobytes() == t.belief.mean.tobytes()
+            assert s.belief.covariance.tobytes() == t.belief.covariance.tobytes()
+
+
+def refound(*companions: tuple[float, float]) -> list[int]:
+    """Ids in the end where one UAV takes a person for new in the scan in which another takes up their lost track."""
+    trackers = fleet(2, track(3, 0, 0, 0, 0))
+    sharp, coarse = ([(3.0, 0.0), *companions], 0.01), ([(3.0, 0.0)], 0.2)
+    for k in range(12):
+        poses = [ABOVE if k >= 9 else AWAY, ABOVE if k >= 10 else AWAY]
+        for u, (t, (points, variance)) in enumerate(zip(trackers, (sharp, coarse), strict=True)):
+            seen = scan(k, *(points if poses[u] is ABOVE else []), uav=u, pose=poses[u])
+            t.step(dataclasses.replace(seen, covariances=variance * np.tile(np.eye(2), (len(seen.measurements), 1, 1))))
+        fuse(trackers, PAIR, 5)
+    assert trackers[0].tracks[0].id == trackers[1].tracks[0].id
+    return [t.id for t in trackers[0].tracks]
+
+
+def test_a_person_found_again_by_one_uav_and_taken_for_new_by_another_stays_one():
+    assert refound() == [3]
+
+
+def test_somebody_new_beside_a_person_who_is_found_again_is_still_found():
+    old, new = refound((7.0, 0.0))
+    assert old == 3 and new >= FIRST_BORN

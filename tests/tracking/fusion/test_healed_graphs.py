@@ -1,0 +1,54 @@
+"""Fleets that were all apart and heal to a line, a ring, a star or a complete graph: one track per person, one id."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.fleets import fleet, ids, play
+from helpers.graphs import exchange, graph
+from helpers.meetings import NOW, told
+from helpers.scenes import R
+
+
+def healing_to(kind: str, n: int) -> np.ndarray:
+    """Adjacency of a graph of n UAVs, of which the first is the star's hub."""
+    if kind != "star":
+        return graph(kind, n)
+    hub = np.arange(n) == 0
+    return hub[:, None] ^ hub[None]
+
+
+def turned(seed: int, kind: str) -> list[int]:
+    """How many tracks UAVs hold of a person who turned after the first one looked away, when all five meet."""
+    rng = np.random.default_rng(seed)
+    trackers, place, velocity = fleet(5), np.zeros(2), np.array([1.5, 0.0])
+    for k in range(15):
+        if k == 11:
+            angle = rng.uniform(-1.5, 1.5)
+            velocity = 1.5 * np.array([np.cos(angle), np.sin(angle)])
+        seen = [None if (u == 0 and k > 11) or k < 2 * u else [rng.multivariate_normal(place, R)] for u in range(5)]
+        play(trackers, k, seen, healing_to(kind, 5) if k == 14 else np.zeros((5, 5), bool))
+        place = place + 0.2 * velocity
+    assert len(set(ids(trackers))) == 1
+    return [len(t.tracks) for t in trackers]
+
+
+@pytest.mark.parametrize("kind", ["complete", "line", "ring", "star"])
+@pytest.mark.parametrize("seed", [20, 32])
+def test_a_track_last_seen_before_a_turn_gathers_the_newcomers_of_that_person(kind, seed):
+    """Some of the four newcomers agree with each other, but not with the track that one of them was matched to."""
+    assert turned(seed, kind) == [1] * 5
+
+
+def test_who_is_seen_now_keeps_a_track_though_another_matches_the_older_one_of_that_name():
+    """One company saw person 3 before, elsewhere; the other sees 3, and somebody where the first has 3."""
+    first = replace(told(0, [30.0], [0.05], [3], [907], [NOW - 0.2]), degree=1)
+    second = replace(told(1, [0.0, 30.2], [0.05, 0.05], [3, 50], [907, 950], [NOW, NOW]), degree=1, company=(1, NOW))
+    for message in exchange([first, second], graph("complete", 2), 5):
+        assert sorted(message.beliefs()[0][:, 0].round(1).tolist()) == [0.0, 30.1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["complete", "line", "ring", "star"])
+def test_whatever_the_graph_all_agree_in_the_scan_of_healing_and_hardly_anybody_is_doubled(kind):
+    assert sum(max(turned(seed, kind)) > 1 for seed in range(100, 200)) <= 1

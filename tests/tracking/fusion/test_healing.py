@@ -1,0 +1,81 @@
+"""What UAVs hold against tracks, whom they call new, and what they take for a graph, when they meet again."""
+
+import re
+
+import numpy as np
+import pytest
+from helpers.fleets import HALVES, WHOLE, fleet, ids, play
+from helpers.scenes import ABOVE, AWAY, scan, track, tracker
+
+from tracking.fusion.consensus import fuse
+from tracking.geometry.visibility import Forest, Tree
+
+PAIR = np.ones((2, 2), bool)
+
+
+def test_who_missed_a_person_in_the_meantime_has_nothing_against_their_track():
+    trackers = fleet(2, track(3, 0, 0, 0, 0))
+    for k in range(8):
+        seen = [(0.0, 0.0)]
+        looks = (seen if k <= 4 else None), (seen if k == 0 or k >= 6 else [])
+        for t, points in zip(trackers, looks, strict=True):
+            t.step(scan(k, *(points or []), uav=t.uav, pose=AWAY if points is None else ABOVE))
+        fuse(trackers, np.eye(2, dtype=bool) if 1 <= k <= 4 else PAIR, 5)
+        assert ids(trackers) == [(3,), (3,)]
+
+
+def test_somebody_renamed_when_halves_meet_does_not_take_the_track_of_a_hidden_person():
+    trees = Forest((Tree(0.0, 0.0, 3.0),))
+    trackers = [
+        tracker(track(3, -6 if u < 2 else 6, 0, 0, 0), track(4, 0, 0, 0, 0), uav=u, forest=trees) for u in range(4)
+    ]
+    for k in range(14):
+        everyone = [[(-6, 0), (6, 0)]] * 4
+        play(trackers, k, everyone if k >= 11 else [[(-6, 0)]] * 2 + [[(6, 0)]] * 2, WHOLE if k >= 11 else HALVES)
+        if k >= 11:
+            places = [[t.belief.mean[:2].round(1).tolist() for t in s.tracks] for s in trackers]
+            assert places == [[[-6.0, 0.0], [0.0, 0.0], [6.0, 0.0]]] * 4
+            assert len(set(ids(trackers))) == 1 and ids(trackers)[0][:2] == (3, 4)
+
+
+def test_people_are_found_though_any_absence_makes_somebody_lost():
+    trackers = fleet(1, recovery_after=0.0)
+    for k in range(6):
+        trackers[0].step(scan(k, (0, 0), (5, 5)))
+        fuse(trackers, np.zeros((1, 1), bool), 5)
+    assert len(trackers[0].tracks) == 2
+
+
+@pytest.mark.parametrize("interval", [0.09, 0.1, 0.29, 0.3])
+def test_scans_between_the_steps_of_the_motion_model_add_up_to_no_drift(interval):
+    subject = tracker(track(3, 0, 0, 2, 0))
+    for k in range(31):
+        subject.coast(k * interval)
+    assert subject.tracks[0].belief.mean[0] == pytest.approx(2 * 30 * interval, abs=2 * 0.1 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("adjacency", "rounds", "lost", "complaint"),
+    [
+        (np.ones((3, 3), bool), 5, None, "adjacency must be bool (2, 2), is bool (3, 3)"),
+        (np.ones((1, 1), bool), 5, None, "adjacency must be bool (2, 2), is bool (1, 1)"),
+        (np.ones((2, 2)), 5, None, "adjacency must be bool (2, 2), is float64 (2, 2)"),
+        (np.triu(PAIR), 5, None, "adjacency must be symmetric"),
+        (PAIR, -1, None, "rounds must be a whole number of at least 0, is -1"),
+        (PAIR, 2, np.zeros((1, 2, 2), bool), "lost must have shape (2, 2, 2), has (1, 2, 2)"),
+    ],
+)
+def test_what_is_no_graph_is_refused(adjacency, rounds, lost, complaint):
+    with pytest.raises(ValueError, match=re.escape(complaint)):
+        fuse(fleet(2), adjacency, rounds, lost)
+
+
+def test_two_members_of_one_name_are_refused():
+    with pytest.raises(ValueError, match=re.escape("uav must differ among members, are [0, 0]")):
+        fuse([tracker(), tracker()], PAIR, 5)
+
+
+@pytest.mark.parametrize("setting", [{"life": "existence"}, {"fusion": "hcmci"}])
+def test_members_that_do_not_speak_alike_are_refused(setting):
+    with pytest.raises(ValueError, match=f"{next(iter(setting))} must be the same for all members"):
+        fuse([tracker(), tracker(uav=1, **setting)], PAIR, 5)

@@ -1,0 +1,207 @@
+"""What losses, splits and silence do to a fleet of trackers, and what they do not."""
+
+import numpy as np
+import pytest
+from helpers.fleets import HALVES, WHOLE, fleet, ids, play
+from helpers.graphs import graph
+from helpers.scenes import ABOVE, AWAY, CAMERA, MOTION, R, check, scan, track, tracker
+
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
+from tracking.tracker import Tracker
+
+FUSIONS = pytest.mark.parametrize("fusion", ["kla", "hcmci"])
+
+
+def disagreement(trackers: list[Tracker]) -> float:
+    """Largest difference of positions [m] between UAVs; their ids must agree."""
+    assert len(set(ids(trackers))) == 1
+    means = np.array([[t.belief.mean[:2] for t in s.tracks] for s in trackers]).reshape(len(trackers), -1, 2)
+    return float(np.ptp(means, axis=0).max(initial=0.0))
+
+
+class Walkers:
+    """People who stay about the origin, and what UAVs on a circle above see of them between trees."""
+
+    def __init__(self, seed: int, uavs: int) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.forest = Forest(tuple(Tree(*self.rng.uniform(-12, 12, 2), 1.5) for _ in range(12)))
+        self.states = np.column_stack([self.rng.uniform(-6, 6, (5, 2)), self.rng.normal(scale=0.9, size=(5, 2))])
+        angles = 2 * np.pi * np.arange(uavs) / uavs
+        self.poses = [Pose.level(5 * np.cos(a), 5 * np.sin(a), 18.0) for a in angles]
+
+    def walk(self, trackers: list[Tracker], k: int) -> None:
+        self.states[:, 2:] += self.rng.normal(scale=0.1, size=(5, 2)) - 0.02 * self.states[:, :2]
+        self.states[:, :2] += 0.2 * self.states[:, 2:]
+        points = np.column_stack([self.states[:, :2], np.full(5, 0.85)])
+        for t in trackers:
+            pose = self.poses[t.uav]
+            seen = CAMERA.sees(pose, points) & self.forest.visible(pose.position, points)[0]
+            seen &= self.rng.random(5) < 0.97
+            noise = self.rng.multivariate_normal(np.zeros(2), R, int(seen.sum()))
+            t.step(scan(k, *(points[seen, :2] + noise), uav=t.uav, pose=pose))
+
+    def held(self, t: Tracker) -> list[int]:
+        """The person nearest to each track."""
+        means = np.array([s.belief.mean[:2] for s in t.tracks])
+        return np.linalg.norm(means[:, None] - self.states[None, :, :2], axis=2).argmin(axis=1).tolist()
+
+
+@FUSIONS
+@pytest.mark.parametrize("kind", ["complete", "ring"])
+def test_with_half_of_all_messages_lost_the_fleet_agrees_and_doubles_or_loses_nobody(kind, fusion):
+    apart = []
+    for seed in range(2):
+        people = Walkers(seed, 5)
+        trackers = fleet(5, forest=people.forest, fusion=fusion)
+        for k in range(60):
+            people.walk(trackers, k)
+            fuse(trackers, graph(kind, 5), 5, people.rng.random((5, 5, 5)) < 0.5)
+            if k >= 10:
+                apart.append(disagreement(trackers))
+                assert len(trackers[0].tracks) == 5
+            for t in trackers:
+                check(t)
+        assert sorted(people.held(trackers[0])) == [0, 1, 2, 3, 4]
+    assert np.median(apart) < 0.15  # m; single measurements err by 0.3 m
+
+
+@FUSIONS
+@pytest.mark.parametrize(("kind", "seed"), [("complete", 0), ("ring", 0), ("ring", 3)])
+def test_a_fleet_that_was_split_agrees_in_the_scan_in_which_it_heals(kind, seed, fusion):
+    people = Walkers(seed, 6)
+    trackers = fleet(6, forest=people.forest, fusion=fusion)
+    side = np.arange(6) < 3
+    parted = graph(kind, 6) & (side[:, None] == side[None])
+    for k in range(62):
+        people.walk(trackers, k)
+        fuse(trackers, parted if k < 60 else graph(kind, 6), 5)
+        if k == 59:
+            # Both parts met everybody on their own.
+            assert not {id for held in ids(trackers[:3]) for id in held} & {i for h in ids(trackers[3:]) for i in h}
+    assert disagreement(trackers) < 0.15
+    assert sorted(people.held(trackers[0])) == [0, 1, 2, 3, 4]
+
+
+def conflict(fusion: str, scans: int) -> list[Tracker]:
+    """A lost person, and a stranger whom one half of the fleet takes for them while the other half sees them again."""
+    trackers = fleet(4, track(3, 0, 0, 0.2, 0), forest=Forest((Tree(0, 0, 3.0),)), fusion=fusion)
+    for k in range(scans):
+        stranger, person = (-5.0, 3.0 + 0.1 * (k - 10)), (3.4, 0.1 * (k - 14))
+        first = [stranger] if k >= 10 else []
+        second = [person] if k >= 14 else []
+        healed = k == scans - 1
+        play(trackers, k, [first, first, second, second], WHOLE if healed else HALVES)
+        if k == scans - 2:
+            assert ids(trackers) == [(3,)] * 4 and np.ptp([t.tracks[0].belief.mean[0] for t in trackers]) > 7.0
+    return trackers
+
+
+@FUSIONS
+@pytest.mark.parametrize("adjacency", [WHOLE, graph("line", 4)])
+def test_two_people_whom_the_halves_gave_one_id_become_two_for_all_when_they_meet(fusion, adjacency):
+    trackers = conflict(fusion, 20)
+    assert disagreement(trackers) < 0.05
+    kept, other = trackers[0].tracks
+    # The company of the smaller UAV keeps the id.
+    assert kept.id == 3 and kept.belief.mean[0] < -4.5
+    assert other.id > 3 and other.belief.mean[0] > 3.0
+    for k in range(20, 30):
+        play(trackers, k, [[(-5.0, 3.0 + 0.1 * (k - 10)), (3.4, 0.1 * (k - 14))]] * 4, adjacency)
+        assert set(ids(trackers)) == {(3, other.id)}
+
+
+def test_people_whose_ids_the_halves_swapped_keep_one_each():
+    there, here = (-4.0, 0.0), (4.0, 0.0)
+    beliefs = [track(3, *there, 0, 0), track(4, *here, 0, 0)], [track(3, *here, 0, 0), track(4, *there, 0, 0)]
+    trackers = [tracker(*beliefs[u // 2], uav=u) for u in range(4)]
+    for k in range(12):
+        play(trackers, k, [[there, here]] * 4, WHOLE if k == 11 else HALVES)
+        assert ids(trackers) == [(3, 4)] * 4
+    assert disagreement(trackers) < 1e-6
+    np.testing.assert_allclose([t.belief.mean[:2] for t in trackers[3].tracks], [there, here], atol=0.1)
+
+
+def test_a_person_whom_one_half_lost_is_where_the_other_half_sees_them():
+    """One half believes the person still under the tree; the other saw them come out and turn."""
+    trackers = fleet(4, track(3, -2, 0, 0.5, 0), forest=Forest((Tree(0, 0, 3.0),)))
+    for k in range(25):
+        walked = [(0.0, 3.5 + 0.2 * (k - 12))] if k >= 12 else []
+        play(trackers, k, [walked, walked, None, None], WHOLE if k == 24 else HALVES)
+    assert ids(trackers) == [(3,)] * 4
+    assert disagreement(trackers) < 1e-6
+    np.testing.assert_allclose(trackers[3].tracks[0].belief.mean[:2], [0.0, 5.9], atol=0.2)
+
+
+@pytest.mark.parametrize("adjacency", [WHOLE, graph("line", 4)])
+def test_a_person_whom_both_halves_met_and_one_lost_is_one_and_keeps_the_older_id(adjacency):
+    """Nobody looks when the halves meet, and the beliefs differ: what counts is who saw the person of late."""
+    trackers = fleet(4, fusion="hcmci")
+    for k in range(19):
+        place = (0.3 * k, 0.0) if k < 10 else (3.0, 0.3 * (k - 10))  # turns when only the second half looks
+        first = [place] if 3 <= k < 10 else None
+        play(trackers, k, [first, first, [place], [place]], adjacency & HALVES)
+    assert ids(trackers) == [(5_000_000,)] * 2 + [(2_002_000,)] * 2
+    expected = MOTION.predict(trackers[2].tracks[0].belief)
+    play(trackers, 19, [None] * 4, adjacency)
+    assert ids(trackers) == [(2_002_000,)] * 4
+    for t in trackers:
+        np.testing.assert_allclose(t.tracks[0].belief.mean, expected.mean, atol=1e-6)
+        np.testing.assert_allclose(t.tracks[0].belief.covariance, expected.covariance, atol=1e-6)
+
+
+def test_a_recovery_that_not_all_have_heard_of_doubles_nobody():
+    """Messages of the scan in which a lost person turns up are lost: only those who saw it know who it is."""
+    trackers = fleet(3, track(3, 0, 0, 0.5, 0), forest=Forest((Tree(0, 0, 3.0),)))
+    for k in range(20):
+        z = [(0.0, 3.5 + 0.2 * (k - 12))] if k >= 12 else []
+        for t in trackers:
+            t.step(scan(k, *z, uav=t.uav) if t.uav == 0 else scan(k, uav=t.uav, pose=AWAY))
+        deaf = np.zeros((5, 3, 3), bool)
+        deaf[:, 1] = k == 13  # two of three: confirmed and recovered in this scan
+        fuse(trackers, graph("complete", 3), 5, deaf)
+    assert ids(trackers) == [(3,)] * 3
+
+
+@FUSIONS
+def test_the_people_of_a_uav_that_falls_silent_are_handed_over(fusion):
+    """UAV 0 alone sees the person, then is heard no more; UAV 1 takes over when the person comes into its view."""
+    trackers = fleet(3, fusion=fusion)
+    for k in range(40):
+        place = (0.3 * k - 6.0, 0.0)
+        seen = [[place], [place] if k >= 22 else [], None]
+        for t, places in zip(trackers[k >= 20 :], seen[k >= 20 :], strict=True):
+            hidden = places is None or (t.uav == 1 and k < 22)
+            t.step(scan(k, *(places or []), uav=t.uav, pose=AWAY if hidden else ABOVE))
+        fuse(trackers[k >= 20 :], graph("complete", 3 - (k >= 20)), 5)
+        if k:
+            assert len(set(ids(trackers[k >= 20 :]))) == 1
+    assert ids(trackers[1:]) == [(2_000_000,)] * 2  # born in the second scan, of UAV 0
+    np.testing.assert_allclose(trackers[2].tracks[0].belief.mean, [5.7, 0, 1.5, 0], atol=0.1)
+
+
+def test_what_was_given_up_is_remembered_for_a_time_and_then_forgotten():
+    trackers = fleet(2, track(3, 0, 0, 0, 0), forget_after=2.0)
+    remembered = []
+    for k in range(20):
+        for t in trackers:
+            t.step(scan(k, uav=t.uav))
+        fuse(trackers, np.ones((2, 2), bool), 5)
+        remembered.append(len(trackers[0].message(1).deleted))
+    assert remembered == [0] * 4 + [1] * 11 + [0] * 5  # given up at 0.8 s, forgotten after 2.8 s
+
+
+@pytest.mark.parametrize(("cut", "held"), [(12, 0), (25, 1)])
+def test_a_track_given_up_longer_ago_than_remembered_comes_back_and_ends_as_it_did(cut, held):
+    """UAV 1 looks elsewhere and keeps what UAV 0 has refuted; the two meet again after `cut` scans."""
+    trackers = fleet(2, track(3, 0, 0, 0, 0), forget_after=2.0)
+    counts = []
+    for k in range(cut + 6):
+        trackers[0].step(scan(k, uav=0))
+        trackers[1].step(scan(k, uav=1, pose=AWAY))
+        fuse(trackers, np.full((2, 2), k >= cut), 5)
+        counts.append([len(t.tracks) for t in trackers])
+    assert counts[cut - 1] == [0, 1]
+    assert counts[cut] == [held, held]
+    assert counts[cut + 5] == [0, 0]

@@ -1,0 +1,181 @@
+"""Line of sight against dense sampling, and the probability of detection at its limits."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers.displacements import moved, turned
+from scipy.stats import norm
+
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight, probability_of_detection
+
+CAMERA = Camera(math.radians(60), 128)
+LOW, HIGH = np.array([-30.0, -30.0, 0.0]), np.array([30.0, 30.0, 22.0])
+
+
+def random_forest(rng: np.random.Generator, trees: int = 12, **settings) -> Forest:
+    """Trees of all sizes, also such that overlap."""
+    return Forest(
+        tuple(
+            Tree(*rng.uniform(-25, 25, 2), rng.uniform(0.5, 5), trunk_radius=rng.uniform(0.1, 0.5))
+            for _ in range(trees)
+        ),
+        **settings,
+    )
+
+
+def depths(origin: np.ndarray, point: np.ndarray, cylinders: np.ndarray, samples: int) -> np.ndarray:
+    """How deep [m] the segment dips into each solid, by sampling; negative outside (B,)."""
+    at = origin + np.linspace(0, 1, samples)[:, None] * (point - origin)
+    radial = cylinders[:, 2] - np.hypot(at[:, None, 0] - cylinders[:, 0], at[:, None, 1] - cylinders[:, 1])
+    vertical = np.minimum(at[:, None, 2] - cylinders[:, 3], cylinders[:, 4] - at[:, None, 2])
+    return np.minimum(radial, vertical).max(axis=0)
+
+
+def test_line_of_sight_agrees_with_dense_sampling_along_segments():
+    rng = np.random.default_rng(0)
+    step, compared = 0.02, np.zeros(2, int)
+    for _ in range(400):
+        forest = random_forest(rng)
+        origin, point = rng.uniform(LOW, HIGH), rng.uniform(LOW, [30, 30, 6])
+        samples = int(np.linalg.norm(point - origin) / step) + 2
+        deepest = depths(origin, point, forest.cylinders, samples).max()
+        if abs(deepest) > step / 2:  # else sampling cannot tell
+            visible = forest.visible(origin, point)[0, 0]
+            assert visible == (deepest < 0)
+            compared[int(visible)] += 1
+    assert compared.min() > 80
+
+
+def test_line_of_sight_is_mutual():
+    rng = np.random.default_rng(1)
+    forest = random_forest(rng)
+    a, b = rng.uniform(LOW, HIGH, (40, 3)), rng.uniform(LOW, HIGH, (50, 3))
+    np.testing.assert_array_equal(forest.visible(a, b), forest.visible(b, a).T)
+
+
+def test_another_tree_never_makes_anything_visible():
+    rng = np.random.default_rng(2)
+    cameras, points = rng.uniform(LOW, HIGH, (15, 3)), rng.uniform(LOW, HIGH, (60, 3))
+    forest, before = Forest(()), np.ones((15, 60), bool)
+    for tree in random_forest(rng, 25).trees:
+        forest = Forest((*forest.trees, tree))
+        now = forest.visible(cameras, points)
+        assert not np.any(now & ~before)
+        before = now
+    assert 0.1 < before.mean() < 0.9
+
+
+def test_all_above_the_canopies_is_visible_from_above():
+    rng = np.random.default_rng(3)
+    forest = random_forest(rng, 60)
+    cameras, points = rng.uniform([-30, -30, 6.01], HIGH, (20, 3)), rng.uniform([-30, -30, 6.01], HIGH, (100, 3))
+    assert forest.visible(cameras, points).all()
+
+
+def test_moving_cameras_and_scene_together_changes_nothing():
+    rng = np.random.default_rng(7)
+    changed = pairs = 0
+    for _ in range(40):
+        forest, angle, shift = random_forest(rng, 30), rng.uniform(-4, 4), rng.uniform(-200, 200, 2)
+        cameras, points = rng.uniform(LOW, HIGH, (10, 3)), rng.uniform(LOW, [30, 30, 6], (200, 3))
+        there = [turned(p, angle) + np.append(shift, 0.0) for p in (cameras, points)]
+        here = forest.visible(cameras, points)
+        # Rounding decides only where a line grazes a cylinder: there a micrometre of growth or shrinkage does too.
+        grazing = moved(forest, 0, 0, 1e-6).visible(cameras, points) != moved(forest, 0, 0, -1e-6).visible(
+            cameras, points
+        )
+        differs = moved(forest, angle, shift).visible(*there) != here
+        assert not np.any(differs & ~grazing)
+        changed, pairs = changed + np.sum(grazing), pairs + here.size
+        assert 0.1 < here.mean() < 0.9
+    assert changed < 1e-4 * pairs
+
+
+def test_straight_down_hides_exactly_what_is_under_the_canopy():
+    tree = Forest((Tree(2.0, -1.0, canopy_radius=5.0),))
+    for distance, free in ((0.0, False), (4.999, False), (5.001, True)):
+        x = 2.0 + distance
+        assert tree.visible(np.array([x, -1.0, 20.0]), np.array([x, -1.0, 0.85]))[0, 0] == free
+
+
+def test_somebody_under_a_canopy_is_visible_from_the_side():
+    forest = Forest((Tree(0.0, 0.0, canopy_radius=5.0),))
+    person = np.array([3.0, 0.0, 0.85])
+    # The ray leaves the canopy's disc, at x = 5, below its base at 3 m only if it is flat enough.
+    assert forest.visible(np.array([23.0, 0.0, 17.0]), person)[0, 0]
+    assert not forest.visible(np.array([13.0, 0.0, 17.0]), person)[0, 0]
+    # The trunk alone hides from the other side at the height of the eyes.
+    assert not forest.visible(np.array([-20.0, 0.0, 1.5]), person)[0, 0]
+    assert forest.visible(np.array([-20.0, 2.0, 1.5]), person)[0, 0]
+
+
+def test_level_segments_meet_only_what_is_at_their_height():
+    forest = Forest((Tree(0.0, 0.0, canopy_radius=1.0),))
+    for z, free in ((2.99, True), (3.0, False), (5.0, False), (6.0, False), (6.01, True)):
+        assert line_of_sight(np.array([-5.0, 0.5, z]), np.array([5.0, 0.5, z]), forest)[0, 0] == free
+    inside = np.array([0.2, 0.1, 5.0])
+    assert not line_of_sight(inside, inside, forest)[0, 0]
+
+
+def test_discs_hide_exactly_what_is_inside_a_circle():
+    rng = np.random.default_rng(4)
+    forest = random_forest(rng, occlusion="disc")
+    points = np.column_stack([rng.uniform(-30, 30, (2000, 2)), np.full(2000, TARGET_HEIGHT)])
+    cameras = rng.uniform([-30, -30, 8], HIGH, (5, 3))
+    inside = np.array([[math.dist((t.x, t.y), p[:2]) <= t.canopy_radius for t in forest.trees] for p in points])
+    np.testing.assert_array_equal(forest.visible(cameras, points), np.tile(~inside.any(axis=1), (5, 1)))
+
+
+def test_an_empty_forest_hides_nothing():
+    rng = np.random.default_rng(5)
+    for occlusion in ("line_of_sight", "disc"):
+        assert Forest((), occlusion).visible(rng.normal(size=(3, 3)), rng.normal(size=(4, 3))).all()
+
+
+def detection(mean, sigma: float, forest: Forest) -> float:
+    pose = Pose.level(0.0, 0.0, 20.0)
+    return float(probability_of_detection(CAMERA, pose, np.array([mean], float), sigma**2 * np.eye(2)[None], forest)[0])
+
+
+HALF = (20.0 - TARGET_HEIGHT) * math.tan(math.radians(30))  # of the field of view at a person's mid-height
+
+
+def test_probability_of_detection_is_one_in_the_open_and_zero_outside_or_hidden():
+    forest = Forest((Tree(-5.0, 0.0, canopy_radius=3.0),))
+    assert detection((3, 3), 0.5, forest) == 1.0
+    assert detection((-5, 0), 0.3, forest) == 0.0
+    assert detection((HALF + 2, 0), 0.5, forest) == 0.0
+    assert probability_of_detection(
+        CAMERA, Pose.level(0, 0, 20), np.zeros((0, 2)), np.zeros((0, 2, 2)), forest
+    ).shape == (0,)
+
+
+def test_probability_of_detection_is_a_half_at_a_straight_edge_and_a_quarter_in_a_corner():
+    assert detection((HALF, 0), 0.7, Forest(())) == 0.5
+    assert detection((1, -HALF), 0.2, Forest(())) == 0.5
+    assert detection((HALF, HALF), 0.4, Forest(())) == 0.25
+
+
+@pytest.mark.parametrize("offset", np.linspace(-3, 3, 25))
+def test_probability_of_detection_follows_the_normal_distribution_across_an_edge(offset):
+    # The coarsest step of the rule is 3/8, so that it is off by at most half of it.
+    assert abs(detection((HALF + offset, 0), 1.0, Forest(())) - norm.cdf(-offset)) <= 3 / 16 + 1e-12
+
+
+def test_probability_of_detection_agrees_with_sampling_behind_trees():
+    rng = np.random.default_rng(6)
+    errors = []
+    for _ in range(60):
+        forest = random_forest(rng, 8)
+        mean, root = rng.uniform(-10, 10, 2), rng.normal(size=(2, 2))
+        covariance = root @ root.T + 0.1 * np.eye(2)
+        pose = Pose.level(*rng.uniform(-5, 5, 2), 20.0)
+        given = probability_of_detection(CAMERA, pose, mean[None], covariance[None], forest)[0]
+        samples = np.column_stack([rng.multivariate_normal(mean, covariance, 2000), np.full(2000, TARGET_HEIGHT)])
+        truth = np.mean(CAMERA.sees(pose, samples) & forest.visible(pose.position, samples)[0])
+        errors.append(given - truth)
+    assert np.max(np.abs(errors)) < 0.2
+    assert np.sqrt(np.mean(np.square(errors))) < 0.06
+    assert abs(np.mean(errors)) < 0.02

@@ -1,0 +1,137 @@
+"""What holds in both lives of tracks, and what counts in the one that counts scans."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers.scenes import ABOVE, ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
+
+from sim.mission.tracker_setup import motion
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load
+from sim.scenario.scenario import Tracking
+from tracking.filter.bounded_speed import BoundedSpeed
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest, Tree
+from tracking.parameters import TrackerParameters
+from tracking.tracker import Tracker
+
+BOTH = pytest.mark.parametrize("life", ["m_of_n", "existence"])
+EDGE = (20.0 - 0.85) * math.tan(math.radians(30))  # of the field of view, at a person's height [m]
+PAIR = np.ones((2, 2), bool)
+
+
+@BOTH
+def test_a_person_who_reappears_where_foreseen_keeps_their_id(life):
+    subject = tracker(track(3, -4, 0, 1.5, 0), forest=Forest((Tree(0, 0, 3.0),)), life=life)
+    places = [-4 + 0.3 * k for k in range(30)]
+    ids = play(subject, [scan(k, *([] if abs(x) < 3.4 else [(x, 0)])) for k, x in enumerate(places)])
+    assert ids == [(3,)] * 30
+    np.testing.assert_allclose(subject.tracks[0].belief.mean[:2], [places[-1], 0], atol=0.1)
+
+
+@BOTH
+def test_a_person_who_turns_under_a_canopy_and_reappears_elsewhere_keeps_their_id(life):
+    subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)), life=life)
+    play(subject, [scan(k) for k in range(17)])
+    ids = play(subject, [scan(k, (0.0, 5.4 + 0.3 * (k - 17))) for k in range(17, 22)])
+    assert ids[-1] == (3,)
+    np.testing.assert_allclose(subject.tracks[0].belief.mean[:2], [0.0, 6.6], atol=0.3)
+
+
+@BOTH
+def test_somebody_who_turns_up_out_of_a_lost_persons_reach_is_somebody_else(life):
+    subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)), life=life)
+    play(subject, [scan(k) for k in range(7)])
+    ids = play(subject, [scan(k, (8.0, 8.0)) for k in range(7, 10)])
+    assert len(ids[-1]) == 2 and ids[-1][0] == 3
+
+
+@BOTH
+@pytest.mark.parametrize("kind", ["ncv", "bounded"])
+def test_crossing_people_keep_their_ids(life, kind):
+    rng = np.random.default_rng(0)
+    parameters = TrackerParameters(motion(Tracking(motion=kind), 0.2), life=life)
+    subject = Tracker(0, CAMERA, OPEN, parameters, (track(1, -4.8, 2.8, 1.2, -0.7), track(2, -4.8, -2.8, 1.2, 0.7)))
+    for k in range(41):
+        people = np.array([[-4.8 + 0.24 * k, 2.8 - 0.14 * k], [-4.8 + 0.24 * k, -2.8 + 0.14 * k]])
+        assert play(subject, [scan(k, *(people + rng.normal(scale=0.15, size=(2, 2))))]) == [(1, 2)]
+    np.testing.assert_allclose([t.belief.mean[:2] for t in subject.tracks], people, atol=0.5)
+
+
+@BOTH
+def test_two_people_met_at_once_get_two_tracks_that_last(life):
+    rng = np.random.default_rng(1)
+    subject = tracker(life=life)
+    people = [np.array([[-3 + 0.2 * k, 0.0], [3 - 0.2 * k, 4.0]]) for k in range(25)]
+    ids = play(subject, [scan(k, *(p + rng.normal(scale=0.15, size=(2, 2)))) for k, p in enumerate(people)])
+    assert ids[1:] == [(2_000_000, 2_000_001)] * 24
+
+
+@BOTH
+def test_a_fleet_that_meets_a_person_from_both_ends_of_a_line_agrees_on_one_id(life):
+    trackers = [tracker(uav=u, life=life) for u in range(3)]
+    line = np.abs(np.subtract.outer(np.arange(3), np.arange(3))) == 1
+    for k in range(6):
+        for u, t in enumerate(trackers):
+            t.step(scan(k, *([(1, 1)] if u != 1 else []), uav=u, pose=AWAY if u == 1 else ABOVE))
+        fuse(trackers, line, 5)
+    assert [[t.id for t in s.tracks] for s in trackers] == [[2_000_000]] * 3
+
+
+@pytest.mark.parametrize(("place", "counts"), [((EDGE, 0), False), ((EDGE, EDGE), False), ((EDGE - 1.0, 0), True)])
+def test_only_scans_that_should_have_shown_the_person_count(place, counts):
+    """At the edge half of the belief is in view, at the corner a quarter, a metre inside all of it."""
+    subject = tracker(track(3, *place, 0, 0, variance=0.01), absence_weight=0.0)
+    ids = play(subject, [scan(k) for k in range(5)])
+    assert ids[3] == (3,) and (ids[4] == ()) == counts
+
+
+def test_a_trunk_between_camera_and_person_makes_a_scan_not_count():
+    # Seen from the west at a low angle, the trunk's 3 m hide what stands behind it.
+    low, behind = Pose.level(-9.0, 0.0, 20.0), track(3, 0.6, 0, 0, 0, variance=1e-4)
+    trunk = Forest((Tree(0, 0, 0.2, trunk_radius=0.2),))
+    assert play(tracker(behind, forest=trunk, absence_weight=0.0), [scan(k, pose=low) for k in range(5)])[-1] == (3,)
+    assert play(tracker(behind, absence_weight=0.0), [scan(k, pose=low) for k in range(5)])[-1] == ()
+
+
+def test_scans_without_a_frame_count_neither_way():
+    subject = tracker(track(3, 0, 0, 0, 0))
+    for k in range(9):
+        if k % 2:
+            subject.coast(0.2 * k)
+        else:
+            subject.step(scan(k))
+        fuse([subject], ALONE, 5)
+        assert [t.id for t in subject.tracks] == ([3] if k < 8 else [])  # the fifth frame is that of the ninth scan
+
+
+def test_two_who_miss_a_person_in_one_scan_are_one_miss_and_one_who_hits_makes_it_none():
+    trackers = [tracker(track(3, 0, 0, 0, 0), uav=u) for u in range(2)]
+    for k in range(10):
+        for u, t in enumerate(trackers):
+            t.step(scan(k, *([(0, 0)] if (u, k) == (1, 4) else []), uav=u))
+        fuse(trackers, PAIR, 5)
+        assert [len(t.tracks) for t in trackers] == [int(k < 9)] * 2
+
+
+def test_the_motion_of_a_scenario_is_what_it_says():
+    assert type(motion(Tracking(), 0.2)) is NearlyConstantVelocity
+    assert motion(Tracking(motion="bounded", sigma_a=0.7, max_speed=2.0), 0.2) == BoundedSpeed(0.2, 0.7, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("override", "complaint"),
+    [
+        ("tracking.life=existance", r"tracking\.life.*existance.*m_of_n, existence; did you mean existence\?"),
+        ("tracking.motion=imm", r"tracking\.motion.*imm.*ncv, bounded"),
+        ("tracking.survival=1.5", r"tracking\.survival.*1\.5.*<= 1"),
+        ("tracking.doubt=0.995", r"tracking.*doubt 0\.995 must be below sure 0\.99"),
+    ],
+)
+def test_a_scenario_with_an_unknown_life_or_motion_is_refused_in_one_line(override, complaint):
+    with pytest.raises(InputError, match=complaint) as caught:
+        load("forest", [override])
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,132 @@
+"""The first run says that code is compiled; later ones load it; and it works where nothing can be kept."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+
+from sim.mission.warmup import announced
+from tracking.numerics import compiled as subject
+from tracking.numerics import elementary
+
+ROOT = Path(__file__).parents[3]
+
+
+def twice(x):
+    return 2 * x
+
+
+def thrice(x):
+    return 3 * twice_compiled(x)
+
+
+twice_compiled = numba.njit(twice)
+
+
+def test_compiling_is_announced_and_timed_once_however_functions_call_each_other():
+    said = []
+    function = numba.njit(thrice)
+    with announced(said.append):
+        assert said == []
+        assert function(7) == 42
+        assert function(7.0) == 42.0
+    assert len(said) == 2
+    assert said[0] == "Compiling the numerical code, which takes up to about a minute."
+    assert re.fullmatch(r"Compiled in \d+ s; it is kept for later runs\.", said[1])
+    with announced(said.append):
+        function(8)
+    assert len(said) == 2
+
+
+@pytest.fixture
+def nowhere(monkeypatch):
+    """No folder can be written to, as numba finds when it tries."""
+
+    def refuse(locator):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("numba.core.caching._CacheLocator.ensure_cache_path", refuse)
+    monkeypatch.setattr(subject, "not_kept", kept := [])
+    monkeypatch.setattr("sim.mission.warmup.not_kept", kept)
+
+
+def test_where_nothing_can_be_kept_code_works_and_that_is_said(nowhere):
+    said = []
+    with announced(said.append):
+        assert subject.compiled(twice)(21) == 42
+    assert subject.not_kept == ["twice"]
+    assert re.fullmatch(r"Compiled in \d+ s; no folder .* compiled anew each time; NUMBA_CACHE_DIR may .*", said[1])
+
+
+def test_where_code_can_be_kept_nothing_is_noted(tmp_path, monkeypatch):
+    monkeypatch.setattr(subject, "not_kept", [])
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    assert subject.compiled(twice)(21) == 42
+    assert subject.not_kept == [] and list(tmp_path.rglob("*.nbc"))
+
+
+def test_a_mission_compiles_nothing_in_flight():
+    code = """
+import gc
+from numba.core.dispatcher import Dispatcher
+from planning.registry import DEFAULT_PLANNER
+from sim.scenario.loading import load
+from sim.mission.mission import Mission, Trial
+from sim.mission.warmup import warm_up
+def signatures():
+    compiled = [d for d in gc.get_objects() if issubclass(type(d), Dispatcher)]
+    return {(d.py_func.__qualname__, s) for d in compiled for s in d.overloads}
+warm_up()
+before = signatures()
+for _ in Mission.of(Trial(load("forest", ["duration=10"]), DEFAULT_PLANNER, 0)).fly():
+    pass
+print(len(before) > 20, signatures() - before)
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout == "True set()\n"
+
+
+def flown(folder, name, **environment):
+    command = [sys.executable, "-m", "sim", "run", "--duration", "1", "--no-video", "--out", name]
+    done = subprocess.run(
+        command, cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT), **environment}, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    return [line for line in done.stdout.splitlines() if "ompil" in line], (folder / name / "mission.npz").read_bytes()
+
+
+@pytest.mark.slow
+def test_the_first_run_says_that_it_compiles_and_the_second_nothing(tmp_path):
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    first, recording = flown(tmp_path, "first", **cache)
+    assert first[0] == "Compiling the numerical code, which takes up to about a minute."
+    assert re.fullmatch(r"Compiled in \d+ s; it is kept for later runs\.", first[1])
+    assert flown(tmp_path, "second", **cache) == ([], recording)
+
+
+@pytest.mark.slow
+def test_a_run_without_any_cache_flies_the_same(tmp_path):
+    # To root every folder can be written to: only one that cannot be made is left to numba.
+    locator = "numba.core.caching.UserProvidedCacheLocator"
+    nothing = {"NUMBA_CACHE_DIR": "/dev/null/cache", "NUMBA_CACHE_LOCATOR_CLASSES": locator}
+    said, recording = flown(tmp_path, "uncached", **nothing)
+    assert len(said) == 2 and "NUMBA_CACHE_DIR" in said[1]
+    assert flown(tmp_path, "cached") == ([], recording)
+
+
+def test_kept_code_is_of_the_sources_that_it_was_compiled_from(tmp_path):
+    (tmp_path / "tracking").mkdir()
+    below, above = tmp_path / "tracking" / "below.py", tmp_path / "tracking" / "above.py"
+    below.write_text("SCALE = 1.0\n")
+    above.write_text("from tracking.below import SCALE\n")
+    before = subject.digest_of(above, tmp_path)
+    below.write_text("SCALE = 2.0\n")
+    subject.digest_of.cache_clear()
+    assert subject.digest_of(above, tmp_path) != before
+    source = Path(elementary.__file__)
+    for function in (elementary.exp._cache, elementary.exp_each._dispatcher.cache):
+        assert function._cache_file._source_stamp[1] == subject.digest_of(source)

@@ -1,0 +1,119 @@
+"""What makes no sense is refused with one line, wherever it is handed over."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from helpers.scenes import ABOVE, CAMERA, MOTION, OPEN, play, scan, track, tracker
+
+from sim.scenario.loading import load
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
+from tracking.geometry.camera import Pose
+from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS, read_cameras, read_forest, read_scans
+from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import ospa
+from tracking.parameters import MOST_SCANS
+from tracking.tracker import Track, Tracker, TrackerParameters
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "allowed"),
+    [
+        ("absence_weight", -1.0, "0 or more"),
+        ("absence_weight", math.nan, "0 or more"),
+        ("recovery_after", -1.0, "0 or more"),
+        ("recovery_after", math.nan, "0 or more"),
+        ("max_variance", 0.0, "positive"),
+        ("max_variance", math.nan, "positive"),
+        ("max_speed", -3.0, "positive"),
+        ("double", -5, "an integer, 1 or more"),
+        ("clutter_density", math.inf, "finite"),
+        ("birth_density", math.inf, "finite"),
+        ("confirm", (1.5, 2.5), "integers"),
+        ("delete", (63, 63), "<= 62"),
+    ],
+)
+def test_parameters_of_a_tracker(field, value, allowed):
+    with pytest.raises(ValueError, match=f"^{field} must be .*{allowed}.* is .*{str(value)[1:-1]}"):
+        TrackerParameters(MOTION, **{field: value})
+
+
+@pytest.mark.parametrize(("dt", "sigma_a", "field"), [(0, 1, "dt"), (-0.2, 1, "dt"), (math.nan, 1, "dt")])
+def test_steps_of_a_motion(dt, sigma_a, field):
+    with pytest.raises(ValueError, match=f"^{field} must be positive and finite, is {dt}"):
+        NearlyConstantVelocity(dt, sigma_a)
+
+
+@pytest.mark.parametrize("sigma_a", [-1.0, math.nan, math.inf])
+def test_noise_of_a_motion(sigma_a):
+    with pytest.raises(ValueError, match=f"^sigma_a must be 0 or more and finite, is {sigma_a}"):
+        NearlyConstantVelocity(0.2, sigma_a)
+
+
+@pytest.mark.parametrize(
+    ("mean", "covariance", "existence", "complaint"),
+    [
+        (np.full(4, math.nan), np.eye(4), 1.0, "mean of track 7 must be four finite numbers"),
+        (np.zeros(2), np.eye(4), 1.0, "mean of track 7 must be four finite numbers"),
+        (np.zeros(4), -np.eye(4), 1.0, "covariance of track 7 must be .*positive definite"),
+        (np.zeros(4), np.eye(4) + np.eye(4, k=1), 1.0, "covariance of track 7 must be .*symmetric"),
+        (np.zeros(4), np.full((4, 4), math.nan), 1.0, "covariance of track 7 must be finite"),
+        (np.zeros(4), np.eye(4), 1.7, r"existence of track 7 must be in \(0, 1\], is 1.7"),
+        (np.zeros(4), np.eye(4), math.nan, r"existence of track 7 must be in \(0, 1\], is nan"),
+    ],
+)
+def test_first_tracks(mean, covariance, existence, complaint):
+    with pytest.raises(ValueError, match=complaint) as raised:
+        Tracker(0, CAMERA, OPEN, TrackerParameters(MOTION), [Track(7, Gaussian(mean, covariance), existence)])
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("quaternion", [np.full(4, math.nan), np.zeros(4), np.zeros(3), np.array([0, 0, 0, 1.01])])
+def test_attitudes_of_a_camera(quaternion):
+    subject = tracker(track(1, 0, 0, 0, 0))
+    with pytest.raises(ValueError, match=r"pose.quaternion of a scan must be four numbers of norm 1, is \["):
+        subject.step(dataclasses.replace(scan(0), pose=Pose(ABOVE.position, quaternion)))
+    play(subject, [scan(0, (0, 0))])
+
+
+@pytest.mark.parametrize(
+    ("setting", "complaint"),
+    [
+        ("tracking.delete=[63,63]", "delete 63 of 63 counts too many scans; at most 62 are allowed"),
+        ("tracking.confirm=[2,100]", "confirm 2 of 100 counts too many scans"),
+        ("tracking.recovery_after=nan", "recovery_after"),
+    ],
+)
+def test_settings_of_a_scenario(setting, complaint):
+    assert MOST_SCANS == 62
+    with pytest.raises(ValueError, match=complaint):
+        load("forest", [setting])
+
+
+@pytest.mark.parametrize(
+    ("read", "columns", "row", "complaint"),
+    [
+        (read_forest, TREE_COLUMNS, b"0,0,-1,3,6,0.2", "line 2, column canopy_radius: -1 m is not allowed"),
+        (read_forest, TREE_COLUMNS, b"0,0,1,3,6,-0.2", "line 2, column trunk_radius: -0.2 m is not allowed"),
+        (read_forest, TREE_COLUMNS, b"0,0,1,7,6,0.2", "line 2, column canopy_base: 7 m is above canopy_top 6 m"),
+        (read_forest, TREE_COLUMNS, b"0,0,1,3,6," + b"1" * 200_000, "line 2: field larger than field limit"),
+        (read_forest, TREE_COLUMNS, b"0,0,1,3,6,\xe9", "line 2: .* is not UTF-8"),
+        (read_cameras, CAMERA_COLUMNS, b"0,1," + b"1" * 5000, "line 2, column pixels: an integer of 5000 digits"),
+        (read_cameras, CAMERA_COLUMNS, b"0,1,0", "line 2, column pixels: 0 is not allowed"),
+        (read_scans, SCAN_COLUMNS, b"0," + b"1" * 5000 + b",,,,,,0,0,20,0,0,0,1", "line 2, column uav: an integer of"),
+    ],
+)
+def test_tables(tmp_path, read, columns, row, complaint):
+    path = tmp_path / "table.csv"
+    path.write_bytes(",".join(columns).encode() + b"\n" + row + b"\n")
+    with pytest.raises(ValueError, match=rf"table\.csv, {complaint}") as raised:
+        list(getattr(found := read(path), "trees", found))
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("distance", [ospa, gospa])
+def test_states_are_no_positions(distance):
+    with pytest.raises(ValueError, match=r"estimates must be \(A, 2\), are \(1, 4\)"):
+        distance(np.zeros((1, 4)), np.zeros((1, 2)))
+    assert distance([], np.zeros((0, 4))).distance == 0.0

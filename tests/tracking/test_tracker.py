@@ -1,0 +1,213 @@
+"""One tracker: birth, coasting and end of tracks."""
+
+import numpy as np
+import pytest
+from helpers.scenes import ABOVE, AWAY, MOTION, R, play, scan, track, tracker
+
+from tracking.geometry.visibility import Forest, Tree
+from tracking.tracker import TrackerParameters
+
+
+def test_initial_tracks_hold_at_the_first_scan_and_are_predicted_from_then_on():
+    subject = tracker(track(3, 1, 2, 1, 0), forest=Forest((Tree(0, 0, 8),)))
+    play(subject, [scan(0)])
+    np.testing.assert_allclose(subject.tracks[0].belief.mean, [1, 2, 1, 0], atol=1e-12)
+    play(subject, [scan(1)])
+    np.testing.assert_allclose(subject.tracks[0].belief.mean, [1.2, 2, 1, 0], atol=1e-12)
+    play(subject, [scan(4)])  # two scans were lost
+    np.testing.assert_allclose(subject.tracks[0].belief.mean, [1.8, 2, 1, 0], atol=1e-12)
+
+
+def test_the_track_of_a_hidden_person_coasts_for_a_hundred_scans():
+    subject = tracker(track(3, -1, 0, 0.1, 0), forest=Forest((Tree(0, 0, 90.0),)))
+    assert play(subject, [scan(k) for k in range(101)]) == [(3,)] * 101
+    belief = track(3, -1, 0, 0.1, 0).belief
+    for _ in range(100):
+        belief = MOTION.predict(belief)
+    np.testing.assert_allclose(subject.tracks[0].belief.mean, belief.mean, rtol=1e-8)
+    np.testing.assert_allclose(subject.tracks[0].belief.covariance, belief.covariance, rtol=1e-8, atol=1e-10)
+
+
+def test_the_belief_in_a_person_who_does_not_come_out_stays_behind_the_tree():
+    """Predicted to leave a canopy of 5 m after 2 s, nobody is seen: whoever it is, is still under it."""
+    subject = tracker(track(3, -1, 0, 1.5, 0), forest=Forest((Tree(0, 0, 5.0),)))
+    assert play(subject, [scan(k) for k in range(16)])[-1] == (3,)
+    assert subject.tracks[0].belief.mean[0] < 4.0
+    assert tracker(track(3, -1, 0, 1.5, 0)).tracks[0].belief.mean[0] + 3.0 * 1.5 == 3.5
+    for k in range(16, 61):  # particles have x = 5.1 m after 5 s, 3.1 m after 13 s
+        assert play(subject, [scan(k)]) == [(3,)] and subject.tracks[0].belief.mean[0] < 6.0
+    assert subject.tracks[0].belief.mean[0] < 4.5
+
+
+def test_somebody_who_turns_up_where_a_lost_person_can_be_keeps_their_id():
+    """Predicted to go on east under the canopy, the person turned north: far outside the gate, within reach."""
+    subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)))
+    ids = play(subject, [scan(k) for k in range(17)])
+    ids += play(subject, [scan(k, (0.0, 5.4 + 0.3 * (k - 17))) for k in range(17, 22)])
+    assert ids[-1] == (3,)
+    np.testing.assert_allclose(subject.tracks[0].belief.mean[:2], [0.0, 6.6], atol=0.3)
+
+
+def test_somebody_who_turns_up_out_of_reach_is_somebody_else():
+    subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)))
+    play(subject, [scan(k) for k in range(7)])
+    ids = play(subject, [scan(k, (8.0, 8.0)) for k in range(7, 10)])
+    assert len(ids[-1]) == 2 and ids[-1][0] == 3
+
+
+def test_the_track_of_a_person_outside_the_field_of_view_coasts():
+    assert play(tracker(track(3, 0, 0, 0, 0)), [scan(k, pose=AWAY) for k in range(30)])[-1] == (3,)
+
+
+def test_an_empty_place_in_plain_view_ends_the_track_after_exactly_five_scans():
+    assert play(tracker(track(3, 0, 0, 0, 0)), [scan(k) for k in range(6)]) == [(3,)] * 4 + [()] * 2
+
+
+def test_scans_in_which_the_person_should_not_have_been_seen_count_neither_way():
+    poses = [ABOVE] * 4 + [AWAY] * 10 + [ABOVE]
+    ids = play(tracker(track(3, 0, 0, 0, 0)), [scan(k, pose=pose) for k, pose in enumerate(poses)])
+    assert ids == [(3,)] * 14 + [()]
+
+
+def test_a_hit_interrupts_the_misses():
+    seen = {4}
+    ids = play(tracker(track(3, 0, 0, 0, 0)), [scan(k, *([(0, 0)] if k in seen else [])) for k in range(10)])
+    assert ids == [(3,)] * 9 + [()]
+
+
+def test_deletion_counts_m_misses_among_the_last_n_scans():
+    scans = [scan(k, *([(0, 0)] if k % 2 else [])) for k in range(10)]  # miss, hit, miss, hit, miss
+    assert play(tracker(track(3, 0, 0, 0, 0), delete=(3, 5)), scans).index(()) == 4
+    assert play(tracker(track(3, 0, 0, 0, 0), delete=(3, 4)), scans)[-1] == (3,)
+
+
+@pytest.mark.parametrize(
+    ("hits", "confirmed_at"),
+    [((0, 1), 1), ((0, 2), 2), ((0, 3), None), ((0,), None), ((0, 3, 6), None), ((0, 3, 5), 5)],
+)
+def test_a_track_is_confirmed_by_two_hits_in_three_scans(hits, confirmed_at):
+    subject = tracker()
+    ids = play(subject, [scan(k, *([(0.3 * k, 1)] if k in hits else [])) for k in range(8)])
+    assert next((k for k, held in enumerate(ids) if held), None) == confirmed_at
+
+
+def test_a_new_track_learns_a_walkers_velocity():
+    subject = tracker()
+    play(subject, [scan(k, (-3 + 0.4 * k, 0.2 * k)) for k in range(12)])
+    assert len(subject.tracks) == 1
+    np.testing.assert_allclose(subject.tracks[0].belief.mean, [1.4, 2.2, 2, 1], atol=0.15)
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.5, 3.0])
+def test_people_at_any_walking_speed_are_picked_up_in_two_scans(speed):
+    rng = np.random.default_rng(0)
+    found = 0
+    for _ in range(100):
+        noise = rng.multivariate_normal(np.zeros(2), R, 2)
+        found += bool(play(tracker(), [scan(0, noise[0]), scan(1, noise[1] + [0.2 * speed, 0])])[1])
+    assert found >= 95
+
+
+def test_isolated_false_alarms_never_become_tracks():
+    rng = np.random.default_rng(1)
+    subject = tracker()
+    corners = np.array([[-8, -8], [8, 8], [-8, 8], [8, -8.0]])
+    scans = [scan(k, corners[k % 4] + rng.uniform(-1, 1, 2)) for k in range(100)]
+    assert play(subject, scans) == [()] * 100
+
+
+def test_the_order_of_measurements_does_not_matter():
+    rng = np.random.default_rng(2)
+    walkers = rng.uniform(-6, 6, (5, 2))
+    subjects = [tracker(track(1, *walkers[0], 0, 0), track(2, *walkers[1], 0, 0)) for _ in range(2)]
+    for k in range(20):
+        walkers += rng.normal(scale=0.1, size=(5, 2))
+        z = walkers + rng.normal(scale=0.2, size=(5, 2))
+        play(subjects[0], [scan(k, *z)])
+        play(subjects[1], [scan(k, *z[rng.permutation(5)])])
+    beliefs = [np.array(sorted(tuple(t.belief.mean) for t in s.tracks)) for s in subjects]
+    np.testing.assert_allclose(beliefs[0], beliefs[1], rtol=1e-8)
+    assert len(beliefs[0]) == 5
+
+
+def crossing(k: int) -> np.ndarray:
+    """Two people who meet after 4 s at 60 degrees, 1.4 m/s each."""
+    t = 0.2 * k - 4
+    return np.array([[1.21 * t, 0.7 * t], [1.21 * t, -0.7 * t]])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_crossing_people_keep_their_two_tracks(seed):
+    rng = np.random.default_rng(seed)
+    subject = tracker(track(1, *crossing(0)[0], 1.21, 0.7), track(2, *crossing(0)[1], 1.21, -0.7))
+    ids = play(subject, [scan(k, *(crossing(k) + rng.normal(scale=0.15, size=(2, 2)))) for k in range(41)])
+    assert ids == [(1, 2)] * 41
+    np.testing.assert_allclose([t.belief.mean[:2] for t in subject.tracks], crossing(40), atol=0.5)
+
+
+def test_people_who_look_like_one_while_they_cross_keep_their_two_tracks():
+    rng = np.random.default_rng(3)
+    subject = tracker(track(1, *crossing(0)[0], 1.21, 0.7), track(2, *crossing(0)[1], 1.21, -0.7))
+    for k in range(41):
+        people = crossing(k)
+        merged = np.linalg.norm(people[0] - people[1]) < 0.8  # for five scans one measurement in between
+        z = people.mean(axis=0)[None] if merged else people
+        assert play(subject, [scan(k, *(z + rng.normal(scale=0.1, size=z.shape)))]) == [(1, 2)]
+    np.testing.assert_allclose([t.belief.mean[:2] for t in subject.tracks], crossing(40), atol=0.5)
+
+
+def test_two_tracks_of_one_person_become_the_older_one():
+    subject = tracker(track(4, 0, 0, 1, 0), track(9, 0.1, 0, 1, 0))
+    ids = play(subject, [scan(k, (0.2 * k, 0)) for k in range(20)])
+    assert ids == [(4, 9)] * 14 + [(4,)] * 6  # 15 scans without a measurement of its own
+
+
+def test_people_who_walk_side_by_side_stay_two():
+    rng = np.random.default_rng(4)
+    subject = tracker(track(4, -5, 0, 1, 0), track(9, -5, 0.6, 1, 0))
+    steps = [np.array([[-5 + 0.2 * k, 0], [-5 + 0.2 * k, 0.6]]) for k in range(60)]
+    scans = [scan(k, *(s + rng.normal(scale=0.1, size=(2, 2)))) for k, s in enumerate(steps)]
+    assert play(subject, scans)[-1] == (4, 9)
+
+
+def test_somebody_who_appears_earlier_than_foreseen_is_taken_up_at_once():
+    # The track believes its person under the canopy, with no point of the belief in view.
+    subject = tracker(track(3, 0, 0, 0, 0, variance=0.3), forest=Forest((Tree(0, 0, 1.2),)))
+    play(subject, [scan(0, (1.6, 0))])
+    assert [t.id for t in subject.tracks] == [3]
+    assert subject.tracks[0].belief.mean[0] > 1.2
+
+
+def test_a_lost_track_does_not_swallow_newcomers():
+    subject = tracker(track(3, 70, 0, 0, 0, variance=100.0))
+    ids = play(subject, [scan(k, (0.2 * k, 0)) for k in range(4)])
+    assert len(ids[-1]) == 2
+    newcomer = subject.tracks[1].belief
+    np.testing.assert_allclose(newcomer.mean, [0.6, 0, 1, 0], atol=0.4)
+
+
+def test_a_track_that_could_be_anywhere_ends():
+    subject = tracker(track(3, 70, 0, 0, 0, variance=150.0))
+    sizes = [len(ids) for ids in play(subject, [scan(k) for k in range(40)])]
+    # tr P = 300 + 300 t² m² and little more reaches 400 m² after 0.58 s, at the third scan after the first.
+    assert sizes == [1] * 3 + [0] * 37
+
+
+@pytest.mark.parametrize(
+    ("build", "complaint"),
+    [
+        (lambda: TrackerParameters(MOTION, detection_probability=1.0), "detection_probability must be in"),
+        (lambda: TrackerParameters(MOTION, gate_probability=0.0), "gate_probability must be in"),
+        (lambda: TrackerParameters(MOTION, clutter_density=0.0), "clutter_density must be positive, is 0.0"),
+        (lambda: TrackerParameters(MOTION, confirm=(4, 3)), r"confirm must be .* is \(4, 3\)"),
+        (lambda: TrackerParameters(MOTION, delete=(0, 3)), "delete must be"),
+        (lambda: tracker(track(1, 0, 0, 0, 0), track(1, 1, 0, 0, 0)), "must be distinct"),
+        (lambda: tracker(track(1_000_000, 0, 0, 0, 0)), "ids of initial tracks"),
+        (lambda: tracker(uav=-1), "uav must be in"),
+        (lambda: tracker().step(scan(0, uav=1)), "a scan of UAV 1"),
+        (lambda: play(tracker(), [scan(1), scan(1)]), "is not after the last one"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(build, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        build()
