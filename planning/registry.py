@@ -43,7 +43,7 @@ def _composed(summary: str, **options: object) -> PlannerSpec:
 
 
 PLANNERS = {
-    # Beyond the paper, as docs/planning.md measures: what UAVs would see is expected over beliefs, unseen people count.
+    # Beyond the paper (docs/explanation/planning.md): what UAVs would see is expected over beliefs; search counts.
     # Where an evaluation is dearer, as here and in mcr, there are fewer, so that decisions keep their time.
     "sma-nbo-mwtp": _composed(
         "SMA-NBO with the MWTP cost-to-go", search=0.1, visibility="expected", evaluations=10_240

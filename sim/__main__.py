@@ -180,7 +180,7 @@ app.command()(explain)
 @app.command()
 def export(
     recorded: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")],
-    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, stonesoup or mot: see docs/tracking.md.")],
+    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, stonesoup or mot: see docs/how-to/tracking.md.")],
     out: Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR.")] = None,
 ) -> None:
     """Write a recorded mission's scans, tracks and truth as text for other tools."""

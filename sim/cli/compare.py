@@ -58,7 +58,7 @@ def compare(
         str | None, typer.Option(metavar="NAME", help="The planner that others are compared with. Default: the first.")
     ] = None,
     metric: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="What to compare, see docs/studies.md; repeatable.")
+        list[str] | None, typer.Option(metavar="NAME", help="What to compare, see docs/how-to/studies.md; repeatable.")
     ] = None,
     workers: Annotated[str | None, typer.Option(metavar="N", help="Processes to fly in. Default: one a core.")] = None,
     dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster: tcp://host:8786.")] = None,
@@ -105,7 +105,7 @@ def studies() -> None:
     """List the packaged studies."""
     show_list(
         {name: read(name).description for name in STUDIES},
-        "Fly one: understory compare NAME --maps 10. Yours: a .toml file, see docs/studies.md.",
+        "Fly one: understory compare NAME --maps 10. Yours: a .toml file, see docs/how-to/studies.md.",
     )
 
 

@@ -29,7 +29,7 @@ _TRACK = ("id", *STATE, *COVARIANCE, "existence")
 def export(recording: Recording, target: str, out: Path) -> None:
     """Write a recording into the new folder `out`, whole or not at all; InputError where target or folder is wrong.
 
-    target: `csv`, `stonesoup` or `mot`; docs/tracking.md tells files and columns.
+    target: `csv`, `stonesoup` or `mot`; docs/how-to/tracking.md tells files and columns.
     """
     write = writer(target)
     with new_folder(out) as folder:

@@ -57,7 +57,7 @@ class Flight:
 
     @cached_property
     def arrays(self) -> Mapping[str, NDArray[Any]]:
-        """Arrays by name, read-only; units are in the names, docs/notebooks.md has their shapes."""
+        """Arrays by name, read-only; units are in the names, docs/how-to/notebooks.md has their shapes."""
         return arrays(self.recording)
 
     @cached_property

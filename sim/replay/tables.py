@@ -20,7 +20,7 @@ TABLES = ("people", "uavs", "sightings", "measurements", "tracks", "ospa", "plan
 
 
 def arrays(r: Recording) -> dict[str, NDArray[Any]]:
-    """All of a recording's arrays, read-only, under names with units; docs/notebooks.md lists them with shapes."""
+    """A recording's arrays, read-only, under names with units; docs/how-to/notebooks.md lists them with shapes."""
     measured, tracked = _cells(r, r.measurement_offsets), _cells(r, r.track_offsets)
     found: dict[str, NDArray[Any]] = {
         "time_s": r.times,

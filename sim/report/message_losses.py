@@ -1,4 +1,4 @@
-"""What the loss of messages does to a fleet: a table and a figure, as docs/network.md says."""
+"""What the loss of messages does to a fleet: a table and a figure, as docs/explanation/network.md says."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """A study's results as one wide table for a page: the levels of a factor, or the planners, side by side.
 
-`python -m sim.report.wide_table DIR` prints it as Markdown; docs/results.md has such tables.
+`python -m sim.report.wide_table DIR` prints it as Markdown; docs/results/paper.md has such tables.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def main(
         int, typer.Option("--from-scan", min=0, help="Count OSPA under 1 m from this scan on; the paper's: 10.")
     ] = 0,
     baseline: Annotated[str | None, typer.Option(metavar="NAME", help="The planner that comes first.")] = None,
-    metric: Annotated[str, typer.Option(metavar="NAME", help="See docs/studies.md.")] = _SHARE,
+    metric: Annotated[str, typer.Option(metavar="NAME", help="See docs/how-to/studies.md.")] = _SHARE,
 ) -> None:
     """Print a study's results as one wide table in Markdown."""
     if less not in _LESS:

@@ -43,7 +43,7 @@ class Renderer:
     """Renders one world; it alone sets the visibility of the world's bodies.
 
     Cameras of several resolutions share it: the engine allocates anew at each change of size, which costs a frame 2 %
-    or less (docs/benchmarks.md), no more than a client for each would.
+    or less (docs/results/benchmarks.md), no more than a client for each would.
     """
 
     def __init__(self, world: World) -> None:

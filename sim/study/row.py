@@ -23,7 +23,7 @@ class Row(Struct, frozen=True, kw_only=True, eq=False):
     version: str  # of the package
     status: Literal["done", "failed"]
     error: str = ""
-    metrics: dict[str, float]  # flat names, as in docs/studies.md; NaN: undefined
+    metrics: dict[str, float]  # flat names, as in docs/how-to/studies.md; NaN: undefined
     ospa: NDArray[np.float32]  # (T,) m at each scan, mean over the UAVs that work; NaN if none does
     times: Array  # (T,) s
     recording: str = ""  # SHA-256 of its file, wherever it was flown; empty if it failed

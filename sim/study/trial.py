@@ -96,7 +96,7 @@ def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
 
 
 def metrics(summary: Mapping[str, Any], *, decisions: int) -> dict[str, float]:
-    """The numbers of a `summary.json` by flat names, NaN where it has null; docs/studies.md lists them."""
+    """The numbers of a `summary.json` by flat names, NaN where it has null; docs/how-to/studies.md lists them."""
     spent, identity, network = summary["seconds"], summary["identity"], summary["network"]
     values = {
         **{f"ospa.{name}": value for name, value in summary["ospa"].items()},

@@ -1,4 +1,4 @@
-"""How long the fleet's consensus takes; docs/benchmarks.md says how to run this.
+"""How long the fleet's consensus takes; docs/results/benchmarks.md says how to run this.
 
 In ordinary test runs each part runs once, as a smoke test, and its times are not judged.
 """

@@ -1,4 +1,4 @@
-"""What a scan costs beside Stone Soup's JPDA, and as scenes grow; docs/benchmarks.md says how to run this.
+"""What a scan costs beside Stone Soup's JPDA, and as scenes grow; docs/results/benchmarks.md says how to run this.
 
 What is compared runs in turn, so that the load of the machine falls on all of it. Times are those of the processor, and
 of several the least counts.

@@ -1,4 +1,4 @@
-"""What rendering, detection and line of sight cost beside their floors; docs/benchmarks.md says how to run this.
+"""Costs of rendering, detection and line of sight beside their floors; docs/results/benchmarks.md says how to run this.
 
 What is compared runs in turn, so that the load of the machine falls on all of it; of several times the least counts.
 In ordinary test runs each comparison runs once, on little, and its ratio is not judged.

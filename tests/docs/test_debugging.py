@@ -1,4 +1,4 @@
-"""docs/debugging.md and the command explain: what is shown runs, and wrong input is refused in one line."""
+"""docs/how-to/debugging.md and the command explain: what is shown runs, and wrong input is refused in one line."""
 
 import re
 import shlex
@@ -11,7 +11,7 @@ from helpers.commands import called
 from sim import __main__ as cli
 from sim.terminal import console
 
-TEXT = (Path(__file__).parents[2] / "docs" / "debugging.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs" / "how-to" / "debugging.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture

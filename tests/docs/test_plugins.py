@@ -1,4 +1,4 @@
-"""docs/plugins.md: its planner flies, conforms and has the checks that are listed."""
+"""docs/how-to/plugins.md: its planner flies, conforms and has the checks that are listed."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from planning.conformance.checks import CHECKS
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGE = (DOCS / "plugins.md").read_text(encoding="utf-8")
+PAGE = (DOCS / "how-to" / "plugins.md").read_text(encoding="utf-8")
 
 
 def test_the_planner_of_the_page_conforms_as_the_test_of_the_page_says(tmp_path, monkeypatch):
@@ -25,7 +25,7 @@ def test_every_check_is_listed_in_its_order():
 
 
 def test_links_lead_somewhere():
-    for page in (DOCS / "plugins.md", DOCS / "examples" / "shepherd" / "README.md"):
+    for page in (DOCS / "how-to" / "plugins.md", DOCS / "examples" / "shepherd" / "README.md"):
         for target in re.findall(r"\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
             file, _, heading = target.partition("#")
             assert (page.parent / file).is_file() or not file, target

@@ -17,7 +17,7 @@ from sim.scenario.text_files import tomllib
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-REFERENCE = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
+REFERENCE = (ROOT / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
 INSTALL = ("pip install -e . && understory run", "pip install -e '.[test]' && pytest")
 SHORTER = {"run": ["--duration", "2"], "compare": ["--duration", "1", "--seeds", "0,1"], "frames": ["--time", "1"]}
 SHORTER |= {"check-planner": [], "explain": ["--time", "1"], "replay": ["--time", "1:2"]}

@@ -1,4 +1,4 @@
-"""docs/replay.md: its commands work in the order given, and its Python runs."""
+"""docs/how-to/replay.md: its commands work in the order given, and its Python runs."""
 
 import re
 import shlex
@@ -9,7 +9,7 @@ import pytest
 
 from sim import __main__ as cli
 
-TEXT = (Path(__file__).parents[2] / "docs" / "replay.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs" / "how-to" / "replay.md").read_text(encoding="utf-8")
 
 
 def test_its_commands_and_its_python_run(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""docs/rerun.md says what is so: its commands and its Python run, and its entities are there."""
+"""docs/how-to/rerun.md says what is so: its commands and its Python run, and its entities are there."""
 
 import re
 import shlex
@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 
 from sim.__main__ import main
 
-TEXT = (Path(__file__).parents[2] / "docs" / "rerun.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs" / "how-to" / "rerun.md").read_text(encoding="utf-8")
 
 
 def block(language):

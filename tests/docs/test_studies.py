@@ -1,4 +1,4 @@
-"""docs/studies.md says what is so: its study file, its SQL, its Python and its tables."""
+"""docs/how-to/studies.md says what is so: its study file, its SQL, its Python and its tables."""
 
 import re
 import sqlite3
@@ -12,7 +12,7 @@ from sim.study.study import STUDIES, adapted, read
 from sim.study.tasks import tasks
 from sim.study.trial import fly
 
-TEXT = (Path(__file__).parents[2] / "docs" / "studies.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs" / "how-to" / "studies.md").read_text(encoding="utf-8")
 
 
 def block(language):

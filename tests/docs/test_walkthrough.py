@@ -1,4 +1,4 @@
-"""docs/walkthrough.md: each command runs, and says what stands below it."""
+"""docs/tutorials/lost-person.md: each command runs, and says what stands below it."""
 
 import re
 import shlex
@@ -11,7 +11,7 @@ from sim.recording.archive import load
 from sim.terminal import console
 
 DOCS = Path(__file__).parents[2] / "docs"
-TEXT = (DOCS / "walkthrough.md").read_text(encoding="utf-8")
+TEXT = (DOCS / "tutorials" / "lost-person.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", TEXT, flags=re.M | re.S)
 
 

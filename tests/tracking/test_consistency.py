@@ -1,7 +1,7 @@
 """Beliefs are as sure as they are right: NEES over seeded missions of UAVs on fixed paths, without a planner.
 
 `pytest -m slow -s -n 0 tests/tracking/test_consistency.py` flies 100 missions per case and prints the table of
-docs/fusion.md.
+docs/explanation/fusion.md.
 
 People move by the tracker's own model, so errors squared over variances average their dimension if beliefs are right.
 Those of successive scans, of UAVs that talk and of people who meet are not independent; those of missions are. So a

@@ -1,7 +1,7 @@
 """People who cross keep their tracks, and Stone Soup's JPDA does no better on the same scans.
 
 `pytest -m slow -s tests/tracking/test_crossings.py -n 0` tries 1000 crossings and prints the figures of
-docs/benchmarks.md.
+docs/results/benchmarks.md.
 """
 
 import numpy as np

@@ -21,7 +21,7 @@ from tracking.measurement_files import SCAN_COLUMNS, read_cameras, read_forest, 
 from tracking.tracker import Tracker, TrackerParameters
 
 ROOT = Path(__file__).parents[2]
-DOCS = (ROOT / "docs" / "tracking.md").read_text(encoding="utf-8")
+DOCS = (ROOT / "docs" / "how-to" / "tracking.md").read_text(encoding="utf-8")
 HEADER = ",".join(SCAN_COLUMNS)
 GATE = chi2.ppf(0.9999, 2)  # of squared errors of a position in its own standard deviations
 POSE = "0,0,20,0,0,0,1"
@@ -184,7 +184,7 @@ def test_the_documented_lines_track_a_person_with_stone_soup(mission, monkeypatc
     ((block,)) = [block for block in blocks("python") if "stonesoup" in block]
     monkeypatch.chdir(out / "stonesoup")
     names = {}
-    exec(compile(block, "docs/tracking.md", "exec"), names)
+    exec(compile(block, "docs/how-to/tracking.md", "exec"), names)
     track, seen = names["track"], 0
     for state in track[1:]:
         k = round((state.timestamp - track[0].timestamp).total_seconds() * 5)

@@ -16,7 +16,7 @@ from sim.analysis.measures import measure
 from sim.analysis.statistics import means, medians
 
 DATA = Path(__file__).parents[2] / "data" / "trials.csv"
-DOC = Path(__file__).parents[3] / "docs" / "reports.md"
+DOC = Path(__file__).parents[3] / "docs" / "how-to" / "reports.md"
 NUMBERS = (3, 5, 8, 10, 20, 50)
 SAMPLES = 4000
 MEAN, MEDIAN = ERRORS["ospa.mean_m"], ERRORS["ospa.median_m"]

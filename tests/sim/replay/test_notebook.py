@@ -25,7 +25,7 @@ from sim.scenario.errors import InputError
 from sim.scenario.scenario import resolved
 from sim.sensing.fault import Fault
 
-TEXT = (Path(__file__).parents[3] / "docs" / "notebooks.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[3] / "docs" / "how-to" / "notebooks.md").read_text(encoding="utf-8")
 
 
 def losing():

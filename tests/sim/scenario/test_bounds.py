@@ -15,7 +15,7 @@ from sim.scenario.quantities import integer, integers, seconds
 from sim.scenario.scenario import People, Scenario
 from sim.scenario.workload import check_workload
 
-REFERENCE = (Path(__file__).parents[3] / "docs" / "scenarios.md").read_text(encoding="utf-8")
+REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
 # Checked against the area, the strongest wind, the number of UAVs and the scans that a tracker counts.
 ELSEWHERE = {"uavs.0.start", "wind.velocity", "network.links", "network.cuts.links", "people.paths"}
 ELSEWHERE |= {"tracking.confirm", "tracking.delete"}

@@ -22,7 +22,7 @@ from tracking.detection.detector import detect
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 
-REFERENCE = (Path(__file__).parents[3] / "docs" / "scenarios.md").read_text(encoding="utf-8")
+REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
 POSE = Pose.level(0.0, 0.0, 19.0)
 TREES = Forest((Tree(5.0, 4.0, 3.0), Tree(-6.0, -5.0, 3.0)))
 # Which part of the style each strength decides; the ground is as bright as the light on it.
