@@ -19,7 +19,7 @@ from sim.scenario.errors import InputError
 from sim.study.row import Row
 from sim.study.tasks import Task
 
-SCHEMA = 2  # in the file's user_version; docs/studies.md describes it
+SCHEMA = 2  # in the file's user_version; docs/how-to/studies.md describes it
 NAME = "study.sqlite"
 _TABLES = (
     "CREATE TABLE study (name TEXT NOT NULL)",
@@ -146,11 +146,15 @@ def read_rows(path: Path) -> list[Row]:
 
 
 def frame(path: Path) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise
-    """All trials of a store as a pandas frame, or a polars one where there is no pandas.
+    """All trials of a store as `frame_of` has them."""
+    return frame_of(read_rows(path))
+
+
+def frame_of(rows: Sequence[Row]) -> Any:  # noqa: ANN401 - as above
+    """Trials as a pandas frame, or a polars one where there is no pandas.
 
     One row per trial: a column for each factor, as `factor.lambda`, and for each metric; no OSPA over time.
     """
-    rows = read_rows(path)
     names = {name: None for row in rows for name in row.metrics}
     factors = {name: None for row in rows for name, _ in row.factors}
     plain = ("study", "scenario", "planner", "seed", "repeat", "version", "machine", "recording", "status", "error")

@@ -1,0 +1,97 @@
+"""The public Python API: what it names is there, and missions and comparisons fly by it as by the command line."""
+
+import subprocess
+import sys
+import typing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.commands import called
+
+import understory
+from sim.recording.archive import digest
+from sim.scenario.scenario import Scenario
+
+SHORT = {"duration": 1, "sensing.mode": "ideal"}
+
+
+def test_every_name_is_there_and_has_a_docstring():
+    for name in understory.__all__:
+        assert getattr(understory, name).__doc__, name
+    assert dir(understory) == sorted(understory.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        understory.nothing  # noqa: B018
+
+
+def test_names_stand_for_what_type_checkers_take_them_for():
+    source = Path(understory.__file__).read_text(encoding="utf-8")
+    block = source.split("if TYPE_CHECKING:\n")[1].split("\n\n")[0]
+    names = {}
+    exec("\n".join(line.strip() for line in block.splitlines()), names)
+    assert {name for name in understory.__all__ if name not in ("run", "compare")} <= set(names)
+    for name in understory.__all__:
+        assert name not in names or getattr(understory, name) is names[name]
+    assert typing.TYPE_CHECKING is False
+
+
+def test_importing_it_imports_none_of_the_packages():
+    code = "import sys, understory; print({'numpy', 'numba', 'sim', 'planning', 'tracking'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
+
+
+def test_a_run_is_the_mission_that_the_command_flies(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    flight = understory.run(planner="greedy", seed=2, settings={**SHORT, "trees": {"density": 5.0}})
+    options = ["--set", "sensing.mode=ideal", "--set", "trees.density=5", "--duration", "1", "--no-video"]
+    assert called(["run", "--planner", "greedy", "--seed", "2", *options, "--out", "one"], monkeypatch, capsys)[0] == 0
+    again = understory.load("one")
+    assert digest(flight.recording) == digest(again.recording)
+    assert {path.name for path in tmp_path.iterdir()} == {"one"}
+
+
+def test_a_run_takes_a_planner_that_is_an_object_and_a_scenario():
+    class Still:
+        """No UAV moves."""
+
+        def plan(self, team, rng):
+            return [understory.Plan(np.zeros((1, 2))) for _ in team]
+
+    flight = understory.run(understory.Scenario(duration=0.4), Still())
+    assert flight.recording.planner.endswith("Still") and isinstance(flight.scenario, Scenario)
+    assert not flight.recording.commands.any()
+
+
+def test_a_run_leaves_the_files_of_the_command_in_a_new_folder(tmp_path):
+    flight = understory.run(planner="hover", settings=SHORT, out=tmp_path / "new")
+    assert {"mission.npz", "mission.mp4", "mission.html", "summary.json"} <= {
+        p.name for p in (tmp_path / "new").iterdir()
+    }
+    assert len(flight.recording.times) == 6
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"settings": {"trees.densty": 3}}, "trees.densty: unknown key"),
+        ({"scenario": Scenario(), "settings": SHORT}, "settings: not allowed with a Scenario"),
+        ({"planner": object(), "out": "new"}, "out: not allowed with a planner that is an object"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_in_one_line(arguments, message):
+    with pytest.raises(understory.InputError, match=message):
+        understory.run(**arguments)
+
+
+def test_a_comparison_is_a_frame_of_planners_by_scenarios_by_maps(tmp_path):
+    other = tmp_path / "other.toml"
+    other.write_text("trees.density = 5")
+    scenarios = ["forest", str(other)]
+    table = understory.compare(["hover", "greedy"], scenarios, seeds=range(2), settings=SHORT, workers=1)
+    assert len(table) == 8 and set(table["status"]) == {"done"}
+    assert table.groupby(["planner", "factor.scenario"]).size().tolist() == [2] * 4
+    assert table["ospa.mean_m"].notna().all()
+    alone = understory.run("forest", "greedy", seed=1, settings=SHORT)
+    (row,) = table[(table.planner == "greedy") & (table.scenario == "forest") & (table.seed == 1)].to_dict("records")
+    assert row["recording"] == digest(alone.recording)
