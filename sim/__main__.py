@@ -114,6 +114,10 @@ def run(
     ] = "0",
     duration: Duration = None,
     overrides: Overrides = None,
+    metric: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A metric of yours, module:NAME; repeatable."),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")
     ] = None,
@@ -128,7 +132,7 @@ def run(
     again = integer(repeat, "--repeat", least=0, most=REPEATS - 1)
     limit = None if timeout is None else seconds(timeout, "--timeout")
     # Other people's code runs in a process of its own, as nothing else holds what it may do.
-    trusted = comes_with(setting.sensing.detector) and is_ours(planner)
+    trusted = comes_with(setting.sensing.detector) and is_ours(planner) and not metric
     if trusted:
         load_planner(planner)
     remark(*remarks(setting))
@@ -141,7 +145,7 @@ def run(
 
             summary = fly(Trial(setting, planner, number, again), folder, video=video, progress=progress, say=say)
         else:
-            flight = Flight(setting, planner, number, again, video)
+            flight = Flight(setting, planner, number, again, video, tuple(metric or ()))
             summary = fly_apart(flight, folder, timeout=limit, progress=progress, say=say)
     show_run(summary, folder)
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.analysis.cells import Cell, Group
-from sim.analysis.measures import Measure
 from sim.analysis.statistics import (
     LEVEL,
     NO_ESTIMATE,
@@ -22,6 +21,7 @@ from sim.analysis.statistics import (
     medians,
     spreads,
 )
+from sim.evaluation.metric import Metric
 from sim.study.row import Row
 from tracking.numerics.compiled import Array
 
@@ -56,7 +56,7 @@ class Answer:
 
     cell: Cell | None  # None: all cells
     planner: str
-    measure: Measure
+    metric: Metric
     maps: int = 0  # with a finite value
     flown: int = 0  # maps, those that failed too
     trials: int = 0  # done; as many as maps where none is repeated
@@ -68,21 +68,21 @@ class Answer:
     difference: Difference | None = None  # None of the baseline itself
 
 
-def answers(groups: Sequence[Group], measures: Sequence[Measure], baseline: str) -> list[Answer]:
+def answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: str) -> list[Answer]:
     """Metric by metric: every cell's planners, then the differences over all cells if there are several.
 
     All differences together are what Holm's correction is for.
     """
-    own = [_own(group, measures) for group in groups]
+    own = [_own(group, metrics) for group in groups]
     by_cell = {group.cell: group for group in groups if group.planner == baseline}
-    pairs = [None if g.planner == baseline else paired(g, by_cell.get(g.cell), measures) for g in groups]
-    differences = [None if p is None else p.differences(measures) for p in pairs]
-    overall = _overall([g for g in groups if g.cell in by_cell], dict(zip(groups, pairs, strict=True)), measures)
+    pairs = [None if g.planner == baseline else paired(g, by_cell.get(g.cell), metrics) for g in groups]
+    differences = [None if p is None else p.differences(metrics) for p in pairs]
+    overall = _overall([g for g in groups if g.cell in by_cell], dict(zip(groups, pairs, strict=True)), metrics)
     found: list[Answer] = []
-    for j in range(len(measures)):
+    for j in range(len(metrics)):
         for lines, difference in zip(own, differences, strict=True):
             found.append(lines[j] if difference is None else replace(lines[j], difference=difference[j]))
-        found += [Answer(None, planner, measures[j], difference=total[j]) for planner, total in overall.items()]
+        found += [Answer(None, planner, metrics[j], difference=total[j]) for planner, total in overall.items()]
     return _judged(found)
 
 
@@ -95,18 +95,18 @@ def _judged(found: Sequence[Answer]) -> list[Answer]:
     ]
 
 
-def _own(group: Group, measures: Sequence[Measure]) -> list[Answer]:
+def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
     """What the group comes to, metric by metric."""
     flights = [(row.seed, row.repeat) for row in group.done]
-    values = _values(group.done, measures)
+    values = _values(group.done, metrics)
     of_maps = _by_map(flights, values)
-    bounds = [(measure.least, measure.most) for measure in measures]
+    bounds = [(metric.least, metric.most) for metric in metrics]
     flown = len({row.seed for row in (*group.done, *group.failed)})
     undefined = np.sum(~np.isfinite(values), axis=0).tolist()
     spread = spreads(values, np.array([seed for seed, _ in flights], dtype=object))
     return [
         Answer(
-            *(group.cell, group.planner, measure),
+            *(group.cell, group.planner, metric),
             maps=int(np.isfinite(of_maps[:, j]).sum()),
             flown=flown,
             trials=len(flights),
@@ -116,14 +116,14 @@ def _own(group: Group, measures: Sequence[Measure]) -> list[Answer]:
             median=median,
             spread=spread[j],
         )
-        for j, (measure, mean, median) in enumerate(zip(measures, means(of_maps), medians(of_maps), strict=True))
+        for j, (metric, mean, median) in enumerate(zip(metrics, means(of_maps), medians(of_maps), strict=True))
     ]
 
 
-def map_means(group: Group, measure: Measure) -> Estimate:
+def map_means(group: Group, metric: Metric) -> Estimate:
     """The mean over the maps of a group."""
     flights = [(row.seed, row.repeat) for row in group.done]
-    return _bounded(means(_by_map(flights, _values(group.done, [measure])))[0], measure.least, measure.most)
+    return _bounded(means(_by_map(flights, _values(group.done, [metric])))[0], metric.least, metric.most)
 
 
 def _bounded(estimate: Estimate, least: float, most: float) -> Estimate:
@@ -138,7 +138,7 @@ class Pairs:
     flights: tuple[Flight, ...]  # of either
     values: Array  # (flights, metrics), NaN where one of both is missing, undefined or infinite
 
-    def differences(self, measures: Sequence[Measure], cells: int = 1) -> list[Difference]:
+    def differences(self, metrics: Sequence[Metric], cells: int = 1) -> list[Difference]:
         """Metric by metric the mean, and how many maps went which way; where neither way is better, none is won."""
         gaps = _by_map(self.flights, self.values)
         seeds = np.array([seed for seed, _ in self.flights], dtype=object)
@@ -146,27 +146,27 @@ class Pairs:
         found = []
         for j, (mean, chance, spread, needed) in enumerate(judged):
             below, tied, above = (int(np.sum(np.sign(gaps[:, j]) == sign)) for sign in (-1, 0, 1))
-            won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[measures[j].better]
+            won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[metrics[j].better]
             pairs = below + tied + above
             counts = pairs, len(gaps) - pairs, won, tied, lost, cells
             found.append(Difference(mean, *counts, chance=chance, spread=spread, needed=needed))
         return found
 
 
-def paired(group: Group, base: Group | None, measures: Sequence[Measure]) -> Pairs:
+def paired(group: Group, base: Group | None, metrics: Sequence[Metric]) -> Pairs:
     """The metrics of the group less the baseline's, on every flight of either."""
-    ours, theirs = (_by_flight(g, measures) for g in (group, base))
+    ours, theirs = (_by_flight(g, metrics) for g in (group, base))
     flights = tuple(sorted(ours.keys() | theirs.keys()))
-    missing = _missing(measures)
+    missing = _missing(metrics)
     with np.errstate(invalid="ignore"):  # infinity less infinity
         gaps = np.array([ours.get(f, missing) - theirs.get(f, missing) for f in flights])
-    gaps = gaps.reshape(len(flights), len(measures))
+    gaps = gaps.reshape(len(flights), len(metrics))
     return Pairs(flights, np.where(np.isfinite(gaps), gaps, np.nan))
 
 
-def paired_values(group: Group, base: Group | None, measure: Measure) -> Array:
+def paired_values(group: Group, base: Group | None, metric: Metric) -> Array:
     """The baseline's and the group's values (n, 2) on the maps where both are finite in some repeat."""
-    ours, theirs = (_by_flight(g, [measure]) for g in (group, base))
+    ours, theirs = (_by_flight(g, [metric]) for g in (group, base))
     flights = sorted(ours.keys() & theirs.keys())
     both = np.array([(theirs[f][0], ours[f][0]) for f in flights]).reshape(-1, 2)
     finite = np.isfinite(both).all(axis=1)
@@ -186,27 +186,27 @@ def _by_map(flights: Sequence[Flight], values: Array) -> Array:
     return found
 
 
-def _values(rows: Sequence[Row], measures: Sequence[Measure]) -> Array:
+def _values(rows: Sequence[Row], metrics: Sequence[Metric]) -> Array:
     """The metrics (rows, metrics); NaN where they are undefined."""
-    table = [[row.metrics.get(measure.name, np.nan) for measure in measures] for row in rows]
-    return np.array(table, dtype=float).reshape(len(rows), len(measures))
+    table = [[row.metrics.get(metric.name, np.nan) for metric in metrics] for row in rows]
+    return np.array(table, dtype=float).reshape(len(rows), len(metrics))
 
 
-def _by_flight(group: Group | None, measures: Sequence[Measure]) -> dict[Flight, Array]:
+def _by_flight(group: Group | None, metrics: Sequence[Metric]) -> dict[Flight, Array]:
     """The metrics of each flight; all NaN of one that failed."""
     if group is None:
         return {}
-    failed = {(row.seed, row.repeat): _missing(measures) for row in group.failed}
-    lines = zip(group.done, _values(group.done, measures), strict=True)
+    failed = {(row.seed, row.repeat): _missing(metrics) for row in group.failed}
+    lines = zip(group.done, _values(group.done, metrics), strict=True)
     return failed | {(row.seed, row.repeat): line for row, line in lines}
 
 
-def _missing(measures: Sequence[Measure]) -> Array:
-    return np.full(len(measures), np.nan)
+def _missing(metrics: Sequence[Metric]) -> Array:
+    return np.full(len(metrics), np.nan)
 
 
 def _overall(
-    groups: Sequence[Group], pairs: Mapping[Group, Pairs | None], measures: Sequence[Measure]
+    groups: Sequence[Group], pairs: Mapping[Group, Pairs | None], metrics: Sequence[Metric]
 ) -> dict[str, list[Difference]]:
     """Of each planner that meets the baseline in several cells: the mean over these cells, flight by flight.
 
@@ -219,6 +219,6 @@ def _overall(
         if len(own) > 1:
             flights = tuple(sorted({flight for p in own for flight in p.flights}))
             tables = [dict(zip(p.flights, p.values, strict=True)) for p in own]
-            lines = [np.mean([t.get(flight, _missing(measures)) for t in tables], axis=0) for flight in flights]
-            found[planner] = Pairs(flights, np.array(lines)).differences(measures, len(own))
+            lines = [np.mean([t.get(flight, _missing(metrics)) for t in tables], axis=0) for flight in flights]
+            found[planner] = Pairs(flights, np.array(lines)).differences(metrics, len(own))
     return found

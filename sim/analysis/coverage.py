@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from sim.analysis.measures import Measure
+from sim.evaluation.metric import Metric
 
 # Of 4000 samples of so many maps, the share [%] of intervals that held the mean of all maps flown, over planners and
 # their differences, missions of 20 s and 40 s; tests/sim/analysis/test_coverage.py counts again.
@@ -26,7 +26,7 @@ COVERED = (
 _SHARE = "ospa.share_under_1m"
 
 
-def caveats(measured: Iterable[tuple[Measure, int]]) -> list[str]:
+def caveats(measured: Iterable[tuple[Metric, int]]) -> list[str]:
     """What is to be said of intervals of means, by metric and number of maps; nothing where they hold as they say.
 
     Of a difference the number of maps is that of its pairs. Coverage was counted of `ospa.share_under_1m`, and of the
@@ -34,18 +34,18 @@ def caveats(measured: Iterable[tuple[Measure, int]]) -> list[str]:
     precision and the share of people held are in %, but not shares of scans: neither they nor any other metric were
     counted. Intervals of medians over maps hold whatever the metric.
     """
-    counts: dict[Measure, set[int]] = {}
-    for measure, maps in measured:
+    counts: dict[Metric, set[int]] = {}
+    for metric, maps in measured:
         if maps > 1:
-            counts.setdefault(measure, set()).add(maps)
+            counts.setdefault(metric, set()).add(maps)
     found = []
-    few = min((min(maps) for measure, maps in counts.items() if measure.name == _SHARE), default=ENOUGH)
+    few = min((min(maps) for metric, maps in counts.items() if metric.name == _SHARE), default=ENOUGH)
     if few < ENOUGH:
         found.append(f"Intervals over {few} maps, which are few, hold in {SHARES[_known(few)]} % of cases.")
-    errors = [(maps, measure.name) for measure, several in counts.items() for maps in several if measure.name in ERRORS]
+    errors = [(maps, metric.name) for metric, several in counts.items() for maps in several if metric.name in ERRORS]
     if errors:
         found.append(_of_errors(errors))
-    unknown = [measure.label for measure in counts if measure.name not in (_SHARE, *ERRORS)]
+    unknown = [metric.label for metric in counts if metric.name not in (_SHARE, *ERRORS)]
     if unknown:
         found.append(f"How often intervals of means hold was not counted for: {', '.join(unknown)}.")
     return found

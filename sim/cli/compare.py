@@ -80,13 +80,12 @@ def compare(
         raise InputError(f"--keep: {keep!r} is unknown; {did_you_mean(keep, ['recordings'])}")
     folder = out or Path("runs") / chosen.name
     from sim.analysis.cells import baseline_of
-    from sim.analysis.measures import check
+    from sim.analysis.metric_choice import from_outside
     from sim.scenario.random_streams import numbered
     from sim.study.engine import Options
     from sim.study.tasks import tasks
 
-    listed = tasks(chosen)
-    check(metric or ())
+    listed = tasks(chosen, from_outside(metric or ()))
     baseline_of(listed, baseline)
     remark(*dict.fromkeys(line for task in listed for line in remarks(task.setting)))
     options = Options(limit, folder / "recordings" if keep else None, redo)

@@ -1,162 +1,200 @@
-"""What tracks are worth against the people of a recording, for each UAV and for the fleet."""
+"""Metrics of a mission: the registry from which summary.json, the rows of studies and all tables take them.
+
+A metric from outside is a `Metric` in any module, named by its import string: `--metric package.module:NAME`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from sim.mission.snapshot import Bools, Ints
+from sim.evaluation.contacts import contacts
+from sim.evaluation.metric import Metric, Outcome, mean
+from sim.evaluation.score import FAR, Score
+from sim.evaluation.traffic import bytes_sent, plan_bytes
+from sim.mission.radio import disagreement
+from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
-from tracking.metrics.clearmot import correspondence, fragmentations, switches
-from tracking.metrics.gospa import gospa
-from tracking.metrics.nees import nees, nees_interval
-from tracking.metrics.ospa import ospa2
+from sim.scenario.errors import InputError
+from sim.scenario.loading import did_you_mean
+from sim.sensing.fault import Fault
+from sim.sensing.stopwatch import STAGES
 from tracking.numerics.compiled import Array
+from tracking.plugins.containment import ForeignError, contained
+from tracking.plugins.importing import imported
 
-HELD = 1.0  # m, from a person to the nearest track that holds them
-FAR = 10.0  # m, beyond which a track is nobody's: cut-off of GOSPA, and of the errors that NEES counts
-
-
-@dataclass(frozen=True, eq=False)
-class Held:
-    """What one UAV believed at K scans: A tracks, NaN where they are not. A column is an id."""
-
-    ids: Ints  # (A,) ascending
-    means: Array  # (K, A, 4)
-    covariances: Array  # (K, A, 4, 4)
+Of = Callable[[Outcome], float | None]
 
 
-@dataclass(frozen=True, eq=False)
-class Score:
-    """One UAV against the truth, over the K scans at which it works; M people."""
-
-    ospa: Array  # (K,) m, distance
-    gospa: Array  # (K, 4) m: distance, localisation, missed, false
-    ospa2: float  # m; NaN without a scan
-    held: Bools  # (K, M)
-    present: Bools  # (K, M)
-    switches: int
-    fragmentations: int
-    position_nees: Array  # (E,), a number for each scan and person with a track within `FAR` m
-    state_nees: Array  # (E',), fewer by those whose velocity is not known
-
-
-def held_by(recording: Recording, uav: int) -> Held:
-    """The tracks of one UAV in the order of their ids, scan by scan."""
-    scans, uavs = recording.poses.shape[:2]
-    k, owner = np.divmod(np.repeat(np.arange(scans * uavs), np.diff(recording.track_offsets)), uavs)
-    rows = owner == uav
-    ids, columns = np.unique(recording.track_ids[rows], return_inverse=True)
-    means = np.full((scans, len(ids), 4), np.nan)
-    covariances = np.full((scans, len(ids), 4, 4), np.nan)
-    means[k[rows], columns] = recording.track_means[rows]
-    covariances[k[rows], columns] = recording.track_covariances[rows]
-    return Held(ids, means, covariances)
+def metric(name: str) -> Metric:
+    """The metric of that name or import string; InputError where there is none."""
+    if name in METRICS:
+        return METRICS[name]
+    if ":" not in name:
+        raise InputError(f"--metric: {name!r} is unknown; {did_you_mean(name, METRICS)} (or yours, module:NAME)")
+    try:
+        found = imported(name)
+    except ImportError as error:
+        raise InputError(f"--metric: {name!r} cannot be imported: {error}") from error
+    if not isinstance(found, Metric):
+        raise InputError(f"--metric: {name!r} is no metric; expected a sim.evaluation.metric.Metric")
+    return replace(found, name=name)
 
 
-def velocities(recording: Recording) -> Array:
-    """True velocities (K, M, 2) m/s: central differences of positions, one-sided where somebody comes or goes."""
-    positions, times = recording.people, recording.times
-    steps = np.full((len(times) + 1, *positions.shape[1:]), np.nan)
-    steps[1:-1] = np.diff(positions, axis=0) / np.diff(times)[:, None, None]
-    before, after = steps[:-1], steps[1:]
-    both = np.isnan(before), np.isnan(after)
-    return np.where(both[0], after, np.where(both[1], before, (before + after) / 2))
+def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | None]:
+    """All metrics of the registry, and those asked for by import string; None where there was nothing to count.
 
-
-def score(recording: Recording, uav: int) -> Score:
-    """One UAV's tracks against the people."""
-    on = recording.working[:, uav]
-    believed, people = held_by(recording, uav), recording.people[on]
-    tracks = believed.means[on, :, :2]
-    near = correspondence(tracks, people, HELD)
-    present = ~np.isnan(people[..., 0])
-    parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
-    truth = np.concatenate([people, velocities(recording)[on]], axis=2)
-    far = correspondence(tracks, people, FAR)
-    k, m = np.nonzero(far >= 0)
-    errors = believed.means[on][k, far[k, m]] - truth[k, m]
-    P = believed.covariances[on][k, far[k, m]]
-    moving = ~np.isnan(errors[:, 2])  # whoever is there for a single scan has no velocity
-    return Score(
-        ospa=recording.ospa[on, uav, 0],
-        gospa=np.array(parts, dtype=float).reshape(-1, 4),
-        ospa2=ospa2(tracks, people).distance if len(people) else np.nan,
-        held=near >= 0,
-        present=present,
-        switches=int(switches(near).sum()),
-        fragmentations=int(fragmentations(near, present).sum()),
-        position_nees=nees(errors[:, :2], P[:, :2, :2]),
-        state_nees=nees(errors[moving], P[moving]),
-    )
-
-
-def metrics(recording: Recording) -> dict[str, Any]:
-    """What `summary.json` holds beside OSPA: `gospa`, `ospa2_m`, `identity`, `nees`, `people_held` and `uavs`.
-
-    The fleet's GOSPA is the mean over all pairs of a scan and a UAV that works then; OSPA(2), switches, fragmentations
-    and NEES are means over the UAVs. Who breaks down counts until then. None stands where there was nothing to count.
+    One from outside that raises is None, and a fault is added to the outcome.
     """
-    scores = [score(recording, i) for i in range(recording.poses.shape[1])]
-    flown = [s for s in scores if len(s.gospa)]
-    parts = np.concatenate([s.gospa for s in scores])
-    held, present = (np.sum([getattr(s, name).sum(axis=0) for s in scores], axis=0) for name in ("held", "present"))
-    return {
-        "gospa": {
-            "cut_off_m": FAR,
-            "mean_m": mean(parts[:, 0]),
-            "localisation_m": mean(parts[:, 1]),
-            "missed": mean(parts[:, 2] ** 2 / (FAR**2 / 2)),
-            "false": mean(parts[:, 3] ** 2 / (FAR**2 / 2)),
-        },
-        "ospa2_m": mean([s.ospa2 for s in flown]),
-        "identity": {
-            "within_m": HELD,
-            "switches": mean([s.switches for s in flown]),
-            "fragmentations": mean([s.fragmentations for s in flown]),
-        },
-        "nees": {
-            "within_m": FAR,
-            "position": _consistency([s.position_nees for s in flown], 2),
-            "state": _consistency([s.state_nees for s in flown], 4),
-        },
-        "people_held": [float(h) / float(p) if p else None for h, p in zip(held, present, strict=True)],
-        "share_held": mean(np.concatenate([s.held[s.present] for s in scores])),
-        "uavs": [_row(s) for s in scores],
-    }
+    found = {name: known(outcome) for name, known in METRICS.items()}
+    for name in asked:
+        try:
+            with contained():
+                value = metric(name)(outcome)
+                found[name] = None if value is None else float(value)
+        except ForeignError as error:
+            text = f"metric {name}: {error.explained}"
+            outcome.faults.append(Fault(float(outcome.recording.times[-1]), None, text, error.trace))
+            found[name] = None
+    return found
 
 
-def mean(values: ArrayLike) -> float | None:
-    """The mean, or None where there is nothing."""
-    array = np.asarray(values, dtype=float)
-    return float(array.mean()) if array.size else None
+def _ospa(reduced: Callable[[Array], np.floating[Any]]) -> Of:
+    """Of the OSPA distances [m] of all pairs of a scan and a UAV that works then."""
+
+    def of(outcome: Outcome) -> float | None:
+        distance = outcome.recording.ospa[:, :, 0][outcome.recording.working]
+        return float(reduced(distance)) if len(distance) else None
+
+    return of
 
 
-def _consistency(errors: Sequence[Array], dof: int) -> dict[str, Any]:
-    """Mean NEES of the UAVs, and where it is expected with 95 % if as many errors as one UAV has were independent.
+def _gospa(column: int, *, counted: bool = False) -> Of:
+    """Mean of a part of GOSPA over all pairs of a scan and a UAV that works then; counted: in people or tracks."""
 
-    UAVs that share all they see make the same errors, so the fleet has no more of them than one UAV.
-    """
-    counted = [e for e in errors if len(e)]
-    if not counted:
-        return {"mean": None, "interval_95": None, "errors": 0}
-    count = round(float(np.mean([len(e) for e in counted])))
-    average = float(np.mean([e.mean() for e in counted]))
-    return {"mean": average, "interval_95": list(nees_interval(count, dof)), "errors": count}
+    def of(outcome: Outcome) -> float | None:
+        parts = np.concatenate([score.gospa[:, column] for score in outcome.scores])
+        return mean(parts**2 / (FAR**2 / 2) if counted else parts)
+
+    return of
 
 
-def _row(score: Score) -> dict[str, Any]:
-    return {
-        "ospa_m": mean(score.ospa),
-        "gospa_m": mean(score.gospa[:, 0]),
-        "ospa2_m": mean([score.ospa2] * (len(score.gospa) > 0)),
-        "switches": score.switches,
-        "fragmentations": score.fragmentations,
-        "position_nees": mean(score.position_nees),
-        "state_nees": mean(score.state_nees),
-        "share_held": mean(score.held[score.present]),
-    }
+def _over_uavs(value: Callable[[Score], float]) -> Of:
+    """Mean over the UAVs; one that breaks down counts until then."""
+    return lambda outcome: mean([value(score) for score in outcome.flown])
+
+
+def _nees(label: str, errors: Callable[[Score], Array], key: str) -> Metric:
+    """Mean over the UAVs of the mean of the errors of each."""
+
+    def of(outcome: Outcome) -> float | None:
+        return mean([e.mean() for e in map(errors, outcome.flown) if len(e)])
+
+    return Metric(label, of, better="neither", key=key)
+
+
+def _recall(outcome: Outcome) -> float | None:
+    """Share of people of whom a camera shows a pixel that were detected."""
+    r = outcome.recording
+    return _ratio(np.sum(r.matched & (r.visible > 0)), np.sum(r.visible > 0))
+
+
+def _precision(outcome: Outcome) -> float | None:
+    """Share of detections that were people."""
+    r = outcome.recording
+    return _ratio(np.sum(r.matched), np.sum(~np.isnan(r.pixels[:, 0])))
+
+
+def _ratio(part: np.generic, whole: np.generic) -> float | None:
+    return part.item() / whole.item() if whole else None
+
+
+def _disagreement(outcome: Outcome) -> float | None:
+    """Mean distance [m] between the UAVs' tracks."""
+    r = outcome.recording
+    tracks = ([r.tracks_at(k, i) for i in np.flatnonzero(row).tolist()] for k, row in enumerate(r.working))
+    return float(np.mean([disagreement(held) for held in tracks]))
+
+
+def _bytes(sent: Callable[[Recording], Ints | None], reduced: Callable[[Ints], np.generic]) -> Of:
+    def of(outcome: Outcome) -> float | None:
+        found = sent(outcome.recording)
+        return None if found is None else reduced(found).item()
+
+    return of
+
+
+def _plan_rounds(outcome: Outcome) -> float | None:
+    r = outcome.recording
+    return None if plan_bytes(r) is None else int(r.plan_rounds.max())
+
+
+def _planning(outcome: Outcome) -> float | None:
+    decisions = len(outcome.recording.plan_times)
+    return outcome.seconds.get("planning", 0.0) / decisions if decisions else None
+
+
+def _real_time_factor(outcome: Outcome) -> float | None:
+    """Simulated time over wall time; video and start-up do not count."""
+    times = outcome.recording.times
+    flown = outcome.wall_s - outcome.seconds.get("video", 0.0) - outcome.seconds.get("start_up", 0.0)
+    return float(times[-1] - times[0]) / flown if flown > 0 else None
+
+
+def _share(label: str, of: Of, key: str | None = None) -> Metric:
+    return Metric(label, of, "%", "higher", 100.0, digits=1, most=1.0, key=key)
+
+
+def _seconds(stage: str) -> Metric:
+    return Metric(f"time for {stage}", lambda o: float(o.seconds.get(stage, 0.0)), "s", key="")
+
+
+METRICS = {
+    name: replace(known, name=name)
+    for name, known in {
+        "ospa.share_under_1m": _share("scans with OSPA under 1 m", _ospa(lambda d: np.mean(d < 1.0))),
+        "ospa.mean_m": Metric("OSPA mean", _ospa(np.mean), "m"),
+        "ospa.median_m": Metric("OSPA median", _ospa(np.median), "m"),
+        "gospa.mean_m": Metric("GOSPA mean", _gospa(0), "m"),
+        "gospa.localisation_m": Metric("GOSPA, localisation", _gospa(1), "m"),
+        "gospa.missed": Metric("people missed per scan", _gospa(2, counted=True)),
+        "gospa.false": Metric("false tracks per scan", _gospa(3, counted=True)),
+        "ospa2_m": Metric("OSPA(2)", _over_uavs(lambda s: s.ospa2), "m"),
+        "identity_switches": Metric("identity switches", _over_uavs(lambda s: s.switches), key="identity.switches"),
+        "fragmentations": Metric(
+            "fragmentations", _over_uavs(lambda s: s.fragmentations), key="identity.fragmentations"
+        ),
+        "share_held": _share("people held", lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores]))),
+        "nees.position": _nees("NEES of positions (consistent: 2)", lambda s: s.position_nees, "nees.position.mean"),
+        "nees.state": _nees("NEES of states (consistent: 4)", lambda s: s.state_nees, "nees.state.mean"),
+        "recall": _share("detection recall", _recall, "detection.recall"),
+        "precision": _share("detection precision", _precision, "detection.precision"),
+        "disagreement_m": Metric("disagreement of UAVs", _disagreement, "m", digits=4, key="network.disagreement_m"),
+        "bytes_per_scan_mean": Metric(
+            "sent by a UAV per scan", _bytes(bytes_sent, np.mean), "kB", scale=1e-3, key="network.bytes_per_scan_mean"
+        ),
+        "bytes_per_scan_max": Metric(
+            "sent by a UAV in one scan at most",
+            _bytes(bytes_sent, np.max),
+            "kB",
+            scale=1e-3,
+            key="network.bytes_per_scan_max",
+        ),
+        "bytes_total": Metric(
+            "sent by all UAVs", _bytes(bytes_sent, np.sum), "MB", scale=1e-6, key="network.bytes_total"
+        ),
+        "plan_bytes_total": Metric(
+            "plans sent by all UAVs", _bytes(plan_bytes, np.sum), "kB", scale=1e-3, key="network.plans.bytes_total"
+        ),
+        "plan_rounds": Metric("rounds of plans", _plan_rounds, digits=0, key="network.plans.rounds"),
+        "faults": Metric("faults", lambda o: len(o.faults), key=""),
+        "contacts": Metric("contacts", lambda o: len(contacts(o.recording)), key=""),
+        "planning_s_per_decision": Metric("planning per decision", _planning, "ms", scale=1000.0, digits=1, key=""),
+        "real_time_factor": Metric("real-time factor", _real_time_factor, "", "higher", digits=1),
+        "wall_s": Metric("wall time per mission", lambda o: o.wall_s, "s"),
+        **{f"seconds.{stage}": _seconds(stage) for stage in STAGES},
+    }.items()
+}

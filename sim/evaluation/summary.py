@@ -1,44 +1,46 @@
-"""What a mission came to: numbers for a file, and a table for the terminal."""
+"""The summary of a mission: numbers for summary.json, and a table for the terminal."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from rich.table import Table
 
+from sim.evaluation.contacts import contacts
 from sim.evaluation.machine import machine
-from sim.evaluation.metrics import mean, metrics
-from sim.mission.radio import disagreement
+from sim.evaluation.metric import Metric, Outcome, mean
+from sim.evaluation.metrics import METRICS, evaluated, metric
+from sim.evaluation.score import FAR, HELD, Score
+from sim.evaluation.traffic import plan_bytes
 from sim.recording.archive import digest
 from sim.recording.recording import Recording
 from sim.scenario.random_streams import numbered
-from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
-from sim.world.contacts import KINDS
+from tracking.metrics.nees import nees_interval
+from tracking.numerics.compiled import Array
+
+_SHOWN = (
+    ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m"),
+    ("gospa.mean_m", "share_held", "identity_switches", "nees.position"),
+    ("recall", "precision"),
+)
 
 
-def summarise(
-    recording: Recording,
-    *,
-    seconds: Mapping[str, float],
-    wall_s: float,
-    faults: Sequence[Fault],
-    versions: Mapping[str, str],
-    planning_s: Sequence[float] = (),
-) -> dict[str, Any]:
-    """The content of `summary.json`.
+def summarise(outcome: Outcome, *, versions: Mapping[str, str], asked: Sequence[str] = ()) -> dict[str, Any]:
+    """The content of `summary.json`: all metrics, and what they cannot say.
 
-    seconds: wall time per stage, and `start_up` if known; wall_s: wall time of all; planning_s: wall time of each
-    decision. Shares and means are over all pairs of scan and UAV that works; null stands where there was nothing to
-    count. `sim.evaluation.metrics` says what the figures are that need the tracks.
+    asked: import strings of metrics from outside. Shares and means are over all pairs of scan and UAV that works; null
+    stands where there was nothing to count.
     """
-    distance = recording.ospa[:, :, 0][recording.working]
-    duration = float(recording.times[-1] - recording.times[0])
-    flown = wall_s - seconds.get("video", 0.0) - seconds.get("start_up", 0.0)
+    recording, seconds = outcome.recording, outcome.seconds
+    values = evaluated(outcome, asked)
+    own = {known.name if known.key is None else known.key: values[known.name] for known in METRICS.values()}
+    numbers = _nested({**_parts(outcome), **{key: value for key, value in own.items() if key}})
     return {
         "planner": recording.planner,
         "sees_truth": recording.sees_truth,
@@ -48,23 +50,85 @@ def summarise(
         "recording_sha256": digest(recording),
         "machine": machine(),
         "versions": dict(versions),
-        "duration_s": duration,
+        "duration_s": float(recording.times[-1] - recording.times[0]),
         "interrupted": recording.interrupted,
-        "ospa": {
-            "mean_m": mean(distance),
-            "median_m": float(np.median(distance)) if len(distance) else None,
-            "share_under_1m": mean(distance < 1.0),
-        },
-        "detection": _detection(recording),
-        **metrics(recording),
-        "real_time_factor": duration / flown if flown > 0 else None,
-        "wall_s": wall_s,
-        "seconds": {stage: float(seconds.get(stage, 0.0)) for stage in (*STAGES, *_others(seconds))},
-        "faults": [{name: value for name, value in asdict(f).items() if name != "trace" or value} for f in faults],
+        **numbers,
+        **({"metrics": {name: _told(metric(name), values[name]) for name in asked}} if asked else {}),
+        "seconds": {stage: float(seconds.get(stage, 0.0)) for stage in dict.fromkeys((*STAGES, *seconds))},
+        "faults": [
+            {name: value for name, value in asdict(f).items() if name != "trace" or value} for f in outcome.faults
+        ],
         "contacts": contacts(recording),
-        "network": _network(recording),
-        "planning_s": [round(lap, 6) for lap in planning_s],
+        "planning_s": [round(lap, 6) for lap in outcome.planning_s],
     }
+
+
+def _told(asked: Metric, value: float | None) -> dict[str, Any]:
+    """A metric from outside, its value in its unit."""
+    return {"label": asked.label, "unit": asked.unit, "value": None if value is None else value * asked.scale}
+
+
+def _parts(outcome: Outcome) -> dict[str, Any]:
+    """What is told beside the metrics, by dotted keys: bounds, intervals, each person, each UAV."""
+    held, present = (
+        np.sum([getattr(s, name).sum(axis=0) for s in outcome.scores], axis=0) for name in ("held", "present")
+    )
+    sent = plan_bytes(outcome.recording)
+    return {
+        "gospa.cut_off_m": FAR,
+        "identity.within_m": HELD,
+        "nees.within_m": FAR,
+        **_interval("nees.position", [s.position_nees for s in outcome.flown], 2),
+        **_interval("nees.state", [s.state_nees for s in outcome.flown], 4),
+        "people_held": [float(h) / float(p) if p else None for h, p in zip(held, present, strict=True)],
+        "network.plans.bytes_per_decision_mean": None if sent is None else float(sent.mean()),
+        "network.plans.bytes_per_decision_max": None if sent is None else int(sent.max()),
+        "uavs": [_of_uav(s) for s in outcome.scores],
+    }
+
+
+def _interval(key: str, errors: Sequence[Array], dof: int) -> dict[str, Any]:
+    """Interval of the mean NEES with 95 %, if as many errors as one UAV has were independent.
+
+    UAVs that share all they see make the same errors, so the fleet has no more of them than one UAV.
+    """
+    counted = [len(e) for e in errors if len(e)]
+    count = round(float(np.mean(counted))) if counted else 0
+    interval = list(nees_interval(count, dof)) if counted else None
+    return {f"{key}.interval_95": interval, f"{key}.errors": count}
+
+
+def _of_uav(score: Score) -> dict[str, Any]:
+    return {
+        "ospa_m": mean(score.ospa),
+        "gospa_m": mean(score.gospa[:, 0]),
+        "ospa2_m": mean([score.ospa2] * (len(score.gospa) > 0)),
+        "switches": score.switches,
+        "fragmentations": score.fragmentations,
+        "position_nees": mean(score.position_nees),
+        "state_nees": mean(score.state_nees),
+        "share_held": mean(score.held[score.present]),
+    }
+
+
+def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by dotted keys as tables in tables."""
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        *tables, last = key.split(".")
+        place = found
+        for name in tables:
+            place = place.setdefault(name, {})
+        place[last] = value
+    return found
+
+
+def _value(summary: Mapping[str, Any], known: Metric) -> float:
+    """A metric of a summary; NaN where it has null."""
+    found: Any = summary
+    for name in (known.key or known.name).split("."):
+        found = found[name]
+    return math.nan if found is None else float(found)
 
 
 def marked(planner: str, sees_truth: bool) -> str:
@@ -77,47 +141,26 @@ def titled(recording: Recording) -> str:
     return f"{marked(recording.planner, recording.sees_truth)}, {numbered(recording.seed, recording.repeat)}"
 
 
-def contacts(recording: Recording) -> list[dict[str, Any]]:
-    """Who touched what, and from when to when [s] by scan; one that lasts from scan to scan counts once."""
-    found: list[dict[str, Any]] = []
-    open_: dict[tuple[int, ...], tuple[int, dict[str, Any]]] = {}
-    for k, *pair in recording.contacts.tolist():
-        time, (uav, kind, other) = float(recording.times[k]), pair
-        last, entry = open_.get(tuple(pair), (-2, {}))
-        if last < k - 1:
-            entry = {"time": time, "until": time, "uav": uav, "kind": KINDS[kind], "other": other}
-            found.append(entry)
-        entry["until"] = time
-        open_[tuple(pair)] = (k, entry)
-    return found
-
-
 def results_table(summary: Mapping[str, Any]) -> Table:
     """The summary as it is shown at the end of a run."""
-    ospa, detection = summary["ospa"], summary["detection"]
     flown = numbered(summary["seed"], summary["repeat"])
     title = f"{marked(summary['planner'], summary['sees_truth'])}, {flown}, {summary['duration_s']:.1f} s"
     table = Table(title=title + (" (interrupted)" if summary["interrupted"] else ""), title_justify="left")
     table.add_column("result")
     table.add_column("value", justify="right")
-    table.add_row("OSPA mean", _metres(ospa["mean_m"]))
-    table.add_row("OSPA median", _metres(ospa["median_m"]))
-    table.add_row("OSPA under 1 m", _share(ospa["share_under_1m"]))
-    for name, value in _tracks(summary):
-        table.add_row(name, value)
+    for names in _SHOWN:
+        for known in map(METRICS.__getitem__, names):
+            table.add_row(known.label, _text(known, _value(summary, known)))
+        table.add_section()
+    for name, told in summary.get("metrics", {}).items():
+        value = math.nan if told["value"] is None else told["value"]
+        table.add_row(told["label"] or name, _text(Metric("", unit=told["unit"]), value))
     table.add_section()
-    table.add_row("detection recall", _share(detection["recall"]))
-    table.add_row("detection precision", _share(detection["precision"]), end_section=True)
-    sent = summary["network"]["bytes_per_scan_mean"]
-    if sent:
-        table.add_row("sent by a UAV per scan", f"{sent / 1000:.1f} kB")
-    plans = summary["network"]["plans"]
-    if plans["bytes_total"] is not None:
-        size, rounds = plans["bytes_per_decision_mean"], plans["rounds"]
-        table.add_row("plans of a UAV per decision", f"{size:.0f} B, {rounds} round{'s' * (rounds != 1)}")
+    for row in _sent(summary["network"]):
+        table.add_row(*row)
     table.add_section()
-    factor = summary["real_time_factor"]
-    table.add_row("real-time factor", "-" if factor is None else f"{factor:.1f}", end_section=True)
+    factor = METRICS["real_time_factor"]
+    table.add_row(factor.label, _text(factor, _value(summary, factor)), end_section=True)
     for stage, spent in summary["seconds"].items():
         table.add_row(stage.replace("_", "-"), f"{spent:.2f} s")
     touched = summary["contacts"]
@@ -129,69 +172,15 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     return table
 
 
-def _tracks(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The rows about tracks that OSPA does not tell."""
-    switched, nees = summary["identity"]["switches"], summary["nees"]["position"]
-    return [
-        ("GOSPA mean", _metres(summary["gospa"]["mean_m"])),
-        ("people held", _share(summary["share_held"])),
-        ("identity switches", "-" if switched is None else f"{switched:.3g}"),
-        ("NEES (consistent: 2)", f"{nees['mean']:.2f}" if nees["errors"] else "-"),
-    ]
+def _sent(network: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+    """Rows about what UAVs sent, if they did."""
+    if network["bytes_per_scan_mean"]:
+        yield "sent by a UAV per scan", f"{network['bytes_per_scan_mean'] / 1000:.1f} kB"
+    plans = network["plans"]
+    if plans["bytes_total"] is not None:
+        size, rounds = plans["bytes_per_decision_mean"], plans["rounds"]
+        yield "plans of a UAV per decision", f"{size:.0f} B, {rounds} round{'s' * (rounds != 1)}"
 
 
-def _detection(recording: Recording) -> dict[str, float | None]:
-    """Of the people of whom a camera shows a pixel, how many were detected; of detections, how many were people."""
-    shown = recording.visible > 0
-    detections = np.sum(~np.isnan(recording.pixels[:, 0]))
-    return {
-        "recall": _ratio(np.sum(recording.matched & shown), np.sum(shown)),
-        "precision": _ratio(np.sum(recording.matched), detections),
-    }
-
-
-def _network(recording: Recording) -> dict[str, Any]:
-    """Bytes sent, means over pairs of scan and UAV that works, and how far the UAVs' tracks differ."""
-    scans, uavs = recording.working.shape
-    known = recording.bytes_sent.shape == (scans, uavs) and recording.bytes_sent.min() >= 0
-    sent = recording.bytes_sent[recording.working] if known else np.zeros(0, dtype=np.int64)
-    gaps = [
-        disagreement([recording.tracks_at(k, i) for i in np.flatnonzero(row).tolist()])
-        for k, row in enumerate(recording.working)
-    ]
-    return {
-        "bytes_total": int(sent.sum()) if known else None,
-        "bytes_per_scan_mean": float(sent.mean()) if known else None,
-        "bytes_per_scan_max": int(sent.max()) if known else None,
-        "disagreement_m": float(np.mean(gaps)),
-        "plans": _plans(recording),
-    }
-
-
-def _plans(recording: Recording) -> dict[str, float | None]:
-    """Bytes of plans sent, means over pairs of decision and UAV that works, and the rounds of a decision."""
-    decides = np.isin(recording.times, recording.plan_times)
-    known = recording.plan_bytes.shape == recording.working.shape and decides.any() and recording.plan_bytes.min() >= 0
-    sent = recording.plan_bytes[recording.working & decides[:, None]] if known else np.zeros(0, dtype=np.int64)
-    return {
-        "bytes_total": int(sent.sum()) if known else None,
-        "bytes_per_decision_mean": float(sent.mean()) if known else None,
-        "bytes_per_decision_max": int(sent.max()) if known else None,
-        "rounds": int(recording.plan_rounds.max()) if known else None,
-    }
-
-
-def _ratio(part: Any, whole: Any) -> float | None:  # noqa: ANN401 - numpy's integers
-    return float(part) / float(whole) if whole else None
-
-
-def _metres(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f} m"
-
-
-def _share(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1%}"
-
-
-def _others(seconds: Mapping[str, float]) -> list[str]:
-    return [stage for stage in seconds if stage not in STAGES]
+def _text(known: Metric, value: float) -> str:
+    return f"{known.text(value)} {known.unit}".strip() if not math.isnan(value) else "-"

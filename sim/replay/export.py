@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.evaluation.metrics import velocities
+from sim.evaluation.score import velocities
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import scenario_of

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sim.evaluation.metrics import HELD, held_by
+from sim.evaluation.score import HELD, held_by
 from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario

@@ -22,8 +22,10 @@ from sim.drawing.lettering import Image
 from sim.drawing.map_view import TRAIL, MapView, aspect
 from sim.drawing.palette import FAINT, INK
 from sim.drawing.plots import fleet_mean, ospa_figure, rgb, scale_errors
-from sim.evaluation.metrics import metrics
-from sim.evaluation.summary import contacts, marked
+from sim.evaluation.contacts import contacts
+from sim.evaluation.metric import Outcome
+from sim.evaluation.metrics import METRICS
+from sim.evaluation.summary import marked
 from sim.mission.snapshot import Snapshot
 from sim.recording.dataframes import dataframe
 from sim.recording.fault_text import read
@@ -112,13 +114,13 @@ class Flight:
     @cached_property
     def facts(self) -> dict[str, str]:
         """What the mission came to, as a summary shows it."""
-        r, scored = self.recording, metrics(self.recording)
+        r = self.recording
         errors = r.ospa[r.working][:, 0]
         lost = [loss for loss in self.history.losses if loss.found]
         longest = max((r.times[loss.last] - r.times[loss.first] for loss in lost), default=0.0)
         losses = f"{len(lost)}, the longest {longest + 1 / self.scenario.rates.sensing:.1f} s" if lost else "none"
         ended = " (interrupted)" if r.interrupted else ""
-        share = scored["share_held"]
+        share = METRICS["share_held"](Outcome(r))
         return {
             "planner": marked(r.planner, r.sees_truth),
             "seed": str(r.seed) if r.seed < 10**12 else f"{str(r.seed)[:12]}...",

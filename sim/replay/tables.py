@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.evaluation.metrics import velocities
+from sim.evaluation.score import velocities
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.events import events_of

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 
 from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, LINE, ORANGE, Colour, uav_colour
 from sim.drawing.plots import fleet_mean, rgb, scale_errors
-from sim.evaluation.metrics import HELD
+from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
 from sim.replay.episodes import BROKEN, HOLDS, episodes, holds, lanes, switches
 from sim.replay.history import STATES, History

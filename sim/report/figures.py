@@ -17,10 +17,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from sim.analysis.answers import map_means, paired_values
 from sim.analysis.cells import Group, cell_text
-from sim.analysis.measures import Measure
 from sim.analysis.statistics import bands, ecdf
 from sim.drawing.palette import FAINT
 from sim.drawing.plots import rgb
+from sim.evaluation.metric import Metric
 from sim.report.panels import COLOURS, COLUMNS, Curve, Sheet, Style
 from tracking.numerics.compiled import Array
 
@@ -79,17 +79,17 @@ def group_end(group: Group) -> float:
     return float(times[-1]) if len(times) else 0.0
 
 
-def runtime_figure(groups: Sequence[Group], measure: Measure) -> Figure:
+def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
     """Means over the maps with their intervals, a line per cell and a dot per planner, over a logarithmic axis."""
     cells = list(dict.fromkeys(group.cell for group in groups))
     planners = list(dict.fromkeys(group.planner for group in groups))
     with drawing(1.2 + 0.3 * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
         axes = figure.add_subplot()
         for group in groups:
-            estimate = map_means(group, measure)
+            estimate = map_means(group, metric)
             index = planners.index(group.planner)
             place = cells.index(group.cell) + 0.5 * (index + 0.5 - len(planners) / 2) / len(planners)
-            value, low, high = measure.scale * np.array([estimate.value, estimate.low, estimate.high])
+            value, low, high = metric.scale * np.array([estimate.value, estimate.low, estimate.high])
             colour = rgb(COLOURS[index % len(COLOURS)])
             if value > 0:
                 axes.plot([low, high], [place, place], color=colour, lw=1.5, alpha=0.7)
@@ -98,7 +98,7 @@ def runtime_figure(groups: Sequence[Group], measure: Measure) -> Figure:
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.set_xlabel(f"{measure.title}, logarithmic")
+        axes.set_xlabel(f"{metric.title}, logarithmic")
         axes.set_yticks(range(len(cells)), [cell_text(cell) or "all missions" for cell in cells])
         axes.set_ylim(len(cells) - 0.5, -0.5)
         axes.grid(axis="x", lw=0.5, alpha=0.4)
@@ -107,13 +107,13 @@ def runtime_figure(groups: Sequence[Group], measure: Measure) -> Figure:
     return figure
 
 
-def scatter_figure(groups: Sequence[Group], baseline: str, measure: Measure) -> Figure:
+def scatter_figure(groups: Sequence[Group], baseline: str, metric: Metric) -> Figure:
     """A panel for each planner but the baseline, a point for each map that both flew: baseline across, planner up."""
     others = list(dict.fromkeys(group.planner for group in groups if group.planner != baseline))
     bases = {group.cell: group for group in groups if group.planner == baseline}
     points = {
-        other: measure.scale
-        * np.concatenate([paired_values(g, bases.get(g.cell), measure) for g in groups if g.planner == other])
+        other: metric.scale
+        * np.concatenate([paired_values(g, bases.get(g.cell), metric) for g in groups if g.planner == other])
         for other in others
     }
     low, high, log = _limits(np.concatenate([*points.values(), np.zeros((0, 2))]))
@@ -131,8 +131,8 @@ def scatter_figure(groups: Sequence[Group], baseline: str, measure: Measure) -> 
             axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")
             axes.set_title(_wrapped(other), fontsize=10, loc="left", fontweight="bold")
             axes.grid(lw=0.5, alpha=0.4)
-        figure.supxlabel(f"{baseline}: {measure.title}{', logarithmic' * log}", fontsize=10)
-        figure.supylabel(f"planner: {measure.title}", fontsize=10)
+        figure.supxlabel(f"{baseline}: {metric.title}{', logarithmic' * log}", fontsize=10)
+        figure.supylabel(f"planner: {metric.title}", fontsize=10)
     return figure
 
 

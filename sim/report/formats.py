@@ -17,7 +17,7 @@ from sim.report.tables import Layout, layouts, notes, shortfalls
 def markdown(found: Sequence[Answer], baseline: str) -> str:
     """One table per metric."""
     parts = []
-    for _, group in groupby(found, lambda answer: answer.measure):
+    for _, group in groupby(found, lambda answer: answer.metric):
         lines = list(group)
         parts += [_markdown_table(layout, lines) for layout in layouts(lines, baseline)]
     said = "\n".join(f"- {_plain(line)}" for line in (*notes(found), *shortfalls(found)))
@@ -57,7 +57,7 @@ def comma_separated(found: Sequence[Answer], baseline: str) -> str:
         spreads = (answer.spread, gap.spread if gap else NO_SPREAD)
         numbers = [_number(value) for e in estimates for value in (e.value, e.low, e.high)]
         numbers += [_number(value) for s in spreads for value in (s.between, s.within)]
-        place = [*_levels(answer.cell, names), answer.planner, answer.measure.name]
+        place = [*_levels(answer.cell, names), answer.planner, answer.metric.name]
         writer.writerow([*place, *own, *numbers, *([""] * 9 if gap is None else _of_pairs(baseline, gap))])
     return text.getvalue()
 

@@ -11,7 +11,7 @@ from string import Template
 
 from sim.analysis.answers import Answer, Difference
 from sim.analysis.cells import Cell, Group, cell_text
-from sim.analysis.measures import Measure
+from sim.evaluation.metric import Metric
 from sim.report.pictures import Picture
 from sim.report.replay_commands import anchor, command, extremes
 from sim.report.tables import Layout, layouts, texts_of
@@ -104,7 +104,7 @@ def commanded(text: str) -> str:
 def result_tables(found: Sequence[Answer], baseline: str) -> str:
     """The tables of each metric."""
     parts = []
-    for _, group in groupby(found, lambda answer: answer.measure):
+    for _, group in groupby(found, lambda answer: answer.metric):
         lines = list(group)
         parts += [_table(layout, lines) for layout in layouts(lines, baseline)]
     return "\n".join(parts)
@@ -119,7 +119,7 @@ def _table(layout: Layout, found: Sequence[Answer]) -> str:
             first, *rest = layout.texts(answer)
             cells = "".join(f"<td>{escape(text)}</td>" for text in rest)
             rows.append(f'<tr><td class="name">{escape(first)}</td>{cells}</tr>')
-    aim = _aim(found[0].measure) if layout.first else ""
+    aim = _aim(found[0].metric) if layout.first else ""
     return f"<h3>{escape(layout.title)}{aim}</h3>\n{_tabled(layout.heads, rows)}"
 
 
@@ -127,20 +127,20 @@ def runtime_tables(found: Sequence[Answer]) -> str:
     """A line for each cell and a column for each planner, as in the table of [Li22]."""
     own = [answer for answer in found if answer.cell is not None]
     planners = list(dict.fromkeys(answer.planner for answer in own))
-    return "\n".join(_pivot(measure, list(lines), planners) for measure, lines in groupby(own, lambda a: a.measure))
+    return "\n".join(_pivot(metric, list(lines), planners) for metric, lines in groupby(own, lambda a: a.metric))
 
 
-def _pivot(measure: Measure, found: Sequence[Answer], planners: Sequence[str]) -> str:
+def _pivot(metric: Metric, found: Sequence[Answer], planners: Sequence[str]) -> str:
     rows = []
     for cell, lines in groupby(found, lambda answer: answer.cell):
         means = {answer.planner: texts_of(answer, compared=False)[2] for answer in lines}
         cells = "".join(f"<td>{escape(means.get(planner, ''))}</td>" for planner in planners)
         rows.append(f"<tr><td>{escape(_place(cell)) or 'all missions'}</td>{cells}</tr>")
-    return f"<h3>{escape(measure.title)}{_aim(measure)}</h3>\n{_tabled(['cell', *planners], rows)}"
+    return f"<h3>{escape(metric.title)}{_aim(metric)}</h3>\n{_tabled(['cell', *planners], rows)}"
 
 
-def _aim(measure: Measure) -> str:
-    aim = "" if measure.better == "neither" else f": {measure.better} is better"
+def _aim(metric: Metric) -> str:
+    aim = "" if metric.better == "neither" else f": {metric.better} is better"
     return f'<span class="soft">{aim}</span>'
 
 
@@ -155,22 +155,22 @@ def _place(cell: Cell | None) -> str:
     return "all cells, seed by seed" if cell is None else cell_text(cell)
 
 
-def verdict(planner: str, baseline: str, measure: Measure, gap: Difference, *, shown: int = 1) -> str:
+def verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:
     """One sentence that says whether a planner can be told from the baseline, and how.
 
     shown: how many differences the page shows, of which this is one.
     """
     if not gap.pairs:
         return f"{planner} and {baseline} cannot be told apart: they have no map in common."
-    unit = " points" if measure.unit == "%" else f" {measure.unit}".rstrip()
-    mean, low, high = (measure.text(v, signed=True) for v in (gap.mean.value, gap.mean.low, gap.mean.high))
+    unit = " points" if metric.unit == "%" else f" {metric.unit}".rstrip()
+    mean, low, high = (metric.text(v, signed=True) for v in (gap.mean.value, gap.mean.low, gap.mean.high))
     over = f", mean over {gap.cells} cells" if gap.cells > 1 else ""
     within = f" (95 %: {low} to {high}{over})" if gap.pairs > 1 else over
     counted = f"; of {gap.pairs} map{'s' * (gap.pairs > 1)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
-    ending = counted if measure.better != "neither" else ""
-    apart = f"{planner} {_told(measure, gap)} {baseline}"
+    ending = counted if metric.better != "neither" else ""
+    apart = f"{planner} {_told(metric, gap)} {baseline}"
     start = apart if gap.told else f"{planner} and {baseline} cannot be told apart"
-    return f"{start}: {measure.label} {mean}{unit}{within}{ending}. {_remark(gap, shown)}".strip()
+    return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_remark(gap, shown)}".strip()
 
 
 def _remark(gap: Difference, shown: int) -> str:
@@ -183,11 +183,11 @@ def _remark(gap: Difference, shown: int) -> str:
     return (few if gap.pairs < 6 else "") + needed
 
 
-def _told(measure: Measure, gap: Difference) -> str:
+def _told(metric: Metric, gap: Difference) -> str:
     above = gap.mean.value > 0
-    if measure.better == "neither":
+    if metric.better == "neither":
         return "is above" if above else "is below"
-    return "is better than" if above == (measure.better == "higher") else "is worse than"
+    return "is better than" if above == (metric.better == "higher") else "is worse than"
 
 
 def figures(pictures: Sequence[Picture]) -> str:
@@ -203,21 +203,21 @@ def _figure(picture: Picture) -> str:
     return f"<h3>{escape(picture.title)}</h3>\n<figure>\n{image}\n{caption}\n</figure>"
 
 
-def maps(groups: Sequence[Group], measure: Measure) -> tuple[str, str]:
+def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     """Best and worst maps with links, and what these lead to: the commands."""
     rows, places = [], []
-    for number, extreme in enumerate(extremes(groups, measure), start=1):
+    for number, extreme in enumerate(extremes(groups, metric), start=1):
         group, cells = extreme.group, []
         for k, (what, row) in enumerate((("best", extreme.best), ("worst", extreme.worst))):
-            name, value = anchor(row, 2 * number + k), measure.text(row.metrics[measure.name])
+            name, value = anchor(row, 2 * number + k), metric.text(row.metrics[metric.name])
             cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">{numbered(row.seed, row.repeat)}</a></td>')
-            shown = f"{value} {measure.unit}".rstrip()
+            shown = f"{value} {metric.unit}".rstrip()
             label = ", ".join(filter(None, [cell_text(group.cell), row.planner, numbered(row.seed, row.repeat)]))
             text = f"{label}: {what}, {shown}"
             places.append(f'<div class="map" id="{name}">{escape(text)}{commanded(command(row))}</div>')
         first = f'<td>{escape(cell_text(group.cell))}</td><td class="name">{escape(group.planner)}</td>'
         rows.append(f"<tr>{first}{''.join(cells)}</tr>")
-    heads = ["cell", "planner", f"best [{measure.unit}]" if measure.unit else "best", "map", "worst", "map"]
+    heads = ["cell", "planner", f"best [{metric.unit}]" if metric.unit else "best", "map", "worst", "map"]
     return _tabled(heads, rows, "left"), "\n".join(places)
 
 

@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 
 from sim.analysis.answers import paired_values
 from sim.analysis.cells import Group
-from sim.analysis.measures import RUNTIME, UNKNOWN, Measure, measure
+from sim.analysis.metric_choice import RUNTIME, metric_shown
 from sim.analysis.statistics import bands, share_under
+from sim.evaluation.metric import UNKNOWN, Metric
 from sim.report.figures import content, ecdf_figure, runtime_figure, scatter_figure, time_figure
 from sim.report.panels import Sheet, sheets
 
@@ -29,19 +30,19 @@ class Picture:
     png: bytes
 
 
-def pictures(groups: Sequence[Group], baseline: str, measures: Sequence[Measure]) -> list[Picture]:
+def pictures(groups: Sequence[Group], baseline: str, metrics: Sequence[Metric]) -> list[Picture]:
     """Distributions of OSPA, OSPA over time, and maps against maps; none of what no trial has."""
     flown = [group for group in groups if group.done]
     found: list[Picture] = []
     for sheet in sheets(flown) if flown else ():
         found += [_ecdf(sheet), _over_time(sheet)]
-    compared = [m for m in measures if any(len(_points(group, flown, baseline, m)) for group in flown)]
+    compared = [m for m in metrics if any(len(_points(group, flown, baseline, m)) for group in flown)]
     return found + [_scatter(flown, baseline, m) for m in compared[:2]]
 
 
 def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
     """The time that a decision takes, if it was measured."""
-    timed = measure(RUNTIME[0])
+    timed = metric_shown(RUNTIME[0])
     flown = [group for group in groups if np.any(group.values(timed.name) > 0)]
     if not flown:
         return []
@@ -77,12 +78,12 @@ def _over_time(sheet: Sheet) -> Picture:
     return _picture(f"time{_suffix(sheet)}", f"OSPA over time{_of(sheet)}", caption, alt, time_figure(sheet))
 
 
-def _points(group: Group, groups: Sequence[Group], baseline: str, shown: Measure) -> list[list[float]]:
+def _points(group: Group, groups: Sequence[Group], baseline: str, shown: Metric) -> list[list[float]]:
     base = next((g for g in groups if g.cell == group.cell and g.planner == baseline), None)
     return [] if group.planner == baseline else paired_values(group, base, shown).tolist()
 
 
-def _scatter(groups: Sequence[Group], baseline: str, shown: Measure) -> Picture:
+def _scatter(groups: Sequence[Group], baseline: str, shown: Metric) -> Picture:
     sides: dict[str, list[list[float]]] = {}
     for group in groups:
         if group.planner != baseline:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sim.analysis.cells import Group
-from sim.analysis.measures import Measure
+from sim.evaluation.metric import Metric
 from sim.scenario.random_streams import numbered
 from sim.study.row import Row
 
@@ -39,13 +39,13 @@ def anchor(row: Row, number: int) -> str:
     return f"map-{number}-{flown}"
 
 
-def extremes(groups: Sequence[Group], measure: Measure) -> list[Extreme]:
+def extremes(groups: Sequence[Group], metric: Metric) -> list[Extreme]:
     """Of each group with a finite value: its best and worst map; where neither way is better, least and greatest."""
     found = []
     for group in groups:
-        rows = [row for row in group.done if math.isfinite(row.metrics.get(measure.name, math.nan))]
+        rows = [row for row in group.done if math.isfinite(row.metrics.get(metric.name, math.nan))]
         if rows:
-            ordered = sorted(rows, key=lambda row: (row.metrics[measure.name], row.seed, row.repeat))
-            ends = (ordered[-1], ordered[0]) if measure.better == "higher" else (ordered[0], ordered[-1])
+            ordered = sorted(rows, key=lambda row: (row.metrics[metric.name], row.seed, row.repeat))
+            ends = (ordered[-1], ordered[0]) if metric.better == "higher" else (ordered[0], ordered[-1])
             found.append(Extreme(group, *ends))
     return found

@@ -15,7 +15,8 @@ from pathlib import Path
 from sim.analysis.answers import Answer, answers
 from sim.analysis.cells import Group, baseline_of, cell_text, constant, grouped, trimmed, varying
 from sim.analysis.coverage import COVERED
-from sim.analysis.measures import RUNTIME, Measure, available, chosen, measure
+from sim.analysis.metric_choice import RUNTIME, available, chosen, metric_shown
+from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import whole
 from sim.report.formats import comma_separated, markdown
 from sim.report.page import (
@@ -94,20 +95,20 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     """The files of a report by name."""
     baseline = baseline_of(rows, about.baseline)
     every = grouped(rows, baseline)
-    groups, measures = trimmed(every), chosen(rows, about.metrics)
-    found = answers(groups, measures, baseline)
-    times = answers(groups, [measure(name) for name in RUNTIME if name in available(rows)], baseline)
-    drawn, timing = pictures(groups, baseline, measures), runtime_pictures(groups)
+    groups, metrics = trimmed(every), chosen(rows, about.metrics)
+    found = answers(groups, metrics, baseline)
+    times = answers(groups, [metric_shown(name) for name in RUNTIME if name in available(rows)], baseline)
+    drawn, timing = pictures(groups, baseline, metrics), runtime_pictures(groups)
     full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
     all_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in (*found, *times)]
     sections = [
         ("", f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"),
-        ("In short", _in_short(found, baseline, measures)),
+        ("In short", _in_short(found, baseline, metrics)),
         ("What was run", _what_was_run(rows, every, about, baseline)),
         ("Results", f"{listed(notes(found))}\n{result_tables(found, baseline)}"),
         ("Figures", figures(drawn)),
         *([("Run time", figures(timing) + runtime_tables(times))] if times else []),
-        *_trials(groups, every, measures),
+        *_trials(groups, every, metrics),
         ("How to read this", listed(HOW_TO_READ)),
     ]
     files = {
@@ -120,31 +121,31 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     return files
 
 
-def _trials(groups: Sequence[Group], every: Sequence[Group], measures: Sequence[Measure]) -> list[tuple[str, str]]:
+def _trials(groups: Sequence[Group], every: Sequence[Group], metrics: Sequence[Metric]) -> list[tuple[str, str]]:
     """The sections about single trials: best and worst, failed, and the commands."""
-    table, places = maps(groups, measures[0])
+    table, places = maps(groups, metrics[0])
     failed = [row for group in every for row in group.failed]
     hint = "A click selects a command for the shell. It leaves film and recording under runs/."
     return [
-        *([("Best and worst maps", paragraph(f"In {measures[0].title}.") + table)] if places else []),
+        *([("Best and worst maps", paragraph(f"In {metrics[0].title}.") + table)] if places else []),
         *([(f"Failures: {len(failed)}", failures(failed))] if failed else []),
         *([("Fly them again", paragraph(hint) + places)] if places else []),
     ]
 
 
-def _in_short(found: Sequence[Answer], baseline: str, measures: Sequence[Measure]) -> str:
+def _in_short(found: Sequence[Answer], baseline: str, metrics: Sequence[Metric]) -> str:
     """What came out in the first metric, a sentence for each planner, and what the numbers leave out."""
     shown = sum(answer.difference is not None for answer in found)
-    told = [answer for answer in found if answer.difference and answer.measure in measures[:1]]
+    told = [answer for answer in found if answer.difference and answer.metric in metrics[:1]]
     summed = {answer.planner for answer in told if answer.cell is None}
     overall = [answer for answer in told if answer.cell is None or answer.planner not in summed]
     sentences = [
-        verdict(answer.planner, baseline, answer.measure, answer.difference, shown=shown)
+        verdict(answer.planner, baseline, answer.metric, answer.difference, shown=shown)
         for answer in overall
         if answer.difference
     ]
     lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
-    left_out = shortfalls([answer for answer in found if answer.measure in measures[:1]])
+    left_out = shortfalls([answer for answer in found if answer.metric in metrics[:1]])
     return listed(lines) + (paragraph("Left out:") + listed(left_out) if left_out else "")
 
 

@@ -16,8 +16,9 @@ from rich.table import Table
 from sim.analysis.answers import Answer, Difference, answers
 from sim.analysis.cells import Cell, baseline_of, cell_text, constant, grouped, trimmed
 from sim.analysis.coverage import caveats
-from sim.analysis.measures import UNKNOWN, Measure, chosen
+from sim.analysis.metric_choice import chosen
 from sim.analysis.statistics import LEVEL, MOST_MAPS, POWER, Estimate, Spread
+from sim.evaluation.metric import UNKNOWN, Metric
 from sim.study.row import Row
 from sim.terminal.console import console as terminal
 
@@ -47,13 +48,13 @@ class Layout(NamedTuple):
 
 def layouts(found: Sequence[Answer], baseline: str) -> list[Layout]:
     """The tables of the answers of one metric: the results and, where maps were repeated, the spreads."""
-    measure, compared = found[0].measure, any(answer.difference for answer in found)
-    main = Layout(measure.title, columns(baseline, compared=compared), partial(texts_of, compared=compared))
+    metric, compared = found[0].metric, any(answer.difference for answer in found)
+    main = Layout(metric.title, columns(baseline, compared=compared), partial(texts_of, compared=compared))
     if not repeated(found):
         return [main]
     heads = ["planner", "between maps", "within maps"]
     heads += [f"less {baseline}: between", "within", "maps needed"] if compared else []
-    return [main, Layout(f"{measure.title}: spread", heads, partial(_spread_texts, compared=compared))]
+    return [main, Layout(f"{metric.title}: spread", heads, partial(_spread_texts, compared=compared))]
 
 
 def repeated(found: Sequence[Answer]) -> bool:
@@ -69,7 +70,7 @@ def notes(found: Sequence[Answer]) -> list[str]:
         if len(compared) > 1
         else ""
     )
-    told = caveats((answer.measure, maps) for answer in found for maps in _sampled(answer))
+    told = caveats((answer.metric, maps) for answer in found for maps in _sampled(answer))
     parts = [_NOTE, *told, _COMPARED if compared else "", many, _REPEATED if repeated(found) else ""]
     return [part for part in parts if part]
 
@@ -91,7 +92,7 @@ def show(
     found = answers(trimmed(groups), chosen(rows, metrics), first)
     if constant(groups):
         on.print(f"Everywhere: {escape(cell_text(constant(groups)))}")
-    for _, group in groupby(found, lambda answer: answer.measure):
+    for _, group in groupby(found, lambda answer: answer.metric):
         lines = list(group)
         for layout in layouts(lines, first):
             on.print(_terminal_table(layout, lines, on.width >= WIDE))
@@ -109,7 +110,7 @@ def shortfalls(found: Sequence[Answer]) -> list[str]:
         if answer.failed:
             lines[f"{who}: {answer.failed} of {answer.trials + answer.failed} trials failed and do not count"] = None
         if answer.undefined:
-            what = f"{answer.measure.label} is undefined in {answer.undefined} of {answer.trials} trials"
+            what = f"{answer.metric.label} is undefined in {answer.undefined} of {answer.trials} trials"
             lines[f"{who}: {what}"] = None
         gaps = answer.difference
         if gaps and gaps.unpaired:
@@ -125,11 +126,11 @@ def columns(baseline: str, *, compared: bool) -> list[str]:
 
 def texts_of(answer: Answer, *, compared: bool) -> list[str]:
     """What stands under the headings."""
-    measure = answer.measure
-    own = [maps(answer), *(_estimate(measure, e) for e in (answer.mean, answer.median))]
+    metric = answer.metric
+    own = [maps(answer), *(_estimate(metric, e) for e in (answer.mean, answer.median))]
     if answer.cell is None:
         own = [f"{answer.difference.cells} cells" if answer.difference else "", "", ""]
-    return [answer.planner, *own, *(_compared(measure, answer.difference) if compared else [])]
+    return [answer.planner, *own, *(_compared(metric, answer.difference) if compared else [])]
 
 
 def maps(answer: Answer) -> str:
@@ -137,17 +138,17 @@ def maps(answer: Answer) -> str:
     return str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
 
 
-def _estimate(measure: Measure, estimate: Estimate, *, signed: bool = False) -> str:
-    inside = measure.within(estimate.low, estimate.high, signed=signed)
-    return f"{measure.text(estimate.value, signed=signed)} {inside}".strip()
+def _estimate(metric: Metric, estimate: Estimate, *, signed: bool = False) -> str:
+    inside = metric.within(estimate.low, estimate.high, signed=signed)
+    return f"{metric.text(estimate.value, signed=signed)} {inside}".strip()
 
 
-def _compared(measure: Measure, difference: Difference | None) -> list[str]:
+def _compared(metric: Metric, difference: Difference | None) -> list[str]:
     if difference is None:
         return ["baseline", "", ""]
     mark = "* " if difference.survives else ""
-    shown = mark + _estimate(measure, difference.mean, signed=True)
-    return [shown, record(measure, difference), _needed(difference)]
+    shown = mark + _estimate(metric, difference.mean, signed=True)
+    return [shown, record(metric, difference), _needed(difference)]
 
 
 def _needed(difference: Difference) -> str:
@@ -157,26 +158,26 @@ def _needed(difference: Difference) -> str:
     return UNKNOWN if math.isnan(difference.needed) else str(round(difference.needed))
 
 
-def record(measure: Measure, difference: Difference) -> str:
+def record(metric: Metric, difference: Difference) -> str:
     """Maps won, tied and lost; a dash where neither way is better or nothing is paired."""
-    if measure.better == "neither" or not difference.pairs:
+    if metric.better == "neither" or not difference.pairs:
         return UNKNOWN
     return f"{difference.won}, {difference.tied}, {difference.lost}"
 
 
 def _spread_texts(answer: Answer, *, compared: bool) -> list[str]:
     """What stands under the headings of the spreads."""
-    own = ["", ""] if answer.cell is None else _spread(answer.measure, answer.spread)
+    own = ["", ""] if answer.cell is None else _spread(answer.metric, answer.spread)
     if not compared:
         return [answer.planner, *own]
     gap = answer.difference
-    return [answer.planner, *own, *(["baseline", "", ""] if gap is None else _spread(answer.measure, gap.spread))] + (
+    return [answer.planner, *own, *(["baseline", "", ""] if gap is None else _spread(answer.metric, gap.spread))] + (
         [] if gap is None else [_needed(gap)]
     )
 
 
-def _spread(measure: Measure, spread: Spread) -> list[str]:
-    return [measure.text(spread.between), measure.text(spread.within)]
+def _spread(metric: Metric, spread: Spread) -> list[str]:
+    return [metric.text(spread.between), metric.text(spread.within)]
 
 
 def _terminal_table(layout: Layout, found: Sequence[Answer], wide: bool) -> Table:

@@ -14,8 +14,9 @@ import typer
 
 from sim.analysis.answers import answers, paired
 from sim.analysis.cells import SYMBOLS, Group, baseline_of, grouped, trimmed, varying
-from sim.analysis.measures import Measure, chosen
+from sim.analysis.metric_choice import chosen
 from sim.analysis.statistics import Estimate, share_under
+from sim.evaluation.metric import Metric
 from sim.scenario.errors import InputError
 from sim.scenario.loading import did_you_mean
 from sim.study.row import Row
@@ -36,7 +37,7 @@ def table(
     baseline, if none is named the first by alphabet, is the first of the planners.
     """
     groups = trimmed(grouped(rows, baseline_of(rows, baseline)))
-    (measure,) = chosen(rows, [metric])
+    (known,) = chosen(rows, [metric])
     by = {**varying(groups), "planner": list(dict.fromkeys(group.planner for group in groups))}
     if columns not in by:
         raise InputError(f"--columns: {columns!r} is unknown; {did_you_mean(columns, by)}")
@@ -51,7 +52,7 @@ def table(
             related = before[:-1] == line[:-1] and len(before) == len(line)
             base = {"left": (line, by[columns][0]), "above": (before, level) if related else None}[less]
             group, other = places.get((line, level)), places.get(base) if base else None
-            entries.append(_entry(group, None if other is group else other, measure))
+            entries.append(_entry(group, None if other is group else other, known))
         text.append([*line, *entries])
     return "\n".join(f"| {' | '.join(parts)} |" for parts in text)
 
@@ -78,20 +79,20 @@ def _heading(columns: str, level: str) -> str:
     return level if columns == "planner" else f"{SYMBOLS.get(columns, columns)} = {level}"
 
 
-def _entry(group: Group | None, base: Group | None, measure: Measure) -> str:
+def _entry(group: Group | None, base: Group | None, metric: Metric) -> str:
     """Mean of a group with its interval, or with its difference to another's."""
     if group is None:
         return "-"
-    mean = answers([group], [measure], group.planner)[0].mean
+    mean = answers([group], [metric], group.planner)[0].mean
     if base is None:
-        return _text(measure, mean)
-    (difference,) = paired(group, base, [measure]).differences([measure])
-    return f"{measure.text(mean.value)}: {_text(measure, difference.mean, signed=True)}"
+        return _text(metric, mean)
+    (difference,) = paired(group, base, [metric]).differences([metric])
+    return f"{metric.text(mean.value)}: {_text(metric, difference.mean, signed=True)}"
 
 
-def _text(measure: Measure, estimate: Estimate, *, signed: bool = False) -> str:
-    inside = measure.within(estimate.low, estimate.high, signed=signed)
-    return f"{measure.text(estimate.value, signed=signed)} {inside}".strip()
+def _text(metric: Metric, estimate: Estimate, *, signed: bool = False) -> str:
+    inside = metric.within(estimate.low, estimate.high, signed=signed)
+    return f"{metric.text(estimate.value, signed=signed)} {inside}".strip()
 
 
 def main(

@@ -21,7 +21,8 @@ class Flight(NamedTuple):
     planner: str
     seed: int
     repeat: int
-    video: bool
+    video: bool = True
+    metrics: tuple[str, ...] = ()  # from outside
 
 
 def fly_apart(
@@ -32,7 +33,10 @@ def fly_apart(
     progress: Callable[[Moment], None],
     say: Callable[[str], None],
 ) -> dict[str, Any]:
-    """As `run.run`, in a process of its own; ApartError if it ends otherwise or is not done after `timeout` s."""
+    """Fly a mission as `run.run` does, in a process of its own.
+
+    ApartError if it ends otherwise or is not done after `timeout` s.
+    """
     last = None
 
     def hear(told: object) -> None:
@@ -62,8 +66,12 @@ def _fly(flight: Flight, folder: Path, place: str, tell: Callable[[object], None
 
     check_detector(flight.scenario.sensing.detector)
     load_planner(flight.planner)
+    from sim.evaluation.metrics import metric
+
+    for name in flight.metrics:
+        metric(name)
     from sim.mission.mission import Trial
-    from sim.running.run import fly
+    from sim.running.run import Results, fly
 
     trial = Trial(flight.scenario, flight.planner, flight.seed, flight.repeat)
-    return fly(trial, folder, place, video=flight.video, progress=tell, say=tell)
+    return fly(trial, folder, Results(place, flight.video, flight.metrics), progress=tell, say=tell)

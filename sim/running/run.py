@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from threading import Event
+from typing import Any, NamedTuple
 
 from sim.drawing.plots import ospa_figure
 from sim.drawing.plots import save as save_figure
@@ -21,12 +21,12 @@ from sim.mission.warmup import announced, warm_up
 from sim.processes.interrupt import stop_request
 from sim.recording.archive import save
 from sim.recording.atomic_files import new_folder
-from sim.recording.recording import Recorder, Recording
+from sim.recording.recording import Recording
 from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
 from sim.replay.page.page import write_page
 from sim.replay.timeline import timeline_figure
-from sim.scenario.scenario import resolved
+from sim.running.flight import fly as flown
 
 Progress = Callable[[Moment], None]
 Say = Callable[[str], None]
@@ -36,61 +36,70 @@ def run(
     trial: Trial,
     out: Path,
     *,
+    metrics: Sequence[str] = (),
     video: bool = True,
     progress: Progress = lambda moment: None,
     say: Say = lambda text: None,
 ) -> dict[str, Any]:
     """Fly a mission and leave its files in the new folder `out`; returns the summary.
 
-    `progress` hears of each scan, `say` of code that is compiled first.
+    metrics: import strings of metrics from outside, for the summary. `progress` is called at each scan, `say` with what
+    is compiled first.
 
     The folder appears when all is in it. Ctrl-C in flight ends the mission after the present scan, and what was flown
     is kept, marked as interrupted; a second one, or one before take-off, is a KeyboardInterrupt and leaves nothing.
     InputError where the input is wrong.
     """
     with new_folder(out) as folder:
-        return fly(trial, folder, str(out), video=video, progress=progress, say=say)
+        return fly(trial, folder, Results(str(out), video, tuple(metrics)), progress=progress, say=say)
 
 
-def fly(trial: Trial, folder: Path, place: str, *, video: bool, progress: Progress, say: Say) -> dict[str, Any]:
-    """As `run`, into a folder that is there; `place` is what it will be called."""
-    start = time.perf_counter()
-    mission = Mission.of(trial)
+class Results(NamedTuple):
+    """What a run leaves beside its recording."""
+
+    place: str  # what its folder will be called
+    video: bool = True
+    metrics: tuple[str, ...] = ()  # from outside, for the summary
+
+
+def fly(trial: Trial, folder: Path, results: Results, *, progress: Progress, say: Say) -> dict[str, Any]:
+    """Fly a mission as `run` does, into a folder that is there."""
+    film = folder / "mission.mp4" if results.video else None
+    with ExitStack() as catching:  # Ctrl-C, from take-off until all is written
+
+        def watching(mission: Mission) -> AbstractContextManager[Callable[[Snapshot], bool]]:
+            return _watching(trial, mission, film, progress, catching.enter_context(stop_request()))
+
+        outcome = flown(trial, watching, lambda: _compiled(say))
+        summary = summarise(outcome, versions=versions(), asked=results.metrics)
+        write_results(folder, outcome.recording, summary)
+        if film:
+            write_page(outcome.recording, trial.scenario, folder / "mission.html", video=film, place=results.place)
+    return summary
+
+
+def _compiled(say: Say) -> None:
     with announced(say):
         warm_up()
-    start_up = time.perf_counter() - start
-    recorder = Recorder(trial.repeat)
-    with stop_request() as stop:
-        with _film(trial, mission, folder / "mission.mp4" if video else None) as film:
-            for snapshot in mission.fly():
-                recorder.add(snapshot)
-                film(snapshot)
-                distances = snapshot.ospa[snapshot.working, 0].tolist()
-                progress(Moment(snapshot.time, len(recorder), distances, snapshot.error))
-                if stop.is_set():
-                    break
-        wall = time.perf_counter() - start
-        recording = recorder.recording(
-            scenario=resolved(trial.scenario),
-            planner=trial.planner,
-            seed=trial.seed,
-            forest=mission.forest,
-            interrupted=len(recorder) < len(trial.scenario.scan_times),
-            sees_truth=mission.sees_truth,
-        )
-        summary = summarise(
-            recording,
-            seconds={**mission.clock.seconds, "start_up": start_up},
-            wall_s=wall,
-            faults=mission.faults,
-            versions=versions(),
-            planning_s=mission.clock.laps["planning"],
-        )
-        write_results(folder, recording, summary)
-        if video:
-            shown = folder / "mission.mp4"
-            write_page(recording, trial.scenario, folder / "mission.html", video=shown, place=place)
-    return summary
+
+
+@contextmanager
+def _watching(
+    trial: Trial, mission: Mission, film: Path | None, progress: Progress, stop: Event
+) -> Iterator[Callable[[Snapshot], bool]]:
+    """A watch over all scans, for film and progress, that ends the mission when it is to stop."""
+    scans = 0
+    with _film(trial, mission, film) as add:
+
+        def watch(snapshot: Snapshot) -> bool:
+            nonlocal scans
+            add(snapshot)
+            scans += 1
+            distances = snapshot.ospa[snapshot.working, 0].tolist()
+            progress(Moment(snapshot.time, scans, distances, snapshot.error))
+            return not stop.is_set()
+
+        yield watch
 
 
 @contextmanager

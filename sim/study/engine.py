@@ -89,11 +89,13 @@ def complete(
 ) -> list[Row]:
     """Rows of all tasks, in order: those in the store, the rest flown now and kept. What had failed is tried again.
 
-    Where recordings are to be kept, a trial without one counts as missing.
+    A trial without a metric that was asked for counts as missing; so does one without a recording that is to be kept.
 
     StoreError where a result cannot be kept; those before are.
     """
     rows = {} if options.redo else store.done(tasks)
+    asked = {task.key: set(task.metrics) for task in tasks}
+    rows = {key: row for key, row in rows.items() if asked[key] <= row.metrics.keys()}
     if options.recordings is not None:
         rows = {key: row for key, row in rows.items() if (options.recordings / f"{key}.npz").exists()}
     store.label(tasks)

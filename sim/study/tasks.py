@@ -40,12 +40,14 @@ class Task(Struct, frozen=True, kw_only=True):
     scenario: str = ""
     factors: tuple[tuple[str, str], ...] = ()
     settings: dict[str, str] = {}
+    metrics: tuple[str, ...] = ()  # from outside, by import string
 
 
-def tasks(study: Study) -> list[Task]:
+def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
     """All trials of a study, seed by seed and repeat by repeat, so that an interrupted one has pairs.
 
-    InputError or PlannerError where one cannot be flown.
+    metrics: import strings of metrics from outside that each trial is to have. InputError or PlannerError where a trial
+    cannot be flown.
     """
     listed, seeds = cells(study), integers(study.seeds, "seeds")
     if (count := len(listed) * len(seeds) * study.repeats) > _MOST_TRIALS:
@@ -64,6 +66,7 @@ def tasks(study: Study) -> list[Task]:
             seed=seed,
             repeat=repeat,
             version=number,
+            metrics=tuple(metrics),
         )
         for repeat in range(study.repeats)
         for seed in seeds

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Sequence
+from contextlib import nullcontext
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,14 @@ import numpy as np
 from msgspec import Struct
 
 from sim.evaluation.machine import machine_line
-from sim.evaluation.summary import summarise
-from sim.mission.mission import Mission, Trial
+from sim.evaluation.metric import Outcome
+from sim.evaluation.metrics import evaluated
+from sim.mission.mission import Trial
+from sim.mission.snapshot import Snapshot
 from sim.mission.warmup import warm_up
-from sim.recording.archive import save
-from sim.recording.recording import Recorder, Recording
-from sim.scenario.scenario import resolved
+from sim.recording.archive import digest, save
+from sim.recording.recording import Recording
+from sim.running.flight import fly as flown
 from sim.study.row import Row
 from sim.study.tasks import Task, release
 from tracking.plugins.containment import ForeignError, contained
@@ -64,62 +67,35 @@ def warm() -> float:
 
 
 def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
-    start = time.perf_counter()
-    mission = Mission.of(Trial(task.setting, task.planner, task.seed, task.repeat))
-    start_up = time.perf_counter() - start
-    recorder, ospa = Recorder(task.repeat), []
-    for snapshot in mission.fly():
-        recorder.add(snapshot)
+    start, ospa = time.perf_counter(), []
+
+    def watch(snapshot: Snapshot) -> bool:
         ospa.append(snapshot.error)
         if timeout is not None and time.perf_counter() - start > timeout:
             raise TimeoutError(f"took longer than the timeout of {timeout:g} s")
-    wall = time.perf_counter() - start
-    recording = recorder.recording(
-        scenario=resolved(task.setting),
-        planner=task.planner,
-        seed=task.seed,
-        forest=mission.forest,
-        sees_truth=mission.sees_truth,
-    )
-    seconds = {**mission.clock.seconds, "start_up": start_up}
-    summary = summarise(recording, seconds=seconds, wall_s=wall, faults=mission.faults, versions={})
+        return True
+
+    trial = Trial(task.setting, task.planner, task.seed, task.repeat)
+    outcome = flown(trial, lambda mission: nullcontext(watch))
+    recording = outcome.recording
     row = _row(
         task,
         status="done",
-        metrics=metrics(summary, decisions=len(recording.plan_times)),
+        metrics=_metrics(outcome, task.metrics),
         ospa=np.array(ospa, dtype=np.float32),
         times=recording.times,
-        recording=summary["recording_sha256"],
+        recording=digest(recording),
         machine=machine_line(),
     )
     return Flown(row, _content(recording) if keep else b"")
 
 
-def metrics(summary: Mapping[str, Any], *, decisions: int) -> dict[str, float]:
-    """The numbers of a `summary.json` by flat names, NaN where it has null; docs/how-to/studies.md lists them."""
-    spent, identity, network = summary["seconds"], summary["identity"], summary["network"]
+def _metrics(outcome: Outcome, asked: Sequence[str]) -> dict[str, float]:
+    """The metrics of a row and the time of every stage, NaN where there was nothing to count."""
     values = {
-        **{f"ospa.{name}": value for name, value in summary["ospa"].items()},
-        **{f"gospa.{name}": summary["gospa"][name] for name in ("mean_m", "localisation_m", "missed", "false")},
-        "ospa2_m": summary["ospa2_m"],
-        "identity_switches": identity["switches"],
-        "fragmentations": identity["fragmentations"],
-        "share_held": summary["share_held"],
-        "nees.position": summary["nees"]["position"]["mean"],
-        "nees.state": summary["nees"]["state"]["mean"],
-        "recall": summary["detection"]["recall"],
-        "precision": summary["detection"]["precision"],
-        **{name: network[name] for name in ("bytes_total", "bytes_per_scan_mean", "bytes_per_scan_max")},
-        "plan_bytes_total": network["plans"]["bytes_total"],
-        "plan_rounds": network["plans"]["rounds"],
-        "disagreement_m": network["disagreement_m"],
-        "sees_truth": summary["sees_truth"],
-        "faults": len(summary["faults"]),
-        "contacts": len(summary["contacts"]),
-        "planning_s_per_decision": spent["planning"] / decisions if decisions else None,
-        "real_time_factor": summary["real_time_factor"],
-        "wall_s": summary["wall_s"],
-        **{f"seconds.{stage}": value for stage, value in spent.items()},
+        **evaluated(outcome, asked),
+        "sees_truth": outcome.recording.sees_truth,
+        **{f"seconds.{stage}": value for stage, value in outcome.seconds.items()},
     }
     return {name: math.nan if value is None else float(value) for name, value in values.items()}
 

@@ -9,7 +9,7 @@ from helpers.trials import row
 
 from sim.analysis.answers import answers
 from sim.analysis.cells import grouped
-from sim.analysis.measures import available, chosen
+from sim.analysis.metric_choice import available, chosen
 from sim.analysis.statistics import ecdf
 
 pytestmark = pytest.mark.benchmark(group="10 000 trials")

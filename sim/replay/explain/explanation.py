@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from sim.evaluation.metrics import HELD
+from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.episodes import BROKEN, HOLDS, episodes, holds, lanes, trees

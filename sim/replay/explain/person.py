@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.evaluation.metrics import velocities
+from sim.evaluation.score import velocities
 from sim.recording.recording import Recording
 from sim.replay.explain.observation import Inquiry, Witness
 from sim.replay.explain.planned_visibility import Outlook, outlook

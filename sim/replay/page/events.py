@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.evaluation.metrics import HELD
-from sim.evaluation.summary import contacts
+from sim.evaluation.contacts import contacts
+from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
 from sim.recording.fault_text import read
 from sim.recording.recording import Recording

@@ -7,11 +7,11 @@ from helpers.trials import failed, row, study
 
 from sim.analysis.answers import answers
 from sim.analysis.cells import baseline_of, constant, grouped, trimmed, varying
-from sim.analysis.measures import available, check, chosen, measure
+from sim.analysis.metric_choice import available, chosen, from_outside, metric_shown
 from sim.analysis.statistics import chances, holm, maps_needed, means, medians, spreads
 from sim.scenario.errors import InputError
 
-MEAN, SHARE, NEES = measure("ospa.mean_m"), measure("ospa.share_under_1m"), measure("nees.position")
+MEAN, SHARE, NEES = metric_shown("ospa.mean_m"), metric_shown("ospa.share_under_1m"), metric_shown("nees.position")
 
 
 def flown(planner, values, name="ospa.mean_m", factors=()):
@@ -132,7 +132,9 @@ def test_over_all_cells_repeats_are_paired_and_maps_counted():
 def test_all_differences_are_judged_together():
     rows = [row("base", s, metrics={"ospa.mean_m": 1.0, "recall": 0.5}) for s in range(8)]
     rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s, "recall": 0.4 + 0.001 * s}) for s in range(8)]
-    found = [a.difference for a in answers(grouped(rows, "base"), [MEAN, measure("recall")], "base") if a.difference]
+    found = [
+        a.difference for a in answers(grouped(rows, "base"), [MEAN, metric_shown("recall")], "base") if a.difference
+    ]
     assert [gap.survives for gap in found] == holm([gap.chance for gap in found]) == [True, True]
     many = [
         *rows,
@@ -205,7 +207,7 @@ def test_wrong_names_are_answered_with_the_nearest():
     with pytest.raises(InputError, match=r"--metric: 'ospa.mean' is unknown; .* did you mean ospa.mean_m\?"):
         chosen(study(), ["ospa.mean"])
     with pytest.raises(InputError, match=r"--metric: 'ospa.maen_m' .* did you mean ospa.mean_m\?"):
-        check(["recall", "ospa.maen_m"])
+        from_outside(["recall", "ospa.maen_m"])
     with pytest.raises(InputError, match="no trials"):
         baseline_of([], None)
 
@@ -214,6 +216,6 @@ def test_the_usual_metrics_are_shown_unless_others_are_asked_for():
     rows = [*study(), row(seed=99, metrics={"new_m": 1.0})]
     assert [m.name for m in chosen(rows, [])] == ["ospa.share_under_1m", "ospa.mean_m", "ospa.median_m"]
     assert [m.name for m in chosen(rows, ["new_m", "new_m"])] == ["new_m"]
-    assert measure("new_m").title == "new m [m]" and measure("new_m").better == "neither"
+    assert metric_shown("new_m").title == "new m [m]" and metric_shown("new_m").better == "neither"
     assert available(rows)[-1] == "new_m"
     assert chosen([failed()], ["ospa.mean_m"]) == [MEAN]  # where all failed, no name is unknown

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from sim.analysis.coverage import COVERED, ENOUGH, ERRORS, SHARES, caveats
-from sim.analysis.measures import measure
+from sim.analysis.metric_choice import metric_shown
 from sim.analysis.statistics import means, medians
 
 DATA = Path(__file__).parents[2] / "data" / "trials.csv"
@@ -87,11 +87,11 @@ def test_the_page_has_the_numbers_that_tables_tell():
 
 
 def test_what_tables_say_follows_metric_and_number_of_maps():
-    share, error = measure("ospa.share_under_1m"), measure("ospa.mean_m")
+    share, error = metric_shown("ospa.share_under_1m"), metric_shown("ospa.mean_m")
     assert caveats([(share, 8), (error, 1), (share, 0)]) == []
     (few,) = caveats([(share, 20), (share, 6)])
     assert few == f"Intervals over 6 maps, which are few, hold in {SHARES[5]} % of cases."
-    told = caveats([(error, 12), (measure("ospa.median_m"), 12)])
+    told = caveats([(error, 12), (metric_shown("ospa.median_m"), 12)])
     usual, least = MEAN[10]
     assert told == [f"Intervals of mean errors over 12 maps hold in {usual} % of cases, at worst in {least} %."]
     assert caveats([(error, 2)])[0].endswith(
@@ -102,9 +102,9 @@ def test_what_tables_say_follows_metric_and_number_of_maps():
 
 
 def test_errors_over_several_numbers_of_maps_are_told_at_their_worst():
-    (told,) = caveats([(measure("ospa.mean_m"), 4), (measure("ospa.mean_m"), 10)])
+    (told,) = caveats([(metric_shown("ospa.mean_m"), 4), (metric_shown("ospa.mean_m"), 10)])
     assert told.endswith(f"over 4 to 10 maps hold in {MEAN[10][0]} % of cases, at worst in {MEAN[10][1]} %.")
-    (told,) = caveats([(measure("ospa.mean_m"), 50), (measure("ospa.median_m"), 50)])
+    (told,) = caveats([(metric_shown("ospa.mean_m"), 50), (metric_shown("ospa.median_m"), 50)])
     assert told.endswith(f"hold in {MEAN[50][0]} % of cases, at worst in {MEDIAN[50][1]} %.")
 
 
@@ -112,8 +112,8 @@ def test_errors_over_several_numbers_of_maps_are_told_at_their_worst():
 def test_metrics_of_which_nothing_was_counted_are_named(maps):
     names = "contacts", "identity_switches", "nees.position", "gospa.missed", "gospa.mean_m", "wall_s", "faults", "my_m"
     names += "recall", "precision", "share_held"
-    labels = ", ".join(measure(name).label for name in names)
+    labels = ", ".join(metric_shown(name).label for name in names)
     said = f"How often intervals of means hold was not counted for: {labels}."
-    assert caveats([(measure(name), maps) for name in names]) == [said]
-    assert caveats([(measure("contacts"), 1)]) == []
+    assert caveats([(metric_shown(name), maps) for name in names]) == [said]
+    assert caveats([(metric_shown("contacts"), 1)]) == []
     assert "run times among them, it was not counted" in COVERED[-1]

@@ -9,8 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from helpers import synthetic
+from helpers.summaries import summary
 
-from sim.evaluation.metrics import held_by, metrics, score, velocities
+from sim.evaluation.score import held_by, score, velocities
 from sim.recording.recording import VERSION, Recorder, Recording
 from sim.scenario.scenario import resolved
 from tracking.metrics.gospa import gospa
@@ -97,7 +98,7 @@ def test_tracks_are_sorted_by_uav_scan_and_id():
 
 
 def test_the_figures_match_the_hand_count():
-    result = metrics(recorded(walk(), HELD))
+    result = summary(recorded(walk(), HELD))
     first, second = result["uavs"]
     assert (first["switches"], first["fragmentations"]) == (1, 0)
     assert (second["switches"], second["fragmentations"]) == (0, 0)
@@ -130,25 +131,25 @@ def test_the_figures_match_the_hand_count():
 
 def test_a_uav_that_breaks_down_counts_until_then():
     people, held = walk(), [[dict(a), dict(a)] for a, _ in HELD]
-    whole = metrics(recorded(people, held))
+    whole = summary(recorded(people, held))
     assert whole["uavs"][0] == whole["uavs"][1]
     broken = recorded(people, held, broken=[(2, 1)])
-    result = metrics(broken)
+    result = summary(broken)
     assert result["uavs"][0] == whole["uavs"][0]
-    short = metrics(recorded(people[:2], [row[:1] for row in held[:2]]))
+    short = summary(recorded(people[:2], [row[:1] for row in held[:2]]))
     assert result["uavs"][1] == short["uavs"][0]
     assert result["identity"]["switches"] == 0.5
     assert result["share_held"] == (4 + 2) / (6 + 2)
-    never = metrics(recorded(people, held, broken=[(0, 1)]))
+    never = summary(recorded(people, held, broken=[(0, 1)]))
     assert never["identity"]["switches"] == 1.0 and never["ospa2_m"] == whole["ospa2_m"]
     assert never["uavs"][1]["ospa2_m"] is None and never["uavs"][1]["ospa_m"] is None
 
 
 @pytest.mark.parametrize("options", [{"people": 0}, {"scans": 1}, {"uavs": 1}])
 def test_the_figures_are_strict_json_for_any_mission(options):
-    json.dumps(metrics(synthetic_recording(**{"scans": 11, **options})), allow_nan=False)
+    json.dumps(summary(synthetic_recording(**{"scans": 11, **options})), allow_nan=False)
     gone = dataclasses.replace(recorded(walk(), HELD), ospa=np.full((4, 2, 3), np.nan))
-    result = metrics(gone)
+    result = summary(gone)
     json.dumps(result, allow_nan=False)
     assert result["gospa"]["mean_m"] is result["ospa2_m"] is result["share_held"] is None
 
@@ -179,6 +180,6 @@ def test_a_mission_of_40_s_is_summed_up_in_a_third_of_a_second():
     spent = []
     for _ in range(3):
         start = time.perf_counter()
-        metrics(recording)
+        summary(recording)
         spent.append(time.perf_counter() - start)
     assert min(spent) < 0.3

@@ -7,6 +7,7 @@ import pytest
 from helpers import synthetic
 from helpers.films import frames_of
 from helpers.network_flights import fly, recorded
+from helpers.summaries import summary
 
 from planning.planner import Plan
 from planning.registry import PLANNERS
@@ -14,7 +15,6 @@ from sim.drawing.map_view import MapView
 from sim.drawing.palette import ALARM, FAINT, uav_colour
 from sim.drawing.plots import ospa_figure
 from sim.drawing.video import Film
-from sim.evaluation.metrics import metrics
 from sim.mission.mission import Mission, Trial
 from sim.recording.archive import load as load_recording
 from sim.replay.frames.rerender import check_working, scenario_of
@@ -79,7 +79,7 @@ def test_the_others_take_over_the_people_of_a_uav_that_breaks_down(seed):
     held = [[sorted(t.id for t in s.tracks[i]) for i in s.working] for s in snapshots]
     assert {tuple(ids) for scan in held for ids in scan} == {(0, 1, 2, 3)}
     recording = recorded(mission, snapshots)
-    assert min(metrics(recording)["people_held"]) > 0.9
+    assert min(summary(recording)["people_held"]) > 0.9
     for person in range(4):  # at the end each id is still that person's
         (track,) = [t for t in snapshots[-1].tracks[0] if t.id == person]
         assert np.linalg.norm(track.belief.mean[:2] - snapshots[-1].people[person]) < 2.0
@@ -100,15 +100,15 @@ def test_a_mission_of_which_all_uavs_break_down_is_flown_and_shown_to_its_end(tm
     setting = load(
         "forest", ["duration=2", "sensing.mode=ideal", *(f"uavs.{i}.fails_at={(4 + 2 * i) / 10}" for i in range(3))]
     )
-    summary = run(Trial(setting, "greedy", 0), tmp_path / "out")
-    assert [(f["time"], f["uav"]) for f in summary["faults"]] == [(0.4, 0), (0.6, 1), (0.8, 2)]
-    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+    found = run(Trial(setting, "greedy", 0), tmp_path / "out")
+    assert [(f["time"], f["uav"]) for f in found["faults"]] == [(0.4, 0), (0.6, 1), (0.8, 2)]
+    assert json.loads(json.dumps(found, allow_nan=False)) == found
     recording = load_recording(tmp_path / "out" / "mission.npz")
     assert recording.working.sum(axis=0).tolist() == [2, 3, 4]
     assert recording.plan_times.tolist() == [0.0]
     known = recording.ospa[:, :, 0][recording.working]
-    assert summary["ospa"]["mean_m"] == known.mean() and len(known) == 9
-    assert summary["ospa"]["share_under_1m"] == np.mean(known < 1)
+    assert found["ospa"]["mean_m"] == known.mean() and len(known) == 9
+    assert found["ospa"]["share_under_1m"] == np.mean(known < 1)
     assert frames_of(tmp_path / "out" / "mission.mp4") == ("h264", 11)
     found = fly_trial(task_of(setting, "greedy", 0)).row.metrics
     assert (found["ospa.mean_m"], found["faults"]) == (pytest.approx(known.mean()), 3)
@@ -122,7 +122,7 @@ def test_people_are_held_by_those_who_work():
     first = [[np.linalg.norm([t.belief.mean[:2] - p for t in h], axis=1).min() < 1 for p in snapshots[0].people]
              for h in snapshots[0].tracks[:2]]  # fmt: skip
     expected = (np.sum(near, axis=0) + np.sum(first, axis=0)) / (len(snapshots) + 2)
-    np.testing.assert_allclose(metrics(recording)["people_held"], expected)
+    np.testing.assert_allclose(summary(recording)["people_held"], expected)
 
 
 def test_curves_end_where_uavs_break_down():

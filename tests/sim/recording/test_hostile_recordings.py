@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from helpers import synthetic
 from helpers.recordings import assert_same, npy, record, rewritten
+from helpers.summaries import summary
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sim import __main__ as cli
-from sim.evaluation.summary import summarise
 from sim.recording.archive import load, save
 from sim.recording.fault_text import LONGEST, MOST
 from sim.recording.npz import MOST_BYTES
@@ -327,7 +327,7 @@ def sound_or_one_line(path):
         return
     save(recording, path.with_name("again.npz"))
     assert_same(load(path.with_name("again.npz")), recording)
-    summarise(recording, seconds={}, wall_s=0.0, faults=(), versions={})
+    summary(recording, seconds={}, wall_s=0.0)
     History.of(recording, scenario_of(recording))
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.summaries import summary
 
-from sim.evaluation.summary import summarise
 from sim.recording.archive import load
 from sim.recording.recording import Recording
 from sim.replay.export import export
@@ -51,8 +51,8 @@ def test_an_older_form_loads_with_defaults_for_what_it_lacks(form):
     assert np.all(recording.plan_bytes == -1) == ("plan_bytes" in lacks) and recording.plan_bytes.shape == (11, 3)
     assert np.all(recording.track_existence == -1) == ("track_existence" in lacks)
     assert recording.track_existence.shape == recording.track_ids.shape
-    summary = summarise(recording, seconds={}, wall_s=0.0, faults=[], versions={})
-    assert (summary["network"]["bytes_total"] is None) == ("bytes_sent" in lacks)
+    network = summary(recording)["network"]
+    assert (network["bytes_total"] is None) == ("bytes_sent" in lacks)
     assert len(History.of(recording, scenario_of(recording)).losses) == 0
 
 

@@ -9,7 +9,7 @@ import pytest
 from helpers import synthetic
 from stonesoup.reader.generic import CSVDetectionReader, CSVGroundTruthReader, CSVTrackReader
 
-from sim.evaluation.metrics import velocities
+from sim.evaluation.score import velocities
 from sim.recording.archive import save
 from sim.recording.recording import Recorder
 from sim.replay import export as module

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import synthetic
+from helpers.summaries import summary
 from matplotlib.collections import PolyCollection
 
 from sim.drawing.palette import ALARM, CANOPY, uav_colour
 from sim.drawing.plots import rgb
-from sim.evaluation.metrics import metrics
 from sim.recording.recording import Recorder
 from sim.replay.episodes import BROKEN, HOLDS, Episode, episodes, holds, lanes, last_looks, switches
 from sim.replay.history import STATES, History
@@ -80,7 +80,7 @@ def test_switches_are_those_that_the_summary_counts():
     ids = recording.track_ids.copy()
     ids[recording.track_offsets[30] :] += 10
     switched = replace(recording, track_ids=ids)
-    counted = sum(row["switches"] for row in metrics(switched)["uavs"])
+    counted = sum(row["switches"] for row in summary(switched)["uavs"])
     told = History.of(switched, scenario)
     assert counted == 3 * sum(len(switches(told, m)) for m in range(4)) > 0
 

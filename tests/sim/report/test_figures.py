@@ -6,7 +6,7 @@ from helpers.trials import row, study
 from matplotlib.colors import to_rgb
 
 from sim.analysis.cells import grouped, trimmed
-from sim.analysis.measures import measure
+from sim.analysis.metric_choice import metric_shown
 from sim.analysis.statistics import bands
 from sim.report.figures import AT, content, ecdf_figure, runtime_figure, scatter_figure, time_figure
 from sim.report.panels import sheets
@@ -48,7 +48,7 @@ def test_bands_over_time_are_quartiles_of_the_maps():
 
 def test_points_are_maps_that_both_flew():
     found = groups()
-    shown = measure("ospa.share_under_1m")
+    shown = metric_shown("ospa.share_under_1m")
     figure = scatter_figure(found, "sma-nbo", shown)
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["greedy", "hover"]
     by_seed = {(g.cell, g.planner, r.seed): 100 * r.metrics[shown.name] for g in found for r in g.done}
@@ -64,7 +64,7 @@ def test_points_are_maps_that_both_flew():
 
 def test_run_times_are_means_in_their_unit():
     found = groups()
-    figure = runtime_figure(found, measure("planning_s_per_decision"))
+    figure = runtime_figure(found, metric_shown("planning_s_per_decision"))
     dots = sorted(float(line.get_xdata()[0]) for line in figure.axes[0].get_lines() if line.get_marker() == "o")
     np.testing.assert_allclose(dots, sorted(1000 * g.values("planning_s_per_decision").mean() for g in found))
 
@@ -133,7 +133,7 @@ def test_missing_curves_and_values_do_not_stop_a_figure():
     for figure in (
         ecdf_figure(sheet),
         time_figure(sheet),
-        scatter_figure(found, "sma-nbo", measure("ospa.mean_m")),
-        runtime_figure(found, measure("planning_s_per_decision")),
+        scatter_figure(found, "sma-nbo", metric_shown("ospa.mean_m")),
+        runtime_figure(found, metric_shown("planning_s_per_decision")),
     ):
         assert content(figure, "svg").startswith(b"<?xml")

@@ -16,7 +16,7 @@ from typer.main import get_command
 from planning.registry import load_planner
 from sim.__main__ import app
 from sim.analysis.answers import Difference
-from sim.analysis.measures import measure
+from sim.analysis.metric_choice import metric_shown
 from sim.analysis.statistics import Estimate, chances, maps_needed, means
 from sim.report.page import verdict
 from sim.report.report import About, duration, made, ranges, write
@@ -191,7 +191,7 @@ def gap_of(values, shown=1):
 
 
 def test_verdicts_follow_the_interval():
-    share = measure("ospa.share_under_1m")
+    share = metric_shown("ospa.share_under_1m")
     spread = np.linspace(-0.05, 0.05, 9)[:, None]
     one = "mine and base cannot be told apart: scans with OSPA under 1 m +1.0 points (95 %: -1.6 to +3.6)"
     for middle, told in ((0.1, "mine is better than base: "), (-0.1, "mine is worse than base: ")):
@@ -211,7 +211,7 @@ def test_verdicts_follow_the_interval():
 
 @pytest.mark.parametrize("maps", [1, 2, 3, 4, 5])
 def test_few_maps_tell_nothing_apart_however_large_the_difference(maps):
-    share = measure("ospa.share_under_1m")
+    share = metric_shown("ospa.share_under_1m")
     for values in (np.full((maps, 1), 0.5), 0.5 + 1e-3 * np.arange(maps)[:, None]):
         text = verdict("mine", "base", share, gap_of(values))
         assert text.startswith("mine and base cannot be told apart: scans with OSPA under 1 m +50.")
@@ -250,9 +250,9 @@ def test_repeats_are_told_and_flown_again():
 
 
 def test_numbers_read_as_people_write_them():
-    shown = [measure("ospa.mean_m").text(value, signed=True) for value in (0.0, -0.0, 1e-6, -1e-6, 0.5)]
+    shown = [metric_shown("ospa.mean_m").text(value, signed=True) for value in (0.0, -0.0, 1e-6, -1e-6, 0.5)]
     assert shown == ["0.00", "0.00", "+0.00", "-0.00", "+0.50"]
-    assert measure("ospa.mean_m").text(-1e-6) == "0.00"
+    assert metric_shown("ospa.mean_m").text(-1e-6) == "0.00"
     assert ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
     assert [duration(s) for s in (71.2, 600, 34000)] == ["71 s", "10 min", "9 h 27 min"]
 

@@ -14,12 +14,12 @@ from rich.console import Console
 from sim.analysis.answers import answers
 from sim.analysis.cells import grouped
 from sim.analysis.coverage import ERRORS, SHARES
-from sim.analysis.measures import measure
+from sim.analysis.metric_choice import metric_shown
 from sim.report.formats import comma_separated, markdown
 from sim.report.tables import show
 from sim.scenario.errors import InputError
 
-MEAN = measure("ospa.mean_m")
+MEAN = metric_shown("ospa.mean_m")
 
 
 def shown(rows, width, baseline="sma-nbo", metrics=()):

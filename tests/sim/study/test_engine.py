@@ -17,7 +17,7 @@ from sim.study import engine, pool
 from sim.study.engine import Borrowed, Options, complete, rows_of
 from sim.study.pool import Pool
 from sim.study.store import Store, StoreError, read_rows
-from sim.study.trial import fly, metrics
+from sim.study.trial import fly
 
 # Planners that end their process, hang or raise, always or but once (a file tells).
 AILING = """
@@ -82,40 +82,6 @@ def test_a_row_holds_what_the_mission_came_to():
     assert row.metrics["planning_s_per_decision"] == row.metrics["seconds.planning"] / 2
     assert row.metrics["precision"] != row.metrics["precision"]  # NaN: ideal sensing has no detections
     assert (row.status, row.error, row.seed, row.planner) == ("done", "", 4, "greedy")
-
-
-def test_metrics_are_those_of_a_summary():
-    empty = dict.fromkeys(("mean_m", "localisation_m", "missed", "false"))
-    summary = {
-        "ospa": {"mean_m": 1.0, "median_m": None, "share_under_1m": 0.5},
-        "gospa": {**empty, "missed": 2},
-        "ospa2_m": 3.0,
-        "identity": {"switches": 4, "fragmentations": 5},
-        "share_held": 0.75,
-        "nees": {"position": {"mean": 2.5}, "state": {"mean": None}},
-        "detection": {"recall": 0.9, "precision": None},
-        "network": {"bytes_total": 8, "bytes_per_scan_mean": 9.0, "bytes_per_scan_max": 10, "disagreement_m": 0.25}
-        | {"plans": {"bytes_total": 11, "rounds": None}},
-        "sees_truth": False,
-        "faults": [{}, {}],
-        "contacts": [],
-        "seconds": {"planning": 6.0},
-        "real_time_factor": 11.0,
-        "wall_s": 12.0,
-    }
-    found = metrics(summary, decisions=3)
-    assert {name for name, value in found.items() if value != value} == {
-        *(
-            "ospa.median_m",
-            "gospa.mean_m",
-            "gospa.localisation_m",
-            "gospa.false",
-            "nees.state",
-            "precision",
-            "plan_rounds",
-        )
-    }
-    assert (found["identity_switches"], found["faults"], found["planning_s_per_decision"]) == (4, 2, 2.0)
 
 
 def test_what_fails_once_is_tried_again_and_what_fails_twice_is_recorded(tmp_path):

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from helpers import synthetic
 from helpers.recordings import npy, record, rewritten
-from rich.console import Console
+from helpers.summaries import shown, summary
 
 from planning.planner import Plan
 from sim.drawing.map_view import ALERT, MapView
 from sim.drawing.palette import ALARM
-from sim.evaluation.summary import contacts, results_table, summarise
+from sim.evaluation.contacts import contacts
 from sim.mission.mission import Mission
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
@@ -108,11 +108,9 @@ def test_a_contact_that_lasts_counts_once():
 def test_the_table_shows_contacts_only_if_there_are_any():
     texts = []
     for rows in ([], [(3, 0, 0, 1), (4, 2, 1, 7)]):
-        result = summarise(with_contacts(rows), seconds={}, wall_s=1.0, faults=[], versions={})
+        result = summary(with_contacts(rows))
         assert json.loads(json.dumps(result, allow_nan=False)) == result
-        console = Console(width=100, record=True, file=open("/dev/null", "w"))
-        console.print(results_table(result))
-        texts.append(console.export_text())
+        texts.append(shown(result))
     assert "contacts" not in texts[0]
     for piece in ("contacts", "at 0.6 s", "UAV 0, uav 1", "at 0.8 s", "UAV 2, canopy 7"):
         assert piece in texts[1]

@@ -1,0 +1,49 @@
+"""Choice of the metrics that a study's tables show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from sim.evaluation.metric import Metric
+from sim.evaluation.metrics import METRICS, metric
+from sim.scenario.errors import InputError
+from sim.scenario.loading import did_you_mean
+from sim.study.row import Row
+
+DEFAULT = ("ospa.share_under_1m", "ospa.mean_m", "ospa.median_m")
+RUNTIME = ("planning_s_per_decision", "wall_s", "real_time_factor")
+_UNITS = {"_m": "m", "_s": "s"}  # by how a name ends
+
+
+def metric_shown(name: str) -> Metric:
+    """The metric of a row; of one that is not in the registry, what its name tells, and no way of it is better.
+
+    Nothing is imported for a name, as a store may come from anybody.
+    """
+    if name in METRICS:
+        return METRICS[name]
+    unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "")
+    label = name if ":" in name else name.replace("_", " ").replace(".", ": ")
+    return Metric(label, unit=unit, better="neither", digits=3, least=-math.inf, name=name)
+
+
+def from_outside(asked: Iterable[str]) -> tuple[str, ...]:
+    """Those asked for that are import strings; InputError where a metric is neither known nor can be imported."""
+    return tuple(name for name in dict.fromkeys(asked) if metric(name) and name not in METRICS)
+
+
+def available(rows: Iterable[Row]) -> list[str]:
+    """All metrics that any of the rows has: those of the registry in its order, then the others by name."""
+    names = {name for row in rows for name in row.metrics}
+    return [name for name in METRICS if name in names] + sorted(names - set(METRICS))
+
+
+def chosen(rows: Sequence[Row], asked: Sequence[str]) -> list[Metric]:
+    """The metrics asked for, or else the usual ones; InputError where no row has one."""
+    there = available(rows)
+    for name in asked:
+        if name not in there and any(row.metrics for row in rows):
+            raise InputError(f"--metric: {name!r} is unknown; {did_you_mean(name, there)}")
+    usual = [name for name in DEFAULT if name in there] or there[:1] or DEFAULT[:1]
+    return [metric(name) if ":" in name else metric_shown(name) for name in dict.fromkeys(asked or usual)]

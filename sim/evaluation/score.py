@@ -1,0 +1,92 @@
+"""Score of each UAV: its tracks against the people of a recording, scan by scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.mission.snapshot import Bools, Ints
+from sim.recording.recording import Recording
+from tracking.metrics.clearmot import correspondence, fragmentations, switches
+from tracking.metrics.gospa import gospa
+from tracking.metrics.nees import nees
+from tracking.metrics.ospa import ospa2
+from tracking.numerics.compiled import Array
+
+HELD = 1.0  # m, from a person to the nearest track that holds them
+FAR = 10.0  # m, beyond which a track is of no person: cut-off of GOSPA, and of the errors that NEES counts
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Tracks of one UAV at K scans: a column for each of A ids, NaN where the track is not there."""
+
+    ids: Ints  # (A,) ascending
+    means: Array  # (K, A, 4)
+    covariances: Array  # (K, A, 4, 4)
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """One UAV against the truth, over the K scans at which it works; M people."""
+
+    ospa: Array  # (K,) m, distance
+    gospa: Array  # (K, 4) m: distance, localisation, missed, false
+    ospa2: float  # m; NaN without a scan
+    held: Bools  # (K, M)
+    present: Bools  # (K, M)
+    switches: int
+    fragmentations: int
+    position_nees: Array  # (E,), a number for each scan and person with a track within `FAR` m
+    state_nees: Array  # (E',), fewer by those whose velocity is not known
+
+
+def held_by(recording: Recording, uav: int) -> Held:
+    """The tracks of one UAV in the order of their ids, scan by scan."""
+    scans, uavs = recording.poses.shape[:2]
+    k, owner = np.divmod(np.repeat(np.arange(scans * uavs), np.diff(recording.track_offsets)), uavs)
+    rows = owner == uav
+    ids, columns = np.unique(recording.track_ids[rows], return_inverse=True)
+    means = np.full((scans, len(ids), 4), np.nan)
+    covariances = np.full((scans, len(ids), 4, 4), np.nan)
+    means[k[rows], columns] = recording.track_means[rows]
+    covariances[k[rows], columns] = recording.track_covariances[rows]
+    return Held(ids, means, covariances)
+
+
+def velocities(recording: Recording) -> Array:
+    """True velocities (K, M, 2) m/s: central differences of positions, one-sided where a person comes or goes."""
+    positions, times = recording.people, recording.times
+    steps = np.full((len(times) + 1, *positions.shape[1:]), np.nan)
+    steps[1:-1] = np.diff(positions, axis=0) / np.diff(times)[:, None, None]
+    before, after = steps[:-1], steps[1:]
+    both = np.isnan(before), np.isnan(after)
+    return np.where(both[0], after, np.where(both[1], before, (before + after) / 2))
+
+
+def score(recording: Recording, uav: int) -> Score:
+    """One UAV's tracks against the people."""
+    on = recording.working[:, uav]
+    believed, people = held_by(recording, uav), recording.people[on]
+    tracks = believed.means[on, :, :2]
+    near = correspondence(tracks, people, HELD)
+    present = ~np.isnan(people[..., 0])
+    parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
+    truth = np.concatenate([people, velocities(recording)[on]], axis=2)
+    far = correspondence(tracks, people, FAR)
+    k, m = np.nonzero(far >= 0)
+    errors = believed.means[on][k, far[k, m]] - truth[k, m]
+    P = believed.covariances[on][k, far[k, m]]
+    moving = ~np.isnan(errors[:, 2])  # a person who is there for a single scan has no velocity
+    return Score(
+        ospa=recording.ospa[on, uav, 0],
+        gospa=np.array(parts, dtype=float).reshape(-1, 4),
+        ospa2=ospa2(tracks, people).distance if len(people) else np.nan,
+        held=near >= 0,
+        present=present,
+        switches=int(switches(near).sum()),
+        fragmentations=int(fragmentations(near, present).sum()),
+        position_nees=nees(errors[:, :2], P[:, :2, :2]),
+        state_nees=nees(errors[moving], P[moving]),
+    )

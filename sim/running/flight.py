@@ -1,0 +1,53 @@
+"""A mission from take-off to its recording, for a single run and for a trial of a study."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+
+from sim.evaluation.metric import Outcome
+from sim.mission.mission import Mission, Trial
+from sim.mission.snapshot import Snapshot
+from sim.recording.recording import Recorder
+from sim.scenario.scenario import resolved
+
+Watch = Callable[[Snapshot], bool]  # sees each scan, and says whether the mission goes on
+
+
+def fly(
+    trial: Trial,
+    watching: Callable[[Mission], AbstractContextManager[Watch]],
+    prepare: Callable[[], object] = lambda: None,
+) -> Outcome:
+    """Fly a mission; one that is ended before its last scan is marked as interrupted.
+
+    watching: opens around all scans what sees each. prepare: called before the first scan; it counts as start-up.
+    InputError or PlannerError where the mission cannot be built.
+    """
+    start = time.perf_counter()
+    mission = Mission.of(trial)
+    prepare()
+    start_up = time.perf_counter() - start
+    recorder = Recorder(trial.repeat)
+    with watching(mission) as watch:
+        for snapshot in mission.fly():
+            recorder.add(snapshot)
+            if not watch(snapshot):
+                break
+    wall = time.perf_counter() - start
+    recording = recorder.recording(
+        scenario=resolved(trial.scenario),
+        planner=trial.planner,
+        seed=trial.seed,
+        forest=mission.forest,
+        interrupted=len(recorder) < len(trial.scenario.scan_times),
+        sees_truth=mission.sees_truth,
+    )
+    return Outcome(
+        recording,
+        seconds={**mission.clock.seconds, "start_up": start_up},
+        wall_s=wall,
+        faults=mission.faults,
+        planning_s=mission.clock.laps["planning"],
+    )
