@@ -1,0 +1,210 @@
+"""Parts of the site that are made from the code and from one another: tables of the reference, equations, notebooks.
+
+MkDocs calls the functions `on_...`. A line `<!-- keys: trees -->` in a page becomes the table of these keys of a
+scenario; `<!-- commands -->`, `<!-- planners -->` and `<!-- planner options -->` likewise. A formula between `$$`
+becomes MathML. Each tutorial is written as a notebook, too.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import json
+import re
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import msgspec
+
+from planning.pieces import Composed
+from planning.registry import PLANNERS
+from sim.scenario.fleet import Uav
+from sim.scenario.network import Cut
+from sim.scenario.scenario import Scenario
+from sim.study.settings_text import toml
+
+_WRITTEN_OUT = ("people.paths", "uavs")  # long defaults, which the page itself shows
+_ROWS = {"uavs": ("uavs.0", Uav), "network.cuts": ("network.cuts", Cut)}
+_FENCE = re.compile(r"^```(\w+)\n(.*?)^```\n?", flags=re.M | re.S)
+
+
+def on_page_markdown(markdown: str, page: Any, **_: object) -> str:  # noqa: ANN401 - MkDocs' page
+    """The page with its generated parts."""
+    if page.file.src_uri.startswith("tutorials/"):
+        name = Path(page.file.src_uri).with_suffix(".ipynb").name
+        markdown = markdown.replace("\n", f"\n\n[As a notebook]({name}){{ download }}\n", 1)
+    return math(generated(markdown))
+
+
+def on_files(files: Any, config: Any, **_: object) -> Any:  # noqa: ANN401 - MkDocs' own
+    """The files of the site, with a notebook beside each tutorial."""
+    from mkdocs.structure.files import File
+
+    for file in [f for f in files.documentation_pages() if f.src_uri.startswith("tutorials/")]:
+        name = str(Path(file.src_uri).with_suffix(".ipynb"))
+        files.append(File.generated(config, name, content=json.dumps(notebook(file.content_string), indent=1)))
+    return files
+
+
+def generated(markdown: str) -> str:
+    """A page with tables in the places of its marks."""
+    makers = {"keys": keys_table, "commands": commands_text, "planners": planners_table}
+    makers["planner options"] = options_table
+
+    def made(mark: re.Match[str]) -> str:
+        return makers[mark[1]](*([mark[2]] if mark[2] else []))
+
+    return re.sub(r"^<!-- ([a-z ]+)(?:: ([\w.]+))? -->$", made, markdown, flags=re.M)
+
+
+def keys(kind: type = Scenario, prefix: str = "") -> Iterator[tuple[str, msgspec.structs.FieldInfo, str]]:
+    """Every key of a scenario, its field, and the comment on the field in the code."""
+    meanings = _comments(kind)
+    for field in msgspec.structs.fields(kind):
+        key = prefix + field.name
+        if isinstance(field.type, type) and issubclass(field.type, msgspec.Struct):
+            yield from keys(field.type, f"{key}.")
+            continue
+        yield key, field, meanings.get(field.name, "")
+        if key in _ROWS:
+            place, row = _ROWS[key]
+            yield from keys(row, f"{place}.")
+
+
+def keys_table(table: str = "") -> str:
+    """Keys of a table of a scenario, without a name those of the mission itself: default, bounds, unit and meaning."""
+    lines = ["| key | default | allowed | unit and meaning |", "|---|---|---|---|"]
+    for key, field, meaning in keys():
+        if table == (key.rpartition(".")[0] or "mission") or table == "uavs" == key:
+            lines.append(f"| `{key}` | {_default(key, field)} | {_limits(field.type)} | {meaning} |")
+    return "\n".join(lines)
+
+
+def planners_table() -> str:
+    """The planners that come with the testbed."""
+    rows = [f"| `{name}` | {spec.summary} |" for name, spec in PLANNERS.items()]
+    return "\n".join(["| planner | meaning |", "|---|---|", *rows])
+
+
+def options_table() -> str:
+    """Options of composed planners: default, that of named planners where it differs, and meaning."""
+    lines, meanings = ["| option | default | meaning |", "|---|---|---|"], _comments(Composed)
+    signature = inspect.signature(Composed)
+    for name, parameter in signature.parameters.items():
+        others = [f"`{spec.options[name]!r}` in `{p}`" for p, spec in PLANNERS.items() if name in spec.options]
+        lines.append(f"| `{name}` | {'; '.join([f'`{parameter.default!r}`', *others])} | {meanings.get(name, '')} |")
+    return "\n".join(lines)
+
+
+def commands_text() -> str:
+    """Every command with its arguments and options."""
+    import typer
+
+    from sim.__main__ import app
+
+    parts = []
+    for name, command in sorted(typer.main.get_command(app).commands.items()):
+        parts += [f"## understory {name}", "", inspect.cleandoc(command.help or ""), ""]
+        parts += ["| argument or option | meaning | default |", "|---|---|---|"]
+        for parameter in command.params:
+            told = "/".join([*parameter.opts, *parameter.secondary_opts])
+            value = "" if getattr(parameter, "is_flag", False) else f" {parameter.metavar or ''}"
+            written = parameter.metavar or told if parameter.param_type_name == "argument" else told + value
+            default = "" if parameter.default in (None, False) or callable(parameter.default) else parameter.default
+            shown = "required" if parameter.required else f"`{default}`" if default != "" else ""
+            parts.append(f"| `{written.replace('|', chr(92) + '|')}` | {_escaped(parameter.help or '')} | {shown} |")
+        parts.append("")
+    return "\n".join(parts)
+
+
+def math(markdown: str) -> str:
+    """A page with its formulas, `$$...$$`, as MathML, which browsers draw by themselves."""
+
+    def drawn(formula: re.Match[str]) -> str:
+        from latex2mathml.converter import convert
+
+        return f'<div class="formula">{convert(" ".join(formula[1].split()), display="block")}</div>'
+
+    return re.sub(r"\$\$(.+?)\$\$", drawn, markdown, flags=re.S)
+
+
+def notebook(markdown: str) -> dict[str, Any]:
+    """A page as a notebook: commands with an exclamation mark, Python as it stands, files by `%%writefile`.
+
+    A Python block whose first line is a comment with the name of a file, `# myplanner.py`, is such a file, as is TOML.
+    """
+    cells, end = [], 0
+    for block in _FENCE.finditer(markdown):
+        cells += _prose(markdown[end : block.start()])
+        language, code, end = block[1], block[2].rstrip("\n"), block.end()
+        file = re.match(r"# (\w+\.(?:py|toml))\n", code)
+        if language == "sh":
+            cells.append(_cell("code", "\n".join(f"!{line}" for line in code.splitlines())))
+        elif file:
+            cells.append(_cell("code", f"%%writefile {file[1]}\n{code}"))
+        elif language == "python":
+            cells.append(_cell("code", code))
+        else:
+            cells += _prose(block[0])
+    cells += _prose(markdown[end:])
+    about = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
+    return {"cells": cells, "metadata": about, "nbformat": 4, "nbformat_minor": 4}
+
+
+def _prose(text: str) -> list[dict[str, Any]]:
+    return [_cell("markdown", text.strip())] if text.strip() else []
+
+
+def _cell(kind: str, source: str) -> dict[str, Any]:
+    extra = {"execution_count": None, "outputs": []} if kind == "code" else {}
+    return {"cell_type": kind, "metadata": {}, "source": source.splitlines(keepends=True), **extra}
+
+
+def field_comment(lines: list[str], first: int, last: int) -> str:
+    """The comment on a field that stands in the given lines of a source, counted from 1: above it and behind it."""
+    found = []
+    for line in reversed(lines[: first - 1]):
+        if not line.strip().startswith("# "):
+            break
+        found.insert(0, line.strip().removeprefix("# "))
+    code, mark, behind = lines[last - 1].rpartition("  # ")
+    return " ".join([*found, *([behind.partition("  # noqa")[0]] if mark and code else [])])
+
+
+def _comments(kind: type) -> dict[str, str]:
+    """The comment on each field of a class."""
+    source = textwrap.dedent(inspect.getsource(kind))
+    (node,) = ast.parse(source).body
+    fields = [field for field in node.body if isinstance(field, ast.AnnAssign)]
+    return {f.target.id: field_comment(source.splitlines(), f.lineno, f.end_lineno) for f in fields}
+
+
+def _default(key: str, field: msgspec.structs.FieldInfo) -> str:
+    if key in _WRITTEN_OUT:
+        return "below"
+    if field.default is msgspec.NODEFAULT or field.default is None:
+        return ""
+    return f"`{toml(field.default) if not isinstance(field.default, str) else json.dumps(field.default)}`"
+
+
+def _limits(kind: Any) -> str:  # noqa: ANN401 - a type
+    """The bounds of a number, in words; empty if there are none."""
+    if get_origin(kind) in (Union, UnionType):
+        return next(filter(None, map(_limits, get_args(kind))), "")
+    if get_origin(kind) is Literal or get_origin(kind) is not Annotated:
+        return ""
+    inner, *metas = get_args(kind)
+    if inner not in (int, float):
+        return ""
+    (meta,) = metas
+    least = f"{meta.ge:g}" if meta.ge is not None else f"above {meta.gt:g}" if meta.gt is not None else ""
+    most = f"{meta.le:g}" if meta.le is not None else f"below {meta.lt:g}" if meta.lt is not None else ""
+    comma = "," if least.startswith("above") else ""
+    return f"{least}{comma} to {most}".strip() if most else f"{least} or more"
+
+
+def _escaped(text: str) -> str:
+    return " ".join(text.split()).replace("|", r"\|").replace("<", "&lt;")

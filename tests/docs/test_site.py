@@ -1,0 +1,29 @@
+"""The site: it builds strictly, offline and without a warning, with a notebook beside each tutorial."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from helpers.pages import DOCS, PAGES, ROOT
+
+pytest.importorskip("mkdocs")
+pytest.importorskip("mkdocstrings")
+
+
+def test_it_builds_without_a_warning(tmp_path):
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-d", str(tmp_path / "site")]
+    offline = {**os.environ, "http_proxy": "http://127.0.0.1:9", "https_proxy": "http://127.0.0.1:9"}
+    done = subprocess.run(command, cwd=ROOT, env=offline, capture_output=True, text=True)
+    told = done.stdout + done.stderr
+    assert done.returncode == 0, told
+    assert all(line.startswith("INFO") for line in told.splitlines() if line.strip()), told
+    for page in PAGES:
+        place = page.relative_to(DOCS).with_suffix(".html")
+        built = tmp_path / "site" / (place.with_name("index.html") if place.stem == "README" else place)
+        text = built.read_text(encoding="utf-8")
+        assert "<!-- keys" not in text and "$$" not in text and 'src="http' not in text
+    made = sorted((tmp_path / "site" / "tutorials").glob("*.ipynb"))
+    assert [path.stem for path in made] == sorted(p.stem for p in (DOCS / "tutorials").glob("*.md"))
+    assert all(json.loads(path.read_text(encoding="utf-8"))["nbformat"] == 4 for path in made)
