@@ -17,8 +17,11 @@ from sim.terminal.console import console
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.recording.recording import Recording
+    from sim.replay.event import Event
     from sim.replay.explain.explanation import Group
     from sim.replay.history import History
+
+    Story = tuple[History, tuple[Event, ...]]
 
 _STYLES = {"lost": "red", "not found yet": "red", "held by some": "yellow"}
 
@@ -37,6 +40,7 @@ def explain(
         raise InputError("--target: missing; --time asks about one person, so say which, from 0")
     if out is not None:
         check_new(out, ".png", "--out")
+    from sim.replay.events import events_of
     from sim.replay.frames.rerender import find, scans_between, scenario_of
     from sim.replay.history import History
 
@@ -44,13 +48,15 @@ def explain(
     scan = None if moment is None else scans_between(recording, moment, None)[0]
     person = None if target is None else _person(recording, target)
     folder = recorded if recorded.is_dir() else recorded.parent
-    history = History.of(recording, scenario_of(recording))
+    scenario = scenario_of(recording)
+    history = History.of(recording, scenario)
+    events = events_of(recording, scenario, history)
     if scan is None:
-        _whole(recording, history, person, out or folder / "timeline.png", recorded)
+        _whole(recording, (history, events), person, out or folder / "timeline.png", recorded)
         return
     assert person is not None
     name = f"explain-target{person}-{recording.times[scan]:.1f}s"
-    _moment_of(recording, history, (scan, person), out or unused(folder / name, ".png"))
+    _moment_of(recording, (history, events), (scan, person), out or unused(folder / name, ".png"))
 
 
 def _moment(text: str) -> float:
@@ -67,18 +73,18 @@ def _person(recording: Recording, text: str) -> int:
     return integer(text, "--target", least=0, most=count - 1)
 
 
-def _moment_of(recording: Recording, history: History, asked: tuple[int, int], path: Path) -> None:
+def _moment_of(recording: Recording, story: Story, asked: tuple[int, int], path: Path) -> None:
     """Print and draw one person at one scan."""
     from sim.replay.explain.explanation import explanation
-    from sim.replay.explain.observation import Inquiry
-    from sim.replay.explain.person import Account
+    from sim.replay.explain.observation import Observer
+    from sim.replay.explain.person import PersonFacts
     from sim.replay.explain.picture import draw_explanation
     from sim.replay.frames.rerender import png, scenario_of
 
-    with Inquiry(recording, scenario_of(recording)) as inquiry:
-        account = Account.of(inquiry, history, *asked)
-        groups = explanation(account, recording)
-        page = draw_explanation(inquiry, account, groups)
+    with Observer(recording, scenario_of(recording)) as observer:
+        facts = PersonFacts.of(observer, story[0], *asked)
+        groups = explanation(facts, recording, story[1])
+        page = draw_explanation(observer, facts, groups)
     with whole(path) as part:
         part.write_bytes(png(page))
     _print(groups)
@@ -92,17 +98,19 @@ def _print(groups: list[Group]) -> None:
             console.print(f"  {escape(fact)}", soft_wrap=True)
 
 
-def _whole(recording: Recording, history: History, person: int | None, path: Path, recorded: Path) -> None:
+def _whole(recording: Recording, story: Story, person: int | None, path: Path, recorded: Path) -> None:
     """Print the whole mission of one person or all, and draw its timeline unless it is there."""
+    history, events = story
     from sim.drawing.plots import save
-    from sim.replay.explain.explanation import told
+    from sim.replay.event import INCIDENTS, UNHELD, UNMATCHED
+    from sim.replay.explain.explanation import stretches
     from sim.replay.timeline import timeline_figure
 
     people = range(recording.people.shape[1]) if person is None else [person]
     for m in people:
         console.print(f"[bold]person {m}[/bold]")
         table = Table.grid(padding=(0, 2))
-        for first, last, held, seen in told(history, m):
+        for first, last, held, seen in stretches(history, m):
             style = _STYLES.get(held, "")
             table.add_row(
                 f"  {first:.1f} s" if first == last else f"  {first:.1f} to {last:.1f} s",
@@ -112,12 +120,13 @@ def _whole(recording: Recording, history: History, person: int | None, path: Pat
         console.print(table)
     if not people:
         console.print("Nobody walked in this mission.")
+    others = [event for event in events if event.kind in (*UNMATCHED, *INCIDENTS)] if person is None else []
+    _print([("events", [f"{event.when}: {event.sentence}" for event in others])] if others else [])
     if not path.exists():
-        save(timeline_figure(history, recording.ospa), path)
+        save(timeline_figure(history, recording.ospa, events), path)
     console.print(f"Timeline: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
-    lost = [loss for loss in history.losses if loss.person in people]
-    if lost:
-        longest = max(lost, key=lambda loss: loss.last - loss.first)
+    unheld = [event for event in events if event.kind in UNHELD and event.person in people]
+    if unheld:
+        longest = max(unheld, key=lambda event: event.last - event.first)
         asked = f"understory explain {shlex.quote(str(recorded))} --target {longest.person}"
-        time = f"--time {history.times[longest.first]:.1f}"
-        console.print(f"The longest loss: [bold]{escape(asked)} {time}[/bold]", soft_wrap=True)
+        console.print(f"The longest loss: [bold]{escape(asked)} --time {longest.time:.1f}[/bold]", soft_wrap=True)

@@ -5,34 +5,36 @@ from __future__ import annotations
 import numpy as np
 
 from sim.drawing.lettering import Image, Style, width, write
-from sim.drawing.map_view import stroke
 from sim.drawing.palette import INK, Colour
+from sim.drawing.strokes import stroke
 from tracking.numerics.compiled import Array
 
 _SIDES = ((1.0, 0.5), (-1.0, 0.5), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
 _VEIL = 0.65  # opacity of what lies behind a name
-_GAPS = (14.0, 30.0, 50.0, 75.0)  # pixels from the mark, the nearest that is free
+_GAP, _FARTHER = 14.0, (16.0, 36.0, 61.0)  # pixels from the mark, and more where it is crowded
 
 
 class Labels:
     """Places names beside marks of one RGB image; marks are reserved before names are put."""
 
-    def __init__(self, image: Image) -> None:
-        self._image = image
+    def __init__(self, image: Image, *, veil: bool = True) -> None:
+        """`veil`: names lie on a veil, for images that are full of detail."""
+        self._image, self._veil = image, veil
         self._taken: list[Array] = []  # left, top, right, bottom
 
     def reserve(self, centre: Array, reach: float) -> None:
         """Keep names off a square round a mark at a pixel (2,)."""
         self._taken.append(np.concatenate([centre - reach, centre + reach]))
 
-    def put(self, text: str, anchor: Array, style: Style) -> None:
-        """Write a name where it covers least, with a line to its mark if that is not beside it."""
+    def put(self, text: str, anchor: Array, style: Style, *, gap: float = _GAP) -> None:
+        """Write a name where it covers least, with a line to its mark if that is not beside it, `gap` pixels away."""
         size = np.array([width(text, style), style.size + 4.0])
-        choices = [(gap, _box(anchor, size, gap, side)) for gap in _GAPS for side in _SIDES]
-        gap, box = min(choices, key=lambda choice: 10.0 * self._covered(choice[1]) + choice[0])
-        if gap > _GAPS[0]:
+        away = [gap, *(gap + more for more in _FARTHER)]
+        choices = [(distance, _box(anchor, size, distance, side)) for distance in away for side in _SIDES]
+        distance, box = min(choices, key=lambda choice: 10.0 * self._covered(choice[1]) + choice[0])
+        if distance > gap:
             self._lead(anchor, np.clip(anchor, box[:2], box[2:]), style)
-        if style.halo is not None:
+        if style.halo is not None and self._veil:
             self._shade(box, style.halo)
         write(self._image, text, (float(box[0]), float(box[1] + box[3]) / 2), style)
         self._taken.append(box)
@@ -40,7 +42,7 @@ class Labels:
     def _lead(self, mark: Array, end: Array, style: Style) -> None:
         """A line from beside a mark to its name."""
         away = (end - mark) / np.hypot(*(end - mark))
-        line = np.array([mark + 0.7 * _GAPS[0] * away, end])
+        line = np.array([mark + 0.7 * _GAP * away, end])
         stroke(self._image, line, style.halo or INK, thickness=3)
         stroke(self._image, line, style.colour)
 

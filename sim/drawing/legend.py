@@ -1,4 +1,4 @@
-"""What stands round the map: the legend below, the running error above."""
+"""The legend below the map, and the running error above it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.drawing.lettering import Image, Style, width, write
-from sim.drawing.map_view import cross, disc, quadrotor, stroke
-from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, DETECTION, FAINT, INK, PANEL, TRUNK, VERMILLION, track_colour
+from sim.drawing.marks import cross, person, quadrotor
+from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, DETECTION, FAINT, INK, TRUNK, VERMILLION, track_colour
+from sim.drawing.strokes import disc, stroke
 from tracking.numerics.compiled import Array
 
 _TEXT = Style(13)
@@ -20,31 +21,30 @@ _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
 @dataclass(frozen=True)
 class Shown:
-    """What a film shows, and so its legend names."""
+    """The parts that a film shows and its legend names."""
 
     map: bool
     tiles: bool
-    renders: bool  # whether the mission has images, and so people hidden from all of them
-    believer: str  # whose tracks the map has
+    believer: str  # the UAV that has the tracks on the map
 
 
 def draw_legend(image: Image, shown: Shown, *, scale: float) -> None:
     """Fill an RGB strip with the marks that are shown; the map's `scale` in pixels per metre gives the scale bar."""
     entries: list[tuple[Callable[[Image, Array], None], str]] = []
     if shown.map:
-        entries += [(_tree, "tree"), (_person, "true person")]
-    if shown.map and shown.renders:
-        entries.append((_hidden, "hidden from all cameras"))
-    entries.append((_track, f"track of {shown.believer}, 95 % ellipse" if shown.map else "track"))
+        entries += [(_tree, "tree"), (_person("seen"), "person"), (_person("hidden"), "hidden")]
+        entries += [(_person("out of view"), "out of view")]
+        entries += [(_person("seen", hold), hold) for hold in ("lost", "not found yet")]
+    entries.append((_track, f"track of {shown.believer}, 95 %" if shown.map else "track"))
     if shown.map:
-        entries += [(_uav, "UAV, field of view"), (_intent, "intent")]
+        entries += [(_uav, "UAV, view"), (_intent, "intent")]
     if shown.tiles:
         entries.append((_detection, "detection"))
     middle, x = image.shape[0] / 2, 4.0
     for mark, text in entries:
         mark(image, np.array([x + 14, middle]))
         write(image, text, (x + 34, middle), _TEXT)
-        x += 34 + width(text, _TEXT) + 18
+        x += 34 + width(text, _TEXT) + 8
     if shown.map:
         _scale_bar(image, scale, np.array([image.shape[1] - 6.0, middle + 6]))
 
@@ -65,14 +65,8 @@ def _tree(image: Image, at: Array) -> None:
     disc(image, at, 2.0, TRUNK)
 
 
-def _person(image: Image, at: Array) -> None:
-    stroke(image, at + np.array([(0, 0), (9, 0)]), INK, thickness=2)
-    disc(image, at, 3.4, INK)
-
-
-def _hidden(image: Image, at: Array) -> None:
-    _person(image, at)
-    disc(image, at, 2.0, PANEL)
+def _person(view: str, hold: str = "") -> Callable[[Image, Array], None]:
+    return lambda image, at: person(image, at, 0.0, view=view, hold=hold)
 
 
 def _track(image: Image, at: Array) -> None:

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from planning.planner import Plan
-from sim.drawing.lettering import Image, Style, write
+from sim.drawing.labels import Labels
+from sim.drawing.lettering import Image, Style
+from sim.drawing.marks import broken, cross, person, quadrotor
 from sim.drawing.palette import (
     ALARM,
     CANOPY,
@@ -19,16 +20,21 @@ from sim.drawing.palette import (
     FAINT,
     INK,
     LINE,
+    LOST,
     PANEL,
     TRUNK,
     Colour,
+    mixed,
     track_colour,
     uav_colour,
 )
-from sim.mission.snapshot import Snapshot
+from sim.drawing.strokes import SHIFT, disc, fixed, stroke
+from sim.evaluation.holding import HOLDS
+from sim.mission.snapshot import Ints, Snapshot
 from sim.scenario.scenario import Scenario
+from sim.sensing.sensors import view_of
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import Forest
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.compiled import Array
 from tracking.tracker import Track
 
@@ -37,10 +43,7 @@ TRAIL = 3.0  # s of the past that trails show
 ALERT = 1.0  # s for which a contact is marked
 ELLIPSE = math.sqrt(-2 * math.log(1 - 0.95))  # standard deviations that hold 95 % of a planar Gaussian
 
-_SHIFT = 4  # OpenCV's fixed point: sixteenths of a pixel
 _CIRCLE = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0, 2 * math.pi, 48, endpoint=False)])
-
-_ARMS = np.array([[(5.0 * x, 5.0 * y), (8.5 * x, 8.5 * y)] for x in (-1, 1) for y in (-1, 1)])
 
 
 def ellipse(mean: Array, covariance: Array) -> Array:
@@ -50,7 +53,7 @@ def ellipse(mean: Array, covariance: Array) -> Array:
 
 
 def intended(position: Array, plan: Plan, age: float, step: float) -> Array:
-    """Where a plan made `age` s ago, of steps of `step` s, still takes a UAV from its position (2,) m: (H + 1, 2) m."""
+    """Path (H + 1, 2) m of a plan made `age` s ago, of steps of `step` s, from where the UAV is now (2,) m."""
     left = np.clip(step * np.arange(1, len(plan.controls) + 1) - age, 0.0, step)
     return np.asarray(position + np.vstack([np.zeros(2), np.cumsum(plan.controls * left[:, None], axis=0)]))
 
@@ -60,45 +63,6 @@ def aspect(scenario: Scenario) -> float:
     return (scenario.area.width + 2 * MARGIN) / (scenario.area.height + 2 * MARGIN)
 
 
-def stroke(image: Image, points: Array, colour: Colour, *, thickness: int = 1, closed: bool = False) -> None:
-    """An anti-aliased polyline through pixels (N, 2)."""
-    cv2.polylines(image, [_fixed(points)], closed, colour, thickness, cv2.LINE_AA, _SHIFT)
-
-
-def disc(image: Image, centre: Array, radius: float, colour: Colour, thickness: int = -1) -> None:
-    """An anti-aliased circle at a pixel (2,); filled by default."""
-    x, y = _fixed(centre).tolist()
-    cv2.circle(image, (x, y), round(radius * 16), colour, thickness, cv2.LINE_AA, _SHIFT)
-
-
-def cross(image: Image, centre: Array, colour: Colour) -> None:
-    """A track's mark at a pixel (2,), legible on any ground, open in the middle to show the person."""
-    for ink, thickness in ((PANEL, 4), (colour, 2)):
-        for arm in _ARMS:
-            stroke(image, centre + arm, ink, thickness=thickness)
-
-
-def quadrotor(image: Image, centre: Array, colour: Colour) -> None:
-    """A UAV's mark at a pixel (2,)."""
-    rotors = [centre + np.array([dx, dy]) for dx in (-6.0, 6.0) for dy in (-6.0, 6.0)]
-    for ink, wider in ((PANEL, 2), (colour, 0)):
-        for rotor in rotors:
-            stroke(image, np.array([centre, rotor]), ink, thickness=2 + wider)
-            disc(image, rotor, 3.5 + wider / 2, ink)
-        disc(image, centre, 3.0 + wider / 2, ink)
-    for rotor in rotors:
-        disc(image, rotor, 1.5, PANEL)
-
-
-def broken(image: Image, centre: Array) -> None:
-    """The mark of a UAV that has broken down at a pixel (2,): grey, on a red cross."""
-    for ink, thickness in ((PANEL, 6), (ALARM, 3)):
-        for way in (1.0, -1.0):
-            arm = np.array([14.0, 14.0 * way])
-            stroke(image, np.array([centre - arm, centre + arm]), ink, thickness=thickness)
-    quadrotor(image, centre, FAINT)
-
-
 class MapView:
     """Draws snapshots, in order of time, on a map whose trees are drawn once."""
 
@@ -106,7 +70,7 @@ class MapView:
         self._area = (scenario.area.width, scenario.area.height)
         self._cameras = [Camera(math.radians(uav.fov_deg), uav.pixels) for uav in scenario.uavs]
         self._step = 1 / scenario.rates.planning
-        self._renders = scenario.sensing.mode == "camera"
+        self._views = [view_of(uav, scenario) for uav in scenario.uavs]
         self._unlimited = scenario.sensing.field_of_view == "unlimited"
         self._size = size
         self.scale = min(size[0] / (self._area[0] + 2 * MARGIN), size[1] / (self._area[1] + 2 * MARGIN))
@@ -123,8 +87,12 @@ class MapView:
             self._plans = (snapshot.time, snapshot.plans)
         self._past.append(snapshot)
 
-    def draw(self, image: Image, snapshot: Snapshot) -> None:
-        """Draw one snapshot into an RGB image of the map's size."""
+    def draw(self, image: Image, snapshot: Snapshot, holds: Ints | None = None) -> None:
+        """Draw one snapshot into an RGB image of the map's size.
+
+        holds (M,): states of people to tracks, indices into `HOLDS`; None marks no person as lost.
+        """
+        holds = np.zeros(len(snapshot.people), dtype=np.int64) if holds is None else holds
         self.follow(snapshot)
         image[:] = self._ground
         for i in snapshot.working:
@@ -133,17 +101,22 @@ class MapView:
                 self._draw_view(image, outline, uav_colour(i))
         self._draw_trails(image, snapshot)
         self._draw_intents(image, snapshot)
+        labels = Labels(image, veil=False)
         for i, pose in enumerate(snapshot.poses):
             at = self._pixels(pose.position[:2])
+            labels.reserve(at, 8.0)
             if i in snapshot.working:
                 quadrotor(image, at, uav_colour(i))
             else:
                 broken(image, at)
         for track in _shown(snapshot):
             self._draw_track(image, track)
-        self._draw_people(image, snapshot)
-        self._draw_contacts(image, snapshot)
-        self._draw_names(image, snapshot)
+            labels.reserve(self._pixels(track.belief.mean[:2]), 6.0)
+        self._draw_people(image, snapshot, holds)
+        for place in snapshot.people[~np.isnan(snapshot.people[:, 0])]:
+            labels.reserve(self._pixels(place), 9.0)
+        self._draw_contacts(image, snapshot, labels)
+        self._put_names(snapshot, holds, labels)
 
     def _pixels(self, points: Array) -> Array:
         """Pixels (N, 2) of world points (N, 2) m."""
@@ -157,7 +130,7 @@ class MapView:
             for tick in np.arange(-(half[axis] // 10) * 10, half[axis] + 1e-9, 10.0):
                 ends = np.array([-half, half])
                 ends[:, axis] = tick
-                stroke(image, self._pixels(ends), _mixed(LINE, PANEL, 0.5))
+                stroke(image, self._pixels(ends), mixed(LINE, PANEL, 0.5))
         canopies = image.copy()
         for tree in forest.trees:
             disc(canopies, self._pixels(np.array([tree.x, tree.y])), tree.canopy_radius * self.scale, CANOPY)
@@ -175,7 +148,7 @@ class MapView:
         part = image[low[1] : high[1], low[0] : high[0]]
         if part.size:
             tinted = part.copy()
-            cv2.fillPoly(tinted, [_fixed(outline - low)], colour, cv2.LINE_AA, _SHIFT)
+            cv2.fillPoly(tinted, [fixed(outline - low)], colour, cv2.LINE_AA, SHIFT)
             cv2.addWeighted(tinted, 0.14, part, 0.86, 0, dst=part)
         stroke(image, outline, colour, thickness=2, closed=True)
 
@@ -184,10 +157,10 @@ class MapView:
         for m in range(past.shape[1]):
             known = past[~np.isnan(past[:, m, 0]), m]
             if len(known) > 1:
-                stroke(image, self._pixels(known), _mixed(INK, PANEL, 0.45))
+                stroke(image, self._pixels(known), mixed(INK, PANEL, 0.45))
         for track in _shown(snapshot):
             means = [same.belief.mean[:2] for old in self._past for same in _shown(old) if same.id == track.id]
-            stroke(image, self._pixels(np.array(means)), _mixed(track_colour(track.id), PANEL, 0.7))
+            stroke(image, self._pixels(np.array(means)), mixed(track_colour(track.id), PANEL, 0.7))
 
     def _draw_intents(self, image: Image, snapshot: Snapshot) -> None:
         """Dots along the rest of each plan, from where the UAV is."""
@@ -198,45 +171,52 @@ class MapView:
                 disc(image, dot, 2.0, uav_colour(i))
             disc(image, path[-1], 4.0, uav_colour(i), 2)
 
-    def _draw_people(self, image: Image, snapshot: Snapshot) -> None:
-        seen = [old.visible > 0 for old in list(self._past)[-self._round :]]
-        hidden = ~np.any(seen, axis=(0, 1)) & self._renders
-        for place, heading, unseen in zip(snapshot.people, snapshot.headings, hidden, strict=True):
-            if np.isnan(place[0]):
-                continue
-            centre = self._pixels(place)
-            tip = centre + 9.0 * np.array([math.cos(heading), -math.sin(heading)])
-            stroke(image, np.array([centre, tip]), INK, thickness=2)
-            disc(image, centre, 3.4, INK)
-            if unseen:
-                disc(image, centre, 2.0, PANEL)
+    def _draw_people(self, image: Image, snapshot: Snapshot, holds: Ints) -> None:
+        views = self._people_views(snapshot.people)
+        for place, heading, view, hold in zip(snapshot.people, snapshot.headings, views, holds, strict=True):
+            if not np.isnan(place[0]):
+                person(image, self._pixels(place), heading, view=view, hold=HOLDS[hold])
+
+    def _people_views(self, people: Array) -> list[str]:
+        """States of people (M, 2) m to the last frame of each camera, as `person` takes them."""
+        points = np.column_stack([np.nan_to_num(people), np.full(len(people), TARGET_HEIGHT)])
+        seen, inside = np.zeros((2, len(people)), dtype=np.bool_)
+        for old in list(self._past)[-self._round :]:
+            seen |= (old.visible > 0).any(axis=0)
+            for i in old.working:
+                inside |= self._views[i].sees(old.cameras[i], points)
+        return ["seen" if s else "hidden" if h else "out of view" for s, h in zip(seen, inside, strict=True)]
 
     def _draw_track(self, image: Image, track: Track) -> None:
         colour, centre = track_colour(track.id), self._pixels(track.belief.mean[:2])
         ring = ellipse(track.belief.mean[:2], track.belief.covariance[:2, :2])
         stroke(image, self._pixels(ring), colour, thickness=2, closed=True)
         cross(image, centre, colour)
-        write(image, str(track.id), (centre[0] + 10, centre[1] - 11), Style(13, colour, True, PANEL))
 
-    def _draw_contacts(self, image: Image, snapshot: Snapshot) -> None:
+    def _draw_contacts(self, image: Image, snapshot: Snapshot, labels: Labels) -> None:
         """A ring round each UAV that has just touched something, and what that was."""
         latest = {c.uav: c for old in list(self._past)[-self._alert :] for c in old.contacts}
         for uav, contact in latest.items():
             centre = self._pixels(snapshot.poses[uav].position[:2])
             disc(image, centre, 15.0, ALARM, 3)
-            text = f"touched {contact.kind} {contact.other}"
-            write(image, text, (centre[0] + 20, centre[1]), Style(13, ALARM, True, PANEL))
+            labels.put(f"touched {contact.kind} {contact.other}", centre, Style(13, ALARM, True, PANEL))
 
-    def _draw_names(self, image: Image, snapshot: Snapshot) -> None:
+    def _put_names(self, snapshot: Snapshot, holds: Ints, labels: Labels) -> None:
+        """Name UAVs, tracks and lost people, clear of all marks."""
+        for track in _shown(snapshot):
+            at, style = self._pixels(track.belief.mean[:2]), Style(13, track_colour(track.id), True, PANEL)
+            labels.put(str(track.id), at, style, gap=11.0)
+        for m in np.flatnonzero(holds == HOLDS.index("lost")).tolist():
+            labels.put(f"person {m}", self._pixels(snapshot.people[m]), Style(13, LOST, True, PANEL))
         for i, (camera, pose) in enumerate(zip(self._cameras, snapshot.cameras, strict=True)):
-            x, y = self._pixels(pose.position[:2]) + np.array([0.0, 18.0])
+            at, style = self._pixels(pose.position[:2]), Style(13, mixed(uav_colour(i), INK, 0.7), True, PANEL)
             if i not in snapshot.working:
-                write(image, f"UAV {i}: broken down", (x - 18, y - 18), Style(13, INK, True, PANEL), align=1.0)
-                continue
-            if not self._unlimited and looks_down(camera, pose):
-                x, y = self._pixels(camera.footprint(pose)).min(axis=0) + np.array([24.0, -9.0])
-            style = Style(13, _mixed(uav_colour(i), INK, 0.7), True, PANEL)
-            write(image, f"UAV {i}", (x, y), style, align=0.5)
+                labels.put(f"UAV {i}: broken down", at, Style(13, INK, True, PANEL), gap=18.0)
+            elif not self._unlimited and looks_down(camera, pose):
+                corner = self._pixels(camera.footprint(pose)).min(axis=0)
+                labels.put(f"UAV {i}", corner, style, gap=1.0)
+            else:
+                labels.put(f"UAV {i}", at, style)
 
 
 def _shown(snapshot: Snapshot) -> tuple[Track, ...]:
@@ -244,22 +224,11 @@ def _shown(snapshot: Snapshot) -> tuple[Track, ...]:
     return snapshot.tracks[snapshot.working[0]] if snapshot.working else ()
 
 
-def _fixed(points: Array) -> NDArray[np.int32]:
-    """Fixed-point pixels; OpenCV counts from the centre of the first pixel, we from its corner."""
-    fixed = np.round(np.clip((points - 0.5) * 2**_SHIFT, -1e6, 1e6))
-    return np.asarray(fixed, dtype=np.int32)
-
-
 def looks_down(camera: Camera, pose: Pose) -> bool:
-    """Whether all four edges of the view meet the ground nearby."""
+    """True if all four edges of the view meet the ground nearby."""
     n = float(camera.pixels)
     corners = np.array([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]])
     return bool(np.all(camera.rays(pose, corners)[:, 2] < -0.1))
-
-
-def _mixed(colour: Colour, other: Colour, weight: float) -> Colour:
-    red, green, blue = (round(weight * a + (1 - weight) * b) for a, b in zip(colour, other, strict=True))
-    return red, green, blue
 
 
 def _spaced(path: Array, gap: float) -> Array:

@@ -21,28 +21,45 @@ PURPLE: Colour = (204, 121, 167)
 SKY: Colour = (86, 180, 233)
 VERMILLION: Colour = (213, 94, 0)
 
-_UAVS = (BLUE, ORANGE, PURPLE, SKY)
-# Darker than the UAVs' colours, so that a track is read as a track on paper, under a canopy and in a camera tile.
-_TRACKS = (VERMILLION, (136, 34, 85), (51, 34, 136), (0, 98, 104), (112, 92, 0))
+VIOLET: Colour = (94, 60, 153)
+BROWN: Colour = (140, 81, 10)
+
+# States, alike on the page, in the timeline, the film and Rerun. A UAV that sees a person has its own colour.
+HIDDEN = CANOPY
+OUT_OF_VIEW = LINE
+HELD = INK
+HELD_BY_SOME = FAINT
+LOST = ALARM
+NOT_FOUND_YET: Colour = (238, 170, 160)
+FALSE: Colour = (136, 34, 85)
+
+UAV_COLOURS = (BLUE, ORANGE, PURPLE, SKY, VIOLET, BROWN)
+# Darker than most colours of UAVs, so that a track is read as one on paper, under a canopy and in a camera tile.
+TRACK_COLOURS = (VERMILLION, (136, 34, 85), (51, 34, 136), (0, 98, 104), (112, 92, 0))
 
 
 def uav_colour(uav: int) -> Colour:
-    """One of four colours; the number beside it tells the rest."""
-    return _UAVS[uav % len(_UAVS)]
+    """One of six colours; beyond them the number beside it, or the lane, tells the UAV."""
+    return UAV_COLOURS[uav % len(UAV_COLOURS)]
 
 
 def track_colour(track: int) -> Colour:
     """One of five colours; the number beside it tells the rest."""
-    return _TRACKS[track % len(_TRACKS)]
+    return TRACK_COLOURS[track % len(TRACK_COLOURS)]
 
 
 def ink_on(colour: Colour) -> Colour:
-    """Black or white, whichever is read better on the colour."""
+    """Black or white, the one that is read better on the colour."""
     red, green, blue = colour
     return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140 else PANEL
 
 
 def on_dark(colour: Colour) -> Colour:
     """The colour, lightened so that it is read on dark ground."""
-    red, green, blue = (round(channel + 0.45 * (255 - channel)) for channel in colour)
+    return mixed((255, 255, 255), colour, 0.45)
+
+
+def mixed(colour: Colour, other: Colour, weight: float) -> Colour:
+    """A mixture of two colours; `weight` is the share of the first."""
+    red, green, blue = (round(weight * a + (1 - weight) * b) for a, b in zip(colour, other, strict=True))
     return red, green, blue

@@ -5,12 +5,15 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from sim.drawing.labels import Labels
 from sim.drawing.lettering import Image, Style, width, write
-from sim.drawing.map_view import broken, cross, disc
+from sim.drawing.marks import broken, cross
 from sim.drawing.palette import DETECTION, FAINT, INK, LINE, PANEL, Colour, ink_on, track_colour, uav_colour
+from sim.drawing.strokes import disc
 from sim.mission.snapshot import Snapshot
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.compiled import Array
 
 BORDER = 4
 
@@ -26,11 +29,13 @@ def draw_tile(image: Image, snapshot: Snapshot, uav: int, *, camera: Camera, fra
     else:
         enlarge = side >= frame.shape[0]
         view[:] = cv2.resize(frame, (side, side), interpolation=cv2.INTER_NEAREST if enlarge else cv2.INTER_AREA)
-    scale = side / camera.pixels
+    scale, labels = side / camera.pixels, Labels(view, veil=False)
+    reach = max(5.0 * scale, 10.0)
     for uv in snapshot.pixels[uav]:
-        disc(view, scale * uv, max(5.0 * scale, 10.0), INK, 4)
-        disc(view, scale * uv, max(5.0 * scale, 10.0), DETECTION, 2)
-    _draw_tracks(view, snapshot, uav, camera)
+        disc(view, scale * uv, reach, INK, 4)
+        disc(view, scale * uv, reach, DETECTION, 2)
+        labels.reserve(scale * uv, reach)
+    _draw_tracks(view, labels, _marks(snapshot, uav, camera, scale))
     _name(image, uav, colour)
 
 
@@ -51,16 +56,17 @@ def _name(image: Image, uav: int, colour: Colour) -> None:
     write(image, name, (BORDER + 1, BORDER + 8), tab)
 
 
-def _draw_tracks(view: Image, snapshot: Snapshot, uav: int, camera: Camera) -> None:
+def _marks(snapshot: Snapshot, uav: int, camera: Camera, scale: float) -> list[tuple[int, Array]]:
+    """Number and pixel (2,) of each track in the frame of one UAV."""
     pose, tracks = snapshot.cameras[uav], snapshot.tracks[uav]
     points = np.array([[*track.belief.mean[:2], TARGET_HEIGHT] for track in tracks]).reshape(-1, 3)
-    inside = camera.sees(pose, points)
-    marks = view.shape[0] / camera.pixels * camera.project(pose, points)[0]
-    for track, mark, shown in zip(tracks, marks, inside, strict=True):
-        if shown:
-            cross(view, mark, track_colour(track.id))
-            write(view, str(track.id), (mark[0] + 10, mark[1] - 11), _style(track.id))
+    inside, pixels = camera.sees(pose, points), scale * camera.project(pose, points)[0]
+    return [(track.id, at) for track, at, shown in zip(tracks, pixels, inside, strict=True) if shown]
 
 
-def _style(track: int) -> Style:
-    return Style(13, track_colour(track), True, PANEL)
+def _draw_tracks(view: Image, labels: Labels, marks: list[tuple[int, Array]]) -> None:
+    for number, at in marks:
+        cross(view, at, track_colour(number))
+        labels.reserve(at, 6.0)
+    for number, at in marks:
+        labels.put(str(number), at, Style(13, track_colour(number), True, PANEL), gap=11.0)

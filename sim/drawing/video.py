@@ -23,7 +23,8 @@ from sim.drawing.lettering import Image, Style, write
 from sim.drawing.map_view import MapView, aspect
 from sim.drawing.palette import FAINT, PAPER
 from sim.drawing.tiles import draw_broken, draw_tile
-from sim.mission.snapshot import Snapshot
+from sim.evaluation.holding import Holding
+from sim.mission.snapshot import Ints, Snapshot
 from sim.recording.atomic_files import unfinished
 from sim.scenario.scenario import Scenario
 from tracking.geometry.camera import Camera
@@ -38,7 +39,7 @@ _BT601 = 6  # the matrix OpenCV converts with; players must be told, they assume
 
 
 def parts_of(scenario: Scenario, layout: str = "map+cameras") -> View:
-    """Where a film shows the map and the cameras; `layout` as in `sim.drawing.layout.view_of`."""
+    """Boxes of the map and the cameras in a film; `layout` as in `sim.drawing.layout.view_of`."""
     renders = scenario.sensing.mode == "camera"
     return view_of(_PANEL, aspect(scenario), len(scenario.uavs), layout if renders else "map")
 
@@ -50,32 +51,33 @@ class Film:
     """
 
     def __init__(self, scenario: Scenario, forest: Forest, *, planner: str, layout: str = "map+cameras") -> None:
-        """`layout` as in `sim.drawing.layout.view_of`; what is flown with ideal sensing has no cameras to show."""
+        """`layout` as in `sim.drawing.layout.view_of`; a mission with ideal sensing has no cameras to show."""
         self._cameras = [Camera(math.radians(uav.fov_deg), uav.pixels) for uav in scenario.uavs]
-        renders = scenario.sensing.mode == "camera"
         self._layout = parts_of(scenario, layout)
         room = self._layout.map or _PANEL  # the map follows what happens, shown or not
         self._map = MapView(scenario, forest, (room.width, room.height))
         self._planner = planner
         self._numbers: dict[int, int] = {}
+        self._holding: Holding | None = None
         self._sparkline = Sparkline(scenario.duration)
         self._last: dict[int, Image] = {}  # tiles as they were when their cameras last took a frame
         believer = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
-        shown = Shown(self._layout.map is not None, bool(self._layout.tiles), renders, believer)
+        shown = Shown(self._layout.map is not None, bool(self._layout.tiles), believer)
         draw_legend(self._empty[-_LEGEND:, GAP:-GAP], shown, scale=self._map.scale)
 
     @property
     def cameras(self) -> tuple[int, ...]:
-        """The UAVs whose images are shown."""
+        """UAVs with an image in the film."""
         return tuple(self._layout.tiles)
 
     def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
         """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
         snapshot = self._numbered(snapshot)
+        holds = self._held(snapshot)
         image = self._empty.copy()
         if self._layout.map is not None:
-            self._map.draw(image[self._layout.map.slices], snapshot)
+            self._map.draw(image[self._layout.map.slices], snapshot, holds)
         self._draw_tiles(image, snapshot, frames)
         self._draw_header(image[:_HEADER, GAP:-GAP], snapshot)
         return image
@@ -86,6 +88,7 @@ class Film:
         `frames` as in `draw`; they matter where a camera is slower than the scans, and only its last one does.
         """
         snapshot = self._numbered(snapshot)
+        self._held(snapshot)
         self._map.follow(snapshot)
         self._sparkline.add(snapshot.time, snapshot.error)
         if frames is not None:
@@ -107,6 +110,11 @@ class Film:
             self._numbers.setdefault(track.id, len(self._numbers))
         tracks = [tuple(Track(self._numbers[track.id], track.belief) for track in held) for held in snapshot.tracks]
         return replace(snapshot, tracks=tracks)
+
+    def _held(self, snapshot: Snapshot) -> Ints:
+        """States of people to the tracks (M,), which follow from this snapshot and those before."""
+        self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses))
+        return self._holding.step(snapshot)
 
     def _draw_header(self, image: Image, snapshot: Snapshot) -> None:
         middle, big = _HEADER / 2, Style(20, bold=True)

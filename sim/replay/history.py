@@ -1,12 +1,14 @@
-"""What became of each person, scan by scan: in whose view, hidden by which tree, detected, and held by which track."""
+"""History of each person, scan by scan: in view of a camera, hidden by a tree, detected, and held by a track."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
+from sim.evaluation.holding import HOLDS, hold_states
 from sim.evaluation.score import HELD, held_by
 from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording
@@ -18,16 +20,32 @@ from tracking.metrics.clearmot import correspondence
 from tracking.numerics.compiled import Array
 
 STATES = ("absent", "out of view", "hidden", "missed", "seen")
+BROKEN = -1  # stands for a UAV that has broken down where others have a state
+
+
+class Episode(NamedTuple):
+    """A value that is the same from one scan to another, both included."""
+
+    first: int
+    last: int
+    value: int
+
+
+def episodes(values: Ints) -> list[Episode]:
+    """Episodes of equal values (K,), in order."""
+    edges = np.flatnonzero(np.diff(values)).tolist()
+    firsts, lasts = [0, *(k + 1 for k in edges)], [*edges, len(values) - 1]
+    return [Episode(a, b, int(values[a])) for a, b in zip(firsts, lasts, strict=True)]
 
 
 @dataclass(frozen=True)
 class Loss:
-    """A person whom no UAV held, from one scan to another, both included."""
+    """A person that no UAV held, from one scan to another, both included."""
 
     person: int
     first: int
     last: int
-    found: bool  # whether the person was held before: else nobody had ever found them
+    found: bool  # whether the person was held before; if not, no UAV has found them yet
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +55,10 @@ class History:
     times: Array  # (K,) s
     present: Bools  # (K, M)
     working: Bools  # (K, n)
-    looked: Bools  # (K, n), whether the camera took a frame
-    inside: Bools  # (K, n, M), whether a frame was taken with the mid-height in it, occlusion aside
+    looked: Bools  # (K, n), frames taken
+    inside: Bools  # (K, n, M), a frame was taken with the mid-height in it, occlusion aside
     hidden_by: Ints  # (K, n, M), the first tree between a camera with the person inside and the mid-height; -1 for none
-    shown: Bools  # (K, n, M), whether the frame showed any of the person
+    shown: Bools  # (K, n, M), the frame showed some of the person
     detected: Bools  # (K, n, M)
     tracks: Ints  # (K, n, M), id of the track within `HELD` m that stands for the person; -1 for none
 
@@ -70,35 +88,64 @@ class History:
 
     @cached_property
     def held(self) -> Ints:
-        """How many UAVs hold each person at each scan (K, M)."""
+        """Number of UAVs that hold each person at each scan (K, M)."""
         return np.asarray(np.count_nonzero(self.tracks >= 0, axis=1), dtype=np.int64)
 
     @cached_property
     def states(self) -> Ints:
-        """What the fleet's cameras made of each person (K, M), an index into `STATES`.
+        """State of each person to all cameras of a scan (K, M), an index into `STATES`.
 
         The best that any UAV has: seen if one detected them, missed if a frame showed them without a detection, hidden
         if they were inside a frame that showed none of them.
         """
         state = np.where(self.present, STATES.index("out of view"), STATES.index("absent"))
-        for name, told in (("hidden", self.inside), ("missed", self.shown), ("seen", self.detected)):
-            state[told.any(axis=1) & self.present] = STATES.index(name)
+        for name, having in (("hidden", self.inside), ("missed", self.shown), ("seen", self.detected)):
+            state[having.any(axis=1) & self.present] = STATES.index(name)
         return state
 
     @cached_property
+    def last_frames(self) -> Ints:
+        """The last scan up to each at which a UAV's camera took a frame (K, n); 0 before the first."""
+        scans = np.arange(len(self.times))[:, None]
+        return np.asarray(np.maximum.accumulate(np.where(self.looked, scans, 0), axis=0), dtype=np.int64)
+
+    @cached_property
+    def camera_states(self) -> Ints:
+        """State of each person in the last frame of each camera (K, n, M), an index into `STATES`, or `BROKEN`."""
+        found = np.full(self.inside.shape, STATES.index("out of view"))
+        for name, having in (("hidden", self.inside), ("missed", self.shown), ("seen", self.detected)):
+            found[having] = STATES.index(name)
+        found = np.take_along_axis(found, self.last_frames[:, :, None], axis=0)
+        found[np.broadcast_to(~self.present[:, None], found.shape)] = STATES.index("absent")
+        found[~self.working] = BROKEN
+        return found
+
+    @cached_property
+    def hiding_trees(self) -> Ints:
+        """The tree between each camera and each person in its last frame (K, n, M); -1 for none."""
+        return np.asarray(np.take_along_axis(self.hidden_by, self.last_frames[:, :, None], axis=0), dtype=np.int64)
+
+    @cached_property
+    def hold_states(self) -> Ints:
+        """State of each person to the tracks of the UAVs that work (K, M), an index into `HOLDS`."""
+        fleet = np.count_nonzero(self.working, axis=1)[:, None]
+        states = hold_states(self.held, np.maximum.accumulate(self.held > 0, axis=0), fleet)
+        states[~self.present] = HOLDS.index("absent")
+        return states
+
+    @cached_property
     def losses(self) -> tuple[Loss, ...]:
-        """When people who were there were held by no UAV, by scan, then person."""
+        """Spans in which a person who was there was held by no UAV, by scan, then person."""
         found = []
         for m in range(self.held.shape[1]):
             lost = self.present[:, m] & (self.held[:, m] == 0)
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(np.int8))).tolist()
-            for first, end in zip(edges[::2], edges[1::2], strict=True):
-                found.append(Loss(m, first, end - 1, bool(np.any(self.held[:first, m]))))
+            spans = [episode for episode in episodes(lost.astype(np.int64)) if episode.value]
+            found += [Loss(m, first, last, bool(np.any(self.held[:first, m]))) for first, last, _ in spans]
         return tuple(sorted(found, key=lambda loss: (loss.first, loss.person)))
 
 
 def _view(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Bools, Ints]:
-    """Which of the people (M, 2) m are inside one frame (M,), and behind which tree (M,)."""
+    """People (M, 2) m inside one frame (M,), and the tree that hides each (M,); -1 for none."""
     points = np.column_stack([np.nan_to_num(people), np.full(len(people), TARGET_HEIGHT)])
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
     if not forest.trees:

@@ -30,7 +30,8 @@ from sim.mission.snapshot import Snapshot
 from sim.recording.dataframes import dataframe
 from sim.recording.fault_text import read
 from sim.recording.recording import Recording
-from sim.replay.events import Event, events_of
+from sim.replay.event import Event
+from sim.replay.events import events_of
 from sim.replay.frames.rerender import Rerenderer, draw, find, scenario_of
 from sim.replay.history import History
 from sim.replay.tables import TABLES, arrays, columns
@@ -88,7 +89,7 @@ class Flight:
 
     def timeline_figure(self) -> Figure:
         """Who saw, missed and held each person when."""
-        return timeline_figure(self.history, self.recording.ospa)
+        return timeline_figure(self.history, self.recording.ospa, self.events)
 
     def map_figure(self, time: float) -> Figure:
         """The map at the scan nearest to `time` s, with the trails of the seconds before."""
@@ -98,7 +99,7 @@ class Flight:
         rates = self.scenario.rates
         past = max(round(TRAIL * rates.sensing), rates.sensing // rates.planning)  # trails, and plans in force
         for earlier in range(max(0, k - past), k + 1):
-            view.draw(image, self._numbered(earlier))
+            view.draw(image, self._numbered(earlier), self.history.hold_states[earlier])
         return _picture(image)
 
     def frame_figure(self, time: float, uav: int) -> Figure:

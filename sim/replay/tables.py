@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from sim.evaluation.score import velocities
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
+from sim.replay.event import Event
 from sim.replay.events import events_of
 from sim.replay.history import STATES, History
 from sim.scenario.scenario import Scenario
@@ -64,10 +66,7 @@ def columns(name: str, recording: Recording, scenario: Scenario, history: Histor
     if name in ("people", "sightings", "losses"):
         return {"people": _people, "sightings": _sightings, "losses": _losses}[name](recording, history)
     if name == "events":
-        happened = events_of(recording, scenario, history)
-        times = np.array([event.time for event in happened], dtype=float)
-        kinds, texts = ([getattr(event, part) for event in happened] for part in ("kind", "text"))
-        return {"time_s": times, "kind": _words(kinds), "text": _words(texts)}
+        return _events(events_of(recording, scenario, history))
     plain = {"uavs": _uavs, "measurements": _measurements, "tracks": _tracks, "ospa": _ospa, "plans": _plans}
     return {**plain, "trees": _trees}[name](recording)
 
@@ -108,6 +107,14 @@ def _losses(r: Recording, history: History) -> Columns:
         "from_s": r.times[[loss.first for loss in lost]],
         "until_s": r.times[[loss.last for loss in lost]],
         "held_before": np.array([loss.found for loss in lost], dtype=np.bool_),
+    }
+
+
+def _events(events: Sequence[Event]) -> Columns:
+    return {
+        "time_s": np.array([event.time for event in events], dtype=float),
+        "kind": _words([event.kind for event in events]),
+        "text": _words([event.sentence for event in events]),
     }
 
 

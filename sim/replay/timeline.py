@@ -1,6 +1,8 @@
-"""The timeline of a mission: who saw, missed and held each person when, over the error of the fleet's tracks."""
+"""The timeline of a mission: each person as seen by each UAV and held by tracks, over the error of the fleet."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import matplotlib
 import numpy as np
@@ -11,110 +13,132 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, LINE, ORANGE, Colour, uav_colour
+from sim.drawing import palette
+from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, PANEL, UAV_COLOURS, mixed, uav_colour
 from sim.drawing.plots import fleet_mean, rgb, scale_errors
+from sim.evaluation.holding import HOLDS
 from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
-from sim.replay.episodes import BROKEN, HOLDS, episodes, holds, lanes, switches
-from sim.replay.history import STATES, History
+from sim.replay.event import UNMATCHED, Event
+from sim.replay.history import BROKEN, STATES, History, episodes
 from tracking.numerics.compiled import Array
 
 _WIDTH = 11.0  # inches
-_BAR, _GAP = 1.0, 0.8  # of a person's rows: the bar that tells who holds them, and the gap to the next, in lanes
-_TINT = 0.45  # of lanes in which a person is shown but not detected
-_NAMED = 4  # UAVs that have colours of their own
-_HELD: dict[str, Colour] = {
-    "held": INK,
-    "held by some": FAINT,
-    "lost": ALARM,
-    "not found yet": (238, 170, 160),
+_BAR, _GAP = 1.0, 0.8  # of a person's rows: the bar of the tracks, and the gap to the next, in lanes
+_TINT = 0.45  # share of the UAV's colour in lanes of a person shown but not detected
+_VEIL = rgb((250, 214, 212))
+_BARS = {"held": palette.HELD, "held by some": palette.HELD_BY_SOME}
+_EVENTS = {
+    "person lost": palette.LOST,
+    "person not found yet": palette.NOT_FOUND_YET,
+    "false track": palette.FALSE,
+    "duplicate track": mixed(palette.FALSE, PANEL, _TINT),
 }
-_MEANT = {"held": f"held within {HELD:g} m by all", "held by some": "held by some UAVs"}
+_MEANT = {
+    "held": f"held within {HELD:g} m by all",
+    "held by some": "held by some UAVs",
+    "person lost": "lost",
+    "person not found yet": "not found yet",
+}
 
 Shade = tuple[float, float, float]
 Box = tuple[float, float, float, float]  # left, right [s], top, height [lanes]
 
 
-def timeline_figure(history: History, ospa: Array) -> Figure:
-    """For each person a lane for each UAV and a bar for the fleet, and beneath them the mean OSPA.
+def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> Figure:
+    """The timeline: for each person a lane for each UAV and a bar for the fleet's tracks, and beneath them mean OSPA.
 
-    ospa (K, n, 3) m, as recorded. Lanes tell what each camera made of the person, bars who held them.
+    ospa (K, n, 3) m, as recorded. Lanes tell the state to each camera, bars that to the tracks. The last row has the
+    tracks that stand for no person, if there are any.
     """
     uavs, people = history.tracks.shape[1:]
-    rows = max(people, 1) * (uavs + _BAR + _GAP)
+    unmatched = [event for event in events if event.kind in UNMATCHED]
+    rows = max(people, 1) * (uavs + _BAR + _GAP) + (_BAR + _GAP) * bool(unmatched)
     lane = float(np.clip(0.5 / (uavs + 1), 0.06, 0.12)) * (1.0 if people <= 8 else 0.75)  # inches
     height = rows * lane
     with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": 10}):
         figure = Figure(figsize=(_WIDTH, height + 3.1), layout="constrained")
         FigureCanvasAgg(figure)
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[max(height, 0.5), 1.5])
-        _draw_people(above, history)
+        _draw_people(above, history, events)
+        above.set_ylim(rows - _GAP / 2, -_GAP / 2)
+        above.set_title(_title(history), loc="left", fontsize=12, fontweight="bold")
         _draw_error(below, history.times, ospa)
         for axes in (above, below):
-            _mark_breakdowns(axes, history, named=axes is below)
-        start, end = _span(history.times)
-        below.set_xlim(start, end)
-        figure.legend(handles=_legend(uavs), loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+            _mark_breakdowns(axes, history, events, named=axes is below)
+        below.set_xlim(*_span(history.times))
+        figure.legend(handles=_legend(uavs, unmatched), loc="outside lower center", ncols=6, frameon=False, fontsize=9)
     return figure
 
 
-def _draw_people(axes: Axes, history: History) -> None:
+def _draw_people(axes: Axes, history: History, events: Sequence[Event]) -> None:
     uavs, people = history.tracks.shape[1:]
-    pitch = uavs + _BAR + _GAP
+    pitch, times = uavs + _BAR + _GAP, history.times
     boxes: list[tuple[Box, Shade]] = []
-    seen, held = lanes(history), holds(history)
+    for event in events:
+        if event.kind in UNMATCHED:
+            boxes.append(_box(times, event, max(people, 1) * pitch))
+        elif event.kind in _EVENTS and event.person is not None:
+            top, ends = event.person * pitch, _ends(times, event.first, event.last)
+            boxes += [((*ends, top - 0.15, uavs + _BAR + 0.3), _VEIL)] * (event.kind == "person lost")
+            boxes.append(_box(times, event, top + uavs))
+        elif event.kind == "identity changed" and event.person is not None:
+            _mark(axes, float(times[event.first]), event.person * pitch + uavs + _BAR / 2)
     for m in range(people):
-        top = m * pitch
-        boxes += _bar(history.times, held[:, m], top + uavs, uavs)
+        boxes += _bar(times, history.hold_states[:, m], m * pitch + uavs)
         for i in range(uavs):
-            boxes += _lane(history.times, seen[:, i, m], top + i, i)
-        _draw_switches(axes, history.times[switches(history, m)], top + uavs + _BAR / 2)
-    corners = [[(a, t), (b, t), (b, t + h), (a, t + h)] for (a, b, t, h), _ in boxes]
+            boxes += _lane(times, history.camera_states[:, i, m], m * pitch + i, i)
+    corners = [[(a, y), (b, y), (b, y + h), (a, y + h)] for (a, b, y, h), _ in boxes]
     axes.add_collection(PolyCollection(corners, facecolors=[shade for _, shade in boxes], lw=0))
-    axes.set_ylim(max(people, 1) * pitch - _GAP / 2, -_GAP / 2)
-    middles = [m * pitch + (uavs + _BAR) / 2 for m in range(people)]
-    axes.set_yticks(middles, [f"person {m}" for m in range(people)])
+    _name_rows(axes, history, events, pitch)
+
+
+def _name_rows(axes: Axes, history: History, events: Sequence[Event], pitch: float) -> None:
+    people = history.tracks.shape[2]
+    middles = [m * pitch + (pitch - _GAP) / 2 for m in range(people)]
+    names, shares = [f"person {m}" for m in range(people)], [_share(history, m) for m in range(people)]
+    count = sum(event.kind in UNMATCHED for event in events)
+    if count:
+        middles, names, shares = [*middles, max(people, 1) * pitch + _BAR / 2], [*names, "no person"], [*shares, ""]
+    axes.set_yticks(middles, names)
     axes.tick_params(axis="both", length=0, labelbottom=False)
-    shares = axes.secondary_yaxis("right")
-    shares.set_yticks(middles, [_share(history, m) for m in range(people)])
-    shares.tick_params(axis="y", length=0)
-    for spines in (axes.spines, shares.spines):
+    right = axes.secondary_yaxis("right")
+    right.set_yticks(middles, shares)
+    right.tick_params(axis="y", length=0)
+    for spines in (axes.spines, right.spines):
         spines[:].set_visible(False)
     if not people:
-        axes.text(0.5, 0.5, "nobody walks here", transform=axes.transAxes, ha="center", va="center", color=rgb(FAINT))
-    axes.set_title(_title(history), loc="left", fontsize=12, fontweight="bold")
+        axes.text(0.5, 0.5, "no people", transform=axes.transAxes, ha="center", va="center", color=rgb(FAINT))
+
+
+def _box(times: Array, event: Event, top: float) -> tuple[Box, Shade]:
+    return (*_ends(times, event.first, event.last), top + 0.2, _BAR - 0.2), rgb(_EVENTS[event.kind])
 
 
 def _lane(times: Array, states: Ints, top: float, uav: int) -> list[tuple[Box, Shade]]:
-    """What one camera made of one person (K,)."""
+    """The states of one person to one camera (K,)."""
     colour, boxes = uav_colour(uav), []
-    shades = {"out of view": rgb(LINE), "hidden": rgb(CANOPY), "missed": _pale(colour), "seen": rgb(colour)}
+    shades = {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": mixed(colour, PANEL, _TINT), "seen": colour}
     for first, last, value in episodes(states):
         if value != BROKEN and STATES[value] in shades:
             inset = 0.35 if STATES[value] == "out of view" else 0.06
-            boxes.append(((*_ends(times, first, last), top + inset, 1 - 2 * inset), shades[STATES[value]]))
+            boxes.append(((*_ends(times, first, last), top + inset, 1 - 2 * inset), rgb(shades[STATES[value]])))
     return boxes
 
 
-def _pale(colour: Colour) -> Shade:
-    red, green, blue = (1 - _TINT * (1 - channel) for channel in rgb(colour))
-    return red, green, blue
+def _bar(times: Array, states: Ints, top: float) -> list[tuple[Box, Shade]]:
+    """The spans in which tracks hold one person, of the states (K,)."""
+    held = [(episode, HOLDS[episode.value]) for episode in episodes(states)]
+    return [
+        ((*_ends(times, first, last), top + 0.2, _BAR - 0.2), rgb(_BARS[name]))
+        for (first, last, _), name in held
+        if name in _BARS
+    ]
 
 
-def _bar(times: Array, states: Ints, top: float, uavs: int) -> list[tuple[Box, Shade]]:
-    """Who held one person (K,), and a veil over the lanes while nobody did any more."""
-    boxes: list[tuple[Box, Shade]] = []
-    for first, last, value in episodes(states):
-        ends, name = _ends(times, first, last), HOLDS[value]
-        if name in _HELD:
-            boxes.append(((*ends, top + 0.2, _BAR - 0.2), rgb(_HELD[name])))
-        if name == "lost":
-            boxes.insert(0, ((*ends, top - uavs - 0.15, uavs + _BAR + 0.3), (0.98, 0.84, 0.83)))
-    return boxes
-
-
-def _draw_switches(axes: Axes, times: Array, height: float) -> None:
-    axes.plot(times, np.full(len(times), height), "D", ms=6, color=rgb(ORANGE), mec=rgb(INK), mew=0.8, ls="")
+def _mark(axes: Axes, time: float, height: float) -> None:
+    """The mark of a track that was switched."""
+    axes.plot([time], [height], "D", ms=6, color=rgb(ORANGE), mec=rgb(INK), mew=0.8, ls="")
 
 
 def _draw_error(axes: Axes, times: Array, ospa: Array) -> None:
@@ -126,18 +150,18 @@ def _draw_error(axes: Axes, times: Array, ospa: Array) -> None:
     axes.set_ylabel("mean OSPA [m]")
 
 
-def _mark_breakdowns(axes: Axes, history: History, *, named: bool) -> None:
-    for i, works in enumerate(history.working.T):
-        if works.all():
+def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, named: bool) -> None:
+    for event in events:
+        if event.kind != "breakdown":
             continue
-        start = _ends(history.times, int(np.argmin(works)), 0)[0]
-        axes.axvline(start, color=rgb(uav_colour(i)), lw=1.4, ls=":", zorder=3)
+        start = float(history.times[event.first])
+        axes.axvline(start, color=rgb(uav_colour(event.uavs[0])), lw=1.4, ls=":", zorder=3)
         if named:
             late = start > sum(_span(history.times)) / 2
             axes.text(
                 start,
                 1.0,
-                f"  UAV {i} broke down  ",
+                f"  {event.text}  ",
                 transform=axes.get_xaxis_transform(),
                 ha="right" if late else "left",
                 va="top",
@@ -145,29 +169,31 @@ def _mark_breakdowns(axes: Axes, history: History, *, named: bool) -> None:
             )
 
 
-def _legend(uavs: int) -> list[Patch | Line2D]:
-    """What each mark means."""
-    if uavs <= _NAMED:
+def _legend(uavs: int, unmatched: Sequence[Event]) -> list[Patch | Line2D]:
+    """The meaning of each mark."""
+    if uavs <= len(UAV_COLOURS):
         seen = [Patch(color=rgb(uav_colour(i)), label=f"seen by UAV {i}") for i in range(uavs)]
     else:
         seen = [Patch(color=rgb(uav_colour(0)), label="seen: lanes are UAVs, the first on top")]
-    pale = Patch(color=_pale(uav_colour(0)), label="shown, not detected")
+    pale = Patch(color=rgb(mixed(uav_colour(0), PANEL, _TINT)), label="shown, not detected")
     switch = Line2D([], [], marker="D", ms=6, color=rgb(ORANGE), mec=rgb(INK), mew=0.8, ls="", label="track switched")
+    kinds = {event.kind for event in unmatched}
+    bars = {kind: colour for kind, colour in {**_BARS, **_EVENTS}.items() if kind not in UNMATCHED or kind in kinds}
     return [
         *seen,
         pale,
-        Patch(color=rgb(CANOPY), label="in the frame, hidden"),
-        Patch(color=rgb(LINE), label="out of view"),
-        *(Patch(color=rgb(colour), label=_MEANT.get(name, name)) for name, colour in _HELD.items()),
+        Patch(color=rgb(HIDDEN), label="in the frame, hidden"),
+        Patch(color=rgb(OUT_OF_VIEW), label="out of view"),
+        *(Patch(color=rgb(colour), label=_MEANT.get(kind, kind)) for kind, colour in bars.items()),
         switch,
     ]
 
 
 def _title(history: History) -> str:
-    """How much of the time people were held, and the longest loss."""
+    """The share of time in which people were held, and the longest loss."""
     present = np.count_nonzero(history.present)
     if not present:
-        return "Nobody to track"
+        return "No people"
     share = np.count_nonzero(history.held[history.present]) / present
     lost = [loss for loss in history.losses if loss.found]
     text = f"People held {100 * share:.0f} % of the time, {_times(len(lost))}"
@@ -188,11 +214,11 @@ def _share(history: History, person: int) -> str:
 
 
 def _span(times: Array) -> tuple[float, float]:
-    """Where the first scan's share of the time axis begins and the last one's ends [s]."""
+    """Ends of the time axis [s]: of the first scan's share and of the last one's."""
     return _ends(times, 0, len(times) - 1)
 
 
 def _ends(times: Array, first: int, last: int) -> tuple[float, float]:
-    """What stands for scans on the time axis [s]: each has the time until the next."""
+    """Ends of scans on the time axis [s]; each scan has the time until the next."""
     step = float(times[1] - times[0]) if len(times) > 1 else 1.0
     return float(times[first]), float(times[last]) + step

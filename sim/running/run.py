@@ -22,6 +22,7 @@ from sim.processes.interrupt import stop_request
 from sim.recording.archive import save
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
+from sim.replay.events import events_of
 from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
 from sim.replay.page.page import write_page
@@ -130,5 +131,7 @@ def write_results(folder: Path, recording: Recording, summary: dict[str, Any]) -
     save(recording, folder / "mission.npz")
     (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     save_figure(ospa_figure(recording.times, recording.ospa), folder / "ospa.png")
-    history = History.of(recording, scenario_of(recording))
-    save_figure(timeline_figure(history, recording.ospa), folder / "timeline.png")
+    scenario = scenario_of(recording)
+    history = History.of(recording, scenario)
+    events = events_of(recording, scenario, history)
+    save_figure(timeline_figure(history, recording.ospa, events), folder / "timeline.png")

@@ -23,19 +23,32 @@ def correspondence(tracks: Array, people: Array, within: float) -> Indices:
     X, Y = np.asarray(tracks, dtype=float), np.asarray(people, dtype=float)
     if X.ndim != 3 or Y.ndim != 3 or len(X) != len(Y):
         raise ValueError(f"tracks and people must be (K, A, 2) and (K, M, 2), are {X.shape} and {Y.shape}")
-    if not within > 0:
-        raise ValueError(f"within must be positive, is {within}")
-    gaps = length(X[:, :, None] - Y[:, None])
-    gaps[~(gaps <= within)] = np.inf  # absent or too far
-    matches = np.full(Y.shape[:2], -1)
-    last, since = np.full(Y.shape[1], -1), np.full(Y.shape[1], -1)  # track, and the scan at which it was matched
-    for k, gap in enumerate(gaps):
-        now = matches[k]
-        _keep(gap, last, since, now)
+    matcher = Matcher(Y.shape[1], within)
+    return np.array([matcher.step(x, y) for x, y in zip(X, Y, strict=True)], dtype=np.int64).reshape(Y.shape[:2])
+
+
+class Matcher:
+    """The correspondence, scan by scan, with as many tracks as there have been so far."""
+
+    def __init__(self, people: int, within: float) -> None:
+        if not within > 0:
+            raise ValueError(f"within must be positive, is {within}")
+        self._within = within
+        self._last = np.full(people, -1)  # track
+        self._since = np.full(people, -1)  # the scan at which it was matched
+        self._scan = 0
+
+    def step(self, tracks: Array, people: Array) -> Indices:
+        """The track of each person (M,) at the next scan; tracks (A, 2) m, those of earlier scans first."""
+        gap = length(tracks[:, None] - people)
+        gap[~(gap <= self._within)] = np.inf  # absent or too far
+        now = np.full(len(people), -1)
+        _keep(gap, self._last, self._since, now)
         _pair(gap, now)
         found = now >= 0
-        last[found], since[found] = now[found], k
-    return matches
+        self._last[found], self._since[found] = now[found], self._scan
+        self._scan += 1
+        return now
 
 
 def switches(matches: Indices) -> Indices:

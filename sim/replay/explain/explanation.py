@@ -1,19 +1,22 @@
-"""Why a person was seen, or held, or not: a recording in words."""
+"""Explanation of one person at one scan, and of a whole mission, in words."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
+from sim.evaluation.holding import HOLDS
 from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
-from sim.replay.episodes import BROKEN, HOLDS, episodes, holds, lanes, trees
-from sim.replay.explain.observation import Found, Weight, Witness
-from sim.replay.explain.person import Account, Holder
-from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, Outlook
-from sim.replay.history import STATES, History
+from sim.replay.event import UNHELD, UNMATCHED, Event
+from sim.replay.explain.observation import GatedMeasurement, Observation, PersonMeasurement
+from sim.replay.explain.person import HoldingTrack, PersonFacts
+from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, PlannedVisibility
+from sim.replay.history import History, episodes
+from sim.replay.views import fleet_text, view_texts
 from tracking.numerics.compiled import Array
 
 Group = tuple[str, list[str]]  # a heading, and facts under it
@@ -22,23 +25,27 @@ _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "
 _LEAST = 0.005  # probability below which a measurement is not worth a line
 
 
-def explanation(account: Account, recording: Recording) -> list[Group]:
-    """What is known of one person at one scan: of the person, each UAV, the track, and what the UAVs meant to do."""
-    groups = [(f"person {account.person} at {recording.times[account.k]:.1f} s", _person(account, recording))]
-    if np.isnan(account.place[0]):
+def explanation(facts: PersonFacts, recording: Recording, events: Sequence[Event]) -> list[Group]:
+    """Facts of one person at one scan: the person, each UAV, the track, the mission's events then, and intents."""
+    groups = [(f"person {facts.person} at {recording.times[facts.k]:.1f} s", _person(facts, recording, events))]
+    if np.isnan(facts.place[0]):
         return groups
-    groups += [(f"UAV {w.uav}", _witness(w, account, recording)) for w in account.witnesses]
-    if account.holder:
-        groups.append((f"track {account.holder.number}", _track(account.holder, account, recording)))
-    groups.append(("intents", _intents(account)))
+    groups += [(f"UAV {w.uav}", _observation(w, facts, recording)) for w in facts.observations]
+    if facts.holder:
+        groups.append((f"track {facts.holder.number}", _track(facts.holder, facts, recording)))
+    now = [event for event in events if event.first <= facts.k <= event.last]
+    now = [event for event in now if event.person == facts.person or event.kind in UNMATCHED]
+    if now:
+        groups.append(("events", [f"{event.when}: {event.sentence}" for event in now]))
+    groups.append(("intents", _intents(facts)))
     return groups
 
 
-def _person(account: Account, recording: Recording) -> list[str]:
-    if np.isnan(account.place[0]):
+def _person(facts: PersonFacts, recording: Recording, events: Sequence[Event]) -> list[str]:
+    if np.isnan(facts.place[0]):
         return ["is not there at this time"]
-    lines = [f"is at {_at(account.place)}{_motion(account.velocity)}"]
-    return [*lines, *_holding(account), _seen(account)]
+    lines = [f"is at {_at(facts.place)}{_motion(facts.velocity)}"]
+    return [*lines, *_holding(facts, events), _seen(facts)]
 
 
 def _motion(velocity: Array) -> str:
@@ -48,39 +55,40 @@ def _motion(velocity: Array) -> str:
     return f" and walks {math.hypot(*velocity):.1f} m/s to the {_COMPASS[eighth]}"
 
 
-def _holding(account: Account) -> list[str]:
-    """Who holds the person; if nobody does, since when and until when."""
-    times, holder = account.history.times, account.holder
+def _holding(facts: PersonFacts, events: Sequence[Event]) -> list[str]:
+    """UAVs that hold the person, or else the loss: since when and until when."""
+    times, holder = facts.history.times, facts.holder
     if holder and holder.holds:
         by = [(holder.number, holder.holds), *holder.others]
-        return [f"held by {_uavs(uavs)} as track {number}" for number, uavs in by]
-    (loss,) = (x for x in account.history.losses if x.person == account.person and x.first <= account.k <= x.last)
+        return [f"held by {fleet_text(uavs)} as track {number}" for number, uavs in by]
+    unheld = (event for event in events if event.kind in UNHELD and event.person == facts.person)
+    loss = next(event for event in unheld if event.first <= facts.k <= event.last)
     end = loss.last + 1
     later = f"held from {times[end]:.1f} s on" if end < len(times) else "not held again by the end of the mission"
     if holder is None:
         return [f"not found yet: no track has been within {HELD:g} m so far", later]
-    lines = [f"lost since {times[loss.first]:.1f} s{_ago(times, loss.first, account.k)}: no track within {HELD:g} m"]
+    lines = [f"lost since {loss.time:.1f} s{_ago(times, loss.first, facts.k)}: no track within {HELD:g} m"]
     return [*lines, f"last held as track {holder.number} at {holder.until:.1f} s; {later}"]
 
 
-def _seen(account: Account) -> str:
-    """When the person was detected last."""
-    seen = account.history.detected[: account.k + 1, :, account.person]
+def _seen(facts: PersonFacts) -> str:
+    """The last detection of the person."""
+    seen = facts.history.detected[: facts.k + 1, :, facts.person]
     scans = np.flatnonzero(seen.any(axis=1))
     if len(scans) == 0:
         return "not detected so far"
-    who = _uavs(np.flatnonzero(seen[scans[-1]]).tolist())
-    if scans[-1] == account.k:
-        return f"detected by {who}"
-    times = account.history.times
-    return f"last detected by {who} at {times[scans[-1]]:.1f} s{_ago(times, int(scans[-1]), account.k)}"
+    fleet = fleet_text(np.flatnonzero(seen[scans[-1]]).tolist())
+    if scans[-1] == facts.k:
+        return f"detected by {fleet}"
+    times = facts.history.times
+    return f"last detected by {fleet} at {times[scans[-1]]:.1f} s{_ago(times, int(scans[-1]), facts.k)}"
 
 
 def _ago(times: Array, scan: int, k: int) -> str:
     return f", {times[k] - times[scan]:.1f} s ago" if k > scan else ""
 
 
-def _witness(w: Witness, account: Account, recording: Recording) -> list[str]:
+def _observation(w: Observation, facts: PersonFacts, recording: Recording) -> list[str]:
     if not w.works:
         return ["has broken down"]
     lines = [] if w.sighting.looked else ["took no frame at this scan; what geometry tells:"]
@@ -89,11 +97,11 @@ def _witness(w: Witness, account: Account, recording: Recording) -> list[str]:
         lines += _detection(w, w.found)
     elif w.sighting.looked and w.sighting.pixels:
         lines.append("not detected")
-    return lines + _association(w, account.holder)
+    return lines + _association(w, facts.holder)
 
 
-def _view(w: Witness, recording: Recording) -> list[str]:
-    """In which view the person is, and what hides them."""
+def _view(w: Observation, recording: Recording) -> list[str]:
+    """The view of the person, and the trees that hide them."""
     sighting = w.sighting
     lines = [f"{sighting.status}, {w.away:.1f} m from below the camera"]
     for tree in sighting.hidden_by:
@@ -105,8 +113,8 @@ def _view(w: Witness, recording: Recording) -> list[str]:
     return lines
 
 
-def _detection(w: Witness, found: Found) -> list[str]:
-    """Where the person was detected, and what that was taken for."""
+def _detection(w: Observation, found: PersonMeasurement) -> list[str]:
+    """The detection of the person, and the tracks that may have taken it for theirs."""
     at = "measured" if found.pixel is None else f"detected at pixel ({found.pixel[0]:.1f}, {found.pixel[1]:.1f})"
     lines = [f"{at}: {_at(found.place)}, an error of {found.error:.2f} m, {found.sigmas:.1f} σ"]
     gates = [weight for weight in w.weights if weight.measurement == found.measurement]
@@ -115,12 +123,12 @@ def _detection(w: Witness, found: Found) -> list[str]:
     return [*lines, *(f"in the gate of {_gate(weight)}" for weight in _by_weight(gates))]
 
 
-def _gate(weight: Weight) -> str:
+def _gate(weight: GatedMeasurement) -> str:
     return f"track {weight.track} at {weight.sigmas:.1f} σ, weight {_percent(weight.probability)}"
 
 
-def _association(w: Witness, holder: Holder | None) -> list[str]:
-    """What the person's track expected of the scan, and which others' measurements it took for its own."""
+def _association(w: Observation, holder: HoldingTrack | None) -> list[str]:
+    """The scan as the person's track expected it, and other measurements that it may have taken for its own."""
     if holder is None or holder.number not in w.visible:
         return []
     lines = [f"expected track {holder.number} in plain view with {_percent(w.visible[holder.number])}"]
@@ -128,20 +136,20 @@ def _association(w: Witness, holder: Holder | None) -> list[str]:
     for weight in _by_weight([x for x in w.weights if x.track == holder.number and x.measurement != mine]):
         if weight.probability >= _LEAST:
             owner = int(w.owners[weight.measurement])
-            whose = f"person {owner}" if owner >= 0 else "nobody"
+            source = f"of person {owner}" if owner >= 0 else "of a false alarm"
             place = _at(w.measurements[weight.measurement])
             weighs = f"weight {_percent(weight.probability)}"
-            lines.append(f"the measurement of {whose} at {place} was in the gate of track {weight.track} too, {weighs}")
+            lines.append(f"the measurement {source} at {place} was in the gate of track {weight.track} too, {weighs}")
     return lines
 
 
-def _track(holder: Holder, account: Account, recording: Recording) -> list[str]:
-    now = float(recording.times[account.k])
-    role = f"stands for the person for {_uavs(holder.holds)}" if holder.holds else "held the person last"
+def _track(holder: HoldingTrack, facts: PersonFacts, recording: Recording) -> list[str]:
+    now = float(recording.times[facts.k])
+    role = f"stands for the person for {fleet_text(holder.holds)}" if holder.holds else "held the person last"
     lines = [f"{role}; exists since {holder.since:.1f} s, for {now - holder.since:.1f} s"]
     if holder.belief is None:
         return [f"{role}; began at {holder.since:.1f} s and has ended"]
-    error, square = holder.error(account.place)
+    error, square = holder.error(facts.place)
     major, minor = holder.axes.tolist()
     speed = math.hypot(*holder.belief.mean[2:])
     lines.append(f"believed at {_at(holder.belief.mean[:2])}, {speed:.1f} m/s")
@@ -152,22 +160,22 @@ def _track(holder: Holder, account: Account, recording: Recording) -> list[str]:
     return lines
 
 
-def _intents(account: Account) -> list[str]:
+def _intents(facts: PersonFacts) -> list[str]:
     lines = []
-    for witness, look in zip(account.witnesses, account.outlooks, strict=True):
+    for observation, look in zip(facts.observations, facts.planned, strict=True):
         if look is None:
-            lines.append(f"UAV {witness.uav}: no plan{'' if witness.works else ', as it has broken down'}")
+            lines.append(f"UAV {observation.uav}: no plan{'' if observation.works else ', as it has broken down'}")
             continue
-        parts = [] if account.holder is None or look.track is None else [
-            f"track {account.holder.number} {_ahead(look, look.track)}"
+        parts = [] if facts.holder is None or look.track is None else [
+            f"track {facts.holder.number} {_ahead(look, look.track)}"
         ]  # fmt: skip
         parts.append(f"the person {_ahead(look, look.person)}")
         lines.append(f"UAV {look.uav}, plan of {look.made:.1f} s to {look.times[-1]:.1f} s: " + "; ".join(parts))
     return lines
 
 
-def _ahead(look: Outlook, states: Ints) -> str:
-    """When a place is first in view on the way, or what else it is."""
+def _ahead(look: PlannedVisibility, states: Ints) -> str:
+    """The first time at which a place is in view on the way, or else its state."""
     for state, words in ((IN_VIEW, "in view"), (HIDDEN, "in the frame, hidden,")):
         ahead = [e for e in episodes(states) if e.value == state]
         if ahead:
@@ -176,14 +184,11 @@ def _ahead(look: Outlook, states: Ints) -> str:
     return "not known, as the mission ends" if (states < 0).all() else "out of view"
 
 
-def told(history: History, person: int) -> list[tuple[float, float, str, str]]:
-    """A person's mission as stretches of one wording: first and last scan [s], who held, and who saw what."""
-    seen, between = lanes(history)[:, :, person], trees(history)[:, :, person]
+def stretches(history: History, person: int) -> list[tuple[float, float, str, str]]:
+    """A person's mission in stretches of one wording: first and last scan [s], state to tracks, and to cameras."""
     words = [
-        (HOLDS[hold], _views(*views) if there else "")
-        for hold, there, *views in zip(
-            holds(history)[:, person], history.present[:, person], seen, between, strict=True
-        )
+        (HOLDS[hold], seen)
+        for hold, seen in zip(history.hold_states[:, person], view_texts(history, person), strict=True)
     ]
     numbers = {text: n for n, text in enumerate(dict.fromkeys(words))}
     return [
@@ -192,27 +197,8 @@ def told(history: History, person: int) -> list[tuple[float, float, str, str]]:
     ]
 
 
-def _views(seen: Ints, between: Ints) -> str:
-    parts = []
-    for state, words in (("seen", "seen by"), ("missed", "shown to, not detected by")):
-        who = np.flatnonzero(seen == STATES.index(state)).tolist()
-        parts += [f"{words} {_uavs(who)}"] if who else []
-    hidden = seen == STATES.index("hidden")
-    for tree in np.unique(between[hidden]).tolist():
-        who = np.flatnonzero(hidden & (between == tree)).tolist()
-        parts.append(f"hidden from {_uavs(who)}" + (f" by tree {tree}" if tree >= 0 else ""))
-    if not parts:
-        return "no UAV works" if (seen == BROKEN).all() else "out of view"
-    return "; ".join(parts)
-
-
-def _by_weight(weights: list[Weight]) -> list[Weight]:
+def _by_weight(weights: list[GatedMeasurement]) -> list[GatedMeasurement]:
     return sorted(weights, key=lambda w: -w.probability)
-
-
-def _uavs(uavs: list[int] | tuple[int, ...]) -> str:
-    names = [str(i) for i in uavs]
-    return f"UAV{'s' * (len(names) > 1)} " + " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
 
 
 def _at(place: Array) -> str:
@@ -220,7 +206,7 @@ def _at(place: Array) -> str:
 
 
 def _percent(probability: float) -> str:
-    """In per cent; what rounding would make certain is more or less than that."""
+    """A probability in per cent; rounding makes none certain."""
     if 0.0 < probability < 0.001:
         return "under 0.1 %"
     if 0.999 < probability < 1.0:

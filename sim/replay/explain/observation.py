@@ -21,7 +21,7 @@ from sim.sensing.sensors import view_of
 from tracking.numerics.compiled import Array
 
 
-class Weight(NamedTuple):
+class GatedMeasurement(NamedTuple):
     """A measurement in the gate of a track."""
 
     track: int  # number
@@ -31,7 +31,7 @@ class Weight(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class PersonMeasurement:
     """The measurement of a person."""
 
     measurement: int
@@ -42,7 +42,7 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Witness:
+class Observation:
     """One UAV at one scan, asked about one person."""
 
     uav: int
@@ -50,14 +50,14 @@ class Witness:
     sighting: Sighting
     away: float  # m on the ground, from below the camera to the person; NaN where absent
     whole: int | None  # pixels that the frame would show of the person without trees; None where it was not rendered
-    found: Found | None
+    found: PersonMeasurement | None
     owners: Ints  # (N,), whose each measurement is; -1 for nobody's
     measurements: Array  # (N, 2) m
-    weights: tuple[Weight, ...]  # of all tracks
+    weights: tuple[GatedMeasurement, ...]  # of all tracks
     visible: dict[int, float]  # by number of track, the probability its tracker gave it to be in plain view
 
 
-class Inquiry:
+class Observer:
     """Asks the UAVs of a recording about people; renders frames again where these were rendered."""
 
     def __init__(self, recording: Recording, scenario: Scenario) -> None:
@@ -66,7 +66,7 @@ class Inquiry:
         self.again = self._open.enter_context(Rerenderer(recording))
         self._bare: Rerenderer | None = None
 
-    def __enter__(self) -> Inquiry:
+    def __enter__(self) -> Observer:
         return self
 
     def __exit__(
@@ -74,14 +74,14 @@ class Inquiry:
     ) -> None:
         self._open.close()
 
-    def witness(self, k: int, uav: int, person: int) -> Witness:
+    def observe(self, k: int, uav: int, person: int) -> Observation:
         """What one UAV had of one person at scan k."""
         recording, view = self.recording, view_of(self.scenario.uavs[uav], self.scenario)
         sighting = sightings(recording, self.scenario, k, uav, view)[person]
         works = bool(recording.working[k, uav])
         association = Association.of(recording, self.scenario, k, uav)
         rows = self._measured(k, uav) if association else np.full(recording.people.shape[1], -1)
-        return Witness(
+        return Observation(
             uav=uav,
             works=works,
             sighting=sighting,
@@ -124,12 +124,12 @@ class Inquiry:
             rows[np.flatnonzero(detected)[who]] = what
         return np.where(detected, rows, -1)
 
-    def _found(self, k: int, uav: int, person: int, row: int) -> Found | None:
+    def _found(self, k: int, uav: int, person: int, row: int) -> PersonMeasurement | None:
         if row < 0:
             return None
         scan, pixels = self.recording.scan_at(k, uav), self.recording.pixels_at(k, uav)
         error = scan.measurements[row] - self.recording.people[k, person]
-        return Found(
+        return PersonMeasurement(
             measurement=row,
             pixel=pixels[row] if len(pixels) else None,
             place=scan.measurements[row],
@@ -145,9 +145,9 @@ def _owners(rows: Ints, count: int) -> Ints:
     return owners
 
 
-def _weights(association: Association) -> tuple[Weight, ...]:
+def _weights(association: Association) -> tuple[GatedMeasurement, ...]:
     return tuple(
-        Weight(
+        GatedMeasurement(
             int(association.numbers[t]),
             j,
             float(np.sqrt(association.distances[t, j])),

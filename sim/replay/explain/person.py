@@ -8,8 +8,8 @@ import numpy as np
 
 from sim.evaluation.score import velocities
 from sim.recording.recording import Recording
-from sim.replay.explain.observation import Inquiry, Witness
-from sim.replay.explain.planned_visibility import Outlook, outlook
+from sim.replay.explain.observation import Observation, Observer
+from sim.replay.explain.planned_visibility import PlannedVisibility, planned_visibility
 from sim.replay.history import History
 from tracking.filter.kalman import Gaussian
 from tracking.metrics.nees import nees
@@ -17,7 +17,7 @@ from tracking.numerics.compiled import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Holder:
+class HoldingTrack:
     """The track that stands for a person, or that did last, as one UAV has it after a scan."""
 
     number: int  # by first appearance
@@ -42,38 +42,38 @@ class Holder:
 
 
 @dataclass(frozen=True, eq=False)
-class Account:
+class PersonFacts:
     """One person at one scan, and n UAVs."""
 
     k: int
     person: int
     place: Array  # (2,) m, NaN where absent
     velocity: Array  # (2,) m/s, NaN where unknown
-    holder: Holder | None  # None for somebody whom no track has stood for yet
-    witnesses: tuple[Witness, ...]
-    outlooks: tuple[Outlook | None, ...]
+    holder: HoldingTrack | None  # None for somebody whom no track has stood for yet
+    observations: tuple[Observation, ...]
+    planned: tuple[PlannedVisibility | None, ...]
     history: History
 
     @staticmethod
-    def of(inquiry: Inquiry, history: History, k: int, person: int) -> Account:
-        """The account of a person at scan k."""
-        recording, scenario = inquiry.recording, inquiry.scenario
+    def of(observer: Observer, history: History, k: int, person: int) -> PersonFacts:
+        """The facts of a person at scan k."""
+        recording, scenario = observer.recording, observer.scenario
         uavs = range(recording.poses.shape[1])
         holder = _holder(recording, history, k, person)
         belief = holder.belief if holder else None
-        return Account(
+        return PersonFacts(
             k=k,
             person=person,
             place=recording.people[k, person],
             velocity=velocities(recording)[k, person],
             holder=holder,
-            witnesses=tuple(inquiry.witness(k, i, person) for i in uavs),
-            outlooks=tuple(outlook(recording, scenario, k, i, person, belief) for i in uavs),
+            observations=tuple(observer.observe(k, i, person) for i in uavs),
+            planned=tuple(planned_visibility(recording, scenario, k, i, person, belief) for i in uavs),
             history=history,
         )
 
 
-def _holder(recording: Recording, history: History, k: int, person: int) -> Holder | None:
+def _holder(recording: Recording, history: History, k: int, person: int) -> HoldingTrack | None:
     """The track by which most UAVs hold the person; where none does, the last that did."""
     held = history.tracks[: k + 1, :, person]
     scans = np.flatnonzero((held >= 0).any(axis=1))
@@ -86,7 +86,7 @@ def _holder(recording: Recording, history: History, k: int, person: int) -> Hold
     numbers = recording.track_numbers
     first = int(np.searchsorted(recording.track_offsets, np.argmax(recording.track_ids == id_), side="right")) - 1
     belief, existence = _belief(recording, k, [*holds, *np.flatnonzero(history.working[k]).tolist()], id_)
-    return Holder(
+    return HoldingTrack(
         number=numbers[id_],
         holds=tuple(holds),
         others=tuple((numbers[t], tuple(np.flatnonzero(held[k] == t).tolist())) for t in rest),

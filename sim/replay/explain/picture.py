@@ -10,11 +10,12 @@ import numpy as np
 
 from sim.drawing.labels import Labels
 from sim.drawing.lettering import Image, Style, wrapped, write
-from sim.drawing.map_view import MARGIN, TRAIL, MapView, disc, stroke
+from sim.drawing.map_view import MARGIN, TRAIL, MapView
 from sim.drawing.palette import FAINT, INK, PANEL, PAPER, uav_colour
+from sim.drawing.strokes import disc, stroke
 from sim.replay.explain.explanation import Group
-from sim.replay.explain.observation import Inquiry, Witness
-from sim.replay.explain.person import Account
+from sim.replay.explain.observation import Observation, Observer
+from sim.replay.explain.person import PersonFacts
 from sim.replay.frames.annotation import annotated
 from sim.replay.frames.panel import MARK, marks_of
 from sim.replay.frames.sightings import Sight
@@ -29,11 +30,11 @@ _LINE = 19
 _TEXT, _HEADING, _TITLE = Style(13), Style(13, FAINT), Style(14, bold=True)
 
 
-def draw_explanation(inquiry: Inquiry, account: Account, groups: Sequence[Group]) -> Image:
+def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Group]) -> Image:
     """The page (H, W, 3) RGB: the map, the frames of up to three UAVs that had the person nearest, and the words."""
-    tiles = [("map", _map(inquiry, account))]
-    tiles += [(_heading(w), _frame(inquiry, account, w)) for w in _nearest(account)]
-    words = _words(groups, camera=inquiry.scenario.sensing.mode == "camera")
+    tiles = [("map", _map(observer, facts))]
+    tiles += [(_heading(w), _frame(observer, facts, w)) for w in _nearest(facts)]
+    words = _words(groups, camera=observer.scenario.sensing.mode == "camera")
     columns = min(len(tiles), 2)
     rows = -(-len(tiles) // columns)
     height = max(rows * (_TILE + _HEAD + _GAP) + _GAP, words.shape[0] + 2 * _GAP)
@@ -48,29 +49,29 @@ def draw_explanation(inquiry: Inquiry, account: Account, groups: Sequence[Group]
     return page
 
 
-def _nearest(account: Account) -> list[Witness]:
+def _nearest(facts: PersonFacts) -> list[Observation]:
     """The UAVs whose frames are shown: first those with the person inside, then the nearest."""
-    working = [w for w in account.witnesses if w.works]
+    working = [w for w in facts.observations if w.works]
     return sorted(working, key=lambda w: (not _shows(w), np.nan_to_num(w.away)))[:_FRAMES]
 
 
-def _shows(w: Witness) -> bool:
-    """Whether the person, or the place where trees hide them, is in the frame."""
+def _shows(w: Observation) -> bool:
+    """True if the person, or the place where trees hide them, is in the frame."""
     return w.sighting.inside or w.sighting.pixels > 0
 
 
-def _heading(w: Witness) -> str:
+def _heading(w: Observation) -> str:
     found = "" if w.found is None else ", measured" if w.found.pixel is None else ", detected"
     return f"UAV {w.uav}: {w.sighting.status}{found}"
 
 
-def _frame(inquiry: Inquiry, account: Account, w: Witness) -> Image:
+def _frame(observer: Observer, facts: PersonFacts, w: Observation) -> Image:
     """The annotated frame of one UAV, and in its corner the pixels round the person as the camera gave them."""
-    sight = Sight.of(inquiry.recording, inquiry.scenario, account.k, w.uav)
-    image = inquiry.again.image(account.k, w.uav)
+    sight = Sight.of(observer.recording, observer.scenario, facts.k, w.uav)
+    image = observer.again.image(facts.k, w.uav)
     tile = np.asarray(cv2.resize(annotated(image, sight, _TILE), (_TILE, _TILE)), dtype=np.uint8)
-    if sight.people[account.person].pixels and w.sighting.looked:
-        place = sight.camera.project(sight.pose, np.append(account.place, TARGET_HEIGHT)[None])[0][0]
+    if sight.people[facts.person].pixels and w.sighting.looked:
+        place = sight.camera.project(sight.pose, np.append(facts.place, TARGET_HEIGHT)[None])[0][0]
         _inset(tile, image, place)
     return tile
 
@@ -95,36 +96,36 @@ def _cut(image: Image, middle: Array) -> Image:
     return tile
 
 
-def _map(inquiry: Inquiry, account: Account) -> Image:
+def _map(observer: Observer, facts: PersonFacts) -> Image:
     """The map round the person, or what there is of it, with lines of sight and the trees in their way."""
-    recording, area = inquiry.recording, inquiry.scenario.area
+    recording, area = observer.recording, observer.scenario.area
     extent = np.array([area.width, area.height]) + 2 * MARGIN
     scale = min(_SCALE, _LARGEST / float(extent.max()))
     width, height = np.ceil(scale * extent).astype(int).tolist()
-    view = MapView(inquiry.scenario, recording.forest, (width, height))
+    view = MapView(observer.scenario, recording.forest, (width, height))
     image = np.zeros((height, width, 3), dtype=np.uint8)
-    for k in range(max(account.k - round(TRAIL * inquiry.scenario.rates.sensing), 0), account.k + 1):
-        view.draw(image, Sight.of(recording, inquiry.scenario, k, 0).snapshot)
+    for k in range(max(facts.k - round(TRAIL * observer.scenario.rates.sensing), 0), facts.k + 1):
+        view.draw(image, Sight.of(recording, observer.scenario, k, 0).snapshot, facts.history.hold_states[k])
 
     def pixels(ground: Array) -> Array:
         return np.array([width, height]) / 2 + view.scale * ground * [1.0, -1.0]
 
-    if np.isnan(account.place[0]):
+    if np.isnan(facts.place[0]):
         return _cut(image, pixels(np.zeros(2)))
-    _draw_sight(image, account, pixels(account.place), pixels(recording.poses[account.k, :, :2]))
+    _draw_sight(image, facts, pixels(facts.place), pixels(recording.poses[facts.k, :, :2]))
     labels = Labels(image)
-    labels.reserve(pixels(account.place), 16.0)
-    for tree in sorted({tree for w in account.witnesses if w.works for tree in w.sighting.hidden_by}):
+    labels.reserve(pixels(facts.place), 16.0)
+    for tree in sorted({tree for w in facts.observations if w.works for tree in w.sighting.hidden_by}):
         place = pixels(recording.trees[tree, :2])
         disc(image, place, view.scale * recording.trees[tree, 2], INK, 3)
         labels.put(f"tree {tree}", place, Style(13, INK, True, PANEL))
-    labels.put(f"person {account.person}", pixels(account.place), Style(13, INK, True, PANEL))
-    return _cut(image, pixels(account.place))
+    labels.put(f"person {facts.person}", pixels(facts.place), Style(13, INK, True, PANEL))
+    return _cut(image, pixels(facts.place))
 
 
-def _draw_sight(image: Image, account: Account, person: Array, uavs: Array) -> None:
+def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) -> None:
     """A line from each camera that has the person inside, in dashes where something hides them; and a ring."""
-    for w in account.witnesses:
+    for w in facts.observations:
         if not w.works or not w.sighting.inside:
             continue
         line = np.array([uavs[w.uav], person])

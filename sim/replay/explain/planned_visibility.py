@@ -20,7 +20,7 @@ _SLACK = 1e-6  # s
 
 
 @dataclass(frozen=True, eq=False)
-class Outlook:
+class PlannedVisibility:
     """The rest of one UAV's plan from a scan on, at S instants that are as far apart as scans."""
 
     uav: int
@@ -31,9 +31,9 @@ class Outlook:
     track: Ints | None  # (S,), the same of the track, if it goes on as it went; None without a track
 
 
-def outlook(
+def planned_visibility(
     recording: Recording, scenario: Scenario, k: int, uav: int, person: int, belief: Gaussian | None
-) -> Outlook | None:
+) -> PlannedVisibility | None:
     """What a UAV's plan at scan k had in store for a person, and for a track, of which `belief` is that at scan k.
 
     None where there is no plan, and where nothing of it is left.
@@ -55,7 +55,7 @@ def outlook(
     if belief is not None:
         nominal = belief.mean[:2] + (times - now)[:, None] * belief.mean[2:]
         track = _states(recording, scenario, uav, views, nominal)
-    return Outlook(uav, float(recording.plan_times[plan]), times, path, ahead, track)
+    return PlannedVisibility(uav, float(recording.plan_times[plan]), times, path, ahead, track)
 
 
 def _due(recording: Recording, scenario: Scenario, k: int) -> int:

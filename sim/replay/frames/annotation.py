@@ -7,8 +7,10 @@ import numpy as np
 
 from sim.drawing.labels import Labels
 from sim.drawing.lettering import Image, Style, write
-from sim.drawing.map_view import cross, disc, ellipse, stroke
+from sim.drawing.map_view import ellipse
+from sim.drawing.marks import cross
 from sim.drawing.palette import DETECTION, INK, PANEL, Colour, track_colour
+from sim.drawing.strokes import disc, stroke
 from sim.replay.frames.sightings import PERSON_RADIUS, Sight, Sighting, hidden_outlines, silhouette
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT

@@ -1,8 +1,9 @@
-"""What the script of a mission's page draws: plain numbers, rounded to centimetres, scan by scan."""
+"""Data that the script of a mission's page draws: plain numbers, rounded to centimetres, scan by scan."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -16,8 +17,9 @@ from sim.drawing.map_view import ELLIPSE, MARGIN, TRAIL, looks_down
 from sim.drawing.video import HEIGHT, WIDTH
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
-from sim.replay.episodes import last_looks
-from sim.replay.history import History
+from sim.replay.event import UNMATCHED, Event
+from sim.replay.history import STATES, History
+from sim.replay.views import view_texts
 from sim.scenario.scenario import Scenario
 from sim.sensing.sensors import camera_of
 from tracking.geometry.camera import Pose
@@ -26,12 +28,16 @@ from tracking.numerics.compiled import Array
 OUT, MISSED, SEEN, HIDDEN = 0, 1, 2, 3  # codes of a person before a camera; above HIDDEN by 1 + the tree that hides
 
 
-def page_data(recording: Recording, scenario: Scenario, history: History, parts: View | None) -> dict[str, Any]:
+def page_data(
+    recording: Recording, scenario: Scenario, history: History, events: Sequence[Event], parts: View | None
+) -> dict[str, Any]:
     """The content of the page's JSON; `parts` are those of the film, None where there is none.
 
     Lists run over scans, then UAVs, then people or tracks; null stands for what is absent or does not work.
     """
     numbers, forest = recording.track_numbers, recording.forest
+    told = [view_texts(history, m) for m in range(recording.people.shape[1])]
+    texts = {text: n for n, text in enumerate(dict.fromkeys(text for column in told for text in column))}
     return {
         "area": [scenario.area.width, scenario.area.height],
         "margin": MARGIN,
@@ -45,9 +51,17 @@ def page_data(recording: Recording, scenario: Scenario, history: History, parts:
         "views": _views(recording, scenario),
         "tracks": _tracks(recording, numbers),
         "codes": codes(history).tolist(),
+        "texts": list(texts),
+        "told": [[texts[text] for text in column] for column in told],
+        "holds": history.hold_states.tolist(),
         "holders": np.vectorize(lambda id_: numbers.get(id_, -1), otypes=[int])(history.tracks).tolist(),
         "works": history.working.astype(int).tolist(),
         "ospa": [[None if math.isnan(v) else round(v, 3) for v in row] for row in recording.ospa[:, :, 0].tolist()],
+        "events": [
+            [event.kind, event.first, event.last, event.person, event.track]
+            for event in events
+            if event.kind in (*UNMATCHED, "identity changed")
+        ],
         "plans": _plans(recording, scenario),
         "colours": _colours(),
         "film": None if parts is None else _film(parts),
@@ -55,16 +69,12 @@ def page_data(recording: Recording, scenario: Scenario, history: History, parts:
 
 
 def codes(history: History) -> Ints:
-    """What each UAV's last frame made of each person (K, n, M): one of the codes above; none from a UAV that is broken.
-
-    Between two frames of a camera the first of them counts.
-    """
-    found = np.where(history.inside, HIDDEN + 1 + history.hidden_by, OUT)
-    found[history.shown] = MISSED
-    found[history.detected] = SEEN
-    found = np.take_along_axis(found, last_looks(history)[:, :, None], axis=0)
-    found[~history.working] = OUT
-    return np.where(history.present[:, None, :], found, OUT)
+    """State of each person to the last frame of each UAV (K, n, M), one of the codes above; `OUT` to a broken one."""
+    states = history.camera_states
+    found = np.where(states == STATES.index("hidden"), HIDDEN + 1 + history.hiding_trees, OUT)
+    found[states == STATES.index("missed")] = MISSED
+    found[states == STATES.index("seen")] = SEEN
+    return found
 
 
 def _views(recording: Recording, scenario: Scenario) -> list[list[list[float] | None]]:
@@ -93,7 +103,7 @@ def _tracks(recording: Recording, numbers: dict[int, int]) -> list[list[list[lis
 
 
 def _plans(recording: Recording, scenario: Scenario) -> dict[str, Any]:
-    """When plans were made [s], the seconds of one step, and the velocities [m/s] of each UAV's steps."""
+    """Times of plans [s], the seconds of one step, and the velocities [m/s] of each UAV's steps."""
     made = [[Plan(c[~np.isnan(c[:, 0])]) for c in plans] for plans in recording.plans]
     return {
         "times": _rounded(recording.plan_times, 3),
@@ -111,12 +121,16 @@ def _film(parts: View) -> dict[str, Any]:
 
 def _colours() -> dict[str, Any]:
     """Names of the palette in lower case, and lists of the UAVs' and the tracks' colours, as CSS has them."""
-    named = {name.lower(): css(value) for name, value in vars(palette).items() if name.isupper() and name[0] != "_"}
+    named = {
+        name.lower(): css(value)
+        for name, value in vars(palette).items()
+        if name.isupper() and isinstance(value[0], int)
+    }
     return {
         **named,
-        # As many as there are; further ones begin again.
-        "uavs": [css(palette.uav_colour(i)) for i in range(4)],
-        "tracks": [css(palette.track_colour(n)) for n in range(5)],
+        # Further ones begin again.
+        "uavs": [css(colour) for colour in palette.UAV_COLOURS],
+        "tracks": [css(colour) for colour in palette.TRACK_COLOURS],
     }
 
 

@@ -40,7 +40,7 @@ function seek() {
 function tell() {
   const rows = data.people[state.k].map((_, m) => {
     const row = document.createElement("tr");
-    if (lost(state.k, m)) row.className = "lost";
+    row.className = lost(state.k, m) ? "lost" : unfound(state.k, m) ? "unfound" : "";
     for (const text of [String(m), views(state.k, m), holders(state.k, m)]) row.insertCell().textContent = text;
     return row;
   });
@@ -203,20 +203,25 @@ for (const li of lists) li.querySelector("button").addEventListener("click", () 
 addEventListener("keydown", onKey);
 addEventListener("resize", layOut);
 const box = (colour) => (ctx) => { ctx.fillStyle = colour; ctx.fillRect(2, 4, 22, 12); };
+const mark = (code, colour) => (ctx) => { personMark(ctx, 11, 10, 0, [code]); if (colour) ring(ctx, 11, 10, 8, colour, 2.5); };
 legend("map-legend", [
-  ["person", (ctx) => { disc(ctx, 8, 10, 3.4, colours.ink); ctx.lineWidth = 2; ctx.strokeStyle = colours.ink; stroke(ctx, [[8, 10], [17, 10]]); }],
-  ["hidden from all", (ctx) => { disc(ctx, 13, 10, 3.4, colours.ink); disc(ctx, 13, 10, 1.9, colours.panel); }],
-  ["lost", (ctx) => { disc(ctx, 13, 10, 3.4, colours.ink); ring(ctx, 13, 10, 8, colours.alarm, 2.5); }],
+  ["person", mark(SEEN)], ["hidden", mark(HIDDEN)], ["outside every view", mark(OUT)],
+  ["lost", mark(SEEN, colours.lost)], ["not found yet", mark(SEEN, colours.not_found_yet)],
   ["track, 95 %", (ctx) => { ctx.strokeStyle = colours.vermillion; ctx.lineWidth = 2; ctx.beginPath(); ctx.ellipse(13, 10, 11, 7, 0, 0, 7); ctx.stroke(); }],
   ["view of a UAV", (ctx) => { ctx.strokeStyle = colours.blue; ctx.lineWidth = 2; ctx.strokeRect(5, 3, 16, 14); }],
   ["intent", (ctx) => { ctx.setLineDash([2, 4]); ctx.strokeStyle = colours.blue; ctx.lineWidth = 2.5; stroke(ctx, [[2, 10], [18, 10]]); ctx.setLineDash([]); ring(ctx, 21, 10, 3.5, colours.blue, 2); }],
 ]);
+const distinct = fleet <= colours.uavs.length;
 legend("chart-legend", [
-  ...data.uavs[0].slice(0, colours.uavs.length).map((_, i) => [`seen by UAV ${i}`, box(uavColour(i))]),
-  ["shown, not detected", box(colours.detection)], ["hidden by a tree", box(colours.canopy)],
-  ["out of view", box(colours.line)],
-  ["held", (ctx) => { ctx.strokeStyle = colours.ink; ctx.lineWidth = 1.5; stroke(ctx, [[2, 10], [24, 10]]); }],
-  ["lost", (ctx) => { ctx.fillStyle = colours.alarm; ctx.fillRect(2, 8, 22, 4); }],
+  ...(distinct ? data.uavs[0].map((_, i) => [`seen by UAV ${i}`, box(uavColour(i))])
+    : [["seen: lanes are UAVs, the first on top", box(uavColour(0))]]),
+  ["shown, not detected", box(pale(uavColour(0)))], ["hidden", box(colours.hidden)],
+  ["out of view", (ctx) => { ctx.fillStyle = colours.out_of_view; ctx.fillRect(2, 8, 22, 3); }],
+  ["held by all", box(colours.held)], ["held by some", box(colours.held_by_some)],
+  ["lost", box(colours.lost)], ["not found yet", box(colours.not_found_yet)],
+  ...(has("false track") ? [["false track", box(colours.false)]] : []),
+  ...(has("duplicate track") ? [["duplicate track", box(pale(colours.false))]] : []),
+  ["track switched", (ctx) => diamond(ctx, 13, 10)],
 ]);
 fillChoices();
 bindMap();

@@ -1,4 +1,4 @@
-"""`mission.html`: a mission on one page that needs nothing else, for people who were not there."""
+"""`mission.html`: a mission on one page that needs nothing else."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ from sim.drawing.video import HEIGHT, WIDTH, parts_of
 from sim.evaluation.summary import titled
 from sim.recording.atomic_files import whole
 from sim.recording.recording import Recording
+from sim.replay.event import INCIDENTS, UNHELD, UNMATCHED, Event
+from sim.replay.events import events_of
 from sim.replay.history import History
 from sim.replay.page.data import css, page_data
-from sim.replay.page.events import Event, incidents, losses
 from sim.scenario.errors import InputError
 from sim.scenario.scenario import Scenario
 
@@ -52,21 +53,23 @@ def page(recording: Recording, scenario: Scenario, *, video: bytes | Path | None
     if film is not None:
         _check(film, recording)
     history = History.of(recording, scenario)
-    data = page_data(recording, scenario, history, None if film is None else parts_of(scenario))
+    events = events_of(recording, scenario, history)
+    data = page_data(recording, scenario, history, events, None if film is None else parts_of(scenario))
     data["colours"]["soft"] = css(SOFT)
-    lost, happened = losses(recording, history), incidents(recording, history)
+    lost = [event for event in events if event.kind in (*UNHELD, *UNMATCHED)]
+    incidents = [event for event in events if event.kind in INCIDENTS]
     style, script = _style(), _script()
     policy = f"default-src 'none'; img-src data:; media-src data:; style-src {_hash(style)}; script-src {_hash(script)}"
     return Template(_asset("page.html")).substitute(
         policy=policy,
         title=escape(titled(recording)),
-        warnings=_warnings(recording, scenario, [event for event in happened if event.fault]),
+        warnings=_warnings(recording, scenario, [event for event in incidents if event.kind == "fault"]),
         facts="\n".join(f"<div><dt>{escape(n)}</dt><dd>{escape(v)}</dd></div>" for n, v in _facts(recording, scenario)),
         film="" if film is None else _film(film),
         lost=len(lost),
         losses=_listed("losses", lost, recording, place),
-        count=len(happened),
-        incidents=_listed("incidents", happened, recording, place),
+        count=len(incidents),
+        incidents=_listed("incidents", incidents, recording, place),
         data=_json(data),
         style=style,
         script=script,
@@ -125,8 +128,8 @@ def _film(film: bytes) -> str:
 
 
 def _warnings(recording: Recording, scenario: Scenario, faults: Sequence[Event]) -> str:
-    """What takes from the results' worth: what was not flown, and the first faults of planner and detector."""
-    lines = [f"{event.text}: {event.why}" for event in faults[:_SHOWN]]
+    """Lines on what the results lack: the part that was not flown, and the first faults of planner and detector."""
+    lines = [f"{event.text} {event.when}: {event.why}" for event in faults[:_SHOWN]]
     if len(faults) > _SHOWN:
         lines.append(f"{len(faults) - _SHOWN} more kinds of fault are listed below.")
     if recording.interrupted:
@@ -135,7 +138,7 @@ def _warnings(recording: Recording, scenario: Scenario, faults: Sequence[Event])
 
 
 def _facts(recording: Recording, scenario: Scenario) -> Iterable[tuple[str, str]]:
-    """What to know before looking: results first, then the setting."""
+    """Facts to know before looking: results first, then the setting."""
     errors = recording.ospa[:, :, 0][recording.working]
     yield "OSPA under 1 m", f"{100 * np.mean(errors < 1.0):.1f} %"
     yield "OSPA mean", f"{np.mean(errors):.2f} m"
@@ -169,7 +172,7 @@ def _item(event: Event, recording: Recording, place: str) -> str:
     more = f"<details><summary>Look closer</summary>{commands}</details>" if commands else ""
     return (
         f'<li data-first="{event.first}" data-last="{event.last}"{person}>'
-        f'<button type="button">{escape(event.text)}</button>{why}{more}</li>'
+        f'<button type="button">{escape(f"{event.text} {event.when}")}</button>{why}{more}</li>'
     )
 
 
@@ -177,5 +180,5 @@ def _commands(event: Event, recording: Recording, place: str) -> Iterable[str]:
     time, folder = f"{recording.times[event.first]:.1f}", shlex.quote(place)
     if event.person is not None:
         yield f"understory explain {folder} --time {time} --target {event.person}"
-    if event.uav is not None and recording.working[event.first, event.uav]:
-        yield f"understory frames {folder} --uav {event.uav} --time {time}"
+    if event.uavs and recording.working[event.first, event.uavs[0]]:
+        yield f"understory frames {folder} --uav {event.uavs[0]} --time {time}"

@@ -1,8 +1,12 @@
 // The charts: the timeline of each person and OSPA over time, on one time axis with the slider.
 
-const GUTTER = 100, RIGHT = 14, LANE = 4;
+const GUTTER = 100, RIGHT = 14, BAR = 4;
 const people = data.people[0].length;
-const rowHeight = Math.max(10, Math.min(26, Math.round(260 / Math.max(people, 1))));
+const fleet = data.uavs[0].length;
+const has = (kind) => data.events.some((event) => event[0] === kind);
+const unmatched = has("false track") || has("duplicate track");
+const lane = Math.max(2, Math.min(10, Math.floor(260 / (Math.max(people, 1) * (fleet + 1)))));
+const rowHeight = fleet * lane + BAR + 8;
 const charts = { timeline: $("timeline"), ospa: $("ospa"), height: 125 };
 
 const plotWidth = () => charts.ospa.clientWidth - GUTTER - RIGHT;
@@ -12,7 +16,7 @@ const scanAt = (x) => clamp(Math.floor(((x - GUTTER) / plotWidth()) * scans));
 
 function sizeCharts() {
   const width = $("charts").clientWidth;
-  fit(charts.timeline, width, people ? people * rowHeight + 8 : 24);
+  fit(charts.timeline, width, Math.max(people * rowHeight, 16) + 8 + (unmatched ? BAR + 8 : 0));
   fit(charts.ospa, width, charts.height);
   const [from, to] = [xOf(0), xOf(scans - 1)];
   $("slider").style.left = `${from - 8}px`; // half a thumb
@@ -24,31 +28,62 @@ function sizeCharts() {
 function drawTimeline() {
   const ctx = charts.timeline.getContext("2d");
   ctx.clearRect(0, 0, charts.timeline.clientWidth, charts.timeline.clientHeight);
-  if (!people) write(ctx, "nobody is there", GUTTER, 12, colours.faint, "left");
+  if (!people) write(ctx, "no people", GUTTER, 12, colours.faint, "left");
   for (let m = 0; m < people; m++) {
     const top = 4 + m * rowHeight;
-    write(ctx, people > 12 ? String(m) : `person ${m}`, GUTTER - 8, top + rowHeight / 2 - 1, colours.ink, "right");
-    for (let k = 0; k < scans; k++) drawCell(ctx, k, m, top);
+    write(ctx, people > 12 ? String(m) : `person ${m}`, GUTTER - 8, top + rowHeight / 2 - 3, colours.ink, "right");
+    for (let i = 0; i < fleet; i++) drawLane(ctx, i, m, top + i * lane);
+    drawBar(ctx, m, top + fleet * lane + 1);
+  }
+  const last = 4 + Math.max(people, 1) * rowHeight;
+  if (unmatched) write(ctx, "no person", GUTTER - 8, last + BAR / 2, colours.ink, "right");
+  for (const [kind, first, until, person] of data.events) {
+    if (kind === "identity changed") diamond(ctx, xOf(first - 0.5), 4 + person * rowHeight + fleet * lane + 1 + BAR / 2);
+    else span(ctx, first, until, last, BAR, kind === "false track" ? colours.false : pale(colours.false));
   }
 }
 
-// One scan of one person: stripes of the UAVs that detect them, or what hides them; below, whether they are held.
-function drawCell(ctx, k, m, top) {
-  if (data.people[k][m] === null) return;
-  const [left, right] = [k, k + 1].map((edge) => snapped(xOf(edge - 0.5))); // else seams would show
-  const width = right - left;
-  const high = rowHeight - LANE - 3;
-  const told = data.codes[k].map((row) => row[m]);
-  const seen = told.flatMap((code, i) => (code === SEEN ? [uavColour(i)] : []));
-  const other = told.includes(MISSED) ? colours.detection : told.some((c) => c >= HIDDEN) ? colours.canopy : colours.line;
-  const stripes = seen.length ? seen : [other];
-  stripes.forEach((colour, s) => {
-    ctx.fillStyle = colour;
-    ctx.fillRect(left, top + (s * high) / stripes.length, width, high / stripes.length);
+// Fills what stands for some scans, both included.
+function span(ctx, first, until, top, high, colour) {
+  const [left, right] = [first - 0.5, until + 0.5].map((edge) => snapped(xOf(edge))); // else seams would show
+  ctx.fillStyle = colour;
+  ctx.fillRect(left, top, right - left, high);
+}
+
+// Calls `draw` for each stretch of scans with one value.
+function stretches(of, draw) {
+  for (let first = 0, k = 1; k <= scans; k++) {
+    if (k < scans && of(k) === of(first)) continue;
+    draw(first, k - 1, of(first));
+    first = k;
+  }
+}
+
+// The states of one person to one camera: nothing while the person is absent or the UAV has broken down.
+function drawLane(ctx, i, m, top) {
+  const code = (k) => (data.people[k][m] === null || !data.works[k][i] ? -1 : Math.min(data.codes[k][i][m], HIDDEN));
+  const shades = { [MISSED]: pale(uavColour(i)), [SEEN]: uavColour(i), [HIDDEN]: colours.hidden };
+  stretches(code, (first, until, value) => {
+    if (value === OUT) span(ctx, first, until, top + lane / 3, lane / 3, colours.out_of_view);
+    else if (value > 0) span(ctx, first, until, top, Math.max(lane - 0.5, 1.5), shades[value]);
   });
-  ctx.fillStyle = lost(k, m) ? colours.alarm : colours.ink;
-  if (lost(k, m)) ctx.fillRect(left, top + high, width, LANE);
-  else ctx.fillRect(left, top + high + LANE / 2 - 0.75, width, 1.5);
+}
+
+// The states of one person to all tracks.
+function drawBar(ctx, m, top) {
+  const shades = { [NOT_FOUND]: colours.not_found_yet, [LOST]: colours.lost, [SOME]: colours.held_by_some, [HELD]: colours.held };
+  stretches((k) => data.holds[k][m], (first, until, value) => value && span(ctx, first, until, top, BAR, shades[value]));
+}
+
+function diamond(ctx, x, y) {
+  ctx.beginPath();
+  for (const [dx, dy] of [[0, -5], [5, 0], [0, 5], [-5, 0]]) ctx.lineTo(x + dx, y + dy);
+  ctx.closePath();
+  ctx.fillStyle = colours.orange;
+  ctx.fill();
+  ctx.strokeStyle = colours.ink;
+  ctx.lineWidth = 1;
+  ctx.stroke();
 }
 
 function drawOspa() {

@@ -2,13 +2,18 @@
 
 const $ = (id) => document.getElementById(id);
 const data = JSON.parse($("data").textContent);
-const OUT = 0, MISSED = 1, SEEN = 2, HIDDEN = 3; // see page_data.py
+const OUT = 0, MISSED = 1, SEEN = 2, HIDDEN = 3; // of a person to a camera; see data.py
+const NOT_FOUND = 1, LOST = 2, SOME = 3, HELD = 4; // of a person to all tracks, see history.py
 const colours = data.colours;
 const scans = data.times.length;
 const state = { k: 0, playing: false, speed: 1, who: "", follow: "", person: null };
 
 const clamp = (k) => Math.max(0, Math.min(scans - 1, k));
 const uavColour = (i) => colours.uavs[i % colours.uavs.length];
+const pale = (colour) => { // as in the timeline of a run, on the panel
+  const [a, b] = [colour, colours.panel].map((c) => [1, 3, 5].map((i) => parseInt(c.slice(i, i + 2), 16)));
+  return `rgb(${a.map((v, i) => Math.round(0.45 * v + 0.55 * b[i])).join(" ")})`;
+};
 const trackColour = (n) => colours.tracks[n % colours.tracks.length];
 
 // Gives a canvas its size in CSS pixels and as many pixels as the screen has.
@@ -41,8 +46,10 @@ function ring(ctx, x, y, radius, colour, width) {
   ctx.stroke();
 }
 
+const FONT = '600 13px system-ui, "DejaVu Sans", sans-serif';
+
 function write(ctx, text, x, y, colour, align) {
-  ctx.font = '600 13px system-ui, "DejaVu Sans", sans-serif';
+  ctx.font = FONT;
   ctx.textAlign = align;
   ctx.textBaseline = "middle";
   ctx.lineJoin = "round";
@@ -53,33 +60,53 @@ function write(ctx, text, x, y, colour, align) {
   ctx.fillText(text, x, y);
 }
 
+// Names beside marks: noted while the marks are drawn, written when all are, where they cover least.
+const names = { marks: [], wanted: [] };
+const SIDES = [[0, 1], [0, -1], [1, 0], [-1, 0], [1, -1], [1, 1], [-1, -1], [-1, 1]];
+
+function reserve(x, y, reach) {
+  names.marks.push([x - reach, y - reach, x + reach, y + reach]);
+}
+
+function want(text, x, y, colour, gap) {
+  names.wanted.push({ text, x, y, colour, gap });
+}
+
+function writeNames(ctx) {
+  const taken = names.marks;
+  const overlap = (a, b) =>
+    Math.max(0, Math.min(a[2], b[2]) - Math.max(a[0], b[0])) * Math.max(0, Math.min(a[3], b[3]) - Math.max(a[1], b[1]));
+  ctx.font = FONT;
+  for (const { text, x, y, colour, gap } of names.wanted) {
+    const [w, h] = [ctx.measureText(text).width / 2, 8];
+    const boxes = SIDES.flatMap(([dx, dy]) => [gap, gap + 16].map((away) => {
+      const [u, v] = [x + dx * (away + w), y + dy * (away + h)];
+      return { away, box: [u - w, v - h, u + w, v + h] };
+    }));
+    const cost = ({ away, box }) => away + taken.reduce((sum, other) => sum + overlap(box, other), 0);
+    const { box } = boxes.reduce((one, other) => (cost(other) < cost(one) ? other : one));
+    write(ctx, text, (box[0] + box[2]) / 2, (box[1] + box[3]) / 2, colour, "center");
+    taken.push(box);
+  }
+  names.marks = [];
+  names.wanted = [];
+}
+
 // Words for lists: "UAV 0", "UAVs 0, 1 and 2".
 function uavs(numbers) {
   const most = numbers.slice(0, -1).join(", ");
   return `UAV${numbers.length > 1 ? "s" : ""} ${most ? `${most} and ` : ""}${numbers[numbers.length - 1]}`;
 }
 
-// What the cameras make of a person at a scan, in words.
-function views(k, m) {
-  if (data.people[k][m] === null) return "not there";
-  const told = data.codes[k].map((row) => row[m]);
-  const among = (test) => told.flatMap((code, i) => (test(code) ? [i] : []));
-  const [seen, missed, hidden] = [among((c) => c === SEEN), among((c) => c === MISSED), among((c) => c >= HIDDEN)];
-  if (seen.length) return `seen by ${uavs(seen)}`;
-  if (missed.length) return `shown to ${uavs(missed)}, not detected`;
-  if (!hidden.length) return "outside every view";
-  const from = (code) => uavs(hidden.filter((i) => told[i] === code));
-  const by = (code) => (code > HIDDEN ? `tree ${code - HIDDEN - 1}` : "somebody");
-  const all = [...new Set(hidden.map((i) => told[i]))];
-  return `hidden ${all.map((code) => `by ${by(code)} from ${from(code)}`).join(", ")}`;
-}
+// The state of a person to the cameras at a scan, in words.
+const views = (k, m) => data.texts[data.told[m][k]] || "not there";
 
-// Who holds a person at a scan, and as which track, in words.
+// The UAVs that hold a person at a scan, and their tracks, in words.
 function holders(k, m) {
   if (data.people[k][m] === null) return "";
   const byTrack = new Map();
   data.holders[k].forEach((row, i) => row[m] >= 0 && byTrack.set(row[m], [...(byTrack.get(row[m]) || []), i]));
-  if (!byTrack.size) return "nobody";
+  if (!byTrack.size) return data.holds[k][m] === LOST ? "lost" : "not found yet";
   const fleet = data.works[k].filter(Boolean).length;
   const whose = (holding) => (fleet > 1 && holding.length === fleet ? "all" : uavs(holding));
   return [...byTrack].map(([track, holding]) => `track ${track} of ${whose(holding)}`).join(", ");

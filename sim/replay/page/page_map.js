@@ -8,9 +8,8 @@ function believer(k) {
   return i >= 0 && data.works[k][i] ? i : -1;
 }
 
-function lost(k, m) {
-  return data.people[k][m] !== null && data.holders[k].every((row) => row[m] < 0);
-}
+const lost = (k, m) => data.holds[k][m] === LOST;
+const unfound = (k, m) => data.holds[k][m] === NOT_FOUND;
 
 function sizeMap() {
   const width = map.canvas.parentElement.clientWidth;
@@ -19,7 +18,7 @@ function sizeMap() {
   fit(map.canvas, width, height);
 }
 
-// Sets where metres go: the whole area, or 40 m round whom the map follows.
+// Sets where metres go: the whole area, or 40 m round the person or UAV that the map follows.
 function aim(width, height) {
   const [kind, index] = state.follow.split(" ");
   const at = kind === "person" ? data.people[state.k][index] : kind === "UAV" ? data.uavs[state.k][index] : null;
@@ -45,6 +44,7 @@ function drawMap() {
   const who = believer(k);
   if (who >= 0) for (const track of data.tracks[k][who]) drawTrack(ctx, track);
   data.people[k].forEach((at, m) => at && drawPerson(ctx, at, k, m));
+  writeNames(ctx);
 }
 
 function drawGround(ctx) {
@@ -126,9 +126,10 @@ function drawUav(ctx, [x, y], i, works, view) {
     ctx.lineWidth = 2.5;
     for (const way of [1, -1]) stroke(ctx, [[u - 13, v - 13 * way], [u + 13, v + 13 * way]]);
   }
-  if (!works) write(ctx, `UAV ${i}: broken down`, u + 18, v, colours.ink, "left");
-  else if (view) write(ctx, `UAV ${i}`, px(Math.min(view[0], view[6])), py(Math.max(view[5], view[7])) - 9, colour, "left");
-  else write(ctx, `UAV ${i}`, u, v - 19, colour, "center");
+  reserve(u, v, 8);
+  if (!works) want(`UAV ${i}: broken down`, u, v, colours.ink, 14);
+  else if (view) want(`UAV ${i}`, px(Math.min(view[0], view[6])), py(Math.max(view[5], view[7])), colour, 1);
+  else want(`UAV ${i}`, u, v, colour, 10);
 }
 
 function drawTrack(ctx, [number, x, y, a, b, turn]) {
@@ -145,20 +146,31 @@ function drawTrack(ctx, [number, x, y, a, b, turn]) {
       stroke(ctx, [[px(x) + 4 * p, py(y) + 4 * q], [px(x) + 7.5 * p, py(y) + 7.5 * q]]);
     }
   }
-  write(ctx, String(number), px(x) + 9, py(y) - 10, colour, "left");
+  reserve(px(x), py(y), 6);
+  want(String(number), px(x), py(y), colour, 8);
+}
+
+// A person that a frame shows is a full disc, one that something hides is hollow, one outside every view is grey.
+function personMark(ctx, u, v, turn, codes) {
+  const shown = codes.some((code) => code === SEEN || code === MISSED);
+  const hidden = !shown && codes.some((code) => code >= HIDDEN);
+  const ink = shown || hidden ? colours.ink : colours.faint;
+  ctx.strokeStyle = ink;
+  ctx.lineWidth = 2;
+  stroke(ctx, [[u, v], [u + 9 * Math.cos(turn), v - 9 * Math.sin(turn)]]);
+  disc(ctx, u, v, 3.4, ink);
+  if (hidden) disc(ctx, u, v, 1.9, colours.panel);
 }
 
 function drawPerson(ctx, [x, y], k, m) {
-  const [u, v, turn] = [px(x), py(y), data.headings[k][m]];
-  ctx.strokeStyle = colours.ink;
-  ctx.lineWidth = 2;
-  stroke(ctx, [[u, v], [u + 9 * Math.cos(turn), v - 9 * Math.sin(turn)]]);
-  disc(ctx, u, v, 3.4, colours.ink);
-  if (data.codes[k].every((row) => row[m] === OUT || row[m] >= HIDDEN)) disc(ctx, u, v, 1.9, colours.panel);
-  if (lost(k, m)) ring(ctx, u, v, 11, colours.alarm, 2.5);
+  const [u, v] = [px(x), py(y)];
+  personMark(ctx, u, v, data.headings[k][m], data.codes[k].map((row) => row[m]));
+  if (lost(k, m)) ring(ctx, u, v, 11, colours.lost, 2.5);
+  if (unfound(k, m)) ring(ctx, u, v, 11, colours.not_found_yet, 2.5);
   const name = data.people[k].length > 8 ? String(m) : `person ${m}`;
-  if (lost(k, m)) write(ctx, name, u, v + 20, colours.alarm, "center");
-  else if (state.person === m) write(ctx, name, u, v + 20, colours.ink, "center");
+  reserve(u, v, 10);
+  if (lost(k, m)) want(name, u, v, colours.lost, 12);
+  else if (unfound(k, m) || state.person === m) want(name, u, v, colours.ink, 12);
 }
 
 // What is nearest to a pixel of the map, in words; "" if nothing is near.

@@ -10,30 +10,38 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from sim.drawing.palette import (
-    ALARM,
     BLUE,
     FAINT,
-    INK,
+    HELD,
+    HELD_BY_SOME,
+    HIDDEN,
+    LOST,
+    NOT_FOUND_YET,
     ORANGE,
+    OUT_OF_VIEW,
+    PANEL,
     PURPLE,
     SKY,
     VERMILLION,
     Colour,
+    mixed,
     on_dark,
     track_colour,
     uav_colour,
 )
+from sim.evaluation.holding import HOLDS
 from sim.recording.recording import Recording
-from sim.replay.events import Event
+from sim.replay.event import UNMATCHED, Event
 from sim.replay.history import STATES, History
 from sim.replay.rerun.scene import gaps_at
 from tracking.numerics.compiled import Array
 
 _PEOPLE = (SKY, ORANGE, VERMILLION, PURPLE, BLUE)
-_STATES = dict(zip(STATES, (FAINT, (110, 110, 110), PURPLE, ORANGE, SKY), strict=True))
+_STATES = dict(zip(STATES, (FAINT, OUT_OF_VIEW, HIDDEN, mixed(BLUE, PANEL, 0.45), BLUE), strict=True))
+_HOLDS = dict(zip(HOLDS, (FAINT, NOT_FOUND_YET, LOST, HELD_BY_SOME, HELD), strict=True))
 _LEVELS = {
     **dict.fromkeys(("breakdown", "fault"), "ERROR"),
-    **dict.fromkeys(("contact", "link lost", "person lost", "identity changed"), "WARN"),
+    **dict.fromkeys(("contact", "link lost", "person lost", "identity changed", *UNMATCHED), "WARN"),
     **dict.fromkeys(("messages lost", "messages heard"), "DEBUG"),  # there may be hundreds
 }
 
@@ -119,20 +127,20 @@ def _log(stream: rr.RecordingStream, series: Series, times: Array, scans: NDArra
 
 
 def log_states(stream: rr.RecordingStream, history: History) -> None:
-    """Log when cameras saw, missed or did not see each person, and which were held by nobody."""
-    shown = rr.StateConfiguration(values=list(_STATES), labels=list(_STATES), colors=list(_STATES.values()))
-    lost = rr.StateConfiguration(values=["held", "lost"], labels=["held", "lost"], colors=[INK, ALARM])
+    """Log the states of each person to the cameras and to the tracks."""
     for m in range(history.present.shape[1]):
-        states = np.array(STATES)[history.states[:, m]]
-        held = np.where(history.present[:, m], np.where(history.held[:, m] > 0, "held", "lost"), "")
-        for name, values, configuration in (("cameras", states, shown), ("tracks", held, lost)):
+        for name, values, colours in (
+            ("cameras", np.array(STATES)[history.states[:, m]], _STATES),
+            ("tracks", np.array(HOLDS)[history.hold_states[:, m]], _HOLDS),
+        ):
             path = f"people/{m}/{name}"
             changes = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
             indexes = [
                 rr.TimeColumn("time", duration=history.times[changes]),
                 rr.TimeColumn("scan", sequence=changes),
             ]
-            stream.log(path, configuration, static=True)
+            shown = rr.StateConfiguration(values=list(colours), labels=list(colours), colors=list(colours.values()))
+            stream.log(path, shown, static=True)
             stream.send_columns(path, indexes=indexes, columns=rr.StateChange.columns(state=values[changes].tolist()))
 
 
@@ -142,4 +150,4 @@ def log_events(stream: rr.RecordingStream, recording: Recording, events: Sequenc
         k = min(int(np.searchsorted(recording.times, event.time - 1e-9)), len(recording.times) - 1)
         stream.set_time("time", duration=event.time)
         stream.set_time("scan", sequence=k)
-        stream.log("events", rr.TextLog(f"{event.time:.1f} s: {event.text}", level=_LEVELS.get(event.kind, "INFO")))
+        stream.log("events", rr.TextLog(f"{event.time:.1f} s: {event.sentence}", level=_LEVELS.get(event.kind, "INFO")))

@@ -11,12 +11,15 @@ from helpers import synthetic
 from sim.drawing.layout import Box, arrange
 from sim.drawing.lettering import Style, width, write
 from sim.drawing.map_view import MARGIN, MapView
-from sim.drawing.palette import PANEL, track_colour, uav_colour
+from sim.drawing.palette import FAINT, INK, LOST, NOT_FOUND_YET, PANEL, track_colour, uav_colour
 from sim.drawing.video import HEIGHT, WIDTH, Film, Video
+from sim.evaluation.holding import HOLDS
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import Track
+
+RINGS = {"lost": LOST, "not found yet": NOT_FOUND_YET}
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +58,7 @@ def empty(snapshot, **changes):
 
 
 def changed_near(image, before, x, y, reach):
-    """Whether something changed, and only within `reach` pixels of (x, y)."""
+    """True if something changed, and only within `reach` pixels of (x, y)."""
     rows, columns = np.nonzero(np.any(image != before, axis=2))
     assert len(rows) > 0
     return max(abs(rows + 0.5 - y).max(), abs(columns + 0.5 - x).max()) <= reach
@@ -146,6 +149,56 @@ def test_people_tracks_and_uavs_stand_where_they_are():
     np.testing.assert_array_equal(image[round(y - 0.5), round(x - 0.5)], uav_colour(0))
     edge = image[round(y - 0.5 + 10 * scale), round(x + 20)]
     assert np.abs(edge.astype(int) - uav_colour(0)).max() < 60
+
+
+def test_people_are_marked_as_seen_hidden_out_of_view_and_lost():
+    setting, size = synthetic.scenario(uavs=1), (790, 540)
+    scale, place = 540 / (100 + 2 * MARGIN), np.array([[10.0, 5.0]])
+    base = empty(next(synthetic.snapshots(setting, Forest(()), 1)))
+    x, y = round(395 + 10 * scale - 0.5), round(270 - 5 * scale - 0.5)
+
+    def centre(visible, above, hold):
+        pose = Pose.level(*above, 17.32)
+        image = np.zeros((size[1], size[0], 3), dtype=np.uint8)
+        there = {"people": place, "headings": np.zeros(1), "visible": np.array([[visible]])}
+        snapshot = dataclasses.replace(base, poses=[pose], cameras=[pose], **there)
+        MapView(setting, Forest(()), size).draw(image, snapshot, np.array([HOLDS.index(hold)]))
+        ring = image[y - 12 : y + 13, x - 12 : x + 13].reshape(-1, 3)
+        return image[y, x].astype(int), {name for name, c in RINGS.items() if np.any(np.all(ring == c, axis=1))}
+
+    for visible, above, hold, colour in (
+        (5, (15.0, 5.0), "held", INK),
+        (0, (15.0, 5.0), "lost", PANEL),
+        (0, (60.0, 5.0), "not found yet", FAINT),
+    ):
+        found, rings = centre(visible, above, hold)
+        assert np.abs(found - colour).max() < 60
+        assert rings == {hold} & set(RINGS)
+
+
+def test_no_name_covers_a_person():
+    setting, size = synthetic.scenario(uavs=1), (790, 540)
+    scale = 540 / (100 + 2 * MARGIN)
+    base = empty(next(synthetic.snapshots(setting, Forest(()), 1)))
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        people = rng.uniform(-9, 9, (8, 2))
+        tracks = [
+            (
+                tuple(
+                    Track(i, Gaussian(np.array([*p, 0, 0]), np.eye(4)))
+                    for i, p in enumerate(people + np.array([2.0, 1.0]))
+                )
+            )
+        ]
+        pose = Pose.level(0, 0, 17.32)
+        there = {"people": people, "headings": np.zeros(8), "visible": np.ones((1, 8), int), "tracks": tracks}
+        image = np.zeros((size[1], size[0], 3), dtype=np.uint8)
+        snapshot = dataclasses.replace(base, poses=[pose], cameras=[pose], **there)
+        MapView(setting, Forest(()), size).draw(image, snapshot, np.full(8, HOLDS.index("lost")))
+        for place in people:
+            x, y = round(395 + place[0] * scale - 0.5), round(270 - place[1] * scale - 0.5)
+            assert np.abs(image[y, x].astype(int) - INK).max() < 60
 
 
 def test_trees_are_discs_of_the_canopys_size():

@@ -1,4 +1,4 @@
-"""What happened in a mission, told from its recording: against events made by hand, and a mission's own links."""
+"""Events of a mission: against events made by hand, and a mission's own links."""
 
 import json
 import math
@@ -11,7 +11,9 @@ from helpers import synthetic
 
 from sim.mission.mission import Mission, Trial
 from sim.recording.recording import Recorder
-from sim.replay.events import KINDS, events_of
+from sim.replay.event import KINDS
+from sim.replay.events import events_of
+from sim.replay.history import History
 from sim.replay.links import links_of
 from sim.scenario.loading import load
 from sim.scenario.network import Cut, Network
@@ -40,7 +42,7 @@ def recorded(tracks, setting=SETTING, **changes):
 
 
 def told(recording, setting=SETTING, without=("link lost", "link restored")):
-    return [(round(e.time, 6), e.kind, e.text) for e in events_of(recording, setting) if e.kind not in without]
+    return [(round(e.time, 6), e.kind, e.sentence) for e in events_of(recording, setting) if e.kind not in without]
 
 
 def test_tracks_are_born_taken_up_dropped_and_deleted_under_their_numbers():
@@ -48,7 +50,7 @@ def test_tracks_are_born_taken_up_dropped_and_deleted_under_their_numbers():
     found = told(recorded([(one, none), (one, one), (none, one), (none, none)]))
     assert [e for e in found if e[1].startswith("track")] == [
         (0.0, "track born", "track 0 born and confirmed by UAV 0"),
-        (0.0, "track born", "track 1 born and confirmed by UAV 0, 1"),
+        (0.0, "track born", "track 1 born and confirmed by UAVs 0 and 1"),
         (0.2, "track taken up", "track 0 taken up by UAV 1"),
         (0.4, "track dropped", "track 0 dropped by UAV 0"),
         (0.6, "track deleted", "track 0 deleted by UAV 1"),
@@ -59,10 +61,42 @@ def test_losses_say_where_the_track_is_and_finds_how_long_it_took():
     on, off, gone = held((7, 0.0), (9, 20.0)), held((7, 3.0), (9, 20.0)), held((9, 20.0))
     recording = recorded([(on, on), (on, off), (off, off), (gone, gone), (on, gone)])
     recording = replace(recording, matched=np.zeros_like(recording.matched), visible=np.zeros_like(recording.visible))
-    found = [e for e in told(recording) if e[1].startswith("person")]
-    assert [(time, kind) for time, kind, _ in found] == [(0.4, "person lost"), (0.8, "person found")]
-    assert found[0][2].startswith("person 0 lost by all UAVs: ") and found[0][2].endswith("; track 0 is 3.0 m off")
-    assert found[1][2] == "person 0 found again by UAV 0 after 0.4 s"
+    lost, found = [e for e in events_of(recording, SETTING) if e.kind.startswith("person")]
+    assert (lost.kind, lost.text, lost.when, lost.person) == ("person lost", "person 0 lost", "0.4 to 0.6 s", 0)
+    assert lost.why.endswith("; track 0 is 3.0 m off")
+    assert found.text == "person 0 found again by UAV 0 after 0.4 s" and (found.first, found.uavs) == (4, (0,))
+
+
+def test_causes_of_a_loss_are_told_in_order_of_time():
+    on, off = held((7, 0.0), (9, 20.0)), held((9, 20.0))
+    recording = recorded([(on, on)] + [(off, off)] * 5)
+    history = History.of(recording, SETTING)
+    none = np.zeros(history.inside.shape, dtype=np.bool_)
+    parts = {name: none.copy() for name in ("inside", "shown", "detected")}
+    hidden_by = np.full(history.inside.shape, -1)
+    parts["inside"][1:4, 0, 0], hidden_by[1:4, 0, 0] = True, 31
+    parts["inside"][2:4, 1, 0], hidden_by[2:4, 1, 0] = True, 31
+    parts["shown"][4, 1, 0] = True
+    events = events_of(recording, SETTING, replace(history, hidden_by=hidden_by, **parts))
+    (lost,) = (e for e in events if e.kind == "person lost")
+    assert lost.why == (
+        "hidden by tree 31 from UAVs 0 and 1 (0.6 s); shown to UAV 1, not detected (0.2 s); "
+        "outside every view (0.2 s); track 0 is gone"
+    )
+    assert lost.when == "from 0.2 s to the end" and lost.uavs == (0,)
+
+
+def test_tracks_that_stand_for_no_person_are_told_as_false_or_duplicates():
+    plain, double = held((1, 0.0), (2, 20.0)), held((1, 0.0), (2, 20.0), (3, 0.5))
+    false, drifted = held((1, 0.0), (2, 20.0), (4, 50.0)), held((1, 5.0), (2, 20.0))
+    recording = recorded([(plain, plain), (double, plain), (double, double), (plain, false), (drifted, drifted)])
+    found = [e for e in events_of(recording, SETTING) if e.kind in ("false track", "duplicate track")]
+    assert [(e.kind, e.text, e.when, e.uavs, e.person) for e in found] == [
+        ("duplicate track", "track 2 is a second one of person 0", "0.2 to 0.4 s", (0, 1), 0),
+        ("false track", "track 3 stands for no person", "at 0.6 s", (1,), None),
+    ]
+    cost = recording.ospa[3, 1, 2]
+    assert found[1].why == f"held by UAV 1, 30.0 m from person 1; OSPA's cardinality part is up to {cost:.1f} m"
 
 
 def test_another_track_of_its_own_is_handed_over_and_that_of_another_is_swapped():
@@ -86,8 +120,8 @@ def test_breakdowns_faults_and_contacts_are_told_once():
     contacts = np.array([[1, 0, 1, 4], [3, 1, 4, 0]])
     recording = replace(recording, ospa=ospa, faults=json.dumps(faults), contacts=contacts)
     assert [e for e in told(recording, setting) if not e[1].startswith("person") and e[0]] == [
-        (0.2, "fault", "team: ValueError: no"),
-        (0.2, "contact", "UAV 0 touched canopy 4"),
+        (0.2, "fault", "fault of the team: ValueError: no"),
+        (0.2, "contact", "UAV 0 touched the canopy of tree 4"),
         (0.3, "breakdown", "UAV 1 broke down"),
         (0.6, "contact", "UAV 1 touched the ground"),
     ]
@@ -128,7 +162,7 @@ def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
     began = [e for e in events if e.kind == "messages lost"]
     first = next(k for k, now in enumerate(again) if (now.up & ~now.touch).any())
     i, j = np.argwhere(again[first].up & ~again[first].touch)[0]
-    assert began[0][::2] == (recording.times[first], f"UAV {i} hears nothing of UAV {j}")
+    assert (began[0].time, began[0].text) == (recording.times[first], f"UAV {i} hears nothing of UAV {j}")
     ended = [e for e in events if e.kind == "messages heard"]
     assert 0 < len(ended) <= len(began) <= silent
 

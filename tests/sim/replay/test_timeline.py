@@ -8,11 +8,13 @@ from helpers import synthetic
 from helpers.summaries import summary
 from matplotlib.collections import PolyCollection
 
-from sim.drawing.palette import ALARM, CANOPY, uav_colour
+from sim.drawing.palette import FALSE, HIDDEN, LOST, UAV_COLOURS, uav_colour
 from sim.drawing.plots import rgb
+from sim.evaluation.holding import HOLDS
 from sim.recording.recording import Recorder
-from sim.replay.episodes import BROKEN, HOLDS, Episode, episodes, holds, lanes, last_looks, switches
-from sim.replay.history import STATES, History
+from sim.replay.event import Event
+from sim.replay.events import events_of
+from sim.replay.history import BROKEN, STATES, Episode, History, episodes
 from sim.replay.timeline import timeline_figure
 from sim.scenario.scenario import resolved
 
@@ -26,7 +28,7 @@ def recorded(scans=21, **settings):
 
 
 def history(inside, shown, detected, tracks, **other):
-    """Of one person and UAVs whose every column is one row of text, a letter a scan: x for yes."""
+    """A history of one person; each UAV's column is one row of text, a letter a scan: x for yes."""
     tables = {name: np.array([[c == "x" for c in row] for row in rows]).T[:, :, None]
               for name, rows in (("inside", inside), ("shown", shown), ("detected", detected))}  # fmt: skip
     held = np.array(tracks).T[:, :, None]
@@ -46,7 +48,7 @@ def test_stretches_cover_all_scans():
     assert episodes(np.array([1, 1, 0, 2, 2])) == [Episode(0, 1, 1), Episode(2, 2, 0), Episode(3, 4, 2)]
 
 
-def test_lanes_bars_and_switches_are_those_counted_by_hand():
+def test_states_to_cameras_and_tracks_are_those_counted_by_hand():
     working = np.ones((6, 2), bool)
     working[4:, 1] = False
     present = np.array([[True]] * 5 + [[False]])
@@ -60,19 +62,18 @@ def test_lanes_bars_and_switches_are_those_counted_by_hand():
         present=present,
         looked=looked,
     )
-    names = [[STATES[s] if s != BROKEN else "broken" for s in lane] for lane in lanes(made)[:, :, 0].T]
+    names = [[STATES[s] if s != BROKEN else "broken" for s in lane] for lane in made.camera_states[:, :, 0].T]
     assert names[0] == ["out of view", "hidden", "missed", "seen", "out of view", "absent"]
     assert names[1] == ["seen", "seen", "hidden", "hidden", "broken", "broken"]  # no frames at odd scans
-    assert last_looks(made)[:, 1].tolist() == [0, 0, 2, 2, 4, 4]
-    held = [HOLDS[s] for s in holds(made)[:, 0]]
+    assert made.last_frames[:, 1].tolist() == [0, 0, 2, 2, 4, 4]
+    held = [HOLDS[s] for s in made.hold_states[:, 0]]
     assert held == ["not found yet", "held", "lost", "held by some", "lost", "absent"]
-    assert switches(made, 0) == [3]
 
 
-def test_who_holds_alone_holds_for_all_that_work():
+def test_a_uav_that_alone_works_holds_for_all():
     working = np.array([[True, True], [True, False], [False, False]])
     made = history(["---", "---"], ["---", "---"], ["---", "---"], [[1, 1, -1], [-1, -1, -1]], working=working)
-    assert [HOLDS[s] for s in holds(made)[:, 0]] == ["held by some", "held", "lost"]
+    assert [HOLDS[s] for s in made.hold_states[:, 0]] == ["held by some", "held", "lost"]
 
 
 def test_switches_are_those_that_the_summary_counts():
@@ -81,8 +82,8 @@ def test_switches_are_those_that_the_summary_counts():
     ids[recording.track_offsets[30] :] += 10
     switched = replace(recording, track_ids=ids)
     counted = sum(row["switches"] for row in summary(switched)["uavs"])
-    told = History.of(switched, scenario)
-    assert counted == 3 * sum(len(switches(told, m)) for m in range(4)) > 0
+    events = events_of(switched, scenario)
+    assert counted == sum(len(event.uavs) for event in events if event.kind == "identity changed") > 0
 
 
 def shades(figure):
@@ -93,34 +94,46 @@ def shades(figure):
     return [(tuple(face[:3]), edge) for face, edge in zip(boxes.get_facecolors(), edges, strict=True)]
 
 
-def test_the_figure_shows_each_stretch_where_and_when_it_was():
+def event(kind, first, last, **concerned):
+    return Event(kind, "", first, last, 0.2 * first, 0.2 * last, **concerned)
+
+
+def test_the_figure_shows_each_stretch_at_its_time():
     made = history(["--xx", "xx--"], ["----", "xx--"], ["----", "xx--"], [[1, -1, -1, 1], [1, -1, -1, 1]])
-    found = shades(timeline_figure(made, np.ones((4, 2, 3))))
+    events = [event("person lost", 1, 2, person=0), event("false track", 0, 2, track=3)]
+    found = shades(timeline_figure(made, np.ones((4, 2, 3)), events))
     spans = {colour: [edge[:2] for shade, edge in found if shade == pytest.approx(rgb(colour))]
-             for colour in (ALARM, CANOPY, uav_colour(0), uav_colour(1))}  # fmt: skip
-    assert spans[ALARM] == [pytest.approx((0.2, 0.6))]
-    assert spans[CANOPY] == [pytest.approx((0.4, 0.8))]
+             for colour in (LOST, HIDDEN, FALSE, uav_colour(0), uav_colour(1))}  # fmt: skip
+    assert spans[LOST] == [pytest.approx((0.2, 0.6))]
+    assert spans[HIDDEN] == [pytest.approx((0.4, 0.8))]
+    assert spans[FALSE] == [pytest.approx((0.0, 0.6))]
     assert spans[uav_colour(0)] == [] and spans[uav_colour(1)] == [pytest.approx((0.0, 0.4))]
 
 
-@pytest.mark.parametrize(("uavs", "people", "scans"), [(3, 20, 21), (8, 2, 6), (1, 0, 6), (2, 1, 1)])
+@pytest.mark.parametrize(("uavs", "people", "scans"), [(3, 20, 21), (5, 2, 6), (8, 2, 6), (1, 0, 6), (2, 1, 1)])
 def test_any_fleet_and_any_number_of_people_can_be_shown(uavs, people, scans):
     recording, scenario = recorded(scans, uavs=uavs, people=people)
     ospa = recording.ospa.copy()
     ospa[scans // 2 + 1 :, 0] = np.nan
     broken = replace(recording, ospa=ospa)
-    figure = timeline_figure(History.of(broken, scenario), ospa)
+    figure = timeline_figure(History.of(broken, scenario), ospa, events_of(broken, scenario))
     labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
-    assert labels == [f"person {m}" for m in range(people)]
+    assert labels[:people] == [f"person {m}" for m in range(people)] and set(labels[people:]) <= {"no person"}
     words = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert {"in the frame, hidden", "out of view", "lost", "track switched"} <= set(words)
+    assert {"in the frame, hidden", "out of view", "lost", "not found yet", "track switched"} <= set(words)
+    assert uavs > len(UAV_COLOURS) or {f"seen by UAV {i}" for i in range(uavs)} <= set(words)
     assert (scans > 1) == any("UAV 0 broke down" in text.get_text() for text in figure.axes[1].texts)
     figure.draw_without_rendering()
 
 
 def test_a_timeline_says_how_often_people_were_lost():
     calm = history(["xx"], ["xx"], ["xx"], [[1, 1]])
-    assert timeline_figure(calm, np.ones((2, 1, 3))).axes[0].get_title("left").endswith("100 % of the time, never lost")
+    assert (
+        timeline_figure(calm, np.ones((2, 1, 3)), ())
+        .axes[0]
+        .get_title("left")
+        .endswith("100 % of the time, never lost")
+    )
     lost = history(["x---"], ["x---"], ["x---"], [[1, -1, -1, 1]])
-    title = timeline_figure(lost, np.ones((4, 1, 3))).axes[0].get_title("left")
+    title = timeline_figure(lost, np.ones((4, 1, 3)), ()).axes[0].get_title("left")
     assert title == "People held 50 % of the time, lost once, longest: person 0 for 0.4 s from 0.2 s"

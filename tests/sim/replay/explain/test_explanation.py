@@ -1,4 +1,4 @@
-"""What is explained of a person: against geometry, the trackers' numbers, frames without trees, and later flight."""
+"""Explanations: against geometry, the trackers' numbers, frames without trees, and later flight."""
 
 import re
 from dataclasses import replace
@@ -12,12 +12,13 @@ from planning.planner import Plan
 from planning.registry import load_planner
 from sim.mission.mission import Mission
 from sim.recording.recording import Recorder
+from sim.replay.events import events_of
 from sim.replay.explain.association import Association
-from sim.replay.explain.explanation import explanation, told
-from sim.replay.explain.observation import Inquiry
-from sim.replay.explain.person import Account
+from sim.replay.explain.explanation import explanation, stretches
+from sim.replay.explain.observation import Observer
+from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
-from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, OUTSIDE, outlook
+from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, OUTSIDE, planned_visibility
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.history import History
 from sim.scenario.loading import load
@@ -36,11 +37,11 @@ def flown(*overrides, planner=None, seed=3, seconds=8):
 
 @pytest.fixture(scope="module")
 def mission():
-    """A recording, its scenario, its history and an inquiry."""
+    """A recording, its scenario, its history and an observer."""
     alarms = ("sensing.false_alarms=3", "sensing.miss_probability=0.2", "tracking.clutter_density=1e-3")
     recording, scenario = flown("trees.density=60", *alarms)
-    with Inquiry(recording, scenario) as inquiry:
-        yield recording, scenario, History.of(recording, scenario), inquiry
+    with Observer(recording, scenario) as observer:
+        yield recording, scenario, History.of(recording, scenario), observer
 
 
 def cases(recording):
@@ -48,15 +49,15 @@ def cases(recording):
 
 
 @pytest.fixture(scope="module")
-def accounts(mission):
-    recording, _, history, inquiry = mission
-    return [Account.of(inquiry, history, k, m) for k, m in cases(recording)]
+def all_facts(mission):
+    recording, _, history, observer = mission
+    return [PersonFacts.of(observer, history, k, m) for k, m in cases(recording)]
 
 
-def test_the_whole_of_a_person_is_what_a_forest_without_trees_shows(accounts):
+def test_the_whole_of_a_person_is_what_a_forest_without_trees_shows(all_facts):
     hidden = clear = 0
-    for account in accounts:
-        for w in account.witnesses:
+    for facts in all_facts:
+        for w in facts.observations:
             assert (w.whole is None) == (not w.sighting.inside and not w.sighting.pixels)
             if w.whole is None:
                 continue
@@ -66,26 +67,26 @@ def test_the_whole_of_a_person_is_what_a_forest_without_trees_shows(accounts):
             assert w.whole > 0 or w.sighting.pixels == 0
     assert hidden > 10 and clear >= 10
     bare, scenario = flown("trees.density=0", seconds=1)
-    with Inquiry(bare, scenario) as inquiry:
-        shown = [(inquiry.witness(k, i, m).whole or 0, bare.visible[k, i, m])
+    with Observer(bare, scenario) as observer:
+        shown = [(observer.observe(k, i, m).whole or 0, bare.visible[k, i, m])
                  for k, i, m in np.ndindex(*bare.visible.shape)]  # fmt: skip
     assert all(whole == pixels for whole, pixels in shown) and max(shown)[0] > 5
 
 
-def test_detections_are_found_where_they_were_with_the_error_that_they_had(mission, accounts):
+def test_detections_are_found_where_they_were_with_the_error_that_they_had(mission, all_facts):
     recording, count = mission[0], 0
-    for account in accounts:
-        for w in account.witnesses:
-            assert (w.found is not None) == recording.matched[account.k, w.uav, account.person]
+    for facts in all_facts:
+        for w in facts.observations:
+            assert (w.found is not None) == recording.matched[facts.k, w.uav, facts.person]
             if w.found is None:
                 continue
-            scan = recording.scan_at(account.k, w.uav)
-            off = scan.measurements[w.found.measurement] - account.place
+            scan = recording.scan_at(facts.k, w.uav)
+            off = scan.measurements[w.found.measurement] - facts.place
             R = scan.covariances[w.found.measurement]
             assert w.found.error == pytest.approx(np.hypot(*off)) and w.found.error < 3.0
             assert w.found.sigmas == pytest.approx(np.sqrt(off @ np.linalg.inv(R) @ off))
-            np.testing.assert_array_equal(w.found.pixel, recording.pixels_at(account.k, w.uav)[w.found.measurement])
-            assert w.owners[w.found.measurement] == account.person
+            np.testing.assert_array_equal(w.found.pixel, recording.pixels_at(facts.k, w.uav)[w.found.measurement])
+            assert w.owners[w.found.measurement] == facts.person
             count += 1
     assert count > 15
 
@@ -101,9 +102,9 @@ def test_who_was_matched_is_whose_detection_it_is():
 def test_in_ideal_sensing_a_measurement_is_the_nearest_persons():
     recording, scenario = flown("sensing.mode=ideal", "sensing.false_alarms=2", seconds=2)
     count = 0
-    with Inquiry(recording, scenario) as inquiry:
+    with Observer(recording, scenario) as observer:
         for k, i, m in np.argwhere(recording.matched).tolist():
-            w = inquiry.witness(k, i, m)
+            w = observer.observe(k, i, m)
             gaps = np.hypot(*(w.measurements - recording.people[k, m]).T)
             assert w.whole is None and w.found.pixel is None
             assert w.found.error == pytest.approx(gaps.min())
@@ -111,12 +112,12 @@ def test_in_ideal_sensing_a_measurement_is_the_nearest_persons():
     assert count > 5
 
 
-def test_weights_and_views_are_those_of_the_association(mission, accounts):
+def test_weights_and_views_are_those_of_the_association(mission, all_facts):
     recording, scenario = mission[:2]
     shared = 0
-    for account in accounts:
-        for w in account.witnesses:
-            made = Association.of(recording, scenario, account.k, w.uav)
+    for facts in all_facts:
+        for w in facts.observations:
+            made = Association.of(recording, scenario, facts.k, w.uav)
             assert len(w.weights) == np.count_nonzero(made.gated)
             for weight in w.weights:
                 t = made.numbers.tolist().index(weight.track)
@@ -127,12 +128,12 @@ def test_weights_and_views_are_those_of_the_association(mission, accounts):
     assert shared > 0
 
 
-def test_the_track_is_the_one_that_stands_for_the_person_or_did_last(mission, accounts):
+def test_the_track_is_the_one_that_stands_for_the_person_or_did_last(mission, all_facts):
     recording, _, history, _ = mission
     order = list(dict.fromkeys(recording.track_ids.tolist()))
     lost = 0
-    for account in accounts:
-        k, m, holder = account.k, account.person, account.holder
+    for facts in all_facts:
+        k, m, holder = facts.k, facts.person, facts.holder
         held = [(j, t) for j in range(k + 1) for t in history.tracks[j, :, m].tolist() if t >= 0]
         last = held[-1][0]
         assert order[holder.number] in {t for j, t in held if j == last}
@@ -144,8 +145,8 @@ def test_the_track_is_the_one_that_stands_for_the_person_or_did_last(mission, ac
         lost += last < k
         uav = holder.holds[0] if holder.holds else 0
         (track,) = (t for t in recording.tracks_at(k, uav) if t.id == order[holder.number])
-        off, P = track.belief.mean[:2] - account.place, track.belief.covariance[:2, :2]
-        assert holder.error(account.place) == pytest.approx((np.hypot(*off), off @ np.linalg.inv(P) @ off))
+        off, P = track.belief.mean[:2] - facts.place, track.belief.covariance[:2, :2]
+        assert holder.error(facts.place) == pytest.approx((np.hypot(*off), off @ np.linalg.inv(P) @ off))
         assert np.prod(holder.axes) ** 2 == pytest.approx(np.linalg.det(P)) and holder.axes[0] >= holder.axes[1]
     assert lost > 2
 
@@ -167,7 +168,7 @@ def test_what_a_plan_has_in_store_is_what_comes_when_it_is_flown(delay):
     scans, uavs, people = history.inside.shape
     kinds = set()
     for k, i, m in ((k, i, m) for k in range(0, scans, 3) for i in range(uavs) for m in range(people)):
-        look = outlook(recording, scenario, k, i, m, None)
+        look = planned_visibility(recording, scenario, k, i, m, None)
         if recording.times[k] < delay:
             assert look is None
             continue
@@ -187,23 +188,23 @@ def test_a_track_is_in_store_where_its_velocity_takes_it():
     options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=0")
     recording, scenario = flown(*options, planner=Straight(), seconds=1)
     below = np.concatenate([recording.poses[2, 0, :2], Straight.controls[0]])
-    look = outlook(recording, scenario, 2, 0, 0, Gaussian(below, np.eye(4)))
+    look = planned_visibility(recording, scenario, 2, 0, 0, Gaussian(below, np.eye(4)))
     assert look.track.tolist() == [IN_VIEW] * 23  # of 5 s from 0 on, 0.4 s have gone
-    other = outlook(recording, scenario, 2, 0, 0, Gaussian(below * [1, 1, -1, -1], np.eye(4)))
+    other = planned_visibility(recording, scenario, 2, 0, 0, Gaussian(below * [1, 1, -1, -1], np.eye(4)))
     # They part by 1.2 m east and west a scan; at the height of a person half the view is 9.5 m.
     assert other.track.tolist() == [IN_VIEW] * 7 + [OUTSIDE] * 16
 
 
-def test_the_words_say_what_is_known(mission, accounts):
-    recording, _, history, _ = mission
-    seen = set()
-    for account in accounts:
-        groups = dict(explanation(account, recording))
-        heading = f"person {account.person} at {recording.times[account.k]:.1f} s"
+def test_the_words_say_what_is_known(mission, all_facts):
+    recording, scenario, history, _ = mission
+    seen, events = set(), events_of(recording, scenario)
+    for facts in all_facts:
+        groups = dict(explanation(facts, recording, events))
+        heading = f"person {facts.person} at {recording.times[facts.k]:.1f} s"
         assert list(groups)[:4] == [heading, "UAV 0", "UAV 1", "UAV 2"] and list(groups)[-1] == "intents"
         text = "\n".join(groups[heading])
-        assert ("held by UAV" in text) == (history.held[account.k, account.person] > 0) != ("lost since" in text)
-        for w in account.witnesses:
+        assert ("held by UAV" in text) == (history.held[facts.k, facts.person] > 0) != ("lost since" in text)
+        for w in facts.observations:
             text = "\n".join(groups[f"UAV {w.uav}"])
             trees = re.findall(r"^tree (\d+) stands", text, flags=re.M)
             assert [int(tree) for tree in trees] == list(w.sighting.hidden_by)
@@ -217,7 +218,7 @@ def test_the_words_say_what_is_known(mission, accounts):
 def test_a_missions_stretches_are_without_gaps_and_say_who_saw_the_person(mission):
     recording, _, history, _ = mission
     for m in range(4):
-        rows = told(history, m)
+        rows = stretches(history, m)
         assert rows[0][0] == 0.0 and rows[-1][1] == recording.times[-1]
         np.testing.assert_allclose([b[0] - a[1] for a, b in pairwise(rows)], 0.2)
         for first, last, held, seen in rows:
@@ -246,22 +247,22 @@ def test_pages_of_any_fleet_can_be_drawn(options):
     shown[4, :, 1] = matched[4, :, 1] = 0
     recording = replace(recording, people=gone, visible=shown, matched=matched)
     history = History.of(recording, scenario)
-    with Inquiry(recording, scenario) as inquiry:
+    with Observer(recording, scenario) as observer:
         for k, m in ((4, 1), (5, 3)):
-            account = Account.of(inquiry, history, k, m)
-            groups = explanation(account, recording)
+            facts = PersonFacts.of(observer, history, k, m)
+            groups = explanation(facts, recording, events_of(recording, observer.scenario))
             assert len(groups) == 1 if (k, m) == (4, 1) else len(groups) >= 5
-            page = draw_explanation(inquiry, account, groups)
+            page = draw_explanation(observer, facts, groups)
             assert page.shape[1] > 1000 and page.std() > 10
 
 
-def test_the_page_shows_the_frame_and_the_pixels_round_the_person(mission, accounts):
-    recording, _, _, inquiry = mission
-    account = next(a for a in accounts if any(w.found for w in a.witnesses))
-    page = draw_explanation(inquiry, account, explanation(account, recording))
-    first = min((w for w in account.witnesses if w.found), key=lambda w: w.away)
+def test_the_page_shows_the_frame_and_the_pixels_round_the_person(mission, all_facts):
+    recording, _, _, observer = mission
+    facts = next(a for a in all_facts if any(w.found for w in a.observations))
+    page = draw_explanation(observer, facts, explanation(facts, recording, ()))
+    first = min((w for w in facts.observations if w.found), key=lambda w: w.away)
     with Rerenderer(recording) as again:
-        image = again.image(account.k, first.uav)
+        image = again.image(facts.k, first.uav)
     inset = cv2.resize(image, None, fx=10, fy=10, interpolation=cv2.INTER_NEAREST)
     u, v = np.floor(first.found.pixel).astype(int)
     part = inset[10 * (v - 2) : 10 * (v + 3), 10 * (u - 2) : 10 * (u + 3)]
@@ -272,13 +273,13 @@ def test_the_page_shows_the_frame_and_the_pixels_round_the_person(mission, accou
 def test_a_camera_without_limits_has_in_view_whom_it_measured():
     recording, scenario = flown("sensing.mode=ideal", "sensing.field_of_view=unlimited", seconds=1)
     far = 0
-    with Inquiry(recording, scenario) as inquiry:
+    with Observer(recording, scenario) as observer:
         for k, i, m in np.ndindex(*recording.matched.shape):
-            w = inquiry.witness(k, i, m)
+            w = observer.observe(k, i, m)
             assert w.sighting.status.startswith("in view" if recording.matched[k, i, m] else "hidden by tree")
             far += w.found is not None and w.away > scenario.uavs[i].footprint
-        page = Account.of(inquiry, History.of(recording, scenario), 0, 0)
-        assert draw_explanation(inquiry, page, explanation(page, recording)).std() > 10
+        page = PersonFacts.of(observer, History.of(recording, scenario), 0, 0)
+        assert draw_explanation(observer, page, explanation(page, recording, events_of(recording, scenario))).std() > 10
     assert far > 5
 
 
@@ -296,7 +297,7 @@ def test_between_the_frames_of_a_slow_camera_the_tree_of_the_last_hides():
         detected=no,
         tracks=np.full((4, 1, 1), 3),
     )
-    assert told(history, 0) == [(0.0, pytest.approx(0.6), "held", "hidden from UAV 0 by tree 7")]
+    assert stretches(history, 0) == [(0.0, pytest.approx(0.6), "held", "hidden by tree 7 from UAV 0")]
 
 
 def test_stretches_differ_from_those_before_them_in_words(mission):
@@ -305,21 +306,21 @@ def test_stretches_differ_from_those_before_them_in_words(mission):
     ospa[20:, 1] = np.nan  # UAV 1 breaks down
     history = History.of(replace(recording, ospa=ospa), scenario)
     for m in range(history.present.shape[1]):
-        stretches = told(history, m)
-        assert all(one[2:] != other[2:] for one, other in pairwise(stretches))
-        assert (stretches[0][0], stretches[-1][1]) == (history.times[0], history.times[-1])
+        rows = stretches(history, m)
+        assert all(one[2:] != other[2:] for one, other in pairwise(rows))
+        assert (rows[0][0], rows[-1][1]) == (history.times[0], history.times[-1])
 
 
 def test_a_lost_track_is_told_of_as_long_as_any_uav_has_it(mission):
-    recording, _, history, inquiry = mission
+    recording, _, history, observer = mission
     k, m = next((k, m) for k, m in np.argwhere((history.held == 0) & history.present).tolist()
                 if np.any(history.held[:k, m]))  # fmt: skip
-    whole = Account.of(inquiry, history, k, m).holder
+    whole = PersonFacts.of(observer, history, k, m).holder
     rows = np.flatnonzero(recording.track_ids_at(k, 0) == list(recording.track_numbers)[whole.number])
     assert whole.belief is not None and len(rows) == 1
     ids = recording.track_ids.copy()
     ids[recording.track_offsets[k * 3] + rows[0]] = ids.max() + 1  # UAV 0 has it under another name
     renamed = replace(recording, track_ids=ids)
-    with Inquiry(renamed, inquiry.scenario) as other:
-        holder = Account.of(other, history, k, m).holder
+    with Observer(renamed, observer.scenario) as other:
+        holder = PersonFacts.of(other, history, k, m).holder
     assert holder.belief is not None and holder.number == whole.number

@@ -23,10 +23,11 @@ from sim.drawing.video import Film, Video, parts_of
 from sim.mission.mission import Trial
 from sim.recording.fault_text import recorded
 from sim.recording.recording import Recorder
+from sim.replay.event import INCIDENTS
+from sim.replay.events import events_of
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import History
-from sim.replay.page.data import HIDDEN, MISSED, OUT, SEEN, codes, page_data
-from sim.replay.page.events import incidents, losses
+from sim.replay.page.data import HIDDEN, OUT, SEEN, codes, page_data
 from sim.replay.page.page import page, write_page
 from sim.running.run import run
 from sim.scenario.errors import InputError
@@ -136,6 +137,7 @@ def test_losses_are_those_made_and_commands_lead_to_them(mission, text):
     assert found == sorted(LOST, key=lambda loss: loss[1])
     words = [shown for _, shown in sheet.of("button") if "lost" in shown]
     assert words == ["person 2 lost 1.0 to 1.8 s", "person 1 lost at 1.6 s", "person 0 lost from 3.0 s to the end"]
+    assert "track 3 stands for no person 0.0 to 0.8 s" in [shown for _, shown in sheet.of("button")]
     known = get_command(app).commands
     lines = [shlex.split(shown) for _, shown in sheet.of("code")]
     assert {line[1] for line in lines} == {"explain", "frames"}
@@ -170,6 +172,14 @@ def test_the_data_are_those_of_the_recording(mission, text):
     assert data["film"]["tiles"] == [[b.x, b.y, b.width, b.height] for b in parts_of(setting).tiles.values()]
 
 
+def test_five_uavs_have_five_colours_and_people_states_of_their_own():
+    data = data_of(page(*flown(uavs=5)))
+    assert len(set(data["colours"]["uavs"][:5])) == 5
+    history = History.of(*flown(uavs=5))
+    assert data["holds"] == history.hold_states.tolist()
+    assert data["texts"][data["told"][0][0]].startswith("seen by UAV")
+
+
 def test_between_two_frames_of_a_slow_camera_the_first_counts(mission):
     history = History.of(*mission)
     looked = history.looked & (np.arange(21) % 5 == 0)[:, None]
@@ -185,29 +195,10 @@ def test_between_two_frames_of_a_slow_camera_the_first_counts(mission):
         np.testing.assert_array_equal(codes(slow)[k][:, there], expected[:, there])
 
 
-def test_causes_are_told_in_order_of_time(mission):
-    recording, _ = mission
-    history = History.of(*mission)
-    shape = history.inside.shape
-    none = np.zeros(shape, dtype=np.bool_)
-    parts = {name: none.copy() for name in ("inside", "shown", "detected")}
-    hidden_by = np.full(shape, -1)
-    parts["inside"][5:8, 0, 2], hidden_by[5:8, 0, 2] = True, 31
-    parts["inside"][6:8, 1, 2], hidden_by[6:8, 1, 2] = True, 31
-    parts["shown"][8, 1, 2] = True
-    told = losses(recording, dataclasses.replace(history, hidden_by=hidden_by, **parts))
-    assert told[0].why == (
-        "hidden by tree 31 from UAV 0 and UAV 1 (0.6 s); shown to UAV 1, but not detected (0.2 s); "
-        "outside every view (0.2 s)"
-    )
-    assert told[0].uav == 0 and told[1].why == "outside every view"
-    assert codes(dataclasses.replace(history, hidden_by=hidden_by, **parts))[8, 1, 2] == MISSED
-
-
 def test_what_broke_and_what_was_touched_is_told_once(mission):
-    told = incidents(mission[0], History.of(*mission))
-    assert [(event.first, event.last, event.text) for event in told] == [
-        (0, 0, "fault of the fleet at 0.0 s, 2 times until 1.0 s"),
+    told = [event for event in events_of(*mission) if event.kind in INCIDENTS]
+    assert [(event.first, event.last, f"{event.text} {event.when}") for event in told] == [
+        (0, 5, "2 faults of the team 0.0 to 1.0 s"),
         (3, 5, "UAV 0 touched the canopy of tree 4 0.6 to 1.0 s"),
         (3, 5, "UAV 2 touched the ground 0.6 to 1.0 s"),
         (10, 10, "UAV 2 broke down at 2.0 s"),
@@ -264,9 +255,9 @@ def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
     text = page(dataclasses.replace(recording, faults=recorded(faults)), setting)
     header = text.partition("</header>")[0]
     assert re.findall(r'<p class="warning">(.*?)</p>', header) == [
-        "fault of the fleet at 0.0 s, 2 times until 0.2 s: &lt;i&gt;a&lt;/i&gt;",
-        "fault of the fleet at 0.4 s: b",
-        "fault of the fleet at 0.6 s: c",
+        "2 faults of the team 0.0 to 0.2 s: &lt;i&gt;a&lt;/i&gt;",
+        "fault of the team at 0.4 s: b",
+        "fault of the team at 0.6 s: c",
         "1 more kinds of fault are listed below.",
     ]
     broken = Fault(0.0, 1, "broke down, hovers from now on")
@@ -279,7 +270,7 @@ def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
 
 def test_the_data_of_forty_seconds_weigh_less_than_a_megabyte():
     recording, setting = flown(scans=201)
-    data = page_data(recording, setting, History.of(recording, setting), None)
+    data = page_data(recording, setting, History.of(recording, setting), events_of(recording, setting), None)
     assert len(json.dumps(data, separators=(",", ":"))) < 500_000
 
 
@@ -295,9 +286,11 @@ STILL = (
 
 
 def now(browser):
-    """What the page shows: scan, time, and which losses are marked."""
+    """The state of the page: scan, time, and people whose losses are marked."""
     browser.until(STILL)
-    marked = "[...document.querySelectorAll('#losses li[aria-current]')].map(li => Number(li.dataset.person))"
+    marked = (
+        "[...document.querySelectorAll('#losses li[aria-current][data-person]')].map(li => Number(li.dataset.person))"
+    )
     return browser.run(f"[Number(slider.value), document.getElementById('now').value, {marked}]")
 
 

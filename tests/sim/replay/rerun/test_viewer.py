@@ -172,7 +172,7 @@ def test_curves_have_a_value_at_every_scan(recording, entities):
 def test_events_are_logged_at_their_times(recording, entities):
     told = sorted((round(row["time"], 6), row["text"][0]) for row in entities["/events"])
     events = events_of(recording, scenario_of(recording))
-    assert told == sorted((round(e.time, 6), f"{e.time:.1f} s: {e.text}") for e in events)
+    assert told == sorted((round(e.time, 6), f"{e.time:.1f} s: {e.sentence}") for e in events)
     assert {e.kind for e in events} >= {"track born", "breakdown", "messages lost"}
     assert entities["/people/0/tracks"]
 

@@ -1,0 +1,60 @@
+"""Marks of tracks, UAVs and people in images."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sim.drawing.lettering import Image
+from sim.drawing.palette import ALARM, FAINT, INK, LOST, NOT_FOUND_YET, PANEL, Colour
+from sim.drawing.strokes import disc, stroke
+from tracking.numerics.compiled import Array
+
+_ARMS = np.array([[(5.0 * x, 5.0 * y), (8.5 * x, 8.5 * y)] for x in (-1, 1) for y in (-1, 1)])
+_RINGS = {"lost": LOST, "not found yet": NOT_FOUND_YET}
+
+
+def cross(image: Image, centre: Array, colour: Colour) -> None:
+    """A track's mark at a pixel (2,), legible on any ground, open in the middle to show the person."""
+    for ink, thickness in ((PANEL, 4), (colour, 2)):
+        for arm in _ARMS:
+            stroke(image, centre + arm, ink, thickness=thickness)
+
+
+def quadrotor(image: Image, centre: Array, colour: Colour) -> None:
+    """A UAV's mark at a pixel (2,)."""
+    rotors = [centre + np.array([dx, dy]) for dx in (-6.0, 6.0) for dy in (-6.0, 6.0)]
+    for ink, wider in ((PANEL, 2), (colour, 0)):
+        for rotor in rotors:
+            stroke(image, np.array([centre, rotor]), ink, thickness=2 + wider)
+            disc(image, rotor, 3.5 + wider / 2, ink)
+        disc(image, centre, 3.0 + wider / 2, ink)
+    for rotor in rotors:
+        disc(image, rotor, 1.5, PANEL)
+
+
+def broken(image: Image, centre: Array) -> None:
+    """The mark of a UAV that has broken down at a pixel (2,): grey, on a red cross."""
+    for ink, thickness in ((PANEL, 6), (ALARM, 3)):
+        for way in (1.0, -1.0):
+            arm = np.array([14.0, 14.0 * way])
+            stroke(image, np.array([centre - arm, centre + arm]), ink, thickness=thickness)
+    quadrotor(image, centre, FAINT)
+
+
+def person(image: Image, centre: Array, heading: float, *, view: str, hold: str = "") -> None:
+    """A person's mark at a pixel (2,), with a ring round one that no UAV holds.
+
+    view: "seen" for one that a camera shows, a full disc; "hidden", a hollow one; "out of view", grey.
+    hold: one of `HOLDS`.
+    """
+    ink = FAINT if view == "out of view" else INK
+    stroke(
+        image, np.array([centre, centre + 9.0 * np.array([math.cos(heading), -math.sin(heading)])]), ink, thickness=2
+    )
+    disc(image, centre, 3.4, ink)
+    if view == "hidden":
+        disc(image, centre, 2.0, PANEL)
+    if hold in _RINGS:
+        disc(image, centre, 11.0, _RINGS[hold], 2)

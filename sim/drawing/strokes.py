@@ -1,0 +1,30 @@
+"""Anti-aliased lines and circles in images."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.drawing.lettering import Image
+from sim.drawing.palette import Colour
+from tracking.numerics.compiled import Array
+
+SHIFT = 4  # OpenCV's fixed point: sixteenths of a pixel
+
+
+def stroke(image: Image, points: Array, colour: Colour, *, thickness: int = 1, closed: bool = False) -> None:
+    """An anti-aliased polyline through pixels (N, 2)."""
+    cv2.polylines(image, [fixed(points)], closed, colour, thickness, cv2.LINE_AA, SHIFT)
+
+
+def disc(image: Image, centre: Array, radius: float, colour: Colour, thickness: int = -1) -> None:
+    """An anti-aliased circle at a pixel (2,); filled by default."""
+    x, y = fixed(centre).tolist()
+    cv2.circle(image, (x, y), round(radius * 16), colour, thickness, cv2.LINE_AA, SHIFT)
+
+
+def fixed(points: Array) -> NDArray[np.int32]:
+    """Fixed-point pixels; OpenCV counts from the centre of the first pixel, we from its corner."""
+    fixed = np.round(np.clip((points - 0.5) * 2**SHIFT, -1e6, 1e6))
+    return np.asarray(fixed, dtype=np.int32)

@@ -1,0 +1,59 @@
+"""One event of a mission: its kind, times and text, and the person, track and UAVs that it concerns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+KINDS = (
+    "breakdown",
+    "fault",
+    "contact",
+    "link lost",
+    "link restored",
+    "messages lost",  # all of a scan, from one UAV to another
+    "messages heard",
+    "track born",  # recorded tracks are confirmed ones
+    "track taken up",
+    "track dropped",
+    "track deleted",
+    "identity changed",
+    "person not found yet",
+    "person lost",
+    "person found",
+    "false track",
+    "duplicate track",
+)
+UNHELD = ("person not found yet", "person lost")  # people
+UNMATCHED = ("false track", "duplicate track")  # tracks
+INCIDENTS = ("breakdown", "fault", "contact")
+
+
+@dataclass(frozen=True)
+class Event:
+    """One event, from one scan to another, both included."""
+
+    kind: str  # one of `KINDS`
+    text: str  # tracks under their numbers
+    first: int
+    last: int
+    time: float  # s, of the beginning; a breakdown has its own, which may lie between two scans
+    until: float  # s, of the last scan; infinite for an event that lasts to the end of the mission
+    why: str = ""
+    person: int | None = None
+    track: int | None = None  # number
+    uavs: tuple[int, ...] = ()  # the one whose frames tell most comes first
+
+    @property
+    def sentence(self) -> str:
+        """The text and its reason."""
+        return f"{self.text}: {self.why}" if self.why else self.text
+
+    @property
+    def when(self) -> str:
+        """The time or times in words."""
+        if self.first == self.last:
+            return f"at {self.time:.1f} s"
+        if math.isinf(self.until):
+            return f"from {self.time:.1f} s to the end"
+        return f"{self.time:.1f} to {self.until:.1f} s"
