@@ -1,4 +1,4 @@
-"""Where map and camera tiles stand in a video frame."""
+"""Layout of a video frame: the map and camera tiles."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class View:
 
 
 def view_of(panel: Box, aspect: float, uavs: int, layout: str) -> View:
-    """Where the parts of a layout stand: map+cameras, map, cameras, or uav1 for one large camera beside the map."""
+    """Boxes of a layout: map+cameras, map, cameras, or uav1 for one large camera beside the map."""
     if layout == "cameras":
         return View(None, dict(enumerate(_grid(panel, uavs))))
     if layout.startswith("uav"):
@@ -99,7 +99,7 @@ def arrange(panel: Box, aspect: float, tiles: int) -> Layout:
 
 
 def _fits(panel: Box, grid: tuple[int, int, int], below: bool) -> bool:
-    """Whether the tiles fit along their lines, and leave the map a third of the panel or more across them."""
+    """True if the tiles fit along their lines, and leave the map a third of the panel or more across them."""
     tiles, lines, side = grid
     along, across = (panel.width, panel.height) if below else (panel.height, panel.width)
     per_line = math.ceil(tiles / lines)

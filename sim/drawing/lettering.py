@@ -20,7 +20,7 @@ Mask = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Style:
-    """How a text looks; a halo keeps it legible on any ground."""
+    """The look of a text; a halo keeps it legible on any ground."""
 
     size: int = 13  # pixels per em
     colour: Colour = INK

@@ -64,7 +64,7 @@ def aspect(scenario: Scenario) -> float:
 
 
 class MapView:
-    """Draws snapshots, in order of time, on a map whose trees are drawn once."""
+    """Draws snapshots, in order of time, on a map; its trees are drawn once."""
 
     def __init__(self, scenario: Scenario, forest: Forest, size: tuple[int, int]) -> None:
         self._area = (scenario.area.width, scenario.area.height)
@@ -112,11 +112,11 @@ class MapView:
         for track in _shown(snapshot):
             self._draw_track(image, track)
             labels.reserve(self._pixels(track.belief.mean[:2]), 6.0)
-        self._draw_people(image, snapshot, holds)
         for place in snapshot.people[~np.isnan(snapshot.people[:, 0])]:
             labels.reserve(self._pixels(place), 9.0)
         self._draw_contacts(image, snapshot, labels)
         self._put_names(snapshot, holds, labels)
+        self._draw_people(image, snapshot, holds)
 
     def _pixels(self, points: Array) -> Array:
         """Pixels (N, 2) of world points (N, 2) m."""

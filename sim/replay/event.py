@@ -42,7 +42,7 @@ class Event:
     why: str = ""
     person: int | None = None
     track: int | None = None  # number
-    uavs: tuple[int, ...] = ()  # the one whose frames tell most comes first
+    uavs: tuple[int, ...] = ()  # the one with the most telling frames comes first
 
     @property
     def sentence(self) -> str:

@@ -37,7 +37,7 @@ def export(recording: Recording, target: str, out: Path) -> None:
 
 
 def writer(target: str) -> Callable[[Recording, Path], None]:
-    """What writes the files of a target; InputError names the nearest if there is no such."""
+    """The writer of a target's files; InputError names the nearest target if there is no such."""
     if target not in TARGETS:
         raise InputError(f"--to: {target!r} is unknown; {did_you_mean(target, TARGETS)}")
     return TARGETS[target]
@@ -149,7 +149,7 @@ def _track_rows(recording: Recording, uav: int) -> Iterator[tuple[int, float, li
 
 
 def _truth(recording: Recording) -> Iterator[tuple[int, float, int, list[float]]]:
-    """Scan, time, number and position of everybody who is there."""
+    """Scan, time, number and position of all people present."""
     for k, people in enumerate(recording.people):
         for m in np.flatnonzero(~np.isnan(people[:, 0])).tolist():
             yield k, float(recording.times[k]), m, people[m].tolist()

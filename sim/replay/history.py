@@ -135,7 +135,7 @@ class History:
 
     @cached_property
     def losses(self) -> tuple[Loss, ...]:
-        """Spans in which a person who was there was held by no UAV, by scan, then person."""
+        """Spans in which a present person was held by no UAV, by scan, then person."""
         found = []
         for m in range(self.held.shape[1]):
             lost = self.present[:, m] & (self.held[:, m] == 0)

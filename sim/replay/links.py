@@ -1,4 +1,4 @@
-"""Who heard whom at each scan of a recording, the messages that were lost included."""
+"""Links between UAVs at each scan of a recording, with the messages that were lost."""
 
 from __future__ import annotations
 

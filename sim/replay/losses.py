@@ -79,7 +79,7 @@ def _track(recording: Recording, history: History, loss: Loss) -> str:
 
 
 def _nearest(recording: Recording, history: History, loss: Loss) -> int:
-    """The UAV whose frames tell most of a loss: the person is inside most of them, or else it is the nearest."""
+    """The UAV with the most telling frames of a loss: the person is inside most of them, or else it is the nearest."""
     states = history.camera_states[loss.first : loss.last + 1, :, loss.person]
     inside = np.count_nonzero(states >= STATES.index("hidden"), axis=0)
     if inside.any():
@@ -144,7 +144,7 @@ def _unmatched(recording: Recording, id_: int, alone: Bools, span: tuple[int, in
 
 
 def _gaps(recording: Recording, k: int, uav: int, id_: int) -> list[float]:
-    """Distances [m] (M,) of one track of a UAV from all people at scan k; infinite from those who are absent."""
+    """Distances [m] (M,) of one track of a UAV from all people at scan k; infinite from absent ones."""
     (track,) = (t for t in recording.tracks_at(k, uav) if t.id == id_)
     gaps = np.hypot(*(recording.people[k] - track.belief.mean[:2]).T)
     return [float(gap) for gap in np.where(np.isnan(gaps), np.inf, gaps)]

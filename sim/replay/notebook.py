@@ -65,12 +65,12 @@ class Flight:
 
     @cached_property
     def history(self) -> History:
-        """What became of each person, scan by scan."""
+        """The history of each person, scan by scan."""
         return History.of(self.recording, self.scenario)
 
     @cached_property
     def events(self) -> tuple[Event, ...]:
-        """What happened, in words and in order of time."""
+        """The events of the mission, in order of time."""
         return events_of(self.recording, self.scenario, self.history)
 
     def columns(self, table: str) -> dict[str, NDArray[Any]]:
@@ -88,7 +88,7 @@ class Flight:
         return ospa_figure(self.recording.times, self.recording.ospa)
 
     def timeline_figure(self) -> Figure:
-        """Who saw, missed and held each person when."""
+        """The timeline: each person as seen by each UAV and held by tracks."""
         return timeline_figure(self.history, self.recording.ospa, self.events)
 
     def map_figure(self, time: float) -> Figure:
@@ -103,7 +103,7 @@ class Flight:
         return _picture(image)
 
     def frame_figure(self, time: float, uav: int) -> Figure:
-        """What a UAV's camera showed at the scan nearest to `time` s, annotated, rendered again."""
+        """The image of a UAV's camera at the scan nearest to `time` s, annotated, rendered again."""
         k, uavs = self._scan(time), len(self.scenario.uavs)
         if not 0 <= uav < uavs:
             raise InputError(f"uav: {uav} is not there; allowed are 0 to {uavs - 1}")
@@ -114,7 +114,7 @@ class Flight:
 
     @cached_property
     def facts(self) -> dict[str, str]:
-        """What the mission came to, as a summary shows it."""
+        """The results of the mission, as a summary shows them."""
         r = self.recording
         errors = r.ospa[r.working][:, 0]
         lost = [loss for loss in self.history.losses if loss.found]

@@ -1,4 +1,4 @@
-"""A recording as arrays and tables whose names tell their units."""
+"""A recording as arrays and tables, with units in their names."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def _people(r: Recording, history: History) -> Columns:
 
 
 def _sightings(r: Recording, history: History) -> Columns:
-    """A row for each person whom a frame had inside, or a track stood for."""
+    """A row for each person inside a frame, or with a track."""
     k, i, m = np.nonzero(history.inside | history.shown | (history.tracks >= 0))
     return {
         "time_s": r.times[k],

@@ -31,7 +31,7 @@ _TRIAL = "import pybullet; assert pybullet.connect(pybullet.GUI) >= 0; pybullet.
 
 
 def refusal() -> str:
-    """Why no window can be opened here; empty where one can.
+    """The reason that no window can be opened here; empty where one can.
 
     Where it cannot, the engine ends the process, hence the trial in another one.
     """

@@ -1,1 +1,1 @@
-"""Why a person was tracked or lost."""
+"""Explanations of a person seen, hidden, held or lost."""

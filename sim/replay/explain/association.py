@@ -1,4 +1,4 @@
-"""Whose its measurements were to one UAV at one scan, worked out again from the recording as its tracker did it."""
+"""Data association of one UAV at one scan, computed again from the recording as its tracker did."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ class Association:
     covariances: Array  # (N, 2, 2) m²
     distances: Array  # (T, N), squared, of measurements in the innovation's standard deviations
     gated: Bools  # (T, N)
-    beta: Array  # (T, N + 1), probability that none of the measurements is the person's, or which
-    existence: Array  # (T,), after the scan, before the fleet has talked
+    beta: Array  # (T, N + 1), probability of no measurement, and of each, to be the person's
+    existence: Array  # (T,), after the scan, before the fleet's fusion
 
     @property
-    def nobody(self) -> Array:
-        """Probability (T,) that none of the measurements is the track's person, or that there is nobody."""
+    def missed(self) -> Array:
+        """Probability (T,) that none of the measurements is the track's person, or that the track is false."""
         return self.beta[:, 0]
 
     @staticmethod
@@ -44,7 +44,7 @@ class Association:
         Beliefs are those that the fleet agreed on at scan k - 1, predicted by the scenario's motion model. At the
         first scan they are the initial tracks; where that is the only scan, with people taken to stand still.
 
-        Note: of more than 10 000 pairs the tracker works on parts that have nothing to do with each other, which
+        Note: of more than 10 000 pairs the tracker works on independent gating clusters, which
         rounds differently. A recording of an earlier version is read by the rules of this one.
         """
         if not (recording.working[k, uav] and scenario.has_frame(uav, k)):
@@ -76,7 +76,7 @@ def _first_tracks(recording: Recording, scenario: Scenario) -> list[Track]:
 
 
 def _last(recording: Recording, scenario: Scenario, k: int, uav: int) -> Moment | None:
-    """When and from where the UAV took its last frame before scan k."""
+    """Time and pose of the last frame of the UAV before scan k."""
     for j in range(k - 1, -1, -1):
         if recording.working[j, uav] and scenario.has_frame(uav, j):
             scan = recording.scan_at(j, uav)

@@ -1,4 +1,4 @@
-"""What one UAV had of one person at one scan: the view, the pixels, the detection, and whose it was taken for."""
+"""One person to one UAV at one scan: the view, the pixels, the detection, and its data association."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class PersonMeasurement:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """One UAV at one scan, asked about one person."""
+    """One person to one UAV at one scan."""
 
     uav: int
     works: bool
@@ -51,14 +51,14 @@ class Observation:
     away: float  # m on the ground, from below the camera to the person; NaN where absent
     whole: int | None  # pixels that the frame would show of the person without trees; None where it was not rendered
     found: PersonMeasurement | None
-    owners: Ints  # (N,), whose each measurement is; -1 for nobody's
+    owners: Ints  # (N,), the person of each measurement; -1 for a false alarm
     measurements: Array  # (N, 2) m
     weights: tuple[GatedMeasurement, ...]  # of all tracks
     visible: dict[int, float]  # by number of track, the probability its tracker gave it to be in plain view
 
 
 class Observer:
-    """Asks the UAVs of a recording about people; renders frames again where these were rendered."""
+    """Observations of people in a recording; renders frames again where these were rendered."""
 
     def __init__(self, recording: Recording, scenario: Scenario) -> None:
         self.recording, self.scenario = recording, scenario
@@ -75,7 +75,7 @@ class Observer:
         self._open.close()
 
     def observe(self, k: int, uav: int, person: int) -> Observation:
-        """What one UAV had of one person at scan k."""
+        """The observation of one person by one UAV at scan k."""
         recording, view = self.recording, view_of(self.scenario.uavs[uav], self.scenario)
         sighting = sightings(recording, self.scenario, k, uav, view)[person]
         works = bool(recording.working[k, uav])
@@ -108,7 +108,7 @@ class Observer:
         return int(visible_pixels(people, self.recording.people.shape[1])[sighting.person])
 
     def _measured(self, k: int, uav: int) -> Ints:
-        """Which measurement is whose (M,); -1 for those who were not detected.
+        """The measurement of each person (M,); -1 for people not detected.
 
         Rendered frames tell as they did in flight, by the detection's pixel. In ideal sensing it is the nearest.
         """
@@ -120,8 +120,8 @@ class Observer:
             rows = matched_detections(recording.pixels_at(k, uav), mask, len(people))
         elif detected.any():
             gaps = recording.measurements_at(k, uav)[None] - people[detected][:, None]
-            who, what = linear_sum_assignment(np.sum(gaps**2, axis=2))
-            rows[np.flatnonzero(detected)[who]] = what
+            targets, found = linear_sum_assignment(np.sum(gaps**2, axis=2))
+            rows[np.flatnonzero(detected)[targets]] = found
         return np.where(detected, rows, -1)
 
     def _found(self, k: int, uav: int, person: int, row: int) -> PersonMeasurement | None:

@@ -1,4 +1,4 @@
-"""All that a recording has to say of one person at one scan."""
+"""Facts of one person at one scan of a recording."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class HoldingTrack:
     others: tuple[tuple[int, tuple[int, ...]], ...]  # other tracks that do now, and for which UAVs
     since: float  # s, of its first scan
     belief: Gaussian | None  # None where it has ended
-    existence: float  # probability that there is somebody; NaN where nobody asks
+    existence: float  # existence probability; NaN where it is not estimated
     until: float  # s, of the last scan at which it stood for the person
 
     @property
@@ -49,7 +49,7 @@ class PersonFacts:
     person: int
     place: Array  # (2,) m, NaN where absent
     velocity: Array  # (2,) m/s, NaN where unknown
-    holder: HoldingTrack | None  # None for somebody whom no track has stood for yet
+    holder: HoldingTrack | None  # None for a person that no track has stood for yet
     observations: tuple[Observation, ...]
     planned: tuple[PlannedVisibility | None, ...]
     history: History

@@ -50,7 +50,7 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
 
 
 def _nearest(facts: PersonFacts) -> list[Observation]:
-    """The UAVs whose frames are shown: first those with the person inside, then the nearest."""
+    """The UAVs with frames to show: first those with the person inside, then the nearest."""
     working = [w for w in facts.observations if w.works]
     return sorted(working, key=lambda w: (not _shows(w), np.nan_to_num(w.away)))[:_FRAMES]
 
@@ -138,7 +138,7 @@ def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) ->
 
 
 def _words(groups: Sequence[Group], *, camera: bool) -> Image:
-    """The facts as a panel, and beneath them what the marks in the frames mean."""
+    """The facts as a panel, and beneath them the meaning of marks in the frames."""
     room = _WORDS - 2 * _GAP
     lines = [
         [

@@ -1,4 +1,4 @@
-"""Whom a UAV meant to look at: its last plan, flown on as intended, against a person and the track that holds them."""
+"""Planned visibility of a person, and of the track that holds them, on the last plan of a UAV."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class PlannedVisibility:
     made: float  # s, when the plan was made
     times: Array  # (S,) s
     path: Array  # (S, 2) m, of the UAV
-    person: Ints  # (S,), in whose view the person will be, truly: `OUTSIDE`, `HIDDEN`, `IN_VIEW`; -1 after the mission
+    person: Ints  # (S,), the true person in the view: `OUTSIDE`, `HIDDEN`, `IN_VIEW`; -1 after the mission
     track: Ints | None  # (S,), the same of the track, if it goes on as it went; None without a track
 
 
 def planned_visibility(
     recording: Recording, scenario: Scenario, k: int, uav: int, person: int, belief: Gaussian | None
 ) -> PlannedVisibility | None:
-    """What a UAV's plan at scan k had in store for a person, and for a track, of which `belief` is that at scan k.
+    """Visibility of a person, and of a track with `belief`, on the plan of a UAV from scan k on.
 
     None where there is no plan, and where nothing of it is left.
     """
@@ -79,7 +79,7 @@ def _flight(recording: Recording, scenario: Scenario, plan: int, uav: int) -> tu
 
 
 def _states(recording: Recording, scenario: Scenario, uav: int, views: list[Pose], places: Array) -> Ints:
-    """What places (S, 2) m are to the camera at as many poses, or more, one each (S,); outside if not a number."""
+    """States (S,) of places (S, 2) m to the camera at as many poses, or more; outside if not a number."""
     camera, trees = view_of(scenario.uavs[uav], scenario), Forest(recording.forest.trees, scenario.sensing.occlusion)
     found = np.full(len(places), OUTSIDE)
     for s, (pose, place) in enumerate(zip(views, places, strict=False)):

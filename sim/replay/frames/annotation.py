@@ -65,7 +65,7 @@ def draw_hidden(image: Image, outlines: list[Array]) -> None:
 
 
 def draw_hiding(image: Image, outlines: list[Array]) -> None:
-    """The mark of a tree that hides someone: a broader rim round its outlines, pixels (N, 2)."""
+    """The mark of a tree that hides a person: a broader rim round its outlines, pixels (N, 2)."""
     _draw_rims(image, outlines, ((PANEL, 17), (INK, 13)))
 
 
@@ -81,7 +81,7 @@ def _draw_rims(image: Image, outlines: list[Array], rims: tuple[tuple[Colour, in
 
 
 def looks_down(camera: Camera, pose: Pose, pixels: Array) -> bool:
-    """Whether the rays through pixels (N, 2) meet the ground nearby."""
+    """True if the rays through pixels (N, 2) meet the ground nearby."""
     return bool(np.all(camera.rays(pose, pixels)[:, 2] <= _STEEPEST))
 
 

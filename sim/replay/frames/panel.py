@@ -1,4 +1,4 @@
-"""What stands beside an annotated frame: when and whose it is, its field of view, who is where, and the marks."""
+"""The panel beside an annotated frame: time and UAV, field of view, people, tracks, and the meaning of marks."""
 
 from __future__ import annotations
 

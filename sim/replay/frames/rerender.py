@@ -49,11 +49,11 @@ class Rerenderer:
         self._renderer = Renderer(self._world)
 
     def image(self, k: int, uav: int) -> Image:
-        """What the UAV's camera showed at scan k (P, P, 3) RGB; in ideal sensing, what it would have shown."""
+        """The image of the UAV's camera at scan k (P, P, 3) RGB; in ideal sensing, as it would have been."""
         return self.rendered(k, uav).image
 
     def rendered(self, k: int, uav: int) -> Rendered:
-        """The same, and whose each of its pixels is."""
+        """The same, and the person in each of its pixels."""
         snapshot = self._recording.snapshot(k)
         self._world.place_people(snapshot.people, snapshot.headings)
         self._world.place_uavs(snapshot.poses)
@@ -114,7 +114,7 @@ def find(folder: Path) -> Recording:
 
 
 def _holds(folder: Path) -> str:
-    """What a folder without a recording is instead."""
+    """The kind of a folder without a recording."""
     if (folder / "study.sqlite").exists():
         return "is a study's; its report.html has the commands that fly trials again, `--keep recordings` keeps them"
     return "holds no mission.npz"

@@ -1,4 +1,4 @@
-"""One camera at one scan of a recording: whom it shows, which trees hide whom, and the outline of what they hide."""
+"""One camera at one scan of a recording: people shown, the trees that hide people, and the outline of hidden ground."""
 
 from __future__ import annotations
 
@@ -28,27 +28,27 @@ class Sighting:
 
     person: int
     place: tuple[float, float]  # m; NaN where absent
-    inside: bool  # whether the mid-height lies inside the image, occlusion aside
+    inside: bool  # the mid-height lies inside the image, occlusion aside
     hidden_by: tuple[int, ...]  # trees between the camera and the mid-height, if inside
     pixels: int  # shown by the renderer; 1 for seen in ideal sensing and where the camera took no frame
     detected: bool
-    looked: bool = True  # whether the camera took a frame
+    looked: bool = True  # the camera took a frame
 
     @property
     def status(self) -> str:
-        """Where the person is for the camera, in words."""
+        """The person's state to the camera, in words."""
         if math.isnan(self.place[0]):
             return "absent"
         if not self.inside:
             return "cut by the edge" if self.pixels else "outside the view"
         if self.hidden_by:
             return f"{'partly ' * bool(self.pixels)}hidden by tree {' and '.join(map(str, self.hidden_by))}"
-        return "in view" if self.pixels else "covered by someone"
+        return "in view" if self.pixels else "covered by another person"
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What is known of one camera's view, the truth included; tracks are numbered as in the film."""
+    """Facts of one camera's view, the truth included; tracks are numbered as in the film."""
 
     scenario: Scenario
     forest: Forest
@@ -63,7 +63,7 @@ class Sight:
 
     @property
     def pose(self) -> Pose:
-        """Where the camera was."""
+        """The camera's pose."""
         return self.snapshot.cameras[self.uav]
 
     @staticmethod
@@ -73,13 +73,13 @@ class Sight:
         numbers = recording.track_numbers
         tracks = [tuple(Track(numbers[t.id], t.belief) for t in held) for held in snapshot.tracks]
         people = sightings(recording, scenario, k, uav, camera_of(scenario.uavs[uav]))
-        if scenario.sensing.field_of_view == "unlimited":  # who is seen beyond the image is not in it
+        if scenario.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
         return Sight(scenario, forest, replace(snapshot, tracks=tracks), uav, people)
 
 
 def sightings(recording: Recording, scenario: Scenario, k: int, uav: int, camera: Camera) -> tuple[Sighting, ...]:
-    """Everybody as a camera where that of a UAV was at scan k had them."""
+    """All people to a camera at the pose of a UAV's at scan k."""
     pose, people, forest = recording.scan_at(k, uav).pose, recording.people[k], recording.forest
     looked = scenario.has_frame(uav, k)
     points = np.column_stack([people, np.full(len(people), TARGET_HEIGHT)])
@@ -99,7 +99,7 @@ def sightings(recording: Recording, scenario: Scenario, k: int, uav: int, camera
     )
     if looked:
         return found
-    # Nothing was shown to anybody; what would have been, geometry tells.
+    # No frame was taken; geometry tells what it would have shown.
     return tuple(replace(p, pixels=int(p.inside and not p.hidden_by)) for p in found)
 
 

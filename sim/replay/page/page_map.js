@@ -43,8 +43,9 @@ function drawMap() {
   data.uavs[k].forEach((at, i) => drawUav(ctx, at, i, data.works[k][i], data.views[k][i]));
   const who = believer(k);
   if (who >= 0) for (const track of data.tracks[k][who]) drawTrack(ctx, track);
-  data.people[k].forEach((at, m) => at && drawPerson(ctx, at, k, m));
+  data.people[k].forEach((at, m) => at && notePerson(at, k, m));
   writeNames(ctx);
+  data.people[k].forEach((at, m) => at && drawPerson(ctx, at, k, m));
 }
 
 function drawGround(ctx) {
@@ -162,18 +163,22 @@ function personMark(ctx, u, v, turn, codes) {
   if (hidden) disc(ctx, u, v, 1.9, colours.panel);
 }
 
-function drawPerson(ctx, [x, y], k, m) {
+function notePerson([x, y], k, m) {
   const [u, v] = [px(x), py(y)];
-  personMark(ctx, u, v, data.headings[k][m], data.codes[k].map((row) => row[m]));
-  if (lost(k, m)) ring(ctx, u, v, 11, colours.lost, 2.5);
-  if (unfound(k, m)) ring(ctx, u, v, 11, colours.not_found_yet, 2.5);
   const name = data.people[k].length > 8 ? String(m) : `person ${m}`;
   reserve(u, v, 10);
   if (lost(k, m)) want(name, u, v, colours.lost, 12);
   else if (unfound(k, m) || state.person === m) want(name, u, v, colours.ink, 12);
 }
 
-// What is nearest to a pixel of the map, in words; "" if nothing is near.
+function drawPerson(ctx, [x, y], k, m) {
+  const [u, v] = [px(x), py(y)];
+  personMark(ctx, u, v, data.headings[k][m], data.codes[k].map((row) => row[m]));
+  if (lost(k, m)) ring(ctx, u, v, 11, colours.lost, 2.5);
+  if (unfound(k, m)) ring(ctx, u, v, 11, colours.not_found_yet, 2.5);
+}
+
+// The thing nearest to a pixel of the map, in words; "" if nothing is near.
 function named(u, v) {
   const k = state.k;
   const who = believer(k);

@@ -1,4 +1,4 @@
-"""Each camera's image for the Rerun viewer: detections, projected tracks, and whose measurements were whose."""
+"""Each camera's image for the Rerun viewer: detections, projected tracks, and their data association."""
 
 from __future__ import annotations
 

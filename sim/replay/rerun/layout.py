@@ -1,4 +1,4 @@
-"""How the Rerun viewer opens: the forest at large, cameras beside it, curves and events below."""
+"""Layout of the Rerun viewer: the forest at large, cameras beside it, curves and events below."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _COLUMN = 4  # images one above the other
 
 
 def layout(recording: Recording, scenario: Scenario, *, planning: bool) -> rrb.Blueprint:
-    """Where everything is; `planning`, whether the time of decisions is known."""
+    """The arrangement of all views; `planning`: the time of decisions is known."""
     uavs = range(len(scenario.uavs))
     images = [rrb.Spatial2DView(origin=f"world/camera/{i}", name=f"Camera of UAV {i}") for i in uavs]
     weights = [rrb.TextDocumentView(origin=f"association/{i}", name=f"Weights, UAV {i}") for i in uavs]

@@ -1,4 +1,4 @@
-"""Which UAV goes for which unseen track when the plans of a recording end, as the MWTP has it."""
+"""Matches of UAVs and unseen tracks at the end of the plans of a recording, as the MWTP makes them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tracking.numerics.compiled import Array
 
 @dataclass(frozen=True)
 class TrackMatch:
-    """A track in nobody's field of view at the end of the plans, and the UAV that is nearest, [Li22] Algorithm 2."""
+    """A track in no UAV's field of view at the end of the plans, and the UAV that is nearest, [Li22] Algorithm 2."""
 
     uav: int
     track: int  # id
@@ -55,7 +55,7 @@ def matches_at(recording: Recording, scenario: Scenario, k: int, believer: int) 
 
 
 def situation_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> Situation:
-    """What one UAV knew of its tracks, and of all UAVs that worked, when plans were made at scan k.
+    """Situation of one UAV when plans were made at scan k: its tracks, and all UAVs that worked.
 
     Note: the team is the true one; links that were down then, and earlier intents, are left out.
     """
@@ -83,6 +83,6 @@ def situation_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> 
 
 
 def _joint(plans: list[Array]) -> Array:
-    """Plans (n, H, 2) m/s of one length: who has planned less hovers then."""
+    """Plans (n, H, 2) m/s of one length: a UAV with a shorter plan hovers then."""
     horizon = max(len(plan) for plan in plans)
     return np.array([np.vstack([plan, np.zeros((horizon - len(plan), 2))]) for plan in plans])

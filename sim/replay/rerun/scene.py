@@ -30,7 +30,7 @@ _ABOVE_GROUND = 0.1  # m, of what lies on it
 
 
 class Gap(NamedTuple):
-    """How far two UAVs differ on where a track is."""
+    """The distance between two UAVs' means of one track."""
 
     track: int  # id
     metres: float
@@ -39,7 +39,7 @@ class Gap(NamedTuple):
 
 
 def log_ground(stream: rr.RecordingStream, recording: Recording, scenario: Scenario) -> None:
-    """What stands still: the area, the trees, and what each camera is."""
+    """Log everything static: the area, the trees, and the camera models."""
     half = np.array([scenario.area.width, scenario.area.height]) / 2
     corners = half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)

@@ -100,10 +100,12 @@ def _visible(recording: Recording) -> list[Series]:
     """Pixels of each person in all images of a scan."""
     present = ~np.isnan(recording.people[:, :, 0])
     pixels = np.where(present, recording.visible.sum(axis=1), np.nan)
-    return [Series(f"visible/person{m}", f"person {m}", person_colour(m), pixels[:, m]) for m in range(pixels.shape[1])]
+    return [
+        Series(f"visible/person{m}", f"person {m}", _person_colour(m), pixels[:, m]) for m in range(pixels.shape[1])
+    ]
 
 
-def person_colour(person: int) -> Colour:
+def _person_colour(person: int) -> Colour:
     """One of five colours that are read on dark ground."""
     return _PEOPLE[person % len(_PEOPLE)]
 

@@ -182,7 +182,8 @@ def test_no_name_covers_a_person():
     base = empty(next(synthetic.snapshots(setting, Forest(()), 1)))
     rng = np.random.default_rng(1)
     for _ in range(5):
-        people = rng.uniform(-9, 9, (8, 2))
+        grid = 5.0 * np.array([(i, j) for i in (-1.5, -0.5, 0.5, 1.5) for j in (-1, 1)])
+        people = grid + rng.uniform(-1, 1, (8, 2))
         tracks = [
             (
                 tuple(
