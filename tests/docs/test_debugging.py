@@ -34,7 +34,7 @@ def test_its_commands_run_and_tell_of_the_lost_person(call, tmp_path):
     assert outputs[0].count("timeline.png") == 1 and "\nTimeline: runs/dense/timeline.png\n" in outputs[1]
     assert outputs[1].splitlines()[-1].startswith("The longest loss: understory explain runs/dense --target 1 --time ")
     assert [f"person {m}" in outputs[1].splitlines() for m in range(4)] == [True] * 4
-    assert outputs[2].count("person ") == 1 and "lost  hidden from" in outputs[2]
+    assert outputs[2].count("person ") == 1 and "lost  hidden by tree" in outputs[2]
     assert outputs[3].startswith("person 1 at 3.6 s\n  is at (") and "  lost since " in outputs[3]
     assert re.search(r"hidden by tree (\d+), .*\n  tree \1 stands at ", outputs[3])
     files = {path.name for path in folder.iterdir()}

@@ -98,7 +98,7 @@ def test_every_person_is_named_with_the_trees_that_hide_them():
         "outside the view",
         "hidden by tree 3",
         "partly hidden by tree 4",
-        "covered by someone",
+        "covered by another person",
     ]
     assert [person.detected for person in seen.people] == [False, True, False, True, False, False, False, False]
 
