@@ -164,7 +164,9 @@ def frames(
     """Render frames of a recorded mission again; mark detections, tracks, truth, and which tree hides whom."""
     start, end = interval(time, "--time")
     edge = integer(size, "--size", least=256, most=4096)
-    from sim.replay.frames.rerender import check_working, find, scans_between, write_frames
+    from sim.replay.frames.pages import write_frames
+    from sim.replay.frames.rerender import find
+    from sim.replay.frames.scans import check_working, scans_between
 
     recording = find(recorded)
     number = integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)

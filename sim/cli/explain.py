@@ -41,7 +41,8 @@ def explain(
     if out is not None:
         check_new(out, ".png", "--out")
     from sim.replay.events import events_of
-    from sim.replay.frames.rerender import find, scans_between, scenario_of
+    from sim.replay.frames.rerender import find, scenario_of
+    from sim.replay.frames.scans import scans_between
     from sim.replay.history import History
 
     recording = find(recorded)
@@ -79,7 +80,8 @@ def _moment_of(recording: Recording, story: Story, asked: tuple[int, int], path:
     from sim.replay.explain.observation import Observer
     from sim.replay.explain.person import PersonFacts
     from sim.replay.explain.picture import draw_explanation
-    from sim.replay.frames.rerender import png, scenario_of
+    from sim.replay.frames.pages import png
+    from sim.replay.frames.rerender import scenario_of
 
     with Observer(recording, scenario_of(recording)) as observer:
         facts = PersonFacts.of(observer, story[0], *asked)

@@ -48,7 +48,8 @@ def replay(
     start, end = (0.0, None) if time is None else _window(time)
     if out is not None:
         check_new(out, ".html" if page else ".mp4", "--out")
-    from sim.replay.frames.rerender import find, scans_between
+    from sim.replay.frames.rerender import find
+    from sim.replay.frames.scans import scans_between
 
     recording = find(recorded)
     folder = recorded if recorded.is_dir() else recorded.parent

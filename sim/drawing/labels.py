@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.drawing.lettering import Image, Style, width, write
+from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.palette import INK, Colour
 from sim.drawing.strokes import stroke
 from tracking.numerics.compiled import Array
@@ -26,7 +26,7 @@ class Labels:
         """Keep names off a square round a mark at a pixel (2,)."""
         self._taken.append(np.concatenate([centre - reach, centre + reach]))
 
-    def put(self, text: str, anchor: Array, style: Style, *, gap: float = _GAP) -> None:
+    def put(self, text: str, anchor: Array, style: TextStyle, *, gap: float = _GAP) -> None:
         """Write a name where it covers least, with a line to its mark if that is not beside it, `gap` pixels away."""
         size = np.array([width(text, style), style.size + 4.0])
         away = [gap, *(gap + more for more in _FARTHER)]
@@ -39,7 +39,7 @@ class Labels:
         write(self._image, text, (float(box[0]), float(box[1] + box[3]) / 2), style)
         self._taken.append(box)
 
-    def _lead(self, mark: Array, end: Array, style: Style) -> None:
+    def _lead(self, mark: Array, end: Array, style: TextStyle) -> None:
         """A line from beside a mark to its name."""
         away = (end - mark) / np.hypot(*(end - mark))
         line = np.array([mark + 0.7 * _GAP * away, end])

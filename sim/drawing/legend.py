@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.drawing.lettering import Image, Style, width, write
+from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.marks import cross, person, quadrotor
 from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, DETECTION, FAINT, INK, TRUNK, VERMILLION, track_colour
 from sim.drawing.strokes import disc, stroke
 from tracking.numerics.compiled import Array
 
-_TEXT = Style(13)
+_TEXT = TextStyle(13)
 _LOW, _HIGH = 0.1, 50.0  # m, range of the sparkline
 _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
@@ -109,7 +109,7 @@ class Sparkline:
         height, extent = image.shape[0], image.shape[1] - 34
         metre = self._level(1.0)
         stroke(image, np.array([(0, metre * height), (extent, metre * height)]), FAINT)
-        write(image, "1 m", (extent + 6, metre * height), Style(12, FAINT))
+        write(image, "1 m", (extent + 6, metre * height), TextStyle(12, FAINT))
         line = np.array(self._points) * [extent, height]
         stroke(image, line, VERMILLION)
         disc(image, line[-1], 3.0, VERMILLION)

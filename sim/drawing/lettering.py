@@ -19,7 +19,7 @@ Mask = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class Style:
+class TextStyle:
     """The look of a text; a halo keeps it legible on any ground."""
 
     size: int = 13  # pixels per em
@@ -28,12 +28,12 @@ class Style:
     halo: Colour | None = None
 
 
-def width(text: str, style: Style) -> int:
+def width(text: str, style: TextStyle) -> int:
     """Pixels that the text takes."""
     return int(_mask(text, style.size, style.bold)[0].shape[1]) - 4
 
 
-def wrapped(text: str, room: int, style: Style) -> list[str]:
+def wrapped(text: str, room: int, style: TextStyle) -> list[str]:
     """Lines of the text's words that take `room` pixels at most; those after the first are indented."""
     lines = [""]
     for word in text.split():
@@ -45,7 +45,7 @@ def wrapped(text: str, room: int, style: Style) -> list[str]:
     return lines
 
 
-def write(image: Image, text: str, at: tuple[float, float], style: Style, align: float = 0.0) -> None:
+def write(image: Image, text: str, at: tuple[float, float], style: TextStyle, align: float = 0.0) -> None:
     """Write into an RGB image (H, W, 3), vertically centred on `at` (x, y) and moved to fit inside.
 
     align 0 puts the text's left edge on x, 0.5 its centre, 1 its right edge.

@@ -11,7 +11,7 @@ import numpy as np
 
 from planning.planner import Plan
 from sim.drawing.labels import Labels
-from sim.drawing.lettering import Image, Style
+from sim.drawing.lettering import Image, TextStyle
 from sim.drawing.marks import broken, cross, person, quadrotor
 from sim.drawing.palette import (
     ALARM,
@@ -199,19 +199,19 @@ class MapView:
         for uav, contact in latest.items():
             centre = self._pixels(snapshot.poses[uav].position[:2])
             disc(image, centre, 15.0, ALARM, 3)
-            labels.put(f"touched {contact.kind} {contact.other}", centre, Style(13, ALARM, True, PANEL))
+            labels.put(f"touched {contact.kind} {contact.other}", centre, TextStyle(13, ALARM, True, PANEL))
 
     def _put_names(self, snapshot: Snapshot, holds: Ints, labels: Labels) -> None:
         """Name UAVs, tracks and lost people, clear of all marks."""
         for track in _shown(snapshot):
-            at, style = self._pixels(track.belief.mean[:2]), Style(13, track_colour(track.id), True, PANEL)
+            at, style = self._pixels(track.belief.mean[:2]), TextStyle(13, track_colour(track.id), True, PANEL)
             labels.put(str(track.id), at, style, gap=11.0)
         for m in np.flatnonzero(holds == HOLDS.index("lost")).tolist():
-            labels.put(f"person {m}", self._pixels(snapshot.people[m]), Style(13, LOST, True, PANEL))
+            labels.put(f"person {m}", self._pixels(snapshot.people[m]), TextStyle(13, LOST, True, PANEL))
         for i, (camera, pose) in enumerate(zip(self._cameras, snapshot.cameras, strict=True)):
-            at, style = self._pixels(pose.position[:2]), Style(13, mixed(uav_colour(i), INK, 0.7), True, PANEL)
+            at, style = self._pixels(pose.position[:2]), TextStyle(13, mixed(uav_colour(i), INK, 0.7), True, PANEL)
             if i not in snapshot.working:
-                labels.put(f"UAV {i}: broken down", at, Style(13, INK, True, PANEL), gap=18.0)
+                labels.put(f"UAV {i}: broken down", at, TextStyle(13, INK, True, PANEL), gap=18.0)
             elif not self._unlimited and looks_down(camera, pose):
                 corner = self._pixels(camera.footprint(pose)).min(axis=0)
                 labels.put(f"UAV {i}", corner, style, gap=1.0)
@@ -224,11 +224,11 @@ def _shown(snapshot: Snapshot) -> tuple[Track, ...]:
     return snapshot.tracks[snapshot.working[0]] if snapshot.working else ()
 
 
-def looks_down(camera: Camera, pose: Pose) -> bool:
-    """True if all four edges of the view meet the ground nearby."""
+def looks_down(camera: Camera, pose: Pose, pixels: Array | None = None) -> bool:
+    """True if the rays through pixels (N, 2), or else through the four corners, meet the ground nearby."""
     n = float(camera.pixels)
     corners = np.array([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]])
-    return bool(np.all(camera.rays(pose, corners)[:, 2] < -0.1))
+    return bool(np.all(camera.rays(pose, corners if pixels is None else pixels)[:, 2] < -0.1))
 
 
 def _spaced(path: Array, gap: float) -> Array:

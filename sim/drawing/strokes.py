@@ -24,6 +24,12 @@ def disc(image: Image, centre: Array, radius: float, colour: Colour, thickness: 
     cv2.circle(image, (x, y), round(radius * 16), colour, thickness, cv2.LINE_AA, SHIFT)
 
 
+def outlined(image: Image, points: Array, colour: Colour, halo: Colour, *, closed: bool = False) -> None:
+    """A polyline through pixels (N, 2) with a halo, which is seen on any ground."""
+    stroke(image, points, halo, thickness=4, closed=closed)
+    stroke(image, points, colour, thickness=2, closed=closed)
+
+
 def fixed(points: Array) -> NDArray[np.int32]:
     """Fixed-point pixels; OpenCV counts from the centre of the first pixel, we from its corner."""
     fixed = np.round(np.clip((points - 0.5) * 2**SHIFT, -1e6, 1e6))

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from sim.drawing.labels import Labels
-from sim.drawing.lettering import Image, Style, width, write
+from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.marks import broken, cross
 from sim.drawing.palette import DETECTION, FAINT, INK, LINE, PANEL, Colour, ink_on, track_colour, uav_colour
 from sim.drawing.strokes import disc
@@ -45,12 +45,12 @@ def draw_broken(image: Image, uav: int) -> None:
     image[BORDER:-BORDER, BORDER:-BORDER] = LINE
     middle = image.shape[0] / 2
     broken(image, np.array([middle, middle - 12]))
-    write(image, "broken down", (middle, middle + 18), Style(13, INK, True), align=0.5)
+    write(image, "broken down", (middle, middle + 18), TextStyle(13, INK, True), align=0.5)
     _name(image, uav, FAINT)
 
 
 def _name(image: Image, uav: int, colour: Colour) -> None:
-    tab = Style(13, ink_on(colour), True)
+    tab = TextStyle(13, ink_on(colour), True)
     name = f"UAV {uav}"
     image[: BORDER + 18, : BORDER + width(name, tab) + 6] = colour
     write(image, name, (BORDER + 1, BORDER + 8), tab)
@@ -69,4 +69,4 @@ def _draw_tracks(view: Image, labels: Labels, marks: list[tuple[int, Array]]) ->
         cross(view, at, track_colour(number))
         labels.reserve(at, 6.0)
     for number, at in marks:
-        labels.put(str(number), at, Style(13, track_colour(number), True, PANEL), gap=11.0)
+        labels.put(str(number), at, TextStyle(13, track_colour(number), True, PANEL), gap=11.0)

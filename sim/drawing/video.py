@@ -19,7 +19,7 @@ from av.video.stream import VideoStream
 
 from sim.drawing.layout import GAP, Box, View, view_of
 from sim.drawing.legend import Shown, Sparkline, draw_legend
-from sim.drawing.lettering import Image, Style, write
+from sim.drawing.lettering import Image, TextStyle, write
 from sim.drawing.map_view import MapView, aspect
 from sim.drawing.palette import FAINT, PAPER
 from sim.drawing.tiles import draw_broken, draw_tile
@@ -117,13 +117,13 @@ class Film:
         return self._holding.step(snapshot)
 
     def _draw_header(self, image: Image, snapshot: Snapshot) -> None:
-        middle, big = _HEADER / 2, Style(20, bold=True)
+        middle, big = _HEADER / 2, TextStyle(20, bold=True)
         write(image, f"{snapshot.time:.1f} s", (72, middle), big, align=1.0)
-        write(image, self._planner, (96, middle), Style(18))
+        write(image, self._planner, (96, middle), TextStyle(18))
         error = snapshot.error
         right = image.shape[1] - 300
         write(image, "-" if math.isnan(error) else f"{error:.2f} m", (right - 14, middle), big, align=1.0)
-        label = Style(13, FAINT)
+        label = TextStyle(13, FAINT)
         write(image, "OSPA, mean of UAVs", (right - 124, middle), label, align=1.0)
         self._sparkline.add(snapshot.time, error)
         self._sparkline.draw(image[6:-4, right:])

@@ -32,7 +32,8 @@ from sim.recording.fault_text import read
 from sim.recording.recording import Recording
 from sim.replay.event import Event
 from sim.replay.events import events_of
-from sim.replay.frames.rerender import Rerenderer, draw, find, scenario_of
+from sim.replay.frames.pages import draw
+from sim.replay.frames.rerender import Rerenderer, find, scenario_of
 from sim.replay.history import History
 from sim.replay.tables import TABLES, arrays, columns
 from sim.replay.timeline import timeline_figure

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from sim.drawing.labels import Labels
-from sim.drawing.lettering import Image, Style, wrapped, write
+from sim.drawing.lettering import Image, TextStyle, wrapped, write
 from sim.drawing.map_view import MARGIN, TRAIL, MapView
 from sim.drawing.palette import FAINT, INK, PANEL, PAPER, uav_colour
 from sim.drawing.strokes import disc, stroke
@@ -27,7 +27,7 @@ _NEAR, _INSET = 7, 150  # pixels of the camera to either side of the person in t
 _SCALE, _LARGEST = 12.0, 4000.0  # pixels per m of the map, and pixels of the whole map at most
 _FRAMES = 3  # at most
 _LINE = 19
-_TEXT, _HEADING, _TITLE = Style(13), Style(13, FAINT), Style(14, bold=True)
+_TEXT, _HEADING, _TITLE = TextStyle(13), TextStyle(13, FAINT), TextStyle(14, bold=True)
 
 
 def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Group]) -> Image:
@@ -118,8 +118,8 @@ def _map(observer: Observer, facts: PersonFacts) -> Image:
     for tree in sorted({tree for w in facts.observations if w.works for tree in w.sighting.hidden_by}):
         place = pixels(recording.trees[tree, :2])
         disc(image, place, view.scale * recording.trees[tree, 2], INK, 3)
-        labels.put(f"tree {tree}", place, Style(13, INK, True, PANEL))
-    labels.put(f"person {facts.person}", pixels(facts.place), Style(13, INK, True, PANEL))
+        labels.put(f"tree {tree}", place, TextStyle(13, INK, True, PANEL))
+    labels.put(f"person {facts.person}", pixels(facts.place), TextStyle(13, INK, True, PANEL))
     return _cut(image, pixels(facts.place))
 
 

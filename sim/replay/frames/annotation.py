@@ -6,18 +6,16 @@ import cv2
 import numpy as np
 
 from sim.drawing.labels import Labels
-from sim.drawing.lettering import Image, Style, write
-from sim.drawing.map_view import ellipse
-from sim.drawing.marks import cross
-from sim.drawing.palette import DETECTION, INK, PANEL, Colour, track_colour
-from sim.drawing.strokes import disc, stroke
+from sim.drawing.lettering import Image, TextStyle, write
+from sim.drawing.map_view import ellipse, looks_down
+from sim.drawing.palette import DETECTION, INK, PANEL, track_colour
+from sim.drawing.strokes import outlined, stroke
+from sim.replay.frames.marks import draw_detection, draw_measurement, draw_rim, draw_track, draw_truth
 from sim.replay.frames.sightings import PERSON_RADIUS, Sight, Sighting, hidden_outlines, silhouette
-from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.compiled import Array
 
 _LENGTHS = [base * 10.0**power for power in range(-1, 4) for base in (1, 2, 5)]  # m, of scale bars
-_STEEPEST = -0.1  # slope of a downward ray that is taken to meet the ground nearby
 
 
 def annotated(frame: Image, sight: Sight, size: int) -> Image:
@@ -34,63 +32,6 @@ def annotated(frame: Image, sight: Sight, size: int) -> Image:
     return image
 
 
-def draw_detection(image: Image, at: Array, reach: float) -> None:
-    """The mark of what the detector found at a pixel (2,), as in the film: a ring of radius `reach` pixels."""
-    disc(image, at, reach, INK, 4)
-    disc(image, at, reach, DETECTION, 2)
-
-
-def draw_measurement(image: Image, at: Array, ring: Array) -> None:
-    """The mark of a measurement at a pixel (2,) with its 95 % ellipse, pixels (N, 2), in dashes."""
-    for k in range(0, len(ring), 6):
-        outlined(image, ring[k : k + 4], DETECTION, INK)
-    disc(image, at, 4.0, INK)
-    disc(image, at, 2.5, DETECTION)
-
-
-def draw_track(image: Image, at: Array, ring: Array, track: int) -> None:
-    """The mark of a track at a pixel (2,) with its 95 % ellipse, pixels (N, 2)."""
-    outlined(image, ring, track_colour(track), PANEL, closed=True)
-    cross(image, at, track_colour(track))
-
-
-def draw_truth(image: Image, outline: Array) -> None:
-    """The mark of a true person: their outline, pixels (N, 2)."""
-    outlined(image, outline, INK, PANEL, closed=True)
-
-
-def draw_hidden(image: Image, outlines: list[Array]) -> None:
-    """The mark of what trees hide: a rim round the union of outlines, pixels (N, 2), that covers none of it."""
-    _draw_rims(image, outlines, ((INK, 9), (PANEL, 5)))
-
-
-def draw_hiding(image: Image, outlines: list[Array]) -> None:
-    """The mark of a tree that hides a person: a broader rim round its outlines, pixels (N, 2)."""
-    _draw_rims(image, outlines, ((PANEL, 17), (INK, 13)))
-
-
-def _draw_rims(image: Image, outlines: list[Array], rims: tuple[tuple[Colour, int], ...]) -> None:
-    inside = np.zeros(image.shape[:2], dtype=np.uint8)
-    for outline in outlines:
-        cv2.fillPoly(inside, [np.round((outline - 0.5) * 16).astype(np.int32)], 255, cv2.LINE_AA, 4)
-    for colour, reach in rims:
-        grown = cv2.dilate(inside, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach)))
-        rim = grown > inside
-        weight = (grown[rim] - inside[rim])[:, None] / np.float32(255)
-        image[rim] = image[rim] * (1 - weight) + np.array(colour, dtype=np.float32) * weight + 0.5
-
-
-def looks_down(camera: Camera, pose: Pose, pixels: Array) -> bool:
-    """True if the rays through pixels (N, 2) meet the ground nearby."""
-    return bool(np.all(camera.rays(pose, pixels)[:, 2] <= _STEEPEST))
-
-
-def outlined(image: Image, points: Array, colour: Colour, halo: Colour, *, closed: bool = False) -> None:
-    """A line through pixels (N, 2) that is seen on any ground."""
-    stroke(image, points, halo, thickness=4, closed=closed)
-    stroke(image, points, colour, thickness=2, closed=closed)
-
-
 class _View:
     """Draws over the frame of one camera: marks first, then their names, clear of all marks."""
 
@@ -102,10 +43,10 @@ class _View:
         self._outlines = [[self._scale * part for part in tree] for tree in outlines]
 
     def draw(self) -> None:
-        draw_hidden(self._image, [part for tree in self._outlines for part in tree])
+        draw_rim(self._image, [part for tree in self._outlines for part in tree])
         people = [sighting for sighting in self._sight.people if sighting.inside or sighting.pixels]
         for tree in sorted({tree for sighting in people for tree in sighting.hidden_by}):
-            draw_hiding(self._image, self._outlines[tree])
+            draw_rim(self._image, self._outlines[tree], hiding=True)
         for sighting in people:
             draw_truth(self._image, self._person(sighting))
         self._draw_measurements()
@@ -152,20 +93,20 @@ class _View:
     def _name_person(self, sighting: Sighting) -> None:
         why = f": {sighting.status}" if sighting.status != "in view" else ""
         at = np.clip(self._person(sighting).mean(axis=0), 0, self._image.shape[0])
-        self._labels.put(f"truth: person {sighting.person}{why}", at, Style(13, INK, True, PANEL))
+        self._labels.put(f"truth: person {sighting.person}{why}", at, TextStyle(13, INK, True, PANEL))
 
     def _name_tracks(self) -> None:
         for track in self._sight.snapshot.tracks[self._sight.uav]:
             at = self._pixels(track.belief.mean[None, :2])[0]
             if np.all(np.isfinite(at)) and self._shown(at):
-                self._labels.put(f"track {track.id}", at, Style(13, track_colour(track.id), True, PANEL))
+                self._labels.put(f"track {track.id}", at, TextStyle(13, track_colour(track.id), True, PANEL))
 
     def _name_trees(self) -> None:
         for tree, parts in enumerate(self._outlines):
             for part in parts[-1:]:  # the canopy, or the trunk where only that is in view
                 shown = np.clip(part, 0, self._image.shape[0])
                 middle = (shown.min(axis=0) + shown.max(axis=0)) / 2
-                self._labels.put(f"tree {tree}", middle, Style(12, PANEL, False, INK))
+                self._labels.put(f"tree {tree}", middle, TextStyle(12, PANEL, False, INK))
 
     def _draw_scale(self) -> None:
         """A bar of a round length on the ground, and north, in the lower corners."""
@@ -189,7 +130,7 @@ class _View:
         for line in (ends, *ticks):
             stroke(self._image, line, PANEL, thickness=2)
         middle = ends.mean(axis=0)
-        write(self._image, text, (middle[0], middle[1] - 14), Style(13, PANEL, True, INK), align=0.5)
+        write(self._image, text, (middle[0], middle[1] - 14), TextStyle(13, PANEL, True, INK), align=0.5)
         self._labels.reserve(middle, float(np.hypot(*(ends[1] - ends[0]))) / 2)
 
     def _draw_north(self, foot: Array, ahead: Array) -> None:
@@ -201,5 +142,5 @@ class _View:
             stroke(self._image, np.array([tail, tip]), colour, thickness=thickness)
             stroke(self._image, head, colour, thickness=thickness)
         x, y = tip + 12 * ahead
-        write(self._image, "N", (float(x), float(y)), Style(13, PANEL, True, INK), align=0.5)
+        write(self._image, "N", (float(x), float(y)), TextStyle(13, PANEL, True, INK), align=0.5)
         self._labels.reserve(middle, 26.0)

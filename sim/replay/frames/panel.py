@@ -6,18 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim.drawing.lettering import Image, Style, wrapped, write
-from sim.drawing.map_view import ellipse
+from sim.drawing.lettering import Image, TextStyle, wrapped, write
+from sim.drawing.map_view import ellipse, looks_down
 from sim.drawing.palette import FAINT, PANEL
-from sim.replay.frames.annotation import (
-    draw_detection,
-    draw_hidden,
-    draw_hiding,
-    draw_measurement,
-    draw_track,
-    draw_truth,
-    looks_down,
-)
+from sim.replay.frames.marks import draw_detection, draw_measurement, draw_rim, draw_track, draw_truth
 from sim.replay.frames.sightings import Sight, Sighting
 from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.compiled import Array
@@ -25,7 +17,7 @@ from tracking.numerics.compiled import Array
 WIDTH = 340
 MARK = 36  # pixels: height of a mark in the legend
 _LINE, _GAP = 19, 12  # pixels: heights of a line, and between sections
-_TEXT, _HEADING, _TITLE = Style(13), Style(13, FAINT), Style(20, bold=True)
+_TEXT, _HEADING, _TITLE = TextStyle(13), TextStyle(13, FAINT), TextStyle(20, bold=True)
 _MOST = 12  # people or tracks that are listed
 
 Section = tuple[str, list[str]]
@@ -161,8 +153,8 @@ def _truth(image: Image, at: Array) -> None:
 
 
 def _hidden(image: Image, at: Array) -> None:
-    draw_hidden(image, [_square(at, 9.0)])
+    draw_rim(image, [_square(at, 9.0)])
 
 
 def _hiding(image: Image, at: Array) -> None:
-    draw_hiding(image, [_square(at, 7.0)])
+    draw_rim(image, [_square(at, 7.0)], hiding=True)

@@ -9,7 +9,7 @@ import pytest
 from helpers import synthetic
 
 from sim.drawing.layout import Box, arrange
-from sim.drawing.lettering import Style, width, write
+from sim.drawing.lettering import TextStyle, width, write
 from sim.drawing.map_view import MARGIN, MapView
 from sim.drawing.palette import FAINT, INK, LOST, NOT_FOUND_YET, PANEL, track_colour, uav_colour
 from sim.drawing.video import HEIGHT, WIDTH, Film, Video
@@ -290,7 +290,7 @@ def test_an_error_or_no_frame_at_all_leaves_nothing(tmp_path, mission):
 def test_text_is_moved_inside_the_image(at):
     image = np.full((40, 200, 3), 255, dtype=np.uint8)
     free = np.full((40, 400, 3), 255, dtype=np.uint8)
-    style = Style(14, (0, 0, 0), bold=True)
+    style = TextStyle(14, (0, 0, 0), bold=True)
     write(image, "UAV 7", at, style)
     write(free, "UAV 7", (150.0, 20.0), style)
     assert (255.0 - image).sum() == (255.0 - free).sum() > 0

@@ -17,7 +17,8 @@ from sim.drawing.plots import ospa_figure
 from sim.drawing.video import Film
 from sim.mission.mission import Mission, Trial
 from sim.recording.archive import load as load_recording
-from sim.replay.frames.rerender import check_working, scenario_of
+from sim.replay.frames.rerender import scenario_of
+from sim.replay.frames.scans import check_working
 from sim.running.run import run
 from sim.scenario.errors import InputError
 from sim.scenario.loading import load

@@ -126,7 +126,8 @@ def test_what_has_no_image_is_refused_in_one_line(overrides, message):
 
 def test_a_mission_is_filmed_exported_and_read_again(tmp_path):
     from sim.replay.export import export
-    from sim.replay.frames.rerender import find, write_frames
+    from sim.replay.frames.pages import write_frames
+    from sim.replay.frames.rerender import find
 
     run(Trial(load("forest", [*ALL, "duration=1"]), "greedy", 0), tmp_path / "out")
     recording = find(tmp_path / "out")

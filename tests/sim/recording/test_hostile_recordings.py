@@ -23,7 +23,8 @@ from sim.recording.archive import load, save
 from sim.recording.fault_text import LONGEST, MOST
 from sim.recording.npz import MOST_BYTES
 from sim.replay.export import export
-from sim.replay.frames.rerender import find, scenario_of, write_frames
+from sim.replay.frames.pages import write_frames
+from sim.replay.frames.rerender import find, scenario_of
 from sim.replay.history import History
 from sim.scenario.errors import InputError
 from sim.scenario.scenario import resolved

@@ -14,7 +14,8 @@ from helpers.summaries import summary
 from sim.recording.archive import load
 from sim.recording.recording import Recording
 from sim.replay.export import export
-from sim.replay.frames.rerender import find, scenario_of, write_frames
+from sim.replay.frames.pages import write_frames
+from sim.replay.frames.rerender import find, scenario_of
 from sim.replay.history import History
 
 DATA = Path(__file__).parents[2] / "data"

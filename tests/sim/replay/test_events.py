@@ -32,7 +32,7 @@ def held(*tracks):
 
 
 def recorded(tracks, setting=SETTING, **changes):
-    """A mission of two people who stand still; `tracks` are those of both UAVs at each scan."""
+    """A mission of two people at rest; `tracks` are those of both UAVs at each scan."""
     forest, recorder = synthetic.forest(setting, count=0), Recorder()
     plain = list(synthetic.snapshots(setting, forest, scans=len(tracks)))
     for snapshot, both in zip(plain, tracks, strict=True):

@@ -1,4 +1,4 @@
-"""What is exported is what was recorded, to the last digit, and other tools read it."""
+"""An export is the recording to the last digit, and other tools read it."""
 
 import configparser
 import csv
@@ -95,7 +95,7 @@ def test_the_truth_can_be_flown_again(recording, folders):
     np.testing.assert_array_equal(truth, recording.people[~np.isnan(recording.people[..., 0])])
 
 
-def test_a_camera_that_took_no_frame_or_a_uav_that_broke_down_has_no_row(tmp_path):
+def test_without_a_frame_or_after_a_breakdown_there_is_no_row(tmp_path):
     setting = synthetic.scenario()
     slow = setting.uavs[1].__class__(start=(1.0, 0.0), footprint=23.0, pixels=128, rate=1)
     setting = type(setting)(uavs=(setting.uavs[0], slow, setting.uavs[2]), people=setting.people)

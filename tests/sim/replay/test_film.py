@@ -237,7 +237,7 @@ def test_without_a_display_the_window_is_one_line_and_exit_code_2(call, monkeypa
 
 @pytest.fixture
 def display(monkeypatch):
-    """A display that nobody sees."""
+    """A display that is not shown."""
     if shutil.which("Xvfb") is None:
         pytest.skip("there is no Xvfb")
     read, write = os.pipe()

@@ -1,4 +1,4 @@
-"""What became of people, scan by scan, against one camera's sight and against counting by hand."""
+"""The history of people, scan by scan, against one camera's sight and against counting by hand."""
 
 from dataclasses import replace
 

@@ -18,7 +18,8 @@ from sim.drawing.map_view import MapView
 from sim.recording.archive import save
 from sim.recording.fault_text import recorded
 from sim.recording.recording import Recorder
-from sim.replay.frames.rerender import Rerenderer, draw
+from sim.replay.frames.pages import draw
+from sim.replay.frames.rerender import Rerenderer
 from sim.replay.notebook import Flight, load
 from sim.replay.tables import TABLES
 from sim.scenario.errors import InputError
@@ -29,7 +30,7 @@ TEXT = (Path(__file__).parents[3] / "docs" / "how-to" / "notebooks.md").read_tex
 
 
 def losing():
-    """A mission of 4 s in which nobody is held from 1 s to 2 s."""
+    """A mission of 4 s in which no person is held from 1 s to 2 s."""
     setting = synthetic.scenario()
     trees, recorder = synthetic.forest(setting), Recorder()
     for snapshot in synthetic.snapshots(setting, trees):

@@ -7,39 +7,24 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
+from helpers.flights import recorded
 
-from planning.planner import Plan
-from planning.registry import load_planner
-from sim.mission.mission import Mission
-from sim.recording.recording import Recorder
 from sim.replay.events import events_of
 from sim.replay.explain.association import Association
 from sim.replay.explain.explanation import explanation, stretches
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
-from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, OUTSIDE, planned_visibility
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.history import History
-from sim.scenario.loading import load
-from sim.scenario.scenario import resolved
 from sim.sensing.detection_truth import matched_detections, matched_people
-from tracking.filter.kalman import Gaussian
-
-
-def flown(*overrides, planner=None, seed=3, seconds=8):
-    scenario = load("forest", [f"duration={seconds}", *overrides])
-    mission, recorder = Mission(scenario, planner or load_planner("greedy"), seed), Recorder()
-    for snapshot in mission.fly():
-        recorder.add(snapshot)
-    return recorder.recording(scenario=resolved(scenario), planner="greedy", seed=seed, forest=mission.forest), scenario
 
 
 @pytest.fixture(scope="module")
 def mission():
     """A recording, its scenario, its history and an observer."""
     alarms = ("sensing.false_alarms=3", "sensing.miss_probability=0.2", "tracking.clutter_density=1e-3")
-    recording, scenario = flown("trees.density=60", *alarms)
+    recording, scenario = recorded("trees.density=60", *alarms)
     with Observer(recording, scenario) as observer:
         yield recording, scenario, History.of(recording, scenario), observer
 
@@ -66,7 +51,7 @@ def test_the_whole_of_a_person_is_what_a_forest_without_trees_shows(all_facts):
             clear += w.sighting.pixels == w.whole
             assert w.whole > 0 or w.sighting.pixels == 0
     assert hidden > 10 and clear >= 10
-    bare, scenario = flown("trees.density=0", seconds=1)
+    bare, scenario = recorded("trees.density=0", duration=1)
     with Observer(bare, scenario) as observer:
         shown = [(observer.observe(k, i, m).whole or 0, bare.visible[k, i, m])
                  for k, i, m in np.ndindex(*bare.visible.shape)]  # fmt: skip
@@ -100,7 +85,7 @@ def test_who_was_matched_is_whose_detection_it_is():
 
 
 def test_in_ideal_sensing_a_measurement_is_the_nearest_persons():
-    recording, scenario = flown("sensing.mode=ideal", "sensing.false_alarms=2", seconds=2)
+    recording, scenario = recorded("sensing.mode=ideal", "sensing.false_alarms=2", duration=2)
     count = 0
     with Observer(recording, scenario) as observer:
         for k, i, m in np.argwhere(recording.matched).tolist():
@@ -151,50 +136,6 @@ def test_the_track_is_the_one_that_stands_for_the_person_or_did_last(mission, al
     assert lost > 2
 
 
-class Straight:
-    """Flies each UAV straight on for ever."""
-
-    controls = np.array([[3.0, 1.0], [2.0, -1.5], [-1.0, 4.0]])
-
-    def plan(self, team, rng):
-        return [Plan(np.tile(self.controls[s.own.id], (5, 1))) for s in team]
-
-
-@pytest.mark.parametrize("delay", [0.0, 0.4])
-def test_what_a_plan_has_in_store_is_what_comes_when_it_is_flown(delay):
-    options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=75", f"network.plan_delay={delay}")
-    recording, scenario = flown(*options, planner=Straight(), seconds=6)
-    history = History.of(recording, scenario)
-    scans, uavs, people = history.inside.shape
-    kinds = set()
-    for k, i, m in ((k, i, m) for k in range(0, scans, 3) for i in range(uavs) for m in range(people)):
-        look = planned_visibility(recording, scenario, k, i, m, None)
-        if recording.times[k] < delay:
-            assert look is None
-            continue
-        made = 0.0 if k < 5 else (k - round(5 * delay)) // 5
-        assert look.made == made and look.times[-1] == pytest.approx(made + delay + 5.0)
-        left = min(len(look.times), scans - 1 - k)
-        after = slice(k + 1, k + 1 + left)
-        came = np.where(history.hidden_by[after, i, m] >= 0, HIDDEN, IN_VIEW)
-        np.testing.assert_array_equal(look.person[:left], np.where(history.inside[after, i, m], came, OUTSIDE))
-        np.testing.assert_array_equal(look.person[left:], -1)
-        np.testing.assert_allclose(look.path[:left], recording.poses[after, i, :2], atol=1e-9)
-        kinds |= set(look.person.tolist())
-    assert kinds == {-1, OUTSIDE, HIDDEN, IN_VIEW}
-
-
-def test_a_track_is_in_store_where_its_velocity_takes_it():
-    options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=0")
-    recording, scenario = flown(*options, planner=Straight(), seconds=1)
-    below = np.concatenate([recording.poses[2, 0, :2], Straight.controls[0]])
-    look = planned_visibility(recording, scenario, 2, 0, 0, Gaussian(below, np.eye(4)))
-    assert look.track.tolist() == [IN_VIEW] * 23  # of 5 s from 0 on, 0.4 s have gone
-    other = planned_visibility(recording, scenario, 2, 0, 0, Gaussian(below * [1, 1, -1, -1], np.eye(4)))
-    # They part by 1.2 m east and west a scan; at the height of a person half the view is 9.5 m.
-    assert other.track.tolist() == [IN_VIEW] * 7 + [OUTSIDE] * 16
-
-
 def test_the_words_say_what_is_known(mission, all_facts):
     recording, scenario, history, _ = mission
     seen, events = set(), events_of(recording, scenario)
@@ -240,7 +181,7 @@ def test_a_missions_stretches_are_without_gaps_and_say_who_saw_the_person(missio
     ids=["broken and slow", "unlimited", "cameras"],
 )
 def test_pages_of_any_fleet_can_be_drawn(options):
-    recording, scenario = flown(*options, seconds=1)
+    recording, scenario = recorded(*options, duration=1)
     gone = recording.people.copy()
     gone[4, 1] = np.nan
     shown, matched = recording.visible.copy(), recording.matched.copy()
@@ -271,7 +212,7 @@ def test_the_page_shows_the_frame_and_the_pixels_round_the_person(mission, all_f
 
 
 def test_a_camera_without_limits_has_in_view_whom_it_measured():
-    recording, scenario = flown("sensing.mode=ideal", "sensing.field_of_view=unlimited", seconds=1)
+    recording, scenario = recorded("sensing.mode=ideal", "sensing.field_of_view=unlimited", duration=1)
     far = 0
     with Observer(recording, scenario) as observer:
         for k, i, m in np.ndindex(*recording.matched.shape):

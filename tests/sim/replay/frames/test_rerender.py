@@ -9,21 +9,22 @@ import numpy as np
 import pytest
 from helpers import synthetic
 from helpers.commands import called
+from helpers.flights import PAIR, filmed
 
 from sim.drawing.labels import Labels
-from sim.drawing.lettering import Style
+from sim.drawing.lettering import TextStyle
 from sim.drawing.map_view import ellipse
 from sim.drawing.palette import INK, PANEL, track_colour
-from sim.mission.mission import Mission, Trial
 from sim.recording.archive import load, save
 from sim.recording.recording import Recorder
-from sim.replay.frames import rerender as module
+from sim.replay.frames import pages
 from sim.replay.frames.annotation import annotated
+from sim.replay.frames.pages import write_frames
 from sim.replay.frames.panel import draw_panel, field_of_view
-from sim.replay.frames.rerender import Rerenderer, rerender, scans_between, scenario_of, write_frames
+from sim.replay.frames.rerender import Rerenderer, rerender, scenario_of
+from sim.replay.frames.scans import scans_between
 from sim.replay.frames.sightings import Sight
 from sim.scenario.errors import InputError
-from sim.scenario.loading import load as load_scenario
 from sim.scenario.scenario import resolved
 from sim.world.world import World
 from tracking.filter.kalman import Gaussian
@@ -31,32 +32,19 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.tracker import Track
 
-# One above the other, so that they see one another.
-FLEET = "uavs=[{{start=[-28,-2],footprint=20,mount='{0}'}},{{start=[-28,2],footprint=27,mount='{0}',pixels=96}}]"
-
-
-def flown(*overrides, seconds=4):
-    """A recording, and the image of each scan and UAV that the mission had."""
-    setting = load_scenario("forest", [f"duration={seconds}", *overrides])
-    mission, recorder, images = Mission.of(Trial(setting, "greedy", 3)), Recorder(), []
-    for snapshot in mission.fly():
-        recorder.add(snapshot)
-        images.append([None if frame is None else frame.copy() for frame in mission.frames])
-    return recorder.recording(scenario=resolved(setting), planner="greedy", seed=3, forest=mission.forest), images
-
 
 @pytest.fixture(scope="module", params=[("gimbal", "false"), ("body", "false"), ("body", "true")], ids="-".join)
 def mission(request, tmp_path_factory):
     """A mission that was saved and loaded again, and its images; with and without randomised appearance."""
     mount, randomise = request.param
-    recording, images = flown(FLEET.format(mount), f"appearance.randomise={randomise}")
+    recording, images = filmed(PAIR.format(mount), f"appearance.randomise={randomise}")
     path = tmp_path_factory.mktemp(mount) / "mission.npz"
     save(recording, path)
     return load(path), images
 
 
 def differing(recording, images):
-    """How many of the mission's frames come out otherwise."""
+    """Number of the mission's frames that come out otherwise."""
     with Rerenderer(recording) as again:
         pairs = [(again.image(k, i), image) for k, row in enumerate(images) for i, image in enumerate(row)]
     assert len(pairs) == 42
@@ -70,7 +58,7 @@ def test_frames_from_the_recording_alone_are_those_flown_byte_for_byte(mission):
 
 
 def test_where_a_slow_camera_took_no_image_the_truth_is_what_geometry_tells():
-    recording, _ = flown("uavs.0.rate=1", "trees.density=0", seconds=2)
+    recording, _ = filmed("uavs.0.rate=1", "trees.density=0", duration=2)
     taken, idle = (Sight.of(recording, scenario_of(recording), k, 0) for k in (5, 6))
     assert any(p.status == "in view" for p in taken.people)
     assert {p.status for p in idle.people} <= {"in view", "outside the view"}
@@ -90,7 +78,7 @@ def test_frames_do_not_depend_on_the_order_they_are_asked_for(mission):
 
 
 def test_a_default_recording_of_40_s_takes_less_than_5_megabytes(tmp_path):
-    recording, _ = flown(seconds=8)  # a fifth of it, so a fifth of the size
+    recording, _ = filmed(duration=8)  # a fifth of it, so a fifth of the size
     save(recording, tmp_path / "mission.npz")
     assert (tmp_path / "mission.npz").stat().st_size < 5e6 / 5
 
@@ -185,7 +173,7 @@ def test_names_keep_clear_of_one_another_and_of_marks_inside_the_image(anchor, c
     labels.reserve(np.array(anchor), 8.0)
     for k in range(count):
         before = image.copy()
-        labels.put(f"track {k}", np.array(anchor), Style(13, INK, True, PANEL))
+        labels.put(f"track {k}", np.array(anchor), TextStyle(13, INK, True, PANEL))
         changed.append(np.any(image != before, axis=2))
     assert np.sum(changed, axis=0).max() == 1
     assert max(map(np.sum, changed)) < 1.1 * min(map(np.sum, changed))  # none is cut off
@@ -202,7 +190,7 @@ def test_views_of_anything_can_be_drawn():
             recorder.add(snapshot)
         recording = recorder.recording(scenario=resolved(setting), planner="p", seed=0, forest=trees)
         with Rerenderer(recording) as again:
-            page = module.draw(recording, again, 2, 1, size=300)
+            page = pages.draw(recording, again, 2, 1, size=300)
         assert page.shape[0] >= 276 and page.dtype == np.uint8
     level = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(math.radians(45)), 0, 0, math.cos(math.radians(45))]))
     seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=level)
@@ -223,7 +211,7 @@ def test_scans_in_a_window_or_the_nearest_to_a_time(mission):
 
 def test_a_failure_half_way_leaves_no_folder(mission, tmp_path, monkeypatch):
     monkeypatch.setattr(
-        module, "draw", lambda recording, again, k, uav, size: np.zeros((9, 9, 3), np.uint8)[: 9 // (k < 2)]
+        pages, "draw", lambda recording, again, k, uav, size: np.zeros((9, 9, 3), np.uint8)[: 9 // (k < 2)]
     )
     with pytest.raises(ZeroDivisionError):
         write_frames(mission[0], [0, 1, 2], 0, tmp_path / "deep" / "out", size=256, progress=lambda k: None)

@@ -10,21 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import synthetic
+from helpers.flights import PAIR, filmed
 
 from assets import ASSETS
-from sim.mission.mission import Mission, Trial
 from sim.recording.archive import load, save
-from sim.recording.recording import Recorder
 from sim.replay.frames.rerender import Rerenderer
-from sim.scenario.loading import load as load_scenario
-from sim.scenario.scenario import resolved
 from sim.sensing.renderer import capture
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 
-# One above the other, so that they see one another; cameras of two sizes.
-FLEET = "uavs=[{{start=[-28,-2],footprint=20,mount='{0}'}},{{start=[-28,2],footprint=27,mount='{0}',pixels=96}}]"
 CAMERA = Camera(math.radians(60), 128)
 
 
@@ -60,16 +55,6 @@ def test_the_same_view_is_the_same_image_again(place, quaternion):
         np.testing.assert_array_equal(image, images[0])
 
 
-def flown(seconds, *overrides):
-    """A recording, and the image of each scan and UAV that the mission had."""
-    setting = load_scenario("forest", [f"duration={seconds}", "trees.density=75", *overrides])
-    mission, recorder, images = Mission.of(Trial(setting, "greedy", 3)), Recorder(), []
-    for snapshot in mission.fly():
-        recorder.add(snapshot)
-        images.append([None if frame is None else frame.copy() for frame in mission.frames])
-    return recorder.recording(scenario=resolved(setting), planner="greedy", seed=3, forest=mission.forest), images
-
-
 APPEARANCE = {
     "plain": (),
     "light": ("appearance.light_deg=60", "appearance.ambient=0.15"),
@@ -81,7 +66,7 @@ APPEARANCE = {
 @pytest.mark.parametrize("mount", ["gimbal", "body"])
 @pytest.mark.parametrize("overrides", APPEARANCE.values(), ids=APPEARANCE)
 def test_frames_rendered_again_in_any_order_are_those_flown_byte_for_byte(mount, overrides, tmp_path):
-    recording, images = flown(4, FLEET.format(mount), *overrides)
+    recording, images = filmed("trees.density=75", PAIR.format(mount), *overrides)
     save(recording, tmp_path / "mission.npz")
     recording = load(tmp_path / "mission.npz")
     order = np.random.default_rng(0).permutation(len(images)).tolist()
@@ -104,7 +89,7 @@ print(hashlib.sha256(b"".join(frames)).hexdigest())
 
 
 def test_a_fresh_process_elsewhere_renders_the_same_frames(tmp_path):
-    recording, images = flown(2, FLEET.format("body"))
+    recording, images = filmed("trees.density=75", PAIR.format("body"), duration=2)
     save(recording, tmp_path / "mission.npz")
     there = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[4])}
     command = [sys.executable, "-c", DIGEST, "mission.npz"]
@@ -116,7 +101,9 @@ def test_a_fresh_process_elsewhere_renders_the_same_frames(tmp_path):
 @pytest.mark.slow
 def test_six_thousand_frames_of_whole_missions_come_out_as_flown():
     for number in range(5):
-        recording, images = flown(40, FLEET.format(("gimbal", "body")[number % 2]), f"people.count={4 + number}")
+        recording, images = filmed(
+            "trees.density=75", PAIR.format(("gimbal", "body")[number % 2]), f"people.count={4 + number}", duration=40
+        )
         with Rerenderer(recording) as again:
             for _ in range(3):
                 for k, row in enumerate(images):

@@ -1,4 +1,4 @@
-"""Whom a camera shows, which trees hide whom, and the outline of what they hide."""
+"""People that a camera shows, the trees that hide people, and the outline of hidden ground."""
 
 import math
 

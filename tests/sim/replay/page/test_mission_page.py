@@ -1,4 +1,4 @@
-"""A mission's page needs nothing but itself, tells what the recording holds, and works in a browser by keys alone."""
+"""A mission's page needs nothing but itself, and tells what the recording holds."""
 
 import base64
 import dataclasses
@@ -8,21 +8,17 @@ import os
 import re
 import shlex
 
-import av
-import cv2
 import numpy as np
 import pytest
-from helpers import synthetic
-from helpers.browser import CHROMIUM, Browser
+from helpers.flown_pages import EVIL, LOST, flown
 from helpers.html_pages import Page
 from typer.main import get_command
 from typer.testing import CliRunner
 
 from sim.__main__ import app
-from sim.drawing.video import Film, Video, parts_of
+from sim.drawing.video import parts_of
 from sim.mission.mission import Trial
 from sim.recording.fault_text import recorded
-from sim.recording.recording import Recorder
 from sim.replay.event import INCIDENTS
 from sim.replay.events import events_of
 from sim.replay.frames.sightings import Sight
@@ -32,59 +28,13 @@ from sim.replay.page.page import page, write_page
 from sim.running.run import run
 from sim.scenario.errors import InputError
 from sim.scenario.loading import load
-from sim.scenario.scenario import resolved
 from sim.sensing.fault import Fault
 
-EVIL = "</script><script>document.title='taken'</script><img src=x onerror=alert(1)> & \"it's\""
-LOST = ((2, 5, 9), (1, 8, 8), (0, 15, 20))  # person, first and last scan
 OPTIONS = {"explain": {"--time", "--target"}, "frames": {"--time", "--uav"}}
-FAULTS = [Fault(0.0, None, EVIL), Fault(1.0, None, EVIL), Fault(2.0, 2, "broke down, hovers from now on")]
 
 
 class Sheet(Page):
     VOID = (*Page.VOID, "input")
-
-
-def flown(scans=21, planner=EVIL, **changes):
-    """A made-up mission, and its scenario."""
-    setting = synthetic.scenario(**changes)
-    trees, recorder = synthetic.forest(setting), Recorder()
-    for snapshot in synthetic.snapshots(setting, trees, scans):
-        recorder.add(snapshot)
-    recording = recorder.recording(scenario=resolved(setting), planner=planner, seed=7, forest=trees)
-    return recording, setting
-
-
-def eventful():
-    """A mission with losses known beforehand, a UAV that breaks down at scan 10, contacts and faults."""
-    recording, setting = flown()
-    means, ospa = recording.track_means.copy(), recording.ospa.copy()
-    scan = np.repeat(np.arange(63), np.diff(recording.track_offsets)) // 3
-    for person, first, last in LOST:
-        means[(recording.track_ids == person + 1) & (first <= scan) & (scan <= last), :2] += 4.0
-    ospa[10:, 2] = np.nan
-    return dataclasses.replace(recording, track_means=means, ospa=ospa, faults=recorded(FAULTS)), setting
-
-
-def film_of(path, recording, setting):
-    with Video(path, Film(setting, recording.forest, planner="hover"), fps=5) as video:
-        for k in range(len(recording.times)):
-            snapshot = recording.snapshot(k)
-            video.add(snapshot, synthetic.frames(setting, recording.forest, snapshot))
-    return path
-
-
-@pytest.fixture(scope="module")
-def mission():
-    return eventful()
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory, mission):
-    folder = tmp_path_factory.mktemp("run")
-    film = film_of(folder / "mission.mp4", *mission)
-    write_page(*mission, folder / "mission.html", video=film, place="runs/it's here")
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -234,7 +184,7 @@ def test_replay_makes_the_page_of_the_run_again(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "changes",
     [{"people": 0}, {"scans": 1}, {"people": 20, "uavs": 10, "scans": 3}, {"mode": "ideal"}, {"uavs": 1}],
-    ids=["nobody", "one scan", "many", "ideal", "one UAV"],
+    ids=["no people", "one scan", "many", "ideal", "one UAV"],
 )
 def test_odd_missions_have_a_page_too(changes):
     recording, setting = flown(**{"scans": 6, **changes})
@@ -272,129 +222,3 @@ def test_the_data_of_forty_seconds_weigh_less_than_a_megabyte():
     recording, setting = flown(scans=201)
     data = page_data(recording, setting, History.of(recording, setting), events_of(recording, setting), None)
     assert len(json.dumps(data, separators=(",", ":"))) < 500_000
-
-
-SMALL = 24  # pixels of a camera's picture that are compared, across
-PROBE = f"""(() => {{ const c = document.createElement('canvas'); c.width = c.height = {SMALL};
-  const d = c.getContext('2d'); d.imageSmoothingQuality = 'high';
-  d.drawImage(document.querySelectorAll('#cameras canvas')[1], 0, 0, {SMALL}, {SMALL});
-  return [...d.getImageData(0, 0, {SMALL}, {SMALL}).data].filter((_, i) => i % 4 < 3); }})()"""
-STILL = (
-    "!film.seeking && Math.abs(film.currentTime - (Number(slider.value) + .5) / 5) < 1e-3 &&"
-    " Number(document.getElementById('cameras').dataset.time) === film.currentTime"
-)
-
-
-def now(browser):
-    """The state of the page: scan, time, and people whose losses are marked."""
-    browser.until(STILL)
-    marked = (
-        "[...document.querySelectorAll('#losses li[aria-current][data-person]')].map(li => Number(li.dataset.person))"
-    )
-    return browser.run(f"[Number(slider.value), document.getElementById('now').value, {marked}]")
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
-def test_a_browser_follows_slider_keys_lists_and_charts(tmp_path, mission, folder):
-    with Browser(tmp_path / "profile") as browser:
-        browser.open(folder / "mission.html")
-        assert now(browser) == [0, "0.0 s", []]
-        _follows_the_slider(browser, mission, folder)
-        _follows_keys(browser)
-        _follows_clicks(browser)
-        _plays(browser)
-        assert browser.run("document.title") == f"{EVIL}, seed 7"
-        for width in (1280, 900):
-            browser.resize(width, 800)
-            assert browser.run("document.documentElement.scrollWidth") == width
-        small = (
-            "[...document.querySelectorAll('main *')].filter(e => e.textContent.trim() && "
-            "parseFloat(getComputedStyle(e).fontSize) < 13).map(e => e.outerHTML)"
-        )
-        assert browser.run(small) == []
-        assert browser.complaints == []
-        assert [url for url in browser.requests if not url.startswith("data:")] == [
-            (folder / "mission.html").as_uri()[:100]
-        ]
-
-
-def _follows_the_slider(browser, mission, folder):
-    with av.open(str(folder / "mission.mp4")) as container:
-        images = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
-    box = parts_of(mission[1]).tiles[1]
-    maps = []
-    for k in (13, 6, 20, 0):
-        browser.run(f"slider.value = {k}; slider.dispatchEvent(new Event('input'))")
-        assert now(browser)[:2] == [k, f"{k / 5:.1f} s"]
-        # The camera's picture is that of this scan's frame of the film.
-        seen = np.array(browser.run(PROBE), dtype=float).reshape(SMALL, SMALL, 3)
-        gaps = [np.abs(_small(image[box.slices]) - seen).mean() for image in images]
-        assert int(np.argmin(gaps)) == k, gaps
-        # The cursor stands at the thumb of the slider, and the map has changed.
-        left, start, wide = browser.run(
-            "[cursor.getBoundingClientRect().left + 1, slider.getBoundingClientRect().left, slider.offsetWidth]"
-        )
-        assert left == pytest.approx(start + 8 + k / 20 * (wide - 16), abs=1.5)
-        maps.append(hashlib.sha256(browser.run("map.toDataURL()").encode()).hexdigest())
-    assert len(set(maps)) == 4
-
-
-def _small(image):
-    return cv2.resize(image, (SMALL, SMALL), interpolation=cv2.INTER_AREA).astype(float)
-
-
-def _follows_keys(browser):
-    def after(*keys):
-        for key in keys:
-            browser.press(key)
-        return now(browser)
-
-    assert after("ArrowRight", "ArrowRight", "ArrowLeft") == [1, "0.2 s", []]
-    assert after("n") == [5, "1.0 s", [2]]
-    assert after("n") == [8, "1.6 s", [2, 1]]
-    assert after("n", "n") == [15, "3.0 s", [0]]
-    assert after("p") == [8, "1.6 s", [2, 1]]
-    assert after("End")[0] == 20 and after("ArrowRight")[0] == 20 and after("Home")[0] == 0
-    # By tabs alone to the slider, which then moves a scan at a time.
-    for _ in range(40):
-        browser.press("Tab")
-        if browser.run("document.activeElement.id") == "slider":
-            break
-    assert browser.run("getComputedStyle(slider).outlineStyle") == "solid"
-    assert after("ArrowRight")[0] == 1
-
-
-def _follows_clicks(browser):
-    x, y = browser.run(
-        "(() => { const b = document.querySelector('#losses li[data-person=\"0\"] button');"
-        "b.scrollIntoView({block: 'center'}); const r = b.getBoundingClientRect();"
-        "return [r.x + r.width / 2, r.y + r.height / 2]; })()"
-    )
-    browser.point(x, y, click=True)
-    assert now(browser) == [15, "3.0 s", [0]]
-    assert browser.run("document.querySelector('#losses li[data-person=\"0\"] details').open")
-    for chart in ("timeline", "ospa"):
-        for k in (4, 17):
-            x, y = browser.run(
-                f"(() => {{ const c = document.getElementById('{chart}'); c.scrollIntoView({{block: 'center'}});"
-                "const s = slider.getBoundingClientRect(), r = c.getBoundingClientRect();"
-                f"return [s.x + 8 + {k} / 20 * (s.width - 16), r.y + r.height / 2]; }})()"
-            )
-            browser.point(x, y, click=True)
-            assert now(browser)[0] == k
-    # The pointer over a person tells who that is.
-    browser.run("follow.value = 'person 1'; follow.dispatchEvent(new Event('change')); map.scrollIntoView()")
-    box = browser.run("(() => { const r = map.getBoundingClientRect(); return [r.x, r.y, r.width, r.height]; })()")
-    browser.point(box[0] + box[2] / 2, box[1] + box[3] / 2)
-    assert re.match(r"person 1: .*track \d of ", browser.run("tip.textContent"))
-
-
-def _plays(browser):
-    browser.press("Home")
-    now(browser)
-    browser.run("speed.value = 4; speed.dispatchEvent(new Event('change'))")
-    browser.run("document.activeElement.blur()")
-    browser.press(" ", " ")
-    browser.until("Number(slider.value) > 3")
-    browser.until("Number(slider.value) === 20 && film.paused", seconds=10)
-    assert browser.run("play.textContent") == "Play"

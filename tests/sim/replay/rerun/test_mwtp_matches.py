@@ -1,4 +1,4 @@
-"""Who goes for which track when plans end: against the penalty that planners pay, and by hand."""
+"""Matches of UAVs and tracks at the end of plans: against the penalty that planners pay, and by hand."""
 
 import numpy as np
 import pytest

@@ -1,0 +1,45 @@
+"""Made-up missions for pages: losses known beforehand, a breakdown, contacts and faults."""
+
+import dataclasses
+
+import numpy as np
+
+from helpers import synthetic
+from sim.drawing.video import Film, Video
+from sim.recording.fault_text import recorded
+from sim.recording.recording import Recorder
+from sim.scenario.scenario import resolved
+from sim.sensing.fault import Fault
+
+EVIL = "</script><script>document.title='taken'</script><img src=x onerror=alert(1)> & \"it's\""
+LOST = ((2, 5, 9), (1, 8, 8), (0, 15, 20))  # person, first and last scan
+FAULTS = [Fault(0.0, None, EVIL), Fault(1.0, None, EVIL), Fault(2.0, 2, "broke down, hovers from now on")]
+
+
+def flown(scans=21, planner=EVIL, **changes):
+    """A made-up mission, and its scenario."""
+    setting = synthetic.scenario(**changes)
+    trees, recorder = synthetic.forest(setting), Recorder()
+    for snapshot in synthetic.snapshots(setting, trees, scans):
+        recorder.add(snapshot)
+    recording = recorder.recording(scenario=resolved(setting), planner=planner, seed=7, forest=trees)
+    return recording, setting
+
+
+def eventful():
+    """A mission with losses known beforehand, a UAV that breaks down at scan 10, contacts and faults."""
+    recording, setting = flown()
+    means, ospa = recording.track_means.copy(), recording.ospa.copy()
+    scan = np.repeat(np.arange(63), np.diff(recording.track_offsets)) // 3
+    for person, first, last in LOST:
+        means[(recording.track_ids == person + 1) & (first <= scan) & (scan <= last), :2] += 4.0
+    ospa[10:, 2] = np.nan
+    return dataclasses.replace(recording, track_means=means, ospa=ospa, faults=recorded(FAULTS)), setting
+
+
+def film_of(path, recording, setting):
+    with Video(path, Film(setting, recording.forest, planner="hover"), fps=5) as video:
+        for k in range(len(recording.times)):
+            snapshot = recording.snapshot(k)
+            video.add(snapshot, synthetic.frames(setting, recording.forest, snapshot))
+    return path

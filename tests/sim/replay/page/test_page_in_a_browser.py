@@ -1,0 +1,138 @@
+"""A mission's page in a browser: slider, keys, lists and charts lead to the same scan of film and map."""
+
+import hashlib
+import re
+
+import av
+import cv2
+import numpy as np
+import pytest
+from helpers.browser import CHROMIUM, Browser
+from helpers.flown_pages import EVIL
+
+from sim.drawing.video import parts_of
+
+SMALL = 24  # pixels of a camera's picture that are compared, across
+PROBE = f"""(() => {{ const c = document.createElement('canvas'); c.width = c.height = {SMALL};
+  const d = c.getContext('2d'); d.imageSmoothingQuality = 'high';
+  d.drawImage(document.querySelectorAll('#cameras canvas')[1], 0, 0, {SMALL}, {SMALL});
+  return [...d.getImageData(0, 0, {SMALL}, {SMALL}).data].filter((_, i) => i % 4 < 3); }})()"""
+STILL = (
+    "!film.seeking && Math.abs(film.currentTime - (Number(slider.value) + .5) / 5) < 1e-3 &&"
+    " Number(document.getElementById('cameras').dataset.time) === film.currentTime"
+)
+
+
+def now(browser):
+    """The state of the page: scan, time, and people whose losses are marked."""
+    browser.until(STILL)
+    marked = (
+        "[...document.querySelectorAll('#losses li[aria-current][data-person]')].map(li => Number(li.dataset.person))"
+    )
+    return browser.run(f"[Number(slider.value), document.getElementById('now').value, {marked}]")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+def test_a_browser_follows_slider_keys_lists_and_charts(tmp_path, mission, folder):
+    with Browser(tmp_path / "profile") as browser:
+        browser.open(folder / "mission.html")
+        assert now(browser) == [0, "0.0 s", []]
+        _follows_the_slider(browser, mission, folder)
+        _follows_keys(browser)
+        _follows_clicks(browser)
+        _plays(browser)
+        assert browser.run("document.title") == f"{EVIL}, seed 7"
+        for width in (1280, 900):
+            browser.resize(width, 800)
+            assert browser.run("document.documentElement.scrollWidth") == width
+        small = (
+            "[...document.querySelectorAll('main *')].filter(e => e.textContent.trim() && "
+            "parseFloat(getComputedStyle(e).fontSize) < 13).map(e => e.outerHTML)"
+        )
+        assert browser.run(small) == []
+        assert browser.complaints == []
+        assert [url for url in browser.requests if not url.startswith("data:")] == [
+            (folder / "mission.html").as_uri()[:100]
+        ]
+
+
+def _follows_the_slider(browser, mission, folder):
+    with av.open(str(folder / "mission.mp4")) as container:
+        images = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    box = parts_of(mission[1]).tiles[1]
+    maps = []
+    for k in (13, 6, 20, 0):
+        browser.run(f"slider.value = {k}; slider.dispatchEvent(new Event('input'))")
+        assert now(browser)[:2] == [k, f"{k / 5:.1f} s"]
+        # The camera's picture is that of this scan's frame of the film.
+        seen = np.array(browser.run(PROBE), dtype=float).reshape(SMALL, SMALL, 3)
+        gaps = [np.abs(_small(image[box.slices]) - seen).mean() for image in images]
+        assert int(np.argmin(gaps)) == k, gaps
+        # The cursor stands at the thumb of the slider, and the map has changed.
+        left, start, wide = browser.run(
+            "[cursor.getBoundingClientRect().left + 1, slider.getBoundingClientRect().left, slider.offsetWidth]"
+        )
+        assert left == pytest.approx(start + 8 + k / 20 * (wide - 16), abs=1.5)
+        maps.append(hashlib.sha256(browser.run("map.toDataURL()").encode()).hexdigest())
+    assert len(set(maps)) == 4
+
+
+def _small(image):
+    return cv2.resize(image, (SMALL, SMALL), interpolation=cv2.INTER_AREA).astype(float)
+
+
+def _follows_keys(browser):
+    def after(*keys):
+        for key in keys:
+            browser.press(key)
+        return now(browser)
+
+    assert after("ArrowRight", "ArrowRight", "ArrowLeft") == [1, "0.2 s", []]
+    assert after("n") == [5, "1.0 s", [2]]
+    assert after("n") == [8, "1.6 s", [2, 1]]
+    assert after("n", "n") == [15, "3.0 s", [0]]
+    assert after("p") == [8, "1.6 s", [2, 1]]
+    assert after("End")[0] == 20 and after("ArrowRight")[0] == 20 and after("Home")[0] == 0
+    # By tabs alone to the slider, which then moves a scan at a time.
+    for _ in range(40):
+        browser.press("Tab")
+        if browser.run("document.activeElement.id") == "slider":
+            break
+    assert browser.run("getComputedStyle(slider).outlineStyle") == "solid"
+    assert after("ArrowRight")[0] == 1
+
+
+def _follows_clicks(browser):
+    x, y = browser.run(
+        "(() => { const b = document.querySelector('#losses li[data-person=\"0\"] button');"
+        "b.scrollIntoView({block: 'center'}); const r = b.getBoundingClientRect();"
+        "return [r.x + r.width / 2, r.y + r.height / 2]; })()"
+    )
+    browser.point(x, y, click=True)
+    assert now(browser) == [15, "3.0 s", [0]]
+    assert browser.run("document.querySelector('#losses li[data-person=\"0\"] details').open")
+    for chart in ("timeline", "ospa"):
+        for k in (4, 17):
+            x, y = browser.run(
+                f"(() => {{ const c = document.getElementById('{chart}'); c.scrollIntoView({{block: 'center'}});"
+                "const s = slider.getBoundingClientRect(), r = c.getBoundingClientRect();"
+                f"return [s.x + 8 + {k} / 20 * (s.width - 16), r.y + r.height / 2]; }})()"
+            )
+            browser.point(x, y, click=True)
+            assert now(browser)[0] == k
+    # The pointer over a person tells the number.
+    browser.run("follow.value = 'person 1'; follow.dispatchEvent(new Event('change')); map.scrollIntoView()")
+    box = browser.run("(() => { const r = map.getBoundingClientRect(); return [r.x, r.y, r.width, r.height]; })()")
+    browser.point(box[0] + box[2] / 2, box[1] + box[3] / 2)
+    assert re.match(r"person 1: .*track \d of ", browser.run("tip.textContent"))
+
+
+def _plays(browser):
+    browser.press("Home")
+    now(browser)
+    browser.run("speed.value = 4; speed.dispatchEvent(new Event('change'))")
+    browser.run("document.activeElement.blur()")
+    browser.press(" ", " ")
+    browser.until("Number(slider.value) > 3")
+    browser.until("Number(slider.value) === 20 && film.paused", seconds=10)
+    assert browser.run("play.textContent") == "Play"
