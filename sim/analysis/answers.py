@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.analysis.cells import Cell, Group
+from sim.analysis.cell_text import Cell
+from sim.analysis.cells import Group
 from sim.analysis.statistics import (
     LEVEL,
     NO_ESTIMATE,

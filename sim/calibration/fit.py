@@ -1,15 +1,13 @@
-"""Fits the constants of the camera's covariance to rendered people, and checks it: `python -m sim.calibration.fit`."""
+"""Fit of the constants of the camera's covariance to rendered people, and its NEES."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import astuple, dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 from scipy.optimize import brentq, minimize
 from scipy.stats import chi2
 
@@ -263,25 +261,3 @@ def _excess(basis: Array, squares: Array) -> tuple[tuple[float, ...], Array]:
 def _minimum(function: Callable[[Array], float], start: Array, calls: int) -> Array:
     found = minimize(function, start, method="Nelder-Mead", options={"maxfev": calls, "adaptive": True})
     return np.asarray(found.x)
-
-
-def _rounded(constants: WholeError | PartError | SplitError) -> str:
-    numbers = [np.round(value, 3).tolist() for value in astuple(constants)]
-    return "\n".join(f"  {field.name} = {value}" for field, value in zip(fields(constants), numbers, strict=True))
-
-
-def main() -> None:
-    """Print constants fitted anew, and the NEES of those in force on 5000 other detections."""
-    console = Console()
-    console.print("tracking.detection.noise.WholeError\n" + _rounded(fit_powers(fit_whole(0, 1200), 0, 600)))
-    console.print("tracking.detection.noise.SplitError\n" + _rounded(fit_split(0, 800)))
-    console.print("tracking.detection.partial_visibility.PartError\n" + _rounded(fit_part(1, 500)))
-    table = Table("bin", "detections", "mean NEES", "95 % interval", "")
-    for row in nees_bins(people_in_forests(2, 165)) + tilt_bins(2, 200) + pair_bins(2, 2000):
-        interval = f"{row.low:.2f} to {row.high:.2f}"
-        table.add_row(row.name, str(row.count), f"{row.mean:.2f}", interval, "" if row.holds else "outside")
-    console.print(table)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,72 +1,52 @@
-"""`understory compare` and `understory studies`."""
+"""`understory compare`."""
 
 from __future__ import annotations
 
 import os
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
 from rich.markup import escape
 
 from planning.registry import COMPARED
+from sim.cli import compare_options as options
 from sim.scenario.errors import InputError
 from sim.scenario.loading import SCENARIOS, did_you_mean, remarks
 from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers, seconds
 from sim.study.study import STUDIES, Study, adapted, is_study, read
-from sim.terminal.console import console, fail, remark, show_list
+from sim.terminal.console import console, fail, remark
 from sim.terminal.options import Duration, Overrides, with_duration
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
-    from sim.study.engine import Backend, Options
+    from sim.report.report import About
     from sim.study.row import Row
-    from sim.study.tasks import Task
 
 _MOST_WORKERS = 1024
 _SENSING = ("camera", "ideal")
 
 
 def compare(
-    study: Annotated[
-        str, typer.Argument(metavar="STUDY", help="Name (see `understory studies`), study file, or scenario.")
-    ] = "forest",
-    planner: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="A planner; repeat for each. Default: the study's, or two of the paper's."),
-    ] = None,
-    seeds: Annotated[
-        str | None, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. [default: 0-9]")
-    ] = None,
-    maps: Annotated[str | None, typer.Option(metavar="N", help="Seeds 0 to N - 1; the paper has 50.")] = None,
-    repeats: Annotated[
-        str | None, typer.Option(metavar="K", help="Flights on each map, with other noise each. [default: 1]")
-    ] = None,
-    sensing: Annotated[str | None, typer.Option(metavar="MODE", help="camera or ideal.")] = None,
+    study: options.StudyName = "forest",
+    planner: options.Planners = None,
+    seeds: options.Seeds = None,
+    maps: options.Maps = None,
+    repeats: options.Repeats = None,
+    sensing: options.Sensing = None,
     duration: Duration = None,
     overrides: Overrides = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Folder of results; what is there is not flown again. Default: one under runs/."
-        ),
-    ] = None,
-    baseline: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The planner that others are compared with. Default: the first.")
-    ] = None,
-    metric: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="What to compare, see docs/how-to/studies.md; repeatable.")
-    ] = None,
-    workers: Annotated[str | None, typer.Option(metavar="N", help="Processes to fly in. Default: one a core.")] = None,
-    dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster: tcp://host:8786.")] = None,
-    timeout: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Wall time beyond which a trial has failed: 90, 5min.")
-    ] = None,
-    keep: Annotated[str | None, typer.Option(metavar="WHAT", help="recordings: keep each mission.npz.")] = None,
-    redo: Annotated[bool, typer.Option("--redo", help="Fly again what is there already.")] = False,
+    out: options.Out = None,
+    baseline: options.Baseline = None,
+    label: options.Labels = None,
+    metric: options.Metrics = None,
+    workers: options.Workers = None,
+    dask: options.Dask = None,
+    timeout: options.Timeout = None,
+    keep: options.Keep = None,
+    redo: options.Redo = False,
 ) -> None:
     """Fly planners on the same forests, people and seeds; show the results side by side. Goes on where it stopped."""
     changes = [*_sensing(sensing), *with_duration(overrides, duration)]
@@ -79,33 +59,20 @@ def compare(
     if keep not in (None, "recordings"):
         raise InputError(f"--keep: {keep!r} is unknown; {did_you_mean(keep, ['recordings'])}")
     folder = out or Path("runs") / chosen.name
-    from sim.analysis.cells import baseline_of
     from sim.analysis.metric_choice import from_outside
-    from sim.scenario.random_streams import numbered
+    from sim.analysis.planner_labels import baseline_of, labels_of
+    from sim.cli.study_flight import fly_study
+    from sim.report.report import About
     from sim.study.engine import Options
     from sim.study.tasks import tasks
 
     listed = tasks(chosen, from_outside(metric or ()))
-    baseline_of(listed, baseline)
+    labels = labels_of(listed, label or ())
+    baseline_of(listed, baseline, labels)
     remark(*dict.fromkeys(line for task in listed for line in remarks(task.setting)))
-    options = Options(limit, folder / "recordings" if keep else None, redo)
-    rows = _flown(listed, folder, options, processes, dask)
-    _answer(rows, folder, chosen.description, baseline, metric or ())
-    failures = [row for row in rows if row.status == "failed"]
-    missing = "; the same command flies again what failed" if failures else ""
-    console.print(f"Results in [bold]{escape(str(folder))}[/bold] (report.html){missing}.", soft_wrap=True)
-    if failures:
-        first = failures[0]
-        place = f"{first.planner}, {numbered(first.seed, first.repeat)}"
-        fail(f"{len(failures)} of {len(rows)} trials failed, {place}: {first.error}", code=1)
-
-
-def studies() -> None:
-    """List the packaged studies."""
-    show_list(
-        {name: read(name).description for name in STUDIES},
-        "Fly one: understory compare NAME --maps 10. Yours: a .toml file, see docs/how-to/studies.md.",
-    )
+    rows = fly_study(listed, folder, Options(limit, folder / "recordings" if keep else None, redo), processes, dask)
+    shown = About(chosen.name, chosen.description, baseline=baseline, labels=labels, metrics=tuple(metric or ()))
+    _show(rows, folder, shown)
 
 
 def _study(name: str) -> Study:
@@ -136,24 +103,30 @@ def _sensing(mode: str | None) -> list[str]:
     return [f"sensing.mode={mode}"]
 
 
-def _answer(rows: Sequence[Row], folder: Path, description: str, baseline: str | None, metrics: Sequence[str]) -> None:
+def _show(rows: Sequence[Row], folder: Path, about: About) -> None:
+    """Print tables and write the report; exit with code 1 if that cannot be done or trials have failed."""
+    from sim.scenario.random_streams import numbered
+
+    _report(rows, folder, about)
+    failures = [row for row in rows if row.status == "failed"]
+    missing = "; the same command flies again what failed" if failures else ""
+    console.print(f"Results in [bold]{escape(str(folder))}[/bold] (report.html){missing}.", soft_wrap=True)
+    if failures:
+        first = failures[0]
+        place = f"{first.planner}, {numbered(first.seed, first.repeat)}"
+        fail(f"{len(failures)} of {len(rows)} trials failed, {place}: {first.error}", code=1)
+
+
+def _report(rows: Sequence[Row], folder: Path, about: About) -> None:
     """Show tables, and write the report beside the store; exits with what is kept if that cannot be done."""
     from sim.evaluation.machine import versions
-    from sim.report.report import About, write
-    from sim.report.tables import show
+    from sim.report.report import write
+    from sim.report.terminal import show
 
-    about = About(
-        study=rows[0].study,
-        description=description,
-        command=shlex.join(["understory", *sys.argv[1:]]),
-        versions=versions(),
-        wall_s=sum(row.metrics.get("wall_s", 0.0) for row in rows),
-        baseline=baseline,
-        metrics=tuple(metrics),
-    )
+    command, wall = shlex.join(["understory", *sys.argv[1:]]), sum(row.metrics.get("wall_s", 0.0) for row in rows)
     try:
-        show(rows, baseline, metrics)
-        write(rows, folder, about)
+        show(rows, about.baseline, about.metrics, labels=about.labels)
+        write(rows, folder, replace(about, command=command, versions=versions(), wall_s=wall))
     except KeyboardInterrupt:
         reason = "interrupted"
     except InputError as error:  # names were checked before, so the disk is full or the like
@@ -161,54 +134,3 @@ def _answer(rows: Sequence[Row], folder: Path, description: str, baseline: str |
     else:
         return
     fail(f"{reason}; all {len(rows)} trials are kept in {folder}, the same command writes the report", code=1)
-
-
-def _flown(listed: Sequence[Task], folder: Path, options: Options, workers: int, dask: str | None) -> list[Row]:
-    """Rows of all trials; exits with what is kept and how to go on if they cannot all be flown."""
-    from sim.study.engine import complete
-    from sim.study.store import NAME, Store, StoreError
-    from sim.study.tasks import check_worlds
-    from sim.terminal.study_progress import study_progress
-
-    kept: int | None = None
-    try:
-        if not (folder / NAME).exists():
-            check_worlds(listed)
-        with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
-            remark(*_apart(store.versions(), listed[0].version, store.path))
-            with study_progress(len(listed)) as tell:
-                try:
-                    return complete(
-                        listed, store, backend, options, lambda _, row, new: tell(row.status == "failed", new)
-                    )
-                except (KeyboardInterrupt, StoreError):
-                    kept = len(store.done(listed))
-                    raise
-    except KeyboardInterrupt:
-        reason = "interrupted"
-    except StoreError as error:
-        reason = str(error)
-    if kept is None:
-        fail(f"{reason}; no trial was flown, what {folder} holds stays", code=1)
-    rest = "without --redo, the same command flies the rest" if options.redo else "the same command flies the rest"
-    fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, {rest}", code=1)
-
-
-@contextmanager
-def _backend(workers: int, dask: str | None) -> Iterator[Backend]:
-    if dask is None:
-        from sim.study.pool import Pool
-
-        with Pool(workers) as pool:
-            yield pool
-    else:
-        from sim.study.cluster import connected
-
-        with connected(dask) as cluster:
-            yield cluster
-
-
-def _apart(versions: dict[str, int], version: str, path: Path) -> list[str]:
-    """What to say of results that another version of the package left."""
-    others = ", ".join(f"{count} of version {other}" for other, count in versions.items() if other != version)
-    return [f"{path}: trials of another version are kept apart, not shown: {others}"] if others else []

@@ -14,6 +14,7 @@ from sim.recording.atomic_files import check_new, unused, whole
 from sim.scenario.errors import InputError
 from sim.scenario.quantities import integer, interval
 from sim.terminal.console import console
+from sim.terminal.options import Recorded
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.recording.recording import Recording
@@ -27,7 +28,7 @@ _STYLES = {"lost": "red", "not found yet": "red", "held by some": "yellow"}
 
 
 def explain(
-    recorded: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")],
+    recorded: Recorded,
     time: Annotated[str | None, typer.Option(metavar="T", help="The scan nearest to T; without, all of them.")] = None,
     target: Annotated[str | None, typer.Option(metavar="N", help="Which person, from 0; without --time, all.")] = None,
     out: Annotated[

@@ -12,7 +12,9 @@ from rich.markup import escape
 from sim.recording.atomic_files import check_new, unused
 from sim.scenario.errors import InputError
 from sim.scenario.quantities import interval
-from sim.terminal.console import console, say, trial_progress
+from sim.terminal.console import console, say
+from sim.terminal.options import Recorded
+from sim.terminal.progress import trial_progress
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.recording.recording import Recording
@@ -21,7 +23,7 @@ _SPEEDS = (0.05, 20.0)  # slowest and fastest
 
 
 def replay(
-    recorded: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")],
+    recorded: Recorded,
     video: Annotated[bool, typer.Option("--video", help="Make the film again; so it is without an option.")] = False,
     gui: Annotated[bool, typer.Option("--gui", help="Show the world in PyBullet's window, from any side.")] = False,
     rerun: Annotated[

@@ -16,7 +16,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from sim.analysis.answers import map_means, paired_values
-from sim.analysis.cells import Group, cell_text
+from sim.analysis.cell_text import cell_text
+from sim.analysis.cells import Group
 from sim.analysis.statistics import bands, ecdf
 from sim.drawing.palette import FAINT
 from sim.drawing.plots import rgb

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from sim.analysis.answers import Answer, Difference
-from sim.analysis.cells import Cell
+from sim.analysis.cell_text import Cell
 from sim.analysis.statistics import NO_ESTIMATE, NO_SPREAD
 from sim.report.tables import Layout, layouts, notes, shortfalls
 

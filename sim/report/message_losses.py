@@ -1,4 +1,4 @@
-"""What the loss of messages does to a fleet: a table and a figure, as docs/explanation/network.md says."""
+"""Effect of lost messages on a fleet: a table and a figure, as docs/explanation/network.md shows."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from matplotlib.figure import Figure
 
 from sim.drawing.palette import BLUE, VERMILLION
 from sim.drawing.plots import save
-from sim.scenario.errors import InputError
 from sim.scenario.loading import load
 from sim.scenario.quantities import integers
 from sim.study.engine import rows_of
 from sim.study.pool import Pool
 from sim.study.row import Row
 from sim.study.tasks import check_worlds, task_of
-from sim.terminal.console import fail, trial_progress
+from sim.terminal.commands import run_alone
+from sim.terminal.progress import trial_progress
 
 LOSSES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 FUSIONS = ("kla", "hcmci")
@@ -100,9 +100,11 @@ def _summary(rows: Sequence[Row], name: str) -> tuple[float, float]:
 
 def main(
     out: Annotated[Path, typer.Argument(metavar="PNG", help="Where the figure goes.")] = Path("network.png"),
-    fusion: Annotated[list[str] | None, typer.Option(help="kla or hcmci; repeat for both. Default: both.")] = None,
+    fusion: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="kla or hcmci; repeat for both. Default: both.")
+    ] = None,
     seeds: Annotated[str, typer.Option(metavar="LIST", help="0-7 or 0,3,7.")] = "0-7",
-    workers: Annotated[int, typer.Option(min=1, help="Processes to fly in.")] = 1,
+    workers: Annotated[int, typer.Option(metavar="N", min=1, help="Processes to fly in.")] = 1,
     overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="As for a run.")] = None,
 ) -> None:
     """Fly the default scenario at losses of 0 to 100 %; print a table and draw a figure."""
@@ -112,7 +114,4 @@ def main(
 
 
 if __name__ == "__main__":
-    try:
-        typer.run(main)
-    except InputError as error:
-        fail(str(error), code=2)
+    run_alone(main)

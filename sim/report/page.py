@@ -10,7 +10,8 @@ from itertools import groupby
 from string import Template
 
 from sim.analysis.answers import Answer, Difference
-from sim.analysis.cells import Cell, Group, cell_text
+from sim.analysis.cell_text import Cell, cell_text
+from sim.analysis.cells import Group
 from sim.evaluation.metric import Metric
 from sim.report.pictures import Picture
 from sim.report.replay_commands import anchor, command, extremes

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from sim.analysis.cells import Cell, Group, cell_text, varying
+from sim.analysis.cell_text import Cell, cell_text
+from sim.analysis.cells import Group, varying
 from sim.drawing.palette import BLUE, INK, ORANGE, PURPLE, SKY, VERMILLION, Colour
 
 COLOURS: tuple[Colour, ...] = (BLUE, VERMILLION, (0, 158, 115), PURPLE, ORANGE, SKY, INK)  # Okabe-Ito

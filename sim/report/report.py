@@ -13,9 +13,11 @@ from html import escape
 from pathlib import Path
 
 from sim.analysis.answers import Answer, answers
-from sim.analysis.cells import Group, baseline_of, cell_text, constant, grouped, trimmed, varying
+from sim.analysis.cell_text import cell_text
+from sim.analysis.cells import Group, constant, grouped, trimmed, varying
 from sim.analysis.coverage import COVERED
 from sim.analysis.metric_choice import RUNTIME, available, chosen, metric_shown
+from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import whole
 from sim.report.formats import comma_separated, markdown
@@ -69,6 +71,7 @@ class About:
     )
     wall_s: float | None = None  # of all trials added up, whatever flew at the same time
     baseline: str | None = None  # a planner of the rows; None: the first
+    labels: Mapping[str, str] = field(default_factory=dict)  # of planners, as from `labels_of`
     metrics: tuple[str, ...] = ()  # flat names; none: the usual ones
 
 
@@ -93,8 +96,8 @@ def write(rows: Sequence[Row], folder: Path, about: About) -> None:
 
 def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     """The files of a report by name."""
-    baseline = baseline_of(rows, about.baseline)
-    every = grouped(rows, baseline)
+    baseline = baseline_of(rows, about.baseline, about.labels)
+    every = grouped(rows, baseline, about.labels)
     groups, metrics = trimmed(every), chosen(rows, about.metrics)
     found = answers(groups, metrics, baseline)
     times = answers(groups, [metric_shown(name) for name in RUNTIME if name in available(rows)], baseline)

@@ -5,22 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import groupby
 from typing import NamedTuple
 
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
-
-from sim.analysis.answers import Answer, Difference, answers
-from sim.analysis.cells import Cell, baseline_of, cell_text, constant, grouped, trimmed
+from sim.analysis.answers import Answer, Difference
+from sim.analysis.cell_text import cell_text
 from sim.analysis.coverage import caveats
-from sim.analysis.metric_choice import chosen
 from sim.analysis.statistics import LEVEL, MOST_MAPS, POWER, Estimate, Spread
 from sim.evaluation.metric import UNKNOWN, Metric
-from sim.study.row import Row
-from sim.terminal.console import console as terminal
 
 WIDE = 100  # columns from which on the terminal has room for all columns
 _OF_PAIRS = ("won, tied, lost", "maps needed")
@@ -49,15 +40,15 @@ class Layout(NamedTuple):
 def layouts(found: Sequence[Answer], baseline: str) -> list[Layout]:
     """The tables of the answers of one metric: the results and, where maps were repeated, the spreads."""
     metric, compared = found[0].metric, any(answer.difference for answer in found)
-    main = Layout(metric.title, columns(baseline, compared=compared), partial(texts_of, compared=compared))
-    if not repeated(found):
+    main = Layout(metric.title, _columns(baseline, compared=compared), partial(texts_of, compared=compared))
+    if not _repeated(found):
         return [main]
     heads = ["planner", "between maps", "within maps"]
     heads += [f"less {baseline}: between", "within", "maps needed"] if compared else []
     return [main, Layout(f"{metric.title}: spread", heads, partial(_spread_texts, compared=compared))]
 
 
-def repeated(found: Sequence[Answer]) -> bool:
+def _repeated(found: Sequence[Answer]) -> bool:
     """Whether any map was flown more than once."""
     return any(answer.trials + answer.failed > answer.flown for answer in found)
 
@@ -71,7 +62,7 @@ def notes(found: Sequence[Answer]) -> list[str]:
         else ""
     )
     told = caveats((answer.metric, maps) for answer in found for maps in _sampled(answer))
-    parts = [_NOTE, *told, _COMPARED if compared else "", many, _REPEATED if repeated(found) else ""]
+    parts = [_NOTE, *told, _COMPARED if compared else "", many, _REPEATED if _repeated(found) else ""]
     return [part for part in parts if part]
 
 
@@ -80,33 +71,11 @@ def _sampled(answer: Answer) -> tuple[int, ...]:
     return (answer.maps, answer.difference.pairs) if answer.difference else (answer.maps,)
 
 
-def show(
-    rows: Sequence[Row], baseline: str | None = None, metrics: Sequence[str] = (), *, on: Console = terminal
-) -> None:
-    """Print the answers; InputError where a metric or the baseline is unknown.
-
-    baseline: a planner as given, by name or by label; the first row's if None. metrics: flat names; the usual if none.
-    """
-    first = baseline_of(rows, baseline)
-    groups = grouped(rows, first)
-    found = answers(trimmed(groups), chosen(rows, metrics), first)
-    if constant(groups):
-        on.print(f"Everywhere: {escape(cell_text(constant(groups)))}")
-    for _, group in groupby(found, lambda answer: answer.metric):
-        lines = list(group)
-        for layout in layouts(lines, first):
-            on.print(_terminal_table(layout, lines, on.width >= WIDE))
-    for note in notes(found):
-        on.print(note, style="dim")
-    for line in shortfalls(found):
-        on.print(escape(line), style="bold red")
-
-
 def shortfalls(found: Sequence[Answer]) -> list[str]:
     """What the numbers leave out, one line each: trials that failed, values that are undefined, maps without a pair."""
     lines: dict[str, None] = {}
     for answer in found:
-        who = f"{answer.planner} ({heading(answer.cell)})" if answer.cell != () else answer.planner
+        who = f"{answer.planner} ({cell_text(answer.cell)})" if answer.cell != () else answer.planner
         if answer.failed:
             lines[f"{who}: {answer.failed} of {answer.trials + answer.failed} trials failed and do not count"] = None
         if answer.undefined:
@@ -119,7 +88,7 @@ def shortfalls(found: Sequence[Answer]) -> list[str]:
     return list(lines)
 
 
-def columns(baseline: str, *, compared: bool) -> list[str]:
+def _columns(baseline: str, *, compared: bool) -> list[str]:
     """Headings of the table of one metric."""
     return ["planner", "maps", "mean", "median", *([f"less {baseline}", *_OF_PAIRS] if compared else [])]
 
@@ -127,13 +96,13 @@ def columns(baseline: str, *, compared: bool) -> list[str]:
 def texts_of(answer: Answer, *, compared: bool) -> list[str]:
     """What stands under the headings."""
     metric = answer.metric
-    own = [maps(answer), *(_estimate(metric, e) for e in (answer.mean, answer.median))]
+    own = [_maps(answer), *(_estimate(metric, e) for e in (answer.mean, answer.median))]
     if answer.cell is None:
         own = [f"{answer.difference.cells} cells" if answer.difference else "", "", ""]
     return [answer.planner, *own, *(_compared(metric, answer.difference) if compared else [])]
 
 
-def maps(answer: Answer) -> str:
+def _maps(answer: Answer) -> str:
     """How many maps count, and of how many if not all do."""
     return str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
 
@@ -148,7 +117,7 @@ def _compared(metric: Metric, difference: Difference | None) -> list[str]:
         return ["baseline", "", ""]
     mark = "* " if difference.survives else ""
     shown = mark + _estimate(metric, difference.mean, signed=True)
-    return [shown, record(metric, difference), _needed(difference)]
+    return [shown, _record(metric, difference), _needed(difference)]
 
 
 def _needed(difference: Difference) -> str:
@@ -158,7 +127,7 @@ def _needed(difference: Difference) -> str:
     return UNKNOWN if math.isnan(difference.needed) else str(round(difference.needed))
 
 
-def record(metric: Metric, difference: Difference) -> str:
+def _record(metric: Metric, difference: Difference) -> str:
     """Maps won, tied and lost; a dash where neither way is better or nothing is paired."""
     if metric.better == "neither" or not difference.pairs:
         return UNKNOWN
@@ -178,26 +147,3 @@ def _spread_texts(answer: Answer, *, compared: bool) -> list[str]:
 
 def _spread(metric: Metric, spread: Spread) -> list[str]:
     return [metric.text(spread.between), metric.text(spread.within)]
-
-
-def _terminal_table(layout: Layout, found: Sequence[Answer], wide: bool) -> Table:
-    kept = [i for i, name in enumerate(layout.heads) if wide or not layout.first or name not in _WIDE_ONLY]
-    table = Table(
-        title=escape(layout.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
-    )
-    for i in kept:
-        name = escape(layout.heads[i]).replace("tied, ", "tied,\n").replace("maps needed", "maps\nneeded")
-        table.add_column(name, justify="left" if i == 0 else "right", overflow="fold")
-    for cell, lines in groupby(found, lambda answer: answer.cell):
-        table.add_section()
-        if cell != ():
-            table.add_row(f"[bold]{escape(heading(cell))}[/bold]")
-        for answer in lines:
-            texts = layout.texts(answer)
-            table.add_row(*(escape(texts[i]) for i in kept))
-    return table
-
-
-def heading(cell: Cell | None) -> str:
-    """The heading of a cell's lines."""
-    return "all cells" if cell is None else cell_text(cell)

@@ -13,15 +13,17 @@ import msgspec
 import typer
 
 from sim.analysis.answers import answers, paired
-from sim.analysis.cells import SYMBOLS, Group, baseline_of, grouped, trimmed, varying
+from sim.analysis.cell_text import SYMBOLS
+from sim.analysis.cells import Group, grouped, trimmed, varying
 from sim.analysis.metric_choice import chosen
+from sim.analysis.planner_labels import baseline_of
 from sim.analysis.statistics import Estimate, share_under
 from sim.evaluation.metric import Metric
 from sim.scenario.errors import InputError
 from sim.scenario.loading import did_you_mean
 from sim.study.row import Row
 from sim.study.store import read_rows
-from sim.terminal.console import fail
+from sim.terminal.commands import run_alone
 
 _LESS = ("left", "above")
 _SHARE = "ospa.share_under_1m"
@@ -100,7 +102,10 @@ def main(
     columns: Annotated[str, typer.Option(metavar="NAME", help="Stands side by side: planner or a factor.")] = "planner",
     less: Annotated[str, typer.Option(metavar="WHICH", help="Differences to: left or above.")] = "left",
     first: Annotated[
-        int, typer.Option("--from-scan", min=0, help="Count OSPA under 1 m from this scan on; the paper's: 10.")
+        int,
+        typer.Option(
+            "--from-scan", metavar="N", min=0, help="Count OSPA under 1 m from this scan on; the paper's: 10."
+        ),
     ] = 0,
     baseline: Annotated[str | None, typer.Option(metavar="NAME", help="The planner that comes first.")] = None,
     metric: Annotated[str, typer.Option(metavar="NAME", help="See docs/how-to/studies.md.")] = _SHARE,
@@ -112,7 +117,4 @@ def main(
 
 
 if __name__ == "__main__":
-    try:
-        typer.run(main)
-    except InputError as error:
-        fail(str(error), code=2)
+    run_alone(main)

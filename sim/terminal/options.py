@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -17,6 +18,7 @@ Overrides = Annotated[
         "--set", metavar="KEY=VALUE", help="Change a key of the scenario, such as trees.density=75; repeatable."
     ),
 ]
+Recorded = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")]
 
 
 def with_duration(overrides: list[str] | None, duration: str | None) -> list[str]:

@@ -18,7 +18,7 @@ import cv2
 import sim.running.run
 from helpers.studies import Serial
 from sim import __main__ as cli
-from sim.cli import compare
+from sim.cli import study_flight
 from sim.mission.warmup import warm_up
 from sim.replay import film  # noqa: F401
 from sim.replay.explain import explanation  # noqa: F401
@@ -76,7 +76,7 @@ def run(arguments, folder):
 
 
 def main():
-    compare._backend = lambda workers, dask: nullcontext(Serial())  # processes of a pool take seconds to start
+    study_flight._backend = lambda workers, dask: nullcontext(Serial())  # processes of a pool take seconds to start
     cv2.setNumThreads(1)
     warm_up()
     release()

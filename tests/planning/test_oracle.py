@@ -9,11 +9,11 @@ import pytest
 
 from planning.oracle import _UNKNOWN, Oracle, _TruePaths, true_tracks
 from planning.registry import PLANNERS, load_planner
-from sim.analysis.cells import baseline_of
+from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.summary import results_table
 from sim.mission.mission import Mission, Trial
 from sim.recording.archive import load as load_recording
-from sim.report.tables import show
+from sim.report.terminal import show
 from sim.running import run as flights
 from sim.running.run import run
 from sim.scenario.loading import load

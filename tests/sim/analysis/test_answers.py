@@ -6,8 +6,9 @@ import pytest
 from helpers.trials import failed, row, study
 
 from sim.analysis.answers import answers
-from sim.analysis.cells import baseline_of, constant, grouped, trimmed, varying
+from sim.analysis.cells import constant, grouped, trimmed, varying
 from sim.analysis.metric_choice import available, chosen, from_outside, metric_shown
+from sim.analysis.planner_labels import baseline_of
 from sim.analysis.statistics import chances, holm, maps_needed, means, medians, spreads
 from sim.scenario.errors import InputError
 

@@ -8,11 +8,11 @@ import pytest
 from helpers.commands import called
 from helpers.studies import Serial
 
-from sim.cli import compare as command
+from sim.cli import study_flight as flight
 from sim.study.store import NAME, SCHEMA, Store, StoreError, read_rows
 from sim.study.study import STUDIES
 from sim.terminal import console
-from sim.terminal.study_progress import pace
+from sim.terminal.progress import pace
 
 FLAGS = ["--duration", "1", "--sensing", "ideal"]
 FILE = """
@@ -35,7 +35,7 @@ def call(tmp_path, monkeypatch, capsys):
             yield backend or Serial()
 
         if "--dask" not in arguments:
-            monkeypatch.setattr(command, "_backend", flown)
+            monkeypatch.setattr(flight, "_backend", flown)
         return called([*arguments], monkeypatch, capsys)
 
     return run
@@ -70,6 +70,25 @@ def test_more_repeats_are_flown_on_the_same_maps_and_shown(call, tmp_path):
     assert len({r.ospa.tobytes() for r in rows}) == 8
     page = (tmp_path / "runs" / "compare" / "report.html").read_text()
     assert "--repeat 1 --set" in page and "greedy and hover cannot be told apart" in page
+
+
+LONG = ("sma-nbo(horizon=3, evaluations=640, beta=0.2)", "sma-nbo(horizon=5, evaluations=640, beta=0.2)")
+
+
+def test_long_planners_are_told_apart_by_what_differs_or_by_labels(call, tmp_path):
+    options = ["compare", "--planner", LONG[0], "--planner", LONG[1], "--maps", "2", *FLAGS]
+    invented = Serial({"no planner": []})
+    code, out, _ = call(*options, backend=invented)
+    assert code == 0 and f"sma-nbo(horizon=5) is {LONG[1]}\n" in out
+    table = out[: out.index("OSPA mean")].splitlines()
+    assert [line.split()[0] for line in table if " 2 " in line] == ["sma-nbo(horizon=3)", "sma-nbo(horizon=5)"]
+    labels = ["--label", f"far={LONG[1]}", "--label", f"near = {LONG[0]}"]
+    code, out, _ = call(*options, *labels, "--baseline", "far")
+    assert code == 0 and "less far" in out and "sma-nbo" not in out
+    files = tmp_path / "runs" / "compare"
+    assert [line.split(",")[0] for line in (files / "table.csv").read_text().splitlines()[1:3]] == ["far", "near"]
+    page = (files / "report.html").read_text()
+    assert "near and far cannot be told apart" in page and f"--planner &#x27;{LONG[1]}&#x27;" in page
 
 
 def test_a_scenario_name_or_file_is_compared_by_flags(call, tmp_path):
@@ -184,6 +203,9 @@ WRONG = {
     "unknown thing to keep": (["--keep", "recording"], ["--keep: 'recording'", "did you mean recordings?"]),
     "timeout of nothing": (["--timeout", "0"], ["--timeout", "more than 0 s"]),
     "unknown planner": (["faults", "--planner", "hoover"], ["did you mean hover?"]),
+    "label without a planner": (["--label", "short"], ["--label: 'short'", "label=planner"]),
+    "label of an unknown planner": (["--label", "a=hoover"], ["--label: 'hoover' is none of"]),
+    "one label for two": (["--label", "a=hover", "--label", "a=greedy"], ["'a' would stand for two"]),
     "varied key": (["faults", "--set", "network.loss=0.1"], ["network.loss is what factor 'fault'"]),
     "forest that cannot be": (["--set", "trees.density=160"], ["trees.density = 160"]),
     "newer store": (["--out", "newer"], [f"store of version {SCHEMA + 1}", f"reads {SCHEMA}"]),

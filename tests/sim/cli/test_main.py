@@ -2,14 +2,17 @@
 
 import errno
 import os
+import re
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 from helpers.commands import called
 
 from planning.registry import PLANNERS
+from sim.__main__ import COMMANDS
 from sim.scenario.loading import SCENARIOS
 from sim.terminal import console
 
@@ -131,13 +134,26 @@ def test_the_bare_command_shows_how_to_start_within_80_columns(call):
     assert max(map(len, out.splitlines())) <= 80
 
 
-@pytest.mark.parametrize(
-    "command", [[], ["run"], ["compare"], ["frames"], ["export"], ["planners"], ["scenarios"]], ids=" ".join
-)
-def test_every_command_has_help(call, command):
-    code, out, err = call(*command, "--help")
+@pytest.mark.parametrize("command", [None, *COMMANDS], ids=lambda command: command and command.__name__)
+def test_every_command_has_help_without_types_of_python(call, command):
+    code, out, err = call(*([] if command is None else [command.__name__.replace("_", "-")]), "--help")
     assert (code, err) == (0, "")
     assert "Usage: " in out and "--help" in out
+    assert not re.search("<|BOOLEAN|TEXT|PATH", out)
+
+
+@pytest.mark.parametrize("module", ["sim.calibration", "sim.report.wide_table", "sim.report.message_losses"])
+def test_modules_that_are_commands_have_help_and_complain_in_a_line(module, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    words = [[sys.executable, "-m", module, option] for option in ("--help", "--nonsense")]
+    asked, wrong = (subprocess.run(w, cwd=tmp_path, env=environment, capture_output=True, text=True) for w in words)
+    assert (asked.returncode, asked.stderr) == (0, "") and "Usage: " in asked.stdout and "<" not in asked.stdout
+    assert wrong.returncode == 2 and wrong.stderr.startswith("understory: ") and wrong.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_version_is_that_of_the_package(call):
+    assert call("--version") == (0, f"understory {version('understory')}\n", "")
 
 
 def test_planners_and_scenarios_are_listed_with_their_meaning(call):

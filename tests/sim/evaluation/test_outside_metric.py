@@ -10,7 +10,7 @@ from helpers.commands import called
 from helpers.studies import Serial
 from helpers.summaries import hand_made, shown, summary
 
-from sim.cli import compare
+from sim.cli import study_flight
 from sim.study.store import read_rows
 
 FILE = """
@@ -57,7 +57,7 @@ def test_a_run_has_the_metric_in_its_summary(folder, monkeypatch, capsys):
 
 def test_a_study_has_the_metric_in_rows_tables_and_report(folder, monkeypatch, capsys):
     backend = Serial()
-    monkeypatch.setattr(compare, "_backend", lambda workers, dask: nullcontext(backend))
+    monkeypatch.setattr(study_flight, "_backend", lambda workers, dask: nullcontext(backend))
     words = ["compare", "--planner", "hover", "--seeds", "0", "--duration", "1", "--sensing", "ideal"]
     assert called(words, monkeypatch, capsys)[0] == 0
     code, out, _ = called([*words, "--metric", "mine:FARTHEST"], monkeypatch, capsys)

@@ -9,7 +9,7 @@ from helpers.summaries import SECONDS, hand_made, shown, summary
 
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
-from sim.terminal.console import show_run
+from sim.terminal.results import show_run
 
 
 def test_the_summary_matches_the_hand_count():

@@ -1,0 +1,43 @@
+"""`python -m sim.calibration`: constants of the camera's covariance, fitted anew, and the NEES of those in force."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.table import Table
+
+from sim.terminal.commands import run_alone
+from sim.terminal.console import console
+
+if TYPE_CHECKING:  # help needs no arithmetic
+    from tracking.detection.noise import SplitError, WholeError
+    from tracking.detection.partial_visibility import PartError
+
+
+def calibrate() -> None:
+    """Fit the camera's covariance to rendered people and print its constants.
+
+    A table of the NEES of the constants in force, on 5000 other detections, follows.
+    """
+    from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, nees_bins, pair_bins, tilt_bins
+    from sim.calibration.scenes import people_in_forests
+
+    console.print("tracking.detection.noise.WholeError\n" + _rounded(fit_powers(fit_whole(0, 1200), 0, 600)))
+    console.print("tracking.detection.noise.SplitError\n" + _rounded(fit_split(0, 800)))
+    console.print("tracking.detection.partial_visibility.PartError\n" + _rounded(fit_part(1, 500)))
+    table = Table("bin", "detections", "mean NEES", "95 % interval", "")
+    for row in nees_bins(people_in_forests(2, 165)) + tilt_bins(2, 200) + pair_bins(2, 2000):
+        interval = f"{row.low:.2f} to {row.high:.2f}"
+        table.add_row(row.name, str(row.count), f"{row.mean:.2f}", interval, "" if row.holds else "outside")
+    console.print(table)
+
+
+def _rounded(constants: WholeError | PartError | SplitError) -> str:
+    numbers = [np.round(value, 3).tolist() for value in astuple(constants)]
+    return "\n".join(f"  {field.name} = {value}" for field, value in zip(fields(constants), numbers, strict=True))
+
+
+if __name__ == "__main__":
+    run_alone(calibrate)

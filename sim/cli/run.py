@@ -1,0 +1,82 @@
+"""`understory run`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from planning.registry import DEFAULT_PLANNER, is_ours, load_planner
+from sim.recording.atomic_files import unused
+from sim.running.isolated_run import Flight, fly_apart
+from sim.scenario.loading import load, remarks
+from sim.scenario.quantities import MOST_SEED, REPEATS, integer, seconds
+from sim.sensing.detectors import comes_with
+from sim.terminal.console import remark, say
+from sim.terminal.options import Duration, Overrides, with_duration
+from sim.terminal.progress import mission_progress
+from sim.terminal.results import show_run
+
+# Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
+
+
+def run(
+    scenario: Annotated[
+        str, typer.Argument(metavar="SCENARIO", help="Name (see `understory scenarios`) or .toml file.")
+    ] = "forest",
+    planner: Annotated[
+        str, typer.Option(metavar="NAME", help="Name (see `understory planners`) or yours, module:Class.")
+    ] = DEFAULT_PLANNER,
+    seed: Annotated[str, typer.Option(metavar="N", help="Gives forest, people, noise and planner their chance.")] = "0",
+    repeat: Annotated[
+        str, typer.Option(metavar="N", help="Another chance of noise, network and planner on the seed's map.")
+    ] = "0",
+    duration: Duration = None,
+    overrides: Overrides = None,
+    metric: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="A metric of yours, module:NAME; repeatable.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")
+    ] = None,
+    video: Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")] = True,
+    timeout: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Wall time beyond which the run has failed: 90, 5min.")
+    ] = None,
+) -> None:
+    """Fly one mission; leave recording, summary, video, page, OSPA curve and timeline in a new folder."""
+    setting = load(scenario, with_duration(overrides, duration))
+    flight = Flight(
+        setting,
+        planner,
+        integer(seed, "--seed", least=0, most=MOST_SEED),
+        integer(repeat, "--repeat", least=0, most=REPEATS - 1),
+        video,
+        tuple(metric or ()),
+    )
+    limit = None if timeout is None else seconds(timeout, "--timeout")
+    # Other people's code runs in a process of its own, as nothing else holds what it may do.
+    trusted = comes_with(setting.sensing.detector) and is_ours(planner) and not metric
+    if trusted:
+        load_planner(planner)
+    remark(*remarks(setting))
+    folder = out or unused(Path("runs") / _name(scenario, flight))
+    with mission_progress(setting) as progress:
+        if trusted and limit is None:
+            from sim.mission.mission import Trial
+            from sim.running.run import run as fly
+
+            trial = Trial(setting, planner, flight.seed, flight.repeat)
+            summary = fly(trial, folder, video=video, progress=progress, say=say)
+        else:
+            summary = fly_apart(flight, folder, timeout=limit, progress=progress, say=say)
+    show_run(summary, folder)
+
+
+def _name(scenario: str, flight: Flight) -> str:
+    """Name of a run's folder."""
+    planner = re.sub(r"[^\w.=-]+", "-", flight.planner.replace(":", ".")).strip("-")  # which no shell minds
+    name = f"{Path(scenario).stem}-{planner}-seed{flight.seed}"
+    return f"{name}-repeat{flight.repeat}" if flight.repeat else name

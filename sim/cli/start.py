@@ -1,0 +1,59 @@
+"""`understory` without a command: how to start, and the version."""
+
+from __future__ import annotations
+
+from importlib.metadata import version as version_of
+from typing import Annotated
+
+import typer
+
+from sim.terminal.console import console
+
+_START = """[bold]Understory[/bold]: UAVs that track walking people under trees, on rendered frames.
+
+Fly the default mission; it leaves a folder under runs/:
+  [bold]understory run[/bold]
+
+Fly another one:
+  [bold]understory run --planner greedy --seed 3[/bold]
+  [bold]understory run --set trees.density=75 --duration 20[/bold]
+
+Compare planners on the same forests, people and seeds:
+  [bold]understory compare --planner sma-nbo-mwtp --planner hover --seeds 0-9[/bold]
+
+See what a camera saw in a run, annotated:
+  [bold]understory frames runs/forest-sma-nbo-mwtp-seed0 --uav 1 --time 12:14[/bold]
+
+See a run again, slowed down, or in a window to look round in:
+  [bold]understory replay runs/forest-sma-nbo-mwtp-seed0 --time 12:20 --speed 0.5[/bold]
+  [bold]understory replay runs/forest-sma-nbo-mwtp-seed0 --gui[/bold]
+
+See why a person was lost: by a time, or over the whole mission:
+  [bold]understory explain runs/forest-sma-nbo-mwtp-seed0 --time 12.4 --target 2[/bold]
+  [bold]understory explain runs/forest-sma-nbo-mwtp-seed0[/bold]
+
+See what there is; yours are --planner module:Class and a file.toml:
+  [bold]understory planners[/bold]
+  [bold]understory scenarios[/bold]
+  [bold]understory check-planner module:Class[/bold]
+  [bold]understory check-detector module:Class[/bold]
+
+All options of a command:
+  [bold]understory run --help[/bold]"""
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        console.print(f"understory {version_of('understory')}")
+        raise typer.Exit
+
+
+def start(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    """UAVs that track walking people under trees, on rendered frames: fly missions and compare planners."""
+    if context.invoked_subcommand is None:
+        console.print(_START)

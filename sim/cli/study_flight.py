@@ -1,0 +1,58 @@
+"""Flights of a study for `understory compare`, which can be interrupted and go on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from sim.study.cluster import connected
+from sim.study.engine import Backend, Options, complete
+from sim.study.pool import Pool
+from sim.study.row import Row
+from sim.study.store import NAME, Store, StoreError
+from sim.study.tasks import Task, check_worlds
+from sim.terminal.console import fail, remark
+from sim.terminal.progress import study_progress
+
+
+def fly_study(listed: Sequence[Task], folder: Path, options: Options, workers: int, dask: str | None) -> list[Row]:
+    """Rows of all trials; exits with what is kept and how to go on if they cannot all be flown."""
+    kept: int | None = None
+    try:
+        if not (folder / NAME).exists():
+            check_worlds(listed)
+        with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
+            remark(*_of_other_versions(store.versions(), listed[0].version, store.path))
+            with study_progress(len(listed)) as tell:
+                try:
+                    return complete(
+                        listed, store, backend, options, lambda _, row, new: tell(row.status == "failed", new)
+                    )
+                except (KeyboardInterrupt, StoreError):
+                    kept = len(store.done(listed))
+                    raise
+    except KeyboardInterrupt:
+        reason = "interrupted"
+    except StoreError as error:
+        reason = str(error)
+    if kept is None:
+        fail(f"{reason}; no trial was flown, what {folder} holds stays", code=1)
+    rest = "without --redo, the same command flies the rest" if options.redo else "the same command flies the rest"
+    fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, {rest}", code=1)
+
+
+@contextmanager
+def _backend(workers: int, dask: str | None) -> Iterator[Backend]:
+    if dask is None:
+        with Pool(workers) as pool:
+            yield pool
+    else:
+        with connected(dask) as cluster:
+            yield cluster
+
+
+def _of_other_versions(versions: dict[str, int], version: str, path: Path) -> list[str]:
+    """A remark on results of other versions of the package, if there are any."""
+    others = ", ".join(f"{count} of version {other}" for other, count in versions.items() if other != version)
+    return [f"{path}: trials of another version are kept apart, not shown: {others}"] if others else []

@@ -1,0 +1,1 @@
+"""Checks that plug-ins of the simulation keep their contract."""

@@ -1,0 +1,171 @@
+"""Conformance of a detector to `tracking.detection.detector.Detector`, checked on rendered frames."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from copy import deepcopy
+from functools import partial
+from statistics import median
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.conformance.views import FOREST, View, views
+from sim.sensing.detection_truth import matched_detections
+from sim.sensing.detectors import load_detector
+from sim.sensing.mask_detector import MaskDetector
+from sim.sensing.sensors import checked
+from tracking.detection.detector import Detections
+from tracking.plugins.containment import ForeignError, contained
+from tracking.plugins.findings import Finding, Unfit, Untried, finding
+
+_FRAMES = 5  # that are timed
+_SCAN = 0.2  # s between scans of the default scenario
+_MOST_NEES = 20.0  # mean, of two degrees of freedom: covariances that say a third of the error or less
+_SPECIAL = ("turned and moved", "low UAV", "tilted camera", "finer image")
+
+
+def check(detector: str) -> list[Finding]:
+    """Findings of all checks of a detector; it conforms if none has `passed` False.
+
+    detector: a name, or an import string. InputError where there is no such detector, or it cannot be made.
+    """
+    subject = _Subject(detector)
+    return [finding(name, partial(ask, subject)) for name, ask in _CHECKS.items()]
+
+
+class _Subject:
+    """A detector under test: how to make it anew, and what it finds in the ordinary frame."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self.first: Detections | None = None
+        self.defect = ""
+        try:
+            self.first = self.detect(views()["ordinary"])
+        except Unfit as error:
+            self.defect = str(error)
+
+    def make(self) -> Callable[[View], Detections]:
+        """Another instance, as a function of a view."""
+        made = load_detector(self._name, FOREST)
+
+        def detect(view: View) -> Detections:
+            try:
+                with contained():
+                    frame = deepcopy(view.frame)
+                    if isinstance(made, MaskDetector):
+                        return made.detect(frame, view.rendered.people)
+                    return deepcopy(checked(made.detect(frame)))
+            except ForeignError as error:
+                raise Unfit(error.explained) from error
+
+        return detect
+
+    def detect(self, view: View) -> Detections:
+        """Detections of a new instance."""
+        return self.make()(view)
+
+    def found(self) -> Detections:
+        """The detections in the ordinary frame, if there are any."""
+        if self.first is None:
+            raise Untried("it does not detect")
+        return self.first
+
+
+def _detections(subject: _Subject) -> str:
+    if subject.first is None:
+        raise Unfit(subject.defect)
+    return f"{len(subject.first.ground)} in a frame of {len(views()['ordinary'].people)} people"
+
+
+def _matched(view: View, found: Detections) -> tuple[NDArray[np.int64], int]:
+    """Detections of the people (M,), -1 for none, and the number of people that the frame shows."""
+    of_people = matched_detections(found.pixels, view.rendered.people, len(view.people))
+    shown = view.rendered.people
+    return of_people, len(np.unique(shown[shown >= 0]))
+
+
+def _people(subject: _Subject) -> str:
+    of_people, shown = _matched(views()["ordinary"], subject.found())
+    hits = int(np.sum(of_people >= 0))
+    wrong = len(subject.found().ground) - hits
+    seen = f"{hits} of {shown} in plain view, {wrong} detections of none"
+    if 2 * hits < shown or wrong > shown:
+        raise Unfit(seen)
+    return seen
+
+
+def _covariances(subject: _Subject) -> str:
+    """Errors against the covariances that the detector gives."""
+    found, view = subject.found(), views()["ordinary"]
+    of_people, _ = _matched(view, found)
+    hit = of_people >= 0
+    if not hit.any():
+        raise Untried("it finds no person")
+    errors = found.ground[of_people[hit]] - view.people[hit]
+    squares = [float(e @ np.linalg.solve(R, e)) for e, R in zip(errors, found.covariances[of_people[hit]], strict=True)]
+    seen = f"mean NEES {np.mean(squares):.3g} (consistent: 2), errors up to {np.hypot(*errors.T).max():.2f} m"
+    if np.mean(squares) > _MOST_NEES:
+        raise Unfit(f"{seen}: covariances are far too small")
+    return seen
+
+
+def _repeatable(subject: _Subject) -> str:
+    if not _equal(subject.found(), subject.detect(views()["ordinary"])):
+        raise Unfit("another instance finds otherwise in the same frame")
+    return "equal bit for bit, on another instance"
+
+
+def _memory(subject: _Subject) -> str:
+    subject.found()
+    detect, ordinary = subject.make(), views()["ordinary"]
+    before = detect(ordinary)
+    detect(views()["tilted camera"])
+    if not _equal(before, detect(ordinary)):
+        raise Unfit("after another frame it finds otherwise in the first")
+    return "a frame, another one, the first again: equal"
+
+
+def _equal(one: Detections, other: Detections) -> bool:
+    names = ("pixels", "ground", "covariances")
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+
+
+def _special(name: str, subject: _Subject) -> str:
+    subject.found()
+    of_people, shown = _matched(views()[name], subject.detect(views()[name]))
+    return f"{np.sum(of_people >= 0)} of {shown} people found"
+
+
+def _nobody(subject: _Subject) -> str:
+    subject.found()
+    wrong = len(subject.detect(views()["nobody in view"]).ground)
+    if wrong > len(views()["ordinary"].people):
+        raise Unfit(f"{wrong} detections where nobody is")
+    return f"{wrong} detections"
+
+
+def _time(subject: _Subject) -> str:
+    subject.found()
+    detect, took = subject.make(), []
+    detect(views()["ordinary"])
+    for _ in range(_FRAMES):
+        start = time.perf_counter()
+        detect(views()["ordinary"])
+        took.append(time.perf_counter() - start)
+    late = "; longer than a scan" if median(took) > _SCAN else ""
+    return f"{1e3 * median(took):.3g} ms a frame of 128 x 128 pixels, at most {1e3 * max(took):.3g} ms{late}"
+
+
+_CHECKS: dict[str, Callable[[_Subject], str]] = {
+    "detections": _detections,
+    "people": _people,
+    "covariances": _covariances,
+    "same frame, same result": _repeatable,
+    "no memory": _memory,
+    **{name: partial(_special, name) for name in _SPECIAL},
+    "nobody in view": _nobody,
+    "time": _time,
+}

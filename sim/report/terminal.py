@@ -1,0 +1,76 @@
+"""The answers of a study as tables in the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import groupby
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from sim.analysis.answers import Answer, answers
+from sim.analysis.cell_text import cell_text
+from sim.analysis.cells import constant, grouped, trimmed
+from sim.analysis.metric_choice import chosen
+from sim.analysis.planner_labels import baseline_of, short_labels
+from sim.report.tables import Layout, layouts, notes, shortfalls
+from sim.study.row import Row
+from sim.terminal.console import console
+
+WIDE = 100  # columns from which on there is room for all columns
+_WIDE_ONLY = ("median", "maps needed")
+_NOTHING: Mapping[str, str] = {}
+
+
+def show(
+    rows: Sequence[Row],
+    baseline: str | None = None,
+    metrics: Sequence[str] = (),
+    *,
+    labels: Mapping[str, str] = _NOTHING,
+    on: Console = console,
+) -> None:
+    """Print the answers; InputError where a metric or the baseline is unknown.
+
+    baseline: a planner as given, by name or by label; the first row's if None. metrics: flat names; the usual if none.
+    labels: as from `labels_of`. Options that all planners of one name share are left out, and told below.
+    """
+    first = baseline_of(rows, baseline, labels)
+    groups = grouped(rows, first, labels)
+    full = answers(trimmed(groups), chosen(rows, metrics), first)
+    shorts = short_labels(list(dict.fromkeys(answer.planner for answer in full)))
+    found = [replace(answer, planner=shorts[answer.planner]) for answer in full]
+    if constant(groups):
+        on.print(f"Everywhere: {escape(cell_text(constant(groups)))}")
+    for _, group in groupby(found, lambda answer: answer.metric):
+        lines = list(group)
+        for layout in layouts(lines, shorts[first]):
+            on.print(_terminal_table(layout, lines, on.width >= WIDE))
+    for label, short in shorts.items():
+        if short != label:
+            on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)
+    for note in notes(found):
+        on.print(note, style="dim")
+    for line in shortfalls(found):
+        on.print(escape(line), style="bold red")
+
+
+def _terminal_table(layout: Layout, found: Sequence[Answer], wide: bool) -> Table:
+    kept = [i for i, name in enumerate(layout.heads) if wide or not layout.first or name not in _WIDE_ONLY]
+    table = Table(
+        title=escape(layout.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
+    )
+    for i in kept:
+        name = escape(layout.heads[i]).replace("tied, ", "tied,\n").replace("maps needed", "maps\nneeded")
+        table.add_column(name, justify="left" if i == 0 else "right", overflow="fold")
+    for cell, lines in groupby(found, lambda answer: answer.cell):
+        table.add_section()
+        if cell != ():
+            table.add_row(f"[bold]{escape(cell_text(cell))}[/bold]")
+        for answer in lines:
+            texts = layout.texts(answer)
+            table.add_row(*(escape(texts[i]) for i in kept))
+    return table

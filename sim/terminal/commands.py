@@ -1,0 +1,89 @@
+"""Commands of a terminal: their help, their complaints and their exit codes."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from planning.registry import PlannerError
+from sim.processes.isolation import ApartError
+from sim.scenario.errors import InputError
+from sim.scenario.loading import did_you_mean
+from sim.terminal.console import fail
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a full disk, or one that fails
+# A place that nothing can be written to, or read from.
+_NO_PLACE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG, errno.ELOOP)
+
+
+class Command(TyperCommand):
+    """A command whose help shows what a value stands for, not its type in Python."""
+
+    def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401 - types that differ between typer's versions
+        """Arguments and options."""
+        return _untyped(super().get_params(ctx))
+
+
+class Commands(TyperGroup):
+    """Commands that answer an unknown name with the nearest one."""
+
+    def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401 - types that differ between typer's versions
+        """Options of the group."""
+        return _untyped(super().get_params(ctx))
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401 - types that differ between typer's versions
+        """The command of that name; InputError if there is none."""
+        command = super().get_command(ctx, cmd_name)
+        if command is None and not cmd_name.startswith("-"):
+            raise InputError(f"command: {cmd_name!r} is unknown; {did_you_mean(cmd_name, self.list_commands(ctx))}")
+        return command
+
+
+def _untyped(params: list[Any]) -> list[Any]:
+    """The parameters, those without a name for their value without one of its type."""
+    for param in params:
+        if param.param_type_name == "argument" or getattr(param, "is_flag", False):
+            param.display_type_rich = lambda ctx: ""
+    return params
+
+
+def new_app() -> typer.Typer:
+    """A command line without commands."""
+    return typer.Typer(cls=Commands, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
+
+
+def run_alone(function: Callable[..., None]) -> None:
+    """Run a module's only command."""
+    app = new_app()
+    app.command(cls=Command)(function)
+    concluded(app)
+
+
+def concluded(app: Callable[..., Any]) -> None:
+    """Run a command line: exit code 0 done, 2 the input is wrong (one line says what), 1 anything else."""
+    sys.path.append(os.getcwd())  # so that a plug-in in the current folder can be named; last, so it hides nothing
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what schedulers send is Ctrl-C to us
+    try:
+        if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes other than zero
+            fail("interrupted; nothing is kept", code=1)
+    except (InputError, PlannerError, ApartError) as error:
+        fail(str(error), code=1 if isinstance(error, ApartError) else 2)
+    except (KeyboardInterrupt, typer.Abort):
+        fail("interrupted; nothing is kept", code=1)
+    except OSError as error:
+        if error.errno not in (*_NO_ROOM, *_NO_PLACE):
+            raise
+        code = 1 if error.errno in _NO_ROOM else 2
+        fail(f"{error.filename or 'a file'}: {error.strerror}; nothing is kept", code=code)
+    except Exception as error:
+        # Typer's own complaints about arguments; their class differs between its versions.
+        if not hasattr(error, "format_message"):
+            raise
+        fail(error.format_message(), code=2)

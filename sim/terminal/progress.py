@@ -1,0 +1,100 @@
+"""Progress bars while something flies or is drawn."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from math import isnan
+from statistics import fmean
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+
+from sim.mission.progress import Moment
+from sim.scenario.scenario import Scenario
+from sim.terminal.console import console
+
+_START_UP = "starting up"
+
+
+@contextmanager
+def starting() -> Iterator[None]:
+    """A sign of life while the block runs."""
+    with console.status(_START_UP):
+        yield
+
+
+@contextmanager
+def mission_progress(scenario: Scenario) -> Iterator[Callable[[Moment], None]]:
+    """A bar with the simulated time and the running mean of the OSPA distance."""
+    last = scenario.scan_times[-1]
+    columns = (SpinnerColumn(), BarColumn(bar_width=20), TextColumn("{task.description}"), TimeRemainingColumn())
+    distances: list[float] = []
+    progress = Progress(*columns, console=console)
+    task = progress.add_task("", total=len(scenario.scan_times))
+    with console.status(_START_UP) as status:  # which goes away, whether a mission follows or a complaint
+
+        def show(moment: Moment) -> None:
+            if not distances:
+                status.stop()
+                progress.start()
+            distances.extend(moment.distances)
+            error = "-" if isnan(moment.error) else f"{moment.error:.2f} m"
+            now = f"{moment.time:.1f} of {last:g} s, OSPA {error}, mean {fmean(distances):.2f} m"
+            progress.update(task, completed=moment.scans, description=now)
+
+        try:
+            yield show
+        finally:
+            if progress.live.is_started:  # else a refusal would follow an empty line
+                progress.stop()
+
+
+@contextmanager
+def trial_progress(total: int, what: str = "trials") -> Iterator[Callable[[object], None]]:
+    """A bar with the number of trials, frames or scans done."""
+    columns = (
+        SpinnerColumn(),
+        BarColumn(bar_width=40),
+        MofNCompleteColumn(),
+        TextColumn(what),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("", total=total)
+        yield lambda outcome: progress.advance(task)
+
+
+@contextmanager
+def study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
+    """A bar with the trials done; called with each one: whether it failed, and whether it was flown just now."""
+    columns = (SpinnerColumn(), BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn("trials{task.description}"))
+    start, flown, failures = time.monotonic(), 0, 0
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task(
+            "" if total == 0 else ", starting up; the first time, code is compiled: about a minute", total=total
+        )
+
+        def tell(failed: bool, fresh: bool) -> None:
+            nonlocal flown, failures
+            flown, failures = flown + fresh, failures + failed
+            progress.advance(task)
+            left = total - int(progress.tasks[0].completed)
+            progress.update(task, description=pace(flown, left, failures, time.monotonic() - start))
+
+        yield tell
+
+
+def pace(flown: int, left: int, failures: int, seconds: float) -> str:
+    """Rate, remaining time and failures in words: ", 12.0 a minute, 1:40 left, 2 failed"."""
+    parts = []
+    if flown and seconds > 0:
+        parts.append(f"{60 * flown / seconds:.1f} a minute")
+        if left:
+            minutes, rest = divmod(round(left * seconds / flown), 60)
+            parts.append(
+                f"{minutes // 60}:{minutes % 60:02}:{rest:02} left" if minutes >= 60 else f"{minutes}:{rest:02} left"
+            )
+    if failures:
+        parts.append(f"{failures} failed")
+    return "".join(f", {part}" for part in parts)

@@ -1,0 +1,50 @@
+"""Results of a mission in the terminal."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+
+from sim.terminal.console import console
+
+_SHOWN = 3  # faults of different kinds
+
+
+def show_run(summary: Mapping[str, Any], folder: Path) -> None:
+    """Print the results of a mission and where its files are."""
+    from sim.evaluation.summary import results_table  # late, as it needs NumPy
+
+    _show_faults(summary["faults"])
+    console.print(results_table(summary))
+    show_files(folder)
+    asked = f"understory explain {shlex.quote(str(folder))}"
+    console.print(f"Who was lost when, and why: [bold]{escape(asked)}[/bold]", soft_wrap=True)
+
+
+def _show_faults(faults: Sequence[Mapping[str, Any]]) -> None:
+    """Print the first few faults, those of one kind once."""
+    if not faults:
+        return
+    alike: dict[tuple[object, str], list[Mapping[str, Any]]] = {}
+    for fault in faults:
+        alike.setdefault((fault["uav"], fault["message"]), []).append(fault)
+    for first, *more in list(alike.values())[:_SHOWN]:
+        place = "team" if first["uav"] is None else f"UAV {first['uav']}"
+        often = f", {1 + len(more)} times until {more[-1]['time']:.1f} s" if more else ""
+        text = f"at {first['time']:.1f} s{often}, {place}: {first['message']}"
+        console.print(f"[bold red]fault[/bold red] {escape(text)}", soft_wrap=True)
+        for line in first.get("trace", ()):
+            console.print(f"  {escape(line)}", soft_wrap=True)
+    if len(faults) > _SHOWN:
+        console.print(f"All {len(faults)} faults are in summary.json.")
+
+
+def show_files(folder: Path) -> None:
+    """Print the files of a folder that was made; of many, the first and the last."""
+    names = sorted(path.name for path in folder.iterdir())
+    listed = ", ".join(names) if len(names) < 8 else f"{names[0]} to {names[-1]}, {len(names)} files"
+    console.print(f"Files in [bold]{escape(str(folder))}[/bold]:\n  {listed}", soft_wrap=True)

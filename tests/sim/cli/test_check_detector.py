@@ -1,0 +1,122 @@
+"""`understory check-detector`: our detectors conform, and each kind of broken detector fails the check that fits."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.commands import called
+
+from sim.conformance.detector import check
+from sim.sensing.detectors import DETECTORS
+from tracking.detection.detector import Detections, detect
+
+
+class Good:
+    """The people seen as if whole."""
+
+    def detect(self, frame):
+        frame.image.flags.writeable = True  # which it may do with its own copy
+        found = detect(frame)
+        frame.image[:] = 0
+        return found
+
+
+class Raising:
+    def detect(self, frame):
+        raise RuntimeError("two\nlines")
+
+
+class Silent:
+    def detect(self, frame):
+        return None
+
+
+class Uncertain(Good):
+    def detect(self, frame):
+        return replace(super().detect(frame), covariances=np.full((6, 2, 2), np.nan))
+
+
+class Blind:
+    def detect(self, frame):
+        return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
+
+
+class Seeing(Good):
+    """Sees twenty people in every frame."""
+
+    def detect(self, frame):
+        pixels = np.random.default_rng(0).uniform(0, 128, (20, 2))
+        return Detections(pixels, frame.camera.ground_points(frame.pose, pixels), np.tile(np.eye(2), (20, 1, 1)))
+
+
+class Sure(Good):
+    def detect(self, frame):
+        found = super().detect(frame)
+        return replace(found, covariances=found.covariances / 1e3)
+
+
+class Random(Good):
+    def detect(self, frame):
+        found = super().detect(frame)
+        return replace(found, ground=found.ground + np.random.default_rng().normal(scale=0.01, size=found.ground.shape))
+
+
+class Counting(Good):
+    calls = 0
+
+    def detect(self, frame):
+        self.calls += 1
+        found = super().detect(frame)
+        return replace(found, covariances=found.covariances * self.calls)
+
+
+class Flat(Good):
+    """Knows cameras of one size."""
+
+    def detect(self, frame):
+        if frame.camera.pixels != 128:
+            raise ValueError("expected 128 x 128 pixels")
+        return super().detect(frame)
+
+
+BROKEN = {
+    Raising: {"detections": "RuntimeError: two lines"},
+    Silent: {"detections": "pixels"},
+    Uncertain: {"detections": "covariances"},
+    Blind: {"people": "0 of 6 in plain view"},
+    Seeing: {"people": "detections of none", "nobody in view": "20 detections"},
+    Sure: {"covariances": "far too small"},
+    Random: {"same frame, same result": "otherwise", "no memory": "otherwise"},
+    Counting: {"no memory": "after another frame"},
+    Flat: {"finer image": "expected 128 x 128 pixels"},
+}
+
+
+def named(kind):
+    return f"{__name__}:{kind.__name__}"
+
+
+@pytest.mark.parametrize("name", [*DETECTORS, named(Good)])
+def test_good_detectors_conform(name):
+    findings = check(name)
+    assert [str(f) for f in findings if not f.passed] == []
+    assert "6 of 6 in plain view, 0 detections of none" in str(findings[1])
+
+
+@pytest.mark.parametrize("kind", BROKEN)
+def test_a_broken_detector_fails_the_check_that_fits(kind):
+    failed = {f.check: f.seen for f in check(named(kind)) if f.passed is False}
+    for name, words in BROKEN[kind].items():
+        assert words in failed.pop(name)
+    assert set(failed) <= {"covariances"}  # of false detections no errors are known
+
+
+def test_the_command_prints_a_line_per_check_and_exits_with_1(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    code, out, err = called(["check-detector", "blob"], monkeypatch, capsys)
+    assert (code, err) == (0, "") and out.endswith("It conforms.\n") and out.count("passed ") == 11
+    code, out, _ = called(["check-detector", named(Blind)], monkeypatch, capsys)
+    assert code == 1 and "1 of 11 checks failed" in out
+    code, out, err = called(["check-detector", "blop"], monkeypatch, capsys)
+    assert (code, out) == (2, "") and "did you mean blob?" in err and err.count("\n") == 1
