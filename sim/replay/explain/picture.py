@@ -13,6 +13,7 @@ from sim.drawing.lettering import Image, TextStyle, wrapped, write
 from sim.drawing.map_view import MARGIN, TRAIL, MapView
 from sim.drawing.palette import FAINT, INK, PANEL, PAPER, uav_colour
 from sim.drawing.strokes import disc, stroke
+from sim.evaluation.holding import HOLDS
 from sim.replay.explain.explanation import Group
 from sim.replay.explain.observation import Observation, Observer
 from sim.replay.explain.person import PersonFacts
@@ -104,8 +105,10 @@ def _map(observer: Observer, facts: PersonFacts) -> Image:
     width, height = np.ceil(scale * extent).astype(int).tolist()
     view = MapView(observer.scenario, recording.forest, (width, height))
     image = np.zeros((height, width, 3), dtype=np.uint8)
+    holds = facts.history.hold_states.copy()
+    holds[:, facts.person] = HOLDS.index("held")  # has a ring and a name of its own
     for k in range(max(facts.k - round(TRAIL * observer.scenario.rates.sensing), 0), facts.k + 1):
-        view.draw(image, Sight.of(recording, observer.scenario, k, 0).snapshot, facts.history.hold_states[k])
+        view.draw(image, Sight.of(recording, observer.scenario, k, 0).snapshot, holds[k])
 
     def pixels(ground: Array) -> Array:
         return np.array([width, height]) / 2 + view.scale * ground * [1.0, -1.0]
