@@ -25,6 +25,7 @@ from sim.scenario.fleet import Uav
 from sim.scenario.network import Cut
 from sim.scenario.scenario import Scenario
 from sim.study.settings_text import toml
+from sim.world.appearance import FULL
 
 _WRITTEN_OUT = ("people.paths", "uavs")  # long defaults, which the page itself shows
 _ROWS = {"uavs": ("uavs.0", Uav), "network.cuts": ("network.cuts", Cut)}
@@ -74,11 +75,13 @@ def keys(kind: type = Scenario, prefix: str = "") -> Iterator[tuple[str, msgspec
             yield from keys(row, f"{place}.")
 
 
-def keys_table(table: str = "") -> str:
-    """Keys of a table of a scenario, without a name those of the mission itself: default, bounds, unit and meaning."""
+def keys_table(table: str) -> str:
+    """Keys of a table of a scenario, those of none as `mission`: default, bounds, unit and meaning."""
     lines = ["| key | default | allowed | unit and meaning |", "|---|---|---|---|"]
     for key, field, meaning in keys():
-        if table == (key.rpartition(".")[0] or "mission") or table == "uavs" == key:
+        if table == (key.rpartition(".")[0] or ("uavs" if key == "uavs" else "mission")):
+            full = FULL.get(field.name) if table == "appearance" else None
+            meaning += f"; full strength: `{str(full).lower()}`" if full is not None else ""
             lines.append(f"| `{key}` | {_default(key, field)} | {_limits(field.type)} | {meaning} |")
     return "\n".join(lines)
 
