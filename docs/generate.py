@@ -111,7 +111,7 @@ def commands_text() -> str:
     parts = []
     for name, command in sorted(typer.main.get_command(app).commands.items()):
         parts += [f"## understory {name}", "", inspect.cleandoc(command.help or ""), ""]
-        parts += ["| argument or option | meaning | default |", "|---|---|---|"]
+        parts += ["| argument or option | meaning | default |", "|---|---|---|"] if command.params else []
         for parameter in command.params:
             told = "/".join([*parameter.opts, *parameter.secondary_opts])
             value = "" if getattr(parameter, "is_flag", False) else f" {parameter.metavar or ''}"
@@ -124,14 +124,17 @@ def commands_text() -> str:
 
 
 def math(markdown: str) -> str:
-    """A page with its formulas, `$$...$$`, as MathML, which browsers draw by themselves."""
+    """A page with its formulas as MathML, which browsers draw: `$$...$$`, and on such a page `$...$`."""
+    if "$$" not in markdown:
+        return markdown
+    from latex2mathml.converter import convert
 
     def drawn(formula: re.Match[str]) -> str:
-        from latex2mathml.converter import convert
+        block, inline = formula.groups()
+        text = " ".join((block or inline).split())
+        return f'<div class="formula">{convert(text, display="block")}</div>' if block else convert(text)
 
-        return f'<div class="formula">{convert(" ".join(formula[1].split()), display="block")}</div>'
-
-    return re.sub(r"\$\$(.+?)\$\$", drawn, markdown, flags=re.S)
+    return re.sub(r"\$\$(.+?)\$\$|\$([^$\n]+)\$", drawn, markdown, flags=re.S)
 
 
 def notebook(markdown: str) -> dict[str, Any]:
