@@ -31,7 +31,7 @@ class Holding:
 
 
 def hold_states(held: Ints, found: Ints | np.ndarray, fleet: int | Ints) -> Ints:
-    """States, indices into `HOLDS`, of people who are there.
+    """States, indices into `HOLDS`, of present people.
 
     held: by how many UAVs; found: they have been held before; fleet: UAVs that work.
     """

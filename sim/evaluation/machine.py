@@ -1,4 +1,4 @@
-"""What a mission was computed on, so that a difference between machines can be seen."""
+"""The machine that computed a mission, so that a difference between machines can be seen."""
 
 from __future__ import annotations
 

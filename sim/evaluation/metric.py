@@ -21,7 +21,7 @@ UNKNOWN = "–"  # stands where there is no number
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """A mission that was flown: its recording, and what only those know who flew it."""
+    """A mission that was flown: its recording, and facts of the flight that it does not hold."""
 
     recording: Recording
     seconds: Mapping[str, float] = field(default_factory=dict)  # wall time of each stage, and `start_up` if known

@@ -97,7 +97,7 @@ def _nees(label: str, errors: Callable[[Score], Array], key: str) -> Metric:
 
 
 def _recall(outcome: Outcome) -> float | None:
-    """Share of people of whom a camera shows a pixel that were detected."""
+    """Share of people shown by a camera, with a pixel or more, that were detected."""
     r = outcome.recording
     return _ratio(np.sum(r.matched & (r.visible > 0)), np.sum(r.visible > 0))
 

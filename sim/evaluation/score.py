@@ -39,7 +39,7 @@ class Score:
     switches: int
     fragmentations: int
     position_nees: Array  # (E,), a number for each scan and person with a track within `FAR` m
-    state_nees: Array  # (E',), fewer by those whose velocity is not known
+    state_nees: Array  # (E',), fewer by those without a known velocity
 
 
 def held_by(recording: Recording, uav: int) -> Held:
@@ -78,7 +78,7 @@ def score(recording: Recording, uav: int) -> Score:
     k, m = np.nonzero(far >= 0)
     errors = believed.means[on][k, far[k, m]] - truth[k, m]
     P = believed.covariances[on][k, far[k, m]]
-    moving = ~np.isnan(errors[:, 2])  # a person who is there for a single scan has no velocity
+    moving = ~np.isnan(errors[:, 2])  # a person present for a single scan has no velocity
     return Score(
         ospa=recording.ospa[on, uav, 0],
         gospa=np.array(parts, dtype=float).reshape(-1, 4),

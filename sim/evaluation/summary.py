@@ -69,7 +69,7 @@ def _told(asked: Metric, value: float | None) -> dict[str, Any]:
 
 
 def _parts(outcome: Outcome) -> dict[str, Any]:
-    """What is told beside the metrics, by dotted keys: bounds, intervals, each person, each UAV."""
+    """Entries beside the metrics, by dotted keys: bounds, intervals, each person, each UAV."""
     held, present = (
         np.sum([getattr(s, name).sum(axis=0) for s in outcome.scores], axis=0) for name in ("held", "present")
     )

@@ -1,4 +1,4 @@
-"""Figures over a recording: by hand, nobody counted who is not there, and quickly."""
+"""Figures over a recording: by hand, without absent people, and quickly."""
 
 import dataclasses
 import json
@@ -20,7 +20,7 @@ from tracking.metrics.ospa import ospa2
 
 
 def recorded(people, held, broken=()):
-    """A recording of people (K, M, 2) and, per scan and UAV, tracks {id: (x, y, vx, vy)}; who is out from when on."""
+    """A recording of people (K, M, 2) and, per scan and UAV, tracks {id: (x, y, vx, vy)}; `broken`: scans and UAVs."""
     scans, uavs, count = len(people), len(held[0]), people.shape[1]
     cells = [cell for row in held for cell in row]
     means = [mean for cell in cells for mean in cell.values()]
@@ -58,7 +58,7 @@ def recorded(people, held, broken=()):
 
 
 def walk(scans=4):
-    """One person going east at 1 m/s, and one who stands 40 m north and comes at scan 2."""
+    """One person going east at 1 m/s, and one at rest 40 m north and comes at scan 2."""
     people = np.zeros((scans, 2, 2))
     people[:, 0, 0] = 0.2 * np.arange(scans)
     people[:, 1, 1] = 40.0
