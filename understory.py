@@ -92,7 +92,7 @@ def run(
         InputError: Where scenario, settings or folder cannot be used.
         PlannerError: Where there is no such planner.
     """
-    from planning.registry import load_planner
+    from planning.loading import load_planner
     from sim.mission.mission import Mission, Trial
     from sim.recording.recording import Recorder
     from sim.replay.notebook import Flight, load

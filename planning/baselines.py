@@ -1,4 +1,4 @@
-"""Planners to compare with."""
+"""Baseline planners: hover, greedy and lawnmower."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from planning.optimizers.optimizer import limited
+from planning.optimizers.optimizer import speed_limited
 from planning.planner import Exchange, Plan, Situation
+from planning.prediction.field_of_view import aim_point, viewing_range
 from planning.prediction.intent import base_control
-from planning.prediction.view import aim, reach
 from tracking.numerics.compiled import Array
 from tracking.numerics.matrices import length
 
@@ -30,7 +30,7 @@ class Hover:
 
 @dataclass(frozen=True)
 class Greedy:
-    """The base policy alone: every UAV flies to the most uncertain track within 40 m, whatever the others do."""
+    """The base policy alone: every UAV flies to the most uncertain track within 40 m, without coordination."""
 
     exchange = Exchange(0)
     decentralised: ClassVar[bool] = True
@@ -42,9 +42,9 @@ class Greedy:
 
 @dataclass(frozen=True)
 class Lawnmower:
-    """Mows: every UAV sweeps its strip of the area to and fro, lines a footprint apart, whatever it sees.
+    """Coverage without feedback: every UAV sweeps its strip of the area to and fro, on lines a footprint apart.
 
-    A point runs along the lines at `pace` of the UAV's top speed; the UAV flies to where it is next.
+    A goal moves along the lines at `pace` of the UAV's top speed; the UAV flies to its next position.
     """
 
     pace: float = 0.9
@@ -66,14 +66,14 @@ class Lawnmower:
         reached = np.concatenate([[0.0], np.cumsum(lengths)])
         run = _to_and_fro(run, float(reached[-1]))
         goal = np.array([np.interp(run, reached, corners[:, axis]) for axis in (0, 1)])
-        gap = goal - aim(own) - own.position[:2]
-        return Plan(limited((gap / situation.step)[None, None], own.max_speed)[0])
+        gap = goal - aim_point(own) - own.position[:2]
+        return Plan(speed_limited((gap / situation.step)[None, None], own.max_speed)[0])
 
 
 def _lines(situation: Situation, strip: int, strips: int) -> Array:
-    """Corners (K, 2) m of the lines that the camera's middle follows over one strip of the area's height."""
+    """Corners (K, 2) m of the lines that the aim point follows over one strip of the area's height."""
     width, height = situation.area
-    half = reach(situation.own) / np.sqrt(2)
+    half = viewing_range(situation.own) / np.sqrt(2)
     low = -height / 2 + height / strips * strip
     count = max(1, int(np.ceil(height / strips / (2 * half))))
     rows = low + height / strips * (np.arange(count) + 0.5) / count
@@ -82,5 +82,5 @@ def _lines(situation: Situation, strip: int, strips: int) -> Array:
 
 
 def _to_and_fro(run: float, length: float) -> float:
-    """Where on a way of some length [m] one is after `run` m of going to and fro."""
+    """Position [m] on a way of some length [m] after `run` m of going to and fro."""
     return length - abs(run % (2 * length) - length) if length else 0.0

@@ -1,4 +1,4 @@
-"""What planners there are: each with its meaning, the package that brings it, and its options."""
+"""Catalogue of planners for display: meaning, package and options."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from planning.registry import DEFAULT_PLANNER, PLANNERS, PlannerSpec, brought, installed, origin
+from planning.registry import (
+    DEFAULT_PLANNER,
+    PLANNERS,
+    PlannerSpec,
+    installed_planners,
+    package_of,
+    plugin_entry_points,
+)
 from tracking.plugins.importing import imported
 
 _OURS = "Built in"
@@ -16,13 +23,13 @@ _OPTIONS = "Options, each with what it is if not given"
 
 
 def catalogue() -> dict[str, dict[str, str]]:
-    """Under a heading for each package, and one for options: planners' names and what there is to say of each."""
+    """Planners and their descriptions under a heading for each package, and options under another."""
     groups: dict[str, dict[str, str]] = {_OURS: {name: _summary(name, spec) for name, spec in PLANNERS.items()}}
     options = _ours()
-    for point in brought():
-        theirs = groups.setdefault(f"From {origin(point)}", {})
-        spec = installed()[point.name]
-        if spec.target != point.value or spec.source != origin(point):
+    for point in plugin_entry_points():
+        theirs = groups.setdefault(f"From {package_of(point)}", {})
+        spec = installed_planners()[point.name]
+        if spec.target != point.value or spec.source != package_of(point):
             theirs[point.name] = (
                 f"hidden: the name is that of a planner {f'of {spec.source}' * bool(spec.source) or 'built in'}"
             )
@@ -40,7 +47,7 @@ def _summary(name: str, spec: PlannerSpec) -> str:
 
 
 def _ours() -> dict[str, str]:
-    """Options of our planners; a planner of the same class as one before says what it has otherwise."""
+    """Options of the built-in planners; of a class that came before, only those that differ."""
     first: dict[str, str] = {}
     options: dict[str, dict[str, Any]] = {}
     found: dict[str, str] = {}
@@ -56,7 +63,7 @@ def _ours() -> dict[str, str]:
 
 
 def _written(target: str) -> dict[str, Any]:
-    """Options of a class of ours as its source has them, inherited ones first; importing it would take a second."""
+    """Options of a built-in class, read from its source, inherited ones first; importing it would take a second."""
     module, _, name = target.partition(":")
     path = Path(__file__).parents[1].joinpath(*module.split(".")).with_suffix(".py")
     body = ast.parse(path.read_text(encoding="utf-8")).body
@@ -72,7 +79,7 @@ def _written(target: str) -> dict[str, Any]:
 
 
 def _described(target: str) -> tuple[str, str]:
-    """What the class of another package says of itself, and its options; ImportError where it cannot be had."""
+    """First line of the docstring of another package's class, and its options; ImportError if it cannot be imported."""
     made = imported(target)
     text = inspect.getdoc(made) or ""
     try:

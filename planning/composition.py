@@ -9,16 +9,17 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from planning.coordination import Coordination, Sequential
+from planning.coordination.decision import Coordination
+from planning.coordination.sequential import Sequential
 from planning.objective.nbo import objective
 from planning.objective.objective import Objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.initial_plans import pursuits, turns
 from planning.optimizers.optimizer import Optimizer
 from planning.planner import Exchange, Plan, Situation
-from planning.prediction.intent import followed
+from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import Nominal, Propagation, nominal_positions
-from planning.prediction.targets_in_reach import Eased, Hints, sights, soonest
+from planning.prediction.targets_in_reach import Hints, RelaxableObjective, after_first_step, targets_in_reach
 from tracking.geometry.visibility import Forest, Occlusion
 from tracking.numerics.compiled import Array
 
@@ -27,7 +28,7 @@ Actions = Literal["all", "first"]
 
 
 class Term(Protocol):
-    """What a plan costs besides the uncertainty of tracks."""
+    """A term of the objective besides the uncertainty of tracks."""
 
     def term(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Objective | None:
         """Cost [m²] of plans of the UAVs in rows `uavs` while others fly `controls` (n, H, 2) m/s; None: nothing."""
@@ -43,11 +44,11 @@ class Composition:
     propagation: Propagation = field(default_factory=Nominal)
     beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none
     optimizer: Optimizer = field(default_factory=CrossEntropy)
-    occlusion: Occlusion | None = None  # how trees hide; None: as the situation's forest has it
-    existence: bool = True  # a target counts by the probability that it exists; False: as one
+    occlusion: Occlusion | None = None  # model of occlusion by trees; None: that of the situation's forest
+    existence: bool = True  # a target is weighted by its existence probability; False: by one
     terms: tuple[Term, ...] = ()  # of the objective, besides that of the tracks
     prediction: Prediction = "scans"  # of targets: as trackers predict, or with the process noise of one long step
-    actions: Actions = "all"  # which are optimised: of the first alone, the base policy follows
+    actions: Actions = "all"  # actions to optimise; "first": the base policy follows the first
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
@@ -55,39 +56,44 @@ class Composition:
 
     @property
     def exchange(self) -> Exchange:
-        """What the UAVs send at each decision."""
+        """Plans that the UAVs send at each decision."""
         return self.coordination.exchange
 
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
-        """As `planning.coordination.Decision.decide`."""
-        view = self.propagation.outlook(situation, self.horizon, rng)
-        samples = view.points.shape[1] // len(situation.tracks) if situation.tracks else 1
+        """As `coordination.decision.Decision.decide`."""
+        belief = self.propagation.predict(situation, self.horizon, rng)
+        samples = belief.points.shape[1] // len(situation.tracks) if situation.tracks else 1
         if self.existence:
-            view = view._replace(weights=np.tile([t.existence for t in situation.tracks], samples).astype(float))
+            belief = belief._replace(weights=np.tile([t.existence for t in situation.tracks], samples).astype(float))
         speeds = np.array([situation.vehicles[i].max_speed for i in uavs])
         starts = self._starts(situation, controls, uavs)
-        value: Eased = objective(view, controls, uavs, self.beta, samples)
+        value: RelaxableObjective = objective(belief, controls, uavs, self.beta, samples)
         extra = [term for term in (t.term(situation, controls, uavs) for t in self.terms) if term is not None]
         if extra:
             value = partial(_sum, value, extra)
-        hints = Hints(value, sights(view, uavs, speeds))
+        hints = Hints(value, targets_in_reach(belief, uavs, speeds))
         if self.actions == "all":
             return self.optimizer.minimise(value, starts, speeds, rng, hints).plans
         complete = partial(self._completed, situation, uavs)
-        value = partial(_of_whole, value, complete)
-        first = self.optimizer.minimise(value, starts, speeds, rng, Hints(value, soonest(hints.sights))).plans
+        value = partial(_completed_costs, value, complete)
+        first = self.optimizer.minimise(
+            value, starts, speeds, rng, Hints(value, after_first_step(hints.in_reach))
+        ).plans
         whole: Array = complete(first[None])[0]
         return whole
 
     def _completed(self, situation: Situation, uavs: Sequence[int], firsts: Array) -> Array:
         """Plans (N, k, H, 2) m/s of the UAVs in rows `uavs`: first controls (N, k, 1, 2), then the base policy."""
-        plans = [followed(situation, situation.vehicles[i], firsts[:, j, 0], self.horizon) for j, i in enumerate(uavs)]
+        plans = [
+            base_policy_plans(situation, situation.vehicles[i], firsts[:, j, 0], self.horizon)
+            for j, i in enumerate(uavs)
+        ]
         return np.stack(plans, axis=1)
 
     def _starts(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Array:
-        """What the UAVs are expected to do, and the same with one of them in pursuit or on two legs (S, k, h, 2).
+        """Initial plans (S, k, h, 2) m/s: the intents, and the same with one UAV in pursuit or on two legs.
 
-        They are as long as what is optimised.
+        They have as many steps as are optimised.
         """
         length = self.horizon if self.actions == "all" else 1
         intents = controls[list(uavs), :length]
@@ -102,7 +108,7 @@ class Composition:
         return np.concatenate(starts)
 
     def _modelled(self, situation: Situation) -> Situation:
-        """The situation with the occlusion and the prediction of this planner."""
+        """The situation with the occlusion model and the motion model of this planner."""
         if self.occlusion is not None and self.occlusion != situation.forest.occlusion:
             situation = replace(situation, forest=Forest(situation.forest.trees, self.occlusion))
         if self.prediction == "step":
@@ -110,11 +116,13 @@ class Composition:
         return situation
 
 
-def _of_whole(value: Eased, complete: Callable[[Array], Array], firsts: Array, ease: Array | None = None) -> Array:
-    """What an objective of whole plans comes to, of their beginnings."""
+def _completed_costs(
+    value: RelaxableObjective, complete: Callable[[Array], Array], firsts: Array, ease: Array | None = None
+) -> Array:
+    """Costs of plans completed from their first controls."""
     return value(complete(firsts), ease)
 
 
-def _sum(first: Eased, terms: Sequence[Objective], candidates: Array, ease: Array | None = None) -> Array:
-    """What an objective and other terms come to, of which none can be eased."""
+def _sum(first: RelaxableObjective, terms: Sequence[Objective], candidates: Array, ease: Array | None = None) -> Array:
+    """Sum of an objective and other terms; only the objective can be relaxed."""
     return np.asarray(first(candidates, ease) + sum(term(candidates) for term in terms))

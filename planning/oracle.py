@@ -1,51 +1,49 @@
-"""A planner that sees where people are and will be: what no planner can know, as a bound for those that must guess."""
+"""The oracle: a planner on true positions, present and future, as an upper bound."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from planning.composition import Composition
+from planning.contract import TruePositions
 from planning.pieces import Composed
 from planning.planner import Exchange, Plan, Planner, Situation
-from planning.prediction.belief import Outlook, outlook
+from planning.prediction.predicted_belief import PredictedBelief, predicted_belief
 from planning.prediction.propagation import beliefs
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.compiled import Array
 from tracking.numerics.matrices import length
 from tracking.tracker import Track
 
-Whereabouts = Callable[[float], Array]  # of people: positions (M, 2) m at a time [s], NaN where absent
-
-# Of somebody whom no track stands for: positions as uncertain as a track may get before it ends, walking speed.
+# Of a person without a track: position as uncertain as a track may get before deletion, walking speed.
 _UNKNOWN = np.diag([200.0, 200.0, 2.25, 2.25])
 
 
 @dataclass(frozen=True)
 class Oracle(Composed):
-    """`Composed` on people's true positions, now and along their true paths; an upper bound, no planner to use.
+    """`Composed` on people's true positions, now and along their true paths: an upper bound.
 
-    Whoever flies it hands it the truth by `knowing`; situations hold none. Without, it plans on its beliefs like any
-    other. Each person counts with the covariance of the track that stands for them. Trees, fields of view, noise, the
-    dynamics and the tracker stay as they are, so what it misses is not for want of knowing where people are.
+    The mission hands it the truth by `knowing`; situations hold none. Without the truth it plans on its beliefs. Each
+    person has the covariance of the track assigned to them. Trees, fields of view, noise, dynamics and tracker stay as
+    they are, so its misses are not for want of knowing positions.
 
     Note: P + e eᵀ with the track's true error e, measured instead of P, gave a smaller share of scans with OSPA under
     1 m: the noise of single scans sends UAVs astray. Where P alone decides, in open woods, beliefs do as well.
     """
 
-    def knowing(self, people: Whereabouts) -> Planner:
-        """The planner that sees these people."""
+    def knowing(self, people: TruePositions) -> Planner:
+        """The planner that knows these positions."""
         return _Seer(replace(self.composition, propagation=_TruePaths(people)), people)
 
 
 @dataclass(frozen=True)
 class _Seer:
     composition: Composition
-    people: Whereabouts
+    people: TruePositions
 
     @property
     def exchange(self) -> Exchange:
@@ -59,10 +57,10 @@ class _Seer:
 class _TruePaths:
     """Belief propagation for tracks of `true_tracks`: along the paths that these people take."""
 
-    people: Whereabouts
+    people: TruePositions
 
-    def outlook(self, situation: Situation, horizon: int, rng: np.random.Generator) -> Outlook:
-        """As `planning.prediction.propagation.Propagation.outlook`; whoever leaves stays where they were last."""
+    def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
+        """As `planning.prediction.propagation.Propagation.predict`; a person that leaves stays at the last position."""
         means, covariances = beliefs(situation.tracks)
         persons = [track.id for track in situation.tracks]
         points = np.full((horizon, len(persons), 1, 3), TARGET_HEIGHT)
@@ -71,13 +69,13 @@ class _TruePaths:
             ahead = self.people(situation.time + (step + 1) * situation.step)[persons]
             last = np.where(np.isnan(ahead), last, ahead)
             points[step, :, 0, :2] = last
-        return outlook(situation, points, covariances)
+        return predicted_belief(situation, points, covariances)
 
 
-def true_tracks(situation: Situation, people: Whereabouts) -> tuple[Track, ...]:
-    """The people who are there as tracks, by index: true states, covariances of the tracks that stand for them.
+def true_tracks(situation: Situation, people: TruePositions) -> tuple[Track, ...]:
+    """Tracks of the people present, by index: true states, with the covariances of the tracks assigned to them.
 
-    Tracks stand for people by the assignment of least total distance; the velocity is the mean over the next step.
+    The assignment has the least total distance; the velocity is the mean over the next step.
     """
     here, there = people(situation.time), people(situation.time + situation.step)
     present = np.flatnonzero(~np.isnan(here[:, 0]))

@@ -1,4 +1,4 @@
-"""Planners from words: the pieces by name, as `--planner 'sma-nbo(horizon=3)'` gives them."""
+"""Planners composed from pieces given by name, as in `--planner 'sma-nbo(horizon=3)'`."""
 
 from __future__ import annotations
 
@@ -10,17 +10,20 @@ from typing import cast
 import numpy as np
 
 from planning.composition import Actions, Composition, Prediction
-from planning.coordination import Centralised, Coordination, Decentralised, Order, Parallel, Sequential
+from planning.coordination.decision import Coordination
+from planning.coordination.joint import Centralised, Decentralised
+from planning.coordination.parallel import Parallel
+from planning.coordination.sequential import Order, Sequential
 from planning.objective.separation import Separation
 from planning.objective.undetected_targets import Search
 from planning.optimizers.cross_entropy import CrossEntropy
-from planning.optimizers.grid import Grid
+from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import Optimizer
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.propagation import MonteCarlo, Nominal
 from tracking.geometry.visibility import Occlusion
-from tracking.plugins.importing import nearest
+from tracking.plugins.spelling import nearest
 
 _CHOICES = {
     "coordination": ("sequential", "parallel", "decentralised", "centralised"),
@@ -32,7 +35,7 @@ _CHOICES = {
     "prediction": ("scans", "step"),
     "actions": ("all", "first"),
 }
-# Least and most: beyond any that was ever of use, and short of what takes all memory.
+# Least and most: wider than any useful setting, and short of taking all memory.
 _RANGES = {"horizon": (1, 100), "sweeps": (1, 100), "samples": (1, 10_000), "beta": (0, 1e6)}
 _RANGES |= {"evaluations": (0, 10_000_000), "seconds": (0, 3600), "search": (0, 1e6), "separation": (0, 1e4)}
 _NEEDS = {"order": ("coordination", "sequential"), "samples": ("propagation", "monte-carlo")}
@@ -53,12 +56,12 @@ class Composed:
     optimizer: str = "cross-entropy"
     evaluations: int = 0  # of the objective, for each UAV's plan; 0: the optimiser's usual number
     seconds: float = 0.0  # the optimiser's time for each decision; 0: as long as the evaluations take
-    occlusion: str = ""  # as the planner models it; empty: as the scenario has it
-    existence: bool = True  # targets count by their probability of existence; False: as one
-    search: float = 0.0  # m²: what each person not found yet counts, as a trace of covariance; 0: nobody is looked for
+    occlusion: str = ""  # model of occlusion by trees; empty: the scenario's
+    existence: bool = True  # targets are weighted by their existence probability; False: by one
+    search: float = 0.0  # m²: weight of each undetected person, as a trace of covariance; 0: no search
     separation: float = 0.0  # m, of planned paths in space; 0: UAVs need not keep apart
     prediction: str = "scans"  # of targets: as trackers do, scan by scan, or with the process noise of one long step
-    actions: str = "all"  # that are optimised; or the first, which the base policy follows
+    actions: str = "all"  # actions to optimise; "first": the base policy follows the first
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
@@ -86,12 +89,12 @@ class Composed:
 
     @property
     def exchange(self) -> Exchange:
-        """What the UAVs send at each decision."""
+        """Plans that the UAVs send at each decision."""
         return self.composition.exchange
 
     @property
     def decentralised(self) -> bool:
-        """Whether UAVs need no more of each other than plans; to find the worst, they would have to compare beliefs."""
+        """True if UAVs need only plans of each other; the order "worst-first" compares beliefs."""
         if self.coordination == "sequential":
             return self.order != "worst-first"
         return self.coordination != "centralised"
@@ -123,10 +126,10 @@ class Composed:
         )
 
     def _optimizer(self) -> Optimizer:
-        optimizers: dict[str, CrossEntropy | ParticleSwarm | Grid] = {
+        optimizers: dict[str, CrossEntropy | ParticleSwarm | GridSearch] = {
             "cross-entropy": CrossEntropy(),
             "particle-swarm": ParticleSwarm(),
-            "grid": Grid(),
+            "grid": GridSearch(),
         }
         usual = optimizers[self.optimizer]
         return replace(usual, evaluations=self.evaluations or usual.evaluations, seconds=self.seconds)

@@ -1,4 +1,4 @@
-"""What a planner is given, what it returns, and the one method it needs."""
+"""The interface of planners: situation in, plan out."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest
 from tracking.numerics.compiled import Array
-from tracking.plugins.containment import contained
 from tracking.tracker import Track
 from tracking.undetected import Unseen
 
@@ -39,20 +38,20 @@ class Plan:
     """Velocity commands of one UAV; the first is flown, the rest is its intent."""
 
     controls: Array  # (H, 2) m/s, east and north
-    # What this UAV takes others to fly (H, 2) m/s, by id: all it knows of those in touch whose plan does not reach it.
+    # Plans (H, 2) m/s that this UAV expects of others, by id, where their own plan does not reach it.
     others: Mapping[int, Array] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
-        """Bytes it takes on the air: sender, time, position and controls, each number eight."""
+        """Bytes of the message: sender, time, position and controls, eight for each number."""
         return 8 * (5 + np.size(self.controls))
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """What UAVs send at each decision: each tells those that hear it its plan, so many times; once if not said.
+    """Exchange of plans at each decision: each UAV sends its plan to its neighbours, `rounds` times.
 
-    With a `centre`, the first UAV plans for all and sends each its plan, over a network that loses nothing.
+    With a `centre`, the first UAV plans for all and sends each its plan, over a network without losses.
     """
 
     rounds: int = 1
@@ -65,17 +64,9 @@ class Exchange:
             raise ValueError(f"rounds must be at most {_MOST_ROUNDS}, is {self.rounds}")
 
 
-def exchange_of(planner: object) -> Exchange:
-    """What a planner says that is sent; `Exchange()` where it says nothing of the kind, `ForeignError` if it fails."""
-    with contained():
-        exchange = getattr(planner, "exchange", None)  # of a stranger's, it may be anything
-        # A copy, as what is said stays said, and has been checked.
-        return Exchange(exchange.rounds, exchange.centre is True) if isinstance(exchange, Exchange) else Exchange()
-
-
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """All that one UAV knows when it plans. Nothing in it is ground truth."""
+    """Knowledge of one UAV when it plans; it holds no ground truth."""
 
     time: float  # s
     own: Vehicle
@@ -84,11 +75,11 @@ class Situation:
     forest: Forest
     area: tuple[float, float]  # m, centred on the origin
     motion: NearlyConstantVelocity  # of the targets, over one planning step of so many scans of the trackers
-    # Last plan known of each UAV, its own included, as made one step ago: of an older one, what was left of it then.
+    # Last plan known of each UAV, its own included. Plans are as of one step ago; older ones are shifted to that time.
     intents: Mapping[int, Plan] = field(default_factory=dict)
-    # For each round of `Exchange`, whose plans of this instant reach this UAV; without any, all neighbours'.
+    # For each round of `Exchange`, the UAVs from which a plan of this instant is received; if empty, all neighbours.
     reception: tuple[tuple[int, ...], ...] = ()
-    unseen: Unseen | None = None  # where people may be of whom it has no track; None: it does not ask itself
+    unseen: Unseen | None = None  # intensity of undetected targets; None: not estimated
 
     @property
     def step(self) -> float:
@@ -101,23 +92,21 @@ class Situation:
         return tuple(sorted((self.own, *self.neighbours), key=lambda v: v.id))
 
     def receives(self, uav: int, sent: int = 0) -> bool:
-        """Whether what a UAV sends in a round of this instant reaches this one."""
+        """True if this UAV receives what another sends in a round of this instant."""
         return uav in (self.reception[sent] if self.reception else [v.id for v in self.neighbours])
 
 
 class Planner(Protocol):
     """Anything with this method is a planner.
 
-    One with a method `knowing` too is an oracle: it is given the truth by it, see `planning.oracle`, and marked as
-    such wherever its results are shown. What that method returns is flown.
+    It returns one plan per situation, in the same order. It keeps no state between calls, and `rng` is its only source
+    of chance. A UAV that broke down has no situation and is not a neighbour, so ids may differ from places in `team`.
+    A neighbour out of contact is where its last known plan would have brought it, until that plan ends.
 
-    It keeps no state between calls. A decentralised planner reads, for UAV i, only `team[i]` and plans that
-    UAV i receives; it returns one plan per situation, in the same order. `rng` is the only source of chance.
-    An attribute `decentralised = True` claims that, and `planning.conformance` tests the claim with all the rest.
-    A UAV that broke down has no situation and is nobody's neighbour, so ids may differ from places in `team`.
-    A neighbour that has fallen silent is where its last known plan would have brought it, until that plan ends.
-    An attribute `exchange` may say what is sent at a decision, if not `Exchange()`; within a call, a decentralised
-    planner uses what UAV j has decided for UAV i only where `team[i].receives(j)`.
+    Optional attributes: `exchange`, the exchange of plans at a decision, if not `Exchange()`. `decentralised = True`
+    claims that the plan of UAV i depends only on `team[i]` and on plans of UAVs j with `team[i].receives(j)`;
+    `planning.conformance` tests that claim and the rest. A method `knowing` makes it an oracle: it is given the truth,
+    returns the planner to fly, and is marked wherever results are shown; see `planning.oracle`.
     """
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+
+from sim.installation import ROOT, is_current_folder
+
+# Our packages before those of the current folder, so that `python -m sim` imports nothing of the user's instead.
+sys.path.append(str(ROOT))
+sys.path.sort(key=is_current_folder)
 
 from sim.cli.check_detector import check_detector
 from sim.cli.check_planner import check_planner

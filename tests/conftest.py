@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from planning.conformance.situations import specimen_team
+from planning.conformance import situations
 from planning.planner import Situation
 
 Team = Callable[..., list[Situation]]
@@ -14,7 +14,7 @@ Team = Callable[..., list[Situation]]
 @pytest.fixture
 def random_team() -> Team:
     """Situations of a team whose members hold the same beliefs, in a random forest."""
-    return specimen_team
+    return situations.random_team
 
 
 @pytest.fixture

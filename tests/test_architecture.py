@@ -14,16 +14,18 @@ LAYERS = {
         *("fusion", "metrics", "measurement_update", "tracker", "fleet", "undetected", "measurement_files"),
     ),
     "planning": (
-        *("planner", "prediction", "objective", "optimizers", "coordination", "composition", "baselines", "pieces"),
-        *("oracle", "registry", "catalogue", "conformance"),
+        *("planner", "errors", "contract", "prediction", "objective", "optimizers", "coordination", "composition"),
+        *("baselines", "pieces", "oracle", "registry", "loading", "catalogue", "conformance"),
     ),
     "sim": (
-        *("scenario", "processes", "world", "sensing", "conformance", "mission", "recording", "evaluation", "drawing"),
+        *("installation", "scenario", "processes", "world", "sensing", "conformance", "mission", "recording"),
+        *("evaluation", "drawing"),
         *("replay.frames", "replay", "replay.explain", "replay.page", "replay.rerun", "running", "terminal"),
         *("calibration", "study", "analysis", "report", "cli", "__main__"),
     ),
 }
-BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}, "sim": set(PACKAGES)}
+BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}}
+BELOW["sim"] = {"sim", "planning", "tracking"}
 MOST_MODULES = 12
 ENGINE = {"world", "opengl", "renderer", "window"}
 # Of these, mwtp_matches.py asks what the MWTP makes of plans that were flown.

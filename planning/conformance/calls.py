@@ -1,4 +1,4 @@
-"""One call of a planner, closely watched."""
+"""One call of a planner, with its defects and side effects."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from planning.loading import load_planner
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
-from planning.registry import load_planner
 from tracking.numerics.compiled import Array
 from tracking.plugins.containment import ForeignError, contained, numbers
 
@@ -34,18 +34,18 @@ answer(sys.argv[1])
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """What a planner made of a situation."""
+    """Plans for a team, with their defects."""
 
     plans: Sequence[Plan]  # as returned
     controls: tuple[Array, ...]  # (H, 2) m/s, a copy; of whatever shape where a defect says so
-    defects: Mapping[str, str]  # "plans", "finite", "speed": what is wrong with them
-    touched: str = ""  # what it did to the situations
-    drew: str = ""  # whose global random numbers it used
+    defects: Mapping[str, str]  # by kind: "plans", "finite", "speed"
+    touched: str = ""  # change of the situations
+    drew: str = ""  # modules of the global random numbers it used
     seconds: float = 0.0
 
     @property
     def altered(self) -> bool:
-        """Whether plans are no longer what was returned."""
+        """True if plans changed after they were returned."""
         pairs = zip(self.plans, self.controls, strict=False)
         return any(difference(np.asarray(plan.controls, dtype=float), before) > 0.0 for plan, before in pairs)
 
@@ -53,7 +53,7 @@ class Attempt:
 def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watched: bool = False) -> Attempt:
     """Plan for a copy of the team, with the same chance each time.
 
-    `world` seeds the global random numbers; only where it is `watched`, is it seen what a planner touches.
+    `world` seeds the global random numbers; only if `watched`, changes of the situations are found.
     """
     situations = copy.deepcopy(list(team))
     before = _state(situations) if watched else {}
@@ -74,8 +74,8 @@ def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watc
     return Attempt(plans, controls, defects, touched, " and ".join(drew), seconds)
 
 
-def attempt_elsewhere(planner: str | bytes, team: Sequence[Situation]) -> Attempt:
-    """`attempt` in a process of its own, whose strings have other hashes; planner: as text, or pickled."""
+def attempt_in_other_process(planner: str | bytes, team: Sequence[Situation]) -> Attempt:
+    """`attempt` in a new process, with other hashes of strings; planner: as text, or pickled."""
     path, request = pickle.dumps(sys.path), pickle.dumps((planner, list(team)))
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "attempt"
@@ -94,7 +94,7 @@ def attempt_elsewhere(planner: str | bytes, team: Sequence[Situation]) -> Attemp
 
 
 def answer(path: str) -> None:
-    """Write, in the process of its own, what `attempt_elsewhere` waits for."""
+    """Write, in the new process, the result of `attempt_in_other_process`."""
     planner, team = pickle.load(sys.stdin.buffer)
     made = load_planner(planner) if isinstance(planner, str) else pickle.loads(planner)
     found = attempt(made, team)
@@ -109,7 +109,7 @@ def difference(a: Array, b: Array) -> float:
 
 
 def _controls(plans: Sequence[Any]) -> tuple[tuple[Array, ...], str]:
-    """Copies of the controls, and the first thing that makes one of them no plan."""
+    """Copies of the controls, and the first problem of their type or shape."""
     copies: list[Array] = []
     problems: list[str] = []
     for k, plan in enumerate(plans):
@@ -126,7 +126,7 @@ def _controls(plans: Sequence[Any]) -> tuple[tuple[Array, ...], str]:
 
 
 def _defects(controls: Sequence[Array], team: Sequence[Situation]) -> dict[str, str]:
-    """What is wrong with plans of the right shape."""
+    """Defects of plans of the right shape."""
     defects: dict[str, str] = {}
     for s, plan in zip(team, controls, strict=True):
         fastest = float(np.max(np.nan_to_num(np.linalg.norm(plan, axis=1), posinf=0.0)))
@@ -161,7 +161,7 @@ def _global_states() -> dict[str, Any]:
 
 
 def _state(value: Any, path: str = "team") -> dict[str, object]:  # noqa: ANN401 - whatever a situation holds
-    """Everything in a value by its path: fields, entries and arrays, whether these can be written to included."""
+    """Everything in a value by its path: fields, entries and arrays, with their flag for writing."""
     if isinstance(value, np.ndarray):
         return {path: (value.dtype.str, value.shape, value.tobytes()), f"writing to {path}": value.flags.writeable}
     if is_dataclass(value):
@@ -179,7 +179,7 @@ def _state(value: Any, path: str = "team") -> dict[str, object]:  # noqa: ANN401
 
 
 def _changed(before: Mapping[str, object], after: Mapping[str, object]) -> str:
-    """The first thing that differs."""
+    """The first difference, in words; empty: none."""
     for path, value in before.items():
         if path not in after or after[path] != value:
             return f"{path} is changed"

@@ -1,4 +1,4 @@
-"""The multiple weighted trace penalty (MWTP), a cost-to-go for targets that nobody sees when the horizon ends."""
+"""The multiple weighted trace penalty (MWTP): the cost-to-go of targets outside all fields of view at the end."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planning.prediction.view import inside, shortest_move
+from planning.prediction.quadrangle import inside, shortest_move
 from tracking.numerics.compiled import Array, compiled
 
 
 class Match(NamedTuple):
-    """A target that nobody sees, and the UAV that Algorithm 2 sends to it."""
+    """A target outside all fields of view, and the UAV that Algorithm 2 assigns to it."""
 
     uav: int  # row of the sensors
     target: int
-    distance: float  # m, from where the camera looks after its earlier matches
+    distance: float  # m, from the aim point of the camera after its earlier matches
     penalty: float  # m³; only the first match of a UAV has one
 
 
@@ -26,32 +26,34 @@ def weighted_trace_penalty(targets: Array, traces: Array, sensors: Array, views:
     """Multiple weighted trace penalty, [Li22] Algorithm 2 with β = 1 [m³].
 
     targets (T, 2 or 3) m at the end of the horizon, traces (T,) m² of their position covariance, sensors (n, 2) m,
-    views (n, 5, 3): their fields of view, see `planning.prediction.view.quadrangle`. `sensors` is overwritten with the
+    views (n, 5, 3): their fields of view, see `field_of_view.view_quadrangle`. `sensors` is overwritten with the
     positions p^MDO.
 
-    Note: distances are counted from where a camera looks, which the paper's cameras do straight down.
+    Note: distances are counted from the aim point of a camera; the paper's cameras look straight down.
     Note: T is the set outside all fields of view as geometry; a target in view but hidden is not in it, because
-    p^MDO, the least displacement after which the field of view covers the target, would be where the sensor is.
+    its p^MDO, the least displacement after which the field of view covers it, would be zero.
     """
     busy, seen = np.zeros((len(sensors), 3)), np.zeros(len(targets), dtype=np.bool_)
     busy[:, :2] = sensors
     for i in range(len(sensors)):
-        cover(targets, seen, sensors, views, i)
-    penalty, _ = penalise(targets, traces, seen, busy, views)
+        mark_in_view(targets, seen, sensors, views, i)
+    penalty, _ = penalty_of_unseen(targets, traces, seen, busy, views)
     sensors[:] = busy[:, :2]
     return penalty
 
 
 @compiled
-def cover(targets: Array, seen: NDArray[np.bool_], sensors: Array, views: Array, uav: int) -> None:
-    """Mark in `seen` (T,) the targets (T, 2 or 3) m that a UAV's sensor at (2,) m has in its field of view."""
+def mark_in_view(targets: Array, seen: NDArray[np.bool_], sensors: Array, views: Array, uav: int) -> None:
+    """Mark in `seen` (T,) the targets (T, 2 or 3) m in the field of view of a UAV's sensor at (2,) m."""
     for t in range(len(targets)):
         if not seen[t]:
             seen[t] = inside(views, uav, targets[t, 0] - sensors[uav, 0], targets[t, 1] - sensors[uav, 1])
 
 
 @compiled
-def penalise(targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Array, views: Array) -> tuple[float, int]:
+def penalty_of_unseen(
+    targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Array, views: Array
+) -> tuple[float, int]:
     """`weighted_trace_penalty` of targets that are not `seen` (T,), and the row of the last match's sensor (-1: none).
 
     sensors (n, 3): x, y [m] and D_i, overwritten. `mwtp_lanes` has the same for many plans side by side.
@@ -68,15 +70,15 @@ def penalise(targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Ar
     return penalty, nearest
 
 
-def matching(targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Array, views: Array) -> tuple[Match, ...]:
-    """Who is sent to whom by `penalise`, of whose arguments none is changed, in the order of the matches."""
+def matches(targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Array, views: Array) -> tuple[Match, ...]:
+    """Matches of UAVs and targets by `penalty_of_unseen`, in their order; leaves its arguments as they are."""
     order = np.argsort(-traces, kind="stable")
     later, last, found = np.ones(len(targets), dtype=np.bool_), 0.0, []
     travelled = np.zeros(len(sensors))
     for t in order[~seen[order]]:
         later[t] = False
         after = np.array(sensors, dtype=float)
-        total, uav = penalise(targets, traces, seen | later, after, views)
+        total, uav = penalty_of_unseen(targets, traces, seen | later, after, views)
         found.append(Match(uav, int(t), float(after[uav, 2] - travelled[uav]), total - last))
         travelled[uav], last = after[uav, 2], total
     return tuple(found)

@@ -1,4 +1,4 @@
-"""The MWTP of many plans side by side, with the processor's vector instructions: as in `mwtp`, lane by lane."""
+"""The MWTP of many plans side by side: `mwtp` lane by lane, with the processor's vector instructions."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planning.prediction.belief import LANES
-from planning.prediction.view import corner
+from planning.prediction.predicted_belief import LANES
+from planning.prediction.quadrangle import corner
 from tracking.numerics.compiled import Array, compiled
 
 Pair = tuple[float, float]
@@ -17,19 +17,19 @@ Triple = tuple[float, float, float]
 
 
 class Workspace(NamedTuple):
-    """Arrays that `penalties` works on, so that it need not ask for memory each time: n UAVs, T targets."""
+    """Arrays that `penalties` works on, allocated once: n UAVs, T targets."""
 
-    unseen: Array  # (T, LANES): 1 for a target that nobody has in view, else 0
+    unseen: Array  # (T, LANES): 1 for a target outside all fields of view, else 0
     order: NDArray[np.int64]  # (T,): the targets by falling trace
     targets: Array  # (3, T, LANES): x, y [m] and trace [m²] of those that are unseen, in that order
-    counts: Array  # (LANES,): how many these are
+    counts: Array  # (LANES,): their number
     sensors: Array  # (n, 3, LANES): x, y [m] and D_i
-    match: Array  # (3, LANES): which sensor, its distance [m], and D_i with it
+    match: Array  # (3, LANES): row of the sensor, its distance [m], and D_i with it
 
 
 @compiled
 def workspace(targets: int, uavs: int) -> Workspace:
-    """For so many targets and UAVs."""
+    """Workspace for a number of targets and UAVs."""
     return Workspace(
         np.empty((targets, LANES)),
         np.arange(targets),
@@ -57,8 +57,8 @@ def penalties(work: Workspace, targets: Array, traces: Array, views: Array, sums
 
 
 @compiled
-def cover_lanes(work: Workspace, targets: Array, uav: int, views: Array) -> None:
-    """Mark targets (T, 2 or 3) m that a UAV has in its field of view as seen; `mwtp.cover` lane by lane."""
+def mark_in_view_lanes(work: Workspace, targets: Array, uav: int, views: Array) -> None:
+    """Mark targets (T, 2 or 3) m in the field of view of a UAV as seen; `mwtp.mark_in_view` lane by lane."""
     view, east, north = views[uav], work.sensors[uav, 0], work.sensors[uav, 1]
     a0, b0, c0, a1, b1, c1 = view[0, 0], view[0, 1], view[0, 2], view[1, 0], view[1, 1], view[1, 2]
     a2, b2, c2, a3, b3, c3 = view[2, 0], view[2, 1], view[2, 2], view[3, 0], view[3, 1], view[3, 2]
@@ -101,9 +101,9 @@ def _sort(work: Workspace, targets: Array, traces: Array) -> None:
 
 @compiled
 def _match(work: Workspace, m: int, views: Array) -> None:
-    """Find the sensor of which D_i and the way to the target together are least; a target that is none gets none."""
+    """Match the m-th target of each lane with the sensor of least D_i plus distance; -1 if there is no such target."""
     x, y = work.targets[0, m], work.targets[1, m]
-    who, shortest, total = work.match[0], work.match[1], work.match[2]
+    row, shortest, total = work.match[0], work.match[1], work.match[2]
     for lane in range(LANES):
         total[lane] = np.inf
     for i in range(len(work.sensors)):
@@ -113,27 +113,27 @@ def _match(work: Workspace, m: int, views: Array) -> None:
             dx, dy = x[lane] - east[lane] - aim_x, y[lane] - north[lane] - aim_y
             d = math.sqrt(dx * dx + dy * dy)
             better = travelled[lane] + d < total[lane]
-            who[lane] = i if better else who[lane]
+            row[lane] = i if better else row[lane]
             shortest[lane] = d if better else shortest[lane]
             total[lane] = travelled[lane] + d if better else total[lane]
     for lane in range(LANES):
-        who[lane] = who[lane] if m < work.counts[lane] else -1.0
+        row[lane] = row[lane] if m < work.counts[lane] else -1.0
 
 
 @compiled
 def _assign(work: Workspace, m: int, i: int, sums: Array) -> None:
-    """Send sensor i to the target where it is matched; its first one is what counts."""
-    who, shortest, trace, travelled = work.match[0], work.match[1], work.targets[2, m], work.sensors[i, 2]
+    """Add the penalty and distance of sensor i in the lanes where it is matched; only its first match has a penalty."""
+    row, shortest, trace, travelled = work.match[0], work.match[1], work.targets[2, m], work.sensors[i, 2]
     for lane in range(LANES):
-        mine = who[lane] == i
+        mine = row[lane] == i
         sums[lane] += shortest[lane] * trace[lane] if mine & (travelled[lane] == 0.0) else 0.0
         travelled[lane] += shortest[lane] if mine else 0.0
 
 
 @compiled
 def _move(work: Workspace, m: int, i: int, views: Array) -> None:
-    """Move sensor i by `planning.prediction.view.shortest_move` where it is matched."""
-    x, y, who, east, north = (
+    """Move sensor i by `quadrangle.shortest_move` in the lanes where it is matched."""
+    x, y, row, east, north = (
         work.targets[0, m],
         work.targets[1, m],
         work.match[0],
@@ -147,7 +147,7 @@ def _move(work: Workspace, m: int, i: int, views: Array) -> None:
     corners = corner(views, i, 0), corner(views, i, 1), corner(views, i, 2), corner(views, i, 3)
     for lane in range(LANES):
         offset = x[lane] - east[lane], y[lane] - north[lane]
-        # The nearest corner; instead of it the foot on a side that has it between its ends, the first such side.
+        # The nearest corner, or the foot on the first side that has its foot between its ends.
         best = _from(offset, corners[0])
         best = _less(best, _from(offset, corners[1]))
         best = _less(best, _from(offset, corners[2]))
@@ -157,33 +157,33 @@ def _move(work: Workspace, m: int, i: int, views: Array) -> None:
         best = _foot(best, offset, two, (one, three, four))
         best = _foot(best, offset, one, (two, three, four))
         outside = _beyond(offset, one) | _beyond(offset, two) | _beyond(offset, three) | _beyond(offset, four)
-        go = (who[lane] == i) & outside
+        go = (row[lane] == i) & outside
         east[lane] += best[0] if go else 0.0
         north[lane] += best[1] if go else 0.0
 
 
 @compiled
 def _beyond(point: Pair, side: Triple) -> bool:
-    """Whether a point lies on the outer side of a half-plane."""
+    """True if a point lies outside a half-plane."""
     return not (side[0] * point[0] + side[1] * point[1] <= side[2])
 
 
 @compiled
 def _from(point: Pair, other: Pair) -> Pair:
-    """The way to a point."""
+    """Displacement to a point from another."""
     return point[0] - other[0], point[1] - other[1]
 
 
 @compiled
 def _less(one: Pair, other: Pair) -> Pair:
-    """The shorter of two ways, if that is clear the other one."""
+    """The shorter of two displacements; the first if they are equal."""
     closer = other[0] * other[0] + other[1] * other[1] < one[0] * one[0] + one[1] * one[1]
     return other[0] if closer else one[0], other[1] if closer else one[1]
 
 
 @compiled
 def _foot(best: Pair, point: Pair, side: Triple, others: tuple[Triple, Triple, Triple]) -> Pair:
-    """The way to a point from its foot on a side, if the side lies before it and has the foot; else `best`."""
+    """Displacement to a point outside a side from its foot on it, if the foot lies between its ends, else `best`."""
     excess = side[0] * point[0] + side[1] * point[1] - side[2]
     foot = point[0] - excess * side[0], point[1] - excess * side[1]
     off = _beyond(foot, others[0]) | _beyond(foot, others[1]) | _beyond(foot, others[2])

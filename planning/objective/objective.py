@@ -1,4 +1,4 @@
-"""What optimisers minimise: a function of plans."""
+"""The type of objectives: cost of candidate plans."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Keeping UAVs apart."""
+"""Separation of UAVs: a penalty on planned paths that come too near."""
 
 from __future__ import annotations
 
@@ -9,19 +9,18 @@ import numpy as np
 
 from planning.objective.objective import Objective
 from planning.planner import Situation
-from planning.prediction.intent import paths
+from planning.prediction.intent import camera_paths
 from tracking.numerics.compiled import Array
 from tracking.numerics.matrices import length
 
-_PRICE = 1e6  # m² per m and step: no gain in knowledge is worth it
+_PRICE = 1e6  # m² per m and step, above any gain in knowledge
 
 
 @dataclass(frozen=True)
 class Separation:
-    """Plans that bring UAVs nearer to each other than `distance` [m], in space, cost far more than they can gain.
+    """Penalty far above any gain in knowledge for plans that bring UAVs nearer than `distance` [m] in space.
 
-    Between steps UAVs are taken to fly straight. Where all plans come too near, those that keep the most distance cost
-    least.
+    UAVs fly straight between steps. If all plans come too near, the one that keeps the most distance costs least.
     """
 
     distance: float
@@ -30,10 +29,12 @@ class Separation:
         """As `planning.composition.Term.term`."""
         now = np.array([v.position for v in situation.vehicles], dtype=float)
         chosen = np.asarray(uavs, dtype=np.int64)
-        others = np.delete(np.concatenate([now[:, None], paths(now, controls, situation.step)], axis=1), chosen, axis=0)
+        others = np.delete(
+            np.concatenate([now[:, None], camera_paths(now, controls, situation.step)], axis=1), chosen, axis=0
+        )
 
         def cost(candidates: Array) -> Array:
-            ahead = paths(now[chosen], candidates, situation.step)
+            ahead = camera_paths(now[chosen], candidates, situation.step)
             start = np.broadcast_to(now[chosen, None], (*ahead.shape[:2], 1, 3))
             own = np.concatenate([start, ahead], axis=2)
             short = np.zeros(len(own))
@@ -47,7 +48,7 @@ class Separation:
 
 
 def _closest(relative: Array) -> Array:
-    """Least length (N, H) m of vectors that move straight from each of (N, H + 1, 3) m to the next."""
+    """Least length (N, H) m of a vector that moves linearly from each of (N, H + 1, 3) m to the next."""
     start, way = relative[:, :-1], np.diff(relative, axis=1)
     along = -(start * way).sum(axis=-1) / np.maximum((way * way).sum(axis=-1), 1e-12)
     return np.asarray(length(start + np.clip(along, 0.0, 1.0)[..., None] * way))

@@ -1,4 +1,4 @@
-"""The worth of looking where people may be of whom no track is known, compiled."""
+"""Search for undetected targets: the cost of people expected where no track is, compiled."""
 
 from __future__ import annotations
 
@@ -13,52 +13,53 @@ from numpy.typing import NDArray
 
 from planning.objective.objective import Objective
 from planning.planner import Situation, Vehicle
-from planning.prediction.intent import paths
-from planning.prediction.view import inside, quadrangle, reach
+from planning.prediction.field_of_view import view_quadrangle, viewing_range
+from planning.prediction.intent import camera_paths
+from planning.prediction.quadrangle import inside
 from tracking.geometry.tree_grid import Grid
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, misses
 from tracking.numerics.compiled import Array, compiled
 from tracking.numerics.elementary import hypot
 
-_SPACING = 5.0  # m, between places for which it is worked out what a UAV sees from there
+_SPACING = 5.0  # m, between the places whose views are computed
 _DETECTION = 0.99  # probability that a person in plain view is found within a step
-_FEWEST = 1e-4  # people in a cell: fewer are not looked for
+_FEWEST = 1e-4  # people in a cell; cells with fewer are ignored
 _QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # of a cell, from its middle
 
 
 class _Views(NamedTuple):
-    """Which of C cells are in view from V places."""
+    """Visibility of C cells from V places, as a sparse matrix."""
 
-    starts: NDArray[np.int64]  # (V + 1,): where each place's cells begin
+    starts: NDArray[np.int64]  # (V + 1,): index of each place's first cell
     cells: NDArray[np.int64]  # (M,)
-    shares: Array  # (M,): how much of the cell is in view
+    shares: Array  # (M,): share of the cell in view
 
 
 class _Raster(NamedTuple):
-    """What k UAVs see from square rasters of places, each its own; the places count on from UAV to UAV."""
+    """Views of k UAVs from square rasters of places, one raster each; places are numbered through all UAVs."""
 
     low: Array  # (k, 2) m: the south-west place
     side: NDArray[np.int64]  # (k,): places along each edge
     first: NDArray[np.int64]  # (k,): number of the first place
     views: _Views
-    onward: Array  # (V,): steps until people whom others leave can be seen, summed, if the UAV ends there
+    onward: Array  # (V,): steps until the people left by others can be seen, summed, if the UAV ends there
 
 
 @dataclass(frozen=True)
 class Search:
-    """People not found yet count as tracks of covariance trace `weight` [m²], at each step of the horizon.
+    """Undetected people count as tracks of covariance trace `weight` [m²], at each step of the horizon.
 
-    What a camera will see is taken from the nearest of places 5 m apart. Beyond the horizon each person whom the looks
-    of other UAVs leave counts until the nearest UAV can have come within sight: the search's cost-to-go. In joint plans
-    of several UAVs each takes the others to end where they intend to.
+    A camera's view is taken from the nearest of places 5 m apart. The cost-to-go counts each person left undetected by
+    other UAVs until the nearest UAV can have the person in sight. In joint plans each UAV takes the others to end where
+    they intend to.
 
-    Note: people whom a plan itself finds count in its cost-to-go, too, so that this depends on its end alone.
+    Note: people detected by the plan itself count in its cost-to-go, too, so that this depends on its end alone.
     """
 
     weight: float
 
     def term(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Objective | None:
-        """As `planning.composition.Term.term`; None where nobody is looked for."""
+        """As `planning.composition.Term.term`; None where no undetected people are expected."""
         unseen = situation.unseen
         cells = np.zeros(0, np.int64) if unseen is None else np.flatnonzero(unseen.people.ravel() > _FEWEST)
         if unseen is None or len(cells) == 0:
@@ -66,7 +67,7 @@ class Search:
         centres = unseen.centres().reshape(-1, 2)[cells]
         points = centres[:, None] + _QUARTERS * unseen.cell
         vehicles = situation.vehicles
-        fleet = paths(np.array([v.position for v in vehicles], dtype=float), controls, situation.step)
+        fleet = camera_paths(np.array([v.position for v in vehicles], dtype=float), controls, situation.step)
         left = np.repeat(unseen.people.ravel()[cells][None], controls.shape[1], axis=0)
         for i in sorted(set(range(len(vehicles))) - set(uavs)):
             _thin(left, _viewed(vehicles[i], fleet[i], points, situation.forest))
@@ -77,7 +78,7 @@ class Search:
 
 
 def _raster(situation: Situation, uav: int, fleet: Array, unseen: tuple[Array, Array, Array]) -> _Raster:
-    """The places that a UAV can get to; `unseen` are middles (C, 2) m, quarters (C, 4, 2) m and people left (C,)."""
+    """Raster of the places in reach of a UAV; `unseen`: centres (C, 2) m, quarters (C, 4, 2) m and people left (C,)."""
     centres, points, people = unseen
     vehicle, step = situation.vehicles[uav], situation.step
     side = 2 * math.ceil(fleet.shape[1] * step * vehicle.max_speed / _SPACING) + 1
@@ -94,13 +95,13 @@ def _raster(situation: Situation, uav: int, fleet: Array, unseen: tuple[Array, A
 
 
 def _sight(vehicle: Vehicle, step: float) -> tuple[float, float]:
-    """How far a UAV sees at least and flies in a step [m]."""
-    return reach(vehicle) / math.sqrt(2), vehicle.max_speed * step
+    """Least range of sight of a UAV and its way in a step [m]."""
+    return viewing_range(vehicle) / math.sqrt(2), vehicle.max_speed * step
 
 
 @compiled
 def _steps_off(place: Array, centres: Array, sight: tuple[float, float]) -> Array:
-    """Steps (C,) that a UAV takes from a place (2 or 3,) m until it can have cells (C, 2) m in its field of view."""
+    """Steps (C,) of a UAV from a place (2 or 3,) m until cells (C, 2) m can be in its field of view."""
     steps = np.empty(len(centres))
     for c in range(len(centres)):
         gap = hypot(place[0] - centres[c, 0], place[1] - centres[c, 1])
@@ -110,7 +111,7 @@ def _steps_off(place: Array, centres: Array, sight: tuple[float, float]) -> Arra
 
 @compiled
 def _onward(places: Array, centres: Array, sight: tuple[float, float], people: Array, away: Array) -> Array:
-    """Steps until people can be seen by who is at a place (V,) or by others, who take `away` (C,); summed over them."""
+    """Steps until people can be seen from a place (V,) or by others, which take `away` (C,); summed over people."""
     total = np.empty(len(places))
     for v in range(len(places)):
         total[v] = np.sum(np.minimum(_steps_off(places[v], centres, sight), away) * people)
@@ -118,9 +119,9 @@ def _onward(places: Array, centres: Array, sight: tuple[float, float], people: A
 
 
 def _viewed(vehicle: Vehicle, places: Array, points: Array, forest: Forest) -> _Views:
-    """What a UAV sees from places (V, 3) m of cells given by four points (C, 4, 2) m each."""
-    farthest = reach(vehicle) + float(np.ptp(points[0], axis=0).max(initial=0.0))
-    return _views(places, (np.array([quadrangle(vehicle)]), farthest), points, forest.blockers, forest.grid)
+    """Views of a UAV from places (V, 3) m on cells given by four points (C, 4, 2) m each."""
+    farthest = viewing_range(vehicle) + float(np.ptp(points[0], axis=0).max(initial=0.0))
+    return _views(places, (np.array([view_quadrangle(vehicle)]), farthest), points, forest.blockers, forest.grid)
 
 
 def _joined(rasters: Sequence[_Raster]) -> _Raster:
@@ -164,7 +165,7 @@ def _views(places: Array, sight: tuple[Array, float], points: Array, blockers: A
 
 
 def _thin(left: Array, views: _Views) -> None:
-    """Take from people left after each step (H, C) those whom a UAV finds that is at place h after step h."""
+    """Take from the people left after each step (H, C) those detected by a UAV that is at place h after step h."""
     for h in range(len(left)):
         rows = slice(views.starts[h], views.starts[h + 1])
         left[h:, views.cells[rows]] *= 1.0 - _DETECTION * views.shares[rows]
@@ -190,7 +191,7 @@ def _costs(weight: float, to_come: Array, raster: _Raster, own: Array, step: flo
 
 @compiled
 def _found(views: _Views, places: NDArray[np.int64], to_come: Array, left: Array) -> float:
-    """People that UAVs find at places (H, k), each times the steps from then on; left (C,) is ones, also afterwards."""
+    """People detected from places (H, k), each times the steps from then on; left (C,) holds ones before and after."""
     total = 0.0
     for h in range(len(places)):
         for place in places[h]:

@@ -1,4 +1,4 @@
-"""Cross-entropy search whose elites survive and keep apart."""
+"""Cross-entropy search with surviving, distinct elites."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 
 from planning.objective.objective import Objective
 from planning.optimizers.mutations import chances, distinct, varied
-from planning.optimizers.optimizer import Found, limited
-from planning.prediction.targets_in_reach import NOTHING, Hints
+from planning.optimizers.optimizer import SearchResult, speed_limited
+from planning.prediction.targets_in_reach import NO_TARGETS, Hints
 from tracking.numerics.compiled import Array
 
 
 class _Task(NamedTuple):
-    """What is to be minimised."""
+    """A minimisation problem."""
 
     objective: Objective
     starts: Array
@@ -25,25 +25,25 @@ class _Task(NamedTuple):
     hints: Hints | None
 
     def costs(self, plans: Array, ease: float) -> Array:
-        """Of plans (N, k, H, 2) m/s, with fields of view wider by `ease` of the way at maximum speed in a step."""
-        return self.hints.eased(plans, ease * self.max_speeds) if self.hints and ease else self.objective(plans)
+        """Costs of plans (N, k, H, 2) m/s, with fields of view wider by `ease` maximum steps."""
+        return self.hints.relaxed(plans, ease * self.max_speeds) if self.hints and ease else self.objective(plans)
 
 
 @dataclass(frozen=True)
 class CrossEntropy:
-    """Cross-entropy search whose elites survive and keep apart: never worse than the best plan it is given.
+    """Cross-entropy search with surviving, distinct elites: never worse than the best plan it is given.
 
     Each round changes the elites with noise that shrinks from round to round; elites compete with the new plans. Some
-    of the noise is correlated in time (a UAV rarely profits from zigzag); most moves one waypoint, or the path from
-    there on, and what the rest of a plan has achieved is kept as far as the UAV's speed allows. Other plans are put
-    together from two elites, as in genetic algorithms: one may have seen somebody early, the other late. Elites whose
-    paths are alike count as one, so that several basins, some of them narrow, live on side by side; a single Gaussian,
-    as in textbook CEM, would average them. Source: [Pinneri20] for elites and coloured noise.
+    noise is correlated in time, because zigzag rarely helps. Most noise moves one waypoint, or the path from there on,
+    and keeps the rest of the plan as far as the UAV's speed allows. Other plans combine two elites, as in genetic
+    algorithms: one may see a target early, the other another one late. Elites with similar paths count as one, so that
+    several basins of the objective survive; a single Gaussian, as in textbook CEM, would average them.
+    Source: [Pinneri20] for elites and coloured noise.
 
-    The best plans often reach a target in the last moment that they can, with its image just inside the frame, so that
-    plans nearby miss it and nothing leads there. So, with hints, some changes bring a target just into view, and in the
-    first rounds fields of view are somewhat wider: a continuation from an easier problem (E. L. Allgower, K. Georg,
-    Numerical Continuation Methods, Springer, 1990).
+    The best plans often bring a target just inside the frame at the last possible step. Plans nearby miss it, so random
+    noise hardly finds them. With hints, therefore, some changes bring a target just into view, and fields of view are
+    wider in the first rounds: a continuation from a relaxed problem (E. L. Allgower, K. Georg, Numerical Continuation
+    Methods, Springer, 1990).
     """
 
     evaluations: int = 12_288  # the starts aside
@@ -53,9 +53,9 @@ class CrossEntropy:
     spread: float = 1.0  # of the maximum speed, at first
     shrink: float = 0.8  # of spread and distance, per round
     apart: float = 0.6  # between elites' paths, at first: of the way at maximum speed in a step, root mean square
-    ease: float = 0.3  # from which it falls by how much fields of view are wider: of the way at maximum speed in a step
-    eased_rounds: float = 0.5  # share of the rounds in which it falls to none
-    # Search anew until so much time is used, and begin no round after it; 0: once. What is found then varies.
+    ease: float = 0.3  # initial widening of fields of view: of the way at maximum speed in a step
+    eased_rounds: float = 0.5  # share of the rounds in which it falls to zero
+    # Time [s] for which the search is repeated; no round begins later; 0: one search. Results then vary.
     seconds: float = 0.0
 
     def __post_init__(self) -> None:
@@ -73,7 +73,7 @@ class CrossEntropy:
         max_speeds: Array,
         rng: np.random.Generator,
         hints: Hints | None = None,
-    ) -> Found:
+    ) -> SearchResult:
         """As `Optimizer.minimise`."""
         end = perf_counter() + self.seconds if self.seconds else math.inf
         max_speeds = np.ascontiguousarray(np.broadcast_to(max_speeds, starts.shape[1]), dtype=float)
@@ -84,13 +84,13 @@ class CrossEntropy:
             found = again._replace(evaluations=found.evaluations + again.evaluations)
         return found
 
-    def _search(self, task: _Task, rng: np.random.Generator, end: float) -> Found:
+    def _search(self, task: _Task, rng: np.random.Generator, end: float) -> SearchResult:
         """One search from the starts, which begins no round after `end` [s].
 
-        How many random numbers it draws depends on no value, so that who draws next learns nothing from it.
+        The number of random draws depends on no cost, so that later draws do not depend on beliefs.
         """
-        sights = task.hints.sights if task.hints else NOTHING
-        pool = limited(task.starts, task.max_speeds)
+        in_reach = task.hints.in_reach if task.hints else NO_TARGETS
+        pool = speed_limited(task.starts, task.max_speeds)
         values = task.objective(pool)
         start, used, ease, scale = pool[np.argmin(values)], len(pool), 0.0, 1.0
         for k in range(self.rounds):
@@ -105,17 +105,17 @@ class CrossEntropy:
             if ease != before:
                 pool = pool if ease else np.concatenate([pool, start[None]])
                 values, used, count = task.costs(pool, ease), used + len(pool), count - most - (not ease)
-            drawn = varied(pool, chances(rng, count, pool), scale * self.spread, task.max_speeds, sights)
+            drawn = varied(pool, chances(rng, count, pool), scale * self.spread, task.max_speeds, in_reach)
             pool, values = np.concatenate([pool, drawn]), np.concatenate([values, task.costs(drawn, ease)])
             used, scale = used + count, scale * self.shrink
-        if ease:  # time is up: see what the best are really worth
+        if ease:  # time is up: take the true costs of the best
             pool = np.concatenate([start[None], pool[np.argsort(values, kind="stable")[: self.last_elites]]])
             values, used = task.objective(pool), used + len(pool)
         best = int(np.argmin(values))
-        return Found(pool[best], float(values[best]), used)
+        return SearchResult(pool[best], float(values[best]), used)
 
     def _ease(self, k: int, count: int) -> float:
-        """By how much fields of view are wider in round k; not at all if elites would take most evaluations."""
+        """Widening of fields of view in round k; zero if elites would take most evaluations."""
         if count <= 2 * max(self.elites, self.last_elites) or k + 1 >= self.eased_rounds * self.rounds:
             return 0.0
         return self.ease * (1.0 - (k + 1) / (self.eased_rounds * self.rounds))

@@ -1,4 +1,4 @@
-"""Plans worth trying in any situation: where optimisers start from besides the policy of intent."""
+"""Initial plans of optimisers besides the policy of intent: pursuits of targets and straight legs."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from itertools import combinations
 
 import numpy as np
 
-from planning.optimizers.optimizer import limited
+from planning.optimizers.optimizer import speed_limited
 from planning.planner import Vehicle
-from planning.prediction.view import MARKS, shown_at
+from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
 from tracking.numerics.compiled import Array
 from tracking.numerics.elementary import cos_each, sin_each
 from tracking.numerics.matrices import length
@@ -23,7 +23,7 @@ def pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
 
     nominal (H, T, 2) m: where targets are after each step of `step` s.
     """
-    position, spots = vehicle.position[:2], shown_at(vehicle, MARKS)
+    position, spots = vehicle.position[:2], points_shown(vehicle, IMAGE_POINTS)
     near = np.argsort(length(nominal[0] - position - spots[0]), kind="stable")[:NEAREST]
     goals = [nominal[:, t] - spot for t in near for spot in spots]
     goals += [(nominal[:, a] + nominal[:, b]) / 2 - spots[0] for a, b in combinations(near, 2)]
@@ -31,7 +31,7 @@ def pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
     reached = np.tile(position, (len(goals), 1))
     plans = np.empty((len(goals), len(nominal), 2))
     for k, goal in enumerate(np.stack(goals, axis=1)):
-        plans[:, k] = limited(((goal - reached) / step)[:, None], vehicle.max_speed)[:, 0]
+        plans[:, k] = speed_limited(((goal - reached) / step)[:, None], vehicle.max_speed)[:, 0]
         reached = reached + step * plans[:, k]
     return plans
 

@@ -1,7 +1,7 @@
-"""How a search changes plans, and which of them it takes for different, compiled.
+"""Mutations of plans in a search, and the choice of distinct plans, compiled.
 
-Most changes are made to a path: where a plan (H, 2) m/s leads, as the sums of its controls, so in m over the length of
-a step. Afterwards it is pulled tight to what the UAV can fly, from where it was changed or from its end.
+Most mutations change a path: the cumulative sums of a plan's controls (H, 2) m/s, in m over the length of a step.
+Afterwards the path is pulled tight to the UAV's speed limit, from the changed step or from its end.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planning.prediction.targets_in_reach import Sights
-from planning.prediction.view import shortest_move
+from planning.prediction.quadrangle import shortest_move
+from planning.prediction.targets_in_reach import TargetsInReach
 from tracking.numerics.compiled import Array, compiled
 from tracking.numerics.elementary import exp, hypot
 from tracking.numerics.normal import standard_normal
 
 _SHAKE, _MIX, _BEND, _JOIN, _SIGHT = range(5)
 _CYCLE = (_SHAKE, _BEND, _SIGHT, _BEND, _MIX, _BEND, _SIGHT, _JOIN)  # kinds of changes, in turn
-_NONE = -1  # of the sights
-_MARGIN = 1e-3  # m/s: so far inside the field of view is what is brought there, lest rounding puts it out again
+_NONE = -1  # of the targets in reach
+_MARGIN = 1e-3  # m/s: so far inside the field of view a target is brought, lest rounding puts it out again
 
 
 class Chances(NamedTuple):
@@ -29,11 +29,11 @@ class Chances(NamedTuple):
 
     normals: Array  # (N, 3): a change along each axis, and the logarithm of the change's size
     noise: Array  # (ceil(N / cycle), 2 k (H + 1)): of each UAV, then of each of its steps
-    picks: NDArray[np.int64]  # (N,) below 2^62: what is chosen evenly
+    picks: NDArray[np.int64]  # (N,) below 2^62: uniform choices
 
 
 def chances(rng: np.random.Generator, children: int, parents: Array) -> Chances:
-    """Random numbers for so many children of `parents` (E, k, H, 2)."""
+    """Random numbers for a number of children of `parents` (E, k, H, 2)."""
     _, k, H, _ = parents.shape
     return Chances(
         standard_normal(rng, (children, 3)),
@@ -43,12 +43,12 @@ def chances(rng: np.random.Generator, children: int, parents: Array) -> Chances:
 
 
 @compiled
-def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, sights: Sights) -> Array:
+def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, in_reach: TargetsInReach) -> Array:
     """Children (N, k, H, 2) m/s, within the limits, of parents (E, k, H, 2), each of which has as many.
 
-    They are changed, in turn, in all steps; in one waypoint or the path from there on; so that they just get one of the
-    sights into view; towards or away from a mate, another of the parents; by joining a mate's path. Noise has a size of
-    `spread` maximum speeds, times a factor by chance; what comes from mates is as large as parents differ.
+    The changes take turns: noise on all steps; one waypoint or the path from there on; a move that just brings a target
+    into view; a move towards or away from a mate, another of the parents; a mate's path from some step on. Noise has
+    the size of `spread` maximum speeds, times a random factor. Moves by a mate are as large as parents differ.
     """
     _, k, H, _ = parents.shape
     out, path = np.empty((len(drawn.picks), k, H, 2)), np.empty((H, 2))
@@ -65,13 +65,13 @@ def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, sig
         else:
             pick, end = divmod(pick, 2)  # whether to keep the path's end, or else what is changed
             pick, all_later = divmod(pick, 2)
-            s = pick % len(sights.which) if kind == _SIGHT and len(sights.which) else _NONE
-            j, step = (sights.which[s, 0], sights.which[s, 1]) if s != _NONE else (pick % k, pick // k % H)
+            s = pick % len(in_reach.which) if kind == _SIGHT and len(in_reach.which) else _NONE
+            j, step = (in_reach.which[s, 0], in_reach.which[s, 1]) if s != _NONE else (pick % k, pick // k % H)
             _follow(out, c, j, path)
             if kind == _JOIN:
                 _cross(path, step, parents, mate, j)
                 step = 0
-            elif s == _NONE or not _show(path, sights, s):
+            elif s == _NONE or not _show(path, in_reach, s):
                 size *= max_speeds[j]
                 last = H if all_later else step + 1
                 _shift(path, step, last, size * drawn.normals[c, 0], size * drawn.normals[c, 1])
@@ -110,7 +110,7 @@ def _shake(plans: Array, c: int, noise: Array, i: int, size: float, max_speeds: 
 
 @compiled
 def _follow(plans: Array, c: int, j: int, path: Array) -> None:
-    """Set where a plan leads."""
+    """Set the path of a plan."""
     x = y = 0.0
     for h in range(len(path)):
         x, y = x + plans[c, j, h, 0], y + plans[c, j, h, 1]
@@ -119,7 +119,7 @@ def _follow(plans: Array, c: int, j: int, path: Array) -> None:
 
 @compiled
 def _fly(path: Array, plans: Array, c: int, j: int) -> None:
-    """Set the plan that leads along a path."""
+    """Set the plan along a path."""
     x = y = 0.0
     for h in range(len(path)):
         plans[c, j, h, 0], plans[c, j, h, 1] = path[h, 0] - x, path[h, 1] - y
@@ -136,7 +136,7 @@ def _shift(path: Array, first: int, last: int, dx: float, dy: float) -> None:
 
 @compiled
 def _cross(path: Array, step: int, plans: Array, c: int, j: int) -> None:
-    """Let a path be that of a candidate's plan from a step on."""
+    """Replace a path from a step on by that of a candidate's plan."""
     x = y = 0.0
     for h in range(len(path)):
         x, y = x + plans[c, j, h, 0], y + plans[c, j, h, 1]
@@ -145,10 +145,10 @@ def _cross(path: Array, step: int, plans: Array, c: int, j: int) -> None:
 
 
 @compiled
-def _show(path: Array, sights: Sights, s: int) -> bool:
-    """Displace a step of a path by as little as brings one of the sights into view; whether it was not."""
-    j, h = sights.which[s, 0], sights.which[s, 1]
-    dx, dy = shortest_move(sights.views, j, sights.places[s, 0] - path[h, 0], sights.places[s, 1] - path[h, 1])
+def _show(path: Array, in_reach: TargetsInReach, s: int) -> bool:
+    """Displace a step of a path by the least that brings a target into view; False if it is in view already."""
+    j, h = in_reach.which[s, 0], in_reach.which[s, 1]
+    dx, dy = shortest_move(in_reach.views, j, in_reach.places[s, 0] - path[h, 0], in_reach.places[s, 1] - path[h, 1])
     length = math.sqrt(dx * dx + dy * dy)
     if length == 0.0:
         return False
@@ -158,7 +158,7 @@ def _show(path: Array, sights: Sights, s: int) -> bool:
 
 @compiled
 def _tighten(path: Array, anchor: int, max_speed: float) -> None:
-    """Pull the steps of a path before `anchor` towards it, then all towards the start, as far as the speed asks for."""
+    """Pull the steps of a path before `anchor` towards it, then all towards the start, to keep the speed limit."""
     for h in range(anchor - 1, -1, -1):
         _pull(path, h, path[h + 1, 0], path[h + 1, 1], max_speed)
     x = y = 0.0
@@ -190,9 +190,9 @@ def _limit(plans: Array, c: int, max_speeds: Array) -> None:
 
 @compiled
 def distinct(plans: Array, order: NDArray[np.int64], most: int, apart: float, max_speeds: Array) -> NDArray[np.int64]:
-    """The first of `order`, at most so many, of plans (N, k, H, 2) m/s whose paths are apart from those before them.
+    """Indices of the first plans of `order`, at most `most`, with paths apart from those chosen before.
 
-    apart: of the way at maximum speed in a step, root mean square over UAVs and steps.
+    plans (N, k, H, 2) m/s. apart: of the way at maximum speed in a step, root mean square over UAVs and steps.
     """
     _, k, H, _ = plans.shape
     chosen, count = np.empty(most, dtype=np.int64), 0
@@ -214,7 +214,7 @@ def distinct(plans: Array, order: NDArray[np.int64], most: int, apart: float, ma
 
 @compiled
 def _path(plans: Array, max_speeds: Array, path: Array) -> None:
-    """Set where plans (k, H, 2) m/s lead (2 k H,), in ways at maximum speed."""
+    """Set the paths (2 k H,) of plans (k, H, 2) m/s, in units of the way at maximum speed in a step."""
     d = 0
     for j in range(plans.shape[0]):
         x = y = 0.0
@@ -227,7 +227,7 @@ def _path(plans: Array, max_speeds: Array, path: Array) -> None:
 
 @compiled
 def _within(one: Array, other: Array, square: float) -> bool:
-    """Whether the squared distance of two points (D,) is less; the last coordinates, which differ most, come first."""
+    """True if the squared distance of points (D,) is below `square`; begins with the last coordinates."""
     total = 0.0
     for d in range(len(one) - 1, -1, -1):
         total += (one[d] - other[d]) * (one[d] - other[d])

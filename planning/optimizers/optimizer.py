@@ -12,8 +12,8 @@ from tracking.numerics.compiled import Array
 from tracking.numerics.matrices import length
 
 
-class Found(NamedTuple):
-    """The best that an optimiser found, and what that took."""
+class SearchResult(NamedTuple):
+    """The best plans of a search, their cost and the number of evaluations."""
 
     plans: Array  # (k, H, 2) m/s
     cost: float
@@ -30,15 +30,15 @@ class Optimizer(Protocol):
         max_speeds: Array,
         rng: np.random.Generator,
         hints: Hints | None = None,
-    ) -> Found:
+    ) -> SearchResult:
         """The best plans found from `starts` (S, k, H, 2) m/s, each control within `max_speeds` (k,) m/s.
 
-        The hints say more of the objective to those that make use of it.
+        An optimiser may use the hints or ignore them.
         """
         ...
 
 
-def limited(plans: Array, max_speeds: Array | float) -> Array:
+def speed_limited(plans: Array, max_speeds: Array | float) -> Array:
     """Plans (..., k, H, 2) m/s, each control shortened to the speed limit of its UAV, (k,) or one for all [m/s]."""
     speed = length(plans)[..., None]
     most = np.reshape(max_speeds, (-1, 1, 1))

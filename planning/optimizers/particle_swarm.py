@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from planning.objective.objective import Objective
-from planning.optimizers.optimizer import Found, limited
+from planning.optimizers.optimizer import SearchResult, speed_limited
 from planning.prediction.targets_in_reach import Hints
 from tracking.numerics.compiled import Array
 
@@ -18,8 +18,8 @@ from tracking.numerics.compiled import Array
 class ParticleSwarm:
     """Particle swarm of [Li22] IV: 20 particles per step of the horizon, each drawn to its own and the swarm's best.
 
-    The best starts are where up to half of the particles begin, the others begin at random; `evaluations` of 0 means
-    51 moves of the whole swarm.
+    Up to half of the particles begin at the best starts, the others at random; `evaluations` of 0 means 51 moves of the
+    whole swarm.
     """
 
     evaluations: int = 0  # the starts aside
@@ -36,12 +36,12 @@ class ParticleSwarm:
         max_speeds: Array,
         rng: np.random.Generator,
         hints: Hints | None = None,
-    ) -> Found:
+    ) -> SearchResult:
         """As `Optimizer.minimise`."""
         began = perf_counter()
         shape = (self.particles_per_step * starts.shape[2], *starts.shape[1:])
-        particles = limited(rng.uniform(-1.0, 1.0, shape) * max_speeds[:, None, None], max_speeds)
-        starts = limited(starts, max_speeds)
+        particles = speed_limited(rng.uniform(-1.0, 1.0, shape) * max_speeds[:, None, None], max_speeds)
+        starts = speed_limited(starts, max_speeds)
         firsts = objective(starts)
         order = np.argsort(firsts, kind="stable")[: len(particles) // 2]
         particles[: len(order)] = starts[order]
@@ -55,10 +55,10 @@ class ParticleSwarm:
             toward_own, toward_swarm = rng.random((2, *shape))
             velocities *= self.inertia
             velocities += self.own * toward_own * (best - particles) + self.swarm * toward_swarm * (leader - particles)
-            particles = limited(particles + velocities, max_speeds)
+            particles = speed_limited(particles + velocities, max_speeds)
             costs = objective(particles)
             better = costs < values
             best[better], values[better] = particles[better], costs[better]
             used += len(particles)
         k = int(np.argmin(values))
-        return Found(best[k], float(values[k]), used)
+        return SearchResult(best[k], float(values[k]), used)

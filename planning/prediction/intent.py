@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from planning.planner import Plan, Situation, Vehicle
+from planning.prediction.field_of_view import aim_point
 from planning.prediction.propagation import beliefs
-from planning.prediction.view import aim
 from tracking.numerics.compiled import Array, compiled
 from tracking.tracker import Track
 
@@ -20,10 +20,10 @@ def base_control(vehicle: Vehicle, position: Array, tracks: Sequence[Track], ahe
     """Base policy: fly at full speed towards the track of largest covariance trace within 40 m; (2,) m/s.
 
     position (2,) m is the vehicle's after `ahead` s; the tracks are taken at their nominal positions one step later,
-    when it can be there, with the covariances they have now. What flies towards a track is the middle of the image.
-    Arrives rather than overshoots; hovers where no track is near.
+    when it can be there, with the covariances they have now. The middle of the image is steered towards the track.
+    It arrives without overshooting, and hovers if no track is near.
     """
-    control: Array = _towards((position + aim(vehicle))[None], beliefs(tracks), ahead, step, vehicle.max_speed)[0]
+    control: Array = _towards((position + aim_point(vehicle))[None], beliefs(tracks), ahead, step, vehicle.max_speed)[0]
     return control
 
 
@@ -34,7 +34,7 @@ def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Ar
     if len(controls) == horizon:
         return np.array(controls)
     step, tracks = situation.step, beliefs(situation.tracks)
-    aimed = vehicle.position[:2] + step * np.sum(controls, axis=0) + aim(vehicle)
+    aimed = vehicle.position[:2] + step * np.sum(controls, axis=0) + aim_point(vehicle)
     while len(controls) < horizon:
         control = _towards(aimed[None], tracks, len(controls) * step, step, vehicle.max_speed)[0]
         controls.append(control)
@@ -42,12 +42,12 @@ def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Ar
     return np.array(controls)
 
 
-def followed(situation: Situation, vehicle: Vehicle, firsts: Array, horizon: int) -> Array:
+def base_policy_plans(situation: Situation, vehicle: Vehicle, firsts: Array, horizon: int) -> Array:
     """Plans (N, H, 2) m/s that begin with the controls `firsts` (N, 2) and go on by the base policy."""
     step, tracks = situation.step, beliefs(situation.tracks)
     plans = np.empty((len(firsts), horizon, 2))
     plans[:, 0] = firsts
-    aimed = vehicle.position[:2] + step * firsts + aim(vehicle)
+    aimed = vehicle.position[:2] + step * firsts + aim_point(vehicle)
     for k in range(1, horizon):
         plans[:, k] = _towards(aimed, tracks, k * step, step, vehicle.max_speed)
         aimed = aimed + step * plans[:, k]
@@ -71,8 +71,8 @@ def _towards(aimed: Array, tracks: tuple[Array, Array], ahead: float, step: floa
     return controls
 
 
-def paths(positions: Array, controls: Array, step: float) -> Array:
-    """Where cameras (..., n, H, 3) m get by controls (..., n, H, 2) m/s from positions (n, 3) m ([Li22] eq. (5))."""
+def camera_paths(positions: Array, controls: Array, step: float) -> Array:
+    """Positions (..., n, H, 3) m of cameras under controls (..., n, H, 2) m/s from (n, 3) m ([Li22] eq. (5))."""
     path = np.empty((*controls.shape[:-1], 3))
     path[..., :2] = positions[:, None, :2] + step * np.cumsum(controls, axis=-2)
     path[..., 2] = positions[:, None, 2]

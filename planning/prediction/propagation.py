@@ -1,4 +1,4 @@
-"""What targets may do over a horizon: belief propagation, [Li22] Algorithm 1, and what it is compared with."""
+"""Belief propagation over a horizon: nominal trajectories ([Li22] Algorithm 1) and Monte Carlo samples."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from planning.planner import Situation
-from planning.prediction.belief import Outlook, outlook
+from planning.prediction.predicted_belief import PredictedBelief, predicted_belief
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.compiled import Array
@@ -24,10 +24,10 @@ _NINE = np.array([(a, b) for a in _THIRDS for b in _THIRDS])  # the mean first
 
 
 class Propagation(Protocol):
-    """How a belief on targets unfolds."""
+    """Predicts a belief on targets over a horizon."""
 
-    def outlook(self, situation: Situation, horizon: int, rng: np.random.Generator) -> Outlook:
-        """What to expect for `horizon` steps; targets come in whole sets, one set per sample."""
+    def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
+        """Belief for `horizon` steps; each sample holds a whole set of targets."""
         ...
 
 
@@ -41,8 +41,8 @@ class Nominal:
 
     expected: bool = False
 
-    def outlook(self, situation: Situation, horizon: int, rng: np.random.Generator) -> Outlook:
-        """As `Propagation.outlook`, of one sample; draws no random numbers."""
+    def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
+        """As `Propagation.predict`, of one sample; draws no random numbers."""
         means, covariances = beliefs(situation.tracks)
         points = np.empty((horizon, len(means), 9 if self.expected else 1, 3))
         points[..., 2] = TARGET_HEIGHT
@@ -52,21 +52,21 @@ class Nominal:
             ahead, spread = situation.motion.predict_all(ahead, spread)
             roots = cholesky(spread[:, :2, :2])
             points[step, :, :, :2] = points[step, :, :1, :2] + applied(roots[:, None], _NINE)
-        return outlook(situation, points, covariances)
+        return predicted_belief(situation, points, covariances)
 
 
 @dataclass(frozen=True)
 class MonteCarlo:
     """Trajectories drawn from belief and motion model; plans are compared on the same ones (common random numbers).
 
-    Source: multi-agent rollout as [Li22] IV-D compares with. Each sample is a set of targets of its own whose P evolves
-    with what is seen along that trajectory.
+    Each sample is a set of targets of its own; its P evolves with the detections along that trajectory.
+    Source: the multi-agent rollout that [Li22] IV-D compares with.
     """
 
     samples: int = 50
 
-    def outlook(self, situation: Situation, horizon: int, rng: np.random.Generator) -> Outlook:
-        """As `Propagation.outlook`, of `samples` samples."""
+    def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
+        """As `Propagation.predict`, of `samples` samples."""
         means, covariances = beliefs(situation.tracks)
         S, T = self.samples, len(means)
         states = _drawn(means, covariances, standard_normal(rng, (S, T, 4)))
@@ -76,7 +76,7 @@ class MonteCarlo:
             drift = _disturbance(situation.motion, standard_normal(rng, (S, T, 2, 2)))
             states = applied(situation.motion.F, states) + drift
             points[step, :, :, 0, :2] = states[..., :2]
-        return outlook(situation, points.reshape(horizon, S * T, 1, 3), np.tile(covariances, (S, 1, 1)))
+        return predicted_belief(situation, points.reshape(horizon, S * T, 1, 3), np.tile(covariances, (S, 1, 1)))
 
 
 def nominal_positions(tracks: Sequence[Track], step: float, horizon: int) -> Array:
@@ -98,9 +98,9 @@ def _drawn(means: Array, covariances: Array, normal: Array) -> Array:
 
 
 def _disturbance(motion: NearlyConstantVelocity, normal: Array) -> Array:
-    """Process noise of a step on states (S, T, 4), from normal numbers (S, T, 2, 2): of each axis, in its last, two.
+    """Process noise of a step on states (S, T, 4), from normal numbers (S, T, 2, 2), in the last axis x and y.
 
-    These are multiplied by the Cholesky factor of an axis' block of Q, which has rank one over a single scan.
+    The two numbers of an axis are multiplied by the Cholesky factor of its block of Q, of rank one over a single scan.
     """
     position, both, velocity = float(motion.Q[0, 0]), float(motion.Q[0, 2]), float(motion.Q[2, 2])
     first = math.sqrt(position)

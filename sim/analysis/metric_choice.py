@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 from sim.evaluation.metric import Metric
 from sim.evaluation.metrics import METRICS, metric
 from sim.scenario.errors import InputError
-from sim.scenario.loading import did_you_mean
 from sim.study.row import Row
+from tracking.plugins.spelling import did_you_mean
 
 DEFAULT = ("ospa.share_under_1m", "ospa.mean_m", "ospa.median_m")
 RUNTIME = ("planning_s_per_decision", "wall_s", "real_time_factor")

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 
 from sim.analysis.cell_text import Cell, Placed, cells_of
 from sim.scenario.errors import InputError
-from sim.scenario.loading import did_you_mean
 from sim.study.row import Row
+from tracking.plugins.spelling import did_you_mean
 
 BOUND = ", upper bound"  # follows the label of a planner that sees the truth
 _NOTHING: Mapping[str, str] = {}

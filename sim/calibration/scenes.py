@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from sim.scenario.environment import Area, Trees
 from sim.scenario.fleet import DEFAULT_FLEET, Uav
-from sim.scenario.scenario import Area, Scenario, Trees
+from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import camera_pose
 from sim.sensing.renderer import Renderer
-from sim.sensing.sensors import camera_pose
 from sim.world.forest import grow
 from sim.world.world import World
 from tracking.detection.detector import Frame, blobs_of

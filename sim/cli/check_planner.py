@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from planning.registry import load_planner
+from planning.loading import load_planner
 from sim.terminal.console import say
 from sim.terminal.lists import show_findings
 from sim.terminal.progress import starting

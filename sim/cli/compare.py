@@ -15,11 +15,12 @@ from rich.markup import escape
 from planning.registry import COMPARED
 from sim.cli import compare_options as options
 from sim.scenario.errors import InputError
-from sim.scenario.loading import SCENARIOS, did_you_mean, remarks
+from sim.scenario.loading import SCENARIOS, remarks
 from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers, seconds
 from sim.study.study import STUDIES, Study, adapted, is_study, read
 from sim.terminal.console import console, fail, remark
 from sim.terminal.options import Duration, Overrides, with_duration
+from tracking.plugins.spelling import did_you_mean
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.report.report import About

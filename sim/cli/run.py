@@ -8,12 +8,13 @@ from typing import Annotated
 
 import typer
 
-from planning.registry import DEFAULT_PLANNER, is_ours, load_planner
+from planning.loading import is_built_in_planner, load_planner
+from planning.registry import DEFAULT_PLANNER
 from sim.recording.atomic_files import unused
 from sim.running.isolated_run import Flight, fly_apart
 from sim.scenario.loading import load, remarks
 from sim.scenario.quantities import MOST_SEED, REPEATS, integer, seconds
-from sim.sensing.detectors import comes_with
+from sim.sensing.detectors import is_built_in_detector
 from sim.terminal.console import remark, say
 from sim.terminal.options import Duration, Overrides, with_duration
 from sim.terminal.progress import mission_progress
@@ -58,7 +59,7 @@ def run(
     )
     limit = None if timeout is None else seconds(timeout, "--timeout")
     # Other people's code runs in a process of its own, as nothing else holds what it may do.
-    trusted = comes_with(setting.sensing.detector) and is_ours(planner) and not metric
+    trusted = is_built_in_detector(setting.sensing.detector) and is_built_in_planner(planner) and not metric
     if trusted:
         load_planner(planner)
     remark(*remarks(setting))

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.conformance.views import FOREST, View, views
+from sim.sensing.detection_check import usable_detections
 from sim.sensing.detection_truth import matched_detections
 from sim.sensing.detectors import load_detector
 from sim.sensing.mask_detector import MaskDetector
-from sim.sensing.sensors import checked
 from tracking.detection.detector import Detections
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
@@ -57,7 +57,7 @@ class _Subject:
                     frame = deepcopy(view.frame)
                     if isinstance(made, MaskDetector):
                         return made.detect(frame, view.rendered.people)
-                    return deepcopy(checked(made.detect(frame)))
+                    return deepcopy(usable_detections(made.detect(frame)))
             except ForeignError as error:
                 raise Unfit(error.explained) from error
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import camera_pose
 from sim.sensing.renderer import Rendered, Renderer
-from sim.sensing.sensors import camera_pose
 from sim.world.world import World
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose

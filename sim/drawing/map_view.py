@@ -32,7 +32,7 @@ from sim.drawing.strokes import SHIFT, disc, fixed, stroke
 from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Ints, Snapshot
 from sim.scenario.scenario import Scenario
-from sim.sensing.sensors import view_of
+from sim.sensing.cameras import view_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.compiled import Array

@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 
 from sim.evaluation.contacts import contacts
+from sim.evaluation.disagreement import disagreement
 from sim.evaluation.metric import Metric, Outcome, mean
 from sim.evaluation.score import FAR, Score
 from sim.evaluation.traffic import bytes_sent, plan_bytes
-from sim.mission.radio import disagreement
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.scenario.errors import InputError
-from sim.scenario.loading import did_you_mean
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
 from tracking.numerics.compiled import Array
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.importing import imported
+from tracking.plugins.spelling import did_you_mean
 
 Of = Callable[[Outcome], float | None]
 

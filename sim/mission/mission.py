@@ -1,4 +1,4 @@
-"""One mission: sense, track, talk, plan, fly."""
+"""The mission loop: sense, track, communicate, plan, fly."""
 
 from __future__ import annotations
 
@@ -12,17 +12,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from planning.planner import Plan, Planner, Situation, Vehicle, exchange_of
-from planning.registry import contained_as, load_planner, told
-from sim.mission.plan_check import decide
-from sim.mission.plan_exchange import Intents, Sent
-from sim.mission.radio import Links, hearing, losses
+from planning.contract import exchange_of, with_truth
+from planning.errors import planner_errors
+from planning.loading import load_planner
+from planning.planner import Plan, Planner, Situation, Vehicle
+from sim.mission.plan_check import checked_plans
+from sim.mission.plan_exchange import PlanExchange, Sent
+from sim.mission.radio import Links, lost_messages, open_links
 from sim.mission.snapshot import Snapshot
 from sim.mission.tracker_setup import initial_tracks, planned_motion, tracker_parameters
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import camera_pose, planned_attitude
 from sim.sensing.fault import Fault
-from sim.sensing.sensors import Look, Sensors, camera_pose, planned_attitude
+from sim.sensing.sensors import Observation, Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.forest import grow
 from sim.world.trajectories import Trajectories, read
@@ -40,10 +43,10 @@ from tracking.undetected import Undetected
 
 @dataclass(frozen=True)
 class Trial:
-    """All that decides how a mission goes, as values that any process can be sent."""
+    """Everything that determines a mission, as values that can be sent to any process."""
 
     scenario: Scenario
-    planner: str  # as `planning.registry` knows it
+    planner: str  # as `planning.loading.load_planner` takes it
     seed: int
     repeat: int = 0  # of sensors, network, wind and planner on the map of the seed
 
@@ -58,21 +61,21 @@ class Mission:
         self.faults: list[Fault] = []
         self.frames: list[NDArray[np.uint8] | None] = []  # of the last scan, one per UAV; None without rendering
         self.forest, self.people = forest_and_people(scenario, seed)
-        # An oracle's way to the truth, which no situation holds.
-        self._planner, self.sees_truth = told(planner, lambda time: self.people.at(time)[0])
+        # An oracle is given the truth here, since situations hold none.
+        self._planner, self.sees_truth = with_truth(planner, lambda time: self.people.at(time)[0])
         chance = partial(stream, seed, repeat=repeat)
         self._chance = chance("planner")
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
-        # Planners get a map, cameras and a model of their own: whatever they do to them, trees hide what they hide.
+        # Planners get their own copies of map, cameras and motion model, so that changes have no effect on sensing.
         self._known_forest = Forest(tuple(map(replace, self.forest.trees)), self.forest.occlusion)
         self._known_cameras = deepcopy([*zip(self._sensors.cameras, self._sensors.noises, strict=True)])
         self._known_motion = planned_motion(scenario)
         self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
-        self._undetected = [self._nobody_seen() for _ in scenario.uavs]
-        with contained_as(type(planner).__qualname__, "say what it sends"):
+        self._undetected = [self._initial_intensity() for _ in scenario.uavs]
+        with planner_errors(type(planner).__qualname__, "say what it sends"):
             exchange = exchange_of(self._planner)
-        self._intents = Intents(scenario.network, exchange, chance("intents"))
+        self._intents = PlanExchange(scenario.network, exchange, chance("intents"))
         self._first = round(scenario.first_decision * scenario.rates.sensing)  # scan
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
         self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
@@ -103,9 +106,9 @@ class Mission:
                             self._world.step(commands, wind)
 
     def _commands(self, k: int, before: Array, plans: list[Plan] | None) -> Array:
-        """What is flown from now on (n, 2) m/s: the first of plans that are due now, else as before.
+        """Commands (n, 2) m/s from now on: the first of the plans due now, else as before.
 
-        Plans are due `network.plan_delay` after they have been made. What broke down hovers.
+        Plans are due `network.plan_delay` after their decision. UAVs that broke down hover.
         """
         if plans is not None:
             self._coming.append((k + self._delay, plans))
@@ -116,7 +119,7 @@ class Mission:
         return commands
 
     def _break_down(self, time: float) -> None:
-        """Note who has broken down since the last scan."""
+        """Note the UAVs that have broken down since the last scan."""
         for i in self._working:
             if not self.scenario.works(i, time):
                 self.faults.append(Fault(self.scenario.uavs[i].fails_at or 0.0, i, "broke down, hovers from now on"))
@@ -141,7 +144,7 @@ class Mission:
             sent = self._track(time, looks, links)
         tracks = [tracker.tracks if i in self._working else () for i, tracker in enumerate(self._trackers)]
         present = people[~np.isnan(people[:, 0])]
-        plans, told = self._plan(k, time, bodies, links)
+        plans, sent_plans = self._plan(k, time, bodies, links)
         return Snapshot(
             time=time,
             people=people,
@@ -158,24 +161,24 @@ class Mission:
             matched=np.array([look.matched for look in looks]),
             contacts=self._world.take_contacts(),
             bytes_sent=sent,
-            plan_bytes=told.bytes,
-            plan_rounds=told.rounds,
+            plan_bytes=sent_plans.bytes,
+            plan_rounds=sent_plans.rounds,
         )
 
     def _links(self, time: float, bodies: list[Pose]) -> Links:
         network = self.scenario.network
-        up = hearing(network, time, np.array([body.position for body in bodies]))
-        return Links(up, losses(network, len(bodies), self._radio))
+        up = open_links(network, time, np.array([body.position for body in bodies]))
+        return Links(up, lost_messages(network, len(bodies), self._radio))
 
     def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
-        """OSPA and its parts (n, 3) m of what each UAV holds against people (P, 2) m; NaN where it has broken down."""
+        """OSPA and its parts (n, 3) m of each UAV's tracks against people (P, 2) m; NaN for UAVs that broke down."""
         errors = np.full((len(tracks), 3), np.nan)
         for i in self._working:
             errors[i] = ospa(np.array([t.belief.mean[:2] for t in tracks[i]]), present)
         return errors
 
-    def _track(self, time: float, looks: list[Look], links: Links) -> NDArray[np.int64]:
-        """Give each tracker its look, let them talk, and count the bytes that each UAV sends (n,)."""
+    def _track(self, time: float, looks: list[Observation], links: Links) -> NDArray[np.int64]:
+        """Update each tracker with its observation, fuse, and count the bytes that each UAV sends (n,)."""
         working, lost = self._working, links.lost
         for i in working:
             if looks[i].taken:
@@ -191,22 +194,22 @@ class Mission:
         return sent
 
     def _plan(self, k: int, time: float, bodies: list[Pose], links: Links) -> tuple[list[Plan] | None, Sent]:
-        """What the planner decides, and what is sent; an empty plan where a UAV has broken down.
+        """Plans of a decision and the bytes sent; a UAV that broke down has an empty plan.
 
-        None between decisions, before the first, and where all have broken down.
+        None between decisions, before the first, and if all UAVs have broken down.
         """
         rates = self.scenario.rates
         if k % (rates.sensing // rates.planning) or k < self._first or not self._working:
             return None, Sent(np.zeros(len(bodies), dtype=np.int64), 0)
         with self.clock.measure("planning"):
             team = self._team(k, time, bodies, links)
-            made, faults = decide(self._planner, team, self._intents.own, self._chance)
+            made, faults = checked_plans(self._planner, team, self._intents.own, self._chance)
         self.faults += faults
         plans = dict(zip(self._working, made, strict=True))
         return [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(len(bodies))], self._intents.end(plans)
 
     def _team(self, k: int, time: float, bodies: list[Pose], links: Links) -> list[Situation]:
-        """One situation per UAV that works: itself, its own tracks, and what it knows of the others."""
+        """One situation per working UAV: itself, its own tracks, and its knowledge of the others."""
         fleet = [
             Vehicle(
                 id=i,
@@ -221,7 +224,7 @@ class Mission:
         self._intents.begin(fleet, links, self._working, 1 / self.scenario.rates.planning)
         area = (self.scenario.area.width, self.scenario.area.height)
         for i in self._working:
-            known = [v for v in fleet if v.id == i or (links.touch[i, v.id] and v.id in self._working)]
+            known = [v for v in fleet if v.id == i or (links.contact[i, v.id] and v.id in self._working)]
             looks = [
                 (self._sensors.cameras[v.id], Pose(v.position, v.attitude))
                 for v in known
@@ -250,8 +253,8 @@ class Mission:
         known = initial_tracks(scenario, here, there)
         return Tracker(uav, self._sensors.cameras[uav], self.forest, tracker_parameters(scenario), known)
 
-    def _nobody_seen(self) -> Undetected:
-        """What a UAV believes on people without a track before it has looked."""
+    def _initial_intensity(self) -> Undetected:
+        """Intensity of undetected targets before the first observation."""
         area, settings = self.scenario.area, self.scenario.tracking
         people = settings.unseen if settings.initial_tracks == "none" else 0.0
         return Undetected((area.width, area.height), people, settings.detection_probability, settings.max_speed)
@@ -260,8 +263,8 @@ class Mission:
 def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectories]:
     """The trees of a scenario and seed, and its people, walking or from the scenario's file.
 
-    Walkers go round trunks; recorded people do not, so trunks keep off their paths. People are there for two scans at
-    least, which a velocity takes.
+    Walkers go round trunks; recorded people do not, so trunks keep off their paths. People are present for two scans at
+    least, which a velocity needs.
     """
     people, duration = scenario.people, max(scenario.duration, 1 / scenario.rates.sensing)
     recorded = read(Path(people.trajectories), scenario.area, duration=duration) if people.trajectories else None

@@ -1,4 +1,4 @@
-"""Between a planner that may fail and UAVs that must fly: checks plans, flies intents instead of faults."""
+"""Plan check: valid plans whatever the planner returns, with intents in place of faulty ones."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import islice
 
 import numpy as np
 
-from planning.optimizers.optimizer import limited
+from planning.optimizers.optimizer import speed_limited
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation, Vehicle
 from sim.sensing.fault import Fault
 from tracking.filter.kalman import Gaussian
@@ -19,13 +19,13 @@ from tracking.plugins.containment import ForeignError, Unusable, contained, numb
 _MOST_OTHERS = 1000
 
 
-def decide(
+def checked_plans(
     planner: Planner, team: Sequence[Situation], last: Mapping[int, Plan], rng: np.random.Generator
 ) -> tuple[list[Plan], list[Fault]]:
-    """One valid plan per situation, whatever the planner does, which it does to copies.
+    """One valid plan per situation, and the faults of the planner, which gets copies of the situations.
 
-    A UAV without a valid plan flies on with the rest of its `last` plan, then hovers. Commands beyond the speed limit
-    are shortened to it, and that is a fault too.
+    A UAV without a valid plan flies the rest of its `last` plan, then hovers. Commands beyond the speed limit are
+    shortened to it, which is a fault, too.
     """
     time = team[0].time
     try:
@@ -44,9 +44,9 @@ def decide(
             faults.append(Fault(time, own.id, str(error), error.trace))
             continue
         controls = plan.controls
-        with np.errstate(over="ignore"):  # of what is finite, but beyond all speeds
+        with np.errstate(over="ignore"):  # of huge, though finite, speeds
             fastest = length(controls).max()
-            plans.append(Plan(limited(controls[None], own.max_speed)[0], plan.others))
+            plans.append(Plan(speed_limited(controls[None], own.max_speed)[0], plan.others))
         if fastest > own.max_speed * (1 + 1e-6):
             faults.append(Fault(time, own.id, f"speed {fastest:.3g} m/s exceeds {own.max_speed:g} m/s; clipped"))
     return plans, faults
@@ -77,7 +77,7 @@ def _same(array: Array) -> Array:
 
 
 def _proposed(plans: Iterable[object], uavs: int) -> list[object]:
-    """What a planner returned, as far as there are UAVs to fly it."""
+    """Plans that a planner returned; `Unusable` if they are not as many as UAVs."""
     found = list(islice(plans, uavs + 1))
     if len(found) != uavs:
         raise Unusable(f"{len(found) if len(found) < uavs else f'more than {uavs}'} plans for {uavs} UAVs")
@@ -85,7 +85,7 @@ def _proposed(plans: Iterable[object], uavs: int) -> list[object]:
 
 
 def _usable(plan: object) -> Plan:
-    """A copy of what is to be a plan; `Unusable` says why it is none."""
+    """A copy of a plan; `Unusable` says why it is none."""
     others = getattr(plan, "others", {})
     if not isinstance(others, Mapping):
         raise Unusable("others is no mapping")

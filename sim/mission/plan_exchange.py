@@ -1,4 +1,4 @@
-"""What each UAV knows of the others when it plans: where they are and what they mean to do, as the network lets it."""
+"""Exchange of plans over the network: positions and intents of the others that each UAV knows."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NOTHING = Plan(np.zeros((0, 2)))
 
 
 class Sent(NamedTuple):
-    """What the UAVs sent at one decision."""
+    """Messages of the UAVs at one decision."""
 
     bytes: NDArray[np.int64]  # (n,) by each
     rounds: int
@@ -25,7 +25,7 @@ class Sent(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """What one UAV knows of another."""
+    """Knowledge of one UAV about another."""
 
     vehicle: Vehicle
     plan: Plan  # as made at the last instant of planning
@@ -36,31 +36,31 @@ class _Known:
         return _Known(replace(self.vehicle, position=self.vehicle.position + moved), self.plan)
 
 
-class Intents:
-    """Keeps, for each UAV, the last it heard of every other: the position, and the plan, shifted as time goes by.
+class PlanExchange:
+    """Last known position and plan of every UAV, for each other one; plans are shifted as time goes by.
 
-    Plans are sent over the links of the instant of planning, to those that hear the sender and no further; each
-    message is lost with the network's probability. Positions are known of those in touch, see `Links.touch`; of the
-    others they are reckoned from their last known plan. A UAV that is silent beyond the end of that plan is forgotten.
+    Plans are sent over the links at the time of the decision and are not forwarded; each message is lost with the
+    network's probability. Positions of UAVs in contact (`Links.contact`) are known; others are extrapolated along their
+    last known plan. A UAV out of contact beyond the end of that plan is forgotten.
     """
 
     def __init__(self, network: Network, exchange: Exchange, rng: np.random.Generator) -> None:
         self._loss, self._exchange, self._rng = network.loss, exchange, rng
         self.own: dict[int, Plan] = {}  # the last plan of each UAV
-        self._known: dict[tuple[int, int], _Known] = {}  # by hearer and speaker
+        self._known: dict[tuple[int, int], _Known] = {}  # by receiver and sender
         self._fleet: Sequence[Vehicle] = ()
-        self._touch = self._up = np.zeros((0, 0), dtype=np.bool_)
-        self._received: list[Bools] = []  # (n, n) for each round, whose plan gets to whom
+        self._contact = self._up = np.zeros((0, 0), dtype=np.bool_)
+        self._received: list[Bools] = []  # (n, n) for each round, True where the plan of a column's UAV reaches a row's
 
     def begin(self, fleet: Sequence[Vehicle], links: Links, working: Sequence[int], step: float) -> None:
         """Start an instant of planning, `step` s after the last; those that do not work are forgotten."""
         works = np.isin(np.arange(len(fleet)), working)
         both = works[:, None] & works
-        self._fleet, self._up, self._touch = fleet, links.up & both, links.touch & both
+        self._fleet, self._up, self._contact = fleet, links.up & both, links.contact & both
         self.own = {i: plan for i, plan in self.own.items() if works[i]}
         kept = {pair: known.later(step) for pair, known in self._known.items() if both[pair]}
-        self._known = {p: known for p, known in kept.items() if self._touch[p] or len(known.plan.controls) > 1}
-        for i, j in np.argwhere(self._touch).tolist():
+        self._known = {p: known for p, known in kept.items() if self._contact[p] or len(known.plan.controls) > 1}
+        for i, j in np.argwhere(self._contact).tolist():
             plan = self._known[i, j].plan if (i, j) in self._known else _NOTHING
             self._known[i, j] = _Known(fleet[j], plan)
         self._received = self._receptions()
@@ -72,7 +72,7 @@ class Intents:
         return [self._up & (draw >= self._loss) for draw in self._rng.random((rounds, n, n))]
 
     def informed(self, situation: Situation) -> Situation:
-        """A UAV's situation with all that it knows of the others."""
+        """A UAV's situation with its knowledge of the others."""
         own = situation.own.id
         known = {j: self._known[i, j] for i, j in sorted(self._known) if i == own}
         plans = {j: k.plan for j, k in known.items() if len(k.plan.controls)}
@@ -82,18 +82,18 @@ class Intents:
             situation,
             neighbours=tuple(k.vehicle for k in known.values()),
             intents={j: plans[j] for j in sorted(plans)},
-            reception=tuple(tuple(np.flatnonzero(heard[own]).tolist()) for heard in self._received),
+            reception=tuple(tuple(np.flatnonzero(received[own]).tolist()) for received in self._received),
         )
 
     def end(self, plans: Mapping[int, Plan]) -> Sent:
-        """Take what each working UAV has decided: to those whom it reaches it is the last plan known."""
+        """Take the plan of each working UAV; the UAVs that it reaches know it from now on."""
         self.own = dict(plans)
         reached = np.zeros_like(self._up) if self._exchange.centre or not self._received else self._received[-1]
         for i, j in ((i, j) for i in plans for j in plans if i != j):
             known = self._known.get((i, j))
             if reached[i, j]:
                 self._known[i, j] = _Known(self._fleet[j], Plan(plans[j].controls))
-            elif self._touch[i, j] and j in plans[i].others:
+            elif self._contact[i, j] and j in plans[i].others:
                 self._known[i, j] = _Known(self._fleet[j], Plan(plans[i].others[j]))
             elif known:
                 self._known[i, j] = replace(known, plan=Plan(known.plan.controls[1:]))

@@ -1,10 +1,10 @@
-"""Progress of a mission, as it is told while it flies."""
+"""Progress of a mission in flight."""
 
 from typing import NamedTuple
 
 
-class Moment(NamedTuple):
-    """What is told of a mission at each scan."""
+class ScanProgress(NamedTuple):
+    """Progress at one scan."""
 
     time: float  # s
     scans: int  # so far

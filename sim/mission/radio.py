@@ -1,39 +1,36 @@
-"""What a network's settings come to: who hears whom, which messages are lost, and how far beliefs differ."""
+"""Radio links between UAVs, and lost messages."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.scenario.network import Link, Network
-from tracking.metrics.ospa import ospa
 from tracking.numerics.compiled import Array
 from tracking.numerics.matrices import length
-from tracking.tracker import Track
 
 Bools = NDArray[np.bool_]
 
 
 class Links(NamedTuple):
-    """Who talks to whom in one scan."""
+    """Links between UAVs in one scan."""
 
-    up: Bools  # (n, n) who hears whom, but for losses
-    lost: Bools | None  # (L, n, n) which messages of consensus are lost; None: none is
+    up: Bools  # (n, n) True where a row's UAV receives from a column's, unless lost
+    lost: Bools | None  # (L, n, n) lost messages of consensus; None: none
 
     @property
-    def touch(self) -> Bools:
-        """Who hears of whom in this scan (n, n), be it in one round of consensus."""
+    def contact(self) -> Bools:
+        """Pairs (n, n) with at least one received message of consensus in this scan."""
         if self.lost is None or len(self.lost) == 0:
             return self.up
         return np.asarray(self.up & ~np.all(self.lost, axis=0))
 
 
-def hearing(network: Network, time: float, positions: Array) -> Bools:
-    """Who hears whom (n, n) of UAVs at positions (n, 3) m: those within range whose link exists and is not cut."""
+def open_links(network: Network, time: float, positions: Array) -> Bools:
+    """Adjacency (n, n) of UAVs at positions (n, 3) m: within range, with a link that exists and is not cut."""
     gap = length(positions[:, None] - positions[None])
     heard = np.asarray((gap <= network.range) & ~np.eye(len(gap), dtype=np.bool_))
     if network.links:
@@ -44,24 +41,14 @@ def hearing(network: Network, time: float, positions: Array) -> Bools:
     return heard
 
 
-def losses(network: Network, uavs: int, rng: np.random.Generator) -> Bools | None:
-    """Which messages of one scan are lost (L, n, n), per round, hearer and speaker; None: nothing ever is.
+def lost_messages(network: Network, uavs: int, rng: np.random.Generator) -> Bools | None:
+    """Lost messages of one scan (L, n, n), per round, receiver and sender; None if the network loses none.
 
-    The same chance is used whatever the probability, so what is lost at a lower one is lost at a higher one too.
+    The random numbers do not depend on the probability, so a higher one loses the same messages and more.
     """
     if network.loss == 0.0:
         return None
     return rng.random((network.rounds, uavs, uavs)) < network.loss
-
-
-def disagreement(held: Sequence[Sequence[Track]]) -> float:
-    """How far the tracks of UAVs differ: OSPA distance [m] between the positions held by two, mean over the pairs.
-
-    `held` is what each UAV holds; of fewer than two, none disagrees.
-    """
-    places = [np.array([track.belief.mean[:2] for track in tracks]) for tracks in held]
-    gaps = [ospa(one, other).distance for one, other in combinations(places, 2)]
-    return float(np.mean(gaps)) if gaps else 0.0
 
 
 def _adjacency(links: Sequence[Link], uavs: int) -> Bools:

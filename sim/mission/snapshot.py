@@ -21,7 +21,7 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """What was true, seen, believed and commanded at one scan: for the recording, the video and the metrics alone."""
+    """Truth, measurements, tracks, plans and commands at one scan: for recording, video and metrics alone."""
 
     time: float  # s
     people: Array  # (M, 2) m, NaN where absent
@@ -35,7 +35,7 @@ class Snapshot:
     plans: list[Plan] | None  # those made at this instant
     ospa: Array  # (n, 3) m: distance, localisation, cardinality
     visible: Ints  # (n, M) pixels that the renderer shows of each person
-    matched: Bools  # (n, M) whether the person was detected in that camera
+    matched: Bools  # (n, M) True if the person was detected in that camera
     contacts: tuple[Contact, ...] = ()  # since the scan before
     bytes_sent: Ints = field(kw_only=True)  # (n,) to neighbours, in all rounds of consensus; -1 if unknown
     plan_bytes: Ints = field(kw_only=True)  # (n,) to neighbours, of plans made at this instant; -1 if unknown

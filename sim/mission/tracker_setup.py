@@ -1,10 +1,11 @@
-"""What a scenario tells its trackers: their parameters, and the tracks that they begin with."""
+"""Set-up of trackers from a scenario: parameters, motion models and initial tracks."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from sim.scenario.scenario import Scenario, Tracking
+from sim.scenario.perception import Tracking
+from sim.scenario.scenario import Scenario
 from tracking.filter.bounded_speed import BoundedSpeed
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.numerics.compiled import Array
@@ -12,7 +13,7 @@ from tracking.tracker import Track, TrackerParameters
 
 
 def tracker_parameters(scenario: Scenario) -> TrackerParameters:
-    """What the trackers of a scenario assume."""
+    """Parameters of a scenario's trackers."""
     settings = scenario.tracking
     return TrackerParameters(
         motion=motion(settings, 1 / scenario.rates.sensing),
@@ -35,25 +36,25 @@ def tracker_parameters(scenario: Scenario) -> TrackerParameters:
 
 
 def motion(settings: Tracking, dt: float) -> NearlyConstantVelocity:
-    """How trackers take people to move over `dt` s."""
+    """Motion model of people over `dt` s, as trackers use it."""
     if settings.motion == "bounded":
         return BoundedSpeed(dt, settings.sigma_a, settings.max_speed)
     return NearlyConstantVelocity(dt, settings.sigma_a)
 
 
 def planned_motion(scenario: Scenario) -> NearlyConstantVelocity:
-    """How planners take people to move over a planning step: as trackers predict them, scan by scan.
+    """Motion model of people over a planning step, as planners use it: the trackers' prediction, scan by scan.
 
-    Note: to planners nobody's speed is bounded.
+    Note: planners do not bound speeds.
     """
     rates = scenario.rates
     return NearlyConstantVelocity(1 / rates.planning, scenario.tracking.sigma_a, scans=rates.sensing // rates.planning)
 
 
 def initial_tracks(scenario: Scenario, here: Array, there: Array) -> list[Track]:
-    """The tracks that the trackers of a scenario begin with, of people (M, 2) m at the first scan and the second.
+    """Initial tracks of a scenario's trackers, of people at (M, 2) m at the first scan and the second.
 
-    With `initial_tracks = "known"`: everyone who is there at both, with position and velocity.
+    With `initial_tracks = "known"`: all people present at both, with position and velocity.
     """
     if scenario.tracking.initial_tracks == "none":
         return []

@@ -9,9 +9,12 @@ from contextlib import contextmanager
 import numpy as np
 from numba.core import event
 
-from planning.registry import DEFAULT_PLANNER, load_planner
+from planning.loading import load_planner
+from planning.registry import DEFAULT_PLANNER
 from sim.mission.mission import Mission
-from sim.scenario.scenario import Scenario, Sensing, Tracking, Trees, Wind
+from sim.scenario.environment import Trees, Wind
+from sim.scenario.perception import Sensing, Tracking
+from sim.scenario.scenario import Scenario
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
 from tracking.filter.negative_information import given_undetected
@@ -62,10 +65,10 @@ def warm_up() -> float:
     for scenario in (windy, rendered):
         for _ in Mission(scenario, load_planner(DEFAULT_PLANNER), 0).fly():
             pass
-    # A place seen empty, which not every forest has in a second.
+    # Negative information, which not every forest gives within a second.
     given_undetected((np.zeros((1, 4)), np.eye(4)[None]), np.linspace(0.1, 1.0, len(SAMPLES))[None])
     image = np.zeros((64, 64, 3), dtype=np.uint8)
-    image[28:36, 28:36] = image[:4, :4] = (230, 62, 0)  # somebody in front of a tree, and somebody at the edge
+    image[28:36, 28:36] = image[:4, :4] = (230, 62, 0)  # a person in front of a tree, and one at the edge
     under = Forest((Tree(4.0, 0.0),))
     BlobDetector(under).detect(Frame(0, 0.0, Camera(1.0, 64), Pose.level(0.0, 0.0, 20.0), image))  # only images need it
     return time.perf_counter() - start

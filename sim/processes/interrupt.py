@@ -1,33 +1,42 @@
-"""Ctrl-C and SIGTERM as requests to stop at the next scan, so that what is flown is kept whole."""
+"""Signals that ask to stop: Ctrl-C (SIGINT) and SIGTERM."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+Handler = Callable[[int, FrameType | None], None] | signal.Handlers
+
+
+@contextmanager
+def stop_signals(handler: Handler) -> Iterator[None]:
+    """Let `handler` receive Ctrl-C and SIGTERM in the block; only a main thread can receive signals."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, previous in before.items():
+            signal.signal(number, previous)
 
 
 @contextmanager
 def stop_request() -> Iterator[threading.Event]:
-    """An event that the first Ctrl-C or SIGTERM sets; the second one raises KeyboardInterrupt.
+    """An event that the first signal sets, so that a mission stops at the next scan and its recording is kept.
 
-    Only a main thread can catch signals; elsewhere the event is never set.
+    The second signal raises KeyboardInterrupt.
     """
     stop = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
 
     def handle(number: int, frame: FrameType | None) -> None:
         if stop.is_set():
             raise KeyboardInterrupt
         stop.set()
 
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
+    with stop_signals(handle):
         yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -1,4 +1,4 @@
-"""Processes that lead a session, so that what they have started is ended with them."""
+"""Sessions of processes, each of which is killed as a whole."""
 
 from __future__ import annotations
 
@@ -11,20 +11,17 @@ from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
 
 
-def lead() -> None:
-    """Make a session of this process and of what it will start, which ends when its parent does.
+def lead_session() -> None:
+    """Make a session of this process and its later children, which ends with its parent.
 
-    A killed parent ends nobody: its processes would wait for it for ever.
+    Without it, the children of a killed parent would wait for it for ever.
     """
     os.setsid()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
-def end(process: BaseProcess) -> None:
-    """Kill a process, if it was started, and what it has started since it leads a session, whatever they do.
-
-    Who has made a session or a process group of its own escapes.
-    """
+def kill_session(process: BaseProcess) -> None:
+    """Kill a process, if it was started, and its session; children in a session or group of their own escape."""
     if process.pid is None:
         return
     with suppress(ProcessLookupError, PermissionError):

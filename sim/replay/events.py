@@ -80,7 +80,7 @@ def _links(recording: Recording, scenario: Scenario) -> Iterator[Event]:
     uavs = recording.poses.shape[1]
     up, silent = ~np.eye(uavs, dtype=np.bool_), np.zeros((uavs, uavs), dtype=np.bool_)
     for k, (works, now) in enumerate(zip(recording.working, links_of(recording, scenario), strict=True)):
-        quiet = now.up & ~now.touch
+        quiet = now.up & ~now.contact
         for kind, changed, words in (
             (
                 "link lost",
@@ -89,7 +89,7 @@ def _links(recording: Recording, scenario: Scenario) -> Iterator[Event]:
             ),
             ("link restored", np.triu(now.up & ~up), "UAV {} and UAV {}"),
             ("messages lost", quiet & ~silent, "UAV {} hears nothing of UAV {}"),
-            ("messages heard", silent & now.touch, "UAV {} hears UAV {} again"),
+            ("messages heard", silent & now.contact, "UAV {} hears UAV {} again"),
         ):
             for i, j in np.argwhere(changed).tolist():
                 yield _at(recording, k, kind, words.format(i, j), uavs=(i, j))

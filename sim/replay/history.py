@@ -13,7 +13,7 @@ from sim.evaluation.score import HELD, held_by
 from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
-from sim.sensing.sensors import view_of
+from sim.sensing.cameras import view_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.metrics.clearmot import correspondence

@@ -38,8 +38,8 @@ from sim.replay.history import History
 from sim.replay.tables import TABLES, arrays, columns
 from sim.replay.timeline import timeline_figure
 from sim.scenario.errors import InputError
-from sim.scenario.loading import did_you_mean
 from sim.scenario.scenario import Scenario
+from tracking.plugins.spelling import did_you_mean
 from tracking.tracker import Track
 
 _MAP = 900  # pixels, width of the map

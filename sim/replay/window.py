@@ -17,7 +17,7 @@ from sim.recording.recording import Recording
 from sim.replay.frames.rerender import scenario_of
 from sim.scenario.errors import InputError
 from sim.scenario.scenario import Scenario
-from sim.sensing.sensors import camera_of
+from sim.sensing.cameras import camera_of
 from sim.world.engine import pybullet, quiet, silenced
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose

@@ -20,10 +20,10 @@ from sim.analysis.planner_labels import baseline_of
 from sim.analysis.statistics import Estimate, share_under
 from sim.evaluation.metric import Metric
 from sim.scenario.errors import InputError
-from sim.scenario.loading import did_you_mean
 from sim.study.row import Row
 from sim.study.store import read_rows
 from sim.terminal.commands import run_alone
+from tracking.plugins.spelling import did_you_mean
 
 _LESS = ("left", "above")
 _SHARE = "ospa.share_under_1m"

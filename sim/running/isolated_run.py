@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from planning.registry import PlannerError
-from sim.mission.progress import Moment
-from sim.processes.isolation import ApartError, apart
+from planning.errors import PlannerError
+from sim.mission.progress import ScanProgress
+from sim.processes.isolation import IsolationError, run_isolated
 from sim.recording.atomic_files import new_folder
 from sim.scenario.errors import InputError
 from sim.scenario.scenario import Scenario
@@ -30,7 +30,7 @@ def fly_apart(
     out: Path,
     *,
     timeout: float | None,
-    progress: Callable[[Moment], None],
+    progress: Callable[[ScanProgress], None],
     say: Callable[[str], None],
 ) -> dict[str, Any]:
     """Fly a mission as `run.run` does, in a process of its own.
@@ -41,7 +41,7 @@ def fly_apart(
 
     def hear(told: object) -> None:
         nonlocal last
-        if isinstance(told, Moment):
+        if isinstance(told, ScanProgress):
             last = told
             progress(told)
         else:
@@ -52,16 +52,16 @@ def fly_apart(
         try:
             # The first moment is told after `stop_request`; before it, SIGINT is ignored there.
             passing = (InputError, PlannerError)
-            found = apart(_fly, *arguments, hear=hear, listening=Moment, timeout=timeout, passing=passing)
-        except ApartError as error:
+            found = run_isolated(_fly, *arguments, hear=hear, listening=ScanProgress, timeout=timeout, passing=passing)
+        except IsolationError as error:
             when = f"at {last.time:.1f} s" if last else "before take-off"
-            raise ApartError(f"the mission ended {when}: {error}; nothing is kept") from error
+            raise IsolationError(f"the mission ended {when}: {error}; nothing is kept") from error
     summary: dict[str, Any] = found
     return summary
 
 
 def _fly(flight: Flight, folder: Path, place: str, tell: Callable[[object], None]) -> dict[str, Any]:
-    from planning.registry import load_planner
+    from planning.loading import load_planner
     from sim.sensing.detectors import check_detector
 
     check_detector(flight.scenario.sensing.detector)

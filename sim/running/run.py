@@ -15,7 +15,7 @@ from sim.drawing.video import Film, Video
 from sim.evaluation.machine import versions
 from sim.evaluation.summary import marked, summarise
 from sim.mission.mission import Mission, Trial
-from sim.mission.progress import Moment
+from sim.mission.progress import ScanProgress
 from sim.mission.snapshot import Snapshot
 from sim.mission.warmup import announced, warm_up
 from sim.processes.interrupt import stop_request
@@ -29,7 +29,7 @@ from sim.replay.page.page import write_page
 from sim.replay.timeline import timeline_figure
 from sim.running.flight import fly as flown
 
-Progress = Callable[[Moment], None]
+Progress = Callable[[ScanProgress], None]
 Say = Callable[[str], None]
 
 
@@ -97,7 +97,7 @@ def _watching(
             add(snapshot)
             scans += 1
             distances = snapshot.ospa[snapshot.working, 0].tolist()
-            progress(Moment(snapshot.time, scans, distances, snapshot.error))
+            progress(ScanProgress(snapshot.time, scans, distances, snapshot.error))
             return not stop.is_set()
 
         yield watch

@@ -1,4 +1,4 @@
-"""What numbers in a scenario may be."""
+"""Types of numbers in a scenario, with their bounds."""
 
 from typing import Annotated
 

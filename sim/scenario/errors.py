@@ -1,4 +1,4 @@
-"""What tells a user's mistake from a fault of the program."""
+"""The error of wrong input, as opposed to a fault of the program."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A UAV of a scenario: where it starts, and what its camera is."""
+"""Settings of a UAV: its start, its camera and its failure."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     mount: Literal["gimbal", "body"] = "gimbal"
     rate: Annotated[int, Meta(ge=0, le=1000)] = 0  # of the camera, Hz; 0: rates.sensing
     tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0  # of the camera, off nadir, towards the body's front
-    fails_at: Time | None = None  # s, when all but its flight controller breaks down; None: never
+    fails_at: Time | None = None  # s, time of a breakdown of all but its flight controller; None: never
 
     def __post_init__(self) -> None:
         if self.tilt_deg + self.fov_deg / 2 >= 90:

@@ -1,25 +1,26 @@
-"""Scenario files: TOML in, a valid `Scenario` or one clear line out."""
+"""Loading of scenario files: TOML in, a valid `Scenario` or an error of one line out."""
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
 import msgspec
 
-from assets import ASSETS
+from sim.installation import ASSETS
+from sim.scenario.environment import People
 from sim.scenario.errors import InputError
 from sim.scenario.fleet import Uav
 from sim.scenario.network import Cut
-from sim.scenario.scenario import People, Scenario
+from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import toml, toml_file
+from tracking.plugins.spelling import did_you_mean
 
-# What is asked for beside a scenario, and the options that do.
+# Settings beside the scenario, and the options that give them.
 _ELSEWHERE = {
     "seed": "--seed",
     "seeds": "--seeds",
@@ -57,7 +58,7 @@ def decode(data: Mapping[str, Any]) -> Scenario:
 
 
 def remarks(scenario: Scenario) -> list[str]:
-    """What a scenario may say although it is not flown so, one line each."""
+    """Remarks on settings without the effect that they suggest, one line each."""
     found, last = [], scenario.scan_times[-1]
     if not math.isclose(last, scenario.duration):
         scans = f"the last scan is at {last:g} s"
@@ -68,12 +69,12 @@ def remarks(scenario: Scenario) -> list[str]:
         given = [name for name in People.__struct_fields__ if getattr(people, name) != getattr(default, name)]
         unused = ", ".join(f"people.{name}" for name in given if name != "trajectories")
         if unused:
-            found.append(f"{unused}: not used, as people.trajectories says who walks where")
+            found.append(f"{unused}: not used, as people.trajectories gives all paths")
     return found + _about_false_alarms(scenario)
 
 
 def _about_false_alarms(scenario: Scenario) -> list[str]:
-    """Settings of the tracker with which false alarms swamp it."""
+    """Remarks on settings of the tracker under which false alarms become tracks."""
     expected = scenario.sensing.false_alarms / min(uav.footprint * uav.footprint for uav in scenario.uavs)
     if expected == 0.0:
         return []
@@ -85,13 +86,6 @@ def _about_false_alarms(scenario: Scenario) -> list[str]:
         m, n = scenario.tracking.confirm
         found.append(f'tracking.life: {m} of {n} false alarms make a track; "existence" weighs them against clutter')
     return found
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """The end of an error message: what is allowed, and the nearest of it."""
-    names = list(known)
-    near = difflib.get_close_matches(word, names, n=1, cutoff=0.4)
-    return f"allowed are {', '.join(names)}" + (f"; did you mean {near[0]}?" if near else "")
 
 
 def _locate(name: str) -> Path:
@@ -139,7 +133,7 @@ def _index(text: str, length: int, key: str) -> int:
 
 
 def _defaults(key: str) -> Any:  # noqa: ANN401 - plain TOML data
-    """What a table is before the first override reaches into it: the default fleet is a list, the rest are tables."""
+    """A table before the first override in it: the default fleet is a list, all others are tables."""
     return list(msgspec.to_builtins(Scenario().uavs)) if key == "uavs" else {}
 
 

@@ -25,15 +25,17 @@ class Cut(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Network(Struct, frozen=True, forbid_unknown_fields=True):
-    """Who talks to whom, how often per scan, and what comes of it."""
+    """Radio network: links, rounds of consensus per scan, fusion rule and losses."""
 
     rounds: Annotated[int, Meta(ge=0, le=1000)] = 5
     range: Annotated[float, Meta(gt=0, le=1e6)] = 1000.0  # m
     fusion: Literal["kla", "hcmci"] = "kla"
     loss: Annotated[float, Meta(ge=0, le=1)] = 0.0  # probability per message, that is per round and direction
-    links: tuple[Link, ...] = ()  # the only ones there are; empty: all
+    links: tuple[Link, ...] = ()  # all that exist; empty: every pair
     cuts: Annotated[tuple[Cut, ...], Meta(max_length=1000)] = ()
-    plan_delay: Annotated[float, Meta(ge=0, le=DAY)] = 0.0  # s from a decision until it is flown, a multiple of scans'
+    plan_delay: Annotated[float, Meta(ge=0, le=DAY)] = (
+        0.0  # s from a decision until it is flown, a multiple of the time between scans
+    )
 
     def check(self, uavs: int) -> None:
         """ValueError if links are not between two UAVs of a fleet of so many, each named once."""

@@ -1,4 +1,4 @@
-"""Quantities as people type them on a command line."""
+"""Quantities as typed on a command line: durations, intervals and numbers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import re
 
 from sim.scenario.errors import InputError
-from sim.scenario.loading import did_you_mean
+from tracking.plugins.spelling import did_you_mean
 
 MOST_SEED = 2**128 - 1
 MOST_LISTED = 100_000

@@ -18,7 +18,7 @@ def stream(seed: int, component: str, *index: int, repeat: int = 0) -> np.random
 
 
 def numbered(seed: int, repeat: int) -> str:
-    """Seed and repeat as they are shown; the first repeat is not mentioned."""
+    """Seed and repeat for display; the first repeat is not mentioned."""
     return f"seed {seed}, repeat {repeat}" if repeat else f"seed {seed}"
 
 

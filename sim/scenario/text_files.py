@@ -1,4 +1,4 @@
-"""Text files that may be anything: read only where they are plain files of a sensible size."""
+"""Reading of text files, which must be plain files of a limited size."""
 
 from __future__ import annotations
 

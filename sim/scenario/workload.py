@@ -1,4 +1,4 @@
-"""How much a mission asks for all together, refused before it is flown where no machine could fly it."""
+"""Limits of a mission's size: products of settings that no machine could fly."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:  # which has itself checked here
 
 MOST_WALKED = 3.6e5  # seconds of all people together, which take about a gigabyte
 _MOST_PATHS = 2e7  # m, of which each is a point to walk to
-Load = tuple[str, float, str, float]  # settings that multiply, their product, of which things, and how many may be
+Load = tuple[str, float, str, float]  # settings, their product, its unit and its limit
 
 
 def check_workload(scenario: Scenario) -> None:
-    """ValueError that names the settings whose product is beyond any mission."""
+    """ValueError if the product of some settings is too large; it names them."""
     for settings, amount, things, most in _loads(scenario):
         if amount > most:
             raise ValueError(f"{settings} come to {amount:.6g} {things}; at most {most:g} are allowed")

@@ -1,11 +1,11 @@
-"""What goes wrong in detection beyond the paper's Assumption 1, by chance of its own: false alarms and misses."""
+"""Clutter: false alarms and missed detections, beyond the paper's Assumption 1."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scenario.scenario import Sensing
+from sim.scenario.perception import Sensing
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.compiled import Array
@@ -13,9 +13,9 @@ from tracking.numerics.poisson import poisson
 
 
 class Clutter:
-    """False alarms, Poisson in number and uniform over the image, and detections that are missed independently.
+    """False alarms, Poisson in number and uniform over the image, and independent misses.
 
-    Each has its own stream, so that one leaves the other, and the noise of what is detected, as they are without it.
+    Each has its own stream, so that neither changes the other or the measurement noise.
     """
 
     def __init__(self, sensing: Sensing, rng: np.random.Generator) -> None:
@@ -24,7 +24,7 @@ class Clutter:
         self._alarms, self._misses, self._order = rng.spawn(3)
 
     def kept(self, count: int) -> NDArray[np.bool_]:
-        """Which of the detections in one frame are not missed (count,)."""
+        """Mask (count,) of the detections in one frame that are not missed."""
         return np.asarray(self._misses.random(count) >= self._missed)
 
     def order(self, detections: int, alarms: int) -> NDArray[np.int64]:

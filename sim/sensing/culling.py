@@ -1,4 +1,4 @@
-"""Which bodies cannot show in an image."""
+"""Culling of bodies that cannot show in an image."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _PERSON = (0.5, 1.75)  # m: radius and height of an upright cylinder that holds 
 
 @compiled
 def in_frustum(centres: Array, radii: Array, position: Array, rotation: Array, fov: float) -> NDArray[np.bool_]:
-    """Which spheres at centres (B, 3) m with radii (B,) m a camera at position (3,) m may see (B,); none at NaN.
+    """Mask (B,) of spheres at centres (B, 3) m with radii (B,) m that a camera at position (3,) m may see; not at NaN.
 
     rotation (3, 3) from the camera to the world; fov in rad.
     """
@@ -35,7 +35,7 @@ def in_frustum(centres: Array, radii: Array, position: Array, rotation: Array, f
 
 @compiled
 def trunks_hidden(trees: Array, position: Array, fov: float) -> NDArray[np.bool_]:
-    """Which trees (T, 6), in the order of `Tree`, hide all of their own trunk from a camera at position (3,) m (T,)."""
+    """Mask (T,) of trees (T, 6), in the order of `Tree`, that hide their own trunk from a camera at position (3,) m."""
     hidden = np.empty(len(trees), dtype=np.bool_)
     for k in range(len(trees)):
         x, y, base, trunk = trees[k, 0], trees[k, 1], trees[k, 3], _OUTER * trees[k, 5]
@@ -45,7 +45,7 @@ def trunks_hidden(trees: Array, position: Array, fov: float) -> NDArray[np.bool_
 
 @compiled
 def people_hidden(people: Array, trees: Array, position: Array, fov: float) -> NDArray[np.bool_]:
-    """Which people at (M, 2) m one of the trees (T, 6) hides wholly from a camera at position (3,) m (M,)."""
+    """Mask (M,) of people at (M, 2) m whom one of the trees (T, 6) hides wholly from a camera at position (3,) m."""
     hidden = np.zeros(len(people), dtype=np.bool_)
     for i in range(len(people)):
         body = people[i, 0], people[i, 1], _PERSON[0], _PERSON[1]
@@ -59,7 +59,7 @@ def people_hidden(people: Array, trees: Array, position: Array, fov: float) -> N
 
 @compiled
 def _covers(tree: Array, body: tuple[float, float, float, float], position: Array, fov: float) -> bool:
-    """Whether a tree's canopy hides an upright cylinder, x, y, radius, height, from a camera at position (3,) m."""
+    """True if a tree's canopy hides an upright cylinder, x, y, radius, height, from a camera at position (3,) m."""
     radius, base, top = _INNER * tree[2], tree[3], tree[4]
     # Else the near plane could cut away what hides the body: so high above a canopy it is too far for that.
     clearance = NEAR * math.sqrt(1 + 2 * tan(fov / 2) * tan(fov / 2))

@@ -1,4 +1,4 @@
-"""Detections against what the renderer really showed."""
+"""Ground truth of detections, from the renderer's mask of people."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ GATE = 3.0  # pixels from a detection to the nearest pixel of the person it may 
 
 
 def visible_pixels(people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
-    """Pixels (M,) that each of `count` people has in a segmentation (P, P)."""
+    """Pixels (M,) of each of `count` people in a mask (P, P)."""
     return np.bincount(people[people >= 0], minlength=count).astype(np.int64)
 
 
 def matched_people(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.bool_]:
-    """Which of `count` people (M,) the detections (N, 2) at pixels (u, v) found, each detection at most one."""
+    """Mask (M,) of the `count` people found by detections (N, 2) at pixels (u, v), at most one by each."""
     return np.asarray(matched_detections(pixels, people, count) >= 0, dtype=np.bool_)
 
 
 def matched_detections(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
-    """Which of the detections (N, 2) at pixels (u, v) found each of `count` people (M,); -1 for none.
+    """Index (M,) of the detection (N, 2) at pixels (u, v) that found each of `count` people; -1 for none.
 
-    people (P, P): whose each pixel of the image is, -1 for nobody's. A detector may place whom the edge cuts
-    outside the image; what counts then is the nearest place inside.
+    people (P, P): index of the person at each pixel, -1 for none. A detection outside the image, of a person cut by the
+    edge, counts at the nearest place inside.
     """
     found = np.full(count, -1)
     rows, columns = np.nonzero(people >= 0)

@@ -1,13 +1,13 @@
-"""Detectors by name, or by import string."""
+"""Registry of detectors: by name, or by import string."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from sim.scenario.errors import InputError
-from sim.scenario.loading import did_you_mean
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.importing import imported
+from tracking.plugins.spelling import did_you_mean
 
 if TYPE_CHECKING:  # checking a name needs none of their code
     from sim.sensing.mask_detector import MaskDetector
@@ -22,23 +22,22 @@ _FIELD = "sensing.detector"
 
 
 def check_detector(name: str) -> None:
-    """InputError unless `name` is a detector's, or "package.module:Class" that can be imported."""
-    if not comes_with(name):
+    """InputError unless `name` is a built-in detector, or "package.module:Class" that can be imported."""
+    if not is_built_in_detector(name):
         _import(name)
 
 
-def comes_with(name: str) -> bool:
-    """Whether a detector is one of the testbed's own; InputError if the name is neither theirs nor an import string."""
+def is_built_in_detector(name: str) -> bool:
+    """True if a detector is built in; InputError if the name is neither that nor an import string."""
     if name not in DETECTORS and ":" not in name:
         raise InputError(f"{_FIELD}: {name!r} is unknown; {did_you_mean(name, DETECTORS)} (or package.module:Class)")
     return name in DETECTORS
 
 
 def load_detector(name: str, forest: Forest | None) -> Detector | MaskDetector:
-    """The detector called `name`, or anyone's as "package.module:Class"; InputError says what is wrong.
+    """The detector called `name`, or of a plug-in as "package.module:Class"; InputError says what is wrong.
 
-    The testbed's own place people who are seen in part with the help of the map, if there is one; anyone's is made
-    without arguments.
+    Built-in detectors locate partly visible people with the map, if there is one; a plug-in is made without arguments.
     """
     check_detector(name)
     make = _import(DETECTORS.get(name, name))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Fault:
-    """Something a planner or a detector did wrong, or the breakdown of a UAV, and to whose harm."""
+    """Fault of a planner or a detector, or the breakdown of a UAV."""
 
     time: float  # s
     uav: int | None  # None: the whole team

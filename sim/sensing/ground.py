@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from assets import ASSETS
+from sim.installation import ASSETS
 from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.compiled import Array, compiled
 from tracking.numerics.matrices import applied, product

@@ -1,4 +1,4 @@
-"""What a camera sees: images of the world by one of PyBullet's renderers, with the ground drawn behind."""
+"""Rendered images of the world by one of PyBullet's renderers, with the ground drawn behind."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _LIGHT: dict[str, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
-    """An image and, as ground truth for recordings and tests alone, who is where in it."""
+    """An image and its mask of people, which is ground truth for recordings and tests alone."""
 
     image: NDArray[np.uint8]  # (P, P, 3) RGB
     people: NDArray[np.int32]  # (P, P) index of the person at each pixel, -1 elsewhere
@@ -73,13 +73,13 @@ class Renderer:
         return Rendered(image, np.take(self._people, bodies, mode="wrap"))
 
     def in_view(self, camera: Camera, pose: Pose) -> NDArray[np.bool_]:
-        """Which of the world's bodies may show in the image (B,)."""
+        """Mask (B,) of the world's bodies that may show in the image."""
         centres, position = self._world.centres, pose.position
         seen = in_frustum(centres, self._radii, position, pose.rotation, camera.fov)
         trees, people = len(self._trees), np.max(self._people) + 1
         seen[trees : 2 * trees] &= ~trunks_hidden(self._trees, position, camera.fov)
-        everyone = slice(2 * trees, 2 * trees + people)
-        seen[everyone] &= ~people_hidden(centres[everyone, :2], self._trees, position, camera.fov)
+        of_people = slice(2 * trees, 2 * trees + people)
+        seen[of_people] &= ~people_hidden(centres[of_people, :2], self._trees, position, camera.fov)
         return seen
 
     def _show(self, wanted: NDArray[np.bool_]) -> None:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from multiprocessing.process import BaseProcess
 from types import TracebackType
 
-from sim.processes.session import end, lead
+from sim.processes.session import kill_session, lead_session
 from sim.study.tasks import Task
 from sim.study.trial import Flown, failed, fly, warm
 
@@ -92,7 +92,7 @@ class _Lane:
     def end(self) -> None:
         """Kill the process and what it has started, whatever they do."""
         for process in self._processes:
-            end(process)
+            kill_session(process)
         if self._executor is not None:
             self._executor.shutdown()
         self._executor = self._greeting = self.future = None
@@ -102,7 +102,7 @@ class _Lane:
 def _begin() -> None:
     """What a process does first: leave Ctrl-C to its parent, not outlive it, and load compiled code."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    lead()
+    lead_session()
     warm()
 
 

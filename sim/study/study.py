@@ -11,12 +11,12 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta, Struct
 
-from assets import ASSETS
+from sim.installation import ASSETS
 from sim.scenario.errors import InputError
-from sim.scenario.loading import did_you_mean
 from sim.scenario.quantities import REPEATS, integers
 from sim.scenario.text_files import toml_file
 from sim.study.settings_text import flat, option, toml
+from tracking.plugins.spelling import did_you_mean
 
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
 _MOST_CELLS = 10_000

@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from planning.registry import load_planner
+from planning.loading import load_planner
 from sim.scenario.errors import InputError
 from sim.scenario.loading import load
 from sim.scenario.quantities import integers

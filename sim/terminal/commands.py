@@ -12,11 +12,11 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from planning.registry import PlannerError
-from sim.processes.isolation import ApartError
+from planning.errors import PlannerError
+from sim.processes.isolation import IsolationError
 from sim.scenario.errors import InputError
-from sim.scenario.loading import did_you_mean
 from sim.terminal.console import fail
+from tracking.plugins.spelling import did_you_mean
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a full disk, or one that fails
 # A place that nothing can be written to, or read from.
@@ -73,8 +73,8 @@ def concluded(app: Callable[..., Any]) -> None:
     try:
         if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes other than zero
             fail("interrupted; nothing is kept", code=1)
-    except (InputError, PlannerError, ApartError) as error:
-        fail(str(error), code=1 if isinstance(error, ApartError) else 2)
+    except (InputError, PlannerError, IsolationError) as error:
+        fail(str(error), code=1 if isinstance(error, IsolationError) else 2)
     except (KeyboardInterrupt, typer.Abort):
         fail("interrupted; nothing is kept", code=1)
     except OSError as error:

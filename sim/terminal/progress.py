@@ -10,7 +10,7 @@ from statistics import fmean
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
-from sim.mission.progress import Moment
+from sim.mission.progress import ScanProgress
 from sim.scenario.scenario import Scenario
 from sim.terminal.console import console
 
@@ -25,7 +25,7 @@ def starting() -> Iterator[None]:
 
 
 @contextmanager
-def mission_progress(scenario: Scenario) -> Iterator[Callable[[Moment], None]]:
+def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], None]]:
     """A bar with the simulated time and the running mean of the OSPA distance."""
     last = scenario.scan_times[-1]
     columns = (SpinnerColumn(), BarColumn(bar_width=20), TextColumn("{task.description}"), TimeRemainingColumn())
@@ -34,7 +34,7 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[Moment], None]]:
     task = progress.add_task("", total=len(scenario.scan_times))
     with console.status(_START_UP) as status:  # which goes away, whether a mission follows or a complaint
 
-        def show(moment: Moment) -> None:
+        def show(moment: ScanProgress) -> None:
             if not distances:
                 status.stop()
                 progress.start()

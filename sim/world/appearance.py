@@ -1,4 +1,4 @@
-"""How a mission looks: light, ground, leaves, clothes and camera, varied by chance within the scenario's strengths."""
+"""Random appearance of a mission: light, ground, leaves, clothes and camera, within the scenario's strengths."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.scenario.environment import Appearance
 from sim.scenario.random_streams import stream
-from sim.scenario.scenario import Appearance, Scenario
+from sim.scenario.scenario import Scenario
 from tracking.numerics.compiled import Array
 from tracking.numerics.elementary import cos, power_each, sin
 from tracking.numerics.matrices import length
@@ -36,8 +37,8 @@ _TILE = 32.0  # m, edge of the ground's texture
 
 
 @dataclass(frozen=True, eq=False)
-class Style:
-    """What chance chose for one mission of T trees, M people and n UAVs.
+class AppearanceSample:
+    """Sampled appearance of a mission of T trees, M people and n UAVs.
 
     Tints multiply red, green and blue. The engine wraps tones above 255: tints of people and canopies stay below 1.5,
     which their textures bear.
@@ -72,8 +73,8 @@ class Style:
         return np.asarray(np.clip(np.rint(exposed), 0, 255), dtype=np.uint8)
 
 
-def style_of(scenario: Scenario, seed: int, *, trees: int, people: int, repeat: int = 0) -> Style:
-    """The style of a map; every aspect has a stream of its own, so that none changes with another's strength."""
+def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int, repeat: int = 0) -> AppearanceSample:
+    """Appearance of a map; every aspect has its own stream, so that none changes with another's strength."""
     strength = _strengths(scenario.appearance)
     scene, clothing, leaves, cameras = stream(seed, "appearance").spawn(4)
     zenith, azimuth = strength["light_deg"] * scene.random(), scene.uniform(-180.0, 180.0)
@@ -85,7 +86,7 @@ def style_of(scenario: Scenario, seed: int, *, trees: int, people: int, repeat: 
     shade = 1 - strength["clothing_shade"] * clothing.random(people)
     season = strength["canopy_tint"] * leaves.uniform(-1, 1, 3)
     each = strength["canopy_tint"] * leaves.uniform(-1, 1, (trees, 1))
-    return Style(
+    return AppearanceSample(
         seed=seed,
         repeat=repeat,
         light=light,
@@ -115,7 +116,7 @@ def _towards(zenith: float, azimuth: float) -> tuple[float, float, float]:
 
 
 def _on_the_ground(light: tuple[float, float, float], ambient: float) -> float:
-    """How bright a level surface is."""
+    """Brightness of a level surface."""
     return ambient + DIFFUSE * light[2] / float(length(np.array(light)))
 
 

@@ -1,4 +1,4 @@
-"""What UAVs touch."""
+"""Contacts of UAVs with other bodies."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ KINDS = ("uav", "canopy", "trunk", "person", "ground")
 
 
 class Contact(NamedTuple):
-    """A UAV and what it touched: the other one's kind, one of `KINDS`, and its index among them."""
+    """Contact of a UAV: the kind of the other body, one of `KINDS`, and its index in that kind."""
 
     uav: int
     kind: str

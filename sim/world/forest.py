@@ -1,4 +1,4 @@
-"""Seeded placement of trees."""
+"""The forest: seeded placement of trees."""
 
 import math
 
@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from sim.scenario.environment import Area, Trees
 from sim.scenario.errors import InputError
-from sim.scenario.scenario import Area, Trees
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.compiled import Array
 from tracking.numerics.matrices import length
@@ -21,7 +21,7 @@ _NOWHERE = np.zeros((0, 2))
 
 
 def grow(trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array = _NOWHERE) -> Forest:
-    """A Poisson forest whose canopies do not overlap.
+    """A Poisson forest without overlap of canopies.
 
     The count is Poisson with expectation `trees.density`. Centres are uniform in the area by random sequential
     addition: each tree in turn is drawn again until its canopy touches no earlier one. keep_clear (n, 2) m: points
@@ -39,7 +39,7 @@ def grow(trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array =
 
 
 def _most(trees: Trees, area: Area) -> float:
-    """How many discs at most have their centres in the area: the densest packing of the plane."""
+    """Largest number of discs with their centres in the area, by the densest packing of the plane."""
     reach = 2 * trees.canopy_radius
     packed = math.pi / math.sqrt(12) * (area.width + reach) * (area.height + reach)
     return min(packed / (math.pi * trees.canopy_radius * trees.canopy_radius), MAX_TREES)
@@ -73,7 +73,7 @@ def _place(count: int, trees: Trees, area: Area, rng: np.random.Generator, keep_
 
 
 def _apart(points: Array, others: Array, distance: float) -> NDArray[np.bool_]:
-    """Whether each point (n, 2) keeps the distance [m] from all others (m, 2); (n,)."""
+    """Mask (n,) of points (n, 2) that keep a distance [m] from all others (m, 2)."""
     if len(others) == 0:
         return np.ones(len(points), dtype=np.bool_)
     return np.asarray(cKDTree(others).query(points)[0] >= distance)

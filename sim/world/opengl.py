@@ -1,4 +1,4 @@
-"""PyBullet's OpenGL renderer without a display (EGL): whether it starts here, and starting it.
+"""PyBullet's OpenGL renderer without a display (EGL): a trial and the start.
 
 Facts of pybullet 3.2.7. Where the plug-in cannot start it ends the process, hence the trial in another one. It prints
 to standard output. With two clients open, one shows the other's bodies. Images are no larger than its window.
@@ -49,7 +49,7 @@ def connect(pixels: int) -> int:
 
 
 def speck(client: int, place: tuple[float, float, float]) -> int:
-    """A visual shape that nobody sees."""
+    """A visual shape too small to be seen."""
     return int(
         pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=1e-3, visualFramePosition=place, physicsClientId=client)
     )
@@ -64,7 +64,7 @@ def disconnect(client: int) -> None:
 
 @functools.lru_cache(maxsize=1)
 def refusal() -> str:
-    """Why the plug-in cannot start here; empty where it can."""
+    """Reason why the plug-in cannot start here; empty if it can."""
     plugin = _plugin()
     if not plugin:
         return "this PyBullet has no plug-in eglRenderer"

@@ -1,4 +1,4 @@
-"""How walking people steer: to their goal, round trunks, borders and one another, by turning alone."""
+"""Pedestrian steering: to the goal, round trunks, borders and other people, by turning alone."""
 
 import math
 
@@ -29,7 +29,7 @@ _FORESIGHT = 2.0  # s, over which the weight of a conflict falls to 1/e; the bor
 
 @compiled
 def simulate(states: Array, paces: Array, drifts: Array, routes: Array, trunks: Array, half: Array) -> Array:
-    """Positions (K, M, 2) m of M people whose speeds are given, one sample each 1 / SAMPLES_PER_SECOND.
+    """Positions (K, M, 2) m of M people at given speeds, one sample each 1 / SAMPLES_PER_SECOND.
 
     states (M, 4): position m, heading rad, turn rate rad/s at the start; overwritten. paces (K, M) m/s. drifts
     (K, M) rad/s: turn rates of people without a route. routes (M, P, 2): points 1 m apart, NaN after the last.
@@ -71,7 +71,7 @@ def _goal(state: Array, route: Array, progress: int, drift: float) -> float:
 
 @compiled
 def _hazards(i: int, states: Array, paces: Array, trunks: Array) -> Array:
-    """All that person i may run into soon (n, 5): position m, velocity m/s, distance to keep m."""
+    """Trunks and people that person i may meet soon (n, 5): position m, velocity m/s, distance to keep m."""
     hazards, n = np.zeros((len(trunks) + len(states), 5)), 0
     time = _HORIZON * _ROLLOUT_STEP
     for trunk in trunks:
@@ -116,7 +116,7 @@ def _wrapped(angle: float) -> float:
 
 @compiled
 def _conflict(state: Array, heading: float, pace: float, hazards: Array, half: Array) -> float:
-    """How near a person who turns to `heading` comes to hazards, which keep their velocity, and to the border."""
+    """Cost of turning to `heading`: nearness to hazards, which keep their velocity, and to the border."""
     ahead = state.copy()
     cost = 0.0
     for n in range(_HORIZON):
@@ -169,7 +169,7 @@ def _turn(state: Array, heading: float, pace: float, dt: float) -> None:
 
 @compiled
 def _move(i: int, states: Array, pace: float, trunks: Array, half: Array) -> None:
-    """One step of person i, in place; to touch nothing, it may turn at once, as little as possible."""
+    """Move person i one step, in place; it may turn at once, as little as possible, to touch nothing."""
     heading, length = states[i, 2], pace * _STEP
     for n in range(73):
         side = (n + 1) // 2 if n % 2 else -(n // 2)
@@ -184,7 +184,7 @@ def _move(i: int, states: Array, pace: float, trunks: Array, half: Array) -> Non
 
 @compiled
 def _free(i: int, states: Array, x: float, y: float, trunks: Array) -> bool:
-    """Whether person i may stand at (x, y)."""
+    """True if person i may stand at (x, y)."""
     for trunk in trunks:
         if hypot(trunk[0] - x, trunk[1] - y) < trunk[2] + _SLACK:
             return False

@@ -1,4 +1,4 @@
-"""Where people are at any time; recorded trajectories from a CSV file."""
+"""Trajectories of people: positions at any time, and recorded ones from a CSV file."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from sim.scenario.environment import Area
 from sim.scenario.errors import InputError
-from sim.scenario.scenario import Area
 from sim.scenario.text_files import text
 from sim.scenario.workload import MOST_WALKED
 from tracking.numerics.compiled import Array
@@ -56,7 +56,7 @@ class Trajectories:
 
     @cached_property
     def _headings(self) -> Array:
-        """Direction of the step that follows each sample (K, M); whoever stands still keeps the last one."""
+        """Direction of the step that follows each sample (K, M); a standing person keeps the last one."""
         steps = np.diff(self.positions, axis=0)
         headings = arctan2_each(steps[..., 1], steps[..., 0])
         headings[length(steps) < 1e-4] = np.nan
@@ -70,9 +70,8 @@ class Trajectories:
 def read(path: Path, area: Area, *, duration: float) -> Trajectories:
     """Recorded people from a CSV file with the columns t [s since start], id, x, y [m].
 
-    Rows come in any order. Each person is there from their first to their last row, on a monotone cubic (PCHIP)
-    through their rows, which never overshoots them. People who never appear within `duration` s are left out.
-    Anything wrong is an InputError that names file, line, column and value.
+    Rows come in any order. Each person is present from the first to the last of their rows, on a monotone cubic (PCHIP)
+    without overshoot. People absent throughout `duration` s are left out. InputError names file, line and value.
     """
     times = np.arange(math.ceil(duration * SAMPLES_PER_SECOND - _EXACT) + 1) / SAMPLES_PER_SECOND
     people = _people(path, area)
@@ -109,7 +108,7 @@ def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
 
 
 def _lines(path: Path) -> list[str]:
-    """What a file holds, which is not nothing and no more lines than are allowed."""
+    """Lines of a file; InputError if it is empty or has too many."""
     found = text(path, "people.trajectories", MOST_BYTES)
     if not found.strip():
         raise InputError(f"{path}: is empty; its first line must name the columns {','.join(COLUMNS)}")
@@ -119,8 +118,8 @@ def _lines(path: Path) -> list[str]:
     return lines
 
 
-def _rows(path: Path, table: Any) -> Iterator[list[str]]:  # noqa: ANN401 - a reader of `csv`, whose type has no name
-    """Rows as they are read; InputError where one is longer than Python's reader takes."""
+def _rows(path: Path, table: Any) -> Iterator[list[str]]:  # noqa: ANN401 - a reader of `csv`, a type without a name
+    """Rows of a table; InputError if one is longer than Python's reader allows."""
     try:
         yield from table
     except csv.Error as error:

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from sim.scenario.bounds import Point
+from sim.scenario.environment import Area, People
 from sim.scenario.errors import InputError
-from sim.scenario.scenario import Area, People
 from sim.world.pedestrian_steering import SEPARATION, simulate
 from sim.world.trajectories import SAMPLES_PER_SECOND, Trajectories
 from tracking.geometry.visibility import Forest
@@ -21,7 +21,7 @@ TRUNK_CLEARANCE = 0.4  # m, from a trunk's bark to a person's axis
 MARGIN = 1.0  # m, from the border
 
 _PACE_TIME = 4.0  # s, after which the correlation of a person's pace has fallen to 1/e
-_DRIFT_TIME = 4.0  # s, the same for the turn rate of whoever wanders
+_DRIFT_TIME = 4.0  # s, the same for the turn rate of people without a path
 _DRIFT = 0.1  # rad/s, standard deviation of that turn rate
 _JITTER = 2.5  # m, standard deviation of start and waypoints about the scenario's
 _ROOM = 4.0  # m, about a start, to turn before anything in the way
@@ -32,7 +32,7 @@ def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np
     """Trajectories of `people.count` people for `duration` s.
 
     Person i follows the waypoints `people.paths[i]`, all of them moved a little at random, and goes on after the
-    last; people without a path start anywhere and wander. Nobody stops: all avoidance is by turning.
+    last; people without a path start anywhere and wander. All avoidance is by turning, never by stopping.
     """
     count, samples = people.count, math.ceil(duration * SAMPLES_PER_SECOND) + 1
     half = np.array([area.width, area.height]) / 2 - MARGIN
@@ -99,7 +99,7 @@ def _jittered(i: int, path: tuple[Point, ...], half: Array, rng: np.random.Gener
 
 
 def _starts(count: int, paths: list[Array], trunks: Array, half: Array, rng: np.random.Generator) -> Array:
-    """Position m, heading rad and turn rate rad/s (M, 4) of everyone at the start, clear of trunks and others.
+    """Position m, heading rad and turn rate rad/s (M, 4) of all people at the start, clear of trunks and others.
 
     Starts of `paths` move there too.
     """
@@ -123,7 +123,7 @@ def _starts(count: int, paths: list[Array], trunks: Array, half: Array, rng: np.
 
 
 def _clear(point: Array, others: Array, trunks: Array, half: Array, *, room: float) -> bool:
-    """Whether a point (2,) m is inside and `room` m beyond what must be kept from trunks and others."""
+    """True if a point (2,) m is inside and keeps `room` m more than the least distance from trunks and others."""
     return bool(
         np.all(np.abs(point) <= half)
         and np.all(length(others[:, :2] - point) > SEPARATION + room)

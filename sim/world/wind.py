@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from sim.scenario.scenario import Wind
+from sim.scenario.environment import Wind
 from tracking.numerics.compiled import Array
 from tracking.numerics.elementary import exp
 from tracking.numerics.normal import standard_normal

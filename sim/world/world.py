@@ -11,10 +11,10 @@ from typing import Literal
 
 import numpy as np
 
-from assets import ASSETS
+from sim.installation import ASSETS
 from sim.scenario.scenario import Scenario
 from sim.world import opengl
-from sim.world.appearance import style_of
+from sim.world.appearance import sample_appearance
 from sim.world.contacts import Contact
 from sim.world.engine import pybullet
 from sim.world.quadrotor import GRAVITY, ROTORS, drag, rotor_thrusts, steady_thrusts
@@ -23,7 +23,7 @@ from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.numerics.compiled import Array
 from tracking.numerics.elementary import arctan2, cos, hypot, sin
 
-# Where absent people wait: far below everything.
+# Position of absent people: far below everything.
 _AWAY = (0.0, 0.0, -1000.0)
 _PERSON_RADIUS = 0.25  # m, of the solid body
 _WHITE = (1.0, 1.0, 1.0)
@@ -32,7 +32,7 @@ _GOLDEN = (math.sqrt(5.0) - 1) / 2
 
 @dataclass(frozen=True)
 class Body:
-    """What a renderer needs to know of one PyBullet body."""
+    """A PyBullet body, as renderers need it."""
 
     id: int
     kind: Literal["canopy", "trunk", "person", "uav"]
@@ -45,8 +45,7 @@ class World:
 
     `bodies` lists canopies, trunks, people and UAVs, each kind in the order of the forest, the people and the
     scenario; `centres` gives their places. Trees stand still, people are placed, UAVs obey velocity commands.
-    The seed gives it its style, which differs from the plain one where the scenario's appearance varies, and the
-    repeat the noise of its images.
+    The seed gives its appearance, if the scenario varies that; the repeat gives the noise of its images.
     """
 
     def __init__(
@@ -61,7 +60,7 @@ class World:
     ) -> None:
         """`client` is the engine's client to build in, such as one with a window; without it a new one."""
         self.opengl = client is None and scenario.sensing.mode == "camera" and scenario.sensing.renderer == "egl"
-        self.style = style_of(scenario, seed, trees=len(forest.trees), people=people, repeat=repeat)
+        self.style = sample_appearance(scenario, seed, trees=len(forest.trees), people=people, repeat=repeat)
         self._scenario = scenario
         self.trees = forest.trees
         largest = max(uav.pixels for uav in scenario.uavs)
@@ -102,7 +101,7 @@ class World:
             self._put(body, place, 0.0 if math.isnan(heading) else heading)
 
     def place_uavs(self, poses: Sequence[Pose]) -> None:
-        """Put each UAV at a pose of its body, where it was once; its velocity stays."""
+        """Put each UAV at a recorded pose of its body; its velocity stays."""
         for body, pose in zip(self._uavs, poses, strict=True):
             pybullet.resetBasePositionAndOrientation(
                 body.id, pose.position.tolist(), pose.quaternion.tolist(), physicsClientId=self.client
@@ -136,7 +135,7 @@ class World:
         self._touch()
 
     def take_contacts(self) -> tuple[Contact, ...]:
-        """What UAVs touched since the last call, ascending; of two UAVs, the first one's contact."""
+        """Contacts of UAVs since the last call, ascending; a contact of two UAVs is listed for the first."""
         taken, self._touched = tuple(sorted(self._touched)), set()
         return taken
 
@@ -175,13 +174,13 @@ class World:
         pybullet.applyExternalTorque(body.id, -1, (0.0, 0.0, yaw), pybullet.LINK_FRAME, physicsClientId=self.client)
 
     def _touch(self) -> None:
-        """Note what the engine found to touch, or to be within its margin of 2 cm."""
+        """Note the contacts that the engine found, with its margin of 2 cm."""
         for _, a, b, *_ in pybullet.getContactPoints(physicsClientId=self.client):
             pair = sorted((self._names[a], self._names[b]), key=lambda name: (name[0] != "uav", name[1]))
             self._touched.add(Contact(pair[0][1], *pair[1]))
 
     def _glide(self, body: Body, east: float, north: float) -> None:
-        """Move one UAV as [Li22] eq. (5) says; at zero velocity, where the heading has no meaning, it is kept."""
+        """Move one UAV by [Li22] eq. (5); at zero velocity the heading is kept."""
         dt = 1.0 / self._scenario.rates.physics
         (x, y, z), (_, _, s, c) = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
         yaw = arctan2(north, east) if east or north else 2 * arctan2(s, c)

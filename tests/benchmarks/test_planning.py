@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from planning.registry import load_planner
+from planning.loading import load_planner
 
 EVALUATIONS = 12_288  # of every planner, for each plan or joint plan that it looks for
 # s, a whole trial of 40 decisions or more, R = 5, lambda = 75: [Li22], table of runtimes, by horizon.

@@ -14,7 +14,9 @@ from helpers.scenes import CAMERA, MOTION, OPEN, R, track
 from planning.composition import Composition
 from planning.objective.nbo import costs
 from sim.mission.mission import Mission
-from sim.scenario.scenario import Scenario, Sensing, Trees
+from sim.scenario.environment import Trees
+from sim.scenario.perception import Sensing
+from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import Renderer, capture
 from sim.world.world import World
 from tracking.detection.detector import Frame, detect

@@ -11,13 +11,15 @@ from itertools import islice, product
 import numpy as np
 import pytest
 
-from planning.registry import load_planner
+from planning.loading import load_planner
 from sim.mission.mission import Mission
+from sim.scenario.environment import Trees
 from sim.scenario.fleet import Uav
-from sim.scenario.scenario import Scenario, Sensing, Trees
+from sim.scenario.perception import Sensing
+from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import camera_of
 from sim.sensing.culling import in_frustum
 from sim.sensing.renderer import Renderer, capture
-from sim.sensing.sensors import camera_of
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame

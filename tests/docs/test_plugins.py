@@ -9,7 +9,8 @@ import pytest
 from planning.conformance.checks import CHECKS
 from planning.planner import Plan
 from sim.mission.mission import Mission
-from sim.scenario.scenario import Scenario, Sensing
+from sim.scenario.perception import Sensing
+from sim.scenario.scenario import Scenario
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "how-to" / "plugins.md").read_text(encoding="utf-8")

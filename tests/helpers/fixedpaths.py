@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from helpers.scenes import CAMERA, MOTION, OPEN
-from sim.scenario.scenario import Area, People
+from sim.scenario.environment import Area, People
 from sim.world.trajectories import SAMPLES_PER_SECOND
 from sim.world.walkers import walk
 from tracking.detection.noise import NoiseModel

@@ -1,6 +1,6 @@
 """Short missions."""
 
-from planning.registry import load_planner
+from planning.loading import load_planner
 from sim.mission.mission import Mission, Trial
 from sim.recording.recording import Recorder
 from sim.scenario.loading import load

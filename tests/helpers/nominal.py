@@ -13,7 +13,7 @@ from tracking.geometry.visibility import TARGET_HEIGHT
 
 def nominal(situation, horizon):
     """What compiled code takes; nothing in it is by chance."""
-    return Nominal().outlook(situation, horizon, np.random.default_rng(0))
+    return Nominal().predict(situation, horizon, np.random.default_rng(0))
 
 
 def plain_mwtp(targets, traces, sensors, reach):

@@ -1,4 +1,4 @@
-"""Who decides what: coordinations against one another, single decisions and exhaustive search."""
+"""Coordination schemes against one another, single decisions and exhaustive search."""
 
 import dataclasses
 import itertools
@@ -9,15 +9,18 @@ from helpers.nominal import nominal
 from helpers.situations import knowing
 
 from planning.composition import Composition
-from planning.coordination import Centralised, Decentralised, Parallel, Sequential, expected
+from planning.coordination.decision import expected_plans
+from planning.coordination.joint import Centralised, Decentralised
+from planning.coordination.parallel import Parallel
+from planning.coordination.sequential import Sequential
 from planning.objective.nbo import objective, team_cost
 from planning.optimizers.cross_entropy import CrossEntropy
-from planning.optimizers.grid import Grid
+from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.initial_plans import pursuits, turns
 from planning.planner import Plan
 from planning.prediction.intent import BASE_RANGE, base_control, policy_of_intent
 from planning.prediction.propagation import MonteCarlo, nominal_positions
-from planning.prediction.targets_in_reach import Hints, sights
+from planning.prediction.targets_in_reach import Hints, targets_in_reach
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import Forest
 
@@ -39,7 +42,7 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
         np.concatenate([intent[None], chases[:, None]]),
         np.array([5.0]),
         np.random.default_rng(9),
-        Hints(value, sights(view, [0], np.array([5.0]))),
+        Hints(value, targets_in_reach(view, [0], np.array([5.0]))),
     )
     np.testing.assert_array_equal(planned(team, 9, horizon=3, coordination=coordination), alone.plans)
 
@@ -49,7 +52,7 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
 def test_no_sweep_of_the_sequence_raises_the_teams_objective(random_team, beta, order):
     for seed in range(5):
         team = random_team(seed)
-        before = [team_cost(nominal(team[0], 5), expected(team[0], 5), beta)]
+        before = [team_cost(nominal(team[0], 5), expected_plans(team[0], 5), beta)]
         for sweeps in (1, 2, 3):
             plans = planned(team, seed, beta=beta, coordination=Sequential(order, sweeps), optimizer=CrossEntropy(256))
             before.append(team_cost(nominal(team[0], 5), plans, beta))
@@ -62,13 +65,13 @@ def test_each_uav_of_the_sequence_answers_the_plans_before_it(random_team):
     team = random_team(3)
     plans = planned(team, 1)
     rng = np.random.default_rng(1)
-    joint = expected(team[0], 5)
+    joint = expected_plans(team[0], 5)
     for uav, situation in enumerate(team):
         joint[uav] = Composition().decide(situation, joint, [uav], rng)[0]
     np.testing.assert_array_equal(plans, joint)
 
 
-def test_the_worst_first_is_who_is_near_the_most_uncertain_track(random_team):
+def test_the_worst_first_is_the_uav_near_the_most_uncertain_track(random_team):
     team = random_team(5)
     traces = [
         max(
@@ -87,7 +90,7 @@ def test_in_parallel_each_answers_the_intents_of_all_others(random_team):
     plans = planned(team, 2, coordination=Parallel())
     rng = np.random.default_rng(2)
     for uav, situation in enumerate(team):
-        single = Composition().decide(situation, expected(situation, 5), [uav], rng)[0]
+        single = Composition().decide(situation, expected_plans(situation, 5), [uav], rng)[0]
         np.testing.assert_array_equal(plans[uav], single)
 
 
@@ -104,7 +107,7 @@ def test_with_equal_beliefs_the_decentralised_plan_is_the_centralised_one(random
 
 @pytest.mark.parametrize("beta", [0.0, 0.5])
 def test_the_centralised_plan_on_a_coarse_grid_is_the_exhaustive_optimum(random_team, beta):
-    grid = Grid(6)
+    grid = GridSearch(6)
     for seed in range(5):
         team = knowing(random_team(seed, spread=10.0), np.zeros((3, 1, 2)))
         plans = planned(team, horizon=1, beta=beta, coordination=Centralised(), optimizer=grid)
@@ -114,7 +117,7 @@ def test_the_centralised_plan_on_a_coarse_grid_is_the_exhaustive_optimum(random_
         assert team_cost(view, plans, beta) <= min(tried)
 
 
-def test_the_centre_knows_all_uavs_whoever_hears_whom(random_team):
+def test_the_centre_knows_all_uavs_without_radio_links(random_team):
     team = random_team(1)
     deaf = [dataclasses.replace(s, neighbours=()) for s in team]
     np.testing.assert_array_equal(planned(deaf, coordination=Centralised()), planned(team, coordination=Centralised()))
@@ -130,7 +133,7 @@ def test_without_chance_monte_carlo_equals_nominal(random_team, beta):
             dataclasses.replace(t, belief=type(t.belief)(t.belief.mean, np.zeros((4, 4)))) for t in situation.tracks
         ]
         sure = dataclasses.replace(situation, tracks=tuple(still))
-        drawn = MonteCarlo(7).outlook(sure, 5, np.random.default_rng(0))
+        drawn = MonteCarlo(7).predict(sure, 5, np.random.default_rng(0))
         drawn = drawn._replace(covariances=np.tile(view.covariances, (7, 1, 1)))
         controls = np.random.default_rng(seed).uniform(-3, 3, (3, 5, 2))
         assert team_cost(drawn, controls, beta, 7) == pytest.approx(team_cost(view, controls, beta), rel=1e-9)
@@ -138,7 +141,7 @@ def test_without_chance_monte_carlo_equals_nominal(random_team, beta):
 
 def test_monte_carlo_draws_from_belief_and_motion_model(random_team):
     situation = random_team(2, targets=1)[0]
-    points = MonteCarlo(20_000).outlook(situation, 3, np.random.default_rng(0)).points[:, :, 0, :2]
+    points = MonteCarlo(20_000).predict(situation, 3, np.random.default_rng(0)).points[:, :, 0, :2]
     mean, covariance = situation.tracks[0].belief.mean, situation.tracks[0].belief.covariance
     for step in range(3):
         mean, covariance = situation.motion.predict_all(mean[None], covariance[None])

@@ -7,12 +7,13 @@ import pytest
 from helpers.situations import knowing
 
 from planning.composition import Composition
-from planning.coordination import Centralised, expected
+from planning.coordination.decision import expected_plans
+from planning.coordination.joint import Centralised
+from planning.loading import load_planner
 from planning.objective.nbo import team_cost
-from planning.optimizers.grid import Grid
+from planning.optimizers.grid_search import GridSearch
 from planning.prediction.intent import base_control
 from planning.prediction.propagation import MonteCarlo
-from planning.registry import load_planner
 
 
 def rolled_out(situation, uav, first, horizon):
@@ -27,14 +28,14 @@ def rolled_out(situation, uav, first, horizon):
 @pytest.mark.parametrize("horizon", [1, 2, 5])
 def test_the_first_action_on_a_grid_is_the_best_by_brute_force(random_team, horizon):
     """Each UAV in turn: no control of the grid, with the base policy after it, is better on the same trajectories."""
-    grid = Grid(16)
+    grid = GridSearch(16)
     for seed in range(6):
         team = knowing(random_team(seed, spread=15.0), np.zeros((3, horizon, 2)))
         pieces = Composition(horizon, propagation=MonteCarlo(6), beta=0.0, optimizer=grid, actions="first")
         plans = np.array([p.controls for p in pieces.plan(team, np.random.default_rng(seed))])
-        rng, joint = np.random.default_rng(seed), expected(team[0], horizon)
+        rng, joint = np.random.default_rng(seed), expected_plans(team[0], horizon)
         for uav, situation in enumerate(team):
-            view = MonteCarlo(6).outlook(situation, horizon, rng)
+            view = MonteCarlo(6).predict(situation, horizon, rng)
             np.testing.assert_allclose(plans[uav], rolled_out(situation, uav, plans[uav, 0], horizon), atol=1e-9)
             costs = {}
             for first in [*map(tuple, grid.controls(5.0)), tuple(plans[uav, 0])]:
@@ -46,12 +47,12 @@ def test_the_first_action_on_a_grid_is_the_best_by_brute_force(random_team, hori
 
 
 def test_joint_first_actions_are_the_best_by_brute_force(random_team):
-    grid = Grid(4)
+    grid = GridSearch(4)
     for seed in range(4):
         team = knowing(random_team(seed, uavs=2, spread=15.0), np.zeros((2, 3, 2)))
         pieces = Composition(3, Centralised(), optimizer=grid, actions="first", beta=0.5)
         plans = np.array([p.controls for p in pieces.plan(team, np.random.default_rng(seed))])
-        view = pieces.propagation.outlook(team[0], 3, np.random.default_rng(0))
+        view = pieces.propagation.predict(team[0], 3, np.random.default_rng(0))
         tried = [
             team_cost(view, np.array([rolled_out(team[0], i, u, 3) for i, u in enumerate(firsts)]), 0.5)
             for firsts in itertools.product(grid.controls(5.0), repeat=2)
@@ -75,11 +76,11 @@ def test_every_optimiser_finds_first_actions_within_limits(random_team, optimize
 
 
 def test_for_one_uav_optimising_all_controls_is_at_least_as_good(random_team):
-    """What the base policy does after a first control is one of the plans that all controls can make."""
+    """The plan of the base policy after a first control is one of those that all controls can make."""
     gains = []
     for seed in range(8):
         team = random_team(seed, uavs=1, targets=6)
-        view = Composition().propagation.outlook(team[0], 5, np.random.default_rng(0))
+        view = Composition().propagation.predict(team[0], 5, np.random.default_rng(0))
         whole, first = (
             team_cost(view, np.array([p.controls for p in pieces.plan(team, np.random.default_rng(seed))]), 0.0)
             for pieces in (Composition(beta=0.0), Composition(beta=0.0, actions="first"))

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planning.coordination import expected
+from planning.coordination.decision import expected_plans
+from planning.loading import load_planner
 from planning.optimizers.particle_swarm import ParticleSwarm
-from planning.registry import load_planner
 
-PLANNERS = ("sma-nbo-mwtp", "pma-nbo")  # who expect what they will see, and who take it at the nominal place
+PLANNERS = ("sma-nbo-mwtp", "pma-nbo")  # expected and nominal visibility
 
 
 class Both:
@@ -31,7 +31,9 @@ def excess(random_team, planner, seed, times):
     """By how much the first UAV's plan costs more than the swarm's: three UAVs, four to six targets, 75 trees, MWTP."""
     situation, composition = random_team(seed, trees=75, targets=4 + seed % 3)[0], load_planner(planner).composition
     both = Both(composition.optimizer, times)
-    replace(composition, optimizer=both).decide(situation, expected(situation, 5), [0], np.random.default_rng(seed))
+    replace(composition, optimizer=both).decide(
+        situation, expected_plans(situation, 5), [0], np.random.default_rng(seed)
+    )
     return both.excess
 
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from planning.registry import PlannerError, load_planner
+from planning.errors import PlannerError
+from planning.loading import load_planner
 
 
 @pytest.mark.parametrize(

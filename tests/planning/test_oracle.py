@@ -1,4 +1,4 @@
-"""The oracle sees the truth, nobody else does, and whatever it comes to is marked."""
+"""The oracle alone sees the truth, and its results are marked."""
 
 import json
 import pickle
@@ -7,8 +7,9 @@ import struct
 import numpy as np
 import pytest
 
+from planning.loading import load_planner
 from planning.oracle import _UNKNOWN, Oracle, _TruePaths, true_tracks
-from planning.registry import PLANNERS, load_planner
+from planning.registry import PLANNERS
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.summary import results_table
 from sim.mission.mission import Mission, Trial
@@ -99,7 +100,7 @@ def test_a_persons_covariance_is_that_of_the_track_assigned_at_the_least_total_d
     np.testing.assert_array_equal(found[2].belief.covariance, _UNKNOWN)
 
 
-def test_the_oracle_plans_along_true_paths_and_whoever_leaves_stays(random_team):
+def test_the_oracle_plans_along_true_paths_which_end_where_a_person_leaves(random_team):
     situation = type(random_team(0)[0])(**{**vars(random_team(0)[0]), "time": 3.0})
     circle = lambda t: np.array([[10 * np.cos(t), 10 * np.sin(t)], [t, 1.0] if t < 5.5 else [np.nan] * 2])  # noqa: E731
     situation = type(situation)(**{**vars(situation), "tracks": true_tracks(situation, circle)})
@@ -109,7 +110,7 @@ def test_the_oracle_plans_along_true_paths_and_whoever_leaves_stays(random_team)
     np.testing.assert_array_equal(view.points[..., 2], TARGET_HEIGHT)
 
 
-def test_a_person_whom_tracks_have_lost_is_looked_for_by_the_oracle_alone():
+def test_the_oracle_alone_searches_for_a_person_without_a_track():
     """All tracks are wrong by 30 m, in the open: the oracle goes to where people are."""
 
     class Lost(Oracle):

@@ -10,12 +10,13 @@ import pytest
 
 from planning.baselines import Lawnmower
 from planning.composition import Composition
-from planning.coordination import Sequential
+from planning.coordination.sequential import Sequential
+from planning.loading import load_planner
 from planning.optimizers.cross_entropy import CrossEntropy
-from planning.optimizers.grid import Grid
+from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.prediction.propagation import MonteCarlo, Nominal
-from planning.registry import PLANNERS, installed, load_planner
+from planning.registry import PLANNERS, installed_planners
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 
@@ -116,19 +117,19 @@ def test_options_choose_the_pieces():
     pieces = load_planner("sma-nbo( order = worst-first , sweeps=2,visibility='expected', evaluations=99)").composition
     assert pieces == Composition(5, Sequential("worst-first", 2), Nominal(expected=True), 0.0, CrossEntropy(99), None)
     pieces = load_planner("sma-nbo(optimizer=grid, evaluations=99, seconds=0.5)").composition
-    assert pieces.optimizer == Grid(evaluations=99, seconds=0.5)
+    assert pieces.optimizer == GridSearch(evaluations=99, seconds=0.5)
     assert load_planner("planning.baselines:Lawnmower(pace=0.5)") == Lawnmower(0.5)
 
 
 def test_planners_that_other_packages_bring_have_names(monkeypatch):
     point = EntryPoint("theirs", "planning.baselines:Hover", "understory.planners")
     monkeypatch.setattr("planning.registry.entry_points", lambda group: [point] if group == point.group else [])
-    installed.cache_clear()
+    installed_planners.cache_clear()
     try:
         assert load_planner("theirs") == load_planner("hover")
-        assert list(installed()) == [*PLANNERS, "theirs"]
+        assert list(installed_planners()) == [*PLANNERS, "theirs"]
     finally:
-        installed.cache_clear()
+        installed_planners.cache_clear()
 
 
 def test_the_lawnmower_sees_the_whole_area_in_time(random_team):

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from planning.catalogue import catalogue
-from planning.registry import PLANNERS, PlannerSpec, installed, load_planner
+from planning.loading import load_planner
+from planning.registry import PLANNERS, PlannerSpec, installed_planners
 from sim.__main__ import main
 from tracking.plugins.importing import imported
 
@@ -192,9 +193,9 @@ def call(tmp_path, monkeypatch, capsys):
         captured = capsys.readouterr()
         return code, captured.out, captured.err
 
-    installed.cache_clear()
+    installed_planners.cache_clear()
     yield run
-    installed.cache_clear()
+    installed_planners.cache_clear()
 
 
 @pytest.mark.parametrize("planner", REFUSED)
@@ -257,11 +258,11 @@ def test_of_two_packages_with_one_name_the_first_flies(tmp_path, monkeypatch):
         (tmp_path / name).mkdir()
         package(tmp_path / name, name, f"[understory.planners]\nstill = {target}\n")
         monkeypatch.syspath_prepend(tmp_path / name)
-    installed.cache_clear()
+    installed_planners.cache_clear()
     try:
         assert load_planner("still") == load_planner("hover")
         groups = catalogue()
     finally:
-        installed.cache_clear()
+        installed_planners.cache_clear()
     assert groups["From alpha 1.2"] == {"still": "Stays where it is."}
     assert groups["From zeal 1.2"] == {"still": "hidden: the name is that of a planner of alpha 1.2"}

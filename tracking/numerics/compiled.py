@@ -46,6 +46,15 @@ def _kept(compiler: Callable[..., Any], function: Callable[..., Any], **options:
     index = made._cache if hasattr(made, "_cache") else made._dispatcher.cache
     kept = index._cache_file
     kept._source_stamp = (kept._source_stamp, digest_of(Path(function.__code__.co_filename)))
+    load = kept._load_index
+
+    def load_index() -> Any:  # noqa: ANN401 - numba's
+        try:
+            return load()
+        except (AttributeError, ImportError):  # of other sources, with a class of tuples that is gone or renamed
+            return {}
+
+    kept._load_index = load_index
     return made
 
 

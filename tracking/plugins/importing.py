@@ -1,14 +1,19 @@
-"""Other people's classes, by import string."""
+"""Import of plug-in classes by import string."""
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import pkgutil
+import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from tracking.plugins.containment import ForeignError, contained
+from tracking.plugins.spelling import nearest
+
+_OURS = ("sim", "planning", "tracking", "assets", "understory")
+_ROOT = Path(__file__).parents[2]
 
 
 def imported(target: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
@@ -21,6 +26,10 @@ def imported(target: str) -> Any:  # noqa: ANN401 - whatever a user's module hol
         raise ImportError(f"{module!r} is not the name of a module")
     if not attribute:
         raise ImportError(f"it names no class; write {module}:Class")
+    top = module.partition(".")[0]
+    if top in (*_OURS, *sys.stdlib_module_names) and _hidden([module]):
+        owner = "Understory" if top in _OURS else "Python"
+        raise ImportError(f"{top!r} is a module of {owner}, which hides that of the current folder; rename yours")
     try:
         with contained(ModuleNotFoundError):
             loaded = importlib.import_module(module)
@@ -29,19 +38,26 @@ def imported(target: str) -> Any:  # noqa: ANN401 - whatever a user's module hol
                 found = getattr(found, part, None)
             usable = callable(found)
     except ModuleNotFoundError as error:
-        raise ImportError(_missing(module, error)) from error
+        raise ImportError(_missing(module, error) + _clash()) from error
     except ForeignError as error:
-        raise ImportError(error.text if error.kind == "ImportError" else str(error)) from error
+        raise ImportError((error.text if error.kind == "ImportError" else str(error)) + _clash()) from error
     if not usable:
         classes = [name for name, value in vars(loaded).items() if isinstance(value, type)]
         raise ImportError(f"{module} has no class {attribute!r}{nearest(attribute, classes)}")
     return found
 
 
-def nearest(word: str, known: Iterable[str], cutoff: float = 0.3) -> str:
-    """The end of a complaint about a word: the nearest one that is known, if there is any."""
-    near = difflib.get_close_matches(word, list(known), n=1, cutoff=cutoff)
-    return f"; did you mean {near[0]}?" if near else ""
+def _hidden(names: Iterable[str]) -> list[str]:
+    """Names of modules that exist in the current folder, too, unless that is our own."""
+    here = Path.cwd()
+    places = {name: here.joinpath(*name.split(".")) for name in names if here != _ROOT}
+    return [name for name, place in places.items() if place.is_dir() or place.with_name(f"{place.name}.py").is_file()]
+
+
+def _clash() -> str:
+    """The end of an error message: modules of the current folder that ours hide; empty: none."""
+    hidden = ", ".join(_hidden(_OURS))
+    return f"; Understory's packages hide those in the current folder of the names {hidden}" if hidden else ""
 
 
 def _missing(module: str, error: ModuleNotFoundError) -> str:

@@ -13,8 +13,8 @@ from planning.objective.nbo import costs
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.initial_plans import pursuits
 from planning.planner import Plan, Situation
+from planning.prediction.field_of_view import aim_point
 from planning.prediction.propagation import nominal_positions
-from planning.prediction.view import aim
 from tracking.numerics.compiled import Array
 from tracking.numerics.matrices import applied, length
 
@@ -51,15 +51,15 @@ class Herding(Composition):
         vehicles, rows = situation.vehicles, list(uavs)
         nominal = nominal_positions(situation.tracks, situation.step, self.horizon)  # (H, T, 2) m
         traces = np.array([t.belief.covariance[0, 0] + t.belief.covariance[1, 1] for t in situation.tracks])
-        seen_from = np.array([v.position[:2] + aim(v) for v in vehicles])
-        outlook = self.propagation.outlook(situation, self.horizon, rng)
+        seen_from = np.array([v.position[:2] + aim_point(v) for v in vehicles])
+        belief = self.propagation.predict(situation, self.horizon, rng)
 
         def objective(candidates: Array) -> Array:  # (N, k, H, 2) m/s -> (N,) m²
             flown = np.repeat(controls[None], len(candidates), axis=0)
             flown[:, rows] = candidates
             ends = seen_from + situation.step * flown.sum(axis=2)  # (N, n, 2) m
             gaps = length(ends[:, :, None] - nominal[-1]).min(axis=1)  # (N, T) m
-            return np.asarray(costs(outlook, controls, rows, candidates, beta=0.0) + applied(gaps, traces) / self.far)
+            return np.asarray(costs(belief, controls, rows, candidates, beta=0.0) + applied(gaps, traces) / self.far)
 
         intents = controls[rows][None]  # (1, k, H, 2)
         starts = [intents]

@@ -10,7 +10,7 @@ from sim.mission.snapshot import Bools, Ints
 from sim.mission.tracker_setup import initial_tracks, tracker_parameters
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
-from sim.sensing.sensors import view_of
+from sim.sensing.cameras import view_of
 from tracking.filter.negative_information import Moment, look
 from tracking.geometry.visibility import Forest
 from tracking.measurement_update import Predicted, foreseen, weighed

@@ -16,8 +16,8 @@ from sim.replay.explain.association import Association
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sighting, sightings
 from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import view_of
 from sim.sensing.detection_truth import matched_detections, visible_pixels
-from sim.sensing.sensors import view_of
 from tracking.numerics.compiled import Array
 
 

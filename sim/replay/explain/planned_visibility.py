@@ -9,7 +9,7 @@ import numpy as np
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
-from sim.sensing.sensors import planned_attitude, view_of
+from sim.sensing.cameras import planned_attitude, view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest

@@ -15,8 +15,8 @@ from sim.recording.validation import check_scenario
 from sim.scenario.errors import InputError
 from sim.scenario.loading import decode
 from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import camera_of
 from sim.sensing.renderer import Rendered, Renderer
-from sim.sensing.sensors import camera_of
 from sim.world.world import World
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import camera_of
 from sim.sensing.culling import NEAR
-from sim.sensing.sensors import camera_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.compiled import Array

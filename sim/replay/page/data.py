@@ -21,7 +21,7 @@ from sim.replay.event import UNMATCHED, Event
 from sim.replay.history import STATES, History
 from sim.replay.views import view_texts
 from sim.scenario.scenario import Scenario
-from sim.sensing.sensors import camera_of
+from sim.sensing.cameras import camera_of
 from tracking.geometry.camera import Pose
 from tracking.numerics.compiled import Array
 

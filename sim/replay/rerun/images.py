@@ -13,7 +13,7 @@ from sim.recording.recording import Recording
 from sim.replay.explain.association import Association
 from sim.replay.frames.rerender import Rerenderer
 from sim.scenario.scenario import Scenario
-from sim.sensing.sensors import camera_of
+from sim.sensing.cameras import camera_of
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.compiled import Array

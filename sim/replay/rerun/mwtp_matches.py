@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planning.objective.mwtp import matching
-from planning.objective.nbo import ends
+from planning.objective.mwtp import matches
+from planning.objective.nbo import terminal_state
 from planning.planner import Situation, Vehicle
 from planning.prediction.propagation import Nominal
 from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
-from sim.sensing.sensors import noise_of, planned_attitude, view_of
+from sim.sensing.cameras import noise_of, planned_attitude, view_of
 from tracking.geometry.visibility import Forest
 from tracking.numerics.compiled import Array
 
@@ -40,8 +40,8 @@ def matches_at(recording: Recording, scenario: Scenario, k: int, believer: int) 
     controls = _joint([plans[v.id].controls for v in situation.vehicles])
     if not controls.shape[1]:
         return ()
-    view = Nominal().outlook(situation, controls.shape[1], np.random.default_rng(0))  # draws nothing
-    last = ends(view._replace(weights=np.array([t.existence for t in situation.tracks])), controls)
+    view = Nominal().predict(situation, controls.shape[1], np.random.default_rng(0))  # draws nothing
+    last = terminal_state(view._replace(weights=np.array([t.existence for t in situation.tracks])), controls)
     return tuple(
         TrackMatch(
             uav=situation.vehicles[m.uav].id,
@@ -50,7 +50,7 @@ def matches_at(recording: Recording, scenario: Scenario, k: int, believer: int) 
             distance=m.distance,
             penalty=m.penalty,
         )
-        for m in matching(last.targets, last.traces, last.seen, last.sensors, view.views)
+        for m in matches(last.targets, last.traces, last.seen, last.sensors, view.views)
     )
 
 

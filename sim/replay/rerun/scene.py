@@ -18,7 +18,7 @@ from sim.mission.snapshot import Ints, Snapshot
 from sim.recording.recording import Recording
 from sim.replay.rerun.mwtp_matches import TrackMatch, matches_at
 from sim.scenario.scenario import Scenario
-from sim.sensing.sensors import camera_of
+from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.compiled import Array
 from tracking.tracker import Track

@@ -8,9 +8,11 @@ import pytest
 
 from planning.composition import Composition
 from planning.conformance.checks import CHECKS, check
-from planning.coordination import Centralised, Sequential
+from planning.coordination.joint import Centralised
+from planning.coordination.sequential import Sequential
+from planning.errors import PlannerError
 from planning.planner import Plan
-from planning.registry import PLANNERS, PlannerError
+from planning.registry import PLANNERS
 
 CLAIM = {"nothing from the unheard", "only plans from others"}
 LITTLE = {"mcr": "(samples=5, evaluations=64)", "lawnmower": "", "greedy": "", "hover": ""}  # effort
@@ -287,12 +289,12 @@ BROKEN = [
     (Eavesdropping, "only plans from others", "UAV 0's plan says nothing, but its tracks change the plan of UAV 2"),
     (Deaf, "only plans from others", "UAV 0's plan is lost, but its tracks change the plan of UAV"),
     (Nosy, "only plans from others", "UAV 0's plan says nothing, but its people not found change the plan of UAV"),
-    (Telepathic, "nothing from the unheard", "UAV 1 hears nobody, but others' tracks change the plan of UAV 1"),
+    (Telepathic, "nothing from the unheard", "UAV 1 is out of contact, but others' tracks change the plan of UAV 1"),
     (Pair, "one UAV", "IndexError"),
     (Needy, "no tracks", "ValueError"),
     (Wooden, "no trees", "controls of plan 0 have the shape (0, 2)"),
     (Placing, "a UAV broken down", "IndexError"),
-    (Sociable, "nobody in hearing", "IndexError"),
+    (Sociable, "out of contact", "IndexError"),
     (Hasty, "first decision", "ValueError"),
     (Small, "fifty tracks", "could not broadcast"),
 ]
@@ -317,7 +319,7 @@ def test_what_is_broken_covers_every_check_but_time():
 @pytest.mark.parametrize(
     ("planner", "name"), [(Centre, "nothing from the unheard"), (WorstFirst, "only plans from others")]
 )
-def test_who_compares_beliefs_cannot_claim_to_be_decentralised(planner, name):
+def test_a_planner_that_compares_beliefs_cannot_claim_to_be_decentralised(planner, name):
     assert name in failed(planner, other_process=False)
 
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planning.objective.mwtp import weighted_trace_penalty
-from planning.objective.mwtp_lanes import cover_lanes, penalties, workspace
-from planning.prediction.belief import LANES
-from planning.prediction.view import quadrangle
+from planning.objective.mwtp_lanes import mark_in_view_lanes, penalties, workspace
+from planning.prediction.field_of_view import view_quadrangle
+from planning.prediction.predicted_belief import LANES
 from tracking.geometry.camera import ALL_ROUND, Camera
 
 
@@ -21,7 +21,7 @@ def views(team, rng, kind):
             Rotation.from_euler("xyz", rng.uniform(-0.4, 0.4, 3)).as_quat() if kind == "tilted" else s.own.attitude
         )
         camera = Camera(ALL_ROUND, 128) if kind == "all round" and i % 2 else s.own.camera
-        out.append(quadrangle(dataclasses.replace(s.own, attitude=attitude, camera=camera)))
+        out.append(view_quadrangle(dataclasses.replace(s.own, attitude=attitude, camera=camera)))
     return np.array(out)
 
 
@@ -38,7 +38,7 @@ def test_side_by_side_the_penalty_is_that_of_each_plan(random_team, kind):
         work, sums = workspace(T, n), np.zeros(LANES)
         work.unseen[:], work.sensors[:, :2], work.sensors[:, 2] = 1.0, sensors, 0.0
         for uav in range(n):
-            cover_lanes(work, targets, uav, fields)
+            mark_in_view_lanes(work, targets, uav, fields)
         penalties(work, targets, traces, fields, sums)
         lanes = [(np.ascontiguousarray(traces[:, k]), np.ascontiguousarray(sensors[:, :, k])) for k in range(LANES)]
         expected = [weighted_trace_penalty(targets, trace, sensor, fields) for trace, sensor in lanes]

@@ -30,7 +30,7 @@ def test_the_objective_of_expected_visibility_equals_a_plain_transcription(rando
     for seed in range(15):
         situation = random_team(seed, spread=12.0 + seed)[0]
         controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (3, 5, 2))
-        view = Nominal(expected=True).outlook(situation, 5, np.random.default_rng(0))
+        view = Nominal(expected=True).predict(situation, 5, np.random.default_rng(0))
         expected, _ = plain_cost(situation, controls, beta, expected=True)
         assert team_cost(view, controls, beta) == pytest.approx(expected, rel=1e-6)  # marks have eight digits
         partly += not math.isclose(expected, plain_cost(situation, controls, beta)[0], rel_tol=1e-3)

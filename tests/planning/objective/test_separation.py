@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from planning.loading import load_planner
 from planning.objective.separation import Separation, _closest
-from planning.prediction.intent import paths
-from planning.registry import load_planner
+from planning.prediction.intent import camera_paths
 
 
 def level(team, places):
@@ -22,7 +22,7 @@ def level(team, places):
 def nearest(team, plans):
     """Least distance [m] at any time between UAVs that fly straight from step to step."""
     now = np.array([s.own.position for s in team])
-    way = np.concatenate([now[:, None], paths(now, np.array([p.controls for p in plans]), 1.0)], axis=1)
+    way = np.concatenate([now[:, None], camera_paths(now, np.array([p.controls for p in plans]), 1.0)], axis=1)
     times = np.linspace(0, way.shape[1] - 1, 2001)
     flown = np.array([[np.interp(times, np.arange(way.shape[1]), w[:, axis]) for axis in range(3)] for w in way])
     pairs = [np.linalg.norm(flown[i] - flown[j], axis=0).min() for i in range(len(flown)) for j in range(i)]

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 from helpers.flights import fly
 
-from planning.coordination import expected
+from planning.coordination.decision import expected_plans
+from planning.loading import load_planner
 from planning.objective.separation import Separation
 from planning.objective.undetected_targets import Search
-from planning.prediction.view import quadrangle, reach
-from planning.registry import load_planner
+from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.undetected import Unseen
 
-NOBODY = Unseen(np.zeros((20, 30)), (-75.0, -50.0), (5.0, 5.0))
+NONE = Unseen(np.zeros((20, 30)), (-75.0, -50.0), (5.0, 5.0))
 
 
-def unaware(situation, people=NOBODY.people):
-    return dataclasses.replace(situation, unseen=dataclasses.replace(NOBODY, people=people))
+def unaware(situation, people=NONE.people):
+    return dataclasses.replace(situation, unseen=dataclasses.replace(NONE, people=people))
 
 
 def found(situation, uav, place):
@@ -28,7 +28,7 @@ def found(situation, uav, place):
     quarters = [(a, b) for a in (-1.25, 1.25) for b in (-1.25, 1.25)]
     points[..., :2] = situation.unseen.centres().reshape(-1, 1, 2) + quarters
     camera = np.array([*place, vehicle.position[2]])
-    view = quadrangle(vehicle)
+    view = view_quadrangle(vehicle)
     shown = np.all((points[..., :2] - place) @ view[:4, :2].T <= view[:4, 2], axis=-1)
     free = situation.forest.visible(camera[None], points.reshape(-1, 3)).reshape(600, 4)
     return 0.99 * (shown & free).mean(axis=1)
@@ -57,7 +57,8 @@ def transcribed(situation, controls, uavs, candidate):
         places[i] = start[i] + 5.0 * np.round(candidate[list(uavs).index(i)].sum(axis=0) / 5.0)
         for cell, people in zip(belief.centres().reshape(-1, 2), others, strict=True):
             gaps = [
-                math.dist(p, cell) - reach(v) / math.sqrt(2) for p, v in zip(places, situation.vehicles, strict=True)
+                math.dist(p, cell) - viewing_range(v) / math.sqrt(2)
+                for p, v in zip(places, situation.vehicles, strict=True)
             ]
             total += people * max(min(gaps), 0.0) / 5.0
     return total
@@ -69,14 +70,14 @@ def test_the_term_is_people_not_found_and_the_steps_to_them(random_team, uavs):
     for seed in range(2):
         people = np.where(rng.random((20, 30)) < 0.15, rng.random((20, 30)), 0.0)
         situation = unaware(random_team(seed, trees=75)[0], people)
-        controls = expected(situation, 3)
+        controls = expected_plans(situation, 3)
         candidates = rng.uniform(-3.5, 3.5, (3, len(uavs), 3, 2))
         costs = Search(7.0).term(situation, controls, uavs)(candidates)
         by_hand = [7.0 * transcribed(situation, controls, uavs, c) for c in candidates]
         np.testing.assert_allclose(costs, by_hand, rtol=1e-9)
 
 
-def test_where_nobody_is_unseen_the_plan_is_as_without_search(random_team):
+def test_without_undetected_targets_the_plan_is_as_without_search(random_team):
     team = random_team(1)
     plain = load_planner("sma-nbo-mwtp(search=0)").plan(team, np.random.default_rng(0))
     for aware in (team, [unaware(s) for s in team]):
@@ -86,11 +87,11 @@ def test_where_nobody_is_unseen_the_plan_is_as_without_search(random_team):
 
 
 @pytest.mark.parametrize("coordination", ["sequential", "parallel", "decentralised", "centralised"])
-def test_the_nearest_flies_to_where_somebody_must_be(random_team, coordination):
+def test_the_nearest_uav_flies_to_where_an_undetected_target_must_be(random_team, coordination):
     planner = load_planner(f"sma-nbo-mwtp(search=100, coordination={coordination})")
     people = np.zeros((20, 30))
     people[10, 28] = 1.0
-    place = NOBODY.centres()[10, 28]
+    place = NONE.centres()[10, 28]
     team = [unaware(s, people) for s in random_team(2, targets=0, trees=0)]
     gaps = [np.hypot(*(place - s.own.position[:2])) for s in team]
     plans = planner.plan(team, np.random.default_rng(0))
@@ -136,13 +137,13 @@ def test_nothing_is_inferred_from_a_camera_that_takes_no_frame_when_uavs_plan():
     assert again[2] < once[2] - 1e-3 and max(np.subtract(later, again)) < -1e-3
 
 
-def test_where_all_are_known_nobody_is_unseen():
+def test_with_all_targets_known_none_is_undetected():
     mission, _ = fly("sensing.mode=ideal", planner="sma-nbo-mwtp", duration=3)
     assert not any(undetected.belief.people.any() for undetected in mission._undetected)
 
 
 def test_with_search_fewer_people_are_left_where_no_camera_looked():
-    """Wandering people: without search UAVs hover by those whom they have found."""
+    """Wandering people: without search UAVs hover by the people that they have found."""
     left = {}
     for search in (0, 25):
         planner = f"sma-nbo-mwtp(search={search}, evaluations=256)"

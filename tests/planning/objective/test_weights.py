@@ -7,9 +7,9 @@ import pytest
 from helpers.nominal import nominal, plain_cost
 
 from planning.composition import Composition
+from planning.loading import load_planner
 from planning.objective.nbo import team_cost
 from planning.prediction.propagation import MonteCarlo
-from planning.registry import load_planner
 
 
 class Kept:
@@ -49,7 +49,7 @@ def test_each_sample_of_a_target_counts_alike(random_team):
     Composition(propagation=MonteCarlo(3), optimizer=optimizer).decide(
         situation, controls, [0, 1, 2], np.random.default_rng(0)
     )
-    drawn = MonteCarlo(3).outlook(situation, 5, np.random.default_rng(0))
+    drawn = MonteCarlo(3).predict(situation, 5, np.random.default_rng(0))
     each = [
         team_cost(
             drawn._replace(

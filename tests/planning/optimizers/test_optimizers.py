@@ -1,4 +1,4 @@
-"""The optimisers on functions whose minimum is known, and against exhaustive search."""
+"""The optimisers on functions with a known minimum, and against exhaustive search."""
 
 from time import perf_counter, sleep
 
@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from helpers.nominal import nominal
 
-from planning.coordination import expected
+from planning.coordination.decision import expected_plans
 from planning.objective.nbo import costs
 from planning.optimizers.cross_entropy import CrossEntropy
-from planning.optimizers.grid import Grid
+from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.initial_plans import pursuits
-from planning.optimizers.optimizer import limited
+from planning.optimizers.optimizer import speed_limited
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.prediction.propagation import nominal_positions
 
@@ -35,12 +35,12 @@ def test_the_minimum_of_a_quadratic_is_found(name, uavs):
     assert found.cost == np.sum((found.plans - goal) ** 2)
 
 
-@pytest.mark.parametrize("optimizer", [CrossEntropy(16, rounds=2), ParticleSwarm(40), Grid(2)])
+@pytest.mark.parametrize("optimizer", [CrossEntropy(16, rounds=2), ParticleSwarm(40), GridSearch(2)])
 def test_no_optimiser_is_worse_than_its_best_start_or_too_fast(optimizer):
     rng = np.random.default_rng(2)
     limits = np.array([5.0, 2.0])
     for seed in range(10):
-        starts = limited(rng.normal(0, 3, (5, 2, 2, 2)), limits)
+        starts = speed_limited(rng.normal(0, 3, (5, 2, 2, 2)), limits)
         weights = rng.normal(size=(2, 2, 2))
 
         def objective(c, weights=weights):
@@ -51,7 +51,9 @@ def test_no_optimiser_is_worse_than_its_best_start_or_too_fast(optimizer):
         assert np.all(np.linalg.norm(found.plans, axis=2).max(axis=1) <= limits * (1 + 1e-12))
 
 
-@pytest.mark.parametrize("optimizer", [CrossEntropy(160), ParticleSwarm(120), Grid(4, 2), Grid(4, 2, evaluations=30)])
+@pytest.mark.parametrize(
+    "optimizer", [CrossEntropy(160), ParticleSwarm(120), GridSearch(4, 2), GridSearch(4, 2, evaluations=30)]
+)
 def test_what_an_optimiser_used_is_what_it_reports(optimizer):
     asked = []
 
@@ -74,9 +76,9 @@ def test_a_budget_in_seconds_is_used_and_kept(optimizer):
 
 @pytest.mark.parametrize(
     "optimizer",
-    [CrossEntropy(10**5, rounds=100, seconds=0.2), ParticleSwarm(10**5, seconds=0.2), Grid(300, seconds=0.2)],
+    [CrossEntropy(10**5, rounds=100, seconds=0.2), ParticleSwarm(10**5, seconds=0.2), GridSearch(300, seconds=0.2)],
 )
-def test_a_budget_in_seconds_ends_a_search_that_would_take_longer_and_keeps_the_best_so_far(optimizer):
+def test_a_budget_in_seconds_ends_a_longer_search_with_its_best_plan(optimizer):
     """Each call takes 0.05 s; all plans would take ten calls or more."""
     asked = []
 
@@ -94,7 +96,7 @@ def test_a_budget_in_seconds_ends_a_search_that_would_take_longer_and_keeps_the_
 
 
 def test_the_grid_holds_every_sequence_of_its_controls():
-    grid = Grid(4)
+    grid = GridSearch(4)
     tried = []
 
     def objective(c):
@@ -105,11 +107,11 @@ def test_the_grid_holds_every_sequence_of_its_controls():
     plans = {tuple(np.round(p, 9).ravel().tolist()) for p in np.concatenate(tried)}
     assert len(plans) == 5 ** (2 * 2)
     with pytest.raises(ValueError, match="optimizer grid: 625 plans of 2 UAVs over 2 steps, at most 600"):
-        run(Grid(4, most=600), objective, np.zeros((1, 2, 2, 2)), limits=np.array([5.0, 5.0]))
+        run(GridSearch(4, most=600), objective, np.zeros((1, 2, 2, 2)), limits=np.array([5.0, 5.0]))
 
 
 def test_limited_shortens_and_keeps_the_direction():
-    plans = limited(np.array([[[6.0, 8.0], [0.3, 0.4]]]), 5.0)
+    plans = speed_limited(np.array([[[6.0, 8.0], [0.3, 0.4]]]), 5.0)
     assert plans[0, 0] == pytest.approx([3.0, 4.0])
     assert plans[0, 1] == pytest.approx([0.3, 0.4])
 
@@ -120,13 +122,13 @@ def test_with_effort_the_optimum_of_exhaustive_search_is_found(random_team, opti
     excess = []
     for seed in range(50):
         situation = random_team(seed, uavs=2, targets=3, spread=15.0)[0]
-        view, plans = nominal(situation, 2), expected(situation, 2)
+        view, plans = nominal(situation, 2), expected_plans(situation, 2)
 
         def objective(c, view=view, plans=plans):
             return costs(view, plans, [0], c, 0.5)
 
         chases = pursuits(nominal_positions(situation.tracks, 1.0, 2), situation.own, 1.0)[:, None]
-        best = run(Grid(24, 3), objective, plans[None, :1]).cost
+        best = run(GridSearch(24, 3), objective, plans[None, :1]).cost
         found = run(optimizer, objective, np.concatenate([plans[None, :1], chases]), seed)
         excess.append(found.cost / best - 1.0)
     assert max(excess) <= 0.01

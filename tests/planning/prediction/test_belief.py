@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planning.prediction.belief import LANES, transition
+from planning.prediction.predicted_belief import LANES, belief_transition
 from tracking.filter.kalman import NearlyConstantVelocity
 
 TRIANGLE = np.triu_indices(4)
@@ -16,7 +16,7 @@ def stepped(P, model, J):
     lanes[:, : len(P)] = P[:, TRIANGLE[0], TRIANGLE[1]].T
     information[:, : len(P)] = J[:, [0, 0, 1], [0, 1, 1]].T
     flat = lanes.ravel()
-    transition(flat, model.dt, noise, information.ravel(), traces)
+    belief_transition(flat, model.dt, noise, information.ravel(), traces)
     out = np.empty_like(P)
     out[:, TRIANGLE[0], TRIANGLE[1]] = flat.reshape(10, LANES)[:, : len(P)].T
     out[:, TRIANGLE[1], TRIANGLE[0]] = out[:, TRIANGLE[0], TRIANGLE[1]]

@@ -7,9 +7,9 @@ import pytest
 from helpers.nominal import nominal
 
 from planning.composition import Composition
+from planning.loading import load_planner
 from planning.objective.nbo import team_cost
 from planning.prediction.propagation import MonteCarlo, Nominal
-from planning.registry import load_planner
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import planned_motion, tracker_parameters
 from sim.scenario.loading import load
@@ -32,7 +32,7 @@ class Watched:
 
 
 def coasting(tracks, scenario, seconds):
-    """Means (T, 4) and covariances (T, 4, 4) of a tracker of the scenario that sees nobody for so long."""
+    """Means (T, 4) and covariances (T, 4, 4) of a tracker of the scenario without detections for so long."""
     tracker = Tracker(0, Camera(1.0, 64), Forest(()), tracker_parameters(scenario), tracks)
     for k in range(seconds * scenario.rates.sensing + 1):
         tracker.coast(k / scenario.rates.sensing)
@@ -45,7 +45,7 @@ def coasting(tracks, scenario, seconds):
 @pytest.mark.parametrize("settings", [[], ["rates.sensing=10"], ["tracking.sigma_a=1.0", "rates.planning=5"]])
 @pytest.mark.parametrize("seconds", [1, 5, 10])
 def test_planners_predict_as_trackers_coast(random_team, settings, seconds):
-    """Mean, covariance, the points of expected visibility and the cost of plans that see nobody."""
+    """Mean, covariance, the points of expected visibility and the cost of plans without a target in view."""
     scenario = load("forest", settings)
     motion = planned_motion(scenario)
     situation = dataclasses.replace(random_team(3)[0], motion=motion)
@@ -59,7 +59,7 @@ def test_planners_predict_as_trackers_coast(random_team, settings, seconds):
         ahead = motion.predict_all(*ahead)
     np.testing.assert_allclose(ahead[0], means, rtol=1e-12)
     np.testing.assert_allclose(ahead[1], covariances, rtol=1e-12, atol=1e-13)
-    points = Nominal(expected=True).outlook(situation, steps, np.random.default_rng(0)).points[-1, :, :, :2]
+    points = Nominal(expected=True).predict(situation, steps, np.random.default_rng(0)).points[-1, :, :, :2]
     np.testing.assert_allclose(points[:, 0], means[:, :2], rtol=1e-12)
     np.testing.assert_allclose(points.mean(axis=1), means[:, :2], rtol=1e-9)
     far = tuple(dataclasses.replace(v, position=v.position + np.array([9e3, 0.0, 0.0])) for v in situation.vehicles)
@@ -89,7 +89,7 @@ def test_a_mission_tells_planners_how_its_trackers_predict():
 
 def test_monte_carlo_trajectories_spread_as_trackers_coast(random_team):
     situation = random_team(2, targets=1)[0]
-    points = MonteCarlo(40_000).outlook(situation, 5, np.random.default_rng(0)).points[:, :, 0, :2]
+    points = MonteCarlo(40_000).predict(situation, 5, np.random.default_rng(0)).points[:, :, 0, :2]
     for seconds in (1, 5):
         means, covariances = coasting(situation.tracks, load("forest", []), seconds)
         spread = np.sqrt(np.trace(covariances[0, :2, :2]))

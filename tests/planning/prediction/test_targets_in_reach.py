@@ -1,4 +1,4 @@
-"""What a search may aim at, and that it gets there."""
+"""Targets in reach of a search, and searches that use them."""
 
 import dataclasses
 import itertools
@@ -10,7 +10,7 @@ from helpers.nominal import nominal, squares
 from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.mutations import chances, varied
-from planning.prediction.targets_in_reach import Hints, Sights, sights
+from planning.prediction.targets_in_reach import Hints, TargetsInReach, targets_in_reach
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
@@ -19,7 +19,7 @@ SPEED = np.array([5.0])
 
 
 def shown(vehicle, position, point):
-    """Whether the camera, from there, has the point in view, by projection."""
+    """True if the camera there has the point in view, by projection."""
     return vehicle.camera.sees(Pose(np.array([*position, vehicle.position[2]]), vehicle.attitude), point[None])[0]
 
 
@@ -30,7 +30,7 @@ def test_sights_are_what_can_be_in_view_in_time(random_team, step):
         situation = random_team(seed, targets=5, spread=35.0)[1]
         situation = dataclasses.replace(situation, motion=NearlyConstantVelocity(step, 0.5))
         view, own = nominal(situation, 3), situation.vehicles[1]
-        found = sights(view, [1], SPEED)
+        found = targets_in_reach(view, [1], SPEED)
         got = {(h, *np.round(place * step + own.position[:2], 6)) for (_, h), place in zip(*found[:2], strict=True)}
         listed += len(got)
         for h in range(3):
@@ -45,9 +45,9 @@ def test_sights_are_what_can_be_in_view_in_time(random_team, step):
     assert 10 < listed < 6 * 15
 
 
-def test_a_change_for_a_sight_brings_it_into_view_or_keeps_the_end_of_the_path():
+def test_a_mutation_brings_its_target_into_view_or_keeps_the_paths_end():
     """A target 12 m beside the UAV after the second of four steps; the view reaches 5 m."""
-    one = Sights(np.array([[0, 1]]), np.array([[12.0, 3.0]]), squares([5.0]))
+    one = TargetsInReach(np.array([[0, 1]]), np.array([[12.0, 3.0]]), squares([5.0]))
     rng = np.random.default_rng(0)
     parents = rng.uniform(-2.0, 2.0, (4, 1, 4, 2))
     children = varied(parents, chances(rng, 800, parents), 0.3, SPEED, one)
@@ -68,7 +68,7 @@ def test_with_fields_of_view_made_wider_the_objective_is_that_of_wider_views(ran
     wider = view.views.copy()
     halves = wider[:, 0, 2] + [1.0, 0.0, 0.5]
     wide = view._replace(views=squares(halves))
-    # Who does not decide keeps its own field of view, so UAVs 0 and 2 decide.
+    # UAVs that do not decide keep their fields of view, so UAVs 0 and 2 decide.
     eased = objective(view, controls, [0, 2], 0.5)(candidates, np.array([1.0, 0.5]))
     np.testing.assert_allclose(eased, objective(wide, controls, [0, 2], 0.5)(candidates), rtol=1e-12)
     assert np.mean(eased != objective(view, controls, [0, 2], 0.5)(candidates)) > 0.5
@@ -90,7 +90,7 @@ def test_what_only_the_straightest_flight_can_see_is_found_with_hints(random_tea
     value = objective(view, np.zeros((1, 5, 2)), [0], 0.0)
     hover, straight = np.zeros((1, 1, 5, 2)), np.tile([4.0, 3.0], (1, 1, 5, 1))
     assert value(straight)[0] < value(hover)[0]
-    hints = Hints(value, sights(view, [0], SPEED))
+    hints = Hints(value, targets_in_reach(view, [0], SPEED))
     found = CrossEntropy(4096).minimise(value, hover, SPEED, np.random.default_rng(seed), hints)
     assert found.cost == pytest.approx(value(straight)[0], rel=1e-3)
     assert found.cost == pytest.approx(value(found.plans[None])[0], rel=1e-12)
@@ -105,7 +105,7 @@ def counting(random_team, uavs):
         asked.append((len(candidates), ease is not None))
         return value(candidates, ease)
 
-    return value, counted, asked, Hints(counted, sights(view, range(uavs), np.full(uavs, 5.0)))
+    return value, counted, asked, Hints(counted, targets_in_reach(view, range(uavs), np.full(uavs, 5.0)))
 
 
 @pytest.mark.parametrize("uavs", [1, 3])
@@ -122,7 +122,7 @@ def test_with_hints_what_is_found_is_worth_what_is_said_and_the_budget_holds(ran
     assert any(eased for _, eased in asked) == (optimizer.evaluations == 4096)
 
 
-def test_when_time_is_up_while_views_are_wider_the_best_are_judged_as_they_are(random_team, monkeypatch):
+def test_when_time_ends_a_relaxed_search_plans_get_their_true_costs(random_team, monkeypatch):
     value, counted, asked, hints = counting(random_team, 1)
     ticks = itertools.count()
     monkeypatch.setattr("planning.optimizers.cross_entropy.perf_counter", lambda: next(ticks))

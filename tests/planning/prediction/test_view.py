@@ -12,8 +12,9 @@ from planning.composition import Composition
 from planning.objective.mwtp import weighted_trace_penalty
 from planning.objective.nbo import team_cost
 from planning.planner import Vehicle
+from planning.prediction.field_of_view import aim_point, points_shown, view_quadrangle, viewing_range
 from planning.prediction.intent import base_control
-from planning.prediction.view import aim, inside, quadrangle, reach, shortest_move, shown_at
+from planning.prediction.quadrangle import inside, shortest_move
 from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
@@ -23,7 +24,7 @@ from tracking.tracker import Track
 
 
 def vehicle(tilt=0.0, heading=0.0, *, fov=60.0, height=19.1, place=(3.0, -4.0)):
-    """A vehicle whose camera is turned by `heading` and then pitched by `tilt` towards it, in degrees."""
+    """A vehicle with its camera turned by `heading` and then pitched by `tilt` towards it, in degrees."""
     attitude = Rotation.from_euler("ZY", [heading, -tilt], degrees=True).as_quat()
     camera = Camera(math.radians(fov), 128)
     return Vehicle(0, np.array([*place, height]), camera, NoiseModel.range_bearing(0.1), 5.0, attitude)
@@ -35,7 +36,7 @@ def random_vehicle(rng):
 
 
 def seen(v, offsets):
-    """Whether the camera sees targets at offsets (N, 2) m from the vehicle, by projection (N,)."""
+    """Mask (N,) of targets at offsets (N, 2) m from the vehicle that the camera sees, by projection."""
     points = np.column_stack([v.position[:2] + offsets, np.full(len(offsets), TARGET_HEIGHT)])
     return v.camera.sees(Pose(v.position, v.attitude), points)
 
@@ -44,8 +45,8 @@ def test_the_half_planes_hold_exactly_what_the_camera_sees():
     rng, shares = np.random.default_rng(0), []
     for _ in range(60):
         v = random_vehicle(rng)
-        offsets = rng.uniform(-1.2, 1.2, (300, 2)) * reach(v)
-        view = quadrangle(v)
+        offsets = rng.uniform(-1.2, 1.2, (300, 2)) * viewing_range(v)
+        view = view_quadrangle(v)
         clear = np.min(np.abs(offsets @ view[:4, :2].T - view[:4, 2]), axis=1) > 1e-9
         expected = seen(v, offsets[clear])
         found = [inside(view[None], 0, dx, dy) for dx, dy in offsets[clear]]
@@ -58,7 +59,7 @@ def test_a_level_camera_sees_a_square_to_the_last_bit():
     for fov, height in ((60.0, 17.3), (75.0, 21.7), (33.3, 8.1)):
         v = vehicle(fov=fov, height=height)
         half = (height - TARGET_HEIGHT) * tan(math.radians(fov) / 2)
-        np.testing.assert_array_equal(quadrangle(v), squares([half])[0])
+        np.testing.assert_array_equal(view_quadrangle(v), squares([half])[0])
 
 
 def test_image_marks_are_where_the_cameras_rays_meet_the_plane_of_the_targets():
@@ -67,26 +68,26 @@ def test_image_marks_are_where_the_cameras_rays_meet_the_plane_of_the_targets():
         v, marks = random_vehicle(rng), rng.uniform(-1, 1, (30, 2))
         pixels = v.camera.pixels / 2 * (1 + marks * [1, -1])
         expected = v.camera.ground_points(Pose(v.position, v.attitude), pixels, TARGET_HEIGHT)
-        np.testing.assert_allclose(v.position[:2] + shown_at(v, marks), expected, atol=1e-9)
-        np.testing.assert_array_equal(aim(v), shown_at(v, np.zeros((1, 2)))[0])
-        assert aim(v) == pytest.approx(quadrangle(v)[4, :2])
+        np.testing.assert_allclose(v.position[:2] + points_shown(v, marks), expected, atol=1e-9)
+        np.testing.assert_array_equal(aim_point(v), points_shown(v, np.zeros((1, 2)))[0])
+        assert aim_point(v) == pytest.approx(view_quadrangle(v)[4, :2])
 
 
 def test_a_camera_tilted_by_thirty_degrees_looks_ahead_by_its_height_times_the_tangent():
     height = 19.1 - TARGET_HEIGHT
-    assert aim(vehicle(30.0)) == pytest.approx([height * math.tan(math.radians(30)), 0.0])
-    assert aim(vehicle(30.0, 90.0)) == pytest.approx([0.0, height * math.tan(math.radians(30))])
-    assert aim(vehicle(45.0, 180.0)) == pytest.approx([-height, 0.0])
+    assert aim_point(vehicle(30.0)) == pytest.approx([height * math.tan(math.radians(30)), 0.0])
+    assert aim_point(vehicle(30.0, 90.0)) == pytest.approx([0.0, height * math.tan(math.radians(30))])
+    assert aim_point(vehicle(45.0, 180.0)) == pytest.approx([-height, 0.0])
 
 
 def test_the_shortest_move_just_covers_the_target_and_no_shorter_one_does():
     rng = np.random.default_rng(2)
     for _ in range(40):
         v = random_vehicle(rng)
-        view = quadrangle(v)[None]
+        view = view_quadrangle(v)[None]
         corners = v.camera.footprint(Pose(v.position, v.attitude), TARGET_HEIGHT) - v.position[:2]
         rim = np.vstack([np.linspace(a, b, 4001) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
-        for target in rng.uniform(-2, 2, (20, 2)) * reach(v):
+        for target in rng.uniform(-2, 2, (20, 2)) * viewing_range(v):
             move = np.array(shortest_move(view, 0, *target))
             if seen(v, target[None])[0]:
                 np.testing.assert_array_equal(move, 0.0)
@@ -98,7 +99,7 @@ def test_the_shortest_move_just_covers_the_target_and_no_shorter_one_does():
             assert seen(v, (target - move - slack)[None])[0] and not seen(v, (target - move + slack)[None])[0]
 
 
-def test_the_shortest_move_of_a_square_is_that_of_each_axis_to_the_last_bit():
+def test_the_shortest_move_of_a_square_is_that_of_each_axis_exactly():
     rng, half = np.random.default_rng(3), 11.27
     for target in rng.uniform(-30, 30, (200, 2)):
         excess = np.copysign(np.maximum(np.abs(target) - half, 0.0), target)
@@ -129,7 +130,7 @@ def test_the_compiled_objective_of_tilted_cameras_equals_a_plain_transcription(r
 
 def test_mwtp_counts_from_where_a_tilted_camera_looks():
     v = vehicle(30.0, place=(0.0, 0.0))
-    view, ahead = quadrangle(v)[None], aim(v)[0]
+    view, ahead = view_quadrangle(v)[None], aim_point(v)[0]
     beyond = np.array([[ahead + 60.0, 0.0]])
     sensors = np.zeros((1, 2))
     assert weighted_trace_penalty(beyond, np.array([3.0]), sensors, view) == pytest.approx(60.0 * 3.0)
@@ -141,16 +142,16 @@ def test_mwtp_counts_from_where_a_tilted_camera_looks():
 
 def test_the_base_policy_brings_a_target_to_the_middle_of_the_image():
     v = vehicle(40.0, 120.0)
-    target = v.position[:2] + aim(v) + [3.0, -2.0]
+    target = v.position[:2] + aim_point(v) + [3.0, -2.0]
     track = Track(0, Gaussian(np.array([*target, 0.0, 0.0]), np.eye(4)))
     np.testing.assert_allclose(base_control(v, v.position[:2], [track], 0.0, 1.0), [3.0, -2.0], atol=1e-12)
 
 
 @pytest.mark.parametrize("heading", [0.0, 135.0])
-def test_a_plan_keeps_a_target_in_a_tilted_view_where_a_level_planner_flies_over_it(random_team, heading):
+def test_a_plan_keeps_a_target_in_a_tilted_field_of_view(random_team, heading):
     situation = dataclasses.replace(random_team(0, uavs=1)[0], forest=Forest(()))
     v = vehicle(45.0, heading, place=(0.0, 0.0))
-    target = aim(v) + np.array([3.0, 0.0])
+    target = aim_point(v) + np.array([3.0, 0.0])
     track = Track(0, Gaussian(np.array([*target, 0.0, 0.0]), np.eye(4)))
     ends = []
     for own in (v, dataclasses.replace(v, attitude=vehicle().attitude)):

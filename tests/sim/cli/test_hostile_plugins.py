@@ -15,7 +15,7 @@ import pytest
 from helpers.hostile import DETECTED, DETECTOR, FLOWN, HEAD, PLANNER, REFUSED, UNDETECTED, planner
 from helpers.processes import started_with
 
-from sim.mission.plan_check import decide
+from sim.mission.plan_check import checked_plans
 from sim.sensing.sensors import Sensors
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
@@ -110,7 +110,7 @@ def test_a_planner_that_does_wrong_is_a_fault_and_the_team_hovers(claim, random_
     names = {}
     exec(compile(HEAD + code, "hostile.py", "exec"), names)
     team = random_team(0)
-    plans, faults = decide(names["Mine"](), team, {}, np.random.default_rng(0))
+    plans, faults = checked_plans(names["Mine"](), team, {}, np.random.default_rng(0))
     assert bool(faults) == bool(words) and all(words in fault.message for fault in faults)
     for plan, situation in zip(plans, team, strict=True):
         assert plan.controls.shape[1] == 2 and np.linalg.norm(plan.controls, axis=1).max() <= situation.own.max_speed

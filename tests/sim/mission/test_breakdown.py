@@ -1,4 +1,4 @@
-"""A UAV that breaks down leaves its fleet and all that counts it, and whoever looks at the mission sees that."""
+"""A UAV that breaks down leaves its fleet and all counts, and is marked in every view of the mission."""
 
 import json
 
@@ -54,7 +54,7 @@ def test_every_planner_flies_on_without_the_first_uav(planner, dynamics):
     )
 
 
-def test_whoever_has_broken_down_is_nobodys_neighbour_and_means_to_do_nothing():
+def test_a_uav_that_broke_down_is_no_neighbour_and_has_no_intent():
     """And ids are told apart from places in the team."""
     heard = []
 
@@ -74,7 +74,7 @@ def test_whoever_has_broken_down_is_nobodys_neighbour_and_means_to_do_nothing():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_others_take_over_the_people_of_a_uav_that_breaks_down(seed):
-    """In the open, tracked by a planner: nobody is lost and nobody's id changes."""
+    """In the open, tracked by a planner: no track is lost and no label changes."""
     mission, snapshots = fly("uavs.1.fails_at=4", "trees.density=0", planner="sma-nbo-mwtp", seed=seed, duration=12)
     assert mission.faults == [Fault(4.0, 1, BROKEN)]
     held = [[sorted(t.id for t in s.tracks[i]) for i in s.working] for s in snapshots]
@@ -86,7 +86,7 @@ def test_the_others_take_over_the_people_of_a_uav_that_breaks_down(seed):
         assert np.linalg.norm(track.belief.mean[:2] - snapshots[-1].people[person]) < 2.0
 
 
-def test_the_fate_of_one_uav_changes_neither_forest_nor_people_nor_the_losses_of_others():
+def test_a_breakdown_changes_neither_forest_nor_people_nor_messages_of_others():
     lossy = ("network.loss=0.5", "network.links=[[0, 1]]")
     (one, whole), (other, broken) = fly(*lossy), fly(*lossy, "uavs.2.fails_at=0")
     assert one.forest.trees == other.forest.trees
@@ -97,7 +97,7 @@ def test_the_fate_of_one_uav_changes_neither_forest_nor_people_nor_the_losses_of
     np.testing.assert_array_equal(whole[0].ospa[:2], broken[0].ospa[:2])
 
 
-def test_a_mission_of_which_all_uavs_break_down_is_flown_and_shown_to_its_end(tmp_path):
+def test_a_mission_without_working_uavs_is_flown_and_shown_to_its_end(tmp_path):
     setting = load(
         "forest", ["duration=2", "sensing.mode=ideal", *(f"uavs.{i}.fails_at={(4 + 2 * i) / 10}" for i in range(3))]
     )
@@ -115,7 +115,7 @@ def test_a_mission_of_which_all_uavs_break_down_is_flown_and_shown_to_its_end(tm
     assert (found["ospa.mean_m"], found["faults"]) == (pytest.approx(known.mean()), 3)
 
 
-def test_people_are_held_by_those_who_work():
+def test_only_working_uavs_count_as_holding_people():
     mission, snapshots = fly("uavs.0.fails_at=0.2", "uavs.1.fails_at=0.2", "trees.density=0", duration=2)
     recording = recorded(mission, snapshots)
     alone = [np.nan_to_num([t.belief.mean[:2] for t in s.tracks[2]]) for s in snapshots]
@@ -162,7 +162,7 @@ def count(image, colour):
     return int(np.all(image == colour, axis=2).sum())
 
 
-def test_map_and_tile_show_a_uav_that_has_broken_down_in_grey_and_crossed_out():
+def test_map_and_tile_cross_out_a_uav_that_broke_down():
     mark, tile = film(1.0)
     assert count(mark, ALARM) > 10 and count(mark, FAINT) > 10 and count(mark, uav_colour(0)) == 0
     assert count(tile, ALARM) > 10 and count(tile, uav_colour(0)) == 0

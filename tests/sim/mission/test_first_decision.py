@@ -1,9 +1,9 @@
-"""Missions whose UAVs hover at first: no planner is asked, nothing is sent, and the tracker works all the while."""
+"""Missions of UAVs that hover at first: no planner is asked, nothing is sent, and the tracker works all the while."""
 
 import numpy as np
 import pytest
 
-from planning.registry import load_planner
+from planning.loading import load_planner
 from sim.mission.mission import Mission, Trial
 from sim.recording.archive import load as load_recording
 from sim.running.run import run

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from helpers.flights import fly
 
+from planning.loading import load_planner
 from planning.planner import Plan
-from planning.registry import load_planner
 from sim.mission.mission import Mission, Trial
 from sim.scenario.loading import load
 
@@ -18,7 +18,7 @@ CROWD = "t,id,x,y\n" + "".join(
 )
 
 
-def test_a_mission_has_a_scan_at_each_multiple_of_the_period_and_a_plan_each_second():
+def test_a_mission_has_a_scan_each_period_and_a_plan_each_second():
     mission, snapshots = fly(duration=2.3)
     np.testing.assert_allclose([s.time for s in snapshots], np.arange(12) / 5)
     assert [s.time for s in snapshots if s.plans] == [0.0, 1.0, 2.0]
@@ -53,7 +53,7 @@ def test_every_variant_flies_without_fault(overrides):
     assert all(np.all(np.isfinite(s.ospa)) for s in snapshots)
 
 
-def test_without_people_nobody_is_seen_or_tracked():
+def test_without_people_there_are_no_detections_and_no_tracks():
     mission, snapshots = fly("people.count=0", planner="sma-nbo-mwtp")
     assert mission.faults == []
     for s in snapshots:
@@ -135,7 +135,7 @@ def test_a_planner_that_fails_does_not_end_the_mission():
     assert len(snapshots) == 26
 
 
-def test_known_tracks_start_on_everyone_and_in_the_open_unknown_people_are_found_at_once():
+def test_known_tracks_start_on_all_people_and_unknown_ones_are_initiated_soon():
     _, known = fly("trees.density=0")
     assert [len(held) for held in known[0].tracks] == [4, 4, 4]
     _, unknown = fly("trees.density=0", "tracking.initial_tracks=none", seed=3)

@@ -8,13 +8,16 @@ import pytest
 from helpers.summaries import shown
 
 from planning.composition import Composition
-from planning.coordination import Decentralised, Parallel, Sequential, expected
+from planning.coordination.decision import expected_plans
+from planning.coordination.joint import Decentralised
+from planning.coordination.parallel import Parallel
+from planning.coordination.sequential import Sequential
+from planning.loading import load_planner
 from planning.planner import Exchange, Plan
 from planning.prediction.intent import policy_of_intent
-from planning.registry import load_planner
 from sim.mission.mission import Mission, Trial
-from sim.mission.plan_check import decide
-from sim.mission.plan_exchange import Intents
+from sim.mission.plan_check import checked_plans
+from sim.mission.plan_exchange import PlanExchange
 from sim.mission.radio import Links
 from sim.running.run import run
 from sim.scenario.loading import load
@@ -51,7 +54,7 @@ def intents_of(team, i):
 
 
 class Checked:
-    """Plans, and plans once more on a team in which everyone knows everyone's position and last plan."""
+    """Plans, and plans once more on a team that knows all positions and last plans."""
 
     def __init__(self, planner):
         self.planner, self.exchange, self.calls = planner, planner.exchange, 0
@@ -78,7 +81,7 @@ def test_over_a_network_without_faults_plans_are_those_of_a_team_that_knows_all(
     assert planner.calls == 5 and mission.faults == []
 
 
-def test_behind_a_cut_link_a_uav_is_where_its_last_known_plan_has_brought_it_until_that_ends():
+def test_behind_a_cut_link_a_uav_follows_its_last_known_plan():
     """Links to UAV 2 are down from 1.5 s: its plan of 1 s is the last that UAV 0 knows, and UAV 0's that it knows."""
     planner = Drawn()
     flown(planner, "network.cuts=[{links=[[0, 2], [1, 2]], start=1.5}]")
@@ -101,7 +104,7 @@ def test_behind_a_cut_link_a_uav_is_where_its_last_known_plan_has_brought_it_unt
         np.testing.assert_array_equal(vehicle.position, planner.teams[k][1].own.position)
 
 
-def test_a_plan_that_is_lost_leaves_the_one_before_it_and_a_link_that_heals_brings_the_new_one():
+def test_a_lost_plan_leaves_the_one_before_until_the_link_heals():
     planner = Drawn()
     flown(planner, "network.loss=0.6", "network.rounds=50", seed=3)  # of fifty rounds one arrives: all are in touch
     rng = stream(3, "intents")
@@ -135,18 +138,18 @@ def test_when_nothing_arrives_a_uav_knows_itself_alone():
 
 
 @pytest.mark.parametrize("sweeps", [1, 2])
-def test_in_a_sequence_a_uav_answers_the_plans_that_reached_it_and_expects_intents_of_the_others(random_team, sweeps):
+def test_in_a_sequence_a_uav_expects_intents_where_plans_did_not_arrive(random_team, sweeps):
     team = random_team(3)
     rng = np.random.default_rng(8)
     team = [
         dataclasses.replace(s, intents={j: Plan(rng.uniform(-3, 3, (5, 2))) for j in range(3)}, reception=heard)
-        # Who receives whom in the first sweep and in the second: the plan of 1 never gets to 2, that of 0 late.
+        # Receptions in the first sweep and in the second: the plan of 1 never gets to 2, that of 0 late.
         for s, heard in zip(team, [((), (1,)), ((0,), (0, 2)), ((), (0,))], strict=True)
     ]
     plans = Composition(coordination=Sequential(sweeps=sweeps)).plan(team, np.random.default_rng(1))
     rng = np.random.default_rng(1)
     decide_ = Composition().decide
-    knows = [expected(s, 5) for s in team]
+    knows = [expected_plans(s, 5) for s in team]
     for sweep in range(sweeps):
         for i, s in enumerate(team):
             knows[i][i] = decide_(s, knows[i], [i], rng)[0]
@@ -206,10 +209,14 @@ def test_bytes_and_rounds_of_plans_are_those_counted_by_hand(planner, sent, roun
         assert s.plan_bytes.tolist() == [made * size for size in sent] and s.plan_rounds == made * rounds
 
 
-def test_a_planner_that_does_not_say_what_it_sends_sends_each_plan_once_to_those_that_hear():
+def test_without_an_exchange_attribute_each_plan_is_sent_once():
     planner = Drawn(steps=2)
     _, snapshots = flown(planner, "network.links=[[0, 1]]", "network.loss=1", duration=1)
-    assert snapshots[0].plan_bytes.tolist() == [8 * 9, 8 * 9, 0]  # what is lost has been sent; nobody hears the last
+    assert snapshots[0].plan_bytes.tolist() == [
+        8 * 9,
+        8 * 9,
+        0,
+    ]  # lost ones count; the last has no neighbour
     _, snapshots = flown(Drawn(steps=2, exchange="of glances"), duration=1)
     assert snapshots[0].plan_bytes.tolist() == [8 * 9] * 3 and snapshots[0].plan_rounds == 1
     planner = Drawn(steps=2, exchange=Exchange(3))
@@ -251,16 +258,16 @@ def test_nonsense_about_others_is_a_fault(random_team, others):
         def plan(self, team, rng):
             return [Plan(np.ones((1, 2)), others) for _ in team]
 
-    plans, faults = decide(Confused(), random_team(0), {}, np.random.default_rng(0))
+    plans, faults = checked_plans(Confused(), random_team(0), {}, np.random.default_rng(0))
     assert [f.uav for f in faults] == [0, 1, 2] and "others" in faults[0].message
     for plan in plans:
         np.testing.assert_array_equal(plan.controls, [[0.0, 0.0]])
 
 
-def test_whoever_plans_for_all_loses_nothing(random_team):
+def test_the_messages_of_a_centralised_planner_are_never_lost(random_team):
     fleet = [s.own for s in random_team(0)]
     none = np.zeros((3, 3), dtype=bool)
-    intents = Intents(Network(loss=1.0), Exchange(centre=True), np.random.default_rng(0))
+    intents = PlanExchange(Network(loss=1.0), Exchange(centre=True), np.random.default_rng(0))
     intents.begin(fleet, Links(none, none[None]), [0, 2], 1.0)
     sent = intents.end({0: Plan(np.ones((4, 2))), 2: Plan(np.ones((3, 2)))})
     assert sent.bytes.tolist() == [8 * (5 + 6), 0, 0]
@@ -269,7 +276,7 @@ def test_whoever_plans_for_all_loses_nothing(random_team):
 
 @pytest.mark.parametrize("delay", [0.2, 1.0, 2.4])
 def test_a_delayed_plan_is_flown_exactly_so_much_later(delay):
-    """Of a planner whose plans depend on nothing but the time of the decision."""
+    """Of a planner with plans that depend on the time of the decision alone."""
     (_, prompt), (_, late) = flown(Drawn(), duration=5), flown(Drawn(), f"network.plan_delay={delay}", duration=5)
     commands, delayed = (np.array([s.commands for s in snapshots]) for snapshots in (prompt, late))
     scans = round(5 * delay)

@@ -9,8 +9,9 @@ from helpers.network_flights import IDEAL, fly, recorded
 from helpers.recordings import assert_same, npy, record, rewritten
 from helpers.summaries import hand_made, shown, summary
 
+from sim.evaluation.disagreement import disagreement
 from sim.mission.mission import Mission, Trial
-from sim.mission.radio import disagreement, hearing, losses
+from sim.mission.radio import lost_messages, open_links
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.scenario.loading import load
@@ -28,35 +29,35 @@ def track(id, x, y):
     return Track(id, Gaussian(np.array([x, y, 0.0, 0.0]), np.eye(4)))
 
 
-def test_who_hears_whom_is_who_is_near_linked_and_not_cut():
+def test_a_link_is_open_within_range_if_it_exists_and_is_not_cut():
     places = np.array([[0.0, 0, 20], [30, 0, 20], [60, 0, 20], [90, 0, 20]])
-    pairs = lambda network, time=0.0: np.argwhere(np.triu(hearing(network, time, places))).tolist()  # noqa: E731
-    everyone = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
-    assert pairs(Network()) == everyone
+    pairs = lambda network, time=0.0: np.argwhere(np.triu(open_links(network, time, places))).tolist()  # noqa: E731
+    every_pair = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
+    assert pairs(Network()) == every_pair
     assert pairs(Network(range=60.0)) == [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]
     assert pairs(Network(links=((3, 0), (1, 2)))) == [[0, 3], [1, 2]]
     assert pairs(Network(links=((3, 0), (1, 2)), range=60.0)) == [[1, 2]]
     cut = Network(cuts=(Cut(((1, 0), (2, 3)), 10.0, 20.0), Cut(((0, 3),), 15.0)))
-    without = lambda *gone: [pair for pair in everyone if pair not in gone]  # noqa: E731
+    without = lambda *gone: [pair for pair in every_pair if pair not in gone]  # noqa: E731
     assert pairs(cut, 9.8) == pairs(Network())
     assert pairs(cut, 10.0) == pairs(cut, 14.8) == without([0, 1], [2, 3])
     assert pairs(cut, 15.0) == without([0, 1], [2, 3], [0, 3])
     assert pairs(cut, 20.0) == pairs(cut, 1e6) == without([0, 3])
     for time in (0.0, 12.0, 17.0):
-        table = hearing(cut, time, places)
+        table = open_links(cut, time, places)
         np.testing.assert_array_equal(table, table.T)
         assert not table.diagonal().any()
 
 
 def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():
     rng, twin = np.random.default_rng(0), np.random.default_rng(0)
-    assert losses(Network(), 3, rng) is None
+    assert lost_messages(Network(), 3, rng) is None
     assert rng.bit_generator.state == twin.bit_generator.state
-    lost = losses(Network(loss=0.3, rounds=100_000), 2, rng)
+    lost = lost_messages(Network(loss=0.3, rounds=100_000), 2, rng)
     assert lost.shape == (100_000, 2, 2)
     np.testing.assert_allclose(lost.mean(axis=0), 0.3, atol=5 * np.sqrt(0.21 / 1e5))  # five standard deviations
-    assert losses(Network(loss=1.0), 3, rng).all()
-    assert np.all(losses(Network(loss=0.6, rounds=100_000), 2, twin)[lost])  # more loss loses the same and more
+    assert lost_messages(Network(loss=1.0), 3, rng).all()
+    assert np.all(lost_messages(Network(loss=0.6, rounds=100_000), 2, twin)[lost])  # more loss loses the same and more
 
 
 def test_disagreement_is_the_mean_ospa_between_pairs():
@@ -119,14 +120,14 @@ def test_losses_change_neither_forest_nor_people_nor_noise():
     assert differ > 10
 
 
-def test_bytes_are_those_of_all_rounds_to_whoever_is_linked():
+def test_bytes_sent_count_all_rounds_to_linked_uavs():
     # Four tracks: 4 + 4 * 25 numbers of 8 bytes in each of five rounds; UAV 2 has no link.
     _, snapshots = fly("network.links=[[0, 1]]", duration=1)
     for s in snapshots:
         np.testing.assert_array_equal(s.bytes_sent, [5 * 8 * 104, 5 * 8 * 104, 0])
 
 
-def test_a_fleet_that_splits_disagrees_and_agrees_again_in_the_scan_in_which_it_heals():
+def test_a_split_fleet_disagrees_and_agrees_again_in_the_scan_it_heals():
     """Four people, all known at the start; UAV 2 is cut off from 1 s to 3 s, and then hears only UAV 1."""
     cuts = "network.cuts=[{links=[[1, 2]], start=1, end=3}]"
     mission, snapshots = fly("network.links=[[0, 1], [1, 2]]", cuts, "network.rounds=8", "trees.density=0", duration=6)
@@ -144,7 +145,7 @@ def test_a_fleet_that_splits_disagrees_and_agrees_again_in_the_scan_in_which_it_
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_people_found_by_both_parts_of_a_split_fleet_are_not_doubled_when_it_heals(seed):
+def test_people_found_by_both_parts_of_a_fleet_are_not_duplicated(seed):
     cuts = "network.cuts=[{links=[[0, 1], [0, 2]], end=3}]"
     _, snapshots = fly(cuts, "tracking.initial_tracks=none", "trees.density=0", seed=seed, duration=4)
     before, after = ([{t.id for t in held} for held in s.tracks] for s in (snapshots[14], snapshots[15]))

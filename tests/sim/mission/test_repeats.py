@@ -27,7 +27,7 @@ from sim.study.store import _COLUMNS, NAME, SCHEMA, Store, read_rows
 from sim.study.study import adapted, read
 from sim.study.tasks import tasks
 from sim.study.trial import fly
-from sim.world.appearance import style_of
+from sim.world.appearance import sample_appearance
 
 NOISY = ["duration=2", "sensing.mode=ideal", "trees.density=5", "network.loss=0.3", "wind.gust=0.5"]
 
@@ -88,7 +88,7 @@ def test_a_map_is_what_the_seed_gives():
 
 def test_a_map_looks_the_same_in_every_repeat_and_only_its_pixel_noise_differs():
     setting = load("forest", ["appearance.randomise=true"])
-    one, other = (style_of(setting, 4, trees=3, people=2, repeat=repeat) for repeat in (0, 5))
+    one, other = (sample_appearance(setting, 4, trees=3, people=2, repeat=repeat) for repeat in (0, 5))
     for name in set(type(one).__dataclass_fields__) - {"repeat"}:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     grey = np.full((8, 8, 3), 100, np.uint8)

@@ -1,4 +1,4 @@
-"""Missions whose network splits and heals: the fleet agrees in the scan in which it heals, and nobody is doubled."""
+"""Missions with a network that splits and heals: the fleet agrees in that scan, without duplicate tracks."""
 
 import itertools
 
@@ -7,11 +7,11 @@ import pytest
 from scipy.sparse.csgraph import connected_components
 
 from sim.mission.mission import Mission, Trial
-from sim.mission.radio import hearing
+from sim.mission.radio import open_links
 from sim.scenario.loading import load
 
 IDEAL = ("sensing.mode=ideal", "dynamics=kinematic")
-NEAR, ALONE = 1.0, 3.0  # m, of a person's track, and of people whose tracks nobody mistakes for one another's
+NEAR, ALONE = 1.0, 3.0  # m, of a person's track, and of people with tracks that cannot be mistaken for each other's
 SPLITS = {
     "one apart": ("network.cuts=[{links=[[0, 2], [1, 2]], start=3, end=13}]",),
     "all apart": ("network.cuts=[{links=[[0, 1], [0, 2], [1, 2]], start=2, end=14}]",),
@@ -23,7 +23,7 @@ SPLITS = {
 
 
 def tracks_near(snapshot, people):
-    """How many tracks of each UAV are near each person (n, M)."""
+    """Number (n, M) of tracks of each UAV near each person."""
     counts = []
     for held in snapshot.tracks:
         places = np.array([t.belief.mean[:2] for t in held]).reshape(-1, 2)
@@ -36,7 +36,7 @@ def flown(split: str, seed: int, *overrides: str, planner: str = "sma-nbo", dura
     scenario = load("forest", [f"duration={duration}", *SPLITS[split], *overrides])
     whole, agreed, counts = [], [], []
     for s in Mission.of(Trial(scenario, planner, seed)).fly():
-        graph = hearing(scenario.network, s.time, np.array([p.position for p in s.poses]))
+        graph = open_links(scenario.network, s.time, np.array([p.position for p in s.poses]))
         whole.append(connected_components(graph)[0] == 1)
         agreed.append(len({tuple(t.id for t in held) for held in s.tracks}) == 1)
         gaps = np.linalg.norm(s.people[:, None] - s.people[None], axis=2) + np.diag(np.full(len(s.people), np.inf))
@@ -45,7 +45,7 @@ def flown(split: str, seed: int, *overrides: str, planner: str = "sma-nbo", dura
 
 
 def check(split: str, seed: int, *overrides: str) -> int:
-    """Assert what holds from healing on, if anybody was apart; how often they healed."""
+    """Assert agreement from healing on, if any UAVs were apart; number of healings."""
     whole, agreed, counts = flown(split, seed, *overrides)
     healed = np.flatnonzero(whole[1:] & ~whole[:-1]) + 1
     assert agreed[whole].all()
@@ -56,13 +56,13 @@ def check(split: str, seed: int, *overrides: str) -> int:
 
 
 @pytest.mark.parametrize(("split", "seed"), [("one apart", 0), ("all apart", 1)])
-def test_a_fleet_that_heals_agrees_at_once_and_doubles_nobody(split, seed):
+def test_a_fleet_that_heals_agrees_at_once_without_duplicates(split, seed):
     assert check(split, seed, *IDEAL) == 1
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sensing", [IDEAL, ()])
 @pytest.mark.parametrize("seed", range(20))
-def test_a_fleet_that_heals_agrees_at_once_and_doubles_nobody_on_any_seed(seed, sensing):
+def test_a_fleet_that_heals_agrees_at_once_without_duplicates_on_any_seed(seed, sensing):
     split = list(SPLITS)[seed % len(SPLITS)]
     assert check(split, seed, *sensing) >= 1

@@ -8,12 +8,13 @@ import pytest
 
 from planning.objective.mwtp import weighted_trace_penalty
 from planning.objective.nbo import team_cost
-from planning.prediction.belief import LANES, observe, outlook
-from planning.prediction.view import inside, quadrangle, shortest_move
+from planning.prediction.field_of_view import view_quadrangle
+from planning.prediction.predicted_belief import LANES, add_information, predicted_belief
+from planning.prediction.quadrangle import inside, shortest_move
 from sim.mission.mission import Mission, Trial
 from sim.running.run import run
 from sim.scenario.loading import load
-from sim.sensing.sensors import camera_of, noise_of, view_of
+from sim.sensing.cameras import camera_of, noise_of, view_of
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, visible_samples
 from tracking.measurement_files import read_cameras
@@ -63,13 +64,13 @@ def test_the_planner_sees_what_brute_force_sees(random_team, occlusion):
         situation = dataclasses.replace(team[0], forest=Forest(team[0].forest.trees, occlusion))
         rng = np.random.default_rng(seed)
         points = np.concatenate([rng.uniform(-70, 70, (3, 12, 1, 2)), np.full((3, 12, 1, 1), TARGET_HEIGHT)], axis=-1)
-        view = outlook(situation, points, np.tile(np.eye(4), (12, 1, 1)))
+        view = predicted_belief(situation, points, np.tile(np.eye(4), (12, 1, 1)))
         for uav, vehicle in enumerate(situation.vehicles):
             path = vehicle.position + np.cumsum(np.column_stack([rng.uniform(-3.5, 3.5, (3, 2)), np.zeros(3)]), axis=0)
             lanes = [np.repeat(path[k, :2, None], LANES, axis=1) for k in range(3)]
             every = np.ones((36, view.points.shape[2]), dtype=bool)
             seen = np.array(
-                [observe(view, uav, lanes[row // 12], row, every, np.zeros(3 * LANES)) for row in range(36)]
+                [add_information(view, uav, lanes[row // 12], row, every, np.zeros(3 * LANES)) for row in range(36)]
             )
             free = [situation.forest.visible(path[k], points[k, :, 0])[0] for k in range(3)]
             np.testing.assert_array_equal(seen.reshape(3, 12), free)
@@ -77,9 +78,9 @@ def test_the_planner_sees_what_brute_force_sees(random_team, occlusion):
     assert hidden > 50
 
 
-def test_nobody_is_outside_such_a_view_so_the_terminal_penalty_is_zero(random_team):
+def test_with_an_unlimited_field_of_view_the_terminal_penalty_is_zero(random_team):
     team = all_round(random_team(2))
-    views = np.array([quadrangle(s.own) for s in team])
+    views = np.array([view_quadrangle(s.own) for s in team])
     rng = np.random.default_rng(0)
     for dx, dy in rng.normal(0, 1e3, (50, 2)).tolist():
         assert inside(views, 1, dx, dy) and shortest_move(views, 1, dx, dy) == (0.0, 0.0)
@@ -88,7 +89,7 @@ def test_nobody_is_outside_such_a_view_so_the_terminal_penalty_is_zero(random_te
     still = np.zeros((3, 2, 2))
     means = np.array([t.belief.mean for t in team[0].tracks])
     points = np.tile(np.column_stack([means[:, :2], np.full(4, TARGET_HEIGHT)])[None, :, None], (2, 1, 1, 1))
-    view = outlook(team[0], points, np.tile(np.eye(4), (4, 1, 1)))
+    view = predicted_belief(team[0], points, np.tile(np.eye(4), (4, 1, 1)))
     assert team_cost(view, still, 0.5) == team_cost(view, still, 0.0)
 
 

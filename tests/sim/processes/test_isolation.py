@@ -11,7 +11,7 @@ from helpers.processes import ended
 
 from sim.processes import isolation as module
 from sim.processes.interrupt import stop_request
-from sim.processes.isolation import ApartError, apart
+from sim.processes.isolation import IsolationError, run_isolated
 
 
 def compiles(tell):
@@ -45,7 +45,7 @@ def pressing(*keys):
 
 
 def listened(work, hear, timeout=30.0):
-    return apart(work, hear=hear, listening=float, timeout=timeout)
+    return run_isolated(work, hear=hear, listening=float, timeout=timeout)
 
 
 @pytest.fixture(autouse=True)
@@ -78,13 +78,14 @@ def test_a_second_ctrl_c_ends_what_is_deaf(monkeypatch):
 
 
 def test_ctrl_c_before_it_has_started_is_not_lost(monkeypatch):
-    ignored = module._ignored
+    stop_signals = module.stop_signals
 
-    def interrupted():
-        signal.raise_signal(signal.SIGINT)
-        return ignored()
+    def interrupted(handler):
+        if handler is signal.SIG_IGN:
+            signal.raise_signal(signal.SIGINT)
+        return stop_signals(handler)
 
-    monkeypatch.setattr(module, "_ignored", interrupted)
+    monkeypatch.setattr(module, "stop_signals", interrupted)
     with pytest.raises(KeyboardInterrupt):
         listened(compiles, print)
 
@@ -97,9 +98,9 @@ def test_what_it_has_started_ends_with_it():
 
 def test_what_cannot_be_sent_starts_nothing():
     with pytest.raises(TypeError, match="pickle"):
-        apart(compiles, threading.Lock(), hear=print, listening=float, timeout=30.0)
+        run_isolated(compiles, threading.Lock(), hear=print, listening=float, timeout=30.0)
 
 
 def test_what_takes_too_long_is_ended():
-    with pytest.raises(ApartError, match=r"longer than the timeout of 0\.5 s"):
+    with pytest.raises(IsolationError, match=r"longer than the timeout of 0\.5 s"):
         listened(compiles, print, timeout=0.5)

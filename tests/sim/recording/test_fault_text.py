@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.recordings import record, rewritten
 
-from planning.registry import load_planner
+from planning.loading import load_planner
 from sim.mission.mission import Mission, Trial
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save

@@ -155,13 +155,13 @@ def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
         both = working[:, None] & working
         np.testing.assert_array_equal(now.lost, then.lost)
         np.testing.assert_array_equal(now.up, then.up & both)
-        silent += np.count_nonzero(now.up & ~now.touch)
+        silent += np.count_nonzero(now.up & ~now.contact)
     assert silent > 5 and not recording.working[-1, 1]
     events = events_of(recording, scenario)
     assert all(e.kind in KINDS for e in events)
     began = [e for e in events if e.kind == "messages lost"]
-    first = next(k for k, now in enumerate(again) if (now.up & ~now.touch).any())
-    i, j = np.argwhere(again[first].up & ~again[first].touch)[0]
+    first = next(k for k, now in enumerate(again) if (now.up & ~now.contact).any())
+    i, j = np.argwhere(again[first].up & ~again[first].contact)[0]
     assert (began[0].time, began[0].text) == (recording.times[first], f"UAV {i} hears nothing of UAV {j}")
     ended = [e for e in events if e.kind == "messages heard"]
     assert 0 < len(ended) <= len(began) <= silent

@@ -14,8 +14,9 @@ from sim.recording.archive import save
 from sim.recording.recording import Recorder
 from sim.replay import export as module
 from sim.replay.export import STATE, export
+from sim.scenario.environment import Area
 from sim.scenario.errors import InputError
-from sim.scenario.scenario import Area, resolved
+from sim.scenario.scenario import resolved
 from sim.world.trajectories import read
 from tracking.measurement_files import read_cameras, read_forest, read_scans
 

@@ -13,7 +13,7 @@ from helpers.html_pages import Page
 from helpers.trials import failed, row, study
 from typer.main import get_command
 
-from planning.registry import load_planner
+from planning.loading import load_planner
 from sim.__main__ import app
 from sim.analysis.answers import Difference
 from sim.analysis.metric_choice import metric_shown

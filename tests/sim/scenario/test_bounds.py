@@ -9,10 +9,11 @@ import pytest
 from helpers.hostile_values import numbers
 from msgspec import inspect
 
+from sim.scenario.environment import People
 from sim.scenario.errors import InputError
 from sim.scenario.loading import load
 from sim.scenario.quantities import integer, integers, seconds
-from sim.scenario.scenario import People, Scenario
+from sim.scenario.scenario import Scenario
 from sim.scenario.workload import check_workload
 
 REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")

@@ -34,7 +34,7 @@ def test_what_is_no_plain_text_is_refused(tmp_path, make, reason):
         text(path, "field")
 
 
-def test_a_file_of_as_much_as_is_allowed_is_read_and_its_byte_order_mark_left_out(tmp_path):
+def test_the_largest_allowed_file_is_read_without_its_byte_order_mark(tmp_path):
     path = tmp_path / "given.toml"
     path.write_bytes(b"\xef\xbb\xbfx = 1")
     assert content(path, "field", 8) == b"\xef\xbb\xbfx = 1" and toml_file(path, "field") == {"x": 1}

@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from planning.registry import load_planner
+from planning.loading import load_planner
 from sim.mission.mission import Mission
+from sim.scenario.environment import People, Trees
 from sim.scenario.fleet import Uav
-from sim.scenario.scenario import People, Scenario, Sensing, Trees
+from sim.scenario.perception import Sensing
+from sim.scenario.scenario import Scenario
 from sim.sensing.clutter import Clutter
 from tracking.detection.detector import Frame, whole_covariances
 from tracking.detection.noise import NoiseModel
@@ -80,7 +82,7 @@ def test_false_alarms_do_not_depend_on_misses():
 
 
 @pytest.mark.parametrize("mode", ["camera", "ideal"])
-def test_the_place_in_a_scan_does_not_tell_who_is_a_false_alarm(mode):
+def test_the_order_of_a_scan_does_not_reveal_false_alarms(mode):
     first, places = 0, 0.0
     for before, after in zip(flown(mode), flown(mode, false_alarms=2.0), strict=True):
         was, now = before.scans[0].measurements, after.scans[0].measurements

@@ -11,7 +11,7 @@ from tracking.geometry.visibility import Forest, Tree, line_of_sight
 CAMERA = Camera(math.radians(60), 128)
 
 
-def test_a_sphere_is_in_the_frustum_wherever_a_point_of_it_is_in_the_image():
+def test_a_sphere_is_in_the_frustum_if_a_point_is_in_the_image():
     rng = np.random.default_rng(0)
     seen = 0
     for _ in range(100):
@@ -30,7 +30,7 @@ def test_a_sphere_is_in_the_frustum_wherever_a_point_of_it_is_in_the_image():
     assert seen > 1000
 
 
-def test_who_is_nowhere_is_not_in_the_frustum():
+def test_an_absent_person_is_not_in_the_frustum():
     pose = tilted(np.random.default_rng(0), [0, 0, 20.0], 0.0)
     assert not in_frustum(np.full((1, 3), np.nan), np.ones(1), pose.position, pose.rotation, CAMERA.fov)[0]
 

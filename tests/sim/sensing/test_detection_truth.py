@@ -64,7 +64,7 @@ def test_the_gate_is_the_distance_to_the_nearest_pixel(distance, expected):
     assert matched_people(np.array([[5.5 - distance, 5.5]]), people, 1).tolist() == [expected]
 
 
-def test_who_is_placed_beyond_the_edge_that_cuts_them_is_found():
+def test_a_detection_beyond_the_image_edge_counts_for_the_person_it_cuts():
     people = segmentation([(0, 5)])  # in the first row
     for pixel, expected in (([5.5, -4.0], True), ([9.0, -4.0], False), ([5.5, 4.0], False)):
         assert matched_people(np.array([pixel]), people, 1).tolist() == [expected]
@@ -74,7 +74,7 @@ def test_who_is_placed_beyond_the_edge_that_cuts_them_is_found():
     ]
 
 
-def test_nobody_is_found_where_nobody_shows_or_nothing_is_detected():
+def test_without_visible_people_or_detections_there_is_no_match():
     assert matched_people(np.array([[3.0, 3.0]]), segmentation(), 2).tolist() == [False, False]
     assert matched_people(np.zeros((0, 2)), segmentation([(3, 3)]), 1).tolist() == [False]
     assert matched_people(np.array([[3.0, 3.0]]), segmentation(), 0).shape == (0,)

@@ -6,17 +6,19 @@ import sys
 import numpy as np
 import pytest
 
-from planning.registry import load_planner
+from planning.loading import load_planner
 from sim.__main__ import main
 from sim.mission.mission import Mission
+from sim.scenario.environment import People, Trees
 from sim.scenario.errors import InputError
 from sim.scenario.fleet import Uav
-from sim.scenario.scenario import People, Scenario, Sensing, Trees
+from sim.scenario.perception import Sensing
+from sim.scenario.scenario import Scenario
+from sim.sensing.detection_check import usable_detections
 from sim.sensing.detection_truth import matched_people
 from sim.sensing.detectors import DETECTORS, check_detector, load_detector
 from sim.sensing.mask_detector import MaskDetector
 from sim.sensing.renderer import Renderer
-from sim.sensing.sensors import checked
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Detections, Frame, detect
@@ -136,16 +138,16 @@ def test_a_detector_that_fails_is_a_fault_and_a_scan_without_detections():
 )
 def test_detections_beyond_all_measure_are_faults(ground, variance, words):
     with pytest.raises(ValueError, match=words):
-        checked(Detections([[1.0, 2.0]], [[ground, 0.0]], [variance * np.eye(2)]))
+        usable_detections(Detections([[1.0, 2.0]], [[ground, 0.0]], [variance * np.eye(2)]))
 
 
-def test_an_empty_list_is_nobody():
-    found = checked(Detections([], [], []))
+def test_an_empty_list_means_no_detections():
+    found = usable_detections(Detections([], [], []))
     assert [a.shape for a in (found.pixels, found.ground, found.covariances)] == [(0, 2), (0, 2), (0, 2, 2)]
 
 
 def test_usable_detections_pass_as_floats():
-    found = checked(Detections([[1, 2]], [[3, 4]], [[[2, 1], [1, 2]]]))
+    found = usable_detections(Detections([[1, 2]], [[3, 4]], [[[2, 1], [1, 2]]]))
     assert [a.dtype for a in (found.pixels, found.ground, found.covariances)] == [np.float64] * 3
     assert found.covariances.tolist() == [[[2.0, 1.0], [1.0, 2.0]]]
 
@@ -161,7 +163,7 @@ def shown(rng, forest, count):
             yield Frame(0, 0.0, CAMERA, POSE, rendered.image), rendered.people, people
 
 
-def test_segmentation_detects_everyone_of_whom_a_pixel_shows_and_nobody_else():
+def test_the_mask_detector_detects_exactly_the_people_with_a_visible_pixel():
     rng = np.random.default_rng(0)
     forest = Forest(tuple(Tree(x, y, 2.0) for x in (-6.0, 0.0, 6.0) for y in (-6.0, 0.0, 6.0)))
     crowded = 0
@@ -174,7 +176,7 @@ def test_segmentation_detects_everyone_of_whom_a_pixel_shows_and_nobody_else():
         gaps = np.linalg.norm(found.ground[:, None] - people[ids], axis=2)
         assert gaps.min(axis=1, initial=9.0).max(initial=0.0) < 1.2
         crowded += len(ids) > len(detect(frame).ground)
-    assert crowded > 0  # some of whom the blobs, touching, are one
+    assert crowded > 0  # some people have touching blobs, which are one
 
 
 def test_segmentation_is_the_blob_detector_where_people_stand_apart():

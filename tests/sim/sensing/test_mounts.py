@@ -9,7 +9,7 @@ from helpers import synthetic
 from helpers.scenes import CAMERA, MOTION, OPEN, track
 from scipy.spatial.transform import Rotation
 
-from planning.registry import load_planner
+from planning.loading import load_planner
 from sim.drawing.map_view import MapView
 from sim.drawing.palette import PANEL
 from sim.drawing.video import Film
@@ -17,7 +17,8 @@ from sim.mission.mission import Mission, Trial
 from sim.scenario.fleet import Uav
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
-from sim.sensing.sensors import Sensors, camera_pose, planned_attitude
+from sim.sensing.cameras import camera_pose, planned_attitude
+from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.fusion.consensus import fuse
@@ -100,7 +101,7 @@ def test_tilted_fleets_fly_and_see_people_where_they_look(mount, dynamics):
     assert max(s.ospa[:, 0].mean() for s in snapshots) < 1.0
 
 
-def test_a_slow_camera_takes_its_frames_at_its_own_rate_and_the_others_at_theirs():
+def test_each_camera_takes_frames_at_its_own_rate():
     mission, snapshots, frames = fly("uavs.1.rate=1", "trees.density=0")
     expected = np.ones((16, 3), dtype=bool)
     expected[:, 1] = np.arange(16) % 5 == 0
@@ -113,7 +114,7 @@ def test_a_slow_camera_takes_its_frames_at_its_own_rate_and_the_others_at_theirs
     assert any(len(s.scans[1].measurements) for s in snapshots)
 
 
-def test_a_slow_camera_alone_needs_two_of_its_own_frames_to_find_somebody():
+def test_a_slow_camera_alone_needs_two_of_its_own_frames_for_a_track():
     overrides = ("uavs=[{start=[-28, -6], rate=1, footprint=30}]", "tracking.initial_tracks=none", "trees.density=0")
     _, snapshots, _ = fly(*overrides)
     held = [len(s.tracks[0]) > 0 for s in snapshots]
@@ -122,14 +123,14 @@ def test_a_slow_camera_alone_needs_two_of_its_own_frames_to_find_somebody():
 
 def test_scans_without_a_frame_are_neither_hits_nor_misses():
     """Over an empty place in plain view a track dies of five misses; scans without a frame do it no harm."""
-    nobody = (np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    nothing = (np.zeros((0, 2)), np.zeros((0, 2, 2)))
     looking, resting = (Tracker(0, CAMERA, OPEN, TrackerParameters(MOTION), [track(0, 0, 0, 0, 0)]) for _ in range(2))
     for k in range(60):
-        looking.step(Scan(0, 0.2 * k, Pose.level(0, 0, 19), *nobody))
+        looking.step(Scan(0, 0.2 * k, Pose.level(0, 0, 19), *nothing))
         if k % 15:
             resting.coast(0.2 * k)
         else:
-            resting.step(Scan(0, 0.2 * k, Pose.level(0, 0, 19), *nobody))
+            resting.step(Scan(0, 0.2 * k, Pose.level(0, 0, 19), *nothing))
         for each in (looking, resting):
             fuse([each], np.zeros((1, 1), dtype=bool), 5)
         assert (len(looking.tracks), len(resting.tracks)) == (int(k < 4), 1)
@@ -182,7 +183,7 @@ def test_the_film_keeps_the_last_picture_of_a_slow_camera_whole():
     assert np.any(before[tiles[0].slices] != after[tiles[0].slices])
 
 
-def test_whom_a_slow_camera_saw_in_its_last_frame_is_not_drawn_as_hidden():
+def test_a_person_in_a_slow_cameras_last_frame_is_not_drawn_hidden():
     setting = load("forest", ["uavs=[{start=[0, 0], rate=1}]"])
     view = MapView(setting, Forest(()), (790, 540))
     base = next(synthetic.snapshots(synthetic.scenario(uavs=1, people=1), Forest(()), 1))

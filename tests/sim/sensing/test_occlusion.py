@@ -1,4 +1,4 @@
-"""What trees hide in an image against what the line of sight says they hide."""
+"""Occlusion by trees in images against the line of sight."""
 
 import math
 
@@ -18,13 +18,13 @@ CENTRES = np.split(np.column_stack([COLUMNS, ROWS]) + 0.5, 8)
 
 
 def hidden_in_image(world: World, pose: Pose) -> np.ndarray:
-    """Whether a tree shows at each pixel."""
+    """Mask of pixels that show a tree."""
     trees = np.array([body.id for body in world.bodies if body.kind in ("canopy", "trunk")])
     return np.isin(capture(world.client, CAMERA, pose)[2], trees).ravel()
 
 
 def hidden_by_geometry(forest: Forest, pose: Pose) -> np.ndarray:
-    """Whether the ground at the middle of each pixel is out of sight."""
+    """Mask of pixels with the ground at their middle out of sight."""
     ground = np.vstack([CAMERA.ground_points(pose, part) for part in CENTRES])
     return ~line_of_sight(pose.position, np.column_stack([ground, np.zeros(len(ground))]), forest)[0]
 

@@ -10,7 +10,8 @@ from sim.mission.mission import Mission, Trial
 from sim.recording.recording import Recorder
 from sim.replay.frames.rerender import Rerenderer
 from sim.scenario.errors import InputError
-from sim.scenario.scenario import Scenario, Sensing, resolved
+from sim.scenario.perception import Sensing
+from sim.scenario.scenario import Scenario, resolved
 from sim.sensing.renderer import Renderer
 from sim.world.world import World, opengl
 from tracking.detection.detector import detect

@@ -1,4 +1,4 @@
-"""From world to scans: who is measured, with which error and which covariance."""
+"""From world to scans: measured people, errors and covariances."""
 
 import math
 
@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from sim.scenario.fleet import DEFAULT_FLEET, Uav
-from sim.scenario.scenario import Scenario, Sensing
+from sim.scenario.perception import Sensing
+from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import camera_of, camera_pose
 from sim.sensing.renderer import Renderer
-from sim.sensing.sensors import Sensors, camera_of, camera_pose
+from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.detector import Frame, detect
@@ -112,9 +114,9 @@ def test_the_absent_are_never_seen(mode):
     with World(setting, OPEN, 3) as world:
         world.place_people(people, np.zeros(3))
         look = sensors(setting, world).look(0, 0.0, pose, people)
-        nobody = np.full((3, 2), np.nan)
-        world.place_people(nobody, np.zeros(3))
-        empty = sensors(setting, world).look(0, 0.0, pose, nobody)
+        absent = np.full((3, 2), np.nan)
+        world.place_people(absent, np.zeros(3))
+        empty = sensors(setting, world).look(0, 0.0, pose, absent)
     assert look.matched.tolist() == (look.visible > 0).tolist() == [False, True, False]
     assert look.scan.measurements.shape == (1, 2)
     assert np.linalg.norm(look.scan.measurements[0] - people[1]) < 2.0

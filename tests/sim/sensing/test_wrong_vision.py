@@ -1,4 +1,4 @@
-"""What a user may get wrong about cameras, people and recordings: one clear line, exit code 2, nothing left."""
+"""User errors about cameras, people and recordings: one clear line, exit code 2, nothing left."""
 
 import shutil
 import sys
@@ -11,7 +11,8 @@ from sim import __main__ as cli
 from sim.recording.archive import save
 from sim.recording.recording import Recorder
 from sim.scenario.loading import load, remarks
-from sim.scenario.scenario import Sensing, resolved
+from sim.scenario.perception import Sensing
+from sim.scenario.scenario import resolved
 from sim.world import opengl
 
 CSV = {
@@ -77,7 +78,7 @@ WRONG = {
     "seed as a key": (["run", SET, "seed=3"], ["seed: unknown key", "an option: --seed"]),
     "planner as a key": (["compare", SET, "planner=hover"], ["planner: unknown key", "an option: --planner"]),
     "near a key": (["run", SET, "sead=3"], ["sead: unknown key", "allowed are version, duration"]),
-    "planner by no name": (["run", "--planner", "mine"], ["'mine'", "package.module:Class", "did you mean sma-nbo?"]),
+    "planner by no name": (["run", "--planner", "mine"], ["'mine'", "package.module:Class"]),
     "no trajectories": (["run", SET, "people.trajectories=nothing.csv"], ["nothing.csv: is empty", "t,id,x,y"]),
     "blank trajectories": (["run", SET, "people.trajectories=blank.csv"], ["blank.csv: is empty", "t,id,x,y"]),
     "no rows": (["run", SET, "people.trajectories=header.csv"], ["header.csv: has no rows", "two or more"]),
@@ -126,7 +127,7 @@ def test_what_is_not_flown_as_the_scenario_says_is_said(call):
     assert code == 0
     assert err.splitlines() == [
         "understory: duration: 0.5 s is no multiple of the 0.2 s between scans; the last scan is at 0.4 s",
-        "understory: people.count: not used, as people.trajectories says who walks where",
+        "understory: people.count: not used, as people.trajectories gives all paths",
     ]
 
 

@@ -6,7 +6,8 @@ import math
 import msgspec
 import pytest
 
-from planning.registry import DEFAULT_PLANNER, load_planner
+from planning.loading import load_planner
+from planning.registry import DEFAULT_PLANNER
 from sim.scenario.scenario import Scenario
 from sim.study.study import adapted, cells, read
 from sim.study.tasks import tasks

@@ -5,7 +5,8 @@ from collections import Counter
 
 import pytest
 
-from planning.registry import PlannerError, load_planner
+from planning.errors import PlannerError
+from planning.loading import load_planner
 from sim.scenario.errors import InputError
 from sim.scenario.loading import _value, load
 from sim.study.settings_text import flat, option, toml

@@ -1,4 +1,4 @@
-"""What cameras show varies by the seed as far as the scenario says, and every frame can be made again."""
+"""Images vary with the seed within the limits of the scenario, and every frame can be rendered again."""
 
 import colorsys
 import math
@@ -13,10 +13,11 @@ from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
 from assets.build import PALETTE
 from sim.mission.mission import Mission, Trial
+from sim.scenario.environment import Appearance
 from sim.scenario.fleet import Uav
-from sim.scenario.scenario import Appearance, Scenario
+from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import Renderer
-from sim.world.appearance import FULL, style_of
+from sim.world.appearance import FULL, sample_appearance
 from sim.world.world import World
 from tracking.detection.detector import detect
 from tracking.geometry.camera import Pose
@@ -45,7 +46,7 @@ def varied(**strengths):
 
 
 def style(seed=0, **strengths):
-    return style_of(varied(**strengths), seed, trees=2, people=3)
+    return sample_appearance(varied(**strengths), seed, trees=2, people=3)
 
 
 def different(one, other):
@@ -129,7 +130,7 @@ def test_noise_depends_on_seed_uav_and_time_alone():
     ]
     assert len(set(taken)) == 3
     fleet = Scenario(appearance=Appearance(noise=4.0))
-    two = style_of(fleet, 0, trees=9, people=0)
+    two = sample_appearance(fleet, 0, trees=9, people=0)
     two.develop(flat, 2, 7.0)
     assert two.develop(flat, 0, 0.2).tobytes() == taken[0]
     assert two.develop(flat, 1, 0.2).tobytes() != taken[0]
@@ -148,7 +149,7 @@ def test_a_frame_made_again_from_poses_and_seed_is_the_one_flown():
 
 
 def survey(worlds, frames):
-    """Recall and precision of people half or more visible who touch nobody, in worlds of full randomisation."""
+    """Recall and precision of people half or more visible clear of others, in worlds of full randomisation."""
     rng = np.random.default_rng(0)
     tally = Tally([], [])
     for seed in range(worlds):

@@ -5,8 +5,8 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from assets import ASSETS
 from assets.build import build
+from sim.installation import ASSETS
 from sim.world.quadrotor import INERTIA, MASS, ROTORS
 from tracking.geometry.visibility import TARGET_HEIGHT
 

@@ -1,4 +1,4 @@
-"""What UAVs touch is noticed, recorded, summarised and shown; what they miss is not."""
+"""Contacts of UAVs are noticed, recorded, summarised and shown; near misses are not."""
 
 import dataclasses
 import json
@@ -60,7 +60,7 @@ def test_a_uav_flown_into_a_tree_touches_that_tree(dynamics, kind):
             assert world.poses()[0].position[0] < 4.0
 
 
-def test_a_mission_records_who_touched_whom_in_which_scan():
+def test_a_mission_records_contacts_with_their_scan():
     class Collide:
         def plan(self, team, rng):
             return [Plan(np.array([[1.0, 0.0]])), Plan(np.array([[-1.0, 0.0]]))]

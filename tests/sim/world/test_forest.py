@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 from scipy.spatial.distance import pdist
 
-from sim.scenario.scenario import Area, Trees
+from sim.scenario.environment import Area, Trees
 from sim.world.forest import CLEARANCE, grow
 
 AREA = Area()

@@ -12,7 +12,7 @@ SECONDS = 20
 
 
 def steered(starts, speeds, goals, trunks=NO_TRUNKS, half=HALF):
-    """Positions (K, M, 2) of people who walk from starts to goals on straight routes."""
+    """Positions (K, M, 2) of people on straight routes from starts to goals."""
     starts, goals = np.array(starts, dtype=float), np.array(goals, dtype=float)
     ahead = goals - starts
     states = np.column_stack([starts, np.arctan2(ahead[:, 1], ahead[:, 0]), np.zeros(len(starts))])
@@ -46,7 +46,7 @@ def test_a_trunk_in_the_way_is_passed_near_and_smoothly(speed, offset):
 
 @pytest.mark.parametrize("speeds", [(1, 1), (3, 3), (1, 3)])
 @pytest.mark.parametrize("shift", [0.0, 0.2, -0.4])
-def test_people_who_meet_brush_past_one_another(speeds, shift):
+def test_people_on_a_collision_course_pass_each_other(speeds, shift):
     walk = steered([(-12, 0), (12, shift)], speeds, [(60, 0), (-60, shift)])
     away = np.hypot(*(walk[:, 0] - walk[:, 1]).T)
     assert SEPARATION <= away.min() < 1.5
@@ -65,7 +65,7 @@ def test_a_route_out_of_the_area_ends_in_a_smooth_turn():
     assert lateral_acceleration(walk).max() < 1.05
 
 
-def test_a_pocket_of_trunks_catches_nobody():
+def test_a_pocket_of_trunks_catches_no_walker():
     walk = steered([(-10, 0.0)], [2.0], [(60, 0)], [(0.0, 0.55, 0.6), (0.0, -0.55, 0.6), (-0.8, 0.0, 0.6)])
     for x, y in [(0.0, 0.55), (0.0, -0.55), (-0.8, 0.0)]:
         assert np.hypot(walk[:, 0, 0] - x, walk[:, 0, 1] - y).min() >= 0.6

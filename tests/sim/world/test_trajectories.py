@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.interpolate import PchipInterpolator
 
+from sim.scenario.environment import Area
 from sim.scenario.errors import InputError
-from sim.scenario.scenario import Area
 from sim.scenario.text_files import MOST_BYTES
 from sim.world.trajectories import Trajectories, read
 
@@ -29,7 +29,7 @@ def table(rows, header="t,id,x,y"):
 
 
 def walk_of(x, y):
-    """One person who is at these places, one second apart."""
+    """One person at these places, one second apart."""
     return Trajectories(np.arange(len(x), dtype=float), np.stack([x, y], axis=-1)[:, None, :].astype(float))
 
 
@@ -48,7 +48,7 @@ def test_positions_are_straight_between_samples_and_headings_along_the_step():
 
 
 @pytest.mark.parametrize("time", [-0.1, 2.1, 100.0])
-def test_nobody_is_there_before_the_first_and_after_the_last_sample(time):
+def test_people_are_absent_before_the_first_and_after_the_last_sample(time):
     positions, headings = walk_of([0, 3, 3], [0, 4, 8]).at(time)
     assert np.all(np.isnan(positions))
     assert np.all(np.isnan(headings))
@@ -61,7 +61,7 @@ def test_samples_are_met_exactly_at_the_physics_rate():
         assert np.array_equal(walk.at(4 * k * (1 / 240))[0], walk.positions[k])
 
 
-def test_who_stands_still_keeps_the_heading():
+def test_a_standing_person_keeps_the_heading():
     walk = walk_of([0, 0, 0, 0], [0, -2, -2, -2])
     assert walk.at(2.5)[1] == pytest.approx(-math.pi / 2)
 
@@ -106,7 +106,7 @@ def test_rows_and_columns_come_in_any_order_and_people_in_order_of_appearance(cs
     assert_allclose(walk.at(4)[0], [(5, 5), (8, 1)])
 
 
-def test_people_who_come_too_late_are_left_out(csv_file):
+def test_people_first_seen_after_the_mission_are_left_out(csv_file):
     rows = [(0, 1, 0, 0), (9, 1, 9, 0), (50, 2, 0, 0), (60, 2, 1, 0)]
     assert read(csv_file(table(rows)), AREA, duration=40).positions.shape == (2401, 1, 2)
 
@@ -156,8 +156,8 @@ def test_what_is_wrong_is_named_by_file_line_column_and_value(csv_file, text, co
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"nobody\.csv cannot be read"):
-        read(tmp_path / "nobody.csv", AREA, duration=40)
+    with pytest.raises(ValueError, match=r"missing\.csv cannot be read"):
+        read(tmp_path / "missing.csv", AREA, duration=40)
     (tmp_path / "binary.csv").write_bytes(b"t,id,x,y\n\xff\xfe")
     with pytest.raises(ValueError, match=r"binary\.csv cannot be read"):
         read(tmp_path / "binary.csv", AREA, duration=40)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sim.scenario.scenario import Area, People, Trees
+from sim.scenario.environment import Area, People, Trees
 from sim.world.forest import grow
 from sim.world.pedestrian_steering import SEPARATION
 from sim.world.walkers import MARGIN, TRUNK_CLEARANCE, _smooth_noise, paces, walk
@@ -73,7 +73,7 @@ def test_noise_has_unit_variance_and_the_correlation_asked_for():
 
 @pytest.mark.parametrize("density", [45, 75])
 @pytest.mark.parametrize("seeds", [range(20), pytest.param(range(20, 120), marks=pytest.mark.slow)])
-def test_nobody_leaves_the_area_or_touches_a_trunk_or_another(density, seeds):
+def test_walkers_stay_in_the_area_and_touch_neither_trunks_nor_each_other(density, seeds):
     for seed in seeds:
         assert_allowed(*walked(seed, trees=Trees(density=density)))
 
@@ -100,7 +100,7 @@ def test_accelerations_are_those_of_walking_people():
 
 
 def cross(p, q):
-    """Whether two paths (K, 2) cross, seen at each second."""
+    """True if two paths (K, 2) cross, seen at each second."""
     a, b = p[::RATE], q[::RATE]
     da, db = np.diff(a, axis=0), np.diff(b, axis=0)
 
@@ -157,7 +157,7 @@ def test_a_longer_mission_begins_no_later_and_covers_its_duration():
         assert not np.any(np.isnan(walks.at(duration)[0]))
 
 
-def test_nobody_is_a_crowd_too():
+def test_a_crowd_may_be_empty():
     assert walked(0, people=People(count=0))[0].shape == (2401, 0, 2)
 
 

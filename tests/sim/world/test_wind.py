@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from sim.mission.mission import Mission, Trial
+from sim.scenario.environment import Wind
 from sim.scenario.fleet import Uav
 from sim.scenario.loading import load
-from sim.scenario.scenario import Scenario, Wind
+from sim.scenario.scenario import Scenario
 from sim.world.quadrotor import DRAG, GRAVITY, MASS
 from sim.world.wind import Air
 from sim.world.world import World

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
-from sim.scenario.scenario import Appearance
+from sim.scenario.environment import Appearance
 from sim.sensing.detection_truth import matched_people
 from sim.sensing.renderer import Renderer
 from sim.world.world import World

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.scenario.scenario import Area, People
+from sim.scenario.environment import Area, People
 from sim.world.walkers import walk
 from tracking.filter.bounded_speed import BoundedSpeed
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity, update

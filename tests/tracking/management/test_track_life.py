@@ -9,7 +9,7 @@ from helpers.scenes import ABOVE, ALONE, AWAY, CAMERA, OPEN, play, scan, track, 
 from sim.mission.tracker_setup import motion
 from sim.scenario.errors import InputError
 from sim.scenario.loading import load
-from sim.scenario.scenario import Tracking
+from sim.scenario.perception import Tracking
 from tracking.filter.bounded_speed import BoundedSpeed
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.fusion.consensus import fuse

@@ -4,7 +4,7 @@ import numpy as np
 from shepherd import Shepherd
 
 from planning.conformance.checks import check
-from planning.conformance.situations import specimen_team
+from planning.conformance.situations import random_team
 
 
 def test_it_conforms() -> None:
@@ -15,7 +15,7 @@ def test_it_conforms() -> None:
 
 def test_a_stray_is_followed() -> None:
     """Alone with one person out of view, a UAV flies there."""
-    (situation,) = specimen_team(5, uavs=1, targets=1, trees=0)
+    (situation,) = random_team(5, uavs=1, targets=1, trees=0)
     gap = situation.tracks[0].belief.mean[:2] - situation.own.position[:2]
     (plan,) = Shepherd().plan([situation], np.random.default_rng(0))
     assert np.linalg.norm(gap) > 12.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import tracking.measurement_update
-from planning.registry import load_planner
+from planning.loading import load_planner
 from sim.mission.mission import Mission
 from sim.recording.recording import Recorder
 from sim.replay.explain.association import Association

@@ -12,7 +12,7 @@ import pytest
 from helpers import synthetic
 from helpers.flights import PAIR, filmed
 
-from assets import ASSETS
+from sim.installation import ASSETS
 from sim.recording.archive import load, save
 from sim.replay.frames.rerender import Rerenderer
 from sim.sensing.renderer import capture

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from helpers import synthetic
 
-from planning.objective.mwtp import matching, weighted_trace_penalty
+from planning.objective.mwtp import matches, weighted_trace_penalty
 from planning.objective.nbo import costs
 from planning.planner import Vehicle
+from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.propagation import Nominal
-from planning.prediction.view import quadrangle
 from sim.recording.recording import Recorder
 from sim.replay.rerun.mwtp_matches import matches_at, situation_at
 from sim.scenario.scenario import resolved
@@ -18,7 +18,7 @@ from tracking.geometry.camera import Camera
 
 def views(count, altitude=20.0):
     vehicle = Vehicle(0, np.array([0.0, 0.0, altitude]), Camera(np.pi / 3, 128), NoiseModel.range_bearing(0.1), 5.0)
-    return np.array([quadrangle(vehicle)] * count)
+    return np.array([view_quadrangle(vehicle)] * count)
 
 
 def sensors(*places):
@@ -28,7 +28,7 @@ def sensors(*places):
 def test_the_most_uncertain_gets_the_nearest_and_a_busy_uav_is_farther():
     half = (20.0 - 0.85) * np.tan(np.pi / 6)
     targets = np.array([[30.0, 0.0], [34.0, 0.0], [-60.0, 0.0], [0.0, 0.0]])
-    found = matching(targets, np.array([9.0, 4.0, 1.0, 100.0]), np.array([0, 0, 0, 1], bool),
+    found = matches(targets, np.array([9.0, 4.0, 1.0, 100.0]), np.array([0, 0, 0, 1], bool),
                      sensors((0, 0), (-40, 0)), views(2))  # fmt: skip
     assert [(m.uav, m.target) for m in found] == [(0, 0), (0, 1), (1, 2)]
     # The first has moved until its image just holds the target, which then lies half an image ahead.
@@ -48,7 +48,7 @@ def test_penalties_add_up_to_what_planners_pay():
         )
         half = (20.0 - 0.85) * np.tan(np.pi / 6)
         seen = (np.abs(targets[:, None] - places[None]) <= half).all(axis=2).any(axis=1)
-        found = matching(targets, traces, seen, sensors(*places), views(n))
+        found = matches(targets, traces, seen, sensors(*places), views(n))
         expected = weighted_trace_penalty(targets, traces, places.copy(), views(n))
         assert sum(m.penalty for m in found) == pytest.approx(expected)
         assert sorted(m.target for m in found) == np.flatnonzero(~seen).tolist()
@@ -66,7 +66,7 @@ def test_matches_of_a_recording_are_those_its_plans_would_pay_for():
     count = 0
     for k in range(0, 21, 5):
         controls = np.array([plan.controls for plan in recording.plans_at(k)])
-        view = Nominal().outlook(situation_at(recording, scenario, k, 1), 5, np.random.default_rng(0))
+        view = Nominal().predict(situation_at(recording, scenario, k, 1), 5, np.random.default_rng(0))
         paid = [float(costs(view, controls, range(3), controls[None], beta, 1)[0]) for beta in (0.0, 1.0)]
         found = matches_at(recording, scenario, k, 1)
         assert sum(m.penalty for m in found) == pytest.approx(paid[1] - paid[0])

@@ -10,17 +10,17 @@ from time import perf_counter
 import numpy as np
 
 from planning.objective.objective import Objective
-from planning.optimizers.optimizer import Found, limited
+from planning.optimizers.optimizer import SearchResult, speed_limited
 from planning.prediction.targets_in_reach import Hints
 from tracking.numerics.compiled import Array
 from tracking.numerics.elementary import cos_each, sin_each
 
 
 @dataclass(frozen=True)
-class Grid:
+class GridSearch:
     """Exhaustive search over all sequences of a few controls, and the starts: ground truth for small cases.
 
-    With a budget, in evaluations or seconds, what it has tried by then, in the order of the controls, is all.
+    With a budget, in evaluations or seconds, it tries sequences in the order of the controls until the budget is used.
     """
 
     directions: int = 8
@@ -30,7 +30,7 @@ class Grid:
     seconds: float = 0.0  # stop after so much time; 0: no limit
 
     def controls(self, max_speed: float) -> Array:
-        """The controls (D, 2) m/s of which plans are made."""
+        """Controls (D, 2) m/s of which plans consist."""
         angles = 2 * math.pi * np.arange(self.directions) / self.directions
         rim = np.column_stack([cos_each(angles), sin_each(angles)])
         shares = np.arange(1, self.speeds + 1) / self.speeds
@@ -43,7 +43,7 @@ class Grid:
         max_speeds: Array,
         rng: np.random.Generator,
         hints: Hints | None = None,
-    ) -> Found:
+    ) -> SearchResult:
         """As `Optimizer.minimise`; ValueError where there are too many plans."""
         end = perf_counter() + self.seconds if self.seconds else math.inf
         _, k, H, _ = starts.shape
@@ -52,10 +52,10 @@ class Grid:
         tries = min(count, self.evaluations or count)
         if tries > self.most and not self.seconds:
             raise ValueError(f"optimizer grid: {count} plans of {k} UAVs over {H} steps, at most {self.most} are tried")
-        starts = limited(starts, max_speeds)
+        starts = speed_limited(starts, max_speeds)
         values = objective(starts)
         best = int(np.argmin(values))
-        found = Found(starts[best], float(values[best]), len(starts))
+        found = SearchResult(starts[best], float(values[best]), len(starts))
         plans = itertools.islice(itertools.product(*sets), tries)
         while perf_counter() < end and (chunk := list(itertools.islice(plans, 8192))):
             candidates = np.array(chunk).reshape(-1, k, H, 2)

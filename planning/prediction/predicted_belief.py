@@ -1,4 +1,4 @@
-"""The belief over a horizon: where targets may be, who would see them, and what that does to P."""
+"""Belief predicted over a horizon: positions of targets, their visibility and the transition of P."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Situation, Vehicle
-from planning.prediction.view import quadrangle, reach
+from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Vector, blocked
 from tracking.numerics.compiled import Array, compiled
 from tracking.numerics.matrices import length
@@ -18,38 +18,38 @@ from tracking.numerics.matrices import length
 LANES = 64  # cameras or covariances that compiled code works on side by side, with the processor's vector instructions
 
 
-class Outlook(NamedTuple):
-    """All that the compiled objective needs to know, as arrays: n UAVs, T targets, H steps.
+class PredictedBelief(NamedTuple):
+    """Belief on T targets, predicted over H steps, and the n UAVs with their sensors.
 
-    A tuple of arrays rather than a class, because that is what compiled code can take.
+    A tuple of arrays, because compiled code takes no classes.
     """
 
     step: float  # s
     noise: Array  # (3,): process noise of one step on position, position-velocity and velocity
-    points: Array  # (H, T, K, 3) m: where the targets may be, equally probable, at their height; the first is the mean
+    points: Array  # (H, T, K, 3) m: equally probable positions of the targets, at their height; the first is the mean
     covariances: Array  # (T, 4, 4): P now
     positions: Array  # (n, 3) m: UAVs now
-    views: Array  # (n, 5, 3): fields of view at the target's height, see `planning.prediction.view.quadrangle`
+    views: Array  # (n, 5, 3): fields of view at the target's height, see `field_of_view.view_quadrangle`
     quality: Array  # (n, 7): coefficients of each UAV's noise model
     blockers: Array  # (B, 5): cylinders near each of the points, one after another
     offsets: NDArray[np.int64]  # (H T K + 1,): where each point's cylinders begin
     weights: Array  # (T,): how much each target counts
 
 
-def outlook(situation: Situation, points: Array, covariances: Array) -> Outlook:
-    """What a UAV expects of targets that may be at `points` (H, T, K, 3) m and have covariances (T, 4, 4) now.
+def predicted_belief(situation: Situation, points: Array, covariances: Array) -> PredictedBelief:
+    """Predicted belief of targets at `points` (H, T, K, 3) m with covariances (T, 4, 4) now.
 
-    Each target counts as one.
+    Each target has weight one.
     """
     vehicles, motion = situation.vehicles, situation.motion
     blockers, offsets = _near(situation.forest, points, vehicles, motion.dt * len(points))
-    return Outlook(
+    return PredictedBelief(
         step=motion.dt,
         noise=np.array([motion.Q[0, 0], motion.Q[0, 2], motion.Q[2, 2]]),
         points=points,
         covariances=covariances,
         positions=np.array([v.position for v in vehicles], dtype=float),
-        views=np.array([quadrangle(v) for v in vehicles]),
+        views=np.array([view_quadrangle(v) for v in vehicles]),
         quality=np.array([v.noise.coefficients for v in vehicles]),
         blockers=blockers,
         offsets=offsets,
@@ -60,10 +60,9 @@ def outlook(situation: Situation, points: Array, covariances: Array) -> Outlook:
 def _near(
     forest: Forest, points: Array, vehicles: Sequence[Vehicle], duration: float
 ) -> tuple[Array, NDArray[np.int64]]:
-    """The cylinders that can hide each point (..., 3) m from any UAV that within `duration` s has it in view.
+    """Cylinders that can hide each point (..., 3) m from a UAV that has it in view within `duration` s.
 
-    Seen from below, a line of sight leaves the height of the trees within a few metres, so that a point has a
-    handful of candidates, however large the forest.
+    A line of sight is above the trees a few metres from the target, so a point has few candidates in any forest.
     """
     cylinders = forest.blockers
     points = points.reshape(-1, 3)
@@ -72,7 +71,7 @@ def _near(
         height = v.position[2] - TARGET_HEIGHT
         share = np.clip((cylinders[:, 4] - TARGET_HEIGHT) / height, 0.0, 1.0)
         gap = length(points[:, :2] - v.position[:2]).max(initial=0.0) + v.max_speed * duration
-        farthest = np.maximum(farthest, share * min(reach(v), gap))
+        farthest = np.maximum(farthest, share * min(viewing_range(v), gap))
     square = np.square(points[:, None, 0] - cylinders[:, 0]) + np.square(points[:, None, 1] - cylinders[:, 1])
     rows, columns = np.nonzero(square <= np.square(cylinders[:, 2] + farthest))
     offsets = np.searchsorted(rows, np.arange(len(points) + 1)).astype(np.int64)
@@ -80,12 +79,12 @@ def _near(
 
 
 @compiled
-def may_see(outlook: Outlook, uavs: NDArray[np.int64], boxes: Array) -> NDArray[np.bool_]:
-    """Whether, from anywhere in the boxes (k, H, 4) m: x0, x1, y0, y1, any of k UAVs may see each point (H T, K).
+def possibly_visible(belief: PredictedBelief, uavs: NDArray[np.int64], boxes: Array) -> NDArray[np.bool_]:
+    """Mask (H T, K) of points that any of k UAVs may see from somewhere in its boxes (k, H, 4) m: x0, x1, y0, y1.
 
-    Rows count (step, target) pairs. A bound at little cost: no is certain, yes is not.
+    Rows count (step, target) pairs. The bound is cheap: False is certain, True is not.
     """
-    points, views = outlook.points, outlook.views
+    points, views = belief.points, belief.views
     steps, targets, count = points.shape[0], points.shape[1], points.shape[2]
     may = np.zeros((steps * targets, count), dtype=np.bool_)
     for j in range(len(uavs)):
@@ -106,14 +105,16 @@ def may_see(outlook: Outlook, uavs: NDArray[np.int64], boxes: Array) -> NDArray[
 
 
 @compiled
-def observe(outlook: Outlook, uav: int, cameras: Array, row: int, near: NDArray[np.bool_], information: Array) -> bool:
+def add_information(
+    belief: PredictedBelief, uav: int, cameras: Array, row: int, near: NDArray[np.bool_], information: Array
+) -> bool:
     """Add R⁻¹ (xx, xy, yy) to `information` (3 LANES,) of a target that a UAV sees from `cameras` (2, LANES) m.
 
-    row: counts (step, target) pairs; near (H T, K): which points are worth a look. Visibility is that of the points
-    where the target may be, all or nothing for each; each adds its share. Returns whether any camera sees it.
+    row: counts (step, target) pairs; near (H T, K): points to test. Each point is visible or not, and each visible one
+    adds its share. Returns True if any camera sees the target.
     """
-    points, quality, offsets = outlook.points, outlook.quality[uav], outlook.offsets
-    targets, count, height = points.shape[1], points.shape[2], outlook.positions[uav, 2]
+    points, quality, offsets = belief.points, belief.quality[uav], belief.offsets
+    targets, count, height = points.shape[1], points.shape[2], belief.positions[uav, 2]
     c0, c1, c2, c3, c4, c5 = quality[0], quality[1], quality[2], quality[3], quality[4], quality[5]
     east, north, least = cameras[0], cameras[1], quality[6]
     some, free = False, np.empty(LANES)
@@ -122,8 +123,8 @@ def observe(outlook: Outlook, uav: int, cameras: Array, row: int, near: NDArray[
             continue
         p, index = points[row // targets, row % targets, k], row * count + k
         x, y = p[0], p[1]
-        blockers = outlook.blockers[offsets[index] : offsets[index + 1]]
-        if not _seen((x, y, p[2]), height, cameras, outlook.views[uav], blockers, free):
+        blockers = belief.blockers[offsets[index] : offsets[index + 1]]
+        if not _seen((x, y, p[2]), height, cameras, belief.views[uav], blockers, free):
             continue
         some = True
         for lane in range(LANES):
@@ -142,10 +143,10 @@ def observe(outlook: Outlook, uav: int, cameras: Array, row: int, near: NDArray[
 
 @compiled
 def _seen(point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array) -> bool:
-    """Set `free` (LANES,) to 1 where a camera (2, LANES) m at a height sees a point, else to 0; whether any does.
+    """Set `free` (LANES,) to 1 where a camera (2, LANES) m at a height sees a point, else to 0; True if any does.
 
-    view (5, 3): its field of view; blockers (B, 5): what may hide the point. No array but these few: passing more
-    would take longer than the work.
+    view (5, 3): its field of view; blockers (B, 5): cylinders that may hide the point. Passing more arrays would take
+    longer than the work.
     """
     x, y = point[0], point[1]
     a0, b0, c0, a1, b1, c1 = view[0, 0], view[0, 1], view[0, 2], view[1, 0], view[1, 1], view[1, 2]
@@ -168,12 +169,13 @@ def _seen(point: Vector, height: float, cameras: Array, view: Array, blockers: A
 
 
 @compiled
-def transition(P: Array, step: float, noise: Array, information: Array, traces: Array) -> None:
-    """Belief-state transition of P in each lane, in place: predict one step, then take in the fused information.
+def belief_transition(P: Array, step: float, noise: Array, information: Array, traces: Array) -> None:
+    """Belief-state transition of P in each lane, in place: predict one step, then update with the fused information.
 
     P (10 LANES,) holds, lane by lane, the upper triangle of the covariance row by row: xx, xy, xu, xv, yy, yu, yv,
-    uu, uv, vv with (u, v) the velocity; information (3 LANES,): xx, xy, yy. `traces` (LANES,) gets those of the
-    position block. [Li22] eq. (1) and the covariance part of the Kalman update; with no information P only grows.
+    uu, uv, vv with (u, v) the velocity; information (3 LANES,): xx, xy, yy. `traces` (LANES,) is set to
+    those of the position block. [Li22] eq. (1) and the covariance part of the Kalman update; with no information P
+    only grows.
     """
     drift, both, wander = noise[0], noise[1], noise[2]
     for k in range(LANES):

@@ -1,0 +1,36 @@
+"""Optional parts of a planner's contract, read from planners of any origin: `exchange` and `knowing`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import cast
+
+from planning.errors import planner_errors
+from planning.planner import Exchange, Planner
+from tracking.numerics.compiled import Array
+from tracking.plugins.containment import Unusable, contained
+
+TruePositions = Callable[[float], Array]  # of people: (M, 2) m at a time [s], NaN where absent
+
+
+def exchange_of(planner: object) -> Exchange:
+    """The exchange of plans that a planner declares, else `Exchange()`; `ForeignError` if reading it fails."""
+    with contained():
+        exchange = getattr(planner, "exchange", None)  # a plug-in may declare anything
+        # A copy, so that it stays as it was checked.
+        return Exchange(exchange.rounds, exchange.centre is True) if isinstance(exchange, Exchange) else Exchange()
+
+
+def with_truth(planner: Planner, people: TruePositions) -> tuple[Planner, bool]:
+    """The planner to fly, and True if it is an oracle, which is given the true positions first.
+
+    PlannerError if that fails.
+    """
+    with planner_errors(type(planner).__qualname__, "be given the truth by its method `knowing`"):
+        knowing = getattr(planner, "knowing", None)
+        if knowing is None:
+            return planner, False
+        seer = knowing(people)
+        if not callable(getattr(seer, "plan", None)):
+            raise Unusable("what it returns has no method plan(team, rng)")
+    return cast("Planner", seer), True

@@ -1,0 +1,1 @@
+"""Coordination of a team: sequential, parallel, decentralised and centralised planning."""

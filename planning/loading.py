@@ -1,0 +1,135 @@
+"""Planners loaded by name, with options, or by import string."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import warnings
+from collections.abc import Mapping
+from importlib.machinery import PathFinder
+from typing import TYPE_CHECKING, Any, cast
+
+from planning.errors import PlannerError, planner_errors
+from planning.registry import PlannerSpec, installed_planners
+from tracking.plugins.importing import imported
+from tracking.plugins.spelling import nearest
+
+if TYPE_CHECKING:  # naming planners needs none of their code
+    from planning.planner import Planner
+
+
+def load_planner(text: str) -> Planner:
+    """The planner "name" or "name(option=value, ...)"; the name may be an import string "package.module:Class".
+
+    PlannerError says what is wrong.
+    """
+    name, options = _parsed(text)
+    spec = _spec(name)
+    make = _import(name, spec)
+    with planner_errors(name, "be made", PlannerError):
+        _check(name, make, options)
+        planner = make(**{**spec.options, **options})
+        plan = getattr(planner, "plan", None)
+        if not callable(plan):
+            raise PlannerError(f"planner: {name!r} has no method plan(team, rng){nearest('plan', _methods(planner))}")
+        if not _takes_two(plan):
+            raise PlannerError(f"planner: plan of {name!r} takes {inspect.signature(plan)}; it must take (team, rng)")
+    return cast("Planner", planner)
+
+
+def is_built_in_planner(text: str) -> bool:
+    """True if a planner's code comes with this package; PlannerError if there is no planner of that name."""
+    return _spec(_parsed(text)[0]).target.partition(".")[0] == __package__
+
+
+def _methods(planner: object) -> list[str]:
+    return [name for name in dir(planner) if not name.startswith("_") and callable(getattr(planner, name, None))]
+
+
+def _takes_two(plan: Any) -> bool:  # noqa: ANN401 - whatever a user's class holds
+    try:
+        inspect.signature(plan).bind(None, None)
+    except TypeError:
+        return False
+    except ValueError:
+        return True  # written in C, say: calling it will tell
+    return True
+
+
+def _spec(name: str) -> PlannerSpec:
+    if name in installed_planners():
+        return installed_planners()[name]
+    if ":" in name:
+        return PlannerSpec(name)
+    allowed = f"allowed are {', '.join(installed_planners())}, or package.module:Class"
+    raise PlannerError(f"planner: {name!r} is unknown; {allowed}{_meant(name)}")
+
+
+def _meant(name: str) -> str:
+    """The nearest valid name of a planner; for a module or a class in it, how to write that."""
+    module, _, last = name.rpartition(".")
+    if module and last[:1].isupper():
+        return f"; did you mean {module}:{last}?"
+    near = nearest(name, installed_planners())
+    if not near and (module or (name.isidentifier() and PathFinder.find_spec(name))):
+        return f"; did you mean {name}:Class?"
+    return near
+
+
+def _parsed(text: str) -> tuple[str, dict[str, Any]]:
+    """Name and options of "name(option=value, ...)"; values are Python literals or bare words."""
+    name, bracket, rest = text.strip().partition("(")
+    if not bracket:
+        return name, {}
+    options: dict[str, Any] = {}
+    for item in filter(None, (part.strip() for part in rest.removesuffix(")").split(","))):
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if not rest.endswith(")") or not equals or not key.isidentifier() or not value or key in options:
+            raise PlannerError(f"planner: {text!r} is not of the form name(option=value, ...)")
+        options[key] = _value(value)
+    if not rest.endswith(")"):
+        raise PlannerError(f"planner: {text!r} is not of the form name(option=value, ...)")
+    return name, options
+
+
+def _value(text: str) -> Any:  # noqa: ANN401 - any literal
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what is no good Python need be none
+            return ast.literal_eval(text)
+    except (ValueError, SyntaxError, RecursionError, MemoryError):  # the last of brackets by the hundred
+        return text
+
+
+def _check(name: str, make: Any, options: Mapping[str, Any]) -> None:  # noqa: ANN401 - whatever a user's module holds
+    """PlannerError if the planner lacks an option, or its default is of another kind."""
+    try:
+        parameters = inspect.signature(make).parameters
+    except (TypeError, ValueError):
+        return  # written in C, say: making it will tell
+    if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+        return
+    for option, value in options.items():
+        if option not in parameters:
+            allowed = f"allowed are {', '.join(parameters)}" if parameters else "it has none"
+            raise PlannerError(f"planner: {name!r} has no option {option!r}; {allowed}{nearest(option, parameters)}")
+        kind = _kind(parameters[option].default)
+        if kind and kind != _kind(value):
+            raise PlannerError(f"planner: option {option} of {name!r} must be {kind}, is {value!r}")
+
+
+def _kind(value: object) -> str:
+    """Kind of value that a default asks for; empty: any."""
+    if isinstance(value, bool):
+        return "True or False"
+    if isinstance(value, int | float):
+        return "a number"
+    return "a word" if isinstance(value, str) else ""
+
+
+def _import(name: str, spec: PlannerSpec) -> Any:  # noqa: ANN401 - whatever a user's module holds
+    try:
+        return imported(spec.target)
+    except ImportError as error:
+        what = f"{name!r} of {spec.source}, {spec.target!r}," if spec.source else repr(spec.target)
+        raise PlannerError(f"planner: {what} cannot be imported: {error}") from error

@@ -1,0 +1,104 @@
+"""Settings of the environment: area, trees, people, appearance and wind."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from msgspec import Meta, Struct
+
+from sim.scenario.bounds import (
+    Count,
+    Expected,
+    Length,
+    Paths,
+    Point,
+    Side,
+    Speed,
+)
+from sim.scenario.network import DAY
+
+
+class Area(Struct, frozen=True, forbid_unknown_fields=True):
+    """The rectangle of the mission, centred on the origin."""
+
+    width: Side = 150.0  # m, east-west
+    height: Side = 100.0  # m, north-south
+
+
+class Trees(Struct, frozen=True, forbid_unknown_fields=True):
+    """A Poisson forest ([Li22] IV-A)."""
+
+    density: Expected = 45.0  # expected number of trees in the area, the paper's lambda
+    canopy_radius: Length = 5.0  # m, the paper's R
+    canopy_base: Length = 3.0  # m above ground
+    canopy_top: Length = 6.0  # m above ground
+    trunk_radius: Length = 0.2  # m
+
+    def __post_init__(self) -> None:
+        if self.canopy_base >= self.canopy_top:
+            raise ValueError(f"canopy_base {self.canopy_base:g} must be below canopy_top {self.canopy_top:g}")
+        if self.trunk_radius > self.canopy_radius:
+            raise ValueError(f"trunk_radius {self.trunk_radius:g} must not exceed canopy_radius {self.canopy_radius:g}")
+
+
+# Waypoints [m] of the default four: they come in from the west, cross near the centre, bend, and part.
+DEFAULT_PATHS: Paths = (
+    ((-30.0, -18.0), (-8.0, -4.0), (10.0, 9.0), (38.0, 12.0), (65.0, 14.0)),
+    ((-30.0, -6.0), (-8.0, -9.0), (12.0, -6.0), (36.0, 2.0), (65.0, 4.0)),
+    ((-30.0, 6.0), (-10.0, 6.0), (10.0, -2.0), (32.0, -12.0), (60.0, -20.0)),
+    ((-28.0, 18.0), (-6.0, 13.0), (14.0, 10.0), (30.0, 20.0), (55.0, 28.0)),
+)
+
+
+class People(Struct, frozen=True, forbid_unknown_fields=True):
+    """Walking people: Levy walkers along waypoints (or wandering), or recorded trajectories."""
+
+    count: Count = 4
+    paths: Paths = DEFAULT_PATHS  # waypoints of the first people; others wander
+    min_speed: Speed = 1.0  # m/s
+    max_speed: Speed = 3.0  # m/s
+    levy_exponent: Annotated[float, Meta(gt=1, le=3)] = 2.0  # density of step lengths ~ length^-exponent
+    trajectories: str = ""  # CSV file `t,id,x,y` that replaces the walkers
+
+    def __post_init__(self) -> None:
+        if self.min_speed >= self.max_speed:
+            raise ValueError(f"min_speed {self.min_speed:g} must be below max_speed {self.max_speed:g}")
+
+
+class Appearance(Struct, frozen=True, forbid_unknown_fields=True):
+    """Strengths of random variations of images; a strength left open is zero, or full with `randomise`."""
+
+    randomise: bool = False
+    light_deg: Annotated[float, Meta(ge=0, le=75)] | None = None  # the sun's largest angle from the zenith
+    ambient: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # of diffuse light, from the mean
+    ground_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # of each of red, green and blue, relative
+    ground_moved: bool | None = None  # shift and turn the ground's texture
+    canopy_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # of the forest's colour and each tree's shade
+    clothing_hue_deg: Annotated[float, Meta(ge=0, le=6)] | None = None  # to either side of the mean hue
+    clothing_shade: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # darkening at most
+    exposure: Annotated[float, Meta(ge=0, le=1)] | None = None  # gain from 1 / (1 + x) to 1 + x
+    blur: Annotated[float, Meta(ge=0, le=5)] | None = None  # pixels, standard deviation
+    noise: Annotated[float, Meta(ge=0, le=100)] | None = None  # grey levels, standard deviation
+
+
+class Wind(Struct, frozen=True, forbid_unknown_fields=True):
+    """Air that moves quadrotors: a mean and first-order Gauss-Markov gusts, the same for the whole fleet."""
+
+    velocity: Point = (0.0, 0.0)  # m/s, the mean, to the east and to the north
+    gust: Annotated[float, Meta(ge=0, le=5)] = 0.0  # m/s, standard deviation of each component
+    gust_time: Annotated[float, Meta(ge=0.01, le=DAY)] = 5.0  # s, correlation time
+
+    def __post_init__(self) -> None:
+        east, north = self.velocity
+        if (speed := math.sqrt(east * east + north * north)) > _STRONGEST_WIND:
+            allowed = f"at most {_STRONGEST_WIND:g} m/s is allowed"
+            raise ValueError(f"velocity {list(self.velocity)} is a wind of {speed:.3g} m/s; {allowed}")
+
+    @property
+    def calm(self) -> bool:
+        """True without any wind; then air resistance is neglected too."""
+        return self.velocity == (0.0, 0.0) and self.gust == 0.0
+
+
+_STRONGEST_WIND = 12.0  # m/s, against which a quadrotor still flies at 5 m/s

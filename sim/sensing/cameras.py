@@ -1,0 +1,61 @@
+"""Cameras of UAVs: optics, noise model and pose."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sim.scenario.fleet import Uav
+from sim.scenario.scenario import Scenario
+from tracking.detection.noise import NoiseModel
+from tracking.geometry.camera import ALL_ROUND, Camera, Pose
+from tracking.numerics.compiled import Array
+from tracking.numerics.elementary import arctan2, cos, sin
+
+
+def camera_of(uav: Uav) -> Camera:
+    """The camera that a UAV of the scenario carries."""
+    return Camera(math.radians(uav.fov_deg), uav.pixels)
+
+
+def view_of(uav: Uav, scenario: Scenario) -> Camera:
+    """The camera of a UAV's measurements: `camera_of`, or one with an unlimited field of view."""
+    return Camera(ALL_ROUND, uav.pixels) if scenario.sensing.field_of_view == "unlimited" else camera_of(uav)
+
+
+def noise_of(uav: Uav, scenario: Scenario) -> NoiseModel:
+    """The measurement noise that the scenario gives a UAV's camera."""
+    if scenario.sensing.noise == "range_bearing":
+        return NoiseModel.range_bearing(uav.alpha)
+    return NoiseModel.camera(camera_of(uav), uav.altitude)
+
+
+def camera_pose(uav: Uav, body: Pose) -> Pose:
+    """Pose of a UAV's camera: a gimbal holds it as on a level body that faces east, else it moves with the body.
+
+    At a mounting angle of zero it then looks straight down with north up, else it is pitched towards the body's x.
+    """
+    carrier = Pose.level(0, 0, 0).quaternion if uav.mount == "gimbal" else body.quaternion
+    return Pose(body.position, _pitched(carrier, math.radians(uav.tilt_deg)))
+
+
+def planned_attitude(uav: Uav, body: Pose) -> Array:
+    """Quaternion (4,) of the camera in level flight at the present heading, as planners assume it.
+
+    Note: a body-fixed camera without mounting angle is taken as level with north up, whatever the heading.
+    """
+    heading = 0.0
+    if uav.mount == "body" and uav.tilt_deg:
+        heading = arctan2(body.rotation[1, 0], body.rotation[0, 0])
+    level = np.array([0.0, 0.0, sin(heading / 2), cos(heading / 2)])
+    return _pitched(level, math.radians(uav.tilt_deg))
+
+
+def _pitched(quaternion: Array, angle: float) -> Array:
+    """A carrier's attitude (4,) followed by a turn about its y that lifts a downward view towards its x."""
+    if angle == 0.0:
+        return quaternion
+    x, y, z, w = quaternion.tolist()
+    s, c = -sin(angle / 2), cos(angle / 2)
+    return np.array([c * x - s * z, c * y + s * w, c * z + s * x, c * w - s * y])

@@ -1,0 +1,59 @@
+"""Commands in a folder with modules named like ours: these never shadow ours, and a clash is said in one line."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+OURS = ("planning", "tracking", "assets", "understory")
+MINE = "from planning.baselines import Hover\n\n\nclass Mine(Hover):\n    pass\n"
+# As a script and with `python -m`; the latter puts the current folder first on the import path.
+COMMANDS = [["-c", "from sim.__main__ import main; main()"], ["-m", "sim"]]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with a file or a package of each of our names, which fail when they are imported."""
+    for name in OURS:
+        (tmp_path / f"{name}.py").write_text(f"raise RuntimeError('the {name} of the user')\n")
+    (tmp_path / "sim").mkdir()  # with a module sim.py there, `python -m sim` would be the user's
+    (tmp_path / "mine.py").write_text(MINE)
+    return tmp_path
+
+
+def understory(folder, command, *arguments):
+    return subprocess.run(
+        [sys.executable, *command, *arguments],
+        cwd=folder,
+        env={**os.environ, "COLUMNS": "300"},
+        capture_output=True,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=["script", "module"])
+def test_a_mission_flies_in_a_folder_with_modules_named_like_ours(folder, command):
+    arguments = ["run", "--planner", "mine:Mine", "--duration", "1", "--set", "sensing.mode=ideal", "--no-video"]
+    done = understory(folder, command, *arguments)
+    assert done.returncode == 0, done.stderr
+    assert list(folder.glob("runs/*/mission.npz"))
+
+
+@pytest.mark.parametrize("name", ["planning", "assets", "random"])
+def test_a_plug_in_named_like_another_module_is_refused_in_one_line(folder, name):
+    (folder / f"{name}.py").write_text(MINE)
+    done = understory(folder, COMMANDS[0], "run", "--planner", f"{name}:Mine")
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    owner = "Python" if name == "random" else "Understory"
+    assert f"'{name}' is a module of {owner}, which hides that of the current folder; rename yours" in line
+
+
+def test_a_plug_in_that_imports_a_hidden_module_is_refused_in_one_line(folder):
+    (folder / "mine.py").write_text("from assets import speed\n")
+    done = understory(folder, COMMANDS[1], "run", "--planner", "mine:Mine")
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert "cannot import name 'speed' from 'assets'" in line
+    assert "Understory's packages hide those in the current folder of the names" in line

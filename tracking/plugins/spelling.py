@@ -1,0 +1,18 @@
+"""Nearest valid names for error messages."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+def nearest(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+    """The end of an error message: the known name nearest to a word; empty if none has the similarity `cutoff`."""
+    near = difflib.get_close_matches(word, list(known), n=1, cutoff=cutoff)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """The end of an error message: all known names, and the one nearest to a word."""
+    names = list(known)
+    return f"allowed are {', '.join(names)}{nearest(word, names)}"
