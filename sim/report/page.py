@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import groupby
@@ -68,7 +69,17 @@ code { font: 13.5px/1.45 ui-monospace, "DejaVu Sans Mono", monospace; }
 code.command { display: block; background: var(--paper); border: 1px solid var(--line); border-radius: 4px;
   padding: 6px 10px; margin: 3px 0; user-select: all; white-space: pre-wrap; overflow-wrap: anywhere; }
 .map { margin: 12px 0; scroll-margin-top: 16px; } .map:target { outline: 3px solid #e69f00; outline-offset: 5px; }
-.failed { border-left: 4px solid #c8102e; padding-left: 12px; }"""
+.failed { border-left: 4px solid #c8102e; padding-left: 12px; }
+@media (max-width: 700px) {  /* a phone: each line of a table is a card, its headings beside the values */
+  main { padding: 16px 16px 60px; overflow-wrap: anywhere; }
+  dl { grid-template-columns: minmax(0, 1fr); } dd { margin-bottom: 6px; }
+  .wide thead { display: none; }
+  .wide table, .wide tbody, .wide tr, .wide th { display: block; }
+  .wide td { display: flex; justify-content: space-between; gap: 14px; padding-right: 0; white-space: normal; }
+  .wide td:empty { display: none; }
+  .wide td::before { content: attr(data-head); color: var(--soft); text-align: left; }
+  .wide td.name { max-width: none; font-weight: 600; } .wide td.name::before { content: none; }
+}"""
 
 
 def page(title: str, sections: Sequence[tuple[str, str]]) -> str:
@@ -147,9 +158,15 @@ def _aim(metric: Metric) -> str:
 
 def _tabled(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
     head = "".join(f"<th>{escape(text)}</th>" for text in heads)
-    body = "\n".join(rows)
+    body = "\n".join(_labelled(row, heads) for row in rows)
     table = f'<table class="{kind}"><thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table>'
     return f'<div class="wide">{table}</div>'
+
+
+def _labelled(row: str, heads: Sequence[str]) -> str:
+    """A row whose cells know their headings, for screens too narrow for columns."""
+    names = iter(heads)
+    return re.sub(r"<td\b", lambda _: f'<td data-head="{escape(next(names))}"', row)
 
 
 def _place(cell: Cell | None) -> str:

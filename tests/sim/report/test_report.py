@@ -3,12 +3,12 @@
 import os
 import re
 import shlex
-import shutil
 import subprocess
 
 import msgspec
 import numpy as np
 import pytest
+from helpers.browser import CHROMIUM, Browser
 from helpers.html_pages import Page
 from helpers.trials import failed, row, study
 from typer.main import get_command
@@ -257,9 +257,6 @@ def test_numbers_read_as_people_write_them():
     assert [duration(s) for s in (71.2, 600, 34000)] == ["71 s", "10 min", "9 h 27 min"]
 
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-
-
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (1440, 900)])
 def test_a_browser_shows_it_without_complaint(tmp_path, files, width, height):
@@ -285,3 +282,16 @@ def test_a_browser_shows_it_without_complaint(tmp_path, files, width, height):
     ((html, _),) = Page(told.stdout).of("html")
     seen = msgspec.json.decode(html["data-seen"])
     assert seen == {"wide": width, "view": width, "drawn": True, "asked": 0, "small": 0}
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs a Chromium")
+def test_on_a_phone_nothing_is_cut(tmp_path):
+    long = "mylab.planners.greedy:GreedyWithReturnToBase(share=0.5, evaluations=500)"
+    rows = [row(p, s, (("lambda", "15"),)) for p in ("sma-nbo", long) for s in range(8)]
+    write(rows, tmp_path, ABOUT)
+    with Browser(tmp_path / "profile", width=390) as browser:
+        browser.open(tmp_path / "report.html")
+        assert browser.run("document.documentElement.scrollWidth") == 390
+        assert browser.run("[...document.querySelectorAll('.wide')].every(w => w.scrollWidth <= w.clientWidth)")
+        shown = "[...document.querySelectorAll('td')].map(d => getComputedStyle(d, '::before').content)"
+        assert {'"mean"', '"maps"', '"won, tied, lost"'} <= set(browser.run(shown))
