@@ -104,7 +104,7 @@ def test_the_oracle_plans_along_true_paths_which_end_where_a_person_leaves(rando
     situation = type(random_team(0)[0])(**{**vars(random_team(0)[0]), "time": 3.0})
     circle = lambda t: np.array([[10 * np.cos(t), 10 * np.sin(t)], [t, 1.0] if t < 5.5 else [np.nan] * 2])  # noqa: E731
     situation = type(situation)(**{**vars(situation), "tracks": true_tracks(situation, circle)})
-    view = _TruePaths(circle).outlook(situation, 4, np.random.default_rng(0))
+    view = _TruePaths(circle).predict(situation, 4, np.random.default_rng(0))
     np.testing.assert_array_equal(view.points[:, 0, 0, :2], [circle(3.0 + k)[0] for k in range(1, 5)])
     np.testing.assert_array_equal(view.points[:, 1, 0, :2], [[4, 1], [5, 1], [5, 1], [5, 1]])
     np.testing.assert_array_equal(view.points[..., 2], TARGET_HEIGHT)
