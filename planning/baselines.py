@@ -12,8 +12,8 @@ from planning.optimizers.optimizer import speed_limited
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.field_of_view import aim_point, viewing_range
 from planning.prediction.intent import base_control
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import length
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import Nominal, Propagation, nominal_positions
 from planning.prediction.targets_in_reach import Hints, RelaxableObjective, after_first_step, targets_in_reach
 from tracking.geometry.visibility import Forest, Occlusion
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 Prediction = Literal["scans", "step"]
 Actions = Literal["all", "first"]

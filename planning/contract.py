@@ -7,7 +7,7 @@ from typing import cast
 
 from planning.errors import planner_errors
 from planning.planner import Exchange, Planner
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.plugins.containment import Unusable, contained
 
 TruePositions = Callable[[float], Array]  # of people: (M, 2) m at a time [s], NaN where absent

@@ -16,7 +16,7 @@ from planning.prediction.predicted_belief import PredictedBelief, predicted_beli
 from planning.prediction.propagation import beliefs
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.matrices import length
+from tracking.numerics.distances import length
 from tracking.tracker import Track
 
 # Of a person without a track: position as uncertain as a track may get before deletion, walking speed.

@@ -12,9 +12,9 @@ from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.tracker import Track
-from tracking.undetected import Unseen
+from tracking.undetected import Intensity
 
 LONGEST_PLAN = 1000  # steps; recordings hold them all
 _MOST_ROUNDS = 1000
@@ -79,7 +79,7 @@ class Situation:
     intents: Mapping[int, Plan] = field(default_factory=dict)
     # For each round of `Exchange`, the UAVs from which a plan of this instant is received; if empty, all neighbours.
     reception: tuple[tuple[int, ...], ...] = ()
-    unseen: Unseen | None = None  # intensity of undetected targets; None: not estimated
+    unseen: Intensity | None = None  # intensity of undetected targets; None: not estimated
 
     @property
     def step(self) -> float:

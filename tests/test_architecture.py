@@ -1,6 +1,7 @@
 """Imports go one way, and only where they may."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,22 @@ PLANNING = {
     "sim/replay/rerun/mwtp_matches.py",
     "sim/study/tasks.py",
 }
+MOST_NAMES = 5  # public functions and classes of a module
+MOST_WORDS = 14  # of a test's name
+PRONOUNS = re.compile(r"(?<![a-z])(who|whom|whose|whoever|(no|some|every|any)(body|one))(?![a-z])", re.IGNORECASE)
+QUESTION = re.compile(r"(What|Whether|Who|Whom|Whose|Which|Where|When|How|Why)\b")
+# Packages, with all their rooms, and rooms that do not yet keep the rules on words and public names.
+UNCLEAN = (
+    "planning",
+    "sim",
+    "assets",
+    "tests",
+    "tests/docs",
+    "tests/planning",
+    "tests/sim",
+    "tests/helpers",
+    "tests/benchmarks",
+)
 MODULES = sorted(p for package in PACKAGES for p in (ROOT / package).rglob("*.py"))
 INTERFACE = ROOT / "understory.py"  # names what users import, and stands above all packages
 
@@ -122,6 +139,49 @@ def test_files_and_functions_stay_small(path):
         if isinstance(node, ast.FunctionDef):
             first = node.body[1].lineno if ast.get_docstring(node) and len(node.body) > 1 else node.lineno
             assert node.end_lineno - first <= 40, f"{path.name}: {node.name}"
+
+
+def rooms() -> list[str]:
+    """Folders of a package or of the tests, one and two levels deep, with Python files."""
+    files = [*MODULES, *(ROOT / "tests").rglob("*.py")]
+    return sorted({"/".join(named(path).split("/")[:-1][:2]) for path in files})
+
+
+def cleaned(room: str) -> bool:
+    return room not in UNCLEAN and room.split("/")[0] not in set(UNCLEAN) - {"tests"}
+
+
+def sources(room: str) -> list[tuple[str, ast.Module]]:
+    """Text and syntax tree of each file of a room, for those of a package without its sub-packages."""
+    paths = (ROOT / room).rglob("*.py") if "/" in room else (ROOT / room).glob("*.py")
+    return [(text, ast.parse(text)) for text in (path.read_text(encoding="utf-8") for path in sorted(paths))]
+
+
+CLEAN = pytest.mark.parametrize("room", [room for room in rooms() if cleaned(room)])
+
+
+@CLEAN
+def test_prose_names_persons_targets_and_uavs_rather_than_pronouns(room):
+    texts = [text for text, _ in sources(room)]
+    found = [match[0] for text in texts for match in PRONOUNS.finditer(text)]
+    assert len(found) <= max(1, 3 * sum(text.count("\n") for text in texts) / 1000), found
+
+
+@CLEAN
+def test_docstrings_begin_with_a_verb_or_a_noun(room):
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    nodes = [node for _, tree in sources(room) for node in ast.walk(tree) if isinstance(node, documented)]
+    assert not [text for node in nodes if QUESTION.match(text := ast.get_docstring(node) or "")]
+
+
+@CLEAN
+def test_modules_have_few_public_names_and_tests_short_ones(room):
+    for _, tree in sources(room):
+        names = [node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+        if room.startswith("tests"):
+            assert not [name for name in names if name.startswith("test_") and name.count("_") > MOST_WORDS]
+        else:
+            assert len([name for name in names if not name.startswith("_")]) <= MOST_NAMES, names
 
 
 # What chooses its code by processor (BLAS, LAPACK, NumPy's elementary functions, sorting without a stable order, the

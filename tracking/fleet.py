@@ -1,23 +1,21 @@
-"""One instant of a whole fleet of trackers."""
+"""One scan of a fleet of trackers: measurement updates and fusion."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tracking.fusion.consensus import fuse
+from tracking.numerics.arrays import Flags
 from tracking.tracker import Scan, Tracker
 
 
-def step(
-    fleet: Sequence[Tracker], scans: Sequence[Scan], adjacency: NDArray[np.bool_] | None = None, *, rounds: int = 5
-) -> None:
-    """Whoever has a scan takes it, the others coast to its time, and all talk.
+def step(fleet: Sequence[Tracker], scans: Sequence[Scan], adjacency: Flags | None = None, *, rounds: int = 5) -> None:
+    """Update the trackers with a scan each, predict the others to its time, and fuse their tracks.
 
-    The scans, one or more, are of one time and of different UAVs. adjacency (n, n): who hears whom, in the order of
-    the fleet; without it everybody hears everybody. rounds: as in `consensus.fuse`.
+    The scans, one or more, are of one time and of different UAVs. adjacency (n, n): the graph of
+    communication, in the order of the fleet; without it all hear all. rounds: as in `consensus.fuse`.
     """
     given = {scan.uav: scan for scan in scans}
     times = sorted({scan.time for scan in scans})
@@ -33,5 +31,5 @@ def step(
             tracker.step(given[tracker.uav])
         else:
             tracker.coast(times[0])
-    everybody = ~np.eye(len(fleet), dtype=np.bool_)
-    fuse(fleet, everybody if adjacency is None else adjacency, rounds)
+    complete = ~np.eye(len(fleet), dtype=np.bool_)
+    fuse(fleet, complete if adjacency is None else adjacency, rounds)

@@ -1,4 +1,4 @@
-"""Scans, cameras and trees from CSV files, so that trackers run on anyone's measurements."""
+"""Scans, cameras and trees from CSV files, so that trackers run on measurements from other sources."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy as np
 
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
-from tracking.management.validation import UNIT
-from tracking.numerics.matrices import length
+from tracking.management.validation import QUATERNION_TOLERANCE
+from tracking.numerics.distances import length
 from tracking.tracker import Scan
 
 MEASUREMENT = ("x", "y", "xx", "xy", "yy")  # m, m²; empty in the row of a scan that measured nothing
@@ -31,23 +31,22 @@ def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
     """The scans of each instant by ascending UAV, from a CSV file with the columns `SCAN_COLUMNS` and any others.
 
     A row is one measurement: time [s], UAV, position [m], the entries of its covariance [m²], and the camera's pose,
-    quaternion xyzw. A scan that measured nothing is one row without x, y, xx, xy and yy: that a camera looked and saw
-    nobody is what a tracker must know too. Rows are in the order of time. Anything wrong is a ValueError that names
-    file, line and column, at the row where it stands.
+    quaternion xyzw. A scan that measured nothing is one row without x, y, xx, xy and yy, which is negative information
+    for a tracker. Rows are in the order of time. Raises ValueError with file, line and column of an invalid entry.
     """
-    time, looks = -math.inf, dict[int, _Look]()
+    time, scans = -math.inf, dict[int, _ScanRows]()
     for row in _rows(path, SCAN_COLUMNS):
         now = row.number("time")
         if now < time:
             raise row.wrong("time", f"{now:g} s comes after {time:g} s; times must not go backwards")
         if now > time:
-            if looks:
-                yield _scans(time, looks)
-            time, looks = now, {}
-        looks.setdefault(row.integer("uav"), _Look(row.pose())).add(row)
-    if not looks:
+            if scans:
+                yield _scans(time, scans)
+            time, scans = now, {}
+        scans.setdefault(row.integer("uav"), _ScanRows(row.pose())).add(row)
+    if not scans:
         raise ValueError(f"{path}: holds no scan")
-    yield _scans(time, looks)
+    yield _scans(time, scans)
 
 
 def read_cameras(path: _Path) -> dict[int, Camera]:
@@ -72,7 +71,7 @@ def read_forest(path: _Path) -> Forest:
 
 @dataclass(frozen=True)
 class _Row:
-    """A line of a table, and where it stands."""
+    """Line of a table, and its file and number."""
 
     where: str
     values: dict[str, str]
@@ -114,21 +113,21 @@ class _Row:
         """Position and unit quaternion of the camera."""
         pose = tuple(self.number(name) for name in POSE)
         norm = float(length(np.array(pose[3:])))
-        if abs(norm - 1) > UNIT:
+        if abs(norm - 1) > QUATERNION_TOLERANCE:
             raise self.wrong("camera_qx", f"the quaternion's norm is {norm:g}, not 1")
         return pose
 
 
 @dataclass
-class _Look:
-    """One scan in the making."""
+class _ScanRows:
+    """Rows of one scan."""
 
     pose: tuple[float, ...]
     rows: list[list[float]] = field(default_factory=list)
     empty: bool = False
 
     def add(self, row: _Row) -> None:
-        """Take the measurement of a row, if it has one; ValueError where it does not go with the rows before."""
+        """Add the measurement of a row, if it has one; ValueError if the row contradicts the rows before."""
         if row.pose() != self.pose:
             raise row.wrong("camera_x", "the camera has another pose in another row of this scan")
         if self.empty:
@@ -144,17 +143,17 @@ class _Look:
         self.rows.append([x, y, xx, xy, xy, yy])
 
 
-def _scans(time: float, looks: dict[int, _Look]) -> tuple[Scan, ...]:
+def _scans(time: float, of_uavs: dict[int, _ScanRows]) -> tuple[Scan, ...]:
     scans = []
-    for uav, look in sorted(looks.items()):
-        table = np.array(look.rows, dtype=float).reshape(-1, 6)
-        pose = Pose(np.array(look.pose[:3]), np.array(look.pose[3:]))
+    for uav, scan in sorted(of_uavs.items()):
+        table = np.array(scan.rows, dtype=float).reshape(-1, 6)
+        pose = Pose(np.array(scan.pose[:3]), np.array(scan.pose[3:]))
         scans.append(Scan(uav, time, pose, table[:, :2].copy(), table[:, 2:].reshape(-1, 2, 2)))
     return tuple(scans)
 
 
 def _rows(path: _Path, columns: Sequence[str]) -> Iterator[_Row]:
-    """The lines of a CSV file that has these columns; empty lines are skipped."""
+    """Lines of a CSV file with these columns; empty lines are skipped."""
     with Path(path).open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
         lines = _lines(path, file)
         header = [name.strip() for name in next(lines, (1, []))[1]]
@@ -171,7 +170,7 @@ def _rows(path: _Path, columns: Sequence[str]) -> Iterator[_Row]:
 
 
 def _lines(path: _Path, file: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
-    """Number and fields of each line; ValueError names the line that is no text or no table."""
+    """Number and fields of each line; ValueError names a line that is no text or no table."""
     table = csv.reader(file)
     while True:
         try:

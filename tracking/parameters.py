@@ -1,4 +1,4 @@
-"""What a tracker assumes."""
+"""Parameters of a tracker."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from functools import cached_property
 import numpy as np
 
 from tracking.filter.kalman import NearlyConstantVelocity
-from tracking.numerics.compiled import Array
-from tracking.numerics.elementary import log, power
+from tracking.numerics.arrays import Array
+from tracking.numerics.exponential import log, power
 
 LIVES = ("m_of_n", "existence")
 FUSIONS = ("kla", "hcmci")
-MOST_SCANS = 62  # that fit into the bits of the integer in which the evidence on a track is counted
+MOST_SCANS = 62  # that fit into the bits of the integer that counts misses
 
 
 @dataclass(frozen=True)
 class TrackerParameters:
-    """What trackers assume of people, sensors and evidence."""
+    """A tracker's models of people and sensors, and its rules of track management."""
 
     motion: NearlyConstantVelocity  # over one scan
     detection_probability: float = 0.99  # of a person in plain view
@@ -28,19 +28,19 @@ class TrackerParameters:
     confirm: tuple[int, int] = (2, 3)  # m of n scans
     delete: tuple[int, int] = (5, 5)  # m of n scans in which the person should have been seen
     expected: float = 0.9  # probability of being in plain view from which on a UAV should see the person
-    seen: float = 0.1  # probability that a measurement is the person's from which on the person counts as seen
-    double: int = 15  # scans of only shared measurements after which a track that equals another one ends
-    absence_weight: float = 1.0  # exponent of the likelihood of seeing nobody; 0: an empty place is no evidence
-    recovery_after: float = 1.0  # s unseen, after which somebody who turns up may be this person; inf: never
-    max_variance: float = 400.0  # m², trace of the position's covariance beyond which a track says nothing and ends
+    seen: float = 0.1  # probability that a measurement is the person's from which on the person counts as detected
+    double: int = 15  # scans of only shared measurements after which a duplicate of another track is deleted
+    absence_weight: float = 1.0  # exponent of the likelihood of no detection; 0: no negative information
+    recovery_after: float = 1.0  # s without detection, after which a new track may re-acquire this one; inf: never
+    max_variance: float = 400.0  # m², trace of the position's covariance beyond which a track is deleted
     max_speed: float = 3.0  # of people, m/s
-    life: str = "m_of_n"  # what begins and ends tracks: `confirm` and `delete`, or their probability of "existence"
-    survival: float = 0.999  # probability that somebody who is there still is a second later
-    birth_density: float = 1e-5  # of people who are detected for the first time, 1/m² and scan
+    life: str = "m_of_n"  # track management: `confirm` and `delete`, or the probability of "existence"
+    survival: float = 0.999  # probability that a person in the area still is a second later
+    birth_density: float = 1e-5  # of people detected for the first time, 1/m² and scan
     sure: float = 0.99  # probability of existence that confirms a track
     doubt: float = 0.001  # probability of existence below which a track ends
-    fusion: str = "kla"  # of UAVs' beliefs: "kla", their average, or "hcmci", which adds up what each has learned
-    forget_after: float = 30.0  # s for which the fleet remembers that it gave up a track
+    fusion: str = "kla"  # of UAVs' beliefs: "kla", their average, or "hcmci", which adds up novel information
+    forget_after: float = 30.0  # s for which the fleet remembers that it deleted a track
 
     def __post_init__(self) -> None:
         for name in ("detection_probability", "gate_probability", "expected", "seen"):
@@ -49,12 +49,12 @@ class TrackerParameters:
         for name in ("clutter_density", "birth_density", "max_variance", "max_speed"):
             if not (value := getattr(self, name)) > 0.0:
                 raise ValueError(f"{name} must be positive, is {value}")
-        self._check_evidence()
+        self._check_fusion()
         self._check_counts()
         self._check_existence()
 
-    def _check_evidence(self) -> None:
-        """ValueError if evidence cannot be weighed or beliefs cannot be fused."""
+    def _check_fusion(self) -> None:
+        """Raise ValueError if likelihoods cannot be weighed or beliefs cannot be fused."""
         for name in ("clutter_density", "birth_density"):
             if getattr(self, name) == math.inf:
                 raise ValueError(f"{name} must be finite, is inf")
@@ -68,7 +68,7 @@ class TrackerParameters:
             raise ValueError(f"forget_after must be positive, is {self.forget_after}")
 
     def _check_counts(self) -> None:
-        """ValueError if scans cannot be counted."""
+        """Raise ValueError if scans cannot be counted."""
         if not (isinstance(self.double, int | np.integer) and self.double >= 1):
             raise ValueError(f"double must be an integer, 1 or more, is {self.double}")
         for name in ("confirm", "delete"):
@@ -78,7 +78,7 @@ class TrackerParameters:
                 raise ValueError(f"{name} must be integers (m, n) with 1 <= m <= n <= {MOST_SCANS}, is ({m}, {n})")
 
     def _check_existence(self) -> None:
-        """ValueError if tracks cannot begin or end."""
+        """Raise ValueError if tracks cannot be confirmed or deleted."""
         if self.life not in LIVES:
             raise ValueError(f"life must be {' or '.join(LIVES)}, is {self.life!r}")
         if not 0.0 < self.survival <= 1.0:
@@ -94,7 +94,7 @@ class TrackerParameters:
     @cached_property
     def match_gate(self) -> float:
         """Squared distance between two tracks of one person that `gate_probability` keeps (four)."""
-        # P(distance > g) = (1 + g / 2) exp(-g / 2): a fixed point, which iterations near by factors of 1 + g / 2.
+        # P(distance > g) = (1 + g / 2) exp(-g / 2): a fixed point, which iterations approach by factors of 1 + g / 2.
         gate, before = self.measurement_gate, 0.0
         while abs(gate - before) > 1e-15 * gate:
             before, gate = gate, self.measurement_gate + 2.0 * log(1.0 + gate / 2.0)
@@ -102,17 +102,17 @@ class TrackerParameters:
 
     @cached_property
     def step_survival(self) -> float:
-        """Probability that somebody who is there still is one step of motion later."""
+        """Probability that a person in the area still is one step of motion later."""
         return power(self.survival, self.motion.dt) if self.life == "existence" else 1.0
 
-    def detection(self, shown: Array, count: int) -> Array:
+    def detection(self, detectable: Array, count: int) -> Array:
         """Probabilities of detection (T, count + 1), as `jpda.association_probabilities` takes them.
 
-        shown (T,): of each track's person to be in plain view, where the last frame has shown nobody less
-        (`tracking.filter.negative_information`). Where a measurement was made the view is free: only the chance of a
-        miss depends on the whole belief. So whoever steps out from behind a tree earlier than foreseen is taken up at
-        once.
+        detectable (T,): probability that each track's person is in plain view, less where the last frame was negative
+        information (`tracking.filter.negative_information`). Where a measurement was made the view is free: only the
+        probability of a miss depends on the whole belief. So a person who leaves the cover of a tree earlier than
+        predicted is detected at once.
         """
-        detection = np.full((len(shown), count + 1), self.detection_probability * self.gate_probability)
-        detection[:, 0] *= shown
+        detection = np.full((len(detectable), count + 1), self.detection_probability * self.gate_probability)
+        detection[:, 0] *= detectable
         return detection

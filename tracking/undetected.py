@@ -1,4 +1,4 @@
-"""Where people may be of whom no track is known: what a UAV infers from places that cameras saw empty."""
+"""Intensity of undetected people: a Poisson process thinned by negative information of cameras."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ import numpy as np
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, visible_samples
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import exp
-from tracking.numerics.matrices import length
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.distances import length
+from tracking.numerics.exponential import exp
 from tracking.numerics.normal import normal_cdf_each
 from tracking.tracker import Track
 
 _CELL = 5.0  # m, about
-_SAME = 3.0  # m: a track that ends so near to another one was the same person
+_SAME = 3.0  # m: a track that ends within this distance of another one was its duplicate
 
 
 @dataclass(frozen=True, eq=False)
-class Unseen:
-    """Expected number of people without a track in each cell of a raster over the area."""
+class Intensity:
+    """Expected number of undetected people in each cell of a raster over the area."""
 
     people: Array  # (rows, columns), from south to north and from west to east
     low: tuple[float, float]  # m: the south-west corner
@@ -42,32 +43,31 @@ class Unseen:
         return columns, rows
 
 
-class Undetected:
-    """One UAV's intensity of undetected people: a Poisson process thinned by every look that shows nobody.
+class UndetectedIntensity:
+    """One UAV's filter of the intensity of undetected people: a Poisson process, predicted and thinned.
 
-    `people` are expected anywhere in the area at first. They spread as walkers do, and are not where a camera looks
-    with a free line of sight. A track that ends hands its person back.
-    Source: the Poisson part of J. L. Williams, Marginal multi-Bernoulli filters, IEEE Trans. AES 51 (3), 2015; handing
-    back is its recycling.
+    At first `people` are expected evenly over the area. They spread as walkers do. Each frame thins the intensity where
+    the line of sight is free. A track that ends is recycled: its person is added to the intensity.
+    Source: the Poisson part of J. L. Williams, Marginal multi-Bernoulli filters, IEEE Trans. AES 51 (3), 2015.
     """
 
     def __init__(self, area: tuple[float, float], people: float, detection: float, pace: float) -> None:
-        """`detection` is the probability in plain view; after t s people are `pace` sqrt(t) m off, along each axis."""
+        """`detection`: probability in plain view; in t s people spread by `pace` sqrt(t) m along each axis."""
         width, height = area
         columns, rows = math.ceil(width / _CELL), math.ceil(height / _CELL)
         even = np.full((rows, columns), people / (rows * columns))
-        self._now = Unseen(even, (-width / 2, -height / 2), (width / columns, height / rows))
+        self._now = Intensity(even, (-width / 2, -height / 2), (width / columns, height / rows))
         self._detection, self._pace = detection, pace
         self._time = 0.0
         self._tracks: dict[int, Gaussian] = {}
 
     @property
-    def belief(self) -> Unseen:
-        """The belief after the last step."""
+    def belief(self) -> Intensity:
+        """Intensity after the last step."""
         return self._now
 
     def step(self, time: float, looks: Sequence[tuple[Camera, Pose]], tracks: Sequence[Track], forest: Forest) -> None:
-        """Advance to a time [s] and take in what cameras have just looked at, whose finds are among the tracks."""
+        """Predict to a time [s] and thin by frames, as cameras and poses; their detections are among the tracks."""
         elapsed, self._time = time - self._time, time
         people = self._now.people
         if elapsed > 0.0 and people.any():
@@ -75,15 +75,15 @@ class Undetected:
             width, height = self._now.cell
             people = _blurred(
                 np.ascontiguousarray(_blurred(people, sigma / height).T), sigma / width
-            ).T  # nobody leaves
-        people = people + self._lost(tracks)
+            ).T  # the area keeps all people
+        people = people + self._recycled(tracks)
         for camera, pose in looks:
-            people = self._looked(people, camera, pose, forest)
-        self._now = Unseen(people, self._now.low, self._now.cell)
+            people = self._thinned(people, camera, pose, forest)
+        self._now = Intensity(people, self._now.low, self._now.cell)
         self._tracks = {track.id: track.belief for track in tracks}
 
-    def _looked(self, people: Array, camera: Camera, pose: Pose, forest: Forest) -> Array:
-        """What is left (rows, columns) when a camera has shown nobody new."""
+    def _thinned(self, people: Array, camera: Camera, pose: Pose, forest: Forest) -> Array:
+        """Expected people (rows, columns) after a frame that shows no undetected person."""
         window, cell = self._window(camera, pose), np.array(self._now.cell)
         if people[window].any():
             centres = self._now.centres()[window]
@@ -97,7 +97,7 @@ class Undetected:
         return people
 
     def _window(self, camera: Camera, pose: Pose) -> tuple[slice, slice]:
-        """Rows and columns outside which a camera sees nothing."""
+        """Rows and columns of the cells that a camera may see."""
         if camera.fov >= ALL_ROUND:
             return slice(None), slice(None)
         pixels = float(camera.pixels)
@@ -108,8 +108,8 @@ class Undetected:
         last = np.maximum(((shown.max(axis=0) - low) // cell).astype(int) + 1, first)
         return slice(first[1], last[1]), slice(first[0], last[0])
 
-    def _lost(self, tracks: Sequence[Track]) -> Array | float:
-        """People (rows, columns) whose tracks have ended since the last step."""
+    def _recycled(self, tracks: Sequence[Track]) -> Array | float:
+        """Expected people (rows, columns) of tracks that have ended since the last step."""
         held = {track.id for track in tracks}
         places = np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2)
         back: Array | float = 0.0
@@ -120,7 +120,7 @@ class Undetected:
         return back
 
     def _spread(self, belief: Gaussian) -> Array:
-        """One person, as likely in each cell (rows, columns) as a belief has it, correlation aside; all in the area."""
+        """Probabilities (rows, columns) of cells for a person with a belief, correlation aside; the sum is one."""
         rows, columns = self._now.people.shape
         shares = []
         for axis, count in ((1, rows), (0, columns)):

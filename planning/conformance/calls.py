@@ -21,7 +21,7 @@ import numpy as np
 
 from planning.loading import load_planner
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.plugins.containment import ForeignError, contained, numbers
 
 _CHILD = """

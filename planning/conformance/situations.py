@@ -12,9 +12,9 @@ from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest, Tree
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.tracker import Track
-from tracking.undetected import Unseen
+from tracking.undetected import Intensity
 
 
 def random_team(
@@ -75,9 +75,9 @@ def ordinary_team(seed: int = 0, targets: int = 4) -> list[Situation]:
     ]
 
 
-def _sprinkled(rng: np.random.Generator) -> Unseen:
+def _sprinkled(rng: np.random.Generator) -> Intensity:
     people = np.where(rng.random((20, 30)) < 0.1, rng.random((20, 30)), 0.0)
-    return Unseen(people, (-75.0, -50.0), (5.0, 5.0))
+    return Intensity(people, (-75.0, -50.0), (5.0, 5.0))
 
 
 def displaced(track: Track, by: Array, times: float) -> Track:

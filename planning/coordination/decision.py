@@ -9,7 +9,7 @@ import numpy as np
 
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import policy_of_intent
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 
 class Decision(Protocol):

@@ -9,7 +9,7 @@ import numpy as np
 
 from planning.coordination.decision import Decision, expected_plans
 from planning.planner import Exchange, Plan, Situation
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ import numpy as np
 from planning.coordination.decision import Decision, expected_plans, own_row
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import BASE_RANGE
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import length
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
 
 Order = Literal["fixed", "random", "worst-first"]
 

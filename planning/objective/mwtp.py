@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.prediction.quadrangle import inside, shortest_move
-from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
 
 
 class Match(NamedTuple):

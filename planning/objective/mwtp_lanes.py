@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from planning.prediction.predicted_belief import LANES
 from planning.prediction.quadrangle import corner
-from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]

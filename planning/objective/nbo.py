@@ -18,7 +18,8 @@ from planning.prediction.predicted_belief import (
     possibly_visible,
 )
 from planning.prediction.targets_in_reach import RelaxableObjective
-from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
 
 _TRIANGLE = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
 

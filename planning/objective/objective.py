@@ -2,6 +2,6 @@
 
 from collections.abc import Callable
 
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 Objective = Callable[[Array], Array]  # candidates (N, k, H, 2) m/s -> costs (N,)

@@ -10,8 +10,8 @@ import numpy as np
 from planning.objective.objective import Objective
 from planning.planner import Situation
 from planning.prediction.intent import camera_paths
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import length
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
 
 _PRICE = 1e6  # m² per m and step, above any gain in knowledge
 

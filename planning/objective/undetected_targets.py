@@ -16,10 +16,12 @@ from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.intent import camera_paths
 from planning.prediction.quadrangle import inside
+from tracking.geometry.line_of_sight import unobstructed
 from tracking.geometry.tree_grid import Grid
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, misses
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import hypot
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.trigonometry import hypot
 
 _SPACING = 5.0  # m, between the places whose views are computed
 _DETECTION = 0.99  # probability that a person in plain view is found within a step
@@ -156,7 +158,7 @@ def _views(places: Array, sight: tuple[Array, float], points: Array, blockers: A
             for k in range(points.shape[1]):
                 x, y = points[c, k, 0], points[c, k, 1]
                 if inside(view, 0, x - camera[0], y - camera[1]):
-                    seen += misses(camera, (x, y, TARGET_HEIGHT), blockers, grid)
+                    seen += unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid)
             if seen:
                 cells.append(c)
                 shares.append(seen / points.shape[1])

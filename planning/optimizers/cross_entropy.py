@@ -13,7 +13,7 @@ from planning.objective.objective import Objective
 from planning.optimizers.mutations import chances, distinct, varied
 from planning.optimizers.optimizer import SearchResult, speed_limited
 from planning.prediction.targets_in_reach import NO_TARGETS, Hints
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 
 class _Task(NamedTuple):

@@ -12,8 +12,8 @@ import numpy as np
 from planning.objective.objective import Objective
 from planning.optimizers.optimizer import SearchResult, speed_limited
 from planning.prediction.targets_in_reach import Hints
-from tracking.numerics.compiled import Array
-from tracking.numerics.elementary import cos_each, sin_each
+from tracking.numerics.arrays import Array
+from tracking.numerics.universal import cos_each, sin_each
 
 
 @dataclass(frozen=True)

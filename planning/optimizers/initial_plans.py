@@ -10,9 +10,9 @@ import numpy as np
 from planning.optimizers.optimizer import speed_limited
 from planning.planner import Vehicle
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
-from tracking.numerics.compiled import Array
-from tracking.numerics.elementary import cos_each, sin_each
-from tracking.numerics.matrices import length
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
+from tracking.numerics.universal import cos_each, sin_each
 
 NEAREST = 6  # targets that a UAV considers pursuing
 HEADINGS = 16

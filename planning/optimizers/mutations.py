@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from planning.prediction.quadrangle import shortest_move
 from planning.prediction.targets_in_reach import TargetsInReach
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import exp, hypot
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import exp
 from tracking.numerics.normal import standard_normal
+from tracking.numerics.trigonometry import hypot
 
 _SHAKE, _MIX, _BEND, _JOIN, _SIGHT = range(5)
 _CYCLE = (_SHAKE, _BEND, _SIGHT, _BEND, _MIX, _BEND, _SIGHT, _JOIN)  # kinds of changes, in turn

@@ -8,8 +8,8 @@ import numpy as np
 
 from planning.objective.objective import Objective
 from planning.prediction.targets_in_reach import Hints
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import length
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
 
 
 class SearchResult(NamedTuple):

@@ -11,7 +11,7 @@ import numpy as np
 from planning.objective.objective import Objective
 from planning.optimizers.optimizer import SearchResult, speed_limited
 from planning.prediction.targets_in_reach import Hints
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,10 @@ import numpy as np
 from planning.planner import Vehicle
 from tracking.geometry.camera import ALL_ROUND, rotation
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.compiled import Array
-from tracking.numerics.elementary import hypot, tan
-from tracking.numerics.matrices import applied, length
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
+from tracking.numerics.matrices import applied
+from tracking.numerics.trigonometry import hypot, tan
 
 _CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 # Points of the image at which to keep a pursued target, in half edges: the middle and eight near the rim. From aside

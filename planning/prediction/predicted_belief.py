@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Vector, blocked
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.matrices import length
+from tracking.geometry.line_of_sight import Vector, blocked
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.distances import length
 
 LANES = 64  # cameras or covariances that compiled code works on side by side, with the processor's vector instructions
 

@@ -13,8 +13,9 @@ from planning.planner import Situation
 from planning.prediction.predicted_belief import PredictedBelief, predicted_belief
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import applied, cholesky, eigen
+from tracking.numerics.arrays import Array
+from tracking.numerics.factorisation import cholesky, eigen
+from tracking.numerics.matrices import applied
 from tracking.numerics.normal import standard_normal
 from tracking.tracker import Track
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
 
 
 @compiled

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from planning.prediction.predicted_belief import PredictedBelief
 from planning.prediction.quadrangle import shortest_move
-from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
 
 
 class TargetsInReach(NamedTuple):

@@ -24,7 +24,7 @@ from sim.analysis.statistics import (
 )
 from sim.evaluation.metric import Metric
 from sim.study.row import Row
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 Flight = tuple[int, int]  # seed and repeat
 

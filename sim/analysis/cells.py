@@ -12,7 +12,7 @@ from sim.analysis.cell_text import Cell, cell_text, cells_of, natural, natural_c
 from sim.analysis.planner_labels import baseline_of, planner_labels
 from sim.scenario.random_streams import numbered
 from sim.study.row import Row
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _NOTHING: Mapping[str, str] = {}
 

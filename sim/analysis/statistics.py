@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import nctdtr, stdtr, stdtrit
 from scipy.stats import binom
 
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 LEVEL = 0.95
 POWER = 0.8  # with which `maps_needed` finds a difference

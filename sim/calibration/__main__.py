@@ -12,7 +12,7 @@ from sim.terminal.commands import run_alone
 from sim.terminal.console import console
 
 if TYPE_CHECKING:  # help needs no arithmetic
-    from tracking.detection.noise import SplitError, WholeError
+    from tracking.detection.detection_errors import SplitError, WholeError
     from tracking.detection.partial_visibility import PartError
 
 
@@ -24,8 +24,8 @@ def calibrate() -> None:
     from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, nees_bins, pair_bins, tilt_bins
     from sim.calibration.scenes import people_in_forests
 
-    console.print("tracking.detection.noise.WholeError\n" + _rounded(fit_powers(fit_whole(0, 1200), 0, 600)))
-    console.print("tracking.detection.noise.SplitError\n" + _rounded(fit_split(0, 800)))
+    console.print("tracking.detection.detection_errors.WholeError\n" + _rounded(fit_powers(fit_whole(0, 1200), 0, 600)))
+    console.print("tracking.detection.detection_errors.SplitError\n" + _rounded(fit_split(0, 800)))
     console.print("tracking.detection.partial_visibility.PartError\n" + _rounded(fit_part(1, 500)))
     table = Table("bin", "detections", "mean NEES", "95 % interval", "")
     for row in nees_bins(people_in_forests(2, 165)) + tilt_bins(2, 200) + pair_bins(2, 2000):

@@ -12,12 +12,13 @@ from scipy.optimize import brentq, minimize
 from scipy.stats import chi2
 
 from sim.calibration.scenes import ALTITUDES, Pair, Sample, pairs, people_in_forests, samples, tilted
-from tracking.detection.blob_detector import located
-from tracking.detection.detector import measured, split_gaps
-from tracking.detection.noise import SPLIT, WHOLE, SplitError, WholeError, footprints, sight
+from tracking.detection.blob_detector import located_detections
+from tracking.detection.detection_errors import SPLIT, WHOLE, SplitError, WholeError, pixel_footprints, sight_axes
+from tracking.detection.ground_measurement import detections_of, split_gaps
 from tracking.detection.partial_visibility import PART, PartError, Places, places_of
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import squared_distance
 
 OFF_NADIR = (0.0, 10.0, 20.0, 30.0, 40.0)  # deg
 HIDDEN = (0.0, 0.001, 0.2, 0.4, 0.6, 0.8, 1.0)  # by trees and the image's edge
@@ -30,9 +31,11 @@ def nees(population: Sequence[Sample]) -> Array:
     """Squared errors over variances (N,) of the samples as the detector gives them; two degrees of freedom."""
     out = []
     for sample in population:
-        found = located(sample.frame, sample.blobs, sample.forest, np.zeros(len(sample.blobs), dtype=np.int64))
+        found = located_detections(
+            sample.frame, sample.blobs, sample.forest, np.zeros(len(sample.blobs), dtype=np.int64)
+        )
         error = found.ground[0] - sample.person
-        out.append(float(error @ np.linalg.solve(found.covariances[0], error)))
+        out.append(float(squared_distance(error, found.covariances[0])))
     return np.array(out)
 
 
@@ -40,9 +43,9 @@ def nees_of_pairs(population: Sequence[Pair]) -> Array:
     """Squared errors over variances (2 N,) of people in pairs told apart."""
     out = []
     for pair in population:
-        found = located(pair.frame, pair.blobs, Forest(()), pair.components)
+        found = located_detections(pair.frame, pair.blobs, Forest(()), pair.components)
         errors = found.ground - pair.people
-        out += [float(e @ np.linalg.solve(R, e)) for e, R in zip(errors, found.covariances, strict=True)]
+        out += squared_distance(errors, found.covariances).tolist()
     return np.array(out)
 
 
@@ -137,7 +140,7 @@ def fit_whole(seed: int, frames: int) -> WholeError:
 def _errors(sample: Sample) -> tuple[float, float, float, float]:
     """Size of a pixel on the ground, tangent off nadir, radial and tangential error [m] of somebody seen whole."""
     pose, camera = sample.frame.pose, sample.frame.camera
-    ground = measured(sample.frame, [sample.blob]).ground[0]
+    ground = detections_of(sample.frame, [sample.blob]).ground[0]
     height = float(pose.position[2]) - TARGET_HEIGHT
     offset, error = ground - pose.position[:2], ground - sample.person
     distance = max(float(np.linalg.norm(offset)), 1e-9)
@@ -154,10 +157,10 @@ def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
         for sample in samples(rng, Forest(()), frames=frames, altitudes=ALTITUDES + _OTHERS, attitudes=views):
             whole = len(sample.blobs) == 1 and places_of(sample.frame, sample.blob, sample.forest) is None
             if whole:
-                pose, ground = sample.frame.pose, measured(sample.frame, [sample.blob]).ground
-                axes, tangent = sight(pose, ground)
+                pose, ground = sample.frame.pose, detections_of(sample.frame, [sample.blob]).ground
+                axes, tangent = sight_axes(pose, ground)
                 error_along = np.einsum("nij,ni->nj", axes, ground - sample.person)
-                cases.append((tangent, footprints(sample.frame.camera, pose, ground), error_along))
+                cases.append((tangent, pixel_footprints(sample.frame.camera, pose, ground), error_along))
     tangents, pixels, errors = (np.concatenate(column) for column in zip(*cases, strict=True))
 
     def surprise(x: Array) -> float:
@@ -178,8 +181,8 @@ def fit_split(seed: int, frames: int) -> SplitError:
     for k, (tilt, sway) in enumerate(((0.0, 0.0),) * len(TILTS) + TILTS):
         rng = np.random.default_rng([seed, 4, k])
         for pair in pairs(rng, frames=frames, attitudes=tilted(rng, tilt, frames, sway)):
-            found = located(pair.frame, pair.blobs, Forest(()))
-            axes, tangents = sight(pair.frame.pose, found.ground)
+            found = located_detections(pair.frame, pair.blobs, Forest(()))
+            axes, tangents = sight_axes(pair.frame.pose, found.ground)
             alone = np.einsum("nij,nik,nkj->nj", axes, found.covariances, axes)
             gaps = split_gaps(pair.frame, found.pixels, pair.components)
             errors_along = np.einsum("nij,ni->nj", axes, found.ground - pair.people)

@@ -18,10 +18,11 @@ from sim.sensing.cameras import camera_pose
 from sim.sensing.renderer import Renderer
 from sim.world.forest import grow
 from sim.world.world import World
-from tracking.detection.detector import Frame, blobs_of
+from tracking.detection.blobs import blobs_of
+from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 ALTITUDES = tuple(uav.altitude for uav in DEFAULT_FLEET)
 _PEOPLE = 8

@@ -16,7 +16,7 @@ from sim.world.world import World
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 FOREST = Forest((Tree(-9.0, 8.0), Tree(9.0, 9.0), Tree(10.0, -2.0)))
 PEOPLE = np.array([(0.0, 0.0), (5.0, 4.0), (-7.0, 2.0), (4.0, -8.0), (-5.0, -7.0), (0.5, 9.0)])

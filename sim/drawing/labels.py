@@ -7,7 +7,7 @@ import numpy as np
 from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.palette import INK, Colour
 from sim.drawing.strokes import stroke
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _SIDES = ((1.0, 0.5), (-1.0, 0.5), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
 _VEIL = 0.65  # opacity of what lies behind a name

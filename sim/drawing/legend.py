@@ -12,7 +12,7 @@ from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.marks import cross, person, quadrotor
 from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, DETECTION, FAINT, INK, TRUNK, VERMILLION, track_colour
 from sim.drawing.strokes import disc, stroke
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _TEXT = TextStyle(13)
 _LOW, _HIGH = 0.1, 50.0  # m, range of the sparkline

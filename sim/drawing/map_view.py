@@ -35,7 +35,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.tracker import Track
 
 MARGIN = 4.0  # m shown beyond the area

@@ -9,7 +9,7 @@ import numpy as np
 from sim.drawing.lettering import Image
 from sim.drawing.palette import ALARM, FAINT, INK, LOST, NOT_FOUND_YET, PANEL, Colour
 from sim.drawing.strokes import disc, stroke
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _ARMS = np.array([[(5.0 * x, 5.0 * y), (8.5 * x, 8.5 * y)] for x in (-1, 1) for y in (-1, 1)])
 _RINGS = {"lost": LOST, "not found yet": NOT_FOUND_YET}

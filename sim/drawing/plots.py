@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from sim.drawing.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour
 from sim.recording.atomic_files import whole
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _TICKS = (0, 0.25, 0.5, 0.75, 1, 2, 5, 10, 20, 50)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim.drawing.lettering import Image
 from sim.drawing.palette import Colour
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 SHIFT = 4  # OpenCV's fixed point: sixteenths of a pixel
 

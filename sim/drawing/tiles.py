@@ -13,7 +13,7 @@ from sim.drawing.strokes import disc
 from sim.mission.snapshot import Snapshot
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 BORDER = 4
 

@@ -7,7 +7,7 @@ import numpy as np
 from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints, Snapshot
 from tracking.metrics.clearmot import Matcher
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.tracker import Track
 
 HOLDS = ("absent", "not found yet", "lost", "held by some", "held")

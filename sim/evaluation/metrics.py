@@ -21,7 +21,7 @@ from sim.recording.recording import Recording
 from sim.scenario.errors import InputError
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.importing import imported
 from tracking.plugins.spelling import did_you_mean

@@ -12,7 +12,7 @@ from tracking.metrics.clearmot import correspondence, fragmentations, switches
 from tracking.metrics.gospa import gospa
 from tracking.metrics.nees import nees
 from tracking.metrics.ospa import ospa2
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 HELD = 1.0  # m, from a person to the nearest track that holds them
 FAR = 10.0  # m, beyond which a track is of no person: cut-off of GOSPA, and of the errors that NEES counts

@@ -22,7 +22,7 @@ from sim.recording.recording import Recording
 from sim.scenario.random_streams import numbered
 from sim.sensing.stopwatch import STAGES
 from tracking.metrics.nees import nees_interval
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _SHOWN = (
     ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m"),

@@ -36,9 +36,9 @@ from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
 from tracking.metrics.ospa import ospa
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.tracker import Track, Tracker
-from tracking.undetected import Undetected
+from tracking.undetected import UndetectedIntensity
 
 
 @dataclass(frozen=True)
@@ -253,11 +253,13 @@ class Mission:
         known = initial_tracks(scenario, here, there)
         return Tracker(uav, self._sensors.cameras[uav], self.forest, tracker_parameters(scenario), known)
 
-    def _initial_intensity(self) -> Undetected:
+    def _initial_intensity(self) -> UndetectedIntensity:
         """Intensity of undetected targets before the first observation."""
         area, settings = self.scenario.area, self.scenario.tracking
         people = settings.unseen if settings.initial_tracks == "none" else 0.0
-        return Undetected((area.width, area.height), people, settings.detection_probability, settings.max_speed)
+        return UndetectedIntensity(
+            (area.width, area.height), people, settings.detection_probability, settings.max_speed
+        )
 
 
 def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectories]:

@@ -12,8 +12,8 @@ from planning.optimizers.optimizer import speed_limited
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation, Vehicle
 from sim.sensing.fault import Fault
 from tracking.filter.kalman import Gaussian
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import length
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
 from tracking.plugins.containment import ForeignError, Unusable, contained, numbers
 
 _MOST_OTHERS = 1000

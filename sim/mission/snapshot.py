@@ -12,7 +12,7 @@ from planning.planner import Plan
 from sim.sensing.fault import Fault
 from sim.world.contacts import Contact
 from tracking.geometry.camera import Pose
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.tracker import Scan, Track
 
 Ints = NDArray[np.int64]

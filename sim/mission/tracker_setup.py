@@ -8,7 +8,7 @@ from sim.scenario.perception import Tracking
 from sim.scenario.scenario import Scenario
 from tracking.filter.bounded_speed import BoundedSpeed
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.tracker import Track, TrackerParameters
 
 

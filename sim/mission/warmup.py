@@ -17,7 +17,7 @@ from sim.scenario.perception import Sensing, Tracking
 from sim.scenario.scenario import Scenario
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
-from tracking.filter.negative_information import given_undetected
+from tracking.filter.negative_information import negative_information_update
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import SAMPLES, Forest, Tree
 from tracking.numerics.compiled import not_kept
@@ -66,7 +66,7 @@ def warm_up() -> float:
         for _ in Mission(scenario, load_planner(DEFAULT_PLANNER), 0).fly():
             pass
     # Negative information, which not every forest gives within a second.
-    given_undetected((np.zeros((1, 4)), np.eye(4)[None]), np.linspace(0.1, 1.0, len(SAMPLES))[None])
+    negative_information_update((np.zeros((1, 4)), np.eye(4)[None]), np.linspace(0.1, 1.0, len(SAMPLES))[None])
     image = np.zeros((64, 64, 3), dtype=np.uint8)
     image[28:36, 28:36] = image[:4, :4] = (230, 62, 0)  # a person in front of a tree, and one at the edge
     under = Forest((Tree(4.0, 0.0),))

@@ -20,7 +20,7 @@ from sim.world.contacts import KINDS, Contact
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.tracker import Scan, Track
 
 VERSION = 1

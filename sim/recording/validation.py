@@ -14,7 +14,7 @@ from sim.scenario.errors import InputError
 from sim.scenario.quantities import REPEATS
 from sim.scenario.scenario import Scenario
 from sim.world.contacts import KINDS
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 FARTHEST = 1e6  # m, m/s, m²: beyond what anything in a mission can be, and short of what drawing overflows at
 Finding = tuple[str, bool, str]  # field, whether it is wrong, and what it has to be

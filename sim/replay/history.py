@@ -17,7 +17,7 @@ from sim.sensing.cameras import view_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.metrics.clearmot import correspondence
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 STATES = ("absent", "out of view", "hidden", "missed", "seen")
 BROKEN = -1  # stands for a UAV that has broken down where others have a state

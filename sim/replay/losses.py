@@ -14,7 +14,7 @@ from sim.replay.event import Event
 from sim.replay.history import STATES, History, Loss, episodes
 from sim.replay.views import fleet_text, view_text, views_at
 from tracking.metrics.clearmot import correspondence
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _MOST_CAUSES = 3
 

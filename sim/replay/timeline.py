@@ -21,7 +21,7 @@ from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
 from sim.replay.event import UNMATCHED, Event
 from sim.replay.history import BROKEN, STATES, History, episodes
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _WIDTH = 11.0  # inches
 _BAR, _GAP = 1.0, 0.8  # of a person's rows: the bar of the tracks, and the gap to the next, in lanes

@@ -21,7 +21,7 @@ from sim.sensing.cameras import camera_of
 from sim.world.engine import pybullet, quiet, silenced
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _SIZE = (1280, 800)
 _GRASS = (0.46, 0.51, 0.36, 1.0)

@@ -23,7 +23,7 @@ from sim.drawing.palette import FAINT
 from sim.drawing.plots import rgb
 from sim.evaluation.metric import Metric
 from sim.report.panels import COLOURS, COLUMNS, Curve, Sheet, Style
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 AT = np.geomspace(0.1, 50.0, 300)  # m, where distributions are drawn
 _TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)

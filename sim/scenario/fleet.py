@@ -45,7 +45,7 @@ DEFAULT_FLEET = (
 def _tangent(angle: float) -> float:
     """Tangent of an angle in (0, π / 2) [rad], by Lambert's continued fraction.
 
-    That of `tracking.numerics.elementary` would have every command wait for the compiler, and the C library's depends
+    That of `tracking.numerics.trigonometry` would have every command wait for the compiler, and the C library's depends
     on the processor.
     """
     fraction = 0.0

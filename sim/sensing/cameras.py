@@ -10,8 +10,8 @@ from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
-from tracking.numerics.compiled import Array
-from tracking.numerics.elementary import arctan2, cos, sin
+from tracking.numerics.arrays import Array
+from tracking.numerics.trigonometry import arctan2, cos, sin
 
 
 def camera_of(uav: Uav) -> Camera:

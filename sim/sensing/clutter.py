@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sim.scenario.perception import Sensing
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.numerics.poisson import poisson
 
 

@@ -7,8 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import cos, hypot, sin, tan
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.trigonometry import cos, hypot, sin, tan
 
 NEAR, FAR = 0.5, 500.0  # m, along the optical axis; the carrier's own body is nearer than NEAR
 # Of meshes to the cylinders that they stand for: from the corners, which are outside, to the faces, which are inside.

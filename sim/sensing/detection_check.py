@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tracking.detection.detector import Detections
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import eigen
+from tracking.numerics.arrays import Array
+from tracking.numerics.factorisation import eigen
 from tracking.plugins.containment import Unusable, numbers
 
 # Farther ones mean nothing, and surer ones spoil the arithmetic.

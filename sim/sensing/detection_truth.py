@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
+from tracking.numerics.assignment import most_pairs
 
 GATE = 3.0  # pixels from a detection to the nearest pixel of the person it may stand for
 
@@ -37,8 +37,6 @@ def matched_detections(pixels: Array, people: NDArray[np.int32], count: int) -> 
     nearest = np.full((len(pixels), count), np.inf)
     for person in np.unique(owners):
         nearest[:, person] = gap[:, owners == person].min(axis=1)
-    far = GATE * (len(pixels) + 1)  # dearer than all pairs within the gate: as many pairs as there can be
-    detections, persons = linear_sum_assignment(np.where(nearest <= GATE, nearest, far))
-    close = nearest[detections, persons] <= GATE
-    found[persons[close]] = detections[close]
+    for detection, person in most_pairs(nearest <= GATE, nearest):
+        found[person] = detection
     return found

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from sim.installation import ASSETS
 from tracking.geometry.camera import Camera, Pose
-from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
 from tracking.numerics.matrices import applied, product
 
 _TEXELS = 10.0  # per m

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.detection.blob_detector import located
+from tracking.detection.blob_detector import located_detections
 from tracking.detection.detector import Detections, Frame
 from tracking.geometry.visibility import Forest
-from tracking.numerics.matrices import length
+from tracking.numerics.distances import length
 
 
 class MaskDetector:
@@ -30,7 +30,7 @@ class MaskDetector:
         # In the order of their topmost pixels, so that it does not reveal identities.
         first = np.unique(owners, return_index=True)[1]
         blobs = [pixels[owners == owners[k]] for k in np.sort(first)]
-        found = located(frame, blobs, self._forest)
+        found = located_detections(frame, blobs, self._forest)
         # Each is placed on a pixel of the person, so that a score takes no person at the edge for a false alarm.
         own = [blob[np.argmin(length(blob - blob.mean(axis=0)))] for blob in blobs]
         return replace(found, pixels=np.array(own).reshape(-1, 2))

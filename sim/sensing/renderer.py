@@ -16,9 +16,9 @@ from sim.world.appearance import AMBIENT, DIFFUSE, LIGHT
 from sim.world.engine import pybullet
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
-from tracking.numerics.compiled import Array
-from tracking.numerics.elementary import tan
+from tracking.numerics.arrays import Array
 from tracking.numerics.matrices import applied
+from tracking.numerics.trigonometry import tan
 
 _LIGHT: dict[str, Any] = {
     "lightDirection": LIGHT,

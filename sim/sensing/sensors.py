@@ -18,11 +18,13 @@ from sim.sensing.mask_detector import MaskDetector
 from sim.sensing.renderer import Rendered, Renderer
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
-from tracking.detection.detector import Detections, Frame, whole_covariances
+from tracking.detection.detector import Detections, Frame
+from tracking.detection.ground_measurement import whole_covariances
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import applied, cholesky
+from tracking.numerics.arrays import Array
+from tracking.numerics.factorisation import cholesky
+from tracking.numerics.matrices import applied
 from tracking.numerics.normal import standard_normal
 from tracking.plugins.containment import ForeignError, contained
 from tracking.tracker import Scan

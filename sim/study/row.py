@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 
 class Row(Struct, frozen=True, kw_only=True, eq=False):

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from sim.scenario.environment import Appearance
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
-from tracking.numerics.compiled import Array
-from tracking.numerics.elementary import cos, power_each, sin
-from tracking.numerics.matrices import length
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
 from tracking.numerics.normal import standard_normal
+from tracking.numerics.trigonometry import cos, sin
+from tracking.numerics.universal import power_each
 
 # Strengths with `randomise = true`, where the scenario gives no other.
 FULL: dict[str, float | bool] = {

@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 from sim.scenario.environment import Area, Trees
 from sim.scenario.errors import InputError
 from tracking.geometry.visibility import Forest, Tree
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import length
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
 from tracking.numerics.poisson import poisson
 
 MAX_TREES = 10_000

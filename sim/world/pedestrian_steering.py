@@ -5,8 +5,10 @@ import math
 import numpy as np
 
 from sim.world.trajectories import SAMPLES_PER_SECOND
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import arctan2, cos, exp, hypot, sin
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import exp
+from tracking.numerics.trigonometry import arctan2, cos, hypot, sin
 
 SEPARATION = 0.6  # m, between the axes of two people
 

@@ -5,8 +5,10 @@ import math
 import numpy as np
 
 from tracking.geometry.camera import rotation
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import exp, hypot, tan
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import exp
+from tracking.numerics.trigonometry import hypot, tan
 
 GRAVITY = 9.81  # m/s²
 MASS = 1.2  # kg

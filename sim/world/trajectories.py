@@ -17,9 +17,9 @@ from sim.scenario.environment import Area
 from sim.scenario.errors import InputError
 from sim.scenario.text_files import text
 from sim.scenario.workload import MOST_WALKED
-from tracking.numerics.compiled import Array
-from tracking.numerics.elementary import arctan2_each
-from tracking.numerics.matrices import length
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
+from tracking.numerics.universal import arctan2_each
 
 SAMPLES_PER_SECOND = 60
 COLUMNS = ("t", "id", "x", "y")

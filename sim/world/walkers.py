@@ -12,10 +12,13 @@ from sim.scenario.errors import InputError
 from sim.world.pedestrian_steering import SEPARATION, simulate
 from sim.world.trajectories import SAMPLES_PER_SECOND, Trajectories
 from tracking.geometry.visibility import Forest
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import arctan2, exp_each, power, power_each
-from tracking.numerics.matrices import length
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.distances import length
+from tracking.numerics.exponential import power
 from tracking.numerics.normal import normal_cdf_each, standard_normal
+from tracking.numerics.trigonometry import arctan2
+from tracking.numerics.universal import exp_each, power_each
 
 TRUNK_CLEARANCE = 0.4  # m, from a trunk's bark to a person's axis
 MARGIN = 1.0  # m, from the border

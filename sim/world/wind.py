@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from sim.scenario.environment import Wind
-from tracking.numerics.compiled import Array
-from tracking.numerics.elementary import exp
+from tracking.numerics.arrays import Array
+from tracking.numerics.exponential import exp
 from tracking.numerics.normal import standard_normal
 
 

@@ -20,8 +20,8 @@ from sim.world.engine import pybullet
 from sim.world.quadrotor import GRAVITY, ROTORS, drag, rotor_thrusts, steady_thrusts
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
-from tracking.numerics.compiled import Array
-from tracking.numerics.elementary import arctan2, cos, hypot, sin
+from tracking.numerics.arrays import Array
+from tracking.numerics.trigonometry import arctan2, cos, hypot, sin
 
 # Position of absent people: far below everything.
 _AWAY = (0.0, 0.0, -1000.0)

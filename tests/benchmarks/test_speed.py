@@ -19,7 +19,8 @@ from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import Renderer, capture
 from sim.world.world import World
-from tracking.detection.detector import Frame, detect
+from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.detector import Frame
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
@@ -54,7 +55,7 @@ def test_frame_of_the_bare_engine(benchmark, world):
 @pytest.mark.benchmark(group="detection")
 def test_detection(benchmark, world):
     frame = Frame(0, 0.0, CAMERA, POSE, Renderer(world).render(CAMERA, POSE).image)
-    assert len(benchmark(detect, frame).ground) == len(PEOPLE)
+    assert len(benchmark(BlobDetector().detect, frame).ground) == len(PEOPLE)
 
 
 @pytest.mark.benchmark(group="scan")

@@ -24,7 +24,7 @@ from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 
 SCENARIO = Scenario(trees=Trees(density=75.0), sensing=Sensing(mode="ideal"))
 ALONE = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
@@ -186,7 +186,7 @@ def test_lines_of_sight_a_second(judged):
     def look(trees):
         forest, pairs = work[trees]
         for camera, points in pairs:
-            line_of_sight(camera, points, forest)
+            forest.visible(camera, points)
 
     look(75)
     few, some, many = least(*(lambda n=n: look(n) for n in work), rounds=20 if judged else 1)

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from tracking.filter.kalman import information_form
+from tracking.filter.information import information_form
 from tracking.fusion.consensus import combine
 from tracking.fusion.message import Message
-from tracking.management.deletion import Evidence
+from tracking.management.deletion import DetectionHistory
 
 GATE = 13.28  # chi-square, four degrees of freedom, 0.99
 
@@ -28,8 +28,8 @@ def message(uav: int, ids, means, covariances, *, degree: int, weight=1.0, seen=
     shares *= np.broadcast_to(weight, len(q))[:, None]
     ids = np.array(ids, np.int64)
     sightings = np.column_stack([np.reshape(means, (-1, 4))[:, :2], np.full(len(q), seen)])
-    said = {"aliases": ids, "sightings": sightings, "novel": np.zeros((len(q), 0)), "company": (0, 0.0), **others}
-    return Message(uav, degree, ids, shares, Evidence.at(seen, len(q)), deleted, **said)
+    said = {"aliases": ids, "sightings": sightings, "novel": np.zeros((len(q), 0)), "partition": (0, 0.0), **others}
+    return Message(uav, degree, ids, shares, DetectionHistory.at(seen, len(q)), deleted, **said)
 
 
 def exchange(messages: list[Message], adjacency: np.ndarray, rounds: int) -> list[Message]:

@@ -1,26 +1,25 @@
-"""Beliefs are as sure as they are right: NEES over seeded missions of UAVs on fixed paths, without a planner.
+"""Consistency of beliefs: NEES over seeded missions of UAVs on fixed paths, without a planner.
 
 `pytest -m slow -s -n 0 tests/tracking/test_consistency.py` flies 100 missions per case and prints the table of
 docs/explanation/fusion.md.
 
-People move by the tracker's own model, so errors squared over variances average their dimension if beliefs are right.
-Those of successive scans, of UAVs that talk and of people who meet are not independent; those of missions are. So a
-mission is one sample, its mean, and the interval is Student's from the spread of these samples: no correlation makes
-it too narrow. Seeds are 0 to 99 (of a lone person 0 to 299); each case is judged at 95 % of its own, and
-nothing is made of how many there are. Where it is clear whose each measurement is, the textbook's interval is tested
-as well: over independent people and missions at one scan, at scans far apart.
+People move by the tracker's own model, so errors squared over variances average their dimension if beliefs are
+consistent. Errors of successive scans, of communicating UAVs and of people that meet are not independent; those of
+missions are. So a mission is one sample, its mean, and the interval is Student's from the spread of these samples,
+which no correlation makes too narrow. Seeds are 0 to 99 (of a lone person 0 to 299). Each case is tested at 95 %,
+without a correction for the number of cases. Where associations are certain, the textbook's interval is tested as well:
+over independent people and missions at one scan, and at scans far apart.
 
-Where people meet unseen, nobody can tell who comes out where. One track on the wrong person has a NEES of thousands,
-and the raw mean, printed too, then says only that this happens. So tracks elsewhere are left out and counted: those
-that are nearer, in their own standard deviations, to somebody else than to whom they are named after. So are errors
-beyond the 99.99 % quantile of the chi-square law: who was taken for a false alarm is near nobody. What is judged are
-these counts, and whether the mean of the other errors is that of a chi-square law cut off there.
+Where people meet unseen, their association afterwards is a guess. One track on the wrong person has a NEES of
+thousands, and the raw mean, printed too, then says only that this happens. So two kinds of errors are left out and
+counted: those of tracks nearer to another person, in their own standard deviations, than to the person of their id, and
+those beyond the 99.99 % quantile of the chi-square law, as of tracks that took a false alarm. The tests bound these
+counts, and compare the mean of the other errors with that of a chi-square law cut off there.
 
-That was decided, and the 5 % that may be elsewhere and the 1 % beyond set, after a look at seeds 0 to 99 and 1000 to
-1099. By the quantile alone, four people among false alarms were 1.064 ± 0.060 and 1.053 ± 0.052 in position; cut off
-at the 50, 75, 90, 95 or 99 % quantile instead they were 0.99 to 1.03, all within their intervals, so what is too much
-is of tracks on their way to somebody else. Seeds 2000 to 2099 were flown once, after that. Whoever is alone is judged
-by raw means.
+This rule, and the bounds of 5 % and 1 %, were set after a look at seeds 0 to 99 and 1000 to 1099. By the quantile
+alone, four people among false alarms had 1.064 ± 0.060 and 1.053 ± 0.052 in position. Cut off at the 50, 75, 90, 95 or
+99 % quantile these were 0.99 to 1.03, all within their intervals, so the excess is of tracks on their way to another
+person. Seeds 2000 to 2099 were flown once, after that. Lone people are tested by raw means.
 """
 
 from functools import cached_property
@@ -30,7 +29,7 @@ import pytest
 from helpers.fixedpaths import HIGH, SCANS, TREES, Case, Mission, errors, line
 from scipy.stats import chi2, t
 
-from tracking.filter.kalman import moment_form
+from tracking.filter.information import moment_form
 from tracking.fusion.message import INFORMATION, Message
 from tracking.metrics.nees import nees_interval
 
@@ -38,7 +37,7 @@ DIMENSIONS = np.array([2, 4])  # of position and of state
 GATES = chi2.ppf(0.9999, DIMENSIONS)
 CUT_OFF = DIMENSIONS * chi2.cdf(GATES, DIMENSIONS + 2) / chi2.cdf(GATES, DIMENSIONS)  # means of laws cut off at GATES
 FIVE = HIGH + HIGH[:2]
-# Whose each measurement is is clear, and rounds suffice.
+# Associations are certain, and rounds suffice.
 CLEAR = {
     "all in view": Case(altitudes=HIGH),
     "all in view, false alarms and misses": Case(altitudes=HIGH, detection=0.9, alarms=1e-4),
@@ -50,7 +49,7 @@ DOUBTFUL = {
     "in and out of view, false alarms and misses": Case(detection=0.9, alarms=1e-4),
     "forest": Case(forest=TREES),
 }
-# Nobody else is there to be mistaken for, and no false alarm: all that is in doubt is where somebody is out of sight.
+# One person without false alarms: only the position out of sight is in doubt.
 LONE = {
     "a lone person, in and out of view": Case(people=1, alarms=1e-9),
     "a lone person in the forest": Case(people=1, alarms=1e-9, forest=TREES),
@@ -64,7 +63,7 @@ WALKERS = {"walkers, all in view": Case(altitudes=HIGH, way="walkers")}
 
 
 class Outcome:
-    """What the missions of one case gave with one fusion."""
+    """Results of the missions of one case with one fusion."""
 
     def __init__(self, missions: list[Mission], fusion: str) -> None:
         found = [errors(mission, fusion) for mission in missions]
@@ -84,12 +83,12 @@ class Outcome:
 
     @property
     def too_sure(self) -> bool:
-        """Whether a mean is above what is expected of 1 by more than its interval."""
+        """Test if a mean exceeds the expected 1 by more than its interval."""
         return bool(np.any(self.mean - self.half > 1.0))
 
     @property
     def too_doubtful(self) -> bool:
-        """Whether a mean is below it."""
+        """Test if a mean is below it."""
         return bool(np.any(self.mean + self.half < 1.0))
 
     def raw_interval(self) -> np.ndarray:
@@ -129,7 +128,7 @@ COUNTS = [10, pytest.param(100, marks=pytest.mark.slow)]
 
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("name", ["all in view", *(pytest.param(n, marks=pytest.mark.slow) for n in list(CLEAR)[1:])])
-def test_who_is_never_in_doubt_is_believed_consistently(name, count):
+def test_beliefs_in_people_without_association_doubt_are_consistent(name, count):
     outcomes = play(name, CLEAR[name], count)
     hcmci = outcomes["hcmci"]
     assert not hcmci.too_sure
@@ -141,7 +140,7 @@ def test_who_is_never_in_doubt_is_believed_consistently(name, count):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LONE)
-def test_who_hides_is_believed_consistently_with_nothing_left_out(name):
+def test_beliefs_in_hidden_people_are_consistent_with_all_errors_counted(name):
     outcomes = play(name, LONE[name], 300)
     mean, half = outcomes["hcmci"].raw_interval()
     assert np.all(np.abs(mean - 1.0) <= half)
@@ -152,7 +151,7 @@ def test_who_hides_is_believed_consistently_with_nothing_left_out(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", DOUBTFUL)
-def test_who_hides_and_meets_is_believed_consistently_as_long_as_it_is_the_same_person(name):
+def test_beliefs_in_hidden_people_that_meet_are_consistent_for_the_same_person(name):
     outcomes = play(name, DOUBTFUL[name], 100)
     assert not outcomes["hcmci"].too_sure
     assert not outcomes["hcmci"].too_doubtful
@@ -162,8 +161,8 @@ def test_who_hides_and_meets_is_believed_consistently_as_long_as_it_is_the_same_
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FEW_ROUNDS)
-def test_with_few_rounds_nobody_is_too_sure(name):
-    """What has not got round is not made up for, lest it counts twice: beliefs are wider than they need be."""
+def test_with_few_rounds_no_belief_is_overconfident(name):
+    """Information before convergence is not scaled up, lest it counts twice: beliefs are wider than necessary."""
     outcomes = play(name, FEW_ROUNDS[name], 100)
     assert not outcomes["hcmci"].too_sure
     assert not outcomes["kla"].too_sure
@@ -171,12 +170,12 @@ def test_with_few_rounds_nobody_is_too_sure(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WALKERS)
-def test_walkers_who_move_otherwise_are_reported(name):
-    """A smoke test: nothing says how far off beliefs may be whose model is another."""
+def test_walkers_of_another_motion_model_are_reported(name):
+    """A smoke test: there is no bound on the errors of beliefs with a wrong model."""
     assert all(outcome.held > 0.99 for outcome in play(name, WALKERS[name], 100).values())
 
 
-def test_summing_what_has_not_got_round_is_found_out(monkeypatch):
+def test_sums_of_information_before_convergence_are_found_inconsistent(monkeypatch):
     """On a line of five with two rounds; five missions tell a sum scaled by the number of UAVs from ours."""
     missions = [Mission(FEW_ROUNDS["all in view, line of 5, 2 rounds"], seed) for seed in range(5)]
     assert not Outcome(missions, "hcmci").too_sure

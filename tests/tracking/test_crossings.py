@@ -1,4 +1,4 @@
-"""People who cross keep their tracks, and Stone Soup's JPDA does no better on the same scans.
+"""Crossing people keep their tracks, and Stone Soup's JPDA does no better on the same scans.
 
 `pytest -m slow -s tests/tracking/test_crossings.py -n 0` tries 1000 crossings and prints the figures of
 docs/results/benchmarks.md.

@@ -1,4 +1,4 @@
-"""What makes no sense is refused with one line, wherever it is handed over."""
+"""Validation of parameters, tracks, poses, scenarios and tables: errors in one line."""
 
 import dataclasses
 import math

@@ -28,8 +28,8 @@ def test_the_track_of_a_hidden_person_coasts_for_a_hundred_scans():
     np.testing.assert_allclose(subject.tracks[0].belief.covariance, belief.covariance, rtol=1e-8, atol=1e-10)
 
 
-def test_the_belief_in_a_person_who_does_not_come_out_stays_behind_the_tree():
-    """Predicted to leave a canopy of 5 m after 2 s, nobody is seen: whoever it is, is still under it."""
+def test_the_belief_in_a_hidden_person_stays_behind_the_tree():
+    """Predicted to leave a canopy of 5 m after 2 s, but not detected, the person is still under it."""
     subject = tracker(track(3, -1, 0, 1.5, 0), forest=Forest((Tree(0, 0, 5.0),)))
     assert play(subject, [scan(k) for k in range(16)])[-1] == (3,)
     assert subject.tracks[0].belief.mean[0] < 4.0
@@ -39,7 +39,7 @@ def test_the_belief_in_a_person_who_does_not_come_out_stays_behind_the_tree():
     assert subject.tracks[0].belief.mean[0] < 4.5
 
 
-def test_somebody_who_turns_up_where_a_lost_person_can_be_keeps_their_id():
+def test_a_new_track_within_a_lost_persons_reach_keeps_the_id():
     """Predicted to go on east under the canopy, the person turned north: far outside the gate, within reach."""
     subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)))
     ids = play(subject, [scan(k) for k in range(17)])
@@ -48,7 +48,7 @@ def test_somebody_who_turns_up_where_a_lost_person_can_be_keeps_their_id():
     np.testing.assert_allclose(subject.tracks[0].belief.mean[:2], [0.0, 6.6], atol=0.3)
 
 
-def test_somebody_who_turns_up_out_of_reach_is_somebody_else():
+def test_a_new_track_out_of_a_lost_persons_reach_gets_a_new_id():
     subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)))
     play(subject, [scan(k) for k in range(7)])
     ids = play(subject, [scan(k, (8.0, 8.0)) for k in range(7, 10)])
@@ -131,7 +131,7 @@ def test_the_order_of_measurements_does_not_matter():
 
 
 def crossing(k: int) -> np.ndarray:
-    """Two people who meet after 4 s at 60 degrees, 1.4 m/s each."""
+    """Two people that meet after 4 s at 60 degrees, 1.4 m/s each."""
     t = 0.2 * k - 4
     return np.array([[1.21 * t, 0.7 * t], [1.21 * t, -0.7 * t]])
 
@@ -145,7 +145,7 @@ def test_crossing_people_keep_their_two_tracks(seed):
     np.testing.assert_allclose([t.belief.mean[:2] for t in subject.tracks], crossing(40), atol=0.5)
 
 
-def test_people_who_look_like_one_while_they_cross_keep_their_two_tracks():
+def test_people_merged_in_the_image_while_they_cross_keep_two_tracks():
     rng = np.random.default_rng(3)
     subject = tracker(track(1, *crossing(0)[0], 1.21, 0.7), track(2, *crossing(0)[1], 1.21, -0.7))
     for k in range(41):
@@ -156,13 +156,13 @@ def test_people_who_look_like_one_while_they_cross_keep_their_two_tracks():
     np.testing.assert_allclose([t.belief.mean[:2] for t in subject.tracks], crossing(40), atol=0.5)
 
 
-def test_two_tracks_of_one_person_become_the_older_one():
+def test_duplicate_tracks_become_the_older_one():
     subject = tracker(track(4, 0, 0, 1, 0), track(9, 0.1, 0, 1, 0))
     ids = play(subject, [scan(k, (0.2 * k, 0)) for k in range(20)])
     assert ids == [(4, 9)] * 14 + [(4,)] * 6  # 15 scans without a measurement of its own
 
 
-def test_people_who_walk_side_by_side_stay_two():
+def test_people_walking_side_by_side_stay_two():
     rng = np.random.default_rng(4)
     subject = tracker(track(4, -5, 0, 1, 0), track(9, -5, 0.6, 1, 0))
     steps = [np.array([[-5 + 0.2 * k, 0], [-5 + 0.2 * k, 0.6]]) for k in range(60)]
@@ -170,7 +170,7 @@ def test_people_who_walk_side_by_side_stay_two():
     assert play(subject, scans)[-1] == (4, 9)
 
 
-def test_somebody_who_appears_earlier_than_foreseen_is_taken_up_at_once():
+def test_a_person_that_appears_earlier_than_predicted_is_detected_at_once():
     # The track believes its person under the canopy, with no point of the belief in view.
     subject = tracker(track(3, 0, 0, 0, 0, variance=0.3), forest=Forest((Tree(0, 0, 1.2),)))
     play(subject, [scan(0, (1.6, 0))])
@@ -178,7 +178,7 @@ def test_somebody_who_appears_earlier_than_foreseen_is_taken_up_at_once():
     assert subject.tracks[0].belief.mean[0] > 1.2
 
 
-def test_a_lost_track_does_not_swallow_newcomers():
+def test_a_lost_track_does_not_take_measurements_of_new_people():
     subject = tracker(track(3, 70, 0, 0, 0, variance=100.0))
     ids = play(subject, [scan(k, (0.2 * k, 0)) for k in range(4)])
     assert len(ids[-1]) == 2
@@ -186,7 +186,7 @@ def test_a_lost_track_does_not_swallow_newcomers():
     np.testing.assert_allclose(newcomer.mean, [0.6, 0, 1, 0], atol=0.4)
 
 
-def test_a_track_that_could_be_anywhere_ends():
+def test_a_track_of_very_large_covariance_is_deleted():
     subject = tracker(track(3, 70, 0, 0, 0, variance=150.0))
     sizes = [len(ids) for ids in play(subject, [scan(k) for k in range(40)])]
     # tr P = 300 + 300 t² m² and little more reaches 400 m² after 0.58 s, at the third scan after the first.
@@ -208,6 +208,6 @@ def test_a_track_that_could_be_anywhere_ends():
         (lambda: play(tracker(), [scan(1), scan(1)]), "is not after the last one"),
     ],
 )
-def test_what_makes_no_sense_is_refused(build, complaint):
+def test_invalid_values_are_refused(build, complaint):
     with pytest.raises(ValueError, match=complaint):
         build()

@@ -1,4 +1,4 @@
-"""Where people may be of whom no track is known: against counting, sampling and what is conserved."""
+"""Intensity of undetected people against counts, sampling and conservation."""
 
 import math
 
@@ -9,7 +9,7 @@ from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.tracker import Track
-from tracking.undetected import Undetected
+from tracking.undetected import UndetectedIntensity
 
 AREA, OPEN = (150.0, 100.0), Forest(())
 CAMERA, POSE = Camera(math.radians(60), 128), Pose.level(3.0, -4.0, 20.0)
@@ -19,8 +19,8 @@ def track(id, x, y, variance=1.0):
     return Track(id, Gaussian(np.array([x, y, 0.0, 0.0]), variance * np.eye(4)))
 
 
-def test_people_are_expected_evenly_until_somebody_looks():
-    belief = Undetected(AREA, 4.0, 0.99, 3.0).belief
+def test_the_intensity_is_even_before_the_first_frame():
+    belief = UndetectedIntensity(AREA, 4.0, 0.99, 3.0).belief
     assert belief.people.shape == (20, 30) and belief.cell == (5.0, 5.0)
     np.testing.assert_allclose(belief.people, 4.0 / 600)
     np.testing.assert_array_equal(
@@ -28,10 +28,10 @@ def test_people_are_expected_evenly_until_somebody_looks():
     )
 
 
-def test_a_look_takes_from_each_cell_the_share_that_it_shows():
+def test_a_frame_thins_each_cell_by_its_visible_share():
     rng = np.random.default_rng(0)
     forest = Forest(tuple(Tree(x, y) for x, y in ((0.0, 0.0), (8.0, -9.0), (30.0, 0.0))))
-    undetected = Undetected(AREA, 600.0, 0.9, 3.0)
+    undetected = UndetectedIntensity(AREA, 600.0, 0.9, 3.0)
     undetected.step(0.0, [(CAMERA, POSE)], (), forest)
     belief = undetected.belief
     points = belief.centres()[..., None, :] + rng.uniform(-2.5, 2.5, (20, 30, 400, 2))
@@ -43,8 +43,8 @@ def test_a_look_takes_from_each_cell_the_share_that_it_shows():
     assert belief.people.min() == pytest.approx(0.1)
 
 
-def test_people_spread_as_they_walk_and_nobody_leaves():
-    undetected = Undetected(AREA, 0.0, 0.99, 3.0)
+def test_people_spread_as_they_walk_within_the_area():
+    undetected = UndetectedIntensity(AREA, 0.0, 0.99, 3.0)
     undetected.step(0.0, (), [track(1, 2.5, 2.5, 1e-6)], OPEN)
     undetected.step(0.0, (), [], OPEN)
     for time in (1.0, 2.5, 4.0):
@@ -57,8 +57,8 @@ def test_people_spread_as_they_walk_and_nobody_leaves():
     assert undetected.belief.people.sum() == pytest.approx(1.0)
 
 
-def test_a_track_that_ends_hands_its_person_back_where_it_was():
-    undetected = Undetected(AREA, 0.0, 0.99, 3.0)
+def test_the_person_of_a_deleted_track_is_recycled_at_its_place():
+    undetected = UndetectedIntensity(AREA, 0.0, 0.99, 3.0)
     undetected.step(0.0, (), [track(1, 20.0, -10.0, 25.0), track(2, -40.0, 0.0)], OPEN)
     assert not undetected.belief.people.any()
     undetected.step(0.0, (), [track(2, -40.0, 0.0)], OPEN)
@@ -67,15 +67,15 @@ def test_a_track_that_ends_hands_its_person_back_where_it_was():
     np.testing.assert_allclose(np.einsum("rc,rck->k", belief.people, belief.centres()), [20.0, -10.0], atol=0.01)
 
 
-def test_a_track_that_another_one_goes_on_hands_nobody_back():
-    undetected = Undetected(AREA, 0.0, 0.99, 3.0)
+def test_a_duplicate_track_is_not_recycled():
+    undetected = UndetectedIntensity(AREA, 0.0, 0.99, 3.0)
     undetected.step(0.0, (), [track(1, 20.0, -10.0, 25.0)], OPEN)
     undetected.step(0.0, (), [track(7, 22.0, -10.0)], OPEN)
     assert not undetected.belief.people.any()
 
 
-def test_who_is_lost_outside_the_area_is_taken_to_be_at_its_edge():
-    undetected = Undetected(AREA, 0.0, 0.99, 3.0)
+def test_a_person_lost_outside_the_area_is_recycled_at_its_edge():
+    undetected = UndetectedIntensity(AREA, 0.0, 0.99, 3.0)
     undetected.step(0.0, (), [track(1, 500.0, 0.0)], OPEN)
     undetected.step(0.0, (), [], OPEN)
     assert undetected.belief.people[:, -1].sum() == pytest.approx(1.0, abs=1e-3)

@@ -1,39 +1,38 @@
-"""Parts of a scan that have nothing to do with each other: a scan's cost grows with people, not their square."""
+"""Independent gating clusters of a scan, so that its cost grows with the number of people, not with its square."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.compiled import compiled
 
-Indices = NDArray[np.int64]
-
-_TRACKS = 64  # of a block, at least: of smaller ones calls cost more than what they work on
-_ROOM = 1.001  # by which reaches exceed gates, for rounding
+_TRACKS = 64  # of a cluster, at least: for smaller ones calls cost more than their arithmetic
+_ROOM = 1.001  # factor by which boxes exceed gates, for rounding
 
 
-def blocks(
+def gating_clusters(
     means: Array, covariances: Array, measurements: Array, noise: Array, gate: float
 ) -> list[tuple[Indices, Indices]]:
-    """Tracks and measurements, ascending, of blocks between which no measurement is in a track's gate.
+    """Tracks and measurements, ascending, of clusters without gates in common.
 
     means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m²; gate is the squared distance
-    allowed. Each track is in one block; a measurement near no track is in none.
+    allowed. Each track is in one cluster; a measurement near no track is in none. Connected
+    components of the graph of gates are joined to clusters of enough tracks.
     """
     roots = _roots(means, covariances, measurements, noise, gate)
     firsts, component, counts = np.unique(roots[: len(means)], return_inverse=True, return_counts=True)
-    block = (np.cumsum(counts) - counts) // _TRACKS  # whole components, one after the other
+    cluster = (np.cumsum(counts) - counts) // _TRACKS  # whole components, one after the other
     near = np.minimum(np.searchsorted(firsts, roots[len(means) :]), len(firsts) - 1)
-    of_measurements = np.where(firsts[near] == roots[len(means) :], block[near], -1)
-    numbers = np.unique(block)
-    return list(zip(_members(block[component], numbers), _members(of_measurements, numbers), strict=True))
+    of_measurements = np.where(firsts[near] == roots[len(means) :], cluster[near], -1)
+    numbers = np.unique(cluster)
+    return list(zip(_members(cluster[component], numbers), _members(of_measurements, numbers), strict=True))
 
 
 def _members(values: Indices, numbers: Indices) -> list[Indices]:
-    """Where each of the numbers, ascending, stands among values."""
+    """Indices at which `values` hold each of the numbers, which ascend."""
     order = np.argsort(values, kind="stable")
     left, right = (np.searchsorted(values[order], numbers, side=side) for side in ("left", "right"))
     return [order[a:b] for a, b in zip(left.tolist(), right.tolist(), strict=True)]
@@ -41,7 +40,7 @@ def _members(values: Indices, numbers: Indices) -> list[Indices]:
 
 @compiled
 def _roots(means: Array, covariances: Array, measurements: Array, noise: Array, gate: float) -> Indices:
-    """For each track, then each measurement (T + N,), the smallest index of all connected by boxes round gates."""
+    """Roots (T + N,) of tracks, then measurements: the smallest index among all that boxes round gates connect."""
     order = np.argsort(measurements[:, 0], kind="mergesort")
     xs = measurements[order, 0]
     parents = np.arange(len(means) + len(measurements))
@@ -63,7 +62,7 @@ def _roots(means: Array, covariances: Array, measurements: Array, noise: Array, 
 
 @compiled
 def _root(parents: Indices, i: int) -> int:
-    """Where a chain of parents ends; it is halved on the way."""
+    """Root of a node; the path to it is halved on the way."""
     while parents[i] != i:
         parents[i] = parents[parents[i]]
         i = parents[i]

@@ -1,4 +1,4 @@
-"""Joint probabilistic data association: gates, exact association probabilities, mixture update."""
+"""Joint probabilistic data association (JPDA): gating, exact association probabilities, mixture update."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ import math
 import numpy as np
 
 from tracking.association.marginals import EXACT_SIDE, marginals
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import exp, log
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import exp, log
 
 
 def association_probabilities(likelihood: Array, detection_probability: Array, clutter_density: float) -> Array:
-    """Marginal probabilities that each track gave none, or which, of the measurements.
+    """Marginal probabilities of the measurement that each track's person gave, or of none.
 
     likelihood (T, N) 1/m², zero outside the gate; detection_probability (T,), that a track's person gives a
-    measurement inside its gate, below 1, or (T, N + 1) where it depends on where the person is: column 0 over the
+    measurement inside its gate, below 1, or (T, N + 1) where it depends on the person's position: column 0 over the
     whole belief, column 1 + j given that measurement j is the person's; clutter_density > 0, 1/m².
     Returns beta (T, N + 1), column 0 for none; rows sum to one. Exact per cluster up to a smaller side of
     `EXACT_SIDE`, above that by loopy belief propagation. Source: [BarShalom11] 6.2, [Williams14].
@@ -85,7 +86,7 @@ def mixture_update(
     noise: Array,
     beta: Array,
 ) -> tuple[Array, Array]:
-    """Moments of the mixture over what each track's measurement was, the spread of the means included.
+    """Moments of the mixture over association hypotheses, the spread of the means included.
 
     predicted and undetected: means (T, 4) and covariances (T, 4, 4) before the scan, and given that the person gave no
     measurement; measurements (N, 2) m, noise (N, 2, 2) m², beta (T, N + 1). A measurement's component is a Kalman
@@ -97,7 +98,7 @@ def mixture_update(
     K, updated = np.empty((4, 2)), np.empty((4, 4))
     for i in range(len(means)):
         P = covariances[i]
-        components = np.flatnonzero(beta[i])  # few of all: a track's cost must not grow with who is far away
+        components = np.flatnonzero(beta[i])  # few of all: a track's cost must not grow with measurements far away
         moves[0] = undetected[0][i] - means[i]
         total = beta[i, 0] * undetected[1][i]
         last = -1  # measurements of equal noise, as neighbours', share gain and covariance
@@ -126,7 +127,7 @@ def mixture_update(
 def _update(P: Array, R: Array, K: Array, updated: Array) -> None:
     """Write gain K (4, 2) and covariance (4, 4) after a measurement of noise R (2, 2), in Joseph's form.
 
-    Written out: of matrices so small, calls of a library and new arrays cost ten times the arithmetic.
+    Written out: for matrices this small, library calls and new arrays cost ten times the arithmetic.
     """
     xx, xy, yy = P[0, 0] + R[0, 0], P[0, 1] + R[0, 1], P[1, 1] + R[1, 1]
     det = xx * yy - xy * xy
@@ -145,7 +146,7 @@ def _update(P: Array, R: Array, K: Array, updated: Array) -> None:
 
 @compiled
 def _add_square(total: Array, weight: float, vector: Array) -> None:
-    """Add the weighted outer product of a vector with itself; no array is made, as of many pairs that costs most."""
+    """Add the weighted outer product of a vector with itself, without a new array, which would cost most."""
     for a in range(len(vector)):
         for b in range(len(vector)):
             total[a, b] += weight * (vector[a] * vector[b])

@@ -1,28 +1,26 @@
-"""Marginals of one-to-one matchings between tracks and measurements: exact, or by belief propagation."""
+"""Marginal association probabilities of one-to-one matchings: exact, or by loopy belief propagation."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.compiled import compiled
 
-Indices = NDArray[np.int64]
-
-# Enumeration costs (larger side) x (smaller side) x 2^(smaller side) of a cluster; beyond this side loopy belief
-# propagation takes over. So however fifty people and their measurements form clusters, a scan takes less than 5 ms.
+# Enumeration costs (larger side) x (smaller side) x 2^(smaller side) of a cluster. Beyond this side loopy belief
+# propagation takes over, so that a scan of fifty people takes less than 5 ms whatever the clusters.
 EXACT_SIDE = 10
 _ITERATIONS = 1000
 _MESSAGES = 10_000  # to each track, on average: where gates hold more than 10 measurements, iterations are fewer
-_TOLERANCE = 1e-9  # not more: among many people messages may hardly change for a hundred iterations before they do
+_TOLERANCE = 1e-9  # not more: among many people messages may hardly change for a hundred iterations, and then change
 
 
 @compiled
 def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
-    """Probability (T, N + 1) of none, or which, for each track, from weights of misses (T,) and of pairs (T, N).
+    """Probabilities (T, N + 1) of no measurement, or of each, from weights of misses (T,) and of pairs (T, N).
 
     A matching weighs the product of its pairs and of the misses of the other tracks. Tracks that share measurements,
-    by whatever chain, form a cluster; a cluster whose smaller side exceeds `exact_side` is approximated.
+    directly or through other tracks, form a cluster; a cluster with a smaller side above `exact_side` is approximated.
     """
     beta = np.zeros((pairs.shape[0], pairs.shape[1] + 1))
     done = np.zeros(len(pairs), dtype=np.bool_)
@@ -44,7 +42,7 @@ def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
 
 @compiled
 def _cluster(pairs: Array, start: int) -> tuple[Indices, Indices]:
-    """Tracks and measurements that chains of pairs connect to the track `start`, ascending."""
+    """Tracks and measurements, ascending, of the cluster of the track `start`."""
     rows = np.zeros(pairs.shape[0], dtype=np.bool_)
     columns = np.zeros(pairs.shape[1], dtype=np.bool_)
     rows[start] = True
@@ -94,7 +92,7 @@ def _enumerate(pairs: Array, row_free: Array, column_free: Array) -> tuple[Array
         for c in range(columns):
             _join(after, forward[r], c, pairs[r, c])
         forward[r + 1] = after / after.max()
-    backward = _absences(column_free)
+    backward = _unused_weights(column_free)
     last = forward[rows] * backward
     free_columns = np.array([_without(last, c) for c in range(columns)]) / last.sum()
     matched, free_rows = np.empty((rows, columns)), np.empty(rows)
@@ -114,15 +112,15 @@ def _enumerate(pairs: Array, row_free: Array, column_free: Array) -> tuple[Array
 
 @compiled
 def _join(after: Array, before: Array, c: int, weight: float) -> None:
-    """Add to the sum of each set with column c the weighted one of the set without it."""
+    """Add to the sum of each set with column c the weighted sum of the set without it."""
     for used in range(len(before)):
         if not used >> c & 1:
             after[used | 1 << c] += weight * before[used]
 
 
 @compiled
-def _absences(column_free: Array) -> Array:
-    """For each set of columns the weight of leaving out all others."""
+def _unused_weights(column_free: Array) -> Array:
+    """Weight of each set of columns: that of leaving out all other columns."""
     out = np.ones(1 << len(column_free))
     for c in range(len(column_free)):
         for used in range(len(out)):
@@ -143,7 +141,7 @@ def _without(sums: Array, c: int) -> float:
 
 @compiled
 def _shifted(sums: Array, c: int) -> Array:
-    """What each set without column c becomes when c joins it; zero for sets that hold it."""
+    """Sum of each set without column c after c joins it; zero for sets that hold c."""
     out = np.zeros_like(sums)
     for used in range(len(sums)):
         if not used >> c & 1:
@@ -155,11 +153,11 @@ def _shifted(sums: Array, c: int) -> Array:
 def _propagate(pairs: Array, misses: Array) -> tuple[Array, Array]:
     """Marginals of pairs and free rows by loopy belief propagation: exact without cycles. Source: [Williams14].
 
-    It converges from any start; where that takes long, because misses and clutter hardly weigh anything, it stops
-    earlier: marginals of up to 50 people in a square are within 0.005 of where they would end, 0.02 if all are within
-    4 m and hardly anything but people is measured.
+    It converges from any start. Where misses and clutter have little weight that takes long, and it stops earlier:
+    marginals of up to 50 people in a square are then within 0.005 of the limit, or within 0.02 if all people are within
+    4 m and there is hardly any clutter.
     """
-    where = np.flatnonzero(pairs)  # one message there and one back for each pair that can be
+    where = np.flatnonzero(pairs)  # one message in each direction for each possible pair
     rows, columns, weights = where // pairs.shape[1], where % pairs.shape[1], pairs.ravel()[where]
     by_row, by_column = np.arange(len(rows)), np.argsort(columns, kind="mergesort")
     row_starts = np.searchsorted(rows, np.arange(len(misses) + 1))
@@ -192,7 +190,7 @@ def _propagate(pairs: Array, misses: Array) -> tuple[Array, Array]:
 
 @compiled
 def _others(values: Array, bases: Array, members: Indices, starts: Indices, sums: Array) -> None:
-    """For each value the base plus all other values of its group; no difference, hence no cancellation.
+    """Write for each value the base plus all other values of its group, without differences and their cancellation.
 
     Group g is members[starts[g] : starts[g + 1]] of the values and has the base bases[g]; the result goes to `sums`.
     """
@@ -200,7 +198,7 @@ def _others(values: Array, bases: Array, members: Indices, starts: Indices, sums
         left, right = bases[g], 0.0
         for k in range(starts[g], starts[g + 1]):
             sums[members[k]] = 0.0
-        for k in range(starts[g + 1] - starts[g]):  # both ways at once: neither sum waits for the other
+        for k in range(starts[g + 1] - starts[g]):  # in both directions at once: neither sum waits for the other
             first, last = members[starts[g] + k], members[starts[g + 1] - 1 - k]
             sums[first] += left
             left += values[first]

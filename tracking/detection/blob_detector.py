@@ -1,41 +1,40 @@
-"""The testbed's own detector: people by their colour, placed with the help of the map of trees."""
+"""The default detector: people found by their colour, located with the map of trees."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tracking.detection.detector import Detections, Frame, blobs_of, measured, split_covariances
+from tracking.detection.blobs import blobs_of
+from tracking.detection.detector import Detections, Frame
+from tracking.detection.ground_measurement import detections_of, split_covariances
 from tracking.detection.partial_visibility import locate
 from tracking.geometry.visibility import Forest
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array, Indices
 
 
 class BlobDetector:
-    """Colour segmentation and connected components; one detection per person of whom anything shows.
+    """Detector by colour and connected components, with one detection per person who is visible at all.
 
-    With a forest, people whom its trees, or the image's edge, hide in part are placed where such a part would show.
+    With a forest, a person hidden in part by trees or by the image's edge is located where such a part would show.
     """
 
     def __init__(self, forest: Forest | None = None) -> None:
         self._forest = forest
 
     def detect(self, frame: Frame) -> Detections:
-        """The people in one frame, from the image's top to its bottom."""
+        """Detect the people in one frame, from the image's top to its bottom."""
         blobs, components = blobs_of(frame)
-        return located(frame, blobs, self._forest, components)
+        return located_detections(frame, blobs, self._forest, components)
 
 
-def located(
-    frame: Frame, blobs: list[Array], forest: Forest | None, components: NDArray[np.int64] | None = None
+def located_detections(
+    frame: Frame, blobs: list[Array], forest: Forest | None, components: Indices | None = None
 ) -> Detections:
-    """Detections of people who show as blobs, each the pixels (K, 2) of one; parts are placed if there is a forest.
+    """Detections of people from blobs, each the pixels (K, 2) of one person; with a forest parts are located by it.
 
-    components (N,) tell which blobs are of one that was split, as from `blobs_of`.
+    components (N,): the component that each blob was split from, as from `blobs_of`.
     """
-    found = measured(frame, blobs, components)
+    found = detections_of(frame, blobs, components)
     if forest is None:
         return found
     places = {k: place for k, blob in enumerate(blobs) if (place := locate(frame, blob, forest)) is not None}

@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.numerics.compiled import Array, compiled
+from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.compiled import compiled
 
-# Hi-vis orange in any light: red exceeds green by half of it, and blue by all of it. What noise makes of darker places
-# looks so too, if faintly: red exceeds green by so many grey levels in all of a component, and surely in some of it.
+# Hi-vis orange in any light: red exceeds green by half of it, and blue by all of it. Noise in dark places looks alike,
+# but fainter. So red exceeds green by `_FAINT` grey levels in all of a component, and by `_SURE` in some of it.
 _FAINT, _SURE = 20, 40
 
 
 def components(image: NDArray[np.uint8]) -> list[Array]:
     """Pixel centres (K, 2), row after row, of each 8-connected component in a person's colour.
 
-    The image (P, P, 3) is RGB. Components come in the order of a search from the top by blocks of two by two.
+    The image (P, P, 3) is RGB. Components come in the order of a search from the top by cells of two by two pixels.
     """
     pixels, ends = _components(np.ascontiguousarray(image))
     return [pixels[start:end] for start, end in zip([0, *ends], ends, strict=False)]
@@ -23,16 +24,16 @@ def components(image: NDArray[np.uint8]) -> list[Array]:
 
 @compiled
 def _components(image: NDArray[np.uint8]) -> tuple[Array, list[int]]:
-    """The pixel centres (M, 2) of all components, and where each ends."""
+    """Pixel centres (M, 2) of all components, and the end of each."""
     mask, count = _coloured(image)
     todo, found = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
     width = mask.shape[1]
     flat = mask.ravel()
     ends = [0 for _ in range(0)]
     end = 0
-    for block in _blocks(mask, count):
-        seed = block
-        for at in (block, block + 1, block + width, block + width + 1):
+    for cell in _cells(mask, count):
+        seed = cell
+        for at in (cell, cell + 1, cell + width, cell + width + 1):
             seed = at if flat[at] > 0 else seed
         if flat[seed] > 0:
             size = _filled(flat, (seed, width), todo, found[end:])
@@ -47,7 +48,7 @@ def _components(image: NDArray[np.uint8]) -> tuple[Array, list[int]]:
 
 @compiled
 def _coloured(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
-    """1 where an image (P, P, 3) has a person's colour, 2 where it surely has, inside a frame of 2 pixels; how many."""
+    """Mask of a person's colour (1) and a sure one (2) in an image (P, P, 3), with a border of 2 pixels; its count."""
     rows, columns, _ = image.shape
     mask = np.zeros((rows + 4, columns + 4), dtype=np.uint8)
     count = 0
@@ -61,23 +62,23 @@ def _coloured(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
 
 
 @compiled
-def _blocks(mask: NDArray[np.uint8], count: int) -> NDArray[np.int64]:
-    """Where the blocks of two by two that have any colour begin in the mask's `count` coloured pixels, from the top."""
-    blocks, found, left = np.empty(count, dtype=np.int64), 0, count
+def _cells(mask: NDArray[np.uint8], count: int) -> Indices:
+    """Indices of the cells of two by two with any of the mask's `count` coloured pixels, from the top."""
+    cells, found, left = np.empty(count, dtype=np.int64), 0, count
     for i in range(2, mask.shape[0] - 2, 2):
         if left == 0:
             break
         for j in range(2, mask.shape[1] - 2, 2):
             here = (mask[i, j] > 0) + (mask[i, j + 1] > 0) + (mask[i + 1, j] > 0) + (mask[i + 1, j + 1] > 0)
             if here > 0:
-                blocks[found] = i * mask.shape[1] + j
+                cells[found] = i * mask.shape[1] + j
                 found, left = found + 1, left - here
-    return blocks[:found]
+    return cells[:found]
 
 
 @compiled
-def _filled(mask: NDArray[np.uint8], start: tuple[int, int], todo: NDArray[np.int64], out: NDArray[np.int64]) -> int:
-    """Wipe out the component at start (index, width of a row) of a flat mask and write it to `out`, if it is sure."""
+def _filled(mask: NDArray[np.uint8], start: tuple[int, int], todo: Indices, out: Indices) -> int:
+    """Erase the component at start (index, width of a row) from a flat mask; write it to `out` if it is sure."""
     seed, width = start
     sure = mask[seed] == 2
     mask[seed] = 0

@@ -1,4 +1,4 @@
-"""Where somebody stands of whom trees, or the image's edge, leave only a part to see."""
+"""Location of people hidden in part by trees or the image's edge: Bayes' rule over a grid of places."""
 
 from __future__ import annotations
 
@@ -8,21 +8,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.detection.detector import Frame, sizes_at, whole_covariances
-from tracking.detection.shadows import Clearing, Pair, clearing_at, is_open, relative, with_shadows
+from tracking.detection.clearing import Clearing, Pair, clearing_at, relative
+from tracking.detection.detector import Frame
+from tracking.detection.ground_measurement import whole_covariances
+from tracking.detection.person_size import sizes_at
+from tracking.detection.shadows import is_open, with_shadows
 from tracking.detection.silhouette import TALLEST, Silhouette, shown, silhouette_of
-from tracking.geometry.camera import Lens, ground_point
+from tracking.geometry.lens import Lens, ground_point
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import exp, log
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import exp, log
 
-# What is smaller than this share of a mean silhouette is part of one, wherever it is.
+# A blob smaller than this share of a mean silhouette is part of one, wherever it is.
 _SMALL = 0.6
-# How many places are looked at: first wherever the person may be, then where that leaves them.
+# Numbers of places: first over all that are possible, then over those that remain.
 _COARSE, _FINE = 100, 200
-# Where less than this share of a silhouette would show, nobody would be seen.
+# Where less than this share of a silhouette would show, a person would not be seen.
 _LEAST = 0.01
-# Places of a surprise so far beyond the least are none: a probability of e^-10.
+# Places with a surprise that exceeds the least by more are left out: a probability of e^-10.
 _IMPROBABLE = 20.0
 
 _Constants = tuple[float, float, float, float]
@@ -30,17 +34,17 @@ _Constants = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class PartError:
-    """How far what shows of a person differs from what a mean silhouette would show.
+    """Error model of the visible part of a person, compared with that of a mean silhouette.
 
     Fitted by `python -m sim.calibration.fit` so that errors squared over variances average one.
     """
 
-    posture: float = 0.182  # m: what the centroid of a vanishing part moves by, beyond that of a whole silhouette
-    rounding: float = 0.572  # pixels: what rounding moves the centroid of a single pixel by
+    posture: float = 0.182  # m: by how much the centroid of a vanishing part moves more than that of a whole silhouette
+    rounding: float = 0.572  # pixels: by how much rounding moves the centroid of a single pixel
     fringe: float = 0.876  # pixels of area, of an outline of one pixel
     limb: float = 0.07  # of a whole silhouette's area, for a visible part of all of it: headings and strides
-    # Factors of the covariance by a pixel's edge on the ground [m] and the share that is hidden: the rest of what a
-    # mean silhouette does not know.
+    # Factors of the covariance by a pixel's edge on the ground [m] and the share that is hidden: the residual of the
+    # model above.
     pixel: tuple[float, ...] = (0.083, 0.111, 0.167, 0.222)
     hidden: tuple[float, ...] = (0.0, 0.15, 0.35, 0.55, 0.75, 0.9)
     excess: tuple[tuple[float, ...], ...] = (
@@ -52,11 +56,11 @@ class PartError:
 
     @property
     def constants(self) -> _Constants:
-        """What compiled code takes."""
+        """Constants for compiled code."""
         return self.posture, self.rounding, self.fringe, self.limb
 
     def factor(self, pixel: float, hidden: float) -> float:
-        """Of the covariance where a pixel's edge is so many m on the ground and such a share is hidden."""
+        """Factor of the covariance for a pixel's edge [m] on the ground and the share that is hidden."""
         return float(np.interp(pixel, self.pixel, [np.interp(hidden, self.hidden, row) for row in self.excess]))
 
 
@@ -64,27 +68,27 @@ PART = PartError()
 
 
 class Seen(NamedTuple):
-    """What was seen, and how well a whole silhouette's centroid would tell where the person is."""
+    """Observed area of a blob, and the covariance that the centroid of a whole silhouette would have."""
 
     whole: Array  # (2, 2) m², along the axes of the clearing
     pixel: Array  # (2, 2) m²: the clearing's footprint, squared
     area: float  # pixels, of a whole mean silhouette
-    shown: float  # pixels
+    shown: float  # pixels, of the blob
 
 
 class Places(NamedTuple):
-    """Where the person may be of whom a part was seen, and what would show of them there.
+    """Grid of possible places of a person seen in part, and the part of the silhouette that each would show.
 
-    In coordinates (u, v) [m] of a clearing around what was seen.
+    In coordinates (u, v) [m] of a clearing around the blob.
     """
 
     clearing: Clearing
     seen: Seen
     u: Array  # (N,)
     v: Array  # (M,)
-    centroids: Array  # (M, N, 2) that what shows would have
+    centroids: Array  # (M, N, 2) of the part that would show
     shares: Array  # (M, N) of the silhouette that would show
-    cell: tuple[float, float]  # m: what a place stands for
+    cell: tuple[float, float]  # m: edges of a place
 
     @property
     def pixel(self) -> float:
@@ -93,23 +97,23 @@ class Places(NamedTuple):
         return math.sqrt(abs(a * d - b * c))
 
     def posterior(self, error: PartError = PART) -> tuple[Array, Array, float]:
-        """Mean (2,) m, covariance (2, 2) m² and the share hidden, all places being equally probable beforehand."""
+        """Mean (2,) m, covariance (2, 2) m² and the hidden share of a person, with a uniform prior over places."""
         mean, covariance, hidden = _moments(self, _surprises(self, error.constants))
         return mean, error.factor(self.pixel, hidden) * covariance, hidden
 
 
 def locate(frame: Frame, blob: Array, forest: Forest) -> tuple[Array, Array] | None:
-    """Mean (2,) m and covariance (2, 2) m² of the place of a person who shows as pixels (K, 2); None for a whole one.
+    """Mean (2,) m and covariance (2, 2) m² of the place of a person from a blob (K, 2); None for a person seen whole.
 
-    Bayes' rule over a grid of places: at each, camera, map of trees and a mean silhouette say which part would show;
-    its centroid and area are compared with those seen.
+    Bayes' rule over a grid of places. Camera, map of trees and a mean silhouette predict the visible part at each
+    place; its centroid and area are compared with the blob's.
     """
     places = places_of(frame, blob, forest)
     return None if places is None else places.posterior()[:2]
 
 
 def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
-    """Where the person may be who shows as a blob (K, 2) of pixels; None if nothing seems hidden."""
+    """Possible places of the person that a blob (K, 2) of pixels is from; None if nothing seems hidden."""
     lens = frame.camera.lens(frame.pose)
     if lens.eye[2] <= TALLEST:
         return None  # among people, not above them
@@ -123,9 +127,9 @@ def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
 
 @compiled
 def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clearing, float]:
-    """Whether something may hide part of the person who shows as a blob (K, 2), what is around, a person's area there.
+    """Possible occlusion of the person that a blob (K, 2) is from: a flag, the clearing, a whole person's area.
 
-    The clearing is that around the blob's centroid, with the shadows that may matter; the area is in pixels.
+    The clearing around the blob's centroid has the shadows that may matter; the area is in pixels.
     """
     centre = blob[:, 0].mean(), blob[:, 1].mean()
     clearing, area = clearing_at(lens, centre), sizes_at(lens, np.array([centre]))[2][0]
@@ -133,13 +137,13 @@ def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clea
     clearing = with_shadows(clearing, lens.eye, cylinders, 2.5 + 2 * clearing.distance * (growth - 1.0))
     placed = bool(
         np.isfinite(clearing.footprint).all() and np.isfinite(area)
-    )  # not at the horizon, where nobody has a size
+    )  # not at the horizon, where sizes are not finite
     return placed and (len(blob) <= _SMALL * area or not _all_open(lens, clearing, blob)), clearing, area
 
 
 @compiled
 def _seen(clearing: Clearing, whole: Array, area: float, shown: float) -> Seen:
-    """What was seen, given the covariance (2, 2) m² of a whole person in the world's axes, and areas in pixels."""
+    """Observation in a clearing's axes, from a whole person's covariance (2, 2) m² in the world's and areas."""
     x, y = clearing.away
     turn, pixel = np.array([[x, -y], [y, x]]), clearing.footprint
     return Seen(_congruent(turn.T, whole), _congruent(pixel, np.eye(2)), area, shown)
@@ -159,7 +163,7 @@ def _congruent(outer: Array, inner: Array) -> Array:
 
 @compiled
 def _all_open(lens: Lens, clearing: Clearing, blob: Array) -> bool:
-    """Whether nothing hides any of the pixels (K, 2) of a blob, or those next to them."""
+    """Test if nothing hides any of the pixels (K, 2) of a blob, or those next to them."""
     left, top = int(blob[:, 0].min()) - 1, int(blob[:, 1].min()) - 1
     near = np.zeros((int(blob[:, 1].max()) + 2 - top, int(blob[:, 0].max()) + 2 - left), dtype=np.bool_)
     for k in range(len(blob)):
@@ -177,7 +181,7 @@ def _all_open(lens: Lens, clearing: Clearing, blob: Array) -> bool:
 
 @compiled
 def _places(clearing: Clearing, seen: Seen, altitude: float, constants: _Constants) -> Places:
-    """Where the person may be, as a grid that covers all of it and no more."""
+    """Grid that covers all possible places of the person and no more."""
     silhouette = silhouette_of(clearing.distance, altitude)
     rounding = constants[1] * constants[1] * max(seen.pixel[0, 0], seen.pixel[1, 1])
     slack = 4 * math.sqrt(max(seen.whole[0, 0], seen.whole[1, 1]) + constants[0] * constants[0] + rounding)
@@ -199,7 +203,7 @@ def _places(clearing: Clearing, seen: Seen, altitude: float, constants: _Constan
 
 @compiled
 def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, box: tuple[Pair, Pair, int]) -> Places:
-    """About so many places in a box, from low to high corner (u, v) m."""
+    """Grid of about `box[2]` places in a box from its low to its high corner (u, v) m."""
     low, high, count = box
     width, height = high[0] - low[0], high[1] - low[1]
     columns = min(max(round(math.sqrt(count * width / height)), 6), count // 6)
@@ -219,7 +223,7 @@ def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, box: tuple[Pai
 
 @compiled
 def _surprises(places: Places, constants: _Constants) -> Array:
-    """Minus twice the logarithm of each place's likelihood (M, N), but for a constant; inf where too little shows."""
+    """Twice the negative log-likelihood of each place (M, N), but for a constant; inf where too little shows."""
     posture, rounding, fringe, limb = constants
     seen, cell = places.seen, places.cell
     out = np.full(places.shares.shape, math.inf)
@@ -228,7 +232,7 @@ def _surprises(places: Places, constants: _Constants) -> Array:
             share = places.shares[i, j]
             if share < _LEAST:
                 continue
-            # A mean silhouette knows well what half a person looks like, and badly what a tenth does.
+            # A mean silhouette predicts half a person well, and a tenth badly.
             lack = max(1.0 - share, 0.0)
             hidden = posture * lack * lack * lack
             hidden *= hidden
@@ -248,7 +252,7 @@ def _surprises(places: Places, constants: _Constants) -> Array:
 
 @compiled
 def _moments(places: Places, surprises: Array) -> tuple[Array, Array, float]:
-    """Mean (2,) m, covariance (2, 2) m² and the expected share hidden, given minus twice the log-likelihoods (M, N)."""
+    """Mean (2,) m, covariance (2, 2) m² and expected hidden share, from twice the negative log-likelihoods (M, N)."""
     least = surprises.min()
     total = along = across = uu = uv = vv = hidden = 0.0
     for i in range(len(places.v)):
@@ -259,7 +263,7 @@ def _moments(places: Places, surprises: Array) -> tuple[Array, Array, float]:
             uu, uv, vv = uu + u * places.u[j], uv + u * places.v[i], vv + v * places.v[i]
             hidden += weight * (1.0 - min(places.shares[i, j], 1.0))
     u, v = along / total, across / total
-    # Without the variance within the cells a single place would be sure.
+    # Without the variance within cells a single place would have none.
     cell = places.cell
     uu, uv, vv = uu / total - u * u + cell[0] * cell[0] / 12, uv / total - u * v, vv / total - v * v
     vv += cell[1] * cell[1] / 12

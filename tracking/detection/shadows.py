@@ -1,77 +1,27 @@
-"""What trees and the image's edges hide of the plane at people's mid-height, around a place, row by row.
+"""Shadows of trees, as cast from the camera on the plane at people's mid-height, row by row.
 
-Shadows are cast from the camera: a vertical cylinder hides the hull of two discs, those that its ends cast.
+A vertical cylinder hides the hull of two discs, the shadows of its ends.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from tracking.geometry.camera import Lens, ground_point
-from tracking.geometry.visibility import TARGET_HEIGHT, Vector
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import hypot
+from tracking.detection.clearing import Clearing, Pair, relative
+from tracking.geometry.line_of_sight import Vector
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.trigonometry import hypot
 
-Pair = tuple[float, float]
 Hull = tuple[float, float, float, float, float, float]  # two discs: u, v, radius; u, v, radius
-
-
-class Clearing(NamedTuple):
-    """The plane at people's mid-height around a place, as one camera sees it.
-
-    Its coordinates (u, v) [m] begin at the place: u away from the camera, v to the left of that.
-    """
-
-    origin: Pair  # m
-    away: Pair  # unit vector of u
-    distance: float  # m, horizontally, from the camera
-    edges: Array  # (4, 3): inside the image where edges @ (u, v, 1) >= 0
-    footprint: Array  # (2, 2) m per pixel: (u, v) by the image's columns and rows, at the place
-    # (S, 7) of trees that may reach the surroundings: hulls, and the distance, horizontally, from the camera [m] nearer
-    # than which nobody is hidden: that of trunks; 0 for canopies, which are above everybody.
-    shadows: Array
-
-
-@compiled
-def relative(clearing: Clearing, x: float, y: float) -> Pair:
-    """The coordinates (u, v) of a point (x, y) m of the plane."""
-    x, y = x - clearing.origin[0], y - clearing.origin[1]
-    return clearing.away[0] * x + clearing.away[1] * y, clearing.away[0] * y - clearing.away[1] * x
-
-
-@compiled
-def clearing_at(lens: Lens, pixel: Pair) -> Clearing:
-    """The clearing around the place that a pixel shows, without shadows yet."""
-    x, y = ground_point(lens, pixel, TARGET_HEIGHT)
-    east, north = x - lens.eye[0], y - lens.eye[1]
-    distance = math.sqrt(east * east + north * north)
-    away = (east / distance, north / distance) if distance > 0.0 else (1.0, 0.0)
-    # Body coordinates right, up and back, each as a linear function of (u, v, 1).
-    to_plane = np.array([[away[0], away[1], 0.0], [-away[1], away[0], 0.0], [east, north, TARGET_HEIGHT - lens.eye[2]]])
-    body = np.zeros((3, 3))
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                body[i, j] += lens.rotation[k, i] * to_plane[j, k]
-    edges = np.empty((4, 3))
-    half = lens.pixels / 2
-    for j in range(3):
-        right, up, depth = lens.focal * body[0, j], lens.focal * body[1, j], -half * body[2, j]
-        edges[0, j], edges[1, j], edges[2, j], edges[3, j] = depth + right, depth - right, depth - up, depth + up
-    depth = -body[2, 2]
-    columns, rows = pixel[0] / depth, pixel[1] / depth
-    a, b = (edges[0, 0] / depth + columns * body[2, 0]), (edges[0, 1] / depth + columns * body[2, 1])
-    c, d = (edges[2, 0] / depth + rows * body[2, 0]), (edges[2, 1] / depth + rows * body[2, 1])
-    footprint = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
-    return Clearing((x, y), away, distance, edges, footprint, np.empty((0, 7)))
 
 
 @compiled
 def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float) -> Clearing:
-    """The clearing with the shadows of cylinders (B, 5) that come within `reach` m of its origin."""
+    """The clearing with the shadows of cylinders (B, 5) within `reach` m of its origin."""
     shadows, count = np.empty((8, 7)), 0
     for k in range(len(cylinders)):
         x, y, radius = cylinders[k, 0], cylinders[k, 1], cylinders[k, 2]
@@ -99,14 +49,14 @@ def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float
 
 @compiled
 def behind(clearing: Clearing, u: float, v: float) -> Clearing:
-    """The clearing with the shadows only of what may hide somebody at (u, v): no trunk hides who is in front of it."""
+    """The clearing with only the shadows that can hide a person at (u, v): no trunk hides people in front of it."""
     c, distance = clearing, hypot(clearing.distance + u, v)
     return Clearing(c.origin, c.away, c.distance, c.edges, c.footprint, c.shadows[c.shadows[:, 6] <= distance])
 
 
 @compiled
 def crossing(hull: Hull, v: float) -> Pair:
-    """The interval of u in which the hull of two discs covers a row; (inf, -inf) if it does not."""
+    """Interval of u in which the hull of two discs covers a row; (inf, -inf) if it does not."""
     u0, v0, r0, u1, v1, r1 = hull
     low, high = math.inf, -math.inf
     if v < min(v0 - r0, v1 - r1) or v > max(v0 + r0, v1 + r1):
@@ -131,7 +81,7 @@ def crossing(hull: Hull, v: float) -> Pair:
 
 @compiled
 def openings(clearing: Clearing, v: float, out: Array) -> int:
-    """Write into (S + 1, 2) the intervals of u that are in the image and in no shadow; how many there are."""
+    """Write into (S + 1, 2) the intervals of u that are in the image and in no shadow; return their number."""
     low, high = -math.inf, math.inf
     for k in range(len(clearing.edges)):
         slope, rest = clearing.edges[k, 0], clearing.edges[k, 1] * v + clearing.edges[k, 2]
@@ -153,7 +103,7 @@ def openings(clearing: Clearing, v: float, out: Array) -> int:
 
 @compiled
 def _cut(intervals: Array, count: int, shadow: Pair) -> int:
-    """Cut an interval out of the first `count` of disjoint intervals, in place; how many are left."""
+    """Cut an interval out of the first `count` of disjoint intervals, in place; return the number left."""
     for k in range(count - 1, -1, -1):
         low, high = intervals[k, 0], intervals[k, 1]
         if shadow[1] <= low or shadow[0] >= high:
@@ -173,7 +123,7 @@ def _cut(intervals: Array, count: int, shadow: Pair) -> int:
 
 @compiled
 def is_open(clearing: Clearing, u: float, v: float) -> bool:
-    """Whether people at (u, v) would be seen: inside the image and in no shadow."""
+    """Test if people at (u, v) would be seen: inside the image and in no shadow."""
     for k in range(len(clearing.edges)):
         if clearing.edges[k, 0] * u + clearing.edges[k, 1] * v + clearing.edges[k, 2] < 0.0:
             return False

@@ -1,4 +1,4 @@
-"""A walking person's mean silhouette on the plane at people's mid-height, and what shows of it behind shadows."""
+"""A walking person's mean silhouette on the plane at people's mid-height, and its part outside shadows."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.detection.shadows import Clearing, behind, crossing, openings
+from tracking.detection.clearing import Clearing
+from tracking.detection.shadows import behind, crossing, openings
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import hypot
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.trigonometry import hypot
 
 # A walking person over all headings, as horizontal circles: height above ground, radius [m] and the share of headings
-# at which what lies between two circles covers what is behind it, legs being thin.
+# at which the body between two circles hides its background, legs being thin.
 _LEVELS = (
     (0.00, 0.36, 0.00),
     (0.30, 0.34, 0.22),
@@ -30,7 +32,7 @@ _BINS = 48
 
 
 class Silhouette(NamedTuple):
-    """What a person covers of the plane, (u, v) m from where their mid-height is; either side of v = 0 is alike."""
+    """Area of the plane that a person covers, in (u, v) m from their mid-height; symmetric about v = 0."""
 
     low: float  # least u, m
     high: float  # greatest u, m
@@ -45,7 +47,7 @@ class Silhouette(NamedTuple):
 
 @compiled
 def silhouette_of(distance: float, altitude: float) -> Silhouette:
-    """The silhouette of somebody `distance` m away, horizontally, from a camera `altitude` m above ground."""
+    """Silhouette of a person `distance` m away, horizontally, from a camera `altitude` m above ground."""
     low, high, half = math.inf, -math.inf, 0.0
     for h, radius, _ in _LEVELS:
         growth = (altitude - TARGET_HEIGHT) / (altitude - h)
@@ -66,7 +68,7 @@ def silhouette_of(distance: float, altitude: float) -> Silhouette:
 
 @compiled
 def _line(v: float, distance: float, altitude: float, bins: tuple[float, float]) -> Array:
-    """How far a row of the silhouette covers each bin (_BINS,); bins begin at `bins[0]` and are `bins[1]` m wide."""
+    """Share of each bin (_BINS,) that a row of the silhouette covers; bins: start and width, m."""
     low, step = bins
     line = np.zeros(_BINS)
     before = (0.0, 0.0, 0.0)
@@ -77,7 +79,7 @@ def _line(v: float, distance: float, altitude: float, bins: tuple[float, float])
             start, end = crossing(before + circle, v)
             for j in range(_BINS):
                 inside = min(end, low + (j + 1) * step) - max(start, low + j * step)
-                if inside > 0.0:  # what is higher is nearer to the camera
+                if inside > 0.0:  # higher parts are nearer to the camera
                     line[j] += (share - line[j]) * inside / step
         before = circle
     return line
@@ -85,14 +87,14 @@ def _line(v: float, distance: float, altitude: float, bins: tuple[float, float])
 
 @compiled
 def shown(clearing: Clearing, silhouette: Silhouette, u: Array, v: Array) -> Array:
-    """What would show of people at each pair of u (N,) and v (M,) m: (M, N, 3), area m² and its moments m³.
+    """Visible area m² and its moments m³ (M, N, 3) of people at each pair of u (N,) and v (M,) m.
 
-    The moments are those of the coordinates relative to where the person is.
+    The moments are those of the coordinates relative to the person.
     """
     out = np.zeros((len(v), len(u), 3))
     for i in range(len(v)):
         first = 0
-        while first < len(u):  # those whom the same shadows may hide, together
+        while first < len(u):  # together those that the same shadows may hide
             around = behind(clearing, u[first], v[i])
             last = first + 1
             while last < len(u) and _same(clearing, v[i], (u[first], u[last])):
@@ -104,7 +106,7 @@ def shown(clearing: Clearing, silhouette: Silhouette, u: Array, v: Array) -> Arr
 
 @compiled
 def _same(clearing: Clearing, v: float, u: tuple[float, float]) -> bool:
-    """Whether two people of a row are in front of the same trunks."""
+    """Test if two people of a row are in front of the same trunks."""
     one, other = hypot(clearing.distance + u[0], v), hypot(clearing.distance + u[1], v)
     for k in range(len(clearing.shadows)):
         front = clearing.shadows[k, 6]
@@ -115,7 +117,7 @@ def _same(clearing: Clearing, v: float, u: tuple[float, float]) -> bool:
 
 @compiled
 def _add_shown(clearing: Clearing, silhouette: Silhouette, places: tuple[Array, float], out: Array) -> None:
-    """Add what would show of people at u (N,) m of one row to areas and moments (N, 3)."""
+    """Add the visible part of people at u (N,) m of one row to areas and moments (N, 3)."""
     u, v = places
     intervals = np.empty((len(clearing.shadows) + 1, 2))
     for k in range(-_ROWS, _ROWS):
@@ -127,9 +129,9 @@ def _add_shown(clearing: Clearing, silhouette: Silhouette, places: tuple[Array, 
                 start = _bins(intervals[m, 0] - u[j], silhouette)
                 end = _bins(intervals[m, 1] - u[j], silhouette)
                 if end > start:
-                    area = silhouette.row * (_between(cover, end) - _between(cover, start))
+                    area = silhouette.row * (_interpolated(cover, end) - _interpolated(cover, start))
                     out[j, 0] += area
-                    out[j, 1] += silhouette.row * (_between(moment, end) - _between(moment, start))
+                    out[j, 1] += silhouette.row * (_interpolated(moment, end) - _interpolated(moment, start))
                     out[j, 2] += area * rise
 
 
@@ -139,7 +141,7 @@ def _bins(u: float, silhouette: Silhouette) -> float:
 
 
 @compiled
-def _between(values: Array, at: float) -> float:
-    """One of values (_BINS + 1,), or what is between two."""
+def _interpolated(values: Array, at: float) -> float:
+    """Value at an index of values (_BINS + 1,), by linear interpolation."""
     k = min(int(at), _BINS - 1)
     return float(values[k] + (at - k) * (values[k + 1] - values[k]))

@@ -1,4 +1,4 @@
-"""A motion model for people who cannot walk faster than some speed."""
+"""Motion model of nearly constant velocity with a bound on speed."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ import numpy as np
 
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import SAMPLES
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.matrices import cholesky, forward_solved, length, product, symmetric
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.distances import length
+from tracking.numerics.factorisation import cholesky, forward_substitution
+from tracking.numerics.matrices import product, symmetric
 
 # Equally probable points of the plane (36, 2) with the moments of a standard normal distribution.
 _POINTS = SAMPLES / SAMPLES.std(axis=0)
@@ -19,11 +22,11 @@ _FARTHEST = float(length(_POINTS).max())
 
 @dataclass(frozen=True)
 class BoundedSpeed(NearlyConstantVelocity):
-    """Nearly constant velocity, of somebody who goes at `max_speed` instead of faster.
+    """Nearly constant velocity, with faster velocities shortened to `max_speed`.
 
-    Over a step v' = c(v) + a dt and p' = p + c(v) dt + a dt² / 2, where c shortens what is longer than `max_speed`: the
-    mean velocity never exceeds it, and per step the root mean square distance from any place grows by `max_speed` dt
-    and NCV's own noise at most. A belief in which nobody is too fast is predicted as by NCV, to the bit.
+    Over a step v' = c(v) + a dt and p' = p + c(v) dt + a dt² / 2, where c shortens velocities longer than `max_speed`.
+    So the mean velocity never exceeds it, and per step the root mean square distance from any place grows by
+    `max_speed` dt and NCV's own noise at most. A belief without faster velocities is predicted as by NCV, to the bit.
     """
 
     max_speed: float  # m/s
@@ -36,7 +39,7 @@ class BoundedSpeed(NearlyConstantVelocity):
             raise ValueError(f"scans must be 1 where speed is bounded, which no sum over scans is, is {self.scans}")
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
-        """`predict` for a stack of beliefs: means (T, 4), covariances (T, 4, 4)."""
+        """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
         reach = length(means[:, 2:]) + _FARTHEST * np.sqrt(covariances[:, 2, 2] + covariances[:, 3, 3])
         fast = np.flatnonzero(reach > self.max_speed)
         if len(fast):
@@ -48,14 +51,14 @@ class BoundedSpeed(NearlyConstantVelocity):
 def _limited(means: Array, covariances: Array, max_speed: float) -> tuple[Array, Array]:
     """Moments of beliefs whose velocities c has shortened, by samples. Positions stay.
 
-    With v = mean + L u and d = c(v) - v, the state is mean + G u + what v says nothing of. So the covariance is that of
-    G u + d over the samples u and of this rest, and cannot lose its positive definite position block; that of the
-    velocity gets the step's noise before anybody divides by it.
+    With v = mean + L u and d = c(v) - v, the state is mean + G u + a rest that is independent of v. The covariance is
+    that of G u + d over the samples u plus that of the rest. So its position block stays positive definite; the
+    velocity block gets the step's noise before it is inverted.
     """
     roots = cholesky(covariances[:, 2:, 2:])
     moments = _shortened(means[:, 2:], roots, max_speed) / len(_POINTS)
     shift, within, across = moments[:, 0], moments[:, 1:3], moments[:, 3:]
-    G = np.swapaxes(forward_solved(roots, covariances[:, 2:, :]), 1, 2)
+    G = np.swapaxes(forward_substitution(roots, covariances[:, 2:, :]), 1, 2)
     limited = covariances.copy()
     both = product(G, across)
     limited[:, :, 2:] += both

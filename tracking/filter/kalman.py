@@ -1,4 +1,4 @@
-"""Nearly constant velocity model, Gaussian beliefs and the Kalman filter's two steps."""
+"""Gaussian beliefs, the nearly constant velocity model, and the prediction and update of the Kalman filter."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.matrices import applied, congruent, inverse, product
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.factorisation import inverse
+from tracking.numerics.matrices import applied, congruent, product
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +26,8 @@ class Gaussian:
 class NearlyConstantVelocity:
     """The motion model of [Li22] eq. (1), over one scan or several.
 
-    The acceleration is constant over each of `scans` equal parts of `dt`, and independent of that of other parts: one
-    such step is to the last moment what so many steps of dt / scans are.
+    The acceleration is constant over each of `scans` equal parts of `dt`, and independent of that of other parts. One
+    such step has the same moments as that many steps of dt / scans.
     """
 
     dt: float  # s
@@ -57,12 +59,12 @@ class NearlyConstantVelocity:
         return np.asarray(self.sigma_a * self.sigma_a * np.kron(block, np.eye(2)), dtype=float)
 
     def predict(self, belief: Gaussian) -> Gaussian:
-        """The belief one step later, without a measurement."""
+        """Predict a belief one step ahead."""
         means, covariances = self.predict_all(belief.mean[None], belief.covariance[None])
         return Gaussian(means[0], covariances[0])
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
-        """`predict` for a stack of beliefs: means (T, 4), covariances (T, 4, 4), at the cost of one."""
+        """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
         return _predicted(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.F, self.Q)
 
 
@@ -75,7 +77,7 @@ def innovation(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
 
 
 def update(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
-    """The belief after a ground measurement z (2,) m with covariance R (2, 2) m², in Joseph's form."""
+    """Update a belief with a ground measurement z (2,) m of covariance R (2, 2) m², in Joseph's form."""
     nu = innovation(predicted, z, R)
     K = product(predicted.covariance[:, :2], inverse(nu.covariance))
     left = np.eye(4)
@@ -83,18 +85,6 @@ def update(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
     return Gaussian(
         predicted.mean + applied(K, nu.mean), congruent(left, predicted.covariance) + congruent(K, np.asarray(R))
     )
-
-
-def information_form(means: Array, covariances: Array) -> tuple[Array, Array]:
-    """Information vectors q = Ω ξ (..., 4) and matrices Ω = P⁻¹ (..., 4, 4) of a stack of beliefs."""
-    omega = inverse(covariances)
-    return applied(omega, means), omega
-
-
-def moment_form(q: Array, omega: Array) -> tuple[Array, Array]:
-    """Means ξ (..., 4) and covariances P (..., 4, 4) of a stack of beliefs in information form."""
-    covariances = inverse(omega)
-    return applied(covariances, q), covariances
 
 
 @compiled

@@ -1,43 +1,43 @@
-"""What a belief becomes when its person was not detected: a place seen empty is evidence."""
+"""Negative information: the update of a belief by a scan that did not detect its person."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, visible_samples
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import exp_each
+from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.compiled import compiled
+from tracking.numerics.universal import exp_each
 
-Moment = tuple[float, Pose]  # s, when a frame was taken, and where the camera was
+Viewpoint = tuple[float, Pose]  # time of a frame [s], and pose of its camera
 
-# By how much the logarithm of the likelihood of seeing nobody again falls, per width of the belief that is crossed
-# meanwhile. With 4 to 5 beliefs are as wide as particles say, under canopies of 1 to 8 m; with 2, far wider.
+# Decrease of the log-likelihood of a second missed detection per width of the belief crossed meanwhile. With 4 to 5
+# beliefs are as wide as those of a particle filter, under canopies of 1 to 8 m; with 2, far wider.
 _AGAIN = 4.5
 
 
-def look(
+def miss_likelihood(
     camera: Camera,
     forest: Forest,
     beliefs: tuple[Array, Array],
     *,
-    now: Moment,
-    last: Moment | None,
+    now: Viewpoint,
+    last: Viewpoint | None,
     detection_probability: float,
-) -> tuple[NDArray[np.bool_], Array]:
-    """What a frame can say of beliefs, means (T, 4) and covariances (T, 4, 4).
+) -> tuple[Flags, Array]:
+    """Likelihood of no detection at the samples of beliefs, means (T, 4) and covariances (T, 4, 4).
 
-    now, last: when it and the UAV's frame before, if any, were taken, and from where. Returns at which of the positions
-    `visibility.SAMPLES` a person is in plain view (T, K), and the likelihood of no detection, at each (T, K).
-    To see a place empty again says only that nobody has come there since. What the last frame said is in the belief,
-    but for the tails that a Gaussian has again in the place just seen empty; so where both frames show a place, it
-    takes the time in which people cross the belief until that says as much again.
-    Note: this is ours; tests/tracking/filter/test_negative_information.py compares it with particles. What the last
-    frame showed is taken to be in the belief also if it showed all of it, which says nothing, or the UAV did not hold
-    the track then. What other UAVs' frames showed is not asked for: those of one time are averaged by consensus.
+    now, last: time and pose of the frame and of the UAV's frame before, if any. Returns flags (T, K) of the positions
+    `visibility.SAMPLES` that are in plain view, and the likelihood of no detection at each (T, K).
+    Negative information of the last frame is already in the belief, but for the tails that a Gaussian has again in the
+    empty place. A second look at an empty place says only that no person has come there since. So where both frames
+    show a place, the likelihood falls with the share of the belief that people cross between the frames.
+    Note: this is ours; tests/tracking/filter/test_negative_information.py compares it with a particle filter. The last
+    frame is taken to be in the belief also if it showed all of it, which is no information, or if the UAV did not hold
+    the track then. Frames of other UAVs are left out: consensus averages those of one time.
     """
     means, covariances = beliefs
     seen = visible_samples(camera, now[1], means[:, :2], covariances[:, :2, :2], forest)
@@ -46,40 +46,40 @@ def look(
     if last is not None and len(partly):
         some, spreads = means[partly], covariances[partly]
         before = visible_samples(camera, last[1], some[:, :2], spreads[:, :2, :2], forest)
-        again = exp_each(-_AGAIN * crossed((some, spreads), now[0] - last[0]))[:, None]
+        again = exp_each(-_AGAIN * share_crossed((some, spreads), now[0] - last[0]))[:, None]
         missed[partly] = np.where(before & seen[partly], np.maximum(missed[partly], again), missed[partly])
     return seen, missed
 
 
-def crossed(beliefs: tuple[Array, Array], elapsed: float) -> Array:
-    """Share of its belief's width that each person crosses in so many seconds (T,), in root mean squares."""
+def share_crossed(beliefs: tuple[Array, Array], elapsed: float) -> Array:
+    """Share (T,) of its belief's width that each person crosses in `elapsed` seconds, in root mean squares."""
     means, covariances = beliefs
     width = np.trace(covariances[:, :2, :2], axis1=1, axis2=2)
     speed = np.trace(covariances[:, 2:, 2:], axis1=1, axis2=2) + np.sum(np.square(means[:, 2:]), axis=1)
     return np.asarray(elapsed * np.sqrt(speed / width))
 
 
-def given_undetected(predicted: tuple[Array, Array], missed: Array) -> tuple[Array, Array]:
-    """Moments of beliefs after a scan without a detection: Bayes' rule over samples.
+def negative_information_update(predicted: tuple[Array, Array], missed: Array) -> tuple[Array, Array]:
+    """Viewpoints of beliefs after a scan without a detection: Bayes' rule over samples.
 
     predicted: means (T, 4) and covariances (T, 4, 4); missed (T, K): the likelihood of no detection at each of the
     positions `tracking.geometry.visibility.SAMPLES`.
-    Somebody who is not where they would be seen is where they would not: the mass moves behind the tree, or out of the
-    field of view, and with it, by correlation, the velocity. The result is the Gaussian of equal moments.
+    The mass moves out of the visible places, behind trees or out of the field of view, and by correlation the velocity
+    changes, too. The result is the Gaussian of equal moments.
     Source: [Koch04], with samples where it uses mixtures.
     """
     means, covariances = predicted
     partly = missed.min(axis=1) < missed.max(axis=1)
     if not partly.any():
         return means, covariances
-    return _given(means, covariances, missed, partly)
+    return _updated(means, covariances, missed, partly)
 
 
 @compiled
-def _given(means: Array, covariances: Array, missed: Array, partly: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """`given_undetected` for the beliefs that a scan says something of, `partly` (T,).
+def _updated(means: Array, covariances: Array, missed: Array, partly: Flags) -> tuple[Array, Array]:
+    """Update the beliefs of which the scan shows a part, `partly` (T,).
 
-    State = mean + G u + what position says nothing of, with u the standardised position: P_pp = L Lᵀ and G Lᵀ = P_xp.
+    State = mean + G u + a rest independent of the position, with u the standardised position: P_pp = L Lᵀ, G Lᵀ = P_xp.
     """
     moved, spread = means.copy(), covariances.copy()
     G, narrowed = np.empty((4, 2)), np.empty(3)

@@ -1,27 +1,19 @@
-"""What a scan adds to a belief, apart from what was known before it."""
+"""Novel information of a scan, apart from the prior: hybrid consensus on measurements and information (HCMCI)."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import (
-    applied,
-    cholesky,
-    congruent,
-    eigen,
-    forward_solved,
-    product,
-    squared_distance,
-    symmetric,
-)
+from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.distances import squared_distance
+from tracking.numerics.factorisation import cholesky, eigen, forward_substitution
+from tracking.numerics.matrices import applied, congruent, product, symmetric
 
 # Gains of information below this share of the prior's are rounding.
 _ROUNDING = 1e-9
 
 
-def farthest(means: Array, covariances: Array, z: Array, gates: NDArray[np.int64]) -> Array:
+def largest_innovation(means: Array, covariances: Array, z: Array, gates: Indices) -> Array:
     """Largest distance in prior standard deviations of the measurements z (N, 2) m in the gates of beliefs (T,).
 
     means (T, 4), covariances (T, 4, 4), gates (G, 2): pairs of a track and a measurement in its gate.
@@ -34,24 +26,24 @@ def farthest(means: Array, covariances: Array, z: Array, gates: NDArray[np.int64
     return np.sqrt(most)
 
 
-def split(prior: tuple[Array, Array], posterior: tuple[Array, Array], reach: Array) -> tuple[Array, Array]:
-    """Posterior information parted into what prior beliefs hold and what is novel, as packed (q, Ω) (T, 20) each.
+def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array], reach: Array) -> tuple[Array, Array]:
+    """Split posterior information into a prior and a novel part, as packed (q, Ω) (T, 20) each.
 
     prior: means (T, 4) and covariances (T, 4, 4); posterior: information vectors (T, 4) and matrices (T, 4, 4). The
     two parts add up to the posterior.
-    With Ω⁻ = L Lᵀ and Ω⁺ = L diag(λ) Lᵀ the prior part is L diag(min(1, λ)) Lᵀ, the novel one L diag(max(λ - 1, 0)) Lᵀ:
-    neither is ever indefinite, though association may leave a posterior wider than the prior along some axis.
-    The shift of the mean is novel up to what a measurement at the distance `reach` (T,), in prior standard deviations,
-    does with that much information, and is the prior part's from there on.
+    With Ω⁻ = L Lᵀ and Ω⁺ = L diag(λ) Lᵀ the prior part is L diag(min(1, λ)) Lᵀ, the novel one L diag(max(λ - 1, 0)) Lᵀ.
+    Neither is ever indefinite, though association may leave a posterior wider than the prior along some axis.
+    The novel part takes the shift of the mean up to that of a measurement with this much information at the distance
+    `reach` (T,), in prior standard deviations. The prior part takes the rest.
 
     Source: [Battistelli15], whose measurements have an information matrix of their own.
-    Note: the bound on the shift is ours. The novel parts of UAVs are summed; where doubt between measurements moves a
-    mean and gains no information, the sum of such moves would lead anywhere.
+    Note: the bound on the shift is ours. The novel parts of UAVs are summed. Where doubt between measurements moves a
+    mean without any gain of information, the sum of such shifts would be unbounded.
     """
     # With P⁻ = C Cᵀ and V the axes of Cᵀ Ω⁺ C, the inverse of L is Vᵀ Cᵀ.
     roots = cholesky(prior[1])
     ratio, axes = eigen(congruent(_transposed(roots), posterior[1]))
-    inverse = forward_solved(roots, np.eye(4))
+    inverse = forward_substitution(roots, np.eye(4))
     back = _transposed(axes)
     L = product(_transposed(inverse), axes)
     gain = np.maximum(ratio - 1.0, 0.0)

@@ -4,25 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.elementary import tan
+from tracking.geometry.lens import Lens, in_image
+from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.compiled import compiled
 from tracking.numerics.matrices import applied
+from tracking.numerics.trigonometry import tan
 
-ALL_ROUND = math.tau  # rad, angle of view of who sees in all directions; of such a camera there is no image
-
-
-class Lens(NamedTuple):
-    """A camera and its pose, as compiled code takes them."""
-
-    eye: tuple[float, float, float]  # m
-    rotation: Array  # (3, 3) from body to world
-    focal: float  # pixels; 0 for a view all round
-    pixels: int  # along each edge
+ALL_ROUND = math.tau  # rad, angle of view of a camera that sees in all directions; it has no image
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +21,7 @@ class Pose:
     """Position and attitude in the world frame (east, north, up).
 
     For a camera the body axes are: x to the image's right, y to its top, z backwards, away from the scene.
-    So the identity attitude is a nadir camera whose image has north at the top.
+    So the identity attitude is a nadir camera with north at the top of its image.
     """
 
     position: Array  # (3,) m
@@ -88,8 +79,8 @@ class Camera:
         uv = self.pixels / 2 + self.focal * np.column_stack([body[:, 0], -body[:, 1]]) / safe[:, None]
         return uv, depth
 
-    def sees(self, pose: Pose, points: Array) -> NDArray[np.bool_]:
-        """Whether world points (N, 3) m fall inside the image, occlusion aside (N,)."""
+    def sees(self, pose: Pose, points: Array) -> Flags:
+        """Flags (N,) of world points (N, 3) m inside the image, occlusion aside."""
         return _in_image(np.atleast_2d(points), self.lens(pose))
 
     def lens(self, pose: Pose) -> Lens:
@@ -116,44 +107,7 @@ class Camera:
 
 
 @compiled
-def ground_point(lens: Lens, pixel: tuple[float, float], height: float) -> tuple[float, float]:
-    """Where the line through a pixel (u, v) meets the horizontal plane at `height` m, be it behind the camera [m]."""
-    r = lens.rotation
-    x, y = (pixel[0] - lens.pixels / 2) / lens.focal, (lens.pixels / 2 - pixel[1]) / lens.focal
-    scale = (height - lens.eye[2]) / (r[2, 0] * x + r[2, 1] * y - r[2, 2])
-    east, north = r[0, 0] * x + r[0, 1] * y - r[0, 2], r[1, 0] * x + r[1, 1] * y - r[1, 2]
-    return lens.eye[0] + scale * east, lens.eye[1] + scale * north
-
-
-@compiled
-def image_point(lens: Lens, point: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Pixel (u, v) of a world point [m] and its depth along the optical axis [m]; NaN for a pixel behind the camera."""
-    r = lens.rotation
-    east, north, up = point[0] - lens.eye[0], point[1] - lens.eye[1], point[2] - lens.eye[2]
-    depth = -(east * r[0, 2] + north * r[1, 2] + up * r[2, 2])
-    scale = lens.focal / depth if depth > 0.0 else math.nan
-    u = lens.pixels / 2 + scale * (east * r[0, 0] + north * r[1, 0] + up * r[2, 0])
-    v = lens.pixels / 2 - scale * (east * r[0, 1] + north * r[1, 1] + up * r[2, 1])
-    return u, v, depth
-
-
-@compiled
-def in_image(point: tuple[float, float, float], lens: Lens) -> bool:
-    """Whether a world point (3,) m falls inside the image of `Camera.project`, or is seen by a view all round."""
-    if lens.focal == 0.0:
-        return True
-    position, rotation, focal, pixels = lens.eye, lens.rotation, lens.focal, lens.pixels
-    dx, dy, dz = point[0] - position[0], point[1] - position[1], point[2] - position[2]
-    depth = -(dx * rotation[0, 2] + dy * rotation[1, 2] + dz * rotation[2, 2])
-    if not depth > 0.0:
-        return False
-    u = pixels / 2 + focal * (dx * rotation[0, 0] + dy * rotation[1, 0] + dz * rotation[2, 0]) / depth
-    v = pixels / 2 - focal * (dx * rotation[0, 1] + dy * rotation[1, 1] + dz * rotation[2, 1]) / depth
-    return bool(0.0 <= u <= pixels and 0.0 <= v <= pixels)
-
-
-@compiled
-def _in_image(points: Array, lens: Lens) -> NDArray[np.bool_]:
+def _in_image(points: Array, lens: Lens) -> Flags:
     seen = np.empty(len(points), dtype=np.bool_)
     for k in range(len(points)):
         seen[k] = in_image((points[k, 0], points[k, 1], points[k, 2]), lens)

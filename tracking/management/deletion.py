@@ -1,81 +1,77 @@
-"""What speaks for and against tracks, and which of them it ends."""
+"""Track deletion: detection histories, misses among the last scans, and duplicate tracks."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.matrices import squared_distance
-
-Indices = NDArray[np.int64]
+from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.numerics.compiled import compiled
+from tracking.numerics.distances import squared_distance
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
-    """When the fleet last saw T tracks, and the scans since that count against them.
+class DetectionHistory:
+    """Times of the last detections of T tracks by the fleet, and the misses since then.
 
-    The times travel between UAVs by maximum, so that after enough rounds all hold the same.
+    UAVs take the maximum of the times in each round, so that after enough rounds all hold the same.
     """
 
-    times: Array  # (T, 3) s; when somebody last: saw it; gave it a measurement of its own; should have seen it
+    times: Array  # (T, 3) s: last detection; last measurement of its own; last scan in view
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
-    shared: Indices  # (T,), scans in which it was seen since it last had a measurement of its own
+    shared: Indices  # (T,), detections since the last measurement of its own
 
     @staticmethod
-    def at(time: float, count: int) -> Evidence:
-        """Of tracks that have just been seen."""
-        return Evidence(np.full((count, 3), time), np.zeros(count, np.int64), np.zeros(count, np.int64))
+    def at(time: float, count: int) -> DetectionHistory:
+        """History of tracks that have just been detected."""
+        return DetectionHistory(np.full((count, 3), time), np.zeros(count, np.int64), np.zeros(count, np.int64))
 
-    def __getitem__(self, rows: NDArray[np.bool_] | Indices) -> Evidence:
-        """Of some of the tracks."""
-        return Evidence(self.times[rows], self.misses[rows], self.shared[rows])
+    def __getitem__(self, rows: Flags | Indices) -> DetectionHistory:
+        """History of some of the tracks."""
+        return DetectionHistory(self.times[rows], self.misses[rows], self.shared[rows])
 
-    def __add__(self, other: Evidence) -> Evidence:
-        """Of these and then other tracks."""
-        return Evidence(
+    def __add__(self, other: DetectionHistory) -> DetectionHistory:
+        """History of these and then other tracks."""
+        return DetectionHistory(
             np.concatenate([self.times, other.times]),
             np.concatenate([self.misses, other.misses]),
             np.concatenate([self.shared, other.shared]),
         )
 
-    def observed(
-        self, now: float, seen: NDArray[np.bool_], own: NDArray[np.bool_], expected: NDArray[np.bool_]
-    ) -> Evidence:
-        """With one UAV's scan added: which tracks (T,) it saw, gave a measurement of their own, should have seen."""
+    def observed(self, now: float, seen: Flags, own: Flags, expected: Flags) -> DetectionHistory:
+        """History with one UAV's scan: flags (T,) of tracks it saw, gave their own measurement, and had in view."""
         marks = np.column_stack([seen, own, expected])
-        return Evidence(np.where(marks, now, self.times), self.misses, self.shared)
+        return DetectionHistory(np.where(marks, now, self.times), self.misses, self.shared)
 
-    def counted(self, now: float, window: int) -> Evidence:
-        """With the scan at `now` counted, once the fleet agrees on the times.
+    def counted(self, now: float, window: int) -> DetectionHistory:
+        """History with the scan at `now` counted, once the fleet agrees on the times.
 
-        A scan is a miss if somebody should have seen the person and nobody did, a hit if somebody did, and counts
-        neither way otherwise.
+        A scan is a hit if any UAV detected the person, and a miss if none did although one had the person in view.
+        Otherwise it does not count.
         """
         seen, own, expected = (self.times >= now).T
         shifted = ((self.misses << 1) | ~seen) & ((1 << window) - 1)
         misses = np.where(seen | expected, shifted, self.misses)
         shared = np.where(own, 0, self.shared + seen)
-        return Evidence(self.times, misses, shared)
+        return DetectionHistory(self.times, misses, shared)
 
-    def watched(self, suspects: NDArray[np.bool_], double: int) -> Evidence:
-        """With suspects (T,) one scan short of the `double` scans of shared measurements after which doubles end.
+    def suspected(self, suspects: Flags, double: int) -> DetectionHistory:
+        """History with suspects (T,) one shared measurement short of the `double` ones that delete a duplicate.
 
-        Where there are two people, one scan shows it: each gets a measurement.
+        If there are two people, the next scan shows it: each gets a measurement of its own.
         """
         shared = np.where(suspects, np.maximum(self.shared, double - 1), self.shared)
-        return Evidence(self.times, self.misses, shared)
+        return DetectionHistory(self.times, self.misses, shared)
 
-    def refuted(self, m: int) -> NDArray[np.bool_]:
-        """Whether each track has m misses among the scans remembered (T,)."""
+    def missed(self, m: int) -> Flags:
+        """Flags (T,) of tracks with m misses among the last scans."""
         return np.array([bin(bits).count("1") >= m for bits in self.misses.tolist()], dtype=np.bool_)
 
 
 @compiled
 def own_measurements(beta: Array, least: float) -> Indices:
-    """For each track the measurement it does not share, -1 for none (T,).
+    """Index (T,) of the measurement that each track does not share, -1 for none.
 
     Tracks in order take their most probable measurement that is still free, if its probability in beta (T, N + 1)
     is at least `least`.
@@ -94,8 +90,8 @@ def own_measurements(beta: Array, least: float) -> Indices:
     return own
 
 
-def doubles(means: Array, covariances: Array, suspects: NDArray[np.bool_], gate: float) -> NDArray[np.bool_]:
-    """Whether each suspect is statistically the same as a track before it (T,).
+def duplicates(means: Array, covariances: Array, suspects: Flags, gate: float) -> Flags:
+    """Flags (T,) of suspects that are statistically the same as a track before them.
 
     means (T, d), covariances (T, d, d) of position and velocity, or of position alone; suspects (T,); gate is the
     squared Mahalanobis distance allowed.

@@ -1,4 +1,4 @@
-"""Tentative tracks: from measurements that no track explains to new tracks."""
+"""Track initiation by m of n: from measurements that no track explains to confirmed tracks."""
 
 from __future__ import annotations
 
@@ -6,20 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity, innovation, update
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import squared_distance
+from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.assignment import pairs_within
+from tracking.numerics.distances import squared_distance
 
-# At which of the points that stand for beliefs, means (T, 4) and covariances (T, 4, 4), a person would be seen (T, K).
-VisibleSamples = Callable[[Array, Array], NDArray[np.bool_]]
+# Flags (T, K) of visible samples of beliefs, means (T, 4) and covariances (T, 4, 4).
+VisibleSamples = Callable[[Array, Array], Flags]
 
 
 @dataclass(frozen=True, eq=False)
 class Tentative:
-    """A track that is not yet believed; its first measurement counts as a hit."""
+    """Tentative track; its first measurement counts as a hit."""
 
     belief: Gaussian
     hits: int = 1
@@ -36,7 +35,7 @@ class Tentative:
 
 @dataclass(frozen=True)
 class Initiator:
-    """Confirms a track that got m measurements within its first n scans."""
+    """Initiator that confirms a track with m measurements within its first n scans."""
 
     motion: NearlyConstantVelocity
     confirm: tuple[int, int]  # m of n
@@ -48,7 +47,7 @@ class Initiator:
     ) -> tuple[list[Tentative], list[Tentative]]:
         """Confirmed and remaining tentative tracks after a scan, `elapsed` steps of motion later.
 
-        z (N, 2) m, R (N, 2, 2) m². Every scan counts, so visible is not asked.
+        z (N, 2) m, R (N, 2, 2) m². Every scan counts, so `visible` is not used.
         """
         predicted = [coasted(self.motion, t.belief, elapsed) for t in tentative]
         taken = self._assign(predicted, z, R)
@@ -58,33 +57,31 @@ class Initiator:
             updated = belief if j is None else update(belief, z[j], R[j])
             grown.append(Tentative(updated, old.hits + (j is not None), old.scans + 1))
         used = set(taken.values())
-        grown += [newborn(z[j], R[j], self.max_speed) for j in range(len(z)) if j not in used]
+        grown += [tentative_track(z[j], R[j], self.max_speed) for j in range(len(z)) if j not in used]
         verdicts = [t.verdict(self.confirm) for t in grown]
         confirmed = [t for t, verdict in zip(grown, verdicts, strict=True) if verdict]
         return confirmed, [t for t, verdict in zip(grown, verdicts, strict=True) if verdict is None]
 
     def _assign(self, predicted: list[Gaussian], z: Array, R: Array) -> dict[int, int]:
-        """The measurement of each tentative track that gets one."""
+        """Index of the measurement of each tentative track that gets one."""
         if not predicted or len(z) == 0:
             return {}
         means = np.array([belief.mean for belief in predicted])[:, None]
         covariances = np.array([belief.covariance for belief in predicted])[:, None]
         nu = innovation(Gaussian(means, covariances), z, R)
         distance = squared_distance(nu.mean, nu.covariance)
-        rows, columns = linear_sum_assignment(np.fmin(distance, self.gate))
-        pairs = zip(rows.tolist(), columns.tolist(), strict=True)
-        return {k: j for k, j in pairs if distance[k, j] <= self.gate}
+        return dict(pairs_within(distance, self.gate))
 
 
 def coasted(motion: NearlyConstantVelocity, belief: Gaussian, steps: int) -> Gaussian:
-    """The belief some steps of motion later, without a measurement."""
+    """Predict a belief over several steps of motion."""
     for _ in range(steps):
         belief = motion.predict(belief)
     return belief
 
 
-def newborn(z: Array, R: Array, max_speed: float) -> Tentative:
-    """A track that starts at a measurement z (2,) m with covariance R (2, 2) m².
+def tentative_track(z: Array, R: Array, max_speed: float) -> Tentative:
+    """Tentative track that starts at a measurement z (2,) m with covariance R (2, 2) m².
 
     Its velocity is zero with the variance of velocities spread evenly up to `max_speed` m/s in all directions, a
     quarter of its square along each axis.

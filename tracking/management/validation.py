@@ -1,4 +1,4 @@
-"""What is wrong with a scan or a first track that somebody hands to a tracker."""
+"""Validation of scans and initial tracks that a tracker is given."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ import numpy as np
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
-from tracking.numerics.compiled import Array, compiled
-from tracking.numerics.matrices import eigen, length
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.distances import length
+from tracking.numerics.factorisation import eigen
 
 # Rounding may leave this share of a covariance's trace between its off-diagonal elements.
 _ASYMMETRY = 1e-9
-UNIT = 1e-6  # how far the norm of a quaternion may be from one
+QUATERNION_TOLERANCE = 1e-6  # largest difference of a quaternion's norm from one
 
 
-def well_formed(time: float, pose: Pose, measurements: Array, covariances: Array) -> tuple[Array, Array]:
-    """Measurements (N, 2) and covariances (N, 2, 2) as contiguous floats, after a check of all that a scan says.
+def checked_scan(time: float, pose: Pose, measurements: Array, covariances: Array) -> tuple[Array, Array]:
+    """Measurements (N, 2) and covariances (N, 2, 2) as contiguous floats, after validation of a scan.
 
-    `pose` is that of the camera. What makes no sense raises ValueError: without this it would end as tracks
-    that are not numbers.
+    `pose` is that of the camera. Raises ValueError for invalid values, which would lead to tracks that are NaN.
     """
     z, R = _floats("measurements", measurements), _floats("covariances", covariances)
     if not math.isfinite(time):
@@ -39,7 +40,7 @@ def well_formed(time: float, pose: Pose, measurements: Array, covariances: Array
 
 
 def check_track(id: int, belief: Gaussian, existence: float) -> None:
-    """ValueError if a track that a tracker is to begin with is no belief on somebody."""
+    """Raise ValueError for an initial track that is no Gaussian belief on a person."""
     mean, covariance = np.asarray(belief.mean), np.asarray(belief.covariance)
     if mean.shape != (4,) or not np.isfinite(mean).all():
         raise ValueError(f"mean of track {id} must be four finite numbers, is {mean.tolist()}")
@@ -61,7 +62,7 @@ def _check_pose(pose: Pose) -> None:
     position, quaternion = _floats("pose.position", pose.position), _floats("pose.quaternion", pose.quaternion)
     if position.shape != (3,) or not np.isfinite(position).all():
         raise ValueError(f"pose.position of a scan must be three finite numbers, is {position.tolist()}")
-    if quaternion.shape != (4,) or not abs(length(quaternion) - 1.0) <= UNIT:
+    if quaternion.shape != (4,) or not abs(length(quaternion) - 1.0) <= QUATERNION_TOLERANCE:
         raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
 
 
@@ -74,7 +75,7 @@ def _floats(name: str, values: Array) -> Array:
 
 @compiled
 def _first_wrong(z: Array, R: Array) -> int:
-    """Index of the first measurement or covariance that makes no sense, -1 if there is none."""
+    """Index of the first invalid measurement or covariance, -1 for none."""
     for j in range(len(z)):
         xx, xy, yx, yy = R[j, 0, 0], R[j, 0, 1], R[j, 1, 0], R[j, 1, 1]
         definite = xx > 0.0 and xx * yy - xy * yx > 0.0 and xx + yy < np.inf

@@ -1,24 +1,22 @@
-"""Which track stands for whom from scan to scan, and how often that changes."""
+"""CLEAR MOT: correspondence of tracks and people from scan to scan, identity switches and fragmentations."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import length
-
-Indices = NDArray[np.int64]
+from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.numerics.assignment import most_pairs
+from tracking.numerics.distances import length
 
 
 def correspondence(tracks: Array, people: Array, within: float) -> Indices:
-    """The track (K, M) that stands for each of M people at each of K scans, as an index into A tracks; -1 for none.
+    """Track (K, M) that corresponds to each of M people at each of K scans, as an index into A tracks; -1 for none.
 
-    tracks (K, A, 2) m and people (K, M, 2) m, NaN where absent. A track `within` m of a person may stand for them, and
-    at each scan each for one. A person keeps the track that stood for them last while it may, also after an
-    interruption; of two people who claim one, who had it later keeps it. The others are paired anew: as many as can
-    be, then as near as can be. Source: [Bernardin08], as most evaluation kits read it: a mapping outlives a gap.
+    tracks (K, A, 2) m and people (K, M, 2) m, NaN where absent. A track may correspond to a person `within` m, and at
+    each scan to one only. A person keeps the last track while it is near enough, also after an interruption. Of two
+    people with the same last track, the one that had it later keeps it. The others are paired anew: as many pairs as
+    possible, then as near as possible. Source: [Bernardin08], as read by most
+    evaluation kits: a mapping outlives a gap.
     """
     X, Y = np.asarray(tracks, dtype=float), np.asarray(people, dtype=float)
     if X.ndim != 3 or Y.ndim != 3 or len(X) != len(Y):
@@ -52,15 +50,15 @@ class Matcher:
 
 
 def switches(matches: Indices) -> Indices:
-    """How often each of M people (M,) was handed from one track to another, given the result of `correspondence`.
+    """Number of changes of track of each of M people (M,), from the result of `correspondence`.
 
-    Scans without a track between the two do not matter. Source: [Bernardin08], mismatches.
+    Scans without a track between two tracks do not count. Source: [Bernardin08], mismatches.
     """
     return np.array([np.count_nonzero(np.diff(column[column >= 0])) for column in matches.T], dtype=np.int64)
 
 
-def fragmentations(matches: Indices, present: NDArray[np.bool_]) -> Indices:
-    """How often each of M people (M,) had no track and then one again, after having had one.
+def fragmentations(matches: Indices, present: Flags) -> Indices:
+    """Number of interruptions of each of M people (M,): scans without a track between scans with one.
 
     matches (K, M) as `correspondence` gives them; present (K, M): scans without the person do not count.
     """
@@ -73,14 +71,14 @@ def _keep(gap: Array, last: Indices, since: Indices, now: Indices) -> None:
     """Give people the tracks that they had last, where these may stand for them; gap (A, M) m is inf else."""
     people = np.flatnonzero(last >= 0)
     people = people[np.isfinite(gap[last[people], people])]
-    # Who had a track latest comes first; two cannot have had it at the same scan.
+    # People with the latest correspondence come first; two people cannot have had a track at the same scan.
     people = people[np.argsort(-since[people], kind="stable")]
     _, first = np.unique(last[people], return_index=True)
     now[people[first]] = last[people[first]]
 
 
 def _pair(gap: Array, now: Indices) -> None:
-    """Pair people and tracks that have nobody yet."""
+    """Pair people and tracks without a correspondence yet."""
     people = np.flatnonzero(now < 0)
     if len(people) == 0:
         return
@@ -88,11 +86,5 @@ def _pair(gap: Array, now: Indices) -> None:
     free[now[now >= 0]] = False
     tracks = np.flatnonzero(free)
     left = gap[tracks[:, None], people]
-    near = np.isfinite(left)
-    if not near.any():
-        return
-    # Dearer than all pairs within the gate, so that as many of these are made as there can be.
-    far = (left[near].max() + 1.0) * (min(left.shape) + 1)
-    rows, columns = linear_sum_assignment(np.where(near, left, far))
-    made = near[rows, columns]
-    now[people[columns[made]]] = tracks[rows[made]]
+    for k, m in most_pairs(np.isfinite(left), left):
+        now[people[m]] = tracks[k]

@@ -1,16 +1,17 @@
-"""Distance between sets of estimated and true positions that tells who was missed and what was made up."""
+"""GOSPA distance between sets of estimated and true positions, with parts for missed and false ones."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from tracking.metrics.ospa import points
-from tracking.numerics.compiled import Array
-from tracking.numerics.elementary import power, power_each
-from tracking.numerics.matrices import length
+from tracking.metrics.ospa import checked_positions
+from tracking.numerics.arrays import Array
+from tracking.numerics.assignment import least_costs
+from tracking.numerics.distances import length
+from tracking.numerics.exponential import power
+from tracking.numerics.universal import power_each
 
 
 class Gospa(NamedTuple):
@@ -33,10 +34,10 @@ def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> G
     """
     if not (c > 0 and p >= 1):
         raise ValueError(f"c must be positive and p at least 1, are {c} and {p}")
-    X, Y = points("estimates", estimates), points("truths", truths)
+    X, Y = checked_positions("estimates", estimates), checked_positions("truths", truths)
     gaps = length(X[:, None] - Y[None])
-    chosen = gaps[linear_sum_assignment(power_each(np.minimum(gaps, c), p))]
-    near = chosen[chosen < c]
-    far = power(c, p) / 2
-    parts = (float(power_each(near, p).sum()), (len(Y) - len(near)) * far, (len(X) - len(near)) * far)
+    costs, most = least_costs(power_each(np.minimum(gaps, c), p)), power(c, p)
+    near = costs[costs < most]
+    far = most / 2
+    parts = (float(near.sum()), (len(Y) - len(near)) * far, (len(X) - len(near)) * far)
     return Gospa(power(sum(parts), 1 / p), *(power(part, 1 / p) for part in parts))

@@ -1,27 +1,27 @@
-"""Whether beliefs are as sure as they are right."""
+"""Consistency of beliefs: normalised estimation error squared (NEES)."""
 
 from __future__ import annotations
 
 from scipy.stats import chi2
 
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import squared_distance
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import squared_distance
 
 
 def nees(errors: Array, covariances: Array) -> Array:
     """Normalised estimation error squared (...): e' P^-1 e of errors e (..., d) with covariances P (..., d, d).
 
-    Of a consistent Gaussian belief it is chi-square with d degrees of freedom, so d on average.
+    For a consistent Gaussian belief it is chi-square distributed with d degrees of freedom, so d on average.
     Source: [BarShalom11].
     """
     return squared_distance(errors, covariances)
 
 
 def nees_interval(count: int, dof: int, probability: float = 0.95) -> tuple[float, float]:
-    """Where the mean NEES of `count` errors of `dof` dimensions is with the given probability, if beliefs are right.
+    """Interval of the mean NEES of `count` errors of `dof` dimensions for consistent beliefs, with a given probability.
 
-    It assumes that the errors are independent of one another. Those of one track at successive scans, and those of UAVs
-    that share what they see, are not: their mean varies more than the interval says. Errors of different seeds are.
+    The errors must be independent of one another, as those of different seeds are. Errors of one track at successive
+    scans, and of UAVs that share measurements, are not: their mean varies more than the interval.
     Source: [BarShalom11].
     """
     if count < 1 or dof < 1 or not 0 < probability < 1:

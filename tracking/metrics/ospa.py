@@ -1,15 +1,16 @@
-"""Distance between sets of estimated and true positions, and between sets of whole trajectories."""
+"""OSPA distance between sets of estimated and true positions, and OSPA(2) between sets of trajectories."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from tracking.numerics.compiled import Array
-from tracking.numerics.elementary import power, power_each
-from tracking.numerics.matrices import length
+from tracking.numerics.arrays import Array
+from tracking.numerics.assignment import least_costs
+from tracking.numerics.distances import length
+from tracking.numerics.exponential import power
+from tracking.numerics.universal import power_each
 
 
 class Ospa(NamedTuple):
@@ -26,17 +27,17 @@ def ospa(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Os
     c > 0 is the cut-off [m] and the price of a missing or a false estimate, p >= 1 the order. Source: [Schuhmacher08].
     Note: [Li22] IV prints the distances without the power p of the definition; here they have it.
     """
-    X, Y = points("estimates", estimates), points("truths", truths)
+    X, Y = checked_positions("estimates", estimates), checked_positions("truths", truths)
     return _between(length(X[:, None] - Y[None]), c, p)
 
 
 def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> Ospa:
     """OSPA(2), the OSPA distance between sets of trajectories: estimates (K, A, 2) and truths (K, B, 2), in m.
 
-    A trajectory is a column: where it is at each of K instants, NaN where it is not. Two of them are apart by the mean
-    of their distances, cut off at c, over the instants at which either is there; where only one is, that is c. So one
-    pairing must do for all instants: a track that changes from one person to another pays for both. Columns that are
-    never there count for nothing. For the last instants alone, give these alone, or see `ospa2_over_time`.
+    A trajectory is a column: its position at each of K instants, NaN where it is absent. The distance of two is the
+    mean of their distances, cut off at c, over the instants at which either is present; where only one is, that is c.
+    So one pairing holds for all instants: a track that changes from one person to another costs for both. Columns
+    that are never present do not count. For the last instants alone, see `ospa2_over_time`.
     Source: [Beard20].
     """
     X, Y = np.asarray(estimates, dtype=float), np.asarray(truths, dtype=float)
@@ -52,15 +53,15 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
 
 
 def ospa2_over_time(estimates: Array, truths: Array, window: int, c: float = 50.0, p: float = 2.0) -> Array:
-    """OSPA(2) distance (K,) m over the last `window` instants up to each; fewer at the start. Else as `ospa2`."""
+    """OSPA(2) distance (K,) m over the last `window` instants up to each, fewer at the start; otherwise as `ospa2`."""
     if window < 1:
         raise ValueError(f"window must be at least 1 instant, is {window}")
     slices = [slice(max(0, k - window), k) for k in range(1, len(estimates) + 1)]
     return np.array([ospa2(estimates[s], truths[s], c, p).distance for s in slices])
 
 
-def points(name: str, positions: Array) -> Array:
-    """Positions (A, 2); what is empty has any shape. ValueError for whole states, which are no pairs of points."""
+def checked_positions(name: str, positions: Array) -> Array:
+    """Positions (A, 2), where no positions may have any shape; ValueError for whole states."""
     found = np.asarray(positions, dtype=float)
     if found.size and found.shape[-1:] != (2,):
         raise ValueError(f"{name} must be (A, 2), are {found.shape}")
@@ -75,6 +76,6 @@ def _between(gaps: Array, c: float, p: float) -> Ospa:
     if most == 0:
         return Ospa(0.0, 0.0, 0.0)
     cost = power_each(np.minimum(gaps, c), p)
-    near = float(cost[linear_sum_assignment(cost)].sum()) / most
+    near = float(least_costs(cost).sum()) / most
     missing = (power(c, p) * (most - fewest)) / most
     return Ospa(power(near + missing, 1 / p), power(near, 1 / p), power(missing, 1 / p))

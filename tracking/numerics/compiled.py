@@ -1,4 +1,4 @@
-"""One way to compile a numerical kernel, typed."""
+"""Decorators that compile numerical functions with Numba and keep the code on disk."""
 
 import hashlib
 import re
@@ -8,19 +8,18 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tracking.numerics.arrays import Array
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _IMPORT = re.compile(r"^from ((?:tracking|planning|sim)\.[\w.]+) import", re.MULTILINE)
 
-not_kept: list[str] = []  # functions whose compiled code this process cannot write anywhere
+not_kept: list[str] = []  # functions whose compiled code this process cannot write to disk
 
 
 def compiled(function: Function) -> Function:
-    """Compile with numba, cached on disk where that can be; the signature stays visible to the type checker.
+    """Compile with numba, cached on disk where possible; the signature stays visible to the type checker.
 
     `error_model="numpy"` divides as NumPy does; fast-math stays off, so that results are the same everywhere.
     """
@@ -30,19 +29,19 @@ def compiled(function: Function) -> Function:
 def elementwise(function: Callable[..., float]) -> Callable[..., Array]:
     """Compile a function of numbers for arrays that broadcast, as a universal function of NumPy's.
 
-    A function of its own, not one that is `compiled` too: on disk numba would take one for the other.
+    It must not be `compiled` too: on disk numba would take one for the other.
     """
     return cast("Callable[..., Array]", _kept(numba.vectorize, function))
 
 
 def _kept(compiler: Callable[..., Any], function: Callable[..., Any], **options: str) -> object:
-    """Compile a function and keep its code on disk where that can be, for as long as its sources are the same."""
+    """Compile a function and keep its code on disk where possible, as long as its sources stay the same."""
     try:
         made = compiler(cache=True, **options)(function)
-    except RuntimeError:  # neither NUMBA_CACHE_DIR nor our folders nor the user's own can be written to
+    except RuntimeError:  # neither NUMBA_CACHE_DIR nor the folders of code and user can be written to
         not_kept.append(function.__qualname__)
         return compiler(**options)(function)
-    # numba looks at the function's own file alone, but its code has that of functions and constants of others in it.
+    # numba checks only the function's own file, but the code contains functions and constants of other files.
     index = made._cache if hasattr(made, "_cache") else made._dispatcher.cache
     kept = index._cache_file
     kept._source_stamp = (kept._source_stamp, digest_of(Path(function.__code__.co_filename)))
@@ -60,7 +59,7 @@ def _kept(compiler: Callable[..., Any], function: Callable[..., Any], **options:
 
 @cache
 def digest_of(file: Path, root: Path = Path(__file__).parents[2]) -> str:
-    """SHA-256 of a module's source and of all that it imports of the packages under `root`, directly or not."""
+    """SHA-256 of a module's source and of the modules under `root` that it imports, directly or not."""
     text = file.read_text(encoding="utf-8")
     names = sorted(set(_IMPORT.findall(text)))
     files = [root / f"{name.replace('.', '/')}.py" for name in names]

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from tracking.numerics.compiled import Array, compiled, elementwise
-from tracking.numerics.elementary import exp, log, polynomial
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled, elementwise
+from tracking.numerics.exponential import exp, log, polynomial
 
 _LEAST = 0.5 / (1 << 53)  # half the step between uniform random numbers
 # Hart's rational approximation as given by West (2005), numerator and denominator, highest power first.
@@ -119,7 +120,7 @@ _FARTHER = (
 
 @compiled
 def normal_quantile(p: float) -> float:
-    """The x below which a standard normal variable is with probability p in (0, 1), to a relative error of 1e-15.
+    """Quantile of the standard normal distribution at p in (0, 1), to a relative error of 1e-15.
 
     Source: M. J. Wichura, Algorithm AS 241, Applied Statistics 37, 1988.
     """
@@ -148,5 +149,5 @@ def normal_quantile_each(p: float) -> float:
 
 
 def standard_normal(rng: np.random.Generator, shape: int | tuple[int, ...]) -> Array:
-    """Draw standard normal numbers by inversion of their distribution; NumPy's own call the C library's logarithm."""
+    """Draw standard normal numbers by inversion; NumPy's generator calls the C library's logarithm."""
     return np.asarray(normal_quantile_each(np.maximum(rng.random(shape), _LEAST)))

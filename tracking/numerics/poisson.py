@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tracking.numerics.compiled import compiled
-from tracking.numerics.elementary import exp, log
+from tracking.numerics.exponential import exp, log
 
 _LARGE = 10.0  # a mean from which on rejection is faster than multiplication
 

@@ -1,1 +1,1 @@
-"""Classes of other people: their import and their containment."""
+"""Import and containment of plug-ins."""

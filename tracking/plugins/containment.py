@@ -1,4 +1,4 @@
-"""Other people's code, called so that nothing it raises, gives or sets goes further than the call."""
+"""Containment of plug-ins: exceptions, results and settings have no effect outside of a call."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # naming plug-ins needs no arithmetic, whose import takes a while
-    from tracking.numerics.compiled import Array
+if TYPE_CHECKING:  # lists of plug-ins need no arithmetic, whose import takes a while
+    from tracking.numerics.arrays import Array
 
 _LONGEST = 1000  # characters of a message
 _LAST = 3  # lines of a plug-in's own that are kept of a traceback
@@ -23,14 +23,14 @@ _IMPORT = ("<frozen ", "<string>", f"{Path(importlib.__file__).parent}{os.sep}")
 
 
 class Unusable(ValueError):
-    """What a plug-in gave cannot be used; the message says why."""
+    """Result of a plug-in that cannot be used; the message says why."""
 
 
 class ForeignError(Exception):
-    """Something a plug-in did wrong: `text` in one line, `kind` of exception, `trace` of its own code."""
+    """Error of a plug-in: `text` in one line, `kind` of exception, `trace` of its own code."""
 
     def __init__(self, kind: str, text: str, trace: tuple[str, ...] = ()) -> None:
-        """Without a `kind` the text speaks for itself."""
+        """Describe an error; `kind` is empty where the text says all."""
         super().__init__(kind, text, trace)
         self.kind, self.text, self.trace = kind, text, trace
 
@@ -40,17 +40,17 @@ class ForeignError(Exception):
 
     @property
     def explained(self) -> str:
-        """The text and where it happened: of errors that say what is wrong with a value, without their kind."""
+        """Text and place of the error; the kind is left out for errors of values and types."""
         told = self.text if self.text and self.kind in ("ValueError", "TypeError") else str(self)
         return f"{told} ({self.trace[-1].partition(': ')[0]})" if self.trace else told
 
 
 @contextmanager
 def contained(*passing: type[BaseException]) -> Iterator[None]:
-    """Raises a `ForeignError` for whatever the block raises, but for those `passing` and KeyboardInterrupt.
+    """Raise a `ForeignError` for any exception of the block, but for those `passing` and the user's KeyboardInterrupt.
 
-    That one is the user's. What the block changes for the whole process is as before: what NumPy does about overflows,
-    which warnings are errors, how deep calls may go.
+    Settings of the process that the block changes are restored: NumPy's handling of overflows, filters of warnings, and
+    the limit of recursion.
     """
     import numpy as np
 
@@ -80,7 +80,7 @@ def one_line(text: str, longest: int = _LONGEST) -> str:
 
 
 def numbers(name: str, given: object, most: int) -> Array:
-    """An array of floats, of its own, from whatever a plug-in gave; `Unusable` if it is not, or is more than `most`."""
+    """A new array of floats from a plug-in's result; `Unusable` for other values, or for more than `most` numbers."""
     import numpy as np
 
     if not hasattr(type(given), "__array__"):
@@ -99,7 +99,7 @@ def numbers(name: str, given: object, most: int) -> Array:
 
 
 def _listed(name: str, given: object, left: list[int], depth: int = _DEEPEST) -> object:
-    """Sequences in sequences as lists; `left` counts down the entries that there may still be."""
+    """Nested sequences as lists; `left` counts down the entries that are still allowed."""
     kind = type(given)
     if isinstance(given, str | bytes | Mapping) or not (hasattr(kind, "__len__") and hasattr(kind, "__getitem__")):
         return given
@@ -124,7 +124,7 @@ def _too_many(name: str, most: int) -> str:
 
 
 def _described(error: BaseException) -> ForeignError:
-    """An exception as text; its class, and all it says of itself, may be a stranger's."""
+    """Exception as text; its class and methods may be the plug-in's own."""
     try:
         kind = one_line(str.__str__(type(error).__name__), 100)
     except BaseException:
@@ -137,7 +137,7 @@ def _described(error: BaseException) -> ForeignError:
 
 
 def _places(error: BaseException) -> tuple[str, ...]:
-    """The last lines of a traceback that are the plug-in's own, and the very last if that is a library's."""
+    """Last lines of a traceback in the plug-in's own code, and the very last if that is in a library."""
     try:
         frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith(_OURS + _IMPORT)]
     except BaseException:

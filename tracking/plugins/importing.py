@@ -17,7 +17,7 @@ _ROOT = Path(__file__).parents[2]
 
 
 def imported(target: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
-    """The class "package.module:Class" names; ImportError says in one line why there is none.
+    """Import the class that "package.module:Class" names; ImportError says in one line why there is none.
 
     Importing runs the module, which may fail in any way.
     """
@@ -61,7 +61,7 @@ def _clash() -> str:
 
 
 def _missing(module: str, error: ModuleNotFoundError) -> str:
-    """Whether a module itself is missing, perhaps misspelt, or what it needs."""
+    """Error message about a missing module: misspelt, or one that it needs is not installed."""
     absent = error.name or ""
     if not f"{module}.".startswith(f"{absent}."):
         return f"{module} needs {absent!r}, which is not installed: {error}"

@@ -15,8 +15,9 @@ from planning.optimizers.initial_plans import pursuits
 from planning.planner import Plan, Situation
 from planning.prediction.field_of_view import aim_point
 from planning.prediction.propagation import nominal_positions
-from tracking.numerics.compiled import Array
-from tracking.numerics.matrices import applied, length
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
+from tracking.numerics.matrices import applied
 
 
 @dataclass(frozen=True)

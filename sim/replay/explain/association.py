@@ -11,10 +11,10 @@ from sim.mission.tracker_setup import initial_tracks, tracker_parameters
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
-from tracking.filter.negative_information import Moment, look
+from tracking.filter.negative_information import Viewpoint, miss_likelihood
 from tracking.geometry.visibility import Forest
-from tracking.measurement_update import Predicted, foreseen, weighed
-from tracking.numerics.compiled import Array
+from tracking.measurement_update import ScanPrediction, associate, scan_prediction
+from tracking.numerics.arrays import Array
 from tracking.tracker import Track
 
 
@@ -24,7 +24,7 @@ class Association:
 
     ids: Ints  # (T,)
     numbers: Ints  # (T,), as tracks are shown: by first appearance; -1 for one that ended before it was recorded
-    before: Predicted  # beliefs and existence before the scan, and the probability to be in plain view
+    before: ScanPrediction  # beliefs and existence before the scan, and the probability to be in plain view
     measurements: Array  # (N, 2) m
     covariances: Array  # (N, 2, 2) m²
     distances: Array  # (T, N), squared, of measurements in the innovation's standard deviations
@@ -61,10 +61,10 @@ class Association:
         camera, forest = view_of(scenario.uavs[uav], scenario), _assumed(recording, scenario)
         last = _last(recording, scenario, k, uav)
         beliefs, now, certainty = (means, covariances), (scan.time, scan.pose), p.detection_probability
-        shows = look(camera, forest, beliefs, now=now, last=last, detection_probability=certainty)
-        before = foreseen(beliefs, existence, *shows, p)
+        shows = miss_likelihood(camera, forest, beliefs, now=now, last=last, detection_probability=certainty)
+        before = scan_prediction(beliefs, existence, *shows, p)
         z, R = (np.ascontiguousarray(table) for table in (scan.measurements, scan.covariances))
-        likelihood, beta, _, after = weighed(before, z, R, p)
+        likelihood, beta, _, after = associate(before, z, R, p)
         ids = np.array([t.id for t in tracks], dtype=np.int64)
         distances = _distances(before, z, R)
         return Association(ids, _numbers(recording, ids), before, z, R, distances, likelihood > 0.0, beta, after)
@@ -75,7 +75,7 @@ def _first_tracks(recording: Recording, scenario: Scenario) -> list[Track]:
     return initial_tracks(scenario, people[0], people[min(1, len(people) - 1)])
 
 
-def _last(recording: Recording, scenario: Scenario, k: int, uav: int) -> Moment | None:
+def _last(recording: Recording, scenario: Scenario, k: int, uav: int) -> Viewpoint | None:
     """Time and pose of the last frame of the UAV before scan k."""
     for j in range(k - 1, -1, -1):
         if recording.working[j, uav] and scenario.has_frame(uav, j):
@@ -93,7 +93,7 @@ def _numbers(recording: Recording, ids: Ints) -> Ints:
     return np.array([recording.track_numbers.get(id_, -1) for id_ in ids.tolist()], dtype=np.int64)
 
 
-def _distances(before: Predicted, z: Array, R: Array) -> Array:
+def _distances(before: ScanPrediction, z: Array, R: Array) -> Array:
     """Squared Mahalanobis distances (T, N) of measurements from predicted positions."""
     nu = z[None] - before.means[:, None, :2]
     S = before.covariances[:, None, :2, :2] + R[None]

@@ -17,7 +17,7 @@ from sim.replay.explain.person import HoldingTrack, PersonFacts
 from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, PlannedVisibility
 from sim.replay.history import History, episodes
 from sim.replay.views import fleet_text, view_texts
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 Group = tuple[str, list[str]]  # a heading, and facts under it
 

@@ -18,7 +18,7 @@ from sim.replay.frames.sightings import Sighting, sightings
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from sim.sensing.detection_truth import matched_detections, visible_pixels
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 
 class GatedMeasurement(NamedTuple):

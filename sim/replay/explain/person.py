@@ -13,7 +13,7 @@ from sim.replay.explain.planned_visibility import PlannedVisibility, planned_vis
 from sim.replay.history import History
 from tracking.filter.kalman import Gaussian
 from tracking.metrics.nees import nees
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

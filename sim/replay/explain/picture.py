@@ -21,7 +21,7 @@ from sim.replay.frames.annotation import annotated
 from sim.replay.frames.panel import MARK, marks_of
 from sim.replay.frames.sightings import Sight
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _TILE, _HEAD, _GAP, _WORDS = 512, 26, 12, 620  # pixels: edge of a picture, its heading, between parts, width of words
 _NEAR, _INSET = 7, 150  # pixels of the camera to either side of the person in the inset, and its edge

@@ -13,7 +13,7 @@ from sim.sensing.cameras import planned_attitude, view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 OUTSIDE, HIDDEN, IN_VIEW = 0, 1, 2  # of a place, to a camera
 _SLACK = 1e-6  # s

@@ -13,7 +13,7 @@ from sim.drawing.strokes import outlined, stroke
 from sim.replay.frames.marks import draw_detection, draw_measurement, draw_rim, draw_track, draw_truth
 from sim.replay.frames.sightings import PERSON_RADIUS, Sight, Sighting, hidden_outlines, silhouette
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _LENGTHS = [base * 10.0**power for power in range(-1, 4) for base in (1, 2, 5)]  # m, of scale bars
 

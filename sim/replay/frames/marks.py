@@ -9,7 +9,7 @@ from sim.drawing.lettering import Image
 from sim.drawing.marks import cross
 from sim.drawing.palette import DETECTION, INK, PANEL, track_colour
 from sim.drawing.strokes import disc, outlined
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _RIMS = {False: ((INK, 9), (PANEL, 5)), True: ((PANEL, 17), (INK, 13))}  # colours and reaches in pixels
 

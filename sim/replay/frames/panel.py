@@ -12,7 +12,7 @@ from sim.drawing.palette import FAINT, PANEL
 from sim.replay.frames.marks import draw_detection, draw_measurement, draw_rim, draw_track, draw_truth
 from sim.replay.frames.sightings import Sight, Sighting
 from tracking.geometry.camera import Camera, Pose
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 WIDTH = 340
 MARK = 36  # pixels: height of a mark in the legend

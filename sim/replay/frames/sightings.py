@@ -15,7 +15,7 @@ from sim.sensing.cameras import camera_of
 from sim.sensing.culling import NEAR
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.tracker import Track
 
 PERSON_RADIUS = 0.25  # m, of the cylinder that stands for a person

@@ -23,7 +23,7 @@ from sim.replay.views import view_texts
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.camera import Pose
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 OUT, MISSED, SEEN, HIDDEN = 0, 1, 2, 3  # codes of a person before a camera; above HIDDEN by 1 + the tree that hides
 

@@ -16,7 +16,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _QUALITY = 90  # of JPEG
 _BOX = 0.035  # of the image, half the width of what marks a detection

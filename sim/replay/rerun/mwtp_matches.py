@@ -15,7 +15,7 @@ from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import noise_of, planned_attitude, view_of
 from tracking.geometry.visibility import Forest
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 
 @dataclass(frozen=True)

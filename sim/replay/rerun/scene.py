@@ -20,7 +20,7 @@ from sim.replay.rerun.mwtp_matches import TrackMatch, matches_at
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 from tracking.tracker import Track
 
 _ARM = 0.6  # m, of the drawn quadrotor: twice its size, to be seen from afar

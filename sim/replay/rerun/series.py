@@ -34,7 +34,7 @@ from sim.recording.recording import Recording
 from sim.replay.event import UNMATCHED, Event
 from sim.replay.history import STATES, History
 from sim.replay.rerun.scene import gaps_at
-from tracking.numerics.compiled import Array
+from tracking.numerics.arrays import Array
 
 _PEOPLE = (SKY, ORANGE, VERMILLION, PURPLE, BLUE)
 _STATES = dict(zip(STATES, (FAINT, OUT_OF_VIEW, HIDDEN, mixed(BLUE, PANEL, 0.45), BLUE), strict=True))

@@ -13,9 +13,9 @@ from planning.objective.separation import Separation
 from planning.objective.undetected_targets import Search
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.undetected import Unseen
+from tracking.undetected import Intensity
 
-NONE = Unseen(np.zeros((20, 30)), (-75.0, -50.0), (5.0, 5.0))
+NONE = Intensity(np.zeros((20, 30)), (-75.0, -50.0), (5.0, 5.0))
 
 
 def unaware(situation, people=NONE.people):

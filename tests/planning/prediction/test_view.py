@@ -19,7 +19,7 @@ from tracking.detection.noise import NoiseModel
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.elementary import tan
+from tracking.numerics.trigonometry import tan
 from tracking.tracker import Track
 
 

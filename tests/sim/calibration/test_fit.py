@@ -8,9 +8,9 @@ from scipy.stats import chi2
 
 from sim.calibration.fit import fit_whole, nees, nees_bins
 from sim.calibration.scenes import people_in_forests
-from tracking.detection.blob_detector import located
-from tracking.detection.detector import measured
-from tracking.detection.noise import WHOLE
+from tracking.detection.blob_detector import located_detections
+from tracking.detection.detection_errors import WHOLE
+from tracking.detection.ground_measurement import detections_of
 from tracking.detection.partial_visibility import locate
 
 
@@ -27,7 +27,7 @@ def parts(population):
 
 @pytest.fixture(scope="module")
 def placed(parts):
-    return [located(s.frame, [s.blob], s.forest) for s in parts]
+    return [located_detections(s.frame, [s.blob], s.forest) for s in parts]
 
 
 def errors(population, found):
@@ -48,7 +48,7 @@ def test_nees_lies_in_its_95_percent_interval_at_all_angles_and_hidden_shares():
 
 
 def test_people_seen_in_part_are_placed_without_bias_and_twice_as_well(parts, placed):
-    mapped, blind = errors(parts, placed), errors(parts, [measured(s.frame, [s.blob]) for s in parts])
+    mapped, blind = errors(parts, placed), errors(parts, [detections_of(s.frame, [s.blob]) for s in parts])
     hidden = np.array([s.hidden for s in parts])
     for low, high in ((0.0, 0.3), (0.3, 0.6), (0.6, 0.9)):
         within = (hidden > low) & (hidden <= high)
@@ -69,7 +69,10 @@ def test_people_seen_whole_are_placed_by_their_centroids_alone(population):
     whole = [s for s in population[:600] if s.hidden == 0.0 and locate(s.frame, s.blob, s.forest) is None]
     assert len(whole) > 300
     for sample in whole:
-        one, other = located(sample.frame, [sample.blob], sample.forest), measured(sample.frame, [sample.blob])
+        one, other = (
+            located_detections(sample.frame, [sample.blob], sample.forest),
+            detections_of(sample.frame, [sample.blob]),
+        )
         assert one.ground.tobytes() == other.ground.tobytes()
         assert one.covariances.tobytes() == other.covariances.tobytes()
 

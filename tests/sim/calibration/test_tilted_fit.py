@@ -8,9 +8,12 @@ from scipy.spatial.transform import Rotation
 
 from sim.calibration.fit import bin_of, fit_part, fit_powers, fit_split, nees, pair_bins, tilt_bins
 from sim.calibration.scenes import people_in_forests, tilted
-from tracking.detection.blob_detector import located
-from tracking.detection.detector import Frame, blobs_of, measured, split_covariances, whole_covariances
-from tracking.detection.noise import SPLIT, WHOLE, NoiseModel, footprints, sight
+from tracking.detection.blob_detector import located_detections
+from tracking.detection.blobs import blobs_of
+from tracking.detection.detection_errors import SPLIT, WHOLE, pixel_footprints, sight_axes
+from tracking.detection.detector import Frame
+from tracking.detection.ground_measurement import detections_of, split_covariances, whole_covariances
+from tracking.detection.noise import NoiseModel
 from tracking.detection.partial_visibility import PART, places_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
@@ -32,19 +35,19 @@ def test_the_footprint_of_a_pixel_is_the_spread_of_the_ground_points_of_its_neig
         (CAMERA.ground_points(pose, pixels + d, TARGET_HEIGHT) - CAMERA.ground_points(pose, pixels - d, TARGET_HEIGHT))
         for d in (np.array([h, 0.0]), np.array([0.0, h]))
     ]
-    along = np.einsum("nij,dni->dnj", sight(pose, ground)[0], np.array(steps) / (2 * h))
-    np.testing.assert_allclose(footprints(CAMERA, pose, ground), np.sqrt((along**2).sum(axis=0)), rtol=1e-6)
+    along = np.einsum("nij,dni->dnj", sight_axes(pose, ground)[0], np.array(steps) / (2 * h))
+    np.testing.assert_allclose(pixel_footprints(CAMERA, pose, ground), np.sqrt((along**2).sum(axis=0)), rtol=1e-6)
 
 
 def test_footprints_are_those_of_trigonometry():
     height = 19.0 - TARGET_HEIGHT
     places = np.random.default_rng(1).uniform([-5, -10], [11, 6], (20, 2))
-    np.testing.assert_allclose(footprints(CAMERA, posed(), places), height / CAMERA.focal, rtol=1e-12)
+    np.testing.assert_allclose(pixel_footprints(CAMERA, posed(), places), height / CAMERA.focal, rtol=1e-12)
     for tilt in (15.0, 30.0, 45.0):  # on the optical axis a pixel is range / focal wide, and longer by 1 / cos
         axis = np.array([[3.0 + height * math.tan(math.radians(tilt)), -2.0]])
         width = height / math.cos(math.radians(tilt)) / CAMERA.focal
         expected = [[width / math.cos(math.radians(tilt)), width]]
-        np.testing.assert_allclose(footprints(CAMERA, posed(tilt), axis), expected, rtol=1e-12)
+        np.testing.assert_allclose(pixel_footprints(CAMERA, posed(tilt), axis), expected, rtol=1e-12)
 
 
 def test_the_covariance_of_a_level_camera_is_that_of_the_planners_times_its_excess():
@@ -80,13 +83,16 @@ def test_only_people_told_apart_in_one_component_are_the_less_certain_for_it():
     frame = Frame(0, 0.0, CAMERA, posed(), image)
     blobs, components = blobs_of(frame)
     assert len(blobs) > 2 and np.sum(components == components[0]) == 1
-    alone, told = measured(frame, blobs), measured(frame, blobs, components)
+    alone, told = detections_of(frame, blobs), detections_of(frame, blobs, components)
     np.testing.assert_array_equal(alone.ground, told.ground)
     np.testing.assert_array_equal(alone.covariances[0], told.covariances[0])
     wider = told.covariances[1:] - alone.covariances[1:]
     assert np.linalg.eigvalsh(wider).min() > 0.0
     np.testing.assert_allclose(wider, split_covariances(frame, told.pixels, components)[1:], atol=1e-15)
-    parts = located(frame, blobs, Forest(()), components).covariances - located(frame, blobs, Forest(())).covariances
+    parts = (
+        located_detections(frame, blobs, Forest(()), components).covariances
+        - located_detections(frame, blobs, Forest(())).covariances
+    )
     np.testing.assert_allclose(parts[1:], wider, atol=1e-15)
 
 

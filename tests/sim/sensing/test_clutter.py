@@ -12,7 +12,8 @@ from sim.scenario.fleet import Uav
 from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
 from sim.sensing.clutter import Clutter
-from tracking.detection.detector import Frame, whole_covariances
+from tracking.detection.detector import Frame
+from tracking.detection.ground_measurement import whole_covariances
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT

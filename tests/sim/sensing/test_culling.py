@@ -6,7 +6,7 @@ from helpers.poses import tilted
 
 from sim.sensing.culling import FAR, NEAR, in_frustum, people_hidden, trunks_hidden
 from tracking.geometry.camera import Camera
-from tracking.geometry.visibility import Forest, Tree, line_of_sight
+from tracking.geometry.visibility import Forest, Tree
 
 CAMERA = Camera(math.radians(60), 128)
 
@@ -47,7 +47,7 @@ def test_a_trunk_is_left_out_only_where_its_own_canopy_hides_all_of_it():
         x, y = 1.01 * tree.trunk_radius * np.array([np.cos(angle), np.sin(angle)])
         bark = [np.column_stack([tree.x + x, tree.y + y, np.full(24, h)]) for h in 0.999 * base * height]
         canopy = Forest((Tree(tree.x, tree.y, 0.99 * tree.canopy_radius, base, tree.canopy_top, 0.0),))
-        seen[k] = line_of_sight(camera, np.concatenate(bark), canopy).any()
+        seen[k] = canopy.visible(camera, np.concatenate(bark)).any()
         above[k] = camera[2] > tree.canopy_top + 1
     assert not np.any(hidden & seen)
     assert np.mean((hidden | seen)[above]) > 0.95
@@ -65,7 +65,7 @@ def test_a_person_is_left_out_only_where_a_canopy_hides_all_of_them():
         camera, person = rng.uniform([-20, -20, 0], [20, 20, 25]), rng.uniform(-5, 5, 2)
         hidden[k] = people_hidden(person[None], np.array([astuple(tree)]), camera, CAMERA.fov)[0]
         body = np.concatenate([np.column_stack([person + ring, np.full(24, h)]) for h in height])
-        seen[k] = line_of_sight(camera, body, Forest((tree,))).any()
+        seen[k] = Forest((tree,)).visible(camera, body).any()
     assert not np.any(hidden & seen)
     assert np.sum(hidden) > 50 and np.sum(seen) > 200
 

@@ -9,7 +9,7 @@ from helpers.views import ALTITUDES, SCENARIO, random_forest
 from sim.sensing.renderer import capture
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import Forest, line_of_sight
+from tracking.geometry.visibility import Forest
 
 CAMERA = Camera(math.radians(60), 256)
 ROWS, COLUMNS = np.divmod(np.arange(CAMERA.pixels**2), CAMERA.pixels)
@@ -26,7 +26,7 @@ def hidden_in_image(world: World, pose: Pose) -> np.ndarray:
 def hidden_by_geometry(forest: Forest, pose: Pose) -> np.ndarray:
     """Mask of pixels with the ground at their middle out of sight."""
     ground = np.vstack([CAMERA.ground_points(pose, part) for part in CENTRES])
-    return ~line_of_sight(pose.position, np.column_stack([ground, np.zeros(len(ground))]), forest)[0]
+    return ~forest.visible(pose.position, np.column_stack([ground, np.zeros(len(ground))]))[0]
 
 
 def test_image_and_line_of_sight_hide_the_same_ground_in_200_views():

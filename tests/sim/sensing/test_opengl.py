@@ -14,7 +14,7 @@ from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario, resolved
 from sim.sensing.renderer import Renderer
 from sim.world.world import World, opengl
-from tracking.detection.detector import detect
+from tracking.detection.blob_detector import BlobDetector
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 
@@ -54,7 +54,7 @@ def test_opengl_shows_what_tiny_renderer_shows_and_says_nothing(started, capfd):
             differ += np.count_nonzero(one.people != other.people)
             people += np.count_nonzero(one.people >= 0)
             # Trees look otherwise, as OpenGL filters textures and casts shadows.
-            found = [detect(frame(view.image, pose)).ground for view in (one, other)]
+            found = [BlobDetector().detect(frame(view.image, pose)).ground for view in (one, other)]
             assert found[0] == pytest.approx(found[1], abs=0.1)
         bare = [renderer.render(CAMERA, Pose.level(30.0, 20.0, 19.0)).image for renderer in renderers]
         assert bare[0].tobytes() == bare[1].tobytes()

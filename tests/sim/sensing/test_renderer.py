@@ -10,7 +10,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import FAR, NEAR, Renderer, capture
 from sim.world.world import World
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 
 
 def place_at_random(rng, world, people, *, around, half):
@@ -167,7 +167,7 @@ def compare_sight(rng, bare, full, forest, pose):
     rows, columns = np.nonzero(alone >= 0)
     person = np.array([index[k] for k in alone[rows, columns].tolist()], dtype=int)
     shown = scene[rows, columns] == np.array(ids)[person]
-    free = line_of_sight(pose.position, surface(pose, depth, rows, columns), forest)[0]
+    free = forest.visible(pose.position, surface(pose, depth, rows, columns))[0]
     return np.column_stack([person, shown, free, near_silhouettes(trees)[rows, columns]])
 
 

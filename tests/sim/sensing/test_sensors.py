@@ -13,7 +13,8 @@ from sim.sensing.renderer import Renderer
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
-from tracking.detection.detector import Frame, detect
+from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.detector import Frame
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
@@ -75,7 +76,7 @@ def test_the_noise_that_is_added_has_the_papers_covariance(mode, offset):
         world.place_people(person[None], np.zeros(1))
         subject = sensors(setting, world)
         scans = [subject.look(uav, 0.0, pose, person[None]).scan for _ in range(draws)]
-        seen = detect(
+        seen = BlobDetector().detect(
             Frame(uav, 0.0, subject.cameras[uav], pose, Renderer(world).render(subject.cameras[uav], pose).image)
         )
     mean = person if mode == "ideal" else seen.ground[0]
@@ -102,7 +103,7 @@ def test_nothing_is_added_to_what_the_camera_itself_measures():
             look = subject.look(uav, 0.0, Pose.level(0.0, 0.0, altitude), people)
             frame = Frame(uav, 0.0, subject.cameras[uav], look.scan.pose, look.image)
             assert len(look.scan.measurements) == 4
-            np.testing.assert_array_equal(look.scan.measurements, detect(frame).ground)
+            np.testing.assert_array_equal(look.scan.measurements, BlobDetector().detect(frame).ground)
     assert chance.bit_generator.state == np.random.default_rng(5).bit_generator.state
 
 

@@ -19,7 +19,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import Renderer
 from sim.world.appearance import FULL, sample_appearance
 from sim.world.world import World
-from tracking.detection.detector import detect
+from tracking.detection.blob_detector import BlobDetector
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 
@@ -164,7 +164,7 @@ def survey(worlds, frames):
                 for each in (world, bare):
                     each.place_people(places, headings)
                 taken = full.take(0, k / 5, CAMERA, pose)
-                found = detect(frame(taken.image, pose))
+                found = BlobDetector().detect(frame(taken.image, pose))
                 tally.count(found, places, pose, taken.people, alone.render(WIDE, pose).people)
     return np.array(tally.people, dtype=float), np.array(tally.detections)
 

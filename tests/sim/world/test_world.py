@@ -9,7 +9,7 @@ from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
 from sim.world.quadrotor import GRAVITY, INERTIA, MASS, ROTORS, rotor_thrusts
 from sim.world.world import World
-from tracking.geometry.visibility import Forest, Tree, line_of_sight
+from tracking.geometry.visibility import Forest, Tree
 
 DT = 1 / 240
 ONE = Scenario(uavs=(Uav(start=(1.0, 2.0)),))
@@ -118,12 +118,9 @@ def test_trees_are_solid_exactly_where_the_forest_says():
         )
         for e in (0.05, -0.05)
     )
-    free = np.array([line_of_sight(o, p, forest)[0, 0] for o, p in zip(origins, ends, strict=True)])
+    free = np.array([forest.visible(o, p)[0, 0] for o, p in zip(origins, ends, strict=True)])
     sure = np.array(
-        [
-            line_of_sight(o, p, grown)[0, 0] == line_of_sight(o, p, shrunk)[0, 0]
-            for o, p in zip(origins, ends, strict=True)
-        ]
+        [grown.visible(o, p)[0, 0] == shrunk.visible(o, p)[0, 0] for o, p in zip(origins, ends, strict=True)]
     )
     with World(ONE, forest, 0) as world:
         hits = pybullet.rayTestBatch(origins.tolist(), ends.tolist(), physicsClientId=world.client)

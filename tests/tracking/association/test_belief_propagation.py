@@ -1,4 +1,4 @@
-"""How far loopy belief propagation, for clusters beyond the stated size, is from the exact probabilities."""
+"""Error of loopy belief propagation on clusters beyond the stated size, against exact probabilities."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from tracking.association.jpda import gated_likelihood
 from tracking.association.marginals import marginals
 
-LARGEST = 12  # people whose matchings are all enumerated here, two more than by the tracker
+LARGEST = 12  # people of fully enumerated clusters, two more than in the tracker
 DEVIATION = 0.3  # m, of predictions and of measurements
 
 
@@ -33,7 +33,7 @@ def crowd(rng: np.random.Generator, people: int, apart: float, detection: float,
         # Gates overlap, and false alarms explain what tracks do not.
         (1.0, 0.9, 0.01, 0.35, 0.06),
         (0.5, 0.9, 0.01, 0.35, 0.04),
-        # Nearly every measurement must be somebody's: few matchings count, and propagation is too sure of one.
+        # Nearly every measurement must be a person's: few matchings count, and propagation is too sure of one.
         (1.0, 0.99, 1e-6, 0.50, 0.12),
         (0.5, 0.99, 1e-6, 0.50, 0.05),
     ],
@@ -56,7 +56,7 @@ def test_belief_propagation_is_within_bounds_of_exact(apart, detection, clutter,
 @pytest.mark.parametrize("people", [12, 40])
 @pytest.mark.parametrize("clutter", [1e-2, 1e-6])
 def test_belief_propagation_ends_near_its_fixed_point(people, clutter):
-    """Where it converges slowly the limit on its iterations costs little."""
+    """The limit on iterations costs little where convergence is slow."""
     rng = np.random.default_rng(people)
     for apart in (0.4, 0.8):
         misses, pairs = crowd(rng, people, apart, 0.9, clutter)

@@ -7,9 +7,9 @@ import pytest
 from helpers.scenes import MOTION, R
 
 from tracking import measurement_update as correction
-from tracking.association.clusters import blocks
+from tracking.association.clusters import gating_clusters
 from tracking.association.jpda import gated_likelihood
-from tracking.measurement_update import Predicted, corrected
+from tracking.measurement_update import ScanPrediction, scan_update
 from tracking.tracker import TrackerParameters
 
 PARAMETERS = TrackerParameters(MOTION, clutter_density=1e-3)
@@ -27,23 +27,23 @@ def scene(rng, people, side):
     noise = R * rng.uniform(0.5, 2.0, (len(z), 1, 1))
     undetected = means + 0.1 * rng.normal(size=means.shape), 0.9 * covariances
     existence, visible, shown = rng.uniform(0.5, 0.999, people), rng.random(people), rng.random(people)
-    return Predicted(means, covariances, undetected, existence, visible, shown), z, noise
+    return ScanPrediction(means, covariances, undetected, existence, visible, shown), z, noise
 
 
 @pytest.mark.parametrize("side", [400.0, 150.0, 60.0, 15.0], ids=["far apart", "some near", "groups", "one crowd"])
 @pytest.mark.parametrize("certain", [True, False])
 def test_blocks_give_the_same(side, certain, monkeypatch):
-    """Where tracks are certain, to the bit; existence is renewed by sums, which round as their length has it."""
+    """To the bit for certain tracks; existence is updated by sums, whose rounding depends on their length."""
     rng = np.random.default_rng(int(side))
     for people in (120, 300):
         before, z, noise = scene(rng, people, side)
         before = replace(before, existence=np.ones(people)) if certain else before
         assert people * len(z) > correction._AT_ONCE
-        blockwise = corrected(before, z, noise, PARAMETERS)
+        blockwise = scan_update(before, z, noise, PARAMETERS)
         with monkeypatch.context() as patch:
             patch.setattr(correction, "_AT_ONCE", people * len(z))
-            whole = corrected(before, z, noise, PARAMETERS)
-        for name in ("means", "covariances", "existence", "nobody", "own", "explained"):
+            whole = scan_update(before, z, noise, PARAMETERS)
+        for name in ("means", "covariances", "existence", "missed", "own", "explained"):
             ours, theirs = getattr(blockwise, name), getattr(whole, name)
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=0.0 if certain else 1e-12, err_msg=name)
         assert sorted(blockwise.gates.tolist()) == whole.gates.tolist()
@@ -54,7 +54,7 @@ def test_blocks_give_the_same(side, certain, monkeypatch):
 def test_no_measurement_is_in_a_gate_of_another_block(side):
     rng = np.random.default_rng(7)
     before, z, noise = scene(rng, 300, side)
-    parts = blocks(before.means, before.covariances, z, noise, PARAMETERS.measurement_gate)
+    parts = gating_clusters(before.means, before.covariances, z, noise, PARAMETERS.measurement_gate)
     tracks, measurements = (np.concatenate([part[k] for part in parts]) for k in range(2))
     np.testing.assert_array_equal(np.sort(tracks), np.arange(300))
     assert len(set(measurements.tolist())) == len(measurements) < len(z)  # false alarms far from all are in none
@@ -67,6 +67,6 @@ def test_no_measurement_is_in_a_gate_of_another_block(side):
 
 def test_a_scan_without_measurements_leaves_what_was_given_nothing():
     before, _, _ = scene(np.random.default_rng(0), 150, 100.0)
-    after = corrected(before, np.zeros((0, 2)), np.zeros((0, 2, 2)), PARAMETERS)
+    after = scan_update(before, np.zeros((0, 2)), np.zeros((0, 2, 2)), PARAMETERS)
     np.testing.assert_allclose(after.means, before.undetected[0], rtol=1e-14)
-    assert np.all(after.nobody == 1.0) and after.gates.shape == (0, 2)
+    assert np.all(after.missed == 1.0) and after.gates.shape == (0, 2)

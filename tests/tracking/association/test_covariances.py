@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from tracking.association.jpda import mixture_update
-from tracking.filter.kalman import NearlyConstantVelocity, information_form, moment_form
-from tracking.filter.negative_information import given_undetected
+from tracking.filter.information import information_form, moment_form
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.filter.negative_information import negative_information_update
 from tracking.geometry.visibility import SAMPLES
 
 MOTIONS = [NearlyConstantVelocity(0.2, sigma) for sigma in (0.0, 0.5, 5.0)]
@@ -29,7 +30,7 @@ def seen_empty(rng: np.random.Generator, P: np.ndarray) -> np.ndarray:
     """Edges of a view across the beliefs, from one sample seen to all but one."""
     normals = rng.normal(size=(len(P), 2))
     seen = normals @ SAMPLES.T > rng.normal(size=(len(P), 1))
-    return given_undetected((np.zeros((len(P), 4)), P), (1 - 0.99 * seen) ** rng.choice([0.3, 1.0]))[1]
+    return negative_information_update((np.zeros((len(P), 4)), P), (1 - 0.99 * seen) ** rng.choice([0.3, 1.0]))[1]
 
 
 def averaged(rng: np.random.Generator, P: np.ndarray) -> np.ndarray:
@@ -70,10 +71,10 @@ def test_covariances_survive_ten_thousand_steps_without_any_detection():
     for k in range(10_000):
         P = predicted(rng, P) if k % 2 else UNSEEN[rng.integers(3)](rng, P)
         check(P)
-    check(updated(rng, P))  # somebody turns up after all
+    check(updated(rng, P))  # a detection in the end
 
 
-def test_the_covariance_of_somebody_hidden_for_ten_thousand_scans_is_that_of_the_motion_model():
+def test_after_ten_thousand_hidden_scans_the_covariance_is_the_motion_models():
     """P(t) of the discrete model in closed form: position variance grows with t³."""
     motion, steps = NearlyConstantVelocity(0.2, 0.5), 10_000
     P = 0.05 * np.eye(4)[None]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.scenes import ABOVE, AWAY, MOTION, play, scan, track, tracker
 
-from tracking.association.jipda import associated, from_log_odds, log_odds
+from tracking.association.jipda import existence_association, from_log_odds, log_odds
 from tracking.association.jpda import association_probabilities, gated_likelihood
 from tracking.filter.kalman import Gaussian, update
 from tracking.fusion.consensus import fuse
@@ -24,7 +24,7 @@ def maybe(r: float, *state: float, id: int = 3, variance: float = 0.05) -> Track
 
 
 def brute_force(likelihood, detection, clutter, existence):
-    """Every joint event with every set of tracks that exist: who gave which measurement, beta and r after the scan."""
+    """Association probabilities beta and existence r by enumeration of joint events and sets of existing tracks."""
     T, N = likelihood.shape
     beta, given, total = np.zeros((T, N + 1)), np.zeros((T, N + 1)), 0.0
     for there in itertools.product([False, True], repeat=T):
@@ -51,7 +51,7 @@ def test_marginals_are_those_of_all_events_and_all_sets_of_people(density):
         likelihood = 10 ** rng.uniform(-4, 0, (T, N)) * (rng.random((T, N)) < density)
         detection = rng.random((T, N + 1)) * (rng.random((T, 1)) < 2 / 3)
         case = likelihood, detection, 10 ** rng.uniform(-5, 0), rng.uniform(0.01, 0.99, T)
-        for ours, exact in zip(associated(*case), brute_force(*case), strict=True):
+        for ours, exact in zip(existence_association(*case), brute_force(*case), strict=True):
             np.testing.assert_allclose(ours, exact, rtol=1e-9, atol=1e-14)
 
 
@@ -61,7 +61,9 @@ def test_one_track_follows_musickis_recursion():
     for _ in range(100):
         likelihood, r = 10 ** rng.uniform(-6, 0, (1, int(rng.integers(0, 5)))), rng.uniform(0.01, 0.99)
         p, clutter = rng.uniform(0, 0.99), 10 ** rng.uniform(-5, 0)
-        beta, given, after = associated(likelihood, np.full((1, likelihood.size + 1), p), clutter, np.array([r]))
+        beta, given, after = existence_association(
+            likelihood, np.full((1, likelihood.size + 1), p), clutter, np.array([r])
+        )
         d = p - p * likelihood.sum() / clutter
         assert after[0] == pytest.approx((1 - d) * r / (1 - d * r), rel=1e-12)
         assert given[0, 0] == pytest.approx((1 - p) / (1 - d), rel=1e-12)  # PDA's, whatever r is
@@ -104,11 +106,11 @@ def test_certain_people_are_associated_as_by_jpda():
     rng = np.random.default_rng(2)
     likelihood, detection = 10 ** rng.uniform(-4, 0, (4, 4)), rng.uniform(0, 0.99, (4, 5))
     jpda = association_probabilities(likelihood, detection, 0.01)
-    certain = associated(likelihood, detection, 0.01, np.ones(4))
+    certain = existence_association(likelihood, detection, 0.01, np.ones(4))
     np.testing.assert_array_equal(certain[0], jpda)
     np.testing.assert_array_equal(certain[1], jpda)
     np.testing.assert_array_equal(certain[2], 1.0)
-    nearly = associated(likelihood, detection, 0.01, np.full(4, 1 - 1e-12))
+    nearly = existence_association(likelihood, detection, 0.01, np.full(4, 1 - 1e-12))
     np.testing.assert_allclose(nearly[0], jpda, rtol=1e-9)
     np.testing.assert_allclose(nearly[1], jpda, rtol=1e-9)
     np.testing.assert_allclose(nearly[2], 1.0, atol=1e-9)
@@ -132,7 +134,7 @@ def test_a_person_hidden_for_twenty_seconds_exists_as_survival_says(survival, le
 
 
 @pytest.mark.parametrize("radius", [2.0, 5.0])
-def test_a_person_who_stays_under_a_canopy_that_is_watched_is_not_given_up(radius):
+def test_the_track_of_a_person_under_a_watched_canopy_is_not_deleted(radius):
     """The belief reaches beyond the edge and is pushed back: only what it should have shown counts."""
     subject = tracker(track(3, -1, 0, 1.5, 0), forest=Forest((Tree(0, 0, radius),)), life="existence", survival=1.0)
     assert play(subject, [scan(k) for k in range(101)])[-1] == (3,)
@@ -156,7 +158,7 @@ def test_half_a_belief_in_view_lowers_existence_by_half_the_probability_of_detec
     assert subject.tracks[0].existence == pytest.approx((1 - PLAIN / 2) / (2 - PLAIN / 2), rel=1e-6)
 
 
-def test_a_second_measurement_confirms_whom_clutter_cannot_explain():
+def test_a_second_measurement_confirms_a_track_that_clutter_cannot_explain():
     few, many = ({"life": "existence", "clutter_density": c} for c in (1e-6, 1e-2))
     scans = [scan(k, (0.2 * k, 1.0)) for k in range(8)]
     assert play(tracker(**few), scans).index((2_000_000,)) == 1
@@ -214,7 +216,7 @@ def fleet(count: int, *initial: Track, **settings) -> list[Tracker]:
     return [tracker(*initial, uav=u, life="existence", **settings) for u in range(count)]
 
 
-def test_a_fleet_agrees_on_existence_and_whoever_does_not_look_has_no_say():
+def test_a_fleet_agrees_on_existence_without_weight_for_uavs_that_do_not_look():
     trackers, lone = fleet(3, maybe(0.7, 0, 0, 0, 0)), fleet(1, maybe(0.7, 0, 0, 0, 0))
     for k in range(6):
         z = [(0.0, 0.05)] if k in (0, 1, 4) else []
@@ -226,7 +228,7 @@ def test_a_fleet_agrees_on_existence_and_whoever_does_not_look_has_no_say():
             assert t.tracks[0].existence == pytest.approx(lone[0].tracks[0].existence, rel=1e-3)
 
 
-def test_existence_in_a_fleet_is_the_average_of_log_odds_by_the_weights_of_the_beliefs():
+def test_existence_in_a_fleet_is_the_weighted_average_of_log_odds():
     trackers = fleet(2, maybe(0.9, 0, 0, 0, 0), survival=1.0)
     for u, t in enumerate(trackers):
         t.step(scan(0, *([(0.0, 0.05)] if u == 0 else []), uav=u))
@@ -265,6 +267,6 @@ def test_counting_scans_says_nothing_of_existence():
         ({"doubt": 0.5, "sure": 0.4}, "doubt and sure must be 0 < doubt < sure < 1, are 0.5 and 0.4"),
     ],
 )
-def test_what_makes_no_sense_is_refused(settings, complaint):
+def test_invalid_values_are_refused(settings, complaint):
     with pytest.raises(ValueError, match=complaint):
         TrackerParameters(MOTION, **settings)

@@ -23,7 +23,7 @@ def test_one_track_and_one_measurement_give_the_textbook_ratio():
     np.testing.assert_allclose(beta, [[0.1 / (0.1 + hit), hit / (0.1 + hit)]], rtol=1e-14)
 
 
-def test_somebody_who_cannot_be_detected_was_not_detected():
+def test_a_detection_probability_of_zero_gives_no_association():
     beta = association_probabilities(np.ones((2, 3)), np.array([0.0, 0.9]), 0.1)
     np.testing.assert_array_equal(beta[0], [1, 0, 0, 0])
     assert beta[1, 0] < 0.1

@@ -37,7 +37,7 @@ def brute_force(likelihood: np.ndarray, detection: np.ndarray, clutter: float) -
 @pytest.mark.parametrize("tracks", range(1, 7))
 @pytest.mark.parametrize("measurements", range(7))
 def test_association_with_state_dependent_detection_matches_brute_force(tracks, measurements):
-    """Likelihoods over four decades, full and sparse gates, clutter over five decades, people who cannot be seen."""
+    """Likelihoods over four decades, full and sparse gates, clutter over five decades, people out of view."""
     rng = np.random.default_rng([tracks, measurements])
     for density in (0.3, 0.7, 1.0):
         likelihood = 10 ** rng.uniform(-4, 0, (tracks, measurements)) * (rng.random((tracks, measurements)) < density)
@@ -88,9 +88,9 @@ def test_association_matches_stone_soup(seed):
 
 
 def test_a_tracker_on_a_whole_run_is_stone_soups():
-    """Predictions, associations and mixtures of 20 scans of three people who cross, with false alarms."""
+    """Predictions, associations and mixtures of 20 scans of three crossing people, with false alarms."""
     rng = np.random.default_rng(0)
-    never = (62, 62)  # nobody else's track begins
+    never = (62, 62)  # no other track begins
     known = [track(k, -3 + 2 * k, 2 - 2 * k, 1 - k, k - 1) for k in range(3)]
     subject = tracker(*known, detection_probability=0.9, clutter_density=0.01, gate_probability=0.99, confirm=never)
     subject.step(scan(0))

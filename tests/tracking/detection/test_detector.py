@@ -10,8 +10,8 @@ from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
+from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.components import components
-from tracking.detection.detector import detect
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 
@@ -34,7 +34,7 @@ def fly(tally, rng, *, frames, forest, people):
             for each in (world, bare):
                 each.place_people(places, headings)
             rendered = full.render(CAMERA, pose)
-            found = detect(frame(rendered.image, pose))
+            found = BlobDetector().detect(frame(rendered.image, pose))
             tally.count(found, places, pose, rendered.people, alone.render(WIDE, pose).people)
 
 
@@ -65,7 +65,7 @@ def test_a_camera_that_tilts_with_its_uav_measures_as_well():
             pose = Pose(np.array([5.0, -3.0, 19.0]), np.array([*turn, math.cos(angle / 2)]))
             place = CAMERA.ground_points(pose, rng.uniform(12, 116, (1, 2)), TARGET_HEIGHT)
             world.place_people(place, rng.uniform(-math.pi, math.pi, 1))
-            found = detect(frame(renderer.render(CAMERA, pose).image, pose))
+            found = BlobDetector().detect(frame(renderer.render(CAMERA, pose).image, pose))
             assert len(found.ground) == 1
             errors.append(found.ground[0] - place[0])
     assert np.abs(np.mean(errors, axis=0)).max() < 0.01
@@ -79,7 +79,7 @@ def test_nothing_but_people_has_a_persons_colour():
         renderer = Renderer(world)
         for _ in range(30):
             pose = Pose.level(*rng.uniform(-30, 30, 2), 21.7)
-            found = detect(frame(renderer.render(CAMERA, pose).image, pose))
+            found = BlobDetector().detect(frame(renderer.render(CAMERA, pose).image, pose))
             assert found.pixels.shape == (0, 2)
             assert found.ground.shape == (0, 2)
             assert found.boxes.shape == (0, 4)
@@ -94,7 +94,7 @@ def test_every_pixel_of_a_person_has_a_persons_colour():
             pose = Pose.level(0.0, 0.0, 19.0)
             rendered = renderer.render(CAMERA, pose)
             rows, columns = np.nonzero(rendered.people == 0)
-            found = detect(frame(rendered.image, pose))
+            found = BlobDetector().detect(frame(rendered.image, pose))
             assert found.areas.tolist() == [len(rows)]
             box = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
             assert found.boxes.tolist() == [box]
@@ -105,12 +105,12 @@ def test_a_single_pixel_is_a_detection():
     image = blank()
     image[40, 90] = (230, 62, 0)
     pose = Pose.level(1.0, 2.0, 19.0)
-    found = detect(frame(image, pose))
+    found = BlobDetector().detect(frame(image, pose))
     assert found.pixels.tolist() == [[90.5, 40.5]]
     assert found.ground == pytest.approx(CAMERA.ground_points(pose, np.array([[90.5, 40.5]]), TARGET_HEIGHT))
 
 
-def test_a_person_whom_a_trunk_cuts_in_two_is_one_person():
+def test_a_person_cut_in_two_by_a_trunk_is_one_person():
     pose = Pose.level(0.0, 0.0, 19.0)
     with World(SCENARIO, Forest(()), 1) as world:
         renderer = Renderer(world)
@@ -123,12 +123,12 @@ def test_a_person_whom_a_trunk_cuts_in_two_is_one_person():
             mask = (rendered.people == 0).astype(np.uint8)
             mask[row] = 0
             assert cv2.connectedComponents(mask)[0] - 1 >= 2
-            found = detect(frame(image, pose))
+            found = BlobDetector().detect(frame(image, pose))
             assert len(found.ground) == 1
             assert found.ground[0] == pytest.approx([8.0, -6.0], abs=0.2)
 
 
-def test_two_who_touch_are_two():
+def test_two_touching_people_are_two():
     rng = np.random.default_rng(0)
     pose = Pose.level(0.0, 0.0, 19.0)
     with World(SCENARIO, Forest(()), 2) as world:
@@ -144,7 +144,7 @@ def test_two_who_touch_are_two():
             if cv2.connectedComponents((rendered.people >= 0).astype(np.uint8))[0] != 2:
                 continue
             met += 1
-            found = detect(frame(rendered.image, pose)).ground
+            found = BlobDetector().detect(frame(rendered.image, pose)).ground
             assert len(found) == 2
             order = np.argsort((found - first) @ across)
             assert np.linalg.norm(found[order] - places, axis=1).max() < 0.35
@@ -163,7 +163,7 @@ def test_the_edge_of_the_image_does_not_pull_people_inwards():
             place = np.array([[half - rng.uniform(0, 0.3), rng.uniform(-7, 7)]])
             world.place_people(place, rng.uniform(-math.pi, math.pi, 1))
             rendered = renderer.render(CAMERA, pose)
-            found = detect(frame(rendered.image, pose))
+            found = BlobDetector().detect(frame(rendered.image, pose))
             assert len(found.ground) == 1
             errors.append(found.ground[0, 0] - place[0, 0])
             columns = np.nonzero(rendered.people == 0)[1]
@@ -172,11 +172,11 @@ def test_the_edge_of_the_image_does_not_pull_people_inwards():
     assert abs(np.mean(errors)) < 0.03
 
 
-def test_nobody_stands_above_the_horizon():
+def test_there_are_no_people_above_the_horizon():
     image = blank()
     image[30:34, 61:63] = image[100:104, 61:63] = (230, 62, 0)
     level = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]))
-    found = detect(frame(image, level))
+    found = BlobDetector().detect(frame(image, level))
     assert found.pixels == pytest.approx(np.array([[62.0, 102.0]]))
     assert found.ground[0, 1] > 0
 
@@ -190,14 +190,14 @@ def test_any_image_from_any_camera_gives_finite_people():
         pose = Pose(np.array([1.0, 2.0, rng.uniform(0.9, 20.0)]), np.array(turn))
         image = np.full((camera.pixels, camera.pixels, 3), GREEN, dtype=np.uint8)
         image[rng.random(image.shape[:2]) < rng.choice([0.01, 0.1, 0.4])] = (230, 62, 0)
-        assert np.isfinite(detect(frame(image, pose, camera)).ground).all()
+        assert np.isfinite(BlobDetector().detect(frame(image, pose, camera)).ground).all()
 
 
 def test_detection_repeats_exactly_and_leaves_the_image_alone():
     image = blank()
     image[20:24, 30:33] = image[80:84, 32:36] = image[80:84, 38:41] = (230, 62, 0)
     before = image.tobytes()
-    one, other = (detect(frame(image, Pose.level(0.0, 0.0, 19.0))) for _ in range(2))
+    one, other = (BlobDetector().detect(frame(image, Pose.level(0.0, 0.0, 19.0))) for _ in range(2))
     assert one.ground.tobytes() == other.ground.tobytes()
     assert image.tobytes() == before
     assert len(one.ground) == 3

@@ -1,4 +1,4 @@
-"""People who stand in front of a trunk: it hides nothing of them, and they are placed as well as in the open."""
+"""People in front of a trunk: they are not hidden, and are located as well as in the open."""
 
 import math
 
@@ -13,7 +13,7 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 
 
-def test_a_trunk_hides_nobody_who_is_nearer_to_the_camera():
+def test_a_trunk_hides_no_person_nearer_to_the_camera():
     rng, camera = np.random.default_rng(0), Camera(math.radians(60), 128)
     errors, nees = [], []
     for _ in range(30):

@@ -9,7 +9,10 @@ from helpers.views import SCENARIO
 from sim.sensing.detection_truth import matched_people
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
-from tracking.detection.detector import Frame, _joined, _one_person, detect, sizes
+from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.blobs import _joined, _one_person
+from tracking.detection.detector import Frame
+from tracking.detection.person_size import sizes
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 
@@ -67,7 +70,7 @@ def test_eight_hundred_fragments_are_measured_little_more_than_once(monkeypatch)
     """Each join measures one blob anew and each pair is tried once."""
     tried = []
     monkeypatch.setattr(
-        "tracking.detection.detector._one_person", lambda lens, blob: tried.append(1) or _one_person(lens, blob)
+        "tracking.detection.blobs._one_person", lambda lens, blob: tried.append(1) or _one_person(lens, blob)
     )
     blobs = [pixel[None] + 0.5 for pixel in np.random.default_rng(1).integers(0, 128, (800, 2)).astype(float)]
     found, _ = _joined(Frame(0, 0.0, CAMERA, tilted(0.0), IMAGE), blobs, range(800))
@@ -91,7 +94,7 @@ def test_whole_people_near_corners_of_tilted_images_are_one_detection_each(degre
             rows, columns = np.nonzero(rendered.people == 0)
             ends = np.array([rows, columns])
             if len(rows) >= 4 and ends.min() > 0 and ends.max() < size - 1:
-                counts.append(len(detect(Frame(0, 0.0, camera, pose, rendered.image)).ground))
+                counts.append(len(BlobDetector().detect(Frame(0, 0.0, camera, pose, rendered.image)).ground))
     assert len(counts) > 15
     assert np.mean(np.array(counts) == 1) >= 0.99
 
@@ -108,7 +111,7 @@ def test_tilted_cameras_find_people_and_only_people():
                 continue
             world.place_people(camera.ground_points(pose, pixels, TARGET_HEIGHT), rng.uniform(-math.pi, math.pi, 3))
             rendered = renderer.render(camera, pose)
-            places = detect(Frame(0, 0.0, camera, pose, rendered.image)).pixels
+            places = BlobDetector().detect(Frame(0, 0.0, camera, pose, rendered.image)).pixels
             people, detections = people + 3, detections + len(places)
             found += matched_people(places, rendered.people, 3).sum()
     assert people > 60

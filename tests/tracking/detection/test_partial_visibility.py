@@ -1,4 +1,4 @@
-"""People who are seen in part, or who touch: found, told apart, and placed where they stand."""
+"""Detection and location of people hidden in part and of touching pairs."""
 
 import math
 
@@ -11,7 +11,7 @@ from sim.sensing.detection_truth import matched_people
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
-from tracking.detection.detector import Frame, detect
+from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 
@@ -31,7 +31,7 @@ def test_moving_camera_and_scene_moves_the_place():
         forest = Forest((Tree(5.6 + shift[0], 2.0 + shift[1], 1.5),))
         frame = Frame(0, 0.0, CAMERA, Pose.level(*shift, 19.0), image)
         found = BlobDetector(forest).detect(frame)
-        assert not np.array_equal(found.ground, detect(frame).ground)
+        assert not np.array_equal(found.ground, BlobDetector().detect(frame).ground)
         there.append((found.ground - shift, found.covariances))
     np.testing.assert_allclose(there[0][0], there[1][0], atol=1e-6)
     np.testing.assert_allclose(there[0][1], there[1][1], atol=1e-6)
@@ -55,7 +55,7 @@ def test_any_image_from_any_camera_gives_finite_places_and_positive_covariances(
     assert count > 100
 
 
-def test_people_of_whom_a_third_to_a_half_shows_are_found():
+def test_people_visible_by_a_third_to_a_half_are_found():
     rng = np.random.default_rng(3)
     people = found = detections = 0
     for _ in range(5):
@@ -72,7 +72,7 @@ def test_people_of_whom_a_third_to_a_half_shows_are_found():
                 share = np.bincount(rendered.people[rendered.people >= 0], minlength=10)
                 share = share / np.maximum(np.bincount(whole[whole >= 0], minlength=10), 1)
                 partly = np.flatnonzero((share >= 0.3) & (share <= 0.5))
-                pixels = detect(Frame(0, 0.0, CAMERA, pose, rendered.image)).pixels
+                pixels = BlobDetector().detect(Frame(0, 0.0, CAMERA, pose, rendered.image)).pixels
                 people += len(partly)
                 found += matched_people(pixels, rendered.people, 10)[partly].sum()
                 detections += sum(owner(pixel, rendered.people) in partly for pixel in pixels)
@@ -82,13 +82,13 @@ def test_people_of_whom_a_third_to_a_half_shows_are_found():
 
 
 def owner(pixel, mask):
-    """Whose pixel is the nearest to one."""
+    """Person with the nearest pixel."""
     rows, columns = np.nonzero(mask >= 0)
     nearest = np.argmin(np.hypot(columns + 0.5 - pixel[0], rows + 0.5 - pixel[1]))
     return mask[rows[nearest], columns[nearest]]
 
 
-def test_pairs_who_touch_are_two_however_they_stand():
+def test_touching_pairs_are_two_people_in_any_arrangement():
     rng = np.random.default_rng(4)
     pairs = found = detections = 0
     with World(FAR, OPEN, 2) as world:
@@ -104,7 +104,7 @@ def test_pairs_who_touch_are_two_however_they_stand():
             both = len(np.unique(rendered.people[shown])) == 2
             if not both or cv2.connectedComponents(shown.astype(np.uint8))[0] != 2:
                 continue
-            pixels = detect(Frame(0, 0.0, CAMERA, pose, rendered.image)).pixels
+            pixels = BlobDetector().detect(Frame(0, 0.0, CAMERA, pose, rendered.image)).pixels
             pairs += 1
             found += matched_people(pixels, rendered.people, 2).sum()
             detections += len(pixels)
@@ -120,4 +120,6 @@ def test_a_long_stride_below_the_camera_is_one_person():
         for k in range(150):
             world.place_people(rng.uniform(-1, 1, (1, 2)), rng.uniform(-math.pi, math.pi, 1))
             pose = Pose.level(0.0, 0.0, ALTITUDES[k % 3])
-            assert len(detect(Frame(0, 0.0, camera, pose, renderer.render(camera, pose).image)).ground) == 1
+            assert (
+                len(BlobDetector().detect(Frame(0, 0.0, camera, pose, renderer.render(camera, pose).image)).ground) == 1
+            )

@@ -1,4 +1,4 @@
-"""People seen in part and people who touch are found under full randomisation, and nothing else is."""
+"""Detection of people hidden in part and of touching people under full randomisation, without false alarms."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,8 @@ from sim.scenario.environment import Appearance
 from sim.sensing.detection_truth import matched_people
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
-from tracking.detection.detector import Frame, detect
+from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest
 
@@ -21,20 +22,20 @@ RANDOMISED = msgspec.structs.replace(SCENARIO, appearance=Appearance(randomise=T
 WIDE = Camera(2 * math.atan((CAMERA.pixels / 2 + 16) / CAMERA.focal), CAMERA.pixels + 32)
 PEOPLE = 8
 TREES = ((90, 1.5), (20, 5.0), (60, 2.0), (120, 1.0))
-# Points of a body that tell roughly how much of somebody shows.
+# Points of a body, for its approximate visible share.
 BODY = np.array([(x, y, z) for x in (-0.2, 0.0, 0.2) for y in (-0.2, 0.0, 0.2) for z in (0.1, 0.5, 0.9, 1.3, 1.6)])
 
 
 @dataclass
 class Score:
-    """How many people there were of those asked for, how many of them were found, and how often nobody was."""
+    """Numbers of selected people, of those found, and of false alarms."""
 
     people: int = 0
     found: int = 0
     false: int = 0
 
     def count(self, asked, pixels, mask):
-        """Detections at pixels, by the mask of who is where, in a frame where some people (M,) are asked for."""
+        """Detections at pixels, by the mask of people, in a frame with some people (M,) selected."""
         matched = matched_people(pixels, mask, PEOPLE)
         self.people += int(asked.sum())
         self.found += int(matched[asked].sum())
@@ -65,7 +66,7 @@ def frames(worlds, each, place):
                     for one in (world, bare):
                         one.place_people(places, headings)
                     taken = renderer.take(0, k / 5, CAMERA, pose)
-                    found = detect(Frame(0, k / 5, CAMERA, pose, taken.image))
+                    found = BlobDetector().detect(Frame(0, k / 5, CAMERA, pose, taken.image))
                     yield found.pixels, taken.people, alone.render(WIDE, pose).people
 
 
@@ -90,7 +91,7 @@ def half_width(pose):
 
 
 def hidden_in_part(rng, pose, forest):
-    """People most of whom something hides in part: trees, or the edge of the image."""
+    """People mostly hidden in part by trees or by the edge of the image."""
     places = pose.position[:2] + rng.uniform(-half_width(pose), half_width(pose), (400, 2))
     share = shares(pose, forest, places)
     chosen = apart(places[(share > 0.2) & (share < 0.6)], 1.2)[:PEOPLE]
@@ -98,7 +99,7 @@ def hidden_in_part(rng, pose, forest):
 
 
 def in_pairs(rng, pose, forest):
-    """Pairs in plain view who stand close together."""
+    """Pairs in plain view, close together."""
     places = pose.position[:2] + rng.uniform(-half_width(pose), half_width(pose), (60, 2))
     bearing, gap = rng.uniform(-math.pi, math.pi, 60), rng.uniform(0.5, 0.9, 60)
     beside = places + gap[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing)])
@@ -109,7 +110,7 @@ def in_pairs(rng, pose, forest):
 
 
 def touching(mask):
-    """Which of the people (M,), two by two, have a silhouette that meets their neighbour's, corners included."""
+    """Flags of people (M,), two by two, with a silhouette that meets their neighbour's, corners included."""
     around = np.ones((3, 3), dtype=np.uint8)
     shown = [(mask == k).astype(np.uint8) for k in range(PEOPLE)]
     meet = [np.any(cv2.dilate(shown[k], around) & shown[k + 1]) for k in range(0, PEOPLE, 2)]
@@ -117,7 +118,7 @@ def touching(mask):
 
 
 @pytest.mark.parametrize(("worlds", "each"), [(16, 16), pytest.param(200, 20, marks=pytest.mark.slow)])
-def test_people_of_whom_a_third_to_a_half_shows_are_found_under_full_randomisation(worlds, each):
+def test_people_visible_by_a_third_to_a_half_are_found_under_full_randomisation(worlds, each):
     score = Score()
     for pixels, mask, whole in frames(worlds, each, hidden_in_part):
         visible, all_of = (np.bincount(m[m >= 0], minlength=PEOPLE) for m in (mask, whole))
@@ -129,7 +130,7 @@ def test_people_of_whom_a_third_to_a_half_shows_are_found_under_full_randomisati
 
 
 @pytest.mark.parametrize(("worlds", "each"), [(24, 14), pytest.param(200, 20, marks=pytest.mark.slow)])
-def test_pairs_who_touch_are_found_under_full_randomisation(worlds, each):
+def test_touching_pairs_are_found_under_full_randomisation(worlds, each):
     score = Score()
     for pixels, mask, _ in frames(worlds, each, in_pairs):
         score.count(touching(mask), pixels, mask)

@@ -7,9 +7,10 @@ import pytest
 
 from sim.calibration.fit import people_in_forests
 from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.clearing import clearing_at
 from tracking.detection.detector import Frame
 from tracking.detection.partial_visibility import PART, _grid, _moments, _surprises, places_of
-from tracking.detection.shadows import clearing_at, is_open, openings, with_shadows
+from tracking.detection.shadows import is_open, openings, with_shadows
 from tracking.detection.silhouette import shown, silhouette_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
@@ -100,7 +101,7 @@ def test_what_shows_is_what_lines_of_sight_leave_of_the_silhouette():
 
 
 def cut_person(camera):
-    """An image of what a canopy leaves of somebody, and the forest with that canopy."""
+    """Image of a person hidden in part by a canopy, and the forest with that canopy."""
     image = np.full((camera.pixels, camera.pixels, 3), GREEN, dtype=np.uint8)
     n = camera.pixels // 32
     image[15 * n : 17 * n, 22 * n + n // 2 : 23 * n + n // 4] = ORANGE
@@ -123,7 +124,7 @@ def test_turning_camera_and_scene_turns_the_place():
 
 
 @pytest.mark.parametrize("pixels", [64, 128, 256, 512])
-def test_as_many_places_are_looked_at_whatever_the_size_of_the_image(pixels):
+def test_the_number_of_places_does_not_depend_on_the_images_size(pixels):
     camera = Camera(math.radians(60), pixels)
     image, forest = cut_person(camera)
     frame = Frame(0, 0.0, camera, Pose.level(0.0, 0.0, 19.0), image)
@@ -132,7 +133,7 @@ def test_as_many_places_are_looked_at_whatever_the_size_of_the_image(pixels):
     assert 150 <= places.shares.size <= 200
 
 
-def test_two_looks_find_what_one_at_a_hundred_times_as_many_places_would():
+def test_two_grids_agree_with_one_of_a_hundred_times_as_many_places():
     errors, spreads = [], []
     for s in people_in_forests(5, 4):
         found = places_of(s.frame, s.blob, s.forest)

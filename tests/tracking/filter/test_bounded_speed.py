@@ -1,4 +1,4 @@
-"""People who cannot go faster than some speed: against NCV, Monte Carlo, and the walkers."""
+"""Motion model of bounded speed against NCV, Monte Carlo, and the walkers."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def distance(means: np.ndarray, covariances: np.ndarray, place: np.ndarray) -> n
     return np.sqrt(np.sum((means[:, :2] - place) ** 2, axis=1) + spread)
 
 
-def test_a_belief_in_which_nobody_is_too_fast_is_predicted_as_by_ncv_to_the_bit():
+def test_beliefs_without_fast_velocities_are_predicted_as_by_ncv_to_the_bit():
     means, covariances = np.array([[5.0, 2.0, 1.5, -1.0], [0.0, 0, 2.0, 0]]), np.tile(0.05 * np.eye(4), (2, 1, 1))
     for ours, plain in zip(BOUNDED.predict_all(means, covariances), NCV.predict_all(means, covariances), strict=True):
         np.testing.assert_array_equal(ours, plain)
@@ -54,7 +54,7 @@ def test_predicting_a_stack_is_predicting_each():
         np.testing.assert_allclose(new_covariances[k], one.covariance, rtol=1e-11, atol=1e-12)
 
 
-def test_whoever_coasts_stays_within_reach_of_where_they_were_seen():
+def test_a_coasting_track_stays_within_reach_of_its_last_detection():
     """RMS distances in the belief: 3 m/s and the acceleration's own part. Under NCV many of these go further."""
     means, covariances = beliefs(np.random.default_rng(2), 500)
     start = means[:, :2].copy()
@@ -96,7 +96,7 @@ def hidden_walkers(model: NearlyConstantVelocity) -> dict[int, tuple[float, floa
 
 
 def wanderers(seed: int) -> np.ndarray:
-    """Positions (81, 6, 2) m of people who wander for 16 s."""
+    """Positions (81, 6, 2) m of people wandering for 16 s."""
     people = walk(People(count=6, paths=()), Area(), Forest(()), duration=16.2, rng=np.random.default_rng(seed))
     return np.array([people.at(DT * k)[0] for k in range(81)])
 

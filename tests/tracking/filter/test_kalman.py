@@ -4,14 +4,8 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from helpers.scenes import H
 
-from tracking.filter.kalman import (
-    Gaussian,
-    NearlyConstantVelocity,
-    information_form,
-    innovation,
-    moment_form,
-    update,
-)
+from tracking.filter.information import information_form, moment_form
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity, innovation, update
 
 MOTION = NearlyConstantVelocity(0.2, 0.5)
 

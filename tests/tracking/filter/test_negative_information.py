@@ -7,10 +7,10 @@ import pytest
 from helpers.scenes import ABOVE, CAMERA, MOTION, play, scan, track, tracker
 from scipy import stats
 
-from tracking.filter.negative_information import crossed, given_undetected, look
+from tracking.filter.negative_information import miss_likelihood, negative_information_update, share_crossed
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, TARGET_HEIGHT, Forest, Tree
-from tracking.measurement_update import foreseen
+from tracking.measurement_update import scan_prediction
 from tracking.tracker import Scan, TrackerParameters
 
 
@@ -32,10 +32,10 @@ def test_the_samples_stand_for_a_standard_normal_distribution():
 
 
 @pytest.mark.parametrize("value", [False, True])
-def test_nothing_is_learnt_where_all_or_nothing_would_have_been_seen(value):
+def test_full_or_no_visibility_gives_no_negative_information(value):
     mean, covariance = belief(np.random.default_rng(0))
     seen = np.full((1, len(SAMPLES)), value)
-    means, covariances = given_undetected((mean[None], covariance[None]), 1 - 0.99 * seen)
+    means, covariances = negative_information_update((mean[None], covariance[None]), 1 - 0.99 * seen)
     np.testing.assert_array_equal(means[0], mean)
     np.testing.assert_array_equal(covariances[0], covariance)
 
@@ -45,7 +45,7 @@ def test_an_edge_through_the_mean_leaves_the_moments_of_half_a_normal_distributi
     covariance[0, 2] = covariance[2, 0] = 1.2
     mean = np.array([3.0, 0.0, 1.0, 0.5])
     seen = seen_where(lambda p: p[:, 0] > 3.0, mean, covariance)
-    means, covariances = given_undetected((mean[None], covariance[None]), 1 - (1 - 1e-12) * seen[None])
+    means, covariances = negative_information_update((mean[None], covariance[None]), 1 - (1 - 1e-12) * seen[None])
     half = stats.halfnorm()
     shift = -half.mean()
     assert means[0, 0] - 3.0 == pytest.approx(2 * shift, rel=1e-9)
@@ -67,7 +67,7 @@ def test_random_half_planes_give_the_moments_of_weighted_samples():
         def visible(p, mean=mean, normal=normal, limit=offset * scale):
             return (p - mean[:2]) @ normal > limit
 
-        means, covariances = given_undetected(
+        means, covariances = negative_information_update(
             (mean[None], covariance[None]), 1 - 0.9 * seen_where(visible, mean, covariance)[None]
         )
         states = rng.multivariate_normal(mean, covariance, 100_000)
@@ -79,13 +79,13 @@ def test_random_half_planes_give_the_moments_of_weighted_samples():
         assert np.all(np.abs(np.sqrt(np.diag(covariances[0])) - np.sqrt(np.diag(spread))) < 0.15 * sigma)
 
 
-def test_covariances_stay_positive_definite_and_never_grow_for_many_scans_of_the_same_empty_place():
+def test_covariances_stay_positive_definite_over_many_scans_of_an_empty_place():
     mean, covariance = np.zeros(4), np.diag([4.0, 4.0, 1.0, 1.0])
     means, covariances = mean[None], covariance[None]
     for _ in range(200):
         seen = seen_where(lambda p: np.hypot(*(p - 1.0).T) > 1.5, means[0], covariances[0])
         before = np.trace(covariances[0])
-        means, covariances = given_undetected((means, covariances), 1 - 0.99 * seen[None])
+        means, covariances = negative_information_update((means, covariances), 1 - 0.99 * seen[None])
         assert np.linalg.eigvalsh(covariances[0]).min() > 0
         assert np.trace(covariances[0]) <= before * (1 + 1e-9)
     assert np.hypot(*(means[0, :2] - 1.0)) < 1.5
@@ -98,7 +98,7 @@ def test_a_weight_tempers_the_likelihood_and_zero_turns_it_off():
 
     def undetected(weight):
         p = TrackerParameters(MOTION, absence_weight=weight)
-        return foreseen(predicted, np.ones(1), seen, 1 - 0.99 * seen, p).undetected[0][0, 0]
+        return scan_prediction(predicted, np.ones(1), seen, 1 - 0.99 * seen, p).undetected[0][0, 0]
 
     off, half, full = undetected(0.0), undetected(0.5), undetected(1.0)
     assert off == pytest.approx(mean[0], rel=1e-12)
@@ -118,7 +118,7 @@ def start(radius: float, speed: float) -> np.ndarray:
 def true_posterior(
     radius: float, speed: float, detection: float = 0.99, count: int = 40_000
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Means and deviations, at `INSTANTS`, of who walks under the tree and is not seen, by a particle filter."""
+    """Means and deviations, at `INSTANTS`, of a person hidden under the tree, by a particle filter."""
     rng, tree = np.random.default_rng(5), Forest((Tree(0.0, 0.0, radius),))
     kick, out = MOTION.sigma_a * np.kron([[MOTION.dt**2 / 2], [MOTION.dt]], np.eye(2)), []
     x = rng.multivariate_normal(start(radius, speed), 0.05 * np.eye(4), count)
@@ -152,7 +152,7 @@ UNDER_TREES = [(1.0, 1.5), (2.0, 1.5), (2.0, 0.5), (5.0, 0.7), (5.0, 1.5), (8.0,
 
 
 @pytest.mark.parametrize(("radius", "speed"), UNDER_TREES)
-def test_who_does_not_come_out_is_believed_where_particles_are_and_as_surely(radius, speed):
+def test_the_belief_in_a_hidden_person_agrees_with_a_particle_filter(radius, speed):
     """About as wide and, for the width, not far off, under small and large canopies; not so without this evidence."""
     means, deviations = true_posterior(radius, speed)
     found, widths = believed(radius, speed)
@@ -164,7 +164,7 @@ def test_who_does_not_come_out_is_believed_where_particles_are_and_as_surely(rad
 
 
 @pytest.mark.parametrize(("radius", "speed"), UNDER_TREES[1:])
-def test_fewer_frames_say_as_much(radius, speed):
+def test_fewer_frames_give_as_much_negative_information(radius, speed):
     """One a second instead of five; out of the smallest canopy people come between two of them."""
     means, deviations = true_posterior(radius, speed)
     found, widths = believed(radius, speed, every=5)
@@ -173,8 +173,8 @@ def test_fewer_frames_say_as_much(radius, speed):
 
 
 @pytest.mark.parametrize("detection", [0.7, 0.9, 0.999])
-def test_so_do_detectors_that_miss_more_or_less(detection):
-    """What is seen again says who has come meanwhile; that does not depend on how surely they are detected."""
+def test_negative_information_hardly_depends_on_the_detection_probability(detection):
+    """A second frame of a place tells only of people that came meanwhile, at any probability of detection."""
     for radius, speed in UNDER_TREES[1:4]:
         means, deviations = true_posterior(radius, speed, detection)
         found, widths = believed(radius, speed, detection_probability=detection)
@@ -188,11 +188,11 @@ def test_people_cross_a_share_of_their_belief():
     )
     means = np.array([[5.0, 5.0, 0.0, 0.0], [0.0, 0.0, 3.0, 4.0], [1.0, 0.0, 0.0, 4.0]])
     expected = [0.2 * math.sqrt(2 / 8), 0.2 * math.sqrt(27 / 3), 0.2 * math.sqrt(18 / 18)]
-    np.testing.assert_allclose(crossed((means, covariances), 0.2), expected, rtol=1e-12)
-    np.testing.assert_allclose(crossed((means, covariances), 1.5), 7.5 * np.array(expected), rtol=1e-12)
+    np.testing.assert_allclose(share_crossed((means, covariances), 0.2), expected, rtol=1e-12)
+    np.testing.assert_allclose(share_crossed((means, covariances), 1.5), 7.5 * np.array(expected), rtol=1e-12)
 
 
-def test_a_look_says_all_where_the_last_one_did_not_reach():
+def test_a_frame_counts_in_full_beyond_the_last_frames_view():
     tree = Forest((Tree(3.0, 0.0, 3.0),))
     beliefs = np.zeros((1, 4)), np.diag([4.0, 4.0, 1.0, 1.0])[None]
     beside = Pose.level(0.0, 10.5, 20.0)  # its view ends within the belief
@@ -201,7 +201,7 @@ def test_a_look_says_all_where_the_last_one_did_not_reach():
     assert (there & before).any() and (there & ~before).any()
 
     def looked(time, last):
-        return look(CAMERA, tree, beliefs, now=(time, ABOVE), last=last, detection_probability=0.9)
+        return miss_likelihood(CAMERA, tree, beliefs, now=(time, ABOVE), last=last, detection_probability=0.9)
 
     seen, missed = looked(1.2, (1.0, beside))
     np.testing.assert_array_equal(seen[0], there)
@@ -212,7 +212,7 @@ def test_a_look_says_all_where_the_last_one_did_not_reach():
     np.testing.assert_array_equal(first, late)
 
 
-def test_the_first_look_at_a_place_counts_in_full():
+def test_the_first_frame_of_a_place_counts_in_full():
     """From then on only what may have come there since does: a look at once says nothing."""
     tree, known = Forest((Tree(3.0, 0.0, 3.0),)), track(3, 0.0, 0.0, 1.0, 0.0, variance=1.0)
     first, often = (tracker(known, forest=tree) for _ in range(2))

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from helpers.graphs import GATE, exchange, graph, message, metropolis
 
-from tracking.filter.kalman import information_form
+from tracking.filter.information import information_form
 from tracking.fusion.consensus import combine, fuse
-from tracking.fusion.message import Message, born_id
-from tracking.management.deletion import Evidence
+from tracking.fusion.labels import new_label
+from tracking.fusion.message import Message
+from tracking.management.deletion import DetectionHistory
 
 
 def beliefs(rng: np.random.Generator, count: int, centre=(0, 0, 0, 0)) -> tuple[np.ndarray, np.ndarray]:
@@ -40,18 +41,18 @@ def like_named(rng: np.random.Generator, uavs: int) -> list[Message]:
     out = []
     for u in range(uavs):
         seen = rng.integers(0, 3, 5) / 5.0
-        evidence = Evidence(rng.integers(0, 3, (5, 3)) / 5.0, rng.integers(0, 4, 5), rng.integers(0, 4, 5))
+        history = DetectionHistory(rng.integers(0, 3, (5, 3)) / 5.0, rng.integers(0, 4, 5), rng.integers(0, 4, 5))
         said = message(u, range(1, 6), *beliefs(rng, 5), degree=0, weight=rng.uniform(0.1, 1.0, 5))
         sightings = np.column_stack([rng.normal(size=(5, 2)), seen])
         novel = rng.normal(size=(5, 20 + u + 1)) * (rng.random((5, 1)) < 0.5)
-        company = (int(rng.integers(0, uavs)), float(rng.integers(0, 3)))
-        out.append(replace(said, evidence=evidence, sightings=sightings, novel=novel, company=company))
+        partition = (int(rng.integers(0, uavs)), float(rng.integers(0, 3)))
+        out.append(replace(said, history=history, sightings=sightings, novel=novel, partition=partition))
     return out
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_a_table_of_all_messages_gives_what_each_uav_makes_of_those_it_hears(seed, monkeypatch):
-    """Bit by bit, whatever they say, with lost messages; two rounds do not reach everybody."""
+def test_a_table_of_all_messages_equals_the_update_of_each_uav(seed, monkeypatch):
+    """Bit by bit, for any messages, with losses; two rounds do not reach all UAVs."""
     rng = np.random.default_rng(seed)
     adjacency, lost = graph(("line", "ring")[seed % 2], 8), rng.random((2, 8, 8)) < 0.4
     members = [Heard(said) for said in like_named(rng, 8)]
@@ -60,13 +61,13 @@ def test_a_table_of_all_messages_gives_what_each_uav_makes_of_those_it_hears(see
         expected = exchange(expected, adjacency & ~lost[k], 1)
     monkeypatch.setattr("tracking.fusion.consensus.combine", None)  # one table for all is what is taken
     fuse(members, adjacency, 2, lost)
-    assert len({m.evidence.times.tobytes() for m in expected}) > 1
+    assert len({m.history.times.tobytes() for m in expected}) > 1
     for ours, theirs in zip([m.left for m in members], expected, strict=True):
-        assert (ours.company, ours.met, ours.deleted) == (theirs.company, theirs.met, theirs.deleted)
+        assert (ours.partition, ours.met, ours.deleted) == (theirs.partition, theirs.met, theirs.deleted)
         for name in ("ids", "aliases", "shares", "sightings"):
             np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
         for name in ("times", "misses", "shared"):
-            np.testing.assert_array_equal(getattr(ours.evidence, name), getattr(theirs.evidence, name))
+            np.testing.assert_array_equal(getattr(ours.history, name), getattr(theirs.history, name))
         width = theirs.novel.shape[1]  # columns of UAVs that it has not heard of are empty
         np.testing.assert_array_equal(ours.novel[:, :width], theirs.novel)
         assert not ours.novel[:, width:].any()
@@ -80,9 +81,9 @@ def test_what_a_fleet_agrees_on_stays_and_the_rest_is_mixed_by_metropolis_weight
     agreed = [
         replace(
             m,
-            evidence=Evidence(m.evidence.times, first.evidence.misses, first.evidence.shared),
+            history=DetectionHistory(m.history.times, first.history.misses, first.history.shared),
             sightings=first.sightings,
-            company=first.company,
+            partition=first.partition,
             novel=part,
         )
         for m, part in zip(said, novel, strict=True)
@@ -93,12 +94,12 @@ def test_what_a_fleet_agrees_on_stays_and_the_rest_is_mixed_by_metropolis_weight
     for u, left in enumerate(m.left for m in members):
         for ours, all_of_them in ((left.shares, np.array([m.shares for m in said])), (left.novel, novel)):
             np.testing.assert_allclose(ours, np.tensordot(weights[u], all_of_them, 1), rtol=1e-12, atol=1e-12)
-        heard = [m.evidence.times for m, one in zip(said, hears[u], strict=True) if one]
-        np.testing.assert_array_equal(left.evidence.times, np.max(heard, axis=0))
-        np.testing.assert_array_equal(left.evidence.misses, first.evidence.misses)
-        np.testing.assert_array_equal(left.evidence.shared, first.evidence.shared)
+        heard = [m.history.times for m, one in zip(said, hears[u], strict=True) if one]
+        np.testing.assert_array_equal(left.history.times, np.max(heard, axis=0))
+        np.testing.assert_array_equal(left.history.misses, first.history.misses)
+        np.testing.assert_array_equal(left.history.shared, first.history.shared)
         np.testing.assert_array_equal(left.sightings, first.sightings)
-        assert (left.company, left.met) == (first.company, False)
+        assert (left.partition, left.met) == (first.partition, False)
 
 
 @pytest.mark.parametrize("columns", [0, 21])
@@ -107,7 +108,7 @@ def test_a_fleet_without_tracks_agrees_on_that(columns):
     said = [m.only(np.array([], dtype=np.int64)) for m in like_named(rng, 3)]
     members = [Heard(replace(m, novel=np.zeros((0, columns)))) for m in said]
     fuse(members, graph("complete", 3), 2)
-    assert [(m.left.shares.shape, m.left.evidence.times.shape) for m in members] == [((0, 21), (0, 3))] * 3
+    assert [(m.left.shares.shape, m.left.history.times.shape) for m in members] == [((0, 21), (0, 3))] * 3
 
 
 def team(means, covariances, adjacency: np.ndarray, weights=None) -> list[Message]:
@@ -163,7 +164,7 @@ def test_uavs_count_by_the_weight_of_what_they_saw():
 
 
 @pytest.mark.parametrize("kind", ["complete", "ring", "line"])
-def test_the_only_one_who_saw_decides_what_all_believe_as_soon_as_word_reaches_them(kind):
+def test_the_only_uav_with_a_detection_decides_the_fleets_belief(kind):
     adjacency = graph(kind, 5)
     means, covariances = beliefs(np.random.default_rng(4), 5)
     weights = np.array([1.0, 1e-9, 1e-9, 1e-9, 1e-9])
@@ -173,7 +174,7 @@ def test_the_only_one_who_saw_decides_what_all_believe_as_soon_as_word_reaches_t
         np.testing.assert_allclose(covariance[0], covariances[0], atol=1e-5)
 
 
-def test_what_one_uav_tells_of_a_new_track_is_taken_over_unchanged_and_counted_once():
+def test_a_new_track_is_taken_over_unchanged_and_counted_once():
     adjacency = graph("line", 3)
     means, covariances = beliefs(np.random.default_rng(5), 1)
     empty = np.zeros((0, 4)), np.zeros((0, 4, 4))
@@ -198,13 +199,13 @@ def random_fleet(rng: np.random.Generator, adjacency: np.ndarray) -> list[Messag
         parts = [beliefs(rng, 1, centres[k]) for k in held]
         means = np.array([p[0][0] for p in parts]).reshape(-1, 4)
         covariances = np.array([p[1][0] for p in parts]).reshape(-1, 4, 4)
-        ids = [born_id(3, uav, c) for c in range(len(held))]
+        ids = [new_label(3, uav, c) for c in range(len(held))]
         out.append(message(uav, ids, means, covariances, degree=int(row.sum())))
     return out
 
 
 @pytest.mark.parametrize("kind", ["complete", "ring", "line"])
-def test_tracks_born_on_different_uavs_get_one_id_each_on_all_of_them(kind):
+def test_new_tracks_of_different_uavs_get_one_id_each_in_the_fleet(kind):
     rng = np.random.default_rng(6)
     adjacency = graph(kind, 6)
     for _ in range(20):
@@ -266,7 +267,7 @@ def test_neighbouring_pairs_are_matched_together_not_greedily():
         np.testing.assert_allclose(m.beliefs()[0][:, 0], [0.45, 1.45])
 
 
-def test_a_track_given_up_is_not_brought_back_by_who_still_holds_it():
+def test_a_deleted_track_is_not_brought_back_by_uavs_that_still_hold_it():
     means, covariances = beliefs(np.random.default_rng(9), 1)
     holder = message(0, [5], means, covariances, degree=1, seen=3.0)
     deleter = message(1, [], means[:0], covariances[:0], degree=1, deleted=((5, 4.0),))
@@ -275,7 +276,7 @@ def test_a_track_given_up_is_not_brought_back_by_who_still_holds_it():
         assert m.deleted == ((5, 4.0),)
 
 
-def test_a_track_seen_after_others_gave_it_up_lives():
+def test_a_track_detected_after_its_deletion_elsewhere_lives():
     means, covariances = beliefs(np.random.default_rng(10), 1)
     holder = message(0, [5], means, covariances, degree=1, seen=4.5)
     deleter = message(1, [], means[:0], covariances[:0], degree=1, deleted=((5, 4.0),))
@@ -283,7 +284,7 @@ def test_a_track_seen_after_others_gave_it_up_lives():
         np.testing.assert_array_equal(m.ids, [5])
 
 
-def test_times_of_evidence_reach_as_many_hops_as_there_are_rounds():
+def test_detection_times_travel_one_hop_per_round():
     adjacency = graph("line", 5)
     means, covariances = beliefs(np.random.default_rng(11), 5)
     messages = [
@@ -292,13 +293,13 @@ def test_times_of_evidence_reach_as_many_hops_as_there_are_rounds():
     ]
     for rounds in range(6):
         after = exchange(messages, adjacency, rounds)
-        assert [m.evidence.times[0, 0] for m in after] == [9.0 if i <= rounds else 1.0 for i in range(5)]
+        assert [m.history.times[0, 0] for m in after] == [9.0 if i <= rounds else 1.0 for i in range(5)]
 
 
-def test_no_two_births_share_an_id_and_older_ones_are_smaller():
-    ids = [born_id(*birth) for birth in itertools.product(range(1, 5), (0, 1, 999), (0, 1, 999))]
+def test_labels_of_new_tracks_are_unique_and_ascend_with_time():
+    ids = [new_label(*birth) for birth in itertools.product(range(1, 5), (0, 1, 999), (0, 1, 999))]
     assert len(set(ids)) == len(ids)
-    assert born_id(2, 0, 0) > born_id(1, 999, 999) > 999_999
+    assert new_label(2, 0, 0) > new_label(1, 999, 999) > 999_999
 
 
 def test_a_uav_without_neighbours_keeps_what_it_has():

@@ -1,4 +1,4 @@
-"""Trackers as a fleet: one id per person, one end per track, whoever sees."""
+"""Trackers as a fleet: one id per person, and one deletion per track."""
 
 import dataclasses
 
@@ -7,7 +7,7 @@ import pytest
 from helpers.scenes import ABOVE, AWAY, CAMERA, R, check, play, scan, track, tracker
 
 from tracking.fusion.consensus import fuse
-from tracking.fusion.message import FIRST_BORN
+from tracking.fusion.labels import FIRST_LABEL
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import Track, Tracker
@@ -42,7 +42,7 @@ def test_the_whole_fleet_ends_a_track_in_the_same_scan():
         assert [len(t.tracks) for t in trackers] == [int(k < 4)] * 4
 
 
-def test_a_person_met_by_all_in_the_same_scan_gets_one_id_along_a_line():
+def test_a_person_first_detected_by_all_uavs_at_once_gets_one_id():
     rng = np.random.default_rng(5)
     trackers = fleet(5)
     for k in range(10):
@@ -54,7 +54,7 @@ def test_a_person_met_by_all_in_the_same_scan_gets_one_id_along_a_line():
         assert len(held.pop()) == (2 if k else 0)
 
 
-def test_people_met_at_both_ends_of_a_line_get_one_id():
+def test_a_person_first_detected_at_both_ends_of_a_line_gets_one_id():
     trackers = fleet(3)
     for k in range(6):
         for u, t in enumerate(trackers):
@@ -72,7 +72,7 @@ def test_a_track_taken_over_from_a_neighbour_brings_its_misses_along():
         assert [len(t.tracks) for t in trackers] == ([1, 0] if k < 3 else [1, 1] if k < 4 else [0, 0])
 
 
-def test_a_part_of_the_fleet_that_was_cut_off_does_not_bring_back_an_ended_track():
+def test_a_partition_that_was_cut_off_does_not_bring_back_a_deleted_track():
     trackers = fleet(2, track(3, 0, 0, 0, 0))
     for k in range(10):
         trackers[0].step(scan(k, uav=0))
@@ -81,7 +81,7 @@ def test_a_part_of_the_fleet_that_was_cut_off_does_not_bring_back_an_ended_track
         assert [len(t.tracks) for t in trackers] == ([1, 1] if k < 4 else [0, 1] if k < 8 else [0, 0])
 
 
-def test_a_part_that_was_cut_off_and_saw_the_person_since_brings_the_track_back():
+def test_a_partition_that_detected_the_person_since_brings_the_track_back():
     trackers = fleet(2, track(3, 0, 0, 0, 0))
     for k in range(10):
         trackers[0].step(scan(k, uav=0))
@@ -90,7 +90,7 @@ def test_a_part_that_was_cut_off_and_saw_the_person_since_brings_the_track_back(
         assert [len(t.tracks) for t in trackers] == [int(k < 4 or k > 7), 1]
 
 
-def test_those_who_see_nothing_do_not_dilute():
+def test_uavs_without_a_view_do_not_dilute():
     trackers, lone = fleet(3, track(3, 0, 0, 0.5, 0)), tracker(track(3, 0, 0, 0.5, 0))
     for k in range(15):
         z = (0.1 * k + 0.05 * (-1) ** k, 0.02 * k)
@@ -158,10 +158,10 @@ def refound(*companions: tuple[float, float]) -> list[int]:
     return [t.id for t in trackers[0].tracks]
 
 
-def test_a_person_found_again_by_one_uav_and_taken_for_new_by_another_stays_one():
+def test_a_person_reacquired_by_one_uav_and_new_to_another_stays_one():
     assert refound() == [3]
 
 
-def test_somebody_new_beside_a_person_who_is_found_again_is_still_found():
+def test_a_new_person_beside_a_reacquired_one_is_still_found():
     old, new = refound((7.0, 0.0))
-    assert old == 3 and new >= FIRST_BORN
+    assert old == 3 and new >= FIRST_LABEL

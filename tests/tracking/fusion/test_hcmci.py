@@ -7,9 +7,9 @@ from helpers.scenes import ABOVE, AWAY, CAMERA, MOTION, OPEN, H, scan, track, tr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracking.filter.kalman import information_form, moment_form
+from tracking.filter.information import information_form, moment_form
 from tracking.fusion.consensus import fuse
-from tracking.fusion.hcmci import farthest, split
+from tracking.fusion.hcmci import largest_innovation, split_information
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 # Association without doubt: whatever is measured is the person.
@@ -40,7 +40,7 @@ def look(trackers: list[Tracker], k: int, truth: np.ndarray, sees: np.ndarray, r
 
 
 class CentralFilter:
-    """The information filter of somebody who gets all measurements."""
+    """Information filter with all measurements."""
 
     def __init__(self) -> None:
         self.q, self.omega = information_form(START.belief.mean, START.belief.covariance)
@@ -67,7 +67,7 @@ def beliefs(trackers: list[Tracker]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def some(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Who sees the person: some of the UAVs, one at least now and then, and nobody in one scan of ten."""
+    """Flags of UAVs with a detection: some of them, and none in one scan of ten."""
     return (rng.random(count) < 0.5) & (rng.random() < 0.9)
 
 
@@ -85,7 +85,7 @@ def test_with_many_rounds_it_is_the_central_filter(kind, rounds):
             np.testing.assert_allclose(held.belief.mean, np.linalg.solve(central.omega, central.q), atol=1e-6)
 
 
-def test_on_a_ring_its_error_falls_with_the_second_eigenvalue_of_the_metropolis_weights():
+def test_on_a_ring_the_error_falls_with_the_metropolis_weights_second_eigenvalue():
     adjacency = graph("ring", 8)
     rate = np.sort(np.abs(np.linalg.eigvalsh(metropolis(adjacency))))[-2]
     errors = []
@@ -123,7 +123,7 @@ def test_it_never_knows_more_than_the_central_filter(network, rounds, loss):
         assert excess.min() > -1e-9 * np.linalg.norm(central.omega)
 
 
-def test_few_rounds_tell_more_than_the_average_does():
+def test_few_rounds_give_more_information_than_the_average():
     known = {}
     for fusion in ("kla", "hcmci"):
         rng, trackers = np.random.default_rng(2), fleet(6, fusion)
@@ -145,14 +145,14 @@ def test_uavs_that_do_not_hold_the_track_do_not_dilute_it():
     np.testing.assert_allclose(q, np.tile(central.q, (5, 1)), rtol=1e-9, atol=1e-9)
 
 
-def test_one_who_sees_tells_all_it_knows_as_soon_as_word_reaches_them():
+def test_one_uavs_information_reaches_all_within_as_many_rounds_as_hops():
     rng, trackers, central = np.random.default_rng(4), fleet(9), CentralFilter()
     central.update(look(trackers, 0, np.zeros(2), np.arange(9) == 4, rng))
     fuse(trackers, graph("line", 9), 4)
     np.testing.assert_allclose(beliefs(trackers)[1], np.tile(central.omega, (9, 1, 1)), rtol=1e-6, atol=1e-6)
 
 
-def test_an_empty_place_counts_once_however_many_look_at_it():
+def test_negative_information_of_many_uavs_counts_once():
     edge = track(3, 10.5, 0, 0, 0, variance=0.5)  # half in view
     alone = tracker(edge, fusion="hcmci")
     several = [tracker(edge, uav=u, fusion="hcmci") for u in range(4)]
@@ -168,7 +168,7 @@ def test_an_empty_place_counts_once_however_many_look_at_it():
 
 
 @pytest.mark.parametrize("distance", [0.3, 0.6, 0.9, 1.0, 1.1, 1.2, 1.3])
-def test_what_all_are_in_doubt_about_does_not_carry_the_mean_away(distance):
+def test_doubt_shared_by_all_uavs_does_not_carry_the_mean_away(distance):
     """Twenty UAVs with a measurement that may be a false alarm never go beyond it."""
     trackers = [tracker(track(3, 0, 0, 0, 0), uav=u, fusion="hcmci", clutter_density=0.05) for u in range(20)]
     for t in trackers:
@@ -190,8 +190,8 @@ def test_a_kalman_update_is_split_into_prior_and_measurement():
         seen = H.T @ np.linalg.solve(R_, z)
         covariance = np.linalg.inv(prior[1])
         before = (covariance @ prior[0])[None], covariance[None]
-        reach = farthest(*before, z[None], np.array([[0, 0]]))
-        held, novel = split(before, ((prior[0] + seen)[None], (prior[1] + gain)[None]), reach)
+        reach = largest_innovation(*before, z[None], np.array([[0, 0]]))
+        held, novel = split_information(before, ((prior[0] + seen)[None], (prior[1] + gain)[None]), reach)
         scale = 1e-9 * np.linalg.norm(prior[1] + gain)
         np.testing.assert_allclose(held[0], np.concatenate([prior[0], prior[1].ravel()]), atol=scale)
         np.testing.assert_allclose(novel[0], np.concatenate([seen, gain.ravel()]), atol=scale)
@@ -204,7 +204,7 @@ def test_parts_add_up_and_are_never_indefinite_whatever_the_posterior(seed, scal
     roots = rng.normal(size=(2, 3, 4, 4)) * np.array([1.0, 10.0**scale])[:, None, None, None]
     matrices = roots @ np.swapaxes(roots, 2, 3) + 1e-3 * np.eye(4)
     vectors = rng.normal(size=(2, 3, 4)) * 10
-    held, novel = split(moment_form(vectors[0], matrices[0]), (vectors[1], matrices[1]), np.full(3, reach))
+    held, novel = split_information(moment_form(vectors[0], matrices[0]), (vectors[1], matrices[1]), np.full(3, reach))
     total = np.concatenate([vectors[1], matrices[1].reshape(3, 16)], axis=1)
     np.testing.assert_allclose(held + novel, total, rtol=1e-8, atol=1e-8 * np.abs(total).max())
     for t in range(3):
@@ -222,7 +222,7 @@ def test_the_bytes_of_a_message_are_those_of_its_numbers():
         trackers = [tracker(START, track(4, 0, 5, 0, 0), uav=u, fusion=fusion) for u in range(3)]
         trackers[0].step(scan(0, (0.0, 0.0)))
         sizes[fusion] = trackers[0].message(2).size
-    # UAV, degree and company; two tracks; of the one that was seen, novel q and Ω, and one UAV with its share.
+    # UAV, degree and partition; two tracks; of the one that was seen, novel q and Ω, and one UAV with its share.
     assert sizes == {"kla": 8 * (4 + 2 * 25), "hcmci": 8 * (4 + 2 * 25 + 14 + 2)}
 
 

@@ -19,7 +19,7 @@ def healing_to(kind: str, n: int) -> np.ndarray:
 
 
 def turned(seed: int, kind: str) -> list[int]:
-    """How many tracks UAVs hold of a person who turned after the first one looked away, when all five meet."""
+    """Numbers of tracks of a person that turned after the first UAV looked away, when all five UAVs meet."""
     rng = np.random.default_rng(seed)
     trackers, place, velocity = fleet(5), np.zeros(2), np.array([1.5, 0.0])
     for k in range(15):
@@ -40,15 +40,15 @@ def test_a_track_last_seen_before_a_turn_gathers_the_newcomers_of_that_person(ki
     assert turned(seed, kind) == [1] * 5
 
 
-def test_who_is_seen_now_keeps_a_track_though_another_matches_the_older_one_of_that_name():
-    """One company saw person 3 before, elsewhere; the other sees 3, and somebody where the first has 3."""
+def test_a_person_in_view_keeps_a_track_beside_an_older_one_of_its_id():
+    """One partition saw person 3 before, elsewhere; the other sees 3, and a person where the first has 3."""
     first = replace(told(0, [30.0], [0.05], [3], [907], [NOW - 0.2]), degree=1)
-    second = replace(told(1, [0.0, 30.2], [0.05, 0.05], [3, 50], [907, 950], [NOW, NOW]), degree=1, company=(1, NOW))
+    second = replace(told(1, [0.0, 30.2], [0.05, 0.05], [3, 50], [907, 950], [NOW, NOW]), degree=1, partition=(1, NOW))
     for message in exchange([first, second], graph("complete", 2), 5):
         assert sorted(message.beliefs()[0][:, 0].round(1).tolist()) == [0.0, 30.1]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["complete", "line", "ring", "star"])
-def test_whatever_the_graph_all_agree_in_the_scan_of_healing_and_hardly_anybody_is_doubled(kind):
+def test_on_any_graph_uavs_agree_after_healing_with_hardly_any_duplicates(kind):
     assert sum(max(turned(seed, kind)) > 1 for seed in range(100, 200)) <= 1

@@ -1,4 +1,4 @@
-"""What UAVs hold against tracks, whom they call new, and what they take for a graph, when they meet again."""
+"""Healing of a split fleet: misses, new tracks, and validation of graphs and members."""
 
 import re
 
@@ -13,7 +13,7 @@ from tracking.geometry.visibility import Forest, Tree
 PAIR = np.ones((2, 2), bool)
 
 
-def test_who_missed_a_person_in_the_meantime_has_nothing_against_their_track():
+def test_misses_of_a_split_do_not_count_against_a_track_seen_elsewhere():
     trackers = fleet(2, track(3, 0, 0, 0, 0))
     for k in range(8):
         seen = [(0.0, 0.0)]
@@ -24,21 +24,21 @@ def test_who_missed_a_person_in_the_meantime_has_nothing_against_their_track():
         assert ids(trackers) == [(3,), (3,)]
 
 
-def test_somebody_renamed_when_halves_meet_does_not_take_the_track_of_a_hidden_person():
+def test_a_relabelled_track_does_not_take_a_hidden_persons_track():
     trees = Forest((Tree(0.0, 0.0, 3.0),))
     trackers = [
         tracker(track(3, -6 if u < 2 else 6, 0, 0, 0), track(4, 0, 0, 0, 0), uav=u, forest=trees) for u in range(4)
     ]
     for k in range(14):
-        everyone = [[(-6, 0), (6, 0)]] * 4
-        play(trackers, k, everyone if k >= 11 else [[(-6, 0)]] * 2 + [[(6, 0)]] * 2, WHOLE if k >= 11 else HALVES)
+        both = [[(-6, 0), (6, 0)]] * 4
+        play(trackers, k, both if k >= 11 else [[(-6, 0)]] * 2 + [[(6, 0)]] * 2, WHOLE if k >= 11 else HALVES)
         if k >= 11:
             places = [[t.belief.mean[:2].round(1).tolist() for t in s.tracks] for s in trackers]
             assert places == [[[-6.0, 0.0], [0.0, 0.0], [6.0, 0.0]]] * 4
             assert len(set(ids(trackers))) == 1 and ids(trackers)[0][:2] == (3, 4)
 
 
-def test_people_are_found_though_any_absence_makes_somebody_lost():
+def test_people_are_found_if_every_miss_makes_a_track_lost():
     trackers = fleet(1, recovery_after=0.0)
     for k in range(6):
         trackers[0].step(scan(k, (0, 0), (5, 5)))
@@ -70,12 +70,12 @@ def test_what_is_no_graph_is_refused(adjacency, rounds, lost, complaint):
         fuse(fleet(2), adjacency, rounds, lost)
 
 
-def test_two_members_of_one_name_are_refused():
+def test_two_members_of_one_number_are_refused():
     with pytest.raises(ValueError, match=re.escape("uav must differ among members, are [0, 0]")):
         fuse([tracker(), tracker()], PAIR, 5)
 
 
 @pytest.mark.parametrize("setting", [{"life": "existence"}, {"fusion": "hcmci"}])
-def test_members_that_do_not_speak_alike_are_refused(setting):
+def test_members_with_different_settings_are_refused(setting):
     with pytest.raises(ValueError, match=f"{next(iter(setting))} must be the same for all members"):
         fuse([tracker(), tracker(uav=1, **setting)], PAIR, 5)

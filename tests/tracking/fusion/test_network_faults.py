@@ -1,4 +1,4 @@
-"""What losses, splits and silence do to a fleet of trackers, and what they do not."""
+"""Fleets of trackers under message losses, network splits and silent UAVs."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def disagreement(trackers: list[Tracker]) -> float:
 
 
 class Walkers:
-    """People who stay about the origin, and what UAVs on a circle above see of them between trees."""
+    """People near the origin, and scans of UAVs on a circle above them between trees."""
 
     def __init__(self, seed: int, uavs: int) -> None:
         self.rng = np.random.default_rng(seed)
@@ -50,7 +50,7 @@ class Walkers:
 
 @FUSIONS
 @pytest.mark.parametrize("kind", ["complete", "ring"])
-def test_with_half_of_all_messages_lost_the_fleet_agrees_and_doubles_or_loses_nobody(kind, fusion):
+def test_with_half_of_all_messages_lost_the_fleet_agrees_without_duplicates(kind, fusion):
     apart = []
     for seed in range(2):
         people = Walkers(seed, 5)
@@ -78,14 +78,14 @@ def test_a_fleet_that_was_split_agrees_in_the_scan_in_which_it_heals(kind, seed,
         people.walk(trackers, k)
         fuse(trackers, parted if k < 60 else graph(kind, 6), 5)
         if k == 59:
-            # Both parts met everybody on their own.
+            # Both partitions detected all people on their own.
             assert not {id for held in ids(trackers[:3]) for id in held} & {i for h in ids(trackers[3:]) for i in h}
     assert disagreement(trackers) < 0.15
     assert sorted(people.held(trackers[0])) == [0, 1, 2, 3, 4]
 
 
 def conflict(fusion: str, scans: int) -> list[Tracker]:
-    """A lost person, and a stranger whom one half of the fleet takes for them while the other half sees them again."""
+    """A lost person, re-acquired by one half of the fleet, and another person that the other half takes for them."""
     trackers = fleet(4, track(3, 0, 0, 0.2, 0), forest=Forest((Tree(0, 0, 3.0),)), fusion=fusion)
     for k in range(scans):
         stranger, person = (-5.0, 3.0 + 0.1 * (k - 10)), (3.4, 0.1 * (k - 14))
@@ -100,11 +100,11 @@ def conflict(fusion: str, scans: int) -> list[Tracker]:
 
 @FUSIONS
 @pytest.mark.parametrize("adjacency", [WHOLE, graph("line", 4)])
-def test_two_people_whom_the_halves_gave_one_id_become_two_for_all_when_they_meet(fusion, adjacency):
+def test_two_people_of_one_id_become_two_when_the_halves_meet(fusion, adjacency):
     trackers = conflict(fusion, 20)
     assert disagreement(trackers) < 0.05
     kept, other = trackers[0].tracks
-    # The company of the smaller UAV keeps the id.
+    # The partition of the smaller UAV keeps the id.
     assert kept.id == 3 and kept.belief.mean[0] < -4.5
     assert other.id > 3 and other.belief.mean[0] > 3.0
     for k in range(20, 30):
@@ -112,7 +112,7 @@ def test_two_people_whom_the_halves_gave_one_id_become_two_for_all_when_they_mee
         assert set(ids(trackers)) == {(3, other.id)}
 
 
-def test_people_whose_ids_the_halves_swapped_keep_one_each():
+def test_people_with_exchanged_ids_keep_one_each():
     there, here = (-4.0, 0.0), (4.0, 0.0)
     beliefs = [track(3, *there, 0, 0), track(4, *here, 0, 0)], [track(3, *here, 0, 0), track(4, *there, 0, 0)]
     trackers = [tracker(*beliefs[u // 2], uav=u) for u in range(4)]
@@ -123,7 +123,7 @@ def test_people_whose_ids_the_halves_swapped_keep_one_each():
     np.testing.assert_allclose([t.belief.mean[:2] for t in trackers[3].tracks], [there, here], atol=0.1)
 
 
-def test_a_person_whom_one_half_lost_is_where_the_other_half_sees_them():
+def test_a_person_lost_by_one_half_is_where_the_other_half_sees_them():
     """One half believes the person still under the tree; the other saw them come out and turn."""
     trackers = fleet(4, track(3, -2, 0, 0.5, 0), forest=Forest((Tree(0, 0, 3.0),)))
     for k in range(25):
@@ -135,8 +135,8 @@ def test_a_person_whom_one_half_lost_is_where_the_other_half_sees_them():
 
 
 @pytest.mark.parametrize("adjacency", [WHOLE, graph("line", 4)])
-def test_a_person_whom_both_halves_met_and_one_lost_is_one_and_keeps_the_older_id(adjacency):
-    """Nobody looks when the halves meet, and the beliefs differ: what counts is who saw the person of late."""
+def test_a_person_known_to_both_halves_and_lost_by_one_keeps_the_older_id(adjacency):
+    """No UAV has a view when the halves meet, and the beliefs differ: the last detection counts."""
     trackers = fleet(4, fusion="hcmci")
     for k in range(19):
         place = (0.3 * k, 0.0) if k < 10 else (3.0, 0.3 * (k - 10))  # turns when only the second half looks
@@ -151,8 +151,8 @@ def test_a_person_whom_both_halves_met_and_one_lost_is_one_and_keeps_the_older_i
         np.testing.assert_allclose(t.tracks[0].belief.covariance, expected.covariance, atol=1e-6)
 
 
-def test_a_recovery_that_not_all_have_heard_of_doubles_nobody():
-    """Messages of the scan in which a lost person turns up are lost: only those who saw it know who it is."""
+def test_a_reacquisition_unknown_to_some_uavs_makes_no_duplicate():
+    """Messages of the scan of the re-acquisition are lost: only UAVs with a detection know of it."""
     trackers = fleet(3, track(3, 0, 0, 0.5, 0), forest=Forest((Tree(0, 0, 3.0),)))
     for k in range(20):
         z = [(0.0, 3.5 + 0.2 * (k - 12))] if k >= 12 else []
@@ -165,7 +165,7 @@ def test_a_recovery_that_not_all_have_heard_of_doubles_nobody():
 
 
 @FUSIONS
-def test_the_people_of_a_uav_that_falls_silent_are_handed_over(fusion):
+def test_the_tracks_of_a_silent_uav_are_handed_over(fusion):
     """UAV 0 alone sees the person, then is heard no more; UAV 1 takes over when the person comes into its view."""
     trackers = fleet(3, fusion=fusion)
     for k in range(40):
@@ -181,7 +181,7 @@ def test_the_people_of_a_uav_that_falls_silent_are_handed_over(fusion):
     np.testing.assert_allclose(trackers[2].tracks[0].belief.mean, [5.7, 0, 1.5, 0], atol=0.1)
 
 
-def test_what_was_given_up_is_remembered_for_a_time_and_then_forgotten():
+def test_deletions_are_remembered_for_a_time():
     trackers = fleet(2, track(3, 0, 0, 0, 0), forget_after=2.0)
     remembered = []
     for k in range(20):
@@ -193,7 +193,7 @@ def test_what_was_given_up_is_remembered_for_a_time_and_then_forgotten():
 
 
 @pytest.mark.parametrize(("cut", "held"), [(12, 0), (25, 1)])
-def test_a_track_given_up_longer_ago_than_remembered_comes_back_and_ends_as_it_did(cut, held):
+def test_a_track_of_a_forgotten_deletion_comes_back_and_is_deleted_again(cut, held):
     """UAV 1 looks elsewhere and keeps what UAV 0 has refuted; the two meet again after `cut` scans."""
     trackers = fleet(2, track(3, 0, 0, 0, 0), forget_after=2.0)
     counts = []

@@ -13,12 +13,12 @@ from tracking.parameters import FUSIONS
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 PEOPLE, UAVS, SCANS = 5, 3, 6
-LINE = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], dtype=bool)  # who hears whom; two rounds do not make all agree
+LINE = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], dtype=bool)  # adjacency; two rounds do not make all agree
 PARAMETERS = TrackerParameters(MOTION, detection_probability=0.9, clutter_density=0.01)
 
 
 class Scene:
-    """Five people so close that gates overlap, one of whom the fleet does not know; UAVs that see parts of it."""
+    """Five people with overlapping gates, one unknown to the fleet; UAVs that see parts of the scene."""
 
     def __init__(self, seed: int) -> None:
         rng = np.random.default_rng(seed)
@@ -53,7 +53,9 @@ class Scene:
     def _rows(tracker: Tracker, ids: list[int]) -> np.ndarray:
         rows = []
         for t in tracker.tracks:
-            name = ids.index(t.id) if t.id in ids else PEOPLE  # newcomers, whose ids hold UAV and order, by position
+            name = (
+                ids.index(t.id) if t.id in ids else PEOPLE
+            )  # new tracks by position, as their ids depend on UAV and order
             rows.append((name, *t.belief.mean, *t.belief.covariance.ravel()))
         return np.array(sorted(rows))
 
@@ -90,7 +92,7 @@ def test_the_order_of_uavs_does_not_matter(seed, uavs):
 
 
 def test_the_scenes_hold_what_the_order_could_upset():
-    """Newcomers whom all UAVs know in the end, and UAVs that do not agree."""
+    """New tracks known to all UAVs in the end, and UAVs that do not agree."""
     ends = [Scene(seed).play(*PLAIN) for seed in range(10)]
     assert sum(all(rows[-1, 0] == PEOPLE for rows in end) for end in ends) >= 8
     assert all(not np.allclose(end[0][0], end[2][0], rtol=1e-6) for end in ends)

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from tracking.geometry.line_of_sight import blocked
 from tracking.geometry.tree_grid import gridded
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, blocked, line_of_sight
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.numerics.compiled import compiled
 
 
@@ -60,7 +61,7 @@ def test_culling_changes_no_line_of_sight(trees, occlusion):
         forest = scene(rng, trees, span, occlusion)
         for kind in ("above", "anywhere", "outside", "horizon", "rounded"):
             cameras, points = segments(rng, kind, span)
-            free = line_of_sight(cameras, points, forest)
+            free = forest.visible(cameras, points)
             np.testing.assert_array_equal(free, exhaustive(cameras, points, forest.blockers))
             hidden += np.sum(~free)
     assert (hidden > 20) == (trees > 0)
@@ -74,7 +75,7 @@ def test_culling_changes_none_of_a_million_lines_of_sight():
         forest = scene(rng, 75, 50.0)
         for kind in ("above", "anywhere", "outside", "horizon", "rounded"):
             cameras, points = segments(rng, kind, 50.0)
-            free = line_of_sight(cameras, points, forest)
+            free = forest.visible(cameras, points)
             np.testing.assert_array_equal(free, exhaustive(cameras, points, forest.blockers))
             pairs, hidden = pairs + free.size, hidden + np.sum(~free)
     assert pairs >= 1_000_000 and hidden > 100_000
@@ -84,7 +85,7 @@ def test_what_is_not_a_number_is_answered_as_without_culling():
     forest = scene(np.random.default_rng(1), 20, 20.0)
     cameras, points = segments(np.random.default_rng(2), "anywhere", 20.0)
     cameras[:9] = np.where(np.arange(27).reshape(9, 3) % 4 == 0, np.nan, cameras[:9])
-    np.testing.assert_array_equal(line_of_sight(cameras, points, forest), exhaustive(cameras, points, forest.blockers))
+    np.testing.assert_array_equal(forest.visible(cameras, points), exhaustive(cameras, points, forest.blockers))
 
 
 def test_a_list_holds_every_cylinder_near_its_cell_and_none_far_off():
@@ -113,8 +114,8 @@ def test_a_grid_over_trees_far_apart_stays_small_and_exact():
     for tree in forest.trees:
         person = np.array([tree.x, tree.y + 1.0, TARGET_HEIGHT])
         above, aside = np.array([0.0, 2.0, 19.0]), np.array([0.0, 8.0, 0.0])
-        assert not line_of_sight(person + above, person, forest)[0, 0]
-        assert line_of_sight(person + above + aside, person + aside, forest)[0, 0]
+        assert not forest.visible(person + above, person)[0, 0]
+        assert forest.visible(person + above + aside, person + aside)[0, 0]
         west, east = np.array([tree.x - 30.0, tree.y, 4.0]), np.array([tree.x + 30.0, tree.y, 4.0])
-        assert not line_of_sight(west, east, forest)[0, 0]
+        assert not forest.visible(west, east)[0, 0]
     assert math.isclose(forest.grid.high[0], 5e5 + 5.0, abs_tol=1e-3)

@@ -8,7 +8,7 @@ from helpers.displacements import moved, turned
 from scipy.stats import norm
 
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, line_of_sight, probability_of_detection
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, probability_of_detection
 
 CAMERA = Camera(math.radians(60), 128)
 LOW, HIGH = np.array([-30.0, -30.0, 0.0]), np.array([30.0, 30.0, 22.0])
@@ -26,7 +26,7 @@ def random_forest(rng: np.random.Generator, trees: int = 12, **settings) -> Fore
 
 
 def depths(origin: np.ndarray, point: np.ndarray, cylinders: np.ndarray, samples: int) -> np.ndarray:
-    """How deep [m] the segment dips into each solid, by sampling; negative outside (B,)."""
+    """Depth (B,) m of the segment in each solid, by sampling; negative outside."""
     at = origin + np.linspace(0, 1, samples)[:, None] * (point - origin)
     radial = cylinders[:, 2] - np.hypot(at[:, None, 0] - cylinders[:, 0], at[:, None, 1] - cylinders[:, 1])
     vertical = np.minimum(at[:, None, 2] - cylinders[:, 3], cylinders[:, 4] - at[:, None, 2])
@@ -100,7 +100,7 @@ def test_straight_down_hides_exactly_what_is_under_the_canopy():
         assert tree.visible(np.array([x, -1.0, 20.0]), np.array([x, -1.0, 0.85]))[0, 0] == free
 
 
-def test_somebody_under_a_canopy_is_visible_from_the_side():
+def test_a_person_under_a_canopy_is_visible_from_the_side():
     forest = Forest((Tree(0.0, 0.0, canopy_radius=5.0),))
     person = np.array([3.0, 0.0, 0.85])
     # The ray leaves the canopy's disc, at x = 5, below its base at 3 m only if it is flat enough.
@@ -114,9 +114,9 @@ def test_somebody_under_a_canopy_is_visible_from_the_side():
 def test_level_segments_meet_only_what_is_at_their_height():
     forest = Forest((Tree(0.0, 0.0, canopy_radius=1.0),))
     for z, free in ((2.99, True), (3.0, False), (5.0, False), (6.0, False), (6.01, True)):
-        assert line_of_sight(np.array([-5.0, 0.5, z]), np.array([5.0, 0.5, z]), forest)[0, 0] == free
+        assert forest.visible(np.array([-5.0, 0.5, z]), np.array([5.0, 0.5, z]))[0, 0] == free
     inside = np.array([0.2, 0.1, 5.0])
-    assert not line_of_sight(inside, inside, forest)[0, 0]
+    assert not forest.visible(inside, inside)[0, 0]
 
 
 def test_discs_hide_exactly_what_is_inside_a_circle():
@@ -152,7 +152,7 @@ def test_probability_of_detection_is_one_in_the_open_and_zero_outside_or_hidden(
     ).shape == (0,)
 
 
-def test_probability_of_detection_is_a_half_at_a_straight_edge_and_a_quarter_in_a_corner():
+def test_probability_of_detection_is_a_half_at_an_edge_a_quarter_in_a_corner():
     assert detection((HALF, 0), 0.7, Forest(())) == 0.5
     assert detection((1, -HALF), 0.2, Forest(())) == 0.5
     assert detection((HALF, HALF), 0.4, Forest(())) == 0.25

@@ -1,4 +1,4 @@
-"""What holds of any forest, cameras and people: of lines of sight, and of the probability of detection by them."""
+"""Properties of lines of sight and probabilities of detection for any forest, cameras and people."""
 
 import math
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import Forest, Tree, line_of_sight, probability_of_detection, visible_samples
+from tracking.geometry.visibility import Forest, Tree, probability_of_detection, visible_samples
 
 FOV = math.radians(60)
 CAMERA = Camera(FOV, 128)
@@ -74,8 +74,8 @@ def samples_within(pose, belief, forest):
 def test_moving_cameras_points_and_trees_together_changes_no_line_of_sight(trees, cameras, points, shift, angle):
     forest = Forest(trees)
     there = [turned(p, angle) + np.append(shift, 0.0) for p in (cameras, points)]
-    now = line_of_sight(*there, moved(forest, angle, shift))
-    surely, perhaps = (line_of_sight(cameras, points, moved(forest, 0, np.zeros(2), g)) for g in (CRUMB, -CRUMB))
+    now = moved(forest, angle, shift).visible(*there)
+    surely, perhaps = (moved(forest, 0, np.zeros(2), g).visible(cameras, points) for g in (CRUMB, -CRUMB))
     assert np.all(surely <= now) and np.all(now <= perhaps)
 
 
@@ -108,13 +108,13 @@ def test_turning_all_by_right_angles_changes_no_probability_of_detection(trees, 
 @claim
 @given(TREES, TREES, MODES, PLACES, PLACES)
 def test_more_trees_never_open_a_line_of_sight(trees, more, occlusion, cameras, points):
-    before = line_of_sight(cameras, points, Forest(trees, occlusion))
-    assert np.all(line_of_sight(cameras, points, Forest((*trees, *more), occlusion)) <= before)
+    before = Forest(trees, occlusion).visible(cameras, points)
+    assert np.all(Forest((*trees, *more), occlusion).visible(cameras, points) <= before)
 
 
 @claim
 @given(TREES, TREES, MODES, POSES, BELIEFS)
-def test_more_trees_never_make_anybody_more_probable_to_be_seen(trees, more, occlusion, pose, belief):
+def test_more_trees_never_raise_the_probability_of_detection(trees, more, occlusion, pose, belief):
     few, many = Forest(trees, occlusion), Forest((*trees, *more), occlusion)
     assert np.all(visible_samples(CAMERA, pose, *belief, many) <= visible_samples(CAMERA, pose, *belief, few))
     after, before = (probability_of_detection(CAMERA, pose, *belief, forest) for forest in (many, few))
@@ -125,12 +125,12 @@ def test_more_trees_never_make_anybody_more_probable_to_be_seen(trees, more, occ
 @given(TREES, PLACES, PLACES)
 def test_what_is_above_all_canopies_is_visible_from_above(trees, cameras, points):
     lift = np.array([0.0, 0.0, max((tree.canopy_top for tree in trees), default=0.0) + CRUMB])
-    assert line_of_sight(cameras + lift, points + lift, Forest(trees)).all()
+    assert Forest(trees).visible(cameras + lift, points + lift).all()
 
 
 @claim
 @given(BUSHES, POSES, BELIEFS)
-def test_bushes_lower_than_peoples_middle_hide_nobody_from_above(bushes, pose, belief):
+def test_bushes_below_peoples_mid_height_hide_no_person_from_above(bushes, pose, belief):
     seen = visible_samples(CAMERA, pose, *belief, Forest(bushes))
     np.testing.assert_array_equal(seen, visible_samples(CAMERA, pose, *belief, Forest(())))
     np.testing.assert_array_equal(

@@ -1,4 +1,4 @@
-"""What holds in both lives of tracks, and what counts in the one that counts scans."""
+"""Track management by m of n scans and by existence probabilities."""
 
 import math
 
@@ -24,7 +24,7 @@ PAIR = np.ones((2, 2), bool)
 
 
 @BOTH
-def test_a_person_who_reappears_where_foreseen_keeps_their_id(life):
+def test_a_person_that_reappears_as_predicted_keeps_the_id(life):
     subject = tracker(track(3, -4, 0, 1.5, 0), forest=Forest((Tree(0, 0, 3.0),)), life=life)
     places = [-4 + 0.3 * k for k in range(30)]
     ids = play(subject, [scan(k, *([] if abs(x) < 3.4 else [(x, 0)])) for k, x in enumerate(places)])
@@ -33,7 +33,7 @@ def test_a_person_who_reappears_where_foreseen_keeps_their_id(life):
 
 
 @BOTH
-def test_a_person_who_turns_under_a_canopy_and_reappears_elsewhere_keeps_their_id(life):
+def test_a_person_that_turns_under_a_canopy_keeps_the_id(life):
     subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)), life=life)
     play(subject, [scan(k) for k in range(17)])
     ids = play(subject, [scan(k, (0.0, 5.4 + 0.3 * (k - 17))) for k in range(17, 22)])
@@ -42,7 +42,7 @@ def test_a_person_who_turns_under_a_canopy_and_reappears_elsewhere_keeps_their_i
 
 
 @BOTH
-def test_somebody_who_turns_up_out_of_a_lost_persons_reach_is_somebody_else(life):
+def test_a_new_person_out_of_a_lost_persons_reach_gets_a_new_id(life):
     subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)), life=life)
     play(subject, [scan(k) for k in range(7)])
     ids = play(subject, [scan(k, (8.0, 8.0)) for k in range(7, 10)])
@@ -62,7 +62,7 @@ def test_crossing_people_keep_their_ids(life, kind):
 
 
 @BOTH
-def test_two_people_met_at_once_get_two_tracks_that_last(life):
+def test_two_people_detected_at_once_get_two_lasting_tracks(life):
     rng = np.random.default_rng(1)
     subject = tracker(life=life)
     people = [np.array([[-3 + 0.2 * k, 0.0], [3 - 0.2 * k, 4.0]]) for k in range(25)]
@@ -71,7 +71,7 @@ def test_two_people_met_at_once_get_two_tracks_that_last(life):
 
 
 @BOTH
-def test_a_fleet_that_meets_a_person_from_both_ends_of_a_line_agrees_on_one_id(life):
+def test_a_fleet_agrees_on_one_id_for_a_person_detected_at_both_ends(life):
     trackers = [tracker(uav=u, life=life) for u in range(3)]
     line = np.abs(np.subtract.outer(np.arange(3), np.arange(3))) == 1
     for k in range(6):
@@ -108,7 +108,7 @@ def test_scans_without_a_frame_count_neither_way():
         assert [t.id for t in subject.tracks] == ([3] if k < 8 else [])  # the fifth frame is that of the ninth scan
 
 
-def test_two_who_miss_a_person_in_one_scan_are_one_miss_and_one_who_hits_makes_it_none():
+def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
     trackers = [tracker(track(3, 0, 0, 0, 0), uav=u) for u in range(2)]
     for k in range(10):
         for u, t in enumerate(trackers):

@@ -21,7 +21,7 @@ def paths(*rows):
 # People and tracks by their x at each scan; expected matches, switches and fragmentations. The gate is 1 m.
 CASES = {
     "one track all the time": ([line(0, 1, 2)], [line(0.1, 1.2, 2.3)], [[0], [0], [0]], [0], [0]),
-    "nobody": ([line(0, 1)], [line(5, 6)], [[-1], [-1]], [0], [0]),
+    "none": ([line(0, 1)], [line(5, 6)], [[-1], [-1]], [0], [0]),
     "another id takes over": ([line(0, 0, 0)], [line(0, None, None), line(None, 0, 0)], [[0], [1], [1]], [1], [0]),
     "another id after a gap": (
         [line(0, 0, 0, 0)],
@@ -59,7 +59,7 @@ CASES = {
     # Nearest first would leave the second person without a track.
     "as many pairs as can be": ([line(0), line(0.9)], [line(0.8), line(-0.5)], [[1, 0]], [0, 0], [0, 0]),
     # Both had track 0; the second had it later and keeps it, though the first is nearer.
-    "who had it later": (
+    "the later correspondence": (
         [line(0, 0, 0), line(5, 0.9, 0.9)],
         [line(0, None, 0.2), line(9, 9, 9), line(None, 0.9, None)],
         [[0, -1], [-1, 2], [0, -1]],
@@ -78,14 +78,14 @@ def test_cases_by_hand(people, tracks, matches, switched, broken):
     assert fragmentations(found, ~np.isnan(people[..., 0])).tolist() == broken
 
 
-def test_of_two_claims_the_later_one_holds():
+def test_of_two_correspondences_the_later_one_holds():
     """Track 0 stood for the first person, then for the second, and now both are near it."""
     people = paths(line(0, 0, 0), line(3, 1.5, 0.6))
     tracks = paths(line(0.0, 2.0, 0.2))
     assert correspondence(tracks, people, 1.0).tolist() == [[0, -1], [-1, 0], [-1, 0]]
 
 
-def test_of_one_scan_the_pairs_are_as_many_and_then_as_near_as_can_be():
+def test_pairs_of_a_scan_are_as_many_then_as_near_as_possible():
     rng = np.random.default_rng(0)
     for _ in range(200):
         tracks, people = (rng.uniform(0, 4, (1, int(rng.integers(0, 5)), 2)) for _ in range(2))
@@ -113,7 +113,7 @@ def test_the_order_of_tracks_and_people_does_not_matter():
         assert np.array_equal(np.where(again >= 0, a[again], -1), found[:, b])
 
 
-def test_what_has_no_meaning_is_refused():
+def test_invalid_arguments_are_refused():
     with pytest.raises(ValueError, match="within must be positive, is 0"):
         correspondence(np.zeros((1, 1, 2)), np.zeros((1, 1, 2)), 0.0)
     with pytest.raises(ValueError, match=r"are \(2, 1, 2\) and \(1, 1, 2\)"):

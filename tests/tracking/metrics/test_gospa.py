@@ -149,7 +149,7 @@ paths = st.lists(st.tuples(places, places, places), max_size=3).map(
 
 
 def members(X):
-    """What is in a set of points (A, 2) or of trajectories (K, A, 2), in one order."""
+    """Members of a set of points (A, 2) or of trajectories (K, A, 2), in one order."""
     rows = [np.nan_to_num(row, nan=1e3).ravel().tolist() for row in (X if X.ndim == 2 else np.moveaxis(X, 1, 0))]
     return sorted(row for row in rows if any(number != 1e3 for number in row))
 

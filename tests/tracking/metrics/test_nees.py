@@ -26,7 +26,7 @@ def test_the_interval_holds_95_percent_of_means():
         nees_interval(0, 2)
 
 
-def test_a_kalman_filter_on_its_own_model_is_consistent_and_an_overconfident_one_is_not():
+def test_a_kalman_filter_is_consistent_on_its_own_model_but_not_overconfident():
     """400 targets with one error each, after 25 steps: errors of different targets are independent."""
     rng = np.random.default_rng(2)
     motion = NearlyConstantVelocity(0.2, 1.0)

@@ -11,7 +11,7 @@ import pytest
 
 from sim.mission.warmup import announced
 from tracking.numerics import compiled as subject
-from tracking.numerics import elementary
+from tracking.numerics import universal
 
 ROOT = Path(__file__).parents[3]
 
@@ -127,6 +127,7 @@ def test_kept_code_is_of_the_sources_that_it_was_compiled_from(tmp_path):
     below.write_text("SCALE = 2.0\n")
     subject.digest_of.cache_clear()
     assert subject.digest_of(above, tmp_path) != before
-    source = Path(elementary.__file__)
-    for function in (elementary.exp._cache, elementary.exp_each._dispatcher.cache):
-        assert function._cache_file._source_stamp[1] == subject.digest_of(source)
+    source = Path(universal.__file__)
+    kept = universal.exp_each._dispatcher.cache._cache_file, universal.exp._cache._cache_file
+    assert kept[0]._source_stamp[1] == subject.digest_of(source)
+    assert kept[1]._source_stamp[1] == subject.digest_of(source.with_name("exponential.py"))

@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from tracking.numerics import elementary
+from tracking.numerics import exponential, trigonometry, universal
 
 _RNG = np.random.default_rng(20261122)
 _WIDE = np.concatenate([_RNG.normal(0, 1, 1000), _RNG.normal(0, 100, 1000), _RNG.uniform(-1e-6, 1e-6, 200)])
@@ -24,17 +24,17 @@ def _units(found, function, *arguments):
 
 
 def test_exponential_is_within_two_units_in_the_last_place():
-    assert _units(elementary.exp_each(_WIDE), mpmath.exp, _WIDE).max() < 2
+    assert _units(universal.exp_each(_WIDE), mpmath.exp, _WIDE).max() < 2
 
 
 def test_logarithm_is_within_two_units_in_the_last_place():
-    assert _units(elementary.log_each(_POSITIVE), mpmath.log, _POSITIVE).max() < 2
+    assert _units(np.array([exponential.log(x) for x in _POSITIVE.tolist()]), mpmath.log, _POSITIVE).max() < 2
 
 
 @pytest.mark.parametrize("name", ["sin", "cos"])
 def test_sine_and_cosine_are_exact_to_three_ten_quadrillionths(name):
     angles = np.concatenate([_WIDE, _RNG.uniform(-1e5, 1e5, 1000), np.arange(-40, 41) * (math.pi / 4)])
-    found = getattr(elementary, f"{name}_each")(angles)
+    found = getattr(universal, f"{name}_each")(angles)
     with mpmath.workdps(40):
         true = np.array([getattr(mpmath, name)(mpmath.mpf(x)) for x in angles.tolist()])
     assert np.abs(found - true).max() < 3e-16
@@ -42,35 +42,35 @@ def test_sine_and_cosine_are_exact_to_three_ten_quadrillionths(name):
 
 def test_small_angles_keep_all_digits_of_their_sine():
     angles = _RNG.uniform(-0.8, 0.8, 2000) * 10.0 ** _RNG.integers(-12, 1, 2000)
-    assert _units(elementary.sin_each(angles), mpmath.sin, angles).max() < 2
+    assert _units(universal.sin_each(angles), mpmath.sin, angles).max() < 2
 
 
 def test_direction_is_within_two_units_in_the_last_place():
     y, x = _DIRECTIONS.T
-    assert _units(elementary.arctan2_each(y, x), mpmath.atan2, y, x).max() < 2
+    assert _units(universal.arctan2_each(y, x), mpmath.atan2, y, x).max() < 2
 
 
 def test_direction_along_the_axes_is_exact():
     along = [(0, 1), (1, 0), (0, -1), (-1, 0), (0, 0)]
-    found = [elementary.arctan2(float(y), float(x)) for y, x in along]
+    found = [trigonometry.arctan2(float(y), float(x)) for y, x in along]
     assert found == [0.0, math.pi / 2, math.pi, -math.pi / 2, 0.0]
 
 
 def test_tangent_has_fifteen_digits():
     angles = _RNG.uniform(-1.5, 1.5, 1000)
-    found = np.array([elementary.tan(x) for x in angles.tolist()])
+    found = np.array([trigonometry.tan(x) for x in angles.tolist()])
     np.testing.assert_allclose(found, [float(mpmath.tan(x)) for x in angles], rtol=1e-15)
 
 
 @pytest.mark.parametrize("exponent", [2.0, 1.0, 0.5, 0.0])
 def test_powers_with_simple_exponents_are_exact(exponent):
     bases = _RNG.uniform(0, 50, 500)
-    assert np.array_equal(elementary.power_each(bases, exponent), bases**exponent)
+    assert np.array_equal(universal.power_each(bases, exponent), bases**exponent)
 
 
 def test_error_of_a_power_grows_with_its_logarithm():
     bases, exponents = _RNG.uniform(1e-3, 50, 2000), _RNG.uniform(-5, 5, 2000)
-    errors = _units(elementary.power_each(bases, exponents), mpmath.power, bases, exponents)
+    errors = _units(universal.power_each(bases, exponents), mpmath.power, bases, exponents)
     assert np.all(errors < 2 + 3 * np.abs(exponents * np.log(bases)))
 
 
@@ -89,18 +89,26 @@ def test_error_of_a_power_grows_with_its_logarithm():
     ],
 )
 def test_ends_of_the_range_are_those_of_the_real_line(name, x, value):
-    assert getattr(elementary, name)(x) == value
+    assert getattr(exponential, name)(x) == value
 
 
-@pytest.mark.parametrize(("name", "x"), [("exp", math.nan), ("log", math.nan), ("log", -1.0), ("sin", math.nan)])
-def test_what_has_no_value_is_not_a_number(name, x):
-    assert math.isnan(getattr(elementary, name)(x))
+@pytest.mark.parametrize(
+    ("function", "x"),
+    [
+        (exponential.exp, math.nan),
+        (exponential.log, math.nan),
+        (exponential.log, -1.0),
+        (trigonometry.sin, math.nan),
+    ],
+)
+def test_values_outside_the_domain_are_nan(function, x):
+    assert math.isnan(function(x))
 
 
 @pytest.mark.parametrize(("y", "x"), [(1.0, math.inf), (math.inf, math.inf), (math.nan, 1.0), (-math.inf, 0.0)])
 def test_directions_that_are_not_finite_are_not_numbers(y, x):
-    assert math.isnan(elementary.arctan2(y, x))
+    assert math.isnan(trigonometry.arctan2(y, x))
 
 
 def test_angles_too_large_to_have_digits_are_not_numbers():
-    assert math.isnan(elementary.sin(1e30)) and math.isnan(elementary.cos(-1e18))
+    assert math.isnan(trigonometry.sin(1e30)) and math.isnan(trigonometry.cos(-1e18))

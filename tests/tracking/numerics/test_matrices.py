@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tracking.numerics import matrices
+from tracking.numerics import distances, factorisation, matrices
 
 _RNG = np.random.default_rng(7)
 
@@ -34,41 +34,41 @@ def test_a_matrix_applies_to_vectors_along_the_last_axis():
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 6])
 def test_roots_and_inverses_agree_with_lapack(n):
     P = _definite(n, 50, spread=1.0)
-    np.testing.assert_allclose(matrices.cholesky(P), np.linalg.cholesky(P), rtol=1e-9)
-    np.testing.assert_allclose(matrices.inverse(P), np.linalg.inv(P), rtol=1e-7, atol=1e-12)
-    assert np.array_equal(matrices.inverse(P), np.swapaxes(matrices.inverse(P), 1, 2))
+    np.testing.assert_allclose(factorisation.cholesky(P), np.linalg.cholesky(P), rtol=1e-9)
+    np.testing.assert_allclose(factorisation.inverse(P), np.linalg.inv(P), rtol=1e-7, atol=1e-12)
+    assert np.array_equal(factorisation.inverse(P), np.swapaxes(factorisation.inverse(P), 1, 2))
 
 
 def test_axes_without_variance_have_a_root_of_zeros():
     singular = np.array([np.zeros((4, 4)), np.diag([1.0, 0.0, 4.0, 0.0])])
-    roots = matrices.cholesky(singular)
+    roots = factorisation.cholesky(singular)
     assert np.array_equal(roots @ np.swapaxes(roots, 1, 2), singular)
 
 
 def test_what_is_not_definite_gives_not_a_number():
     wrong = np.array([[1.0, 2.0], [2.0, 1.0]])
-    assert np.isnan(matrices.cholesky(wrong)[1, 1])
-    assert math.isnan(matrices.log_determinant(wrong)) and math.isnan(matrices.squared_distance(np.ones(2), wrong))
-    assert np.isnan(matrices.inverse(wrong)).any()
+    assert np.isnan(factorisation.cholesky(wrong)[1, 1])
+    assert math.isnan(distances.log_determinant(wrong)) and math.isnan(distances.squared_distance(np.ones(2), wrong))
+    assert np.isnan(factorisation.inverse(wrong)).any()
 
 
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_log_determinants_and_distances_agree_with_lapack(n):
     P, d = _definite(n, 6, 1), _RNG.normal(size=(5, n))
-    np.testing.assert_allclose(matrices.log_determinant(P), np.linalg.slogdet(P)[1], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(distances.log_determinant(P), np.linalg.slogdet(P)[1], rtol=1e-9, atol=1e-9)
     solved = np.linalg.solve(np.broadcast_to(P, (6, 5, n, n)), np.broadcast_to(d, (6, 5, n))[..., None])[..., 0]
-    np.testing.assert_allclose(matrices.squared_distance(d, P), (solved * d).sum(axis=-1), rtol=1e-8)
+    np.testing.assert_allclose(distances.squared_distance(d, P), (solved * d).sum(axis=-1), rtol=1e-8)
 
 
 def test_forward_solution_satisfies_its_equations():
-    L, B = matrices.cholesky(_definite(4, 7, spread=1.0)), _RNG.normal(size=(4, 3))
-    np.testing.assert_allclose(L @ matrices.forward_solved(L, B), np.broadcast_to(B, (7, 4, 3)), atol=1e-10)
+    L, B = factorisation.cholesky(_definite(4, 7, spread=1.0)), _RNG.normal(size=(4, 3))
+    np.testing.assert_allclose(L @ factorisation.forward_substitution(L, B), np.broadcast_to(B, (7, 4, 3)), atol=1e-10)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 6])
 def test_eigenvalues_ascend_and_rebuild_the_matrix(n):
     P = _definite(n, 40) - 2.0 * np.eye(n)
-    values, vectors = matrices.eigen(P)
+    values, vectors = factorisation.eigen(P)
     scale = np.abs(values).max(axis=1)
     assert np.all(np.diff(values, axis=1) >= 0)
     assert np.all(np.abs(values - np.linalg.eigvalsh(P)).max(axis=1) < 1e-13 * scale)
@@ -78,7 +78,7 @@ def test_eigenvalues_ascend_and_rebuild_the_matrix(n):
 
 
 def test_equal_eigenvalues_keep_the_axes():
-    values, vectors = matrices.eigen(np.diag([2.0, 1.0, 2.0]))
+    values, vectors = factorisation.eigen(np.diag([2.0, 1.0, 2.0]))
     assert values.tolist() == [1.0, 2.0, 2.0] and np.array_equal(np.abs(vectors) @ [1.0, 2.0, 3.0], [2.0, 1.0, 3.0])
 
 
@@ -87,4 +87,4 @@ def test_congruence_is_exactly_symmetric_and_lengths_are_euclidean():
     C = matrices.congruent(A, B)
     assert np.array_equal(C, np.swapaxes(C, 1, 2))
     np.testing.assert_allclose(C, A @ B @ np.swapaxes(A, 1, 2), rtol=1e-9, atol=1e-9)
-    assert matrices.length(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist() == [5.0, 0.0]
+    assert distances.length(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist() == [5.0, 0.0]

@@ -28,13 +28,13 @@ def flown(case, monkeypatch):
     """A recording, its scenario, and what each tracker saw, found and weighed, in the order of scans and UAVs."""
     scenario = load("forest", ["sensing.mode=ideal", "duration=5", *CASES[case]])
     spied = []
-    weigh = tracking.measurement_update.weighed
+    weigh = tracking.measurement_update.associate
 
     def weighed(before, z, R, p):
         spied.append((before, z, R, *weigh(before, z, R, p)))
         return spied[-1][3:]
 
-    monkeypatch.setattr(tracking.measurement_update, "weighed", weighed)
+    monkeypatch.setattr(tracking.measurement_update, "associate", weighed)
     mission, recorder = Mission(scenario, load_planner("greedy"), 3), Recorder()
     for snapshot in mission.fly():
         recorder.add(snapshot)
@@ -55,7 +55,7 @@ def test_associations_are_those_of_the_flight(case, monkeypatch):
         np.testing.assert_array_equal(found.before.means, before.means)
         np.testing.assert_array_equal(found.before.covariances, before.covariances)
         np.testing.assert_array_equal(found.before.visible, before.visible)
-        np.testing.assert_array_equal(found.before.shown, before.shown)
+        np.testing.assert_array_equal(found.before.detectable, before.detectable)
         for theirs, own in zip(found.before.undetected, before.undetected, strict=True):
             np.testing.assert_array_equal(theirs, own)
         np.testing.assert_array_equal(found.before.existence, before.existence)

@@ -1,0 +1,109 @@
+"""Ground measurements of people who show as blobs, and their covariances."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tracking.detection.detection_errors import SPLIT, WHOLE, covariances_along, pixel_footprints, sight_axes
+from tracking.detection.detector import Detections, Frame
+from tracking.detection.person_size import sizes
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.distances import length
+from tracking.numerics.matrices import product
+from tracking.numerics.trigonometry import cos, sin
+
+# A walking person's mean outline over all headings, as three horizontal circles: height above ground, radius [m].
+_CIRCLES = ((0.0, 0.25), (1.4, 0.23), (1.7, 0.08))
+_OUTLINE = np.array(
+    [
+        (radius * cos(angle), radius * sin(angle), height)
+        for height, radius in _CIRCLES
+        for angle in (np.arange(12) * (math.pi / 6)).tolist()
+    ]
+)
+
+
+@np.errstate(divide="ignore", invalid="ignore")
+def detections_of(frame: Frame, blobs: list[Array], components: Indices | None = None) -> Detections:
+    """Detections of people from blobs, each the pixels (K, 2) of one person; components (N,) as from `blobs_of`.
+
+    A silhouette's centroid stands for the person's mid-height, corrected for the part that the image's edge cuts off.
+    The covariance is that of a person seen whole, and wider where one component was split.
+    """
+    if not blobs:
+        return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    pixels = np.array([_centre(frame, blob) for blob in blobs])
+    ground = frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT)
+    return Detections(
+        pixels,
+        ground,
+        whole_covariances(frame, ground) + split_covariances(frame, pixels, components),
+        np.array([float(len(blob)) for blob in blobs]),
+        np.array([[*(blob.min(axis=0) - 0.5), *(blob.max(axis=0) + 0.5)] for blob in blobs]),
+    )
+
+
+def whole_covariances(frame: Frame, ground: Array) -> Array:
+    """Covariances (N, 2, 2) m² of people seen whole at ground points (N, 2) m."""
+    axes, tangents = sight_axes(frame.pose, ground)
+    variances = WHOLE.detected(tangents, pixel_footprints(frame.camera, frame.pose, ground))
+    # Towards the horizon a pixel's ground grows without bounds; a person's distance bounds the standard deviation.
+    distances = np.sum(np.square(ground - frame.pose.position[:2]), axis=1) + np.square(frame.pose.position[2])
+    return covariances_along(axes, np.minimum(variances, distances[:, None]))
+
+
+@np.errstate(invalid="ignore")
+def split_covariances(frame: Frame, pixels: Array, components: Indices | None) -> Array:
+    """Additional covariances (N, 2, 2) m² of detections at pixels (N, 2); zero but for split components."""
+    if components is None or len(np.unique(components)) == len(components):
+        return np.zeros((len(pixels), 2, 2))
+    axes, tangents = sight_axes(frame.pose, frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT))
+    return covariances_along(axes, SPLIT.variances(tangents, split_gaps(frame, pixels, components)))
+
+
+@np.errstate(divide="ignore", invalid="ignore")
+def split_gaps(frame: Frame, pixels: Array, components: Indices) -> Array:
+    """Distances (N,), in extents of a person, to the nearest detection of the same component; else infinite."""
+    size = sizes(frame, pixels)
+    offsets = product(pixels[None] - pixels[:, None], size.axes) / size.extents[:, None]
+    siblings = (components[:, None] == components) & ~np.eye(len(components), dtype=np.bool_)
+    gaps = np.where(siblings, length(offsets), np.inf).min(axis=1)
+    return np.asarray(np.nan_to_num(gaps, posinf=np.inf))
+
+
+def _centre(frame: Frame, blob: Array) -> Array:
+    """Pixel (2,), in the image or outside of it, of the mid-height of the person that a blob is from."""
+    seen = np.asarray(blob.mean(axis=0))
+    edge = float(frame.camera.pixels)
+    if blob.min() > 0.5 and blob.max() < edge - 0.5:
+        return seen
+    image = np.array([[0, 0], [edge, 0], [edge, edge], [0, edge]], dtype=np.float32)
+    centre = seen
+    # Find the place where the silhouette, cut by the image's edge, has the centroid of the blob.
+    for _ in range(8):
+        points = _outline(frame, centre)
+        if not np.isfinite(points).all():
+            return seen
+        outline = cv2.convexHull(points.astype(np.float32))[:, 0]
+        area, inside = cv2.intersectConvexConvex(outline, image)
+        if area < 1e-3:
+            break
+        centre = seen + (_centroid(outline) - _centroid(np.asarray(inside[:, 0])))
+    return centre
+
+
+def _outline(frame: Frame, pixel: Array) -> Array:
+    """Pixels (K, 2) whose convex hull is the silhouette of a person with the mid-height at a pixel (2,)."""
+    ground = frame.camera.ground_points(frame.pose, pixel, TARGET_HEIGHT)[0]
+    return frame.camera.project(frame.pose, _OUTLINE + np.append(ground, 0.0))[0]
+
+
+def _centroid(polygon: NDArray[Any]) -> Array:
+    moments = cv2.moments(polygon)
+    return np.array([moments["m10"], moments["m01"]]) / moments["m00"]

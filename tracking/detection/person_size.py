@@ -1,0 +1,51 @@
+"""Size of a person in the image, by place."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tracking.detection.detector import Frame
+from tracking.geometry.lens import Lens, ground_point, image_point
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+
+
+@dataclass(frozen=True, eq=False)
+class Size:
+    """Size of one person in the image at each of N places."""
+
+    axes: Array  # (N, 2, 2) unit vectors in columns: from foot to head, across
+    extents: Array  # (N, 2) the largest along the axes, pixels
+    areas: Array  # (N,) the mean, pixels
+
+
+def sizes(frame: Frame, pixels: Array) -> Size:
+    """Sizes of people whose mid-height is seen at pixels (N, 2).
+
+    Fitted to renderings of a walking person at all headings, from nadir to 40 degrees off.
+    """
+    return Size(*sizes_at(frame.camera.lens(frame.pose), pixels))
+
+
+@compiled
+def sizes_at(lens: Lens, pixels: Array) -> tuple[Array, Array, Array]:
+    """Axes (N, 2, 2), extents (N, 2) and areas (N,) at pixels (N, 2)."""
+    axes, extents, areas = np.empty((len(pixels), 2, 2)), np.empty((len(pixels), 2)), np.empty(len(pixels))
+    for k in range(len(pixels)):
+        x, y = ground_point(lens, (pixels[k, 0], pixels[k, 1]), TARGET_HEIGHT)
+        scale = lens.focal / image_point(lens, (x, y, TARGET_HEIGHT))[2]
+        foot, head = image_point(lens, (x, y, 0.0)), image_point(lens, (x, y, 2 * TARGET_HEIGHT))
+        right, down = head[0] - foot[0], head[1] - foot[1]
+        height = math.sqrt(right * right + down * down)
+        cos, sin = (right / height, down / height) if height > 0.0 else (1.0, 0.0)
+        axes[k, 0], axes[k, 1] = (cos, -sin), (sin, cos)
+        extents[k] = np.maximum(0.75 * scale + 0.95 * height, 0.95 * scale), 0.95 * scale
+        # The image plane stretches silhouettes away from its centre: across people only if the camera is tilted.
+        off = ((pixels[k, 1] - lens.pixels / 2) * cos - (pixels[k, 0] - lens.pixels / 2) * sin) / lens.focal
+        extents[k, 1] *= math.sqrt(1.0 + off * off)
+        areas[k] = scale * (0.2 * scale + 0.22 * height)
+    return axes, extents, areas

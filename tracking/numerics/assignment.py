@@ -1,0 +1,32 @@
+"""Assignment of rows to columns at the least cost."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from tracking.numerics.arrays import Array, Flags
+
+
+def most_pairs(allowed: Flags, cost: Array) -> list[tuple[int, int]]:
+    """As many allowed pairs (A, B) as there can be, at the least cost (A, B); pairs of infinite or NaN cost are not."""
+    finite = np.isfinite(cost)
+    allowed = allowed & finite
+    # A pair that is not allowed costs more than all others together, so the assignment makes as many as it can.
+    ceiling = 1.0 + np.abs(np.where(finite, cost, 0.0)).sum()
+    rows, columns = linear_sum_assignment(np.where(allowed, cost, ceiling))
+    return [(a, b) for a, b in zip(rows.tolist(), columns.tolist(), strict=True) if allowed[a, b]]
+
+
+def pairs_within(cost: Array, gate: float) -> list[tuple[int, int]]:
+    """Pairs of a cost (A, B) up to `gate`, at the least total cost.
+
+    Rows and columns left over cost `gate` in place of a pair.
+    """
+    rows, columns = linear_sum_assignment(np.fmin(cost, gate))
+    return [(a, b) for a, b in zip(rows.tolist(), columns.tolist(), strict=True) if cost[a, b] <= gate]
+
+
+def least_costs(cost: Array) -> Array:
+    """Costs (min(A, B),) of the pairs of least total cost, each row and column in one pair at most."""
+    return np.asarray(cost[linear_sum_assignment(cost)])

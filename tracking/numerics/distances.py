@@ -1,0 +1,69 @@
+"""Euclidean and Mahalanobis distances of stacks of vectors, with the same bits on every processor.
+
+The method is that of `tracking.numerics.matrices`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import log
+from tracking.numerics.factorisation import cholesky_factors
+from tracking.numerics.stacks import mapped_over_stack, stacked
+
+
+def length(vectors: Array) -> Array:
+    """Euclidean lengths (...) of vectors (..., n)."""
+    return np.asarray(np.sqrt(np.sum(np.square(vectors), axis=-1)))
+
+
+def squared_distance(differences: Array, covariances: Array) -> Array:
+    """Squared Mahalanobis distances dᵀ P⁻¹ d (...) of d (..., n) and P (..., n, n); leading axes broadcast.
+
+    NaN where P is not positive definite.
+    """
+    differences, covariances = np.asarray(differences, dtype=float), np.asarray(covariances, dtype=float)
+    lead = np.broadcast_shapes(differences.shape[:-1], covariances.shape[:-2])
+    return _squared_distances(stacked(differences, lead, 1), stacked(covariances, lead, 2)).reshape(lead)
+
+
+def log_determinant(matrices: Array) -> Array:
+    """Logarithms (...) of the determinants of symmetric positive definite matrices (..., n, n); NaN for others."""
+    return mapped_over_stack(_log_determinants, matrices)
+
+
+def pair_distances(ours: tuple[Array, Array], theirs: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Squared Mahalanobis distances (A, B) between Gaussians, and twice their negative log-likelihoods.
+
+    ours: means (A, n) and covariances (A, n, n); theirs: (B, n) and (B, n, n). The log-likelihoods are those of equal
+    states, but for a constant.
+    """
+    spreads = ours[1][:, None] + theirs[1][None]
+    distances = squared_distance(ours[0][:, None] - theirs[0][None], spreads)
+    return distances, distances + log_determinant(spreads)
+
+
+@compiled
+def _log_determinants(matrices: Array) -> Array:
+    roots, out = cholesky_factors(matrices), np.zeros(len(matrices))
+    for t in range(len(matrices)):
+        for i in range(matrices.shape[1]):
+            out[t] += 2.0 * log(roots[t, i, i])
+    return out
+
+
+@compiled
+def _squared_distances(differences: Array, covariances: Array) -> Array:
+    """Sums of squares of the solutions y of L y = d."""
+    roots, out = cholesky_factors(covariances), np.zeros(len(differences))
+    y = np.empty(differences.shape[1])
+    for t in range(len(differences)):
+        for i in range(len(y)):
+            y[i] = differences[t, i]
+            for k in range(i):
+                y[i] -= roots[t, i, k] * y[k]
+            y[i] /= roots[t, i, i]
+            out[t] += y[i] * y[i]
+    return out

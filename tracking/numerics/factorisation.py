@@ -1,0 +1,135 @@
+"""Cholesky factors, inverses and eigenvalues of stacks of small matrices, with the same bits on every processor.
+
+The method is that of `tracking.numerics.matrices`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.stacks import mapped_over_stack, stacked
+
+_SWEEPS = 30  # of Jacobi's method, at most; matrices of 4 x 4 take four to six
+
+
+def cholesky(matrices: Array) -> Array:
+    """Lower triangular roots (..., n, n) of symmetric positive definite matrices; NaN where one is indefinite.
+
+    An axis without any variance gives a column of zeros; for other semidefinite matrices rounding decides.
+    """
+    return mapped_over_stack(cholesky_factors, matrices)
+
+
+def forward_substitution(roots: Array, right: Array) -> Array:
+    """Solution X (..., n, m) of L X = B, L (..., n, n) lower triangular, B (..., n, m); leading axes broadcast."""
+    roots, right = np.asarray(roots, dtype=float), np.asarray(right, dtype=float)
+    lead = np.broadcast_shapes(roots.shape[:-2], right.shape[:-2])
+    return _forward(stacked(roots, lead, 2), stacked(right, lead, 2)).reshape(*lead, *right.shape[-2:])
+
+
+def inverse(matrices: Array) -> Array:
+    """Inverses (..., n, n), exactly symmetric, of symmetric positive definite matrices; NaN for others."""
+    return mapped_over_stack(_inverses, matrices)
+
+
+def eigen(matrices: Array) -> tuple[Array, Array]:
+    """Eigenvalues (..., n), ascending, and eigenvectors (..., n, n), in columns, of symmetric matrices.
+
+    By Jacobi's method: Golub and Van Loan, Matrix Computations, 8.5.
+    """
+    matrices = np.asarray(matrices, dtype=float)
+    values, vectors = _eigen(stacked(matrices, matrices.shape[:-2], 2))
+    return values.reshape(matrices.shape[:-1]), vectors.reshape(matrices.shape)
+
+
+@compiled
+def cholesky_factors(matrices: Array) -> Array:
+    """Cholesky factors of a stack (T, n, n); a pivot of zero gives a column of zeros, a negative one NaN."""
+    out, n = np.zeros_like(matrices), matrices.shape[1]
+    for t in range(len(matrices)):
+        for j in range(n):
+            for i in range(j, n):
+                rest = matrices[t, i, j]
+                for k in range(j):
+                    rest -= out[t, i, k] * out[t, j, k]
+                if i == j:
+                    out[t, j, j] = math.sqrt(rest) if rest >= 0.0 else math.nan
+                else:
+                    out[t, i, j] = 0.0 if out[t, j, j] == 0.0 else rest / out[t, j, j]
+    return out
+
+
+@compiled
+def _forward(roots: Array, right: Array) -> Array:
+    out = np.empty_like(right)
+    for t in range(len(right)):
+        for i in range(right.shape[1]):
+            for j in range(right.shape[2]):
+                rest = right[t, i, j]
+                for k in range(i):
+                    rest -= roots[t, i, k] * out[t, k, j]
+                out[t, i, j] = rest / roots[t, i, i]
+    return out
+
+
+@compiled
+def _inverses(matrices: Array) -> Array:
+    """Inverses Yᵀ Y, with Y the inverse of the Cholesky factor."""
+    n = matrices.shape[1]
+    identities = np.zeros_like(matrices)
+    for i in range(n):
+        identities[:, i, i] = 1.0
+    halves, out = _forward(cholesky_factors(matrices), identities), np.empty_like(matrices)
+    for t in range(len(matrices)):
+        for i in range(n):
+            for j in range(i, n):
+                total = 0.0
+                for k in range(j, n):
+                    total += halves[t, k, i] * halves[t, k, j]
+                out[t, i, j] = out[t, j, i] = total
+    return out
+
+
+@compiled
+def _eigen(matrices: Array) -> tuple[Array, Array]:
+    """Eigenvalues (T, n), ascending, and eigenvectors (T, n, n) in columns."""
+    n = matrices.shape[1]
+    values, vectors = np.empty(matrices.shape[:2]), np.zeros_like(matrices)
+    for t in range(len(matrices)):
+        A, V = matrices[t].copy(), np.zeros((n, n))
+        for i in range(n):
+            V[i, i] = 1.0
+        for _ in range(_SWEEPS):
+            rotations = 0
+            for p in range(n - 1):
+                for q in range(p + 1, n):
+                    rotations += _rotated(A, V, p, q)
+            if rotations == 0:
+                break
+        order = np.argsort(np.diag(A), kind="mergesort")
+        for j in range(n):
+            values[t, j] = A[order[j], order[j]]
+            vectors[t, :, j] = V[:, order[j]]
+    return values, vectors
+
+
+@compiled
+def _rotated(A: Array, V: Array, p: int, q: int) -> int:
+    """Rotate a symmetric matrix so that A[p, q] becomes zero, and the axes V with it; 0 if it is zero already."""
+    if abs(A[p, q]) <= 1e-18 * math.sqrt(abs(A[p, p] * A[q, q])) or A[p, q] == 0.0:
+        return 0
+    theta = (A[q, q] - A[p, p]) / (2.0 * A[p, q])
+    t = (1.0 if theta >= 0.0 else -1.0) / (abs(theta) + math.sqrt(theta * theta + 1.0))
+    c = 1.0 / math.sqrt(t * t + 1.0)
+    s = t * c
+    A[p, p], A[q, q], A[p, q], A[q, p] = A[p, p] - t * A[p, q], A[q, q] + t * A[p, q], 0.0, 0.0
+    for k in range(len(A)):
+        if k not in (p, q):
+            A[k, p], A[k, q] = c * A[k, p] - s * A[k, q], s * A[k, p] + c * A[k, q]
+            A[p, k], A[q, k] = A[k, p], A[k, q]
+        V[k, p], V[k, q] = c * V[k, p] - s * V[k, q], s * V[k, p] + c * V[k, q]
+    return 1

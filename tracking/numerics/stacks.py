@@ -1,0 +1,28 @@
+"""Stacks of vectors and matrices: leading axes that broadcast, joined into one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from tracking.numerics.arrays import Array
+
+
+def stacked(array: Array, lead: tuple[int, ...], kept: int) -> Array:
+    """The array with its leading axes broadcast to `lead` and joined into one, contiguous.
+
+    kept: the number of axes that are not leading.
+    """
+    shape = array.shape[array.ndim - kept :]
+    if array.shape == (*lead, *shape) and len(lead) == 1:
+        return np.ascontiguousarray(array)
+    return np.ascontiguousarray(np.broadcast_to(array, (*lead, *shape))).reshape(math.prod(lead), *shape)
+
+
+def mapped_over_stack(function: Callable[[Array], Array], matrices: Array) -> Array:
+    """The values of a function of stacks (T, n, n) for matrices (..., n, n) with any leading axes."""
+    matrices = np.asarray(matrices, dtype=float)
+    out = function(stacked(matrices, matrices.shape[:-2], 2))
+    return out.reshape(matrices.shape[:-2] + out.shape[1:])
