@@ -35,7 +35,7 @@ def fly_apart(
 ) -> dict[str, Any]:
     """Fly a mission as `run.run` does, in a process of its own.
 
-    ApartError if it ends otherwise or is not done after `timeout` s.
+    IsolationError if it ends otherwise or is not done after `timeout` s.
     """
     last = None
 
