@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from statistics import median
 
@@ -12,25 +11,12 @@ from planning.conformance.calls import attempt, attempt_in_other_process
 from planning.conformance.decentralisation import check_exchange, check_independence
 from planning.conformance.perturbations import SITUATIONS
 from planning.conformance.situations import ordinary_team
-from planning.conformance.subject import ROUNDING, Maker, Subject, Unfit, Untried, difference_of_plans
+from planning.conformance.subject import ROUNDING, Maker, Subject, difference_of_plans
 from planning.loading import load_planner
 from planning.planner import Situation
+from tracking.plugins.findings import Finding, Unfit, Untried, finding
 
 _DECISIONS = 5  # that are timed
-_MARKS = {True: "passed", False: "FAILED", None: "-"}
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Result of one check."""
-
-    check: str
-    passed: bool | None  # None: not tried
-    seen: str
-
-    def __str__(self) -> str:
-        """One line."""
-        return f"{_MARKS[self.passed]:<8}{self.check:<26}{self.seen}"
 
 
 def check(planner: str | Maker, *, other_process: bool = True) -> list[Finding]:
@@ -42,16 +28,7 @@ def check(planner: str | Maker, *, other_process: bool = True) -> list[Finding]:
     """
     subject = Subject(partial(load_planner, planner) if isinstance(planner, str) else planner, planner)
     skipped = () if other_process else ("other process",)
-    return [_tried(name, ask, subject) for name, ask in CHECKS.items() if name not in skipped]
-
-
-def _tried(name: str, ask: Callable[[Subject], str], subject: Subject) -> Finding:
-    try:
-        return Finding(name, True, ask(subject))
-    except Unfit as error:
-        return Finding(name, False, str(error))
-    except Untried as error:
-        return Finding(name, None, f"not tried: {error}")
+    return [finding(name, partial(ask, subject)) for name, ask in CHECKS.items() if name not in skipped]
 
 
 def _plans(subject: Subject) -> str:

@@ -13,8 +13,9 @@ from planning.conformance.perturbations import (
     plan_not_received,
     with_other_knowledge,
 )
-from planning.conformance.subject import ROUNDING, Subject, Unfit, Untried, proper_plans
+from planning.conformance.subject import ROUNDING, Subject, proper_plans
 from planning.planner import Situation
+from tracking.plugins.findings import Unfit, Untried
 
 
 def check_independence(subject: Subject) -> str:

@@ -9,17 +9,10 @@ from planning.conformance.calls import Attempt, attempt, difference
 from planning.conformance.situations import ordinary_team
 from planning.contract import exchange_of
 from planning.planner import Planner, Situation
+from tracking.plugins.findings import Unfit, Untried
 
 Maker = Callable[[], Planner]
 ROUNDING = 1e-9  # m/s, by which a plan may depend on what should not matter
-
-
-class Unfit(Exception):
-    """The planner fails a check."""
-
-
-class Untried(Exception):
-    """A check that cannot be made of this planner."""
 
 
 class Subject:

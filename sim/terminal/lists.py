@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
 
 from sim.terminal.console import console
+from tracking.plugins.findings import Finding
 
 
 def show_list(items: Mapping[str, str], note: str) -> None:
@@ -33,7 +33,7 @@ def show_groups(groups: Mapping[str, Mapping[str, str]], note: str) -> None:
     console.print(f"\n{note}")
 
 
-def show_findings(findings: Sequence[Any]) -> None:
+def show_findings(findings: Sequence[Finding]) -> None:
     """Print one line per check, and their sum; exit with code 1 if one failed."""
     for finding in findings:
         console.print(escape(str(finding)), soft_wrap=True)
