@@ -1,4 +1,4 @@
-"""What a study says of each metric: every cell and planner for itself, and against a baseline on the same maps."""
+"""Answers of a study on each metric: every cell and planner by itself, and against a baseline on the same maps."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Difference:
 
     @property
     def told(self) -> bool:
-        """Whether the two can be told apart, this difference taken by itself."""
+        """True if the two can be told apart, this difference taken by itself."""
         return self.chance <= 1 - LEVEL
 
 
@@ -97,7 +97,7 @@ def _judged(found: Sequence[Answer]) -> list[Answer]:
 
 
 def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
-    """What the group comes to, metric by metric."""
+    """Answers of a group, metric by metric."""
     flights = [(row.seed, row.repeat) for row in group.done]
     values = _values(group.done, metrics)
     of_maps = _by_map(flights, values)

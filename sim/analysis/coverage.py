@@ -1,4 +1,4 @@
-"""How often intervals over few maps hold the true mean: counted on trials that were flown."""
+"""Coverage of intervals over few maps, the share that holds the true mean: counted on trials that were flown."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SHARE = "ospa.share_under_1m"
 
 
 def caveats(measured: Iterable[tuple[Metric, int]]) -> list[str]:
-    """What is to be said of intervals of means, by metric and number of maps; nothing where they hold as they say.
+    """Caveats on intervals of means, by metric and number of maps; nothing where they hold as they say.
 
     Of a difference the number of maps is that of its pairs. Coverage was counted of `ospa.share_under_1m`, and of the
     errors `ospa.mean_m` and `ospa.median_m`, which differ by so much that nothing follows for other errors. Recall,
@@ -57,7 +57,7 @@ def _known(maps: int) -> int:
 
 
 def _of_errors(errors: Sequence[tuple[int, str]]) -> str:
-    """What intervals of mean errors hold at worst, by number of maps and name of the metric."""
+    """Coverage of intervals of mean errors at worst, by number of maps and name of the metric."""
     usual, least = (min(shares) for shares in zip(*(ERRORS[name][_known(n)] for n, name in errors), strict=True))
     fewest, most = min(errors)[0], max(errors)[0]
     many = str(most) if fewest == most else f"{fewest} to {most}"

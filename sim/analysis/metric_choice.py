@@ -19,7 +19,7 @@ _UNITS = {"_m": "m", "_s": "s"}  # by how a name ends
 def metric_shown(name: str) -> Metric:
     """The metric of a row; of one that is not in the registry, what its name tells, and no way of it is better.
 
-    Nothing is imported for a name, as a store may come from anybody.
+    Nothing is imported for a name, as a store may come from any source.
     """
     if name in METRICS:
         return METRICS[name]

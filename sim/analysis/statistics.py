@@ -81,7 +81,7 @@ def chances(values: Array) -> list[float]:
 
 
 def holm(chances: Sequence[float]) -> list[bool]:
-    """Which of these p-values stay below 5 % when all are judged together.
+    """Marks of the p-values that stay below 5 % when all are judged together.
 
     Source: S. Holm, A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics, 1979.
     """
@@ -203,7 +203,7 @@ def _needed(values: Array) -> float:
 
 
 def _found(effect: float, maps: int) -> bool:
-    """Whether so many maps tell a mean of `effect` standard deviations apart with the power that is asked for."""
+    """True if so many maps tell a mean of `effect` standard deviations apart with the power that is asked for."""
     shift = effect * np.sqrt(maps)
     return bool(shift > 30 or nctdtr(maps - 1, shift, stdtrit(maps - 1, (1 + LEVEL) / 2)) <= 1 - POWER)
 

@@ -61,7 +61,7 @@ class Bin:
 
     @property
     def holds(self) -> bool:
-        """Whether the mean lies in its interval."""
+        """True if the mean lies in its interval."""
         return self.low <= self.mean <= self.high
 
 
@@ -138,7 +138,7 @@ def fit_whole(seed: int, frames: int) -> WholeError:
 
 
 def _errors(sample: Sample) -> tuple[float, float, float, float]:
-    """Size of a pixel on the ground, tangent off nadir, radial and tangential error [m] of somebody seen whole."""
+    """Size of a pixel on the ground, tangent off nadir, radial and tangential error [m] of a person seen whole."""
     pose, camera = sample.frame.pose, sample.frame.camera
     ground = detections_of(sample.frame, [sample.blob]).ground[0]
     height = float(pose.position[2]) - TARGET_HEIGHT
@@ -149,7 +149,7 @@ def _errors(sample: Sample) -> tuple[float, float, float, float]:
 
 
 def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
-    """What level images do not tell, from tilted ones of people in plain view."""
+    """Constants that level images do not tell, from tilted ones of people in plain view."""
     cases = []
     for k, (tilt, sway) in enumerate(TILTS):
         rng = np.random.default_rng([seed, 3, k])
@@ -206,7 +206,7 @@ def _whole(x: Array) -> WholeError:
 
 
 def _positive(x: Array) -> bool:
-    """Whether the growths (after the first three) stay positive at any angle off nadir."""
+    """True if the growths (after the first three) stay positive at any angle off nadir."""
     slopes, curves = x[3::2], x[4::2]
     return bool(np.all(curves >= 0.0) and np.all((slopes >= 0.0) | (slopes**2 < 3.8 * curves)))
 
@@ -223,7 +223,7 @@ def fit_part(seed: int, frames: int) -> PartError:
 
 
 def _parts(population: Sequence[Sample]) -> list[tuple[Places, Array]]:
-    """Those of whom something seems hidden: where they may be, and where they are."""
+    """Samples of people who seem hidden in part: their possible places, and the true one."""
     found = ((places_of(s.frame, s.blob, s.forest), s.person) for s in population)
     return [(places, person) for places, person in found if places is not None]
 

@@ -174,14 +174,14 @@ def pairs(rng: np.random.Generator, *, frames: int, attitudes: Sequence[Array] =
 
 
 def _touch(people: NDArray[np.int32]) -> bool:
-    """Whether both of two people show in a mask (P, P), as one component that the image's edge does not cut."""
+    """True if both of two people show in a mask (P, P), as one component that the image's edge does not cut."""
     shown = people >= 0
     edge = np.any(shown[[0, -1]]) or np.any(shown[:, [0, -1]])
     return len(np.unique(people)) == 3 and not edge and cv2.connectedComponents(shown.astype(np.uint8))[0] == 2
 
 
 def _owners(frame: Frame, blobs: list[Array], people: Array) -> list[int]:
-    """Whose the blobs are: as their middles are nearer to the two people together."""
+    """Person of each of two blobs, such that their middles are nearer to the two people together."""
     middles = np.array([blob.mean(axis=0) for blob in blobs])
     ground = frame.camera.ground_points(frame.pose, middles, TARGET_HEIGHT)
     gaps = np.linalg.norm(ground[:, None] - people, axis=2)

@@ -78,7 +78,7 @@ def replay(
 
 
 def _way(asked: dict[str, bool], given: list[str]) -> str:
-    """How to show it; InputError where several ways, or options that do not belong to the one, are asked for."""
+    """The way to show it; InputError where several ways, or options that do not belong to the one, are asked for."""
     ways = [name for name, wanted in asked.items() if wanted] or ["--video"]
     if len(ways) > 1:
         raise InputError(f"{ways[1]}: not allowed together with {ways[0]}; ask for one at a time")

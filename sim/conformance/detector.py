@@ -139,11 +139,11 @@ def _special(name: str, subject: _Subject) -> str:
     return f"{np.sum(of_people >= 0)} of {shown} people found"
 
 
-def _nobody(subject: _Subject) -> str:
+def _empty(subject: _Subject) -> str:
     subject.found()
-    wrong = len(subject.detect(views()["nobody in view"]).ground)
+    wrong = len(subject.detect(views()["no person in view"]).ground)
     if wrong > len(views()["ordinary"].people):
-        raise Unfit(f"{wrong} detections where nobody is")
+        raise Unfit(f"{wrong} detections where no person is")
     return f"{wrong} detections"
 
 
@@ -166,6 +166,6 @@ _CHECKS: dict[str, Callable[[_Subject], str]] = {
     "same frame, same result": _repeatable,
     "no memory": _memory,
     **{name: partial(_special, name) for name in _SPECIAL},
-    "nobody in view": _nobody,
+    "no person in view": _empty,
     "time": _time,
 }

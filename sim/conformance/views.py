@@ -45,7 +45,7 @@ def views() -> dict[str, View]:
         "low UAV": (128, low, PEOPLE),
         "tilted camera": (128, camera_pose(tilted, Pose.level(-12.0, 0.0, _ALTITUDE)), PEOPLE),
         "finer image": (256, level, PEOPLE),
-        "nobody in view": (128, level, PEOPLE + _ELSEWHERE),
+        "no person in view": (128, level, PEOPLE + _ELSEWHERE),
     }
     with World(Scenario(uavs=(_UAV,)), FOREST, len(PEOPLE)) as world:
         renderer = Renderer(world)

@@ -58,7 +58,7 @@ def _write(recording: Recording, to: Path | BinaryIO) -> None:
 def load(path: str | os.PathLike[str]) -> Recording:
     """Read and check a recording; anything wrong is a ValueError of one line that names file and field.
 
-    The file may come from anybody: nothing in it is executed, imported or opened, and it takes no more memory than
+    The file may come from any source: nothing in it is executed, imported or opened, and it takes no more memory than
     `sim.recording.npz` allows its size. Fields that came after it was made have their defaults.
     """
     try:
@@ -121,7 +121,7 @@ def _lacking(archive: Npz) -> set[str]:
 
 
 def _unknown(dtype: str, shape: str, sizes: dict[str, int]) -> NDArray[Any]:
-    """What stands for a field that an old recording lacks: no rows, or -1 everywhere."""
+    """Values of a field that an old recording lacks: no rows, or -1 everywhere."""
     return np.full([_size(symbol, 0, sizes) for symbol in shape.split()], -1, dtype)
 
 

@@ -12,7 +12,7 @@ from sim.scenario.errors import InputError
 
 
 def unfinished(path: Path) -> Path:
-    """Where a file is written until it is whole: a hidden name of this process's own, in the same folder."""
+    """Path of a file until it is whole: a hidden name of this process's own, in the same folder."""
     return path.with_name(f".{path.name}.{os.getpid()}.part")
 
 
@@ -74,7 +74,7 @@ def new_folder(out: Path) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         for folder in made:
-            with suppress(OSError):  # never made, or in use by someone else meanwhile
+            with suppress(OSError):  # never made, or in use by another process meanwhile
                 folder.rmdir()
         raise
 

@@ -111,7 +111,7 @@ def opened(path: str | os.PathLike[str]) -> Iterator[Npz]:
 
 
 def line(error: BaseException) -> str:
-    """What an error says, as one line of printable characters."""
+    """Message of an error as one line of printable characters."""
     text = " ".join(str(error)[:400].split()) or type(error).__name__
     return "".join(c if c.isprintable() else "?" for c in text)
 

@@ -71,7 +71,7 @@ class Recording:
     plan_bytes: Annotated[Ints, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
     plan_rounds: Annotated[Ints, "<i8", "K"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     sees_truth: Annotated[bool, "|b1", ""] = field(default_factory=bool)  # whether the planner does: an upper bound
-    # Probability that there is somebody; NaN where nobody asks, as in life m_of_n; -1 where it was not recorded.
+    # Existence probability; NaN where the tracker has none, as in life m_of_n; -1 where it was not recorded.
     track_existence: Annotated[Array, "<f8", "S"] = field(default_factory=lambda: np.zeros(0))
     faults: Annotated[str, "<U", ""] = field(default_factory=str)  # JSON, see `fault_text`; "" where not recorded
     repeat: Annotated[int, "<i8", ""] = field(default_factory=int)  # of the chance on the map of the seed
@@ -83,7 +83,7 @@ class Recording:
 
     @property
     def working(self) -> Bools:
-        """Which UAVs had not broken down at each scan (K, n)."""
+        """Mask (K, n) of the UAVs that had not broken down at each scan."""
         return ~np.isnan(self.ospa[:, :, 0])
 
     @cached_property
@@ -96,7 +96,7 @@ class Recording:
         return slice(int(offsets[cell]), int(offsets[cell + 1]))
 
     def scan_at(self, k: int, uav: int) -> Scan:
-        """What one UAV measured at scan k."""
+        """Measurements of one UAV at scan k."""
         rows = self._rows(self.measurement_offsets, k, uav)
         pose = _pose(self.cameras[k, uav])
         time = float(self.times[k])
@@ -124,7 +124,7 @@ class Recording:
         return self.track_ids[self._rows(self.track_offsets, k, uav)]
 
     def existence_at(self, k: int, uav: int) -> Array:
-        """For each track of one UAV after scan k the probability that there is somebody (N,); NaN if unknown."""
+        """For each track of one UAV after scan k the existence probability (N,); NaN if unknown."""
         existence = self.track_existence[self._rows(self.track_offsets, k, uav)]
         return np.where(existence >= 0.0, existence, math.nan)
 
@@ -136,7 +136,7 @@ class Recording:
         return [Plan(controls[~np.isnan(controls[:, 0])]) for controls in self.plans[made[0]]]
 
     def contacts_at(self, k: int) -> tuple[Contact, ...]:
-        """What UAVs touched between scan k - 1 and scan k."""
+        """Contacts of UAVs between scan k - 1 and scan k."""
         rows = self.contacts[self.contacts[:, 0] == k].tolist()
         return tuple(Contact(uav, KINDS[kind], other) for _, uav, kind, other in rows)
 
@@ -261,7 +261,7 @@ class Recorder:
             "track_ids": np.array([track.id for track in tracks], dtype=np.int64),
             "track_means": _joined((track.belief.mean for track in tracks), 4),
             "track_covariances": _joined((track.belief.covariance for track in tracks), 4, 4),
-            # Evidence never makes a probability one: that is what trackers say whose tracks have none.
+            # Existence probabilities stay below one, which stands for tracks without any.
             "track_existence": np.array([t.existence if t.existence < 1.0 else math.nan for t in tracks], dtype=float),
         }
 

@@ -1,4 +1,4 @@
-"""Whether a recording that was read can have been flown: what is wrong in it would surface far from its cause."""
+"""Validation of a recording that was read: shapes, order of times, poses, covariances."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def _finite(values: Array) -> bool:
 
 
 def _definite(covariances: NDArray[np.float64]) -> bool:
-    """Whether matrices (N, d, d) are finite and symmetric, with positive variances and positions' ellipses."""
+    """True if matrices (N, d, d) are finite and symmetric, with positive variances and positions' ellipses."""
     if not _finite(covariances):
         return False
     variances = np.diagonal(covariances, axis1=1, axis2=2)

@@ -192,7 +192,7 @@ def verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, sho
 
 
 def _remark(gap: Difference, shown: int) -> str:
-    """What the reader of a verdict has to know beside it."""
+    """Remark that a reader of a verdict needs."""
     if gap.told:
         lone = gap.survives or shown == 1
         return "" if lone else f"This does not survive Holm's correction for all {shown} differences."

@@ -1,4 +1,4 @@
-"""Which curve of a study goes into which panel of which figure, and how it looks."""
+"""Layout of a study's figures: the curves of each panel, and their colours and dashes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COLUMNS = 3
 
 @dataclass(frozen=True)
 class Style:
-    """How a curve looks."""
+    """Colour and dash of a curve."""
 
     colour: Colour
     dash: str = "-"

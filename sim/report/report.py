@@ -1,4 +1,4 @@
-"""What a study leaves: `report.html`, tables and figures."""
+"""Report of a study: `report.html`, tables and figures."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ HOW_TO_READ = (
 
 @dataclass(frozen=True)
 class About:
-    """What the rows do not say about a study."""
+    """Facts about a study that its rows do not hold."""
 
     study: str  # name
     description: str = ""
@@ -137,7 +137,7 @@ def _trials(groups: Sequence[Group], every: Sequence[Group], metrics: Sequence[M
 
 
 def _in_short(found: Sequence[Answer], baseline: str, metrics: Sequence[Metric]) -> str:
-    """What came out in the first metric, a sentence for each planner, and what the numbers leave out."""
+    """Verdicts in the first metric, a sentence for each planner, and what the numbers leave out."""
     shown = sum(answer.difference is not None for answer in found)
     told = [answer for answer in found if answer.difference and answer.metric in metrics[:1]]
     summed = {answer.planner for answer in told if answer.cell is None}

@@ -33,7 +33,7 @@ class Layout(NamedTuple):
 
     @property
     def first(self) -> bool:
-        """Whether it is the metric's main table."""
+        """True for the metric's main table."""
         return "mean" in self.heads
 
 
@@ -49,12 +49,12 @@ def layouts(found: Sequence[Answer], baseline: str) -> list[Layout]:
 
 
 def _repeated(found: Sequence[Answer]) -> bool:
-    """Whether any map was flown more than once."""
+    """True if a map was flown more than once."""
     return any(answer.trials + answer.failed > answer.flown for answer in found)
 
 
 def notes(found: Sequence[Answer]) -> list[str]:
-    """What the tables of these answers need said, a line each."""
+    """Notes below the tables of these answers, a line each."""
     compared = [answer.difference for answer in found if answer.difference]
     many = (
         f"* survives Holm's correction for all {len(compared)} differences shown ({100 - 100 * LEVEL:.0f} %)."
@@ -67,24 +67,24 @@ def notes(found: Sequence[Answer]) -> list[str]:
 
 
 def _sampled(answer: Answer) -> tuple[int, ...]:
-    """How many maps each mean of the answer is over: its own, and the difference's."""
+    """Number of maps of each mean of the answer: its own, and the difference's."""
     return (answer.maps, answer.difference.pairs) if answer.difference else (answer.maps,)
 
 
 def shortfalls(found: Sequence[Answer]) -> list[str]:
-    """What the numbers leave out, one line each: trials that failed, values that are undefined, maps without a pair."""
+    """Shortfalls of the numbers, one line each: trials that failed, values that are undefined, maps without a pair."""
     lines: dict[str, None] = {}
     for answer in found:
-        who = f"{answer.planner} ({cell_text(answer.cell)})" if answer.cell != () else answer.planner
+        place = f"{answer.planner} ({cell_text(answer.cell)})" if answer.cell != () else answer.planner
         if answer.failed:
-            lines[f"{who}: {answer.failed} of {answer.trials + answer.failed} trials failed and do not count"] = None
+            lines[f"{place}: {answer.failed} of {answer.trials + answer.failed} trials failed and do not count"] = None
         if answer.undefined:
             what = f"{answer.metric.label} is undefined in {answer.undefined} of {answer.trials} trials"
-            lines[f"{who}: {what}"] = None
+            lines[f"{place}: {what}"] = None
         gaps = answer.difference
         if gaps and gaps.unpaired:
             what = "in every cell a pair" if answer.cell is None else "a pair"
-            lines[f"{who}: {gaps.pairs} of {gaps.pairs + gaps.unpaired} maps have {what} with the baseline's"] = None
+            lines[f"{place}: {gaps.pairs} of {gaps.pairs + gaps.unpaired} maps have {what} with the baseline's"] = None
     return list(lines)
 
 
@@ -94,7 +94,7 @@ def _columns(baseline: str, *, compared: bool) -> list[str]:
 
 
 def texts_of(answer: Answer, *, compared: bool) -> list[str]:
-    """What stands under the headings."""
+    """Entries under the headings."""
     metric = answer.metric
     own = [_maps(answer), *(_estimate(metric, e) for e in (answer.mean, answer.median))]
     if answer.cell is None:
@@ -103,7 +103,7 @@ def texts_of(answer: Answer, *, compared: bool) -> list[str]:
 
 
 def _maps(answer: Answer) -> str:
-    """How many maps count, and of how many if not all do."""
+    """Number of maps that count, and of all if not all do."""
     return str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
 
 
@@ -121,7 +121,7 @@ def _compared(metric: Metric, difference: Difference | None) -> list[str]:
 
 
 def _needed(difference: Difference) -> str:
-    """How many maps tell the difference apart."""
+    """Number of maps that tell the difference apart."""
     if math.isinf(difference.needed):
         return f"> {MOST_MAPS}" if difference.mean.value else UNKNOWN
     return UNKNOWN if math.isnan(difference.needed) else str(round(difference.needed))
@@ -135,7 +135,7 @@ def _record(metric: Metric, difference: Difference) -> str:
 
 
 def _spread_texts(answer: Answer, *, compared: bool) -> list[str]:
-    """What stands under the headings of the spreads."""
+    """Entries under the headings of the spreads."""
     own = ["", ""] if answer.cell is None else _spread(answer.metric, answer.spread)
     if not compared:
         return [answer.planner, *own]

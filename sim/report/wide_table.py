@@ -72,7 +72,7 @@ def without_start(rows: Sequence[Row], first: int) -> list[Row]:
 
 
 def _place(group: Group, columns: str, down: Sequence[str]) -> tuple[tuple[str, ...], str]:
-    """Where a group stands: what its line begins with, and its column."""
+    """Place of a group: the beginning of its line, and its column."""
     found = {"planner": group.planner, **dict(group.cell)}
     return tuple(found[name] for name in down), found[columns]
 

@@ -56,7 +56,7 @@ def run(
 
 
 class Results(NamedTuple):
-    """What a run leaves beside its recording."""
+    """Files that a run leaves beside its recording."""
 
     place: str  # what its folder will be called
     video: bool = True

@@ -40,7 +40,7 @@ class Cluster:
         return future
 
     def started(self, future: Future[Flown]) -> bool:
-        """Whether a worker flies it; one is given more than it has threads for, first come, first served."""
+        """True if a worker flies it; one is given more than it has threads for, first come, first served."""
         if time.monotonic() - self._asked > _POLL:
             threads, ours = self._client.nthreads(), set(self._names.values())
             self._workers = {

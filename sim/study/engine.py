@@ -26,23 +26,23 @@ Heard = Callable[[Task, Row, bool], None]  # a task, its row, and whether it was
 
 
 class Backend(Protocol):
-    """Where trials fly: an executor, and what one cannot do."""
+    """Executor of trials that can end one."""
 
     def room(self) -> bool:
-        """Whether another task may be submitted."""
+        """True if another task may be submitted."""
 
     def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
         """`sim.study.trial.fly` of a task, to come."""
 
     def started(self, future: Future[Flown]) -> bool:
-        """Whether it flies by now."""
+        """True if it flies by now."""
 
     def drop(self, future: Future[Flown]) -> None:
         """Waste no more on a task that hangs."""
 
 
 class Borrowed:
-    """Anybody's executor. What hangs in it cannot be killed, and keeps its place."""
+    """Executor of the caller. A trial that hangs in it cannot be killed, and keeps its place."""
 
     def __init__(self, executor: Executor) -> None:
         self._executor = executor
@@ -73,7 +73,7 @@ class _Flight:
 
 @dataclass(frozen=True)
 class Options:
-    """How a study is flown."""
+    """Options of a study: timeout, recordings, flying again."""
 
     timeout: float | None = None  # s of wall time for a trial
     recordings: Path | None = None  # folder in which they are kept

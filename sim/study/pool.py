@@ -36,7 +36,7 @@ class Pool:
             lane.end()
 
     def room(self) -> bool:
-        """Whether a process is free; until the first has compiled what is to be, others would do it again."""
+        """True if a process is free; until the first has compiled what is to be, others would do it again."""
         self._compiled = self._compiled or any(lane.ready for lane in self._lanes)
         return any(lane.idle for lane in (self._lanes if self._compiled else self._lanes[:1]))
 
@@ -45,7 +45,7 @@ class Pool:
         return next(lane for lane in self._lanes if lane.idle).submit(task, keep, timeout)
 
     def started(self, future: Future[Flown]) -> bool:
-        """Whether a task flies, its process having started."""
+        """True if a task flies, its process having started."""
         return any(lane.future is future and lane.ready for lane in self._lanes)
 
     def drop(self, future: Future[Flown]) -> None:
@@ -70,7 +70,7 @@ class _Lane:
 
     @property
     def ready(self) -> bool:
-        """Whether the process has started, all compiled code in it."""
+        """True if the process has started, all compiled code in it."""
         return self._greeting is not None and self._greeting.done() and self._greeting.exception() is None
 
     def submit(self, task: Task, keep: bool, timeout: float | None) -> Future[Flown]:
@@ -100,7 +100,7 @@ class _Lane:
 
 
 def _begin() -> None:
-    """What a process does first: leave Ctrl-C to its parent, not outlive it, and load compiled code."""
+    """Start of a process: leave Ctrl-C to its parent, not outlive it, and load compiled code."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     lead_session()
     warm()

@@ -1,4 +1,4 @@
-"""What one trial of a study came to."""
+"""Result of one trial of a study."""
 
 from __future__ import annotations
 
@@ -32,5 +32,5 @@ class Row(Struct, frozen=True, kw_only=True, eq=False):
 
 
 def is_timing(metric: str) -> bool:
-    """Whether a metric depends on the machine and its load, and so differs from flight to flight of one trial."""
+    """True if a metric depends on the machine and its load, and so differs from flight to flight of one trial."""
     return metric.startswith("seconds.") or metric in ("wall_s", "real_time_factor", "planning_s_per_decision")

@@ -111,7 +111,7 @@ class Store:
             )
 
     def versions(self) -> dict[str, int]:
-        """How many trials there are of each version of the package."""
+        """Number of trials of each version of the package."""
         return dict(self._selected("SELECT version, count(*) FROM trials GROUP BY version ORDER BY version"))
 
     def _selected(self, query: str) -> list[Any]:
@@ -224,7 +224,7 @@ def _version(connection: sqlite3.Connection, path: Path) -> int:
 
 
 def _unusable(path: Path, error: Exception) -> Exception:
-    """What to raise: a full disk is nobody's mistake, all else is the name of a folder that will not do."""
+    """The error to raise: a StoreError of a full disk, else an InputError about the folder."""
     if getattr(error, "errno", None) == errno.ENOSPC or (isinstance(error, sqlite3.Error) and "full" in str(error)):
         return StoreError(f"{path}: {getattr(error, 'strerror', None) or error}")
     return InputError(f"--out: {path} cannot be used: {getattr(error, 'strerror', None) or error}")

@@ -24,7 +24,7 @@ _OTHER = ("planner", "scenario")  # what trials are left out by, beside factors
 
 
 class Study(Struct, frozen=True):
-    """What to fly: each planner on each seed in each cell, a cell being a scenario and a level of each factor."""
+    """A study: each planner on each seed in each cell, a cell being a scenario and a level of each factor."""
 
     name: Annotated[str, Meta(pattern=r"^\w[\w.-]*$")]
     planners: tuple[str, ...]
@@ -58,7 +58,7 @@ class Cell(Struct, frozen=True):
 
 
 def is_study(path: Path) -> bool:
-    """Whether a TOML file has what makes it a study, not a scenario."""
+    """True if a TOML file is a study, not a scenario."""
     return path.is_file() and "study" in toml_file(path, "study")
 
 
@@ -143,7 +143,7 @@ def cells(study: Study) -> list[Cell]:
 
 
 def _overlap(one: str, other: str) -> bool:
-    """Whether one key is the other, or holds it."""
+    """True if one key is the other, or holds it."""
     return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")
 
 

@@ -1,1 +1,1 @@
-"""What the terminal shows."""
+"""Output of the terminal: messages, progress, results, lists."""

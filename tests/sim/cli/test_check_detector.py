@@ -85,7 +85,7 @@ BROKEN = {
     Silent: {"detections": "pixels"},
     Uncertain: {"detections": "covariances"},
     Blind: {"people": "0 of 6 in plain view"},
-    Seeing: {"people": "detections of none", "nobody in view": "20 detections"},
+    Seeing: {"people": "detections of none", "no person in view": "20 detections"},
     Sure: {"covariances": "far too small"},
     Random: {"same frame, same result": "otherwise", "no memory": "otherwise"},
     Counting: {"no memory": "after another frame"},

@@ -52,7 +52,7 @@ class Runner:
 
 
 def complaints(result, folder, before):
-    """What is wrong with how a command ended."""
+    """Faults in the way a command ended."""
     out, err = ((folder / name).read_text(errors="replace") for name in ("out.txt", "err.txt"))
     lines = [line for line in err.splitlines() if not any(remark in line for remark in REMARKS)]
     after, code = listing(folder), result["code"]
@@ -77,7 +77,7 @@ def listing(folder):
 
 
 def tried(number, runners, root):
-    """How an input ended, and what is wrong with that."""
+    """End of an input, and the faults in it."""
     asked, folder = case(number), root / str(number)
     for name in ("in", "tmp"):
         (folder / name).mkdir(parents=True)

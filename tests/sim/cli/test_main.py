@@ -235,7 +235,7 @@ def test_a_full_disk_is_one_line_and_other_errors_of_files_are_not_hidden(call, 
         call(*words)
 
 
-def test_a_refusal_without_end_keeps_its_ends_and_what_is_not_printable_is_not_printed(call):
+def test_a_long_refusal_keeps_its_ends_and_prints_only_what_is_printable(call):
     code, _, err = call("run", "--seed", "\x1b[2J" + "9" * 100_000)
     assert code == 2 and err.startswith("understory: --seed: ") and len(err) < 2100
     assert "\x1b" not in err and err.endswith("expected an integer, 0 to 340282366920938463463374607431768211455\n")

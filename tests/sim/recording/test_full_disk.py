@@ -1,4 +1,4 @@
-"""Where nothing can be written every command says so in one line, and leaves nothing unfinished."""
+"""On a full disk every command says so in one line, and leaves nothing unfinished."""
 
 import resource
 import sys

@@ -1,4 +1,4 @@
-"""A recording may come from anybody: whatever the file is, one clear line, soon, in little memory, and nothing runs."""
+"""A recording may come from any source: one clear line, soon, in little memory, and nothing runs."""
 
 import errno
 import json
@@ -129,9 +129,9 @@ DAMAGED = {
     "fewer than no pixels": (changed("visible", 2, 0, 1, to=-4), "'visible': holds numbers below 0"),
     "fewer than no bytes": (changed("bytes_sent", 2, 0, to=-4), "'bytes_sent': holds numbers below -1"),
     "a truth of 255": (lambda r: {"matched": npy(r.matched)[:-1] + b"\xff"}, "'matched': holds bytes"),
-    "a touch of nobody": (changed("contacts", 0, 3, to=HUGE), "'contacts': names what is not there"),
+    "a touch of no person": (changed("contacts", 0, 3, to=HUGE), "'contacts': names what is not there"),
     "a touch of no kind": (changed("contacts", 0, 2, to=77), "'contacts': names a scan, UAV or kind"),
-    "a fault of nobody": (faults((0.0, 3, "x")), "'faults': name a time or a UAV that is not there"),
+    "a fault of no UAV": (faults((0.0, 3, "x")), "'faults': name a time or a UAV that is not there"),
     "a fault after the end": (faults((9e9, 0, "x")), "'faults': name a time or a UAV that is not there"),
     "a fault that clears the screen": (faults((0.0, 0, "\x1b[2J")), "'faults': have a message that is not one line"),
     "a long fault": (faults((0.0, 0, "x" * (LONGEST + 1))), "'faults': have a message that is not one line"),
@@ -354,7 +354,7 @@ def test_many_changed_bytes_make_a_sound_recording_or_one_line(small, tmp_path, 
 
 
 def test_names_in_a_recording_are_never_imported_or_opened(tmp_path, monkeypatch):
-    """Planner, detector and trajectories of its scenario are text to whoever replays it."""
+    """Planner, detector and trajectories of its scenario are text to a replay."""
     (tmp_path / "evil.py").write_text("open('ran', 'w').close()\nclass Evil: pass\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)

@@ -1,4 +1,4 @@
-"""The probability that a track is somebody is recorded, exported and read again, where there is one."""
+"""The existence probability of a track is recorded, exported and read again, where there is one."""
 
 import csv
 import math

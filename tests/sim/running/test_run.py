@@ -1,4 +1,4 @@
-"""What a run leaves: a whole folder or nothing."""
+"""A run leaves a whole folder or nothing."""
 
 import itertools
 import json

@@ -1,4 +1,4 @@
-"""A dask cluster gives the rows that one process gives, whoever dies."""
+"""A dask cluster gives the rows that one process gives, whatever dies."""
 
 import gc
 import os

@@ -73,7 +73,7 @@ def start(command, **options):
 
 
 def stored(folder):
-    """When each trial was complete and how long it took, of a store that is sound."""
+    """Time of completion and duration of each trial, of a store that is sound."""
     if not (folder / NAME).exists():
         return {}
     sql = sqlite3.connect(folder / NAME)
@@ -87,7 +87,7 @@ def stored(folder):
 
 
 def gone():
-    """Whether what was started here ends within a while, and all that it has started."""
+    """True if all that was started here ends within a while, and all that it has started."""
     for _ in range(100):
         if not started_with("KILLED_BY", os.getpid()):
             return True

@@ -80,7 +80,7 @@ def test_each_step_of_the_walk_takes_back_what_it_is_called():
 
 
 def test_the_papers_setting_is_the_papers():
-    """What its text and its public code say; the default has the rest: fields of view, alpha, area, rates, 40 s."""
+    """As its text and its public code say; the default has the rest: fields of view, alpha, area, rates, 40 s."""
     found = cells(ORIGINAL)
     assert len(found) == 3 * 3 * 3 + 2 * 2  # Dec-POMDP where the paper has it
     for task in tasks(ORIGINAL):

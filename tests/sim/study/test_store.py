@@ -239,7 +239,7 @@ def test_a_store_of_which_something_was_changed_is_one_line(filled, statement, m
         store.done(tasks)
 
 
-def test_a_view_in_place_of_a_table_is_not_asked_as_it_may_never_end(filled):
+def test_a_view_in_place_of_a_table_is_refused_as_it_may_never_end(filled):
     folder, *_ = filled
     sql = sqlite3.connect(folder / NAME)
     with sql:
