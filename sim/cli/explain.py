@@ -71,7 +71,7 @@ def _moment(text: str) -> float:
 def _person(recording: Recording, text: str) -> int:
     count = recording.people.shape[1]
     if not count:
-        raise InputError(f"--target: {text!r} is not allowed; nobody walked in this mission")
+        raise InputError(f"--target: {text!r} is not allowed; no person walked in this mission")
     return integer(text, "--target", least=0, most=count - 1)
 
 
@@ -122,7 +122,7 @@ def _whole(recording: Recording, story: Story, person: int | None, path: Path, r
             )
         console.print(table)
     if not people:
-        console.print("Nobody walked in this mission.")
+        console.print("No person walked in this mission.")
     others = [event for event in events if event.kind in (*UNMATCHED, *INCIDENTS)] if person is None else []
     _print([("events", [f"{event.when}: {event.sentence}" for event in others])] if others else [])
     if not path.exists():

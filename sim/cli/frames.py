@@ -16,7 +16,7 @@ from sim.terminal.results import show_files
 
 def frames(
     recorded: Recorded,
-    uav: Annotated[str, typer.Option(metavar="I", help="The UAV whose camera it is, from 0.")],
+    uav: Annotated[str, typer.Option(metavar="I", help="The UAV of the camera, from 0.")],
     time: Annotated[str, typer.Option(metavar="T[:T2]", help="The scan nearest to T, or all from T to T2.")],
     out: Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR.")] = None,
     size: Annotated[str, typer.Option(metavar="PX", help="Edge of the camera's image, at most.")] = "896",

@@ -22,7 +22,7 @@ def show_run(summary: Mapping[str, Any], folder: Path) -> None:
     console.print(results_table(summary))
     show_files(folder)
     asked = f"understory explain {shlex.quote(str(folder))}"
-    console.print(f"Who was lost when, and why: [bold]{escape(asked)}[/bold]", soft_wrap=True)
+    console.print(f"People lost, when and why: [bold]{escape(asked)}[/bold]", soft_wrap=True)
 
 
 def _show_faults(faults: Sequence[Mapping[str, Any]]) -> None:

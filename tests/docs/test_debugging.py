@@ -68,10 +68,10 @@ def test_what_cannot_be_explained_is_refused_in_one_line_and_leaves_nothing(call
         code, _, err = call("explain", "one", *arguments)
         assert code == 2 and err.startswith(f"understory: {words}") and err.count("\n") == 1
     code, _, err = call("explain", "none", "--target", "0")
-    assert (code, err) == (2, "understory: --target: '0' is not allowed; nobody walked in this mission\n")
+    assert (code, err) == (2, "understory: --target: '0' is not allowed; no person walked in this mission\n")
     code, _, err = call("explain", "nowhere")
     assert (code, err) == (2, "understory: DIR: nowhere does not exist\n")
-    assert call("explain", "none")[1].startswith("Nobody walked in this mission.\n")
+    assert call("explain", "none")[1].startswith("No person walked in this mission.\n")
     assert sorted(tmp_path.rglob("*")) == before
 
 

@@ -9,7 +9,8 @@ from helpers.commands import called
 
 from sim.conformance.detector import check
 from sim.sensing.detectors import DETECTORS
-from tracking.detection.detector import Detections, detect
+from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.detector import Detections
 
 
 class Good:
@@ -17,7 +18,7 @@ class Good:
 
     def detect(self, frame):
         frame.image.flags.writeable = True  # which it may do with its own copy
-        found = detect(frame)
+        found = BlobDetector(None).detect(frame)
         frame.image[:] = 0
         return found
 
