@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from planning.conformance.checks import check as check_planner
     from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
+    from sim.conformance.detector import check as check_detector
     from sim.mission.mission import Mission
     from sim.recording.recording import Recording
     from sim.replay.notebook import Flight, load
@@ -49,6 +50,7 @@ __all__ = [
     "Situation",
     "Track",
     "Vehicle",
+    "check_detector",
     "check_planner",
     "compare",
     "load",
@@ -66,6 +68,7 @@ _HOMES = {
     "tracking.geometry.camera": ("Camera", "Pose"),
     "tracking.tracker": ("Track",),
 }
+_CHECKS = {"check_detector": "sim.conformance.detector", "check_planner": "planning.conformance.checks"}
 
 
 def run(
@@ -188,8 +191,8 @@ def _overrides(settings: Mapping[str, Any] | None) -> list[str]:
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - what the name stands for
     """A class or function of the packages; importing them all takes a second or two."""
-    if name == "check_planner":
-        return import_module("planning.conformance.checks").check
+    if name in _CHECKS:
+        return import_module(_CHECKS[name]).check
     for module, names in _HOMES.items():
         if name in names:
             return getattr(import_module(module), name)

@@ -8,6 +8,7 @@ import pytest
 
 from planning.conformance.checks import CHECKS
 from planning.planner import Plan
+from sim.conformance.detector import check as check_detector
 from sim.mission.mission import Mission
 from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
@@ -54,6 +55,11 @@ def test_every_check_is_listed_in_its_order():
     rows = re.findall(r"^\| (`.*?`) \|", PAGE.partition("## Does it conform?")[2].partition("\n#")[0], flags=re.M)
     listed = [name for row in rows for name in re.findall(r"`(.*?)`", row)]
     assert listed == list(CHECKS)
+
+
+def test_every_check_of_a_detector_is_listed_in_its_order():
+    rows = re.findall(r"^\| (`.*?`) \|", PAGE.partition("| check of a detector |")[2].partition("\n\n")[0], flags=re.M)
+    assert [name for row in rows for name in re.findall(r"`(.*?)`", row)] == [f.check for f in check_detector("blob")]
 
 
 def test_links_lead_somewhere():
