@@ -46,22 +46,39 @@ class Composed:
     """A `Composition` of pieces by name; ValueError names what is wrong and what is allowed."""
 
     horizon: int = 5  # steps of a plan
+    # of the UAVs' decisions: `sequential`, `parallel`, `decentralised` or `centralised`
     coordination: str = "sequential"
-    order: str = "fixed"  # of UAVs in sequential planning
-    sweeps: int = 1  # times that the sequence is gone through
+    # of the sequence: `fixed`: by id; `random`; `worst-first`: the UAV with the most uncertain track within 40 m first
+    order: str = "fixed"
+    # times that the sequence is gone through; from the second on, each UAV answers the plans that the others have made
+    sweeps: int = 1
+    # of the targets' beliefs: `nominal`: along their most probable trajectory; `monte-carlo`: along samples
     propagation: str = "nominal"
-    samples: int = 50  # of Monte Carlo propagation
-    visibility: str = "nominal"  # at the nominal point, or expected over the belief
-    beta: float = 0.5  # weight of the MWTP; 0: no cost-to-go
+    samples: int = 50  # number of samples of Monte Carlo propagation
+    # of a target: `nominal`: judged at its nominal place; `expected`: at nine equally probable points of its predicted
+    # belief, each of which adds its share of the information
+    visibility: str = "nominal"
+    beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none, as in the paper
+    # `cross-entropy`, `particle-swarm`, or `grid`: every plan of nine controls, for small cases
     optimizer: str = "cross-entropy"
-    evaluations: int = 0  # of the objective, for each UAV's plan; 0: the optimiser's usual number
-    seconds: float = 0.0  # the optimiser's time for each decision; 0: as long as the evaluations take
-    occlusion: str = ""  # model of occlusion by trees; empty: the scenario's
-    existence: bool = True  # targets are weighted by their existence probability; False: by one
-    search: float = 0.0  # m²: weight of each undetected person, as a trace of covariance; 0: no search
-    separation: float = 0.0  # m, of planned paths in space; 0: UAVs need not keep apart
-    prediction: str = "scans"  # of targets: as trackers do, scan by scan, or with the process noise of one long step
-    actions: str = "all"  # actions to optimise; "first": the base policy follows the first
+    # of the objective, for each UAV's plan; 0: 12288, 51 moves of the swarm, or all plans of the grid
+    evaluations: int = 0
+    # s for each UAV's plan: cross-entropy searches until then, a swarm or grid that is not done stops; 0: no limit
+    seconds: float = 0.0
+    occlusion: str = ""  # model of occlusion by trees: `line_of_sight` or the paper's `disc`; empty: the scenario's
+    # whether a track is weighted by its probability of existence, where the tracker gives one (`tracking.life =
+    # "existence"`); else each as one
+    existence: bool = True
+    # m²: a person without a track counts as a track whose position's covariance has this trace; 0: no search
+    search: float = 0.0
+    separation: float = 0.0  # m: planned paths stay so far from the paths that others are expected to fly; 0: no limit
+    # growth of a target's belief over a planning step: `scans`: as trackers let it, whose acceleration is drawn anew at
+    # each scan; `step`: one acceleration holds for the whole step, so that hidden people are expected farther away than
+    # the tracker will have them
+    prediction: str = "scans"
+    # controls of a plan that are optimised: `all`, or the `first`, after which the UAV follows the base policy (full
+    # speed to the track of largest covariance within 40 m), as the MCR of the paper's public code does
+    actions: str = "all"
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():

@@ -29,11 +29,11 @@ class Area(Struct, frozen=True, forbid_unknown_fields=True):
 class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     """A Poisson forest ([Li22] IV-A)."""
 
-    density: Expected = 45.0  # expected number of trees in the area, the paper's lambda
-    canopy_radius: Length = 5.0  # m, the paper's R
-    canopy_base: Length = 3.0  # m above ground
-    canopy_top: Length = 6.0  # m above ground
-    trunk_radius: Length = 0.2  # m
+    density: Expected = 45.0  # expected number in the area, the paper's λ; the number itself is Poisson
+    canopy_radius: Length = 5.0  # m, the paper's R; canopies do not overlap, people walk under them
+    canopy_base: Length = 3.0  # m, above ground
+    canopy_top: Length = 6.0  # m, above ground, below every UAV
+    trunk_radius: Length = 0.2  # m, people walk round trunks
 
     def __post_init__(self) -> None:
         if self.canopy_base >= self.canopy_top:
@@ -54,12 +54,14 @@ DEFAULT_PATHS: Paths = (
 class People(Struct, frozen=True, forbid_unknown_fields=True):
     """Walking people: Levy walkers along waypoints (or wandering), or recorded trajectories."""
 
-    count: Count = 4
-    paths: Paths = DEFAULT_PATHS  # waypoints of the first people; others wander
-    min_speed: Speed = 1.0  # m/s
-    max_speed: Speed = 3.0  # m/s
-    levy_exponent: Annotated[float, Meta(gt=1, le=3)] = 2.0  # density of step lengths ~ length^-exponent
-    trajectories: str = ""  # CSV file `t,id,x,y` that replaces the walkers
+    count: Count = 4  # number of walkers
+    # m, waypoints `[[x, y], ...]` of the first walkers, moved a little by the seed; the others wander
+    paths: Paths = DEFAULT_PATHS
+    min_speed: Speed = 1.0  # m/s, lower bound of the walkers' speeds
+    max_speed: Speed = 3.0  # m/s, upper bound of the walkers' speeds
+    # step lengths have a density proportional to length^-exponent, cut off at the two speeds
+    levy_exponent: Annotated[float, Meta(gt=1, le=3)] = 2.0
+    trajectories: str = ""  # CSV file that replaces the walkers, relative to the scenario file
 
     def __post_init__(self) -> None:
         if self.min_speed >= self.max_speed:
@@ -69,25 +71,29 @@ class People(Struct, frozen=True, forbid_unknown_fields=True):
 class Appearance(Struct, frozen=True, forbid_unknown_fields=True):
     """Strengths of random variations of images; a strength left open is zero, or full with `randomise`."""
 
-    randomise: bool = False
-    light_deg: Annotated[float, Meta(ge=0, le=75)] | None = None  # the sun's largest angle from the zenith
-    ambient: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # of diffuse light, from the mean
-    ground_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # of each of red, green and blue, relative
-    ground_moved: bool | None = None  # shift and turn the ground's texture
-    canopy_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # of the forest's colour and each tree's shade
-    clothing_hue_deg: Annotated[float, Meta(ge=0, le=6)] | None = None  # to either side of the mean hue
-    clothing_shade: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # darkening at most
-    exposure: Annotated[float, Meta(ge=0, le=1)] | None = None  # gain from 1 / (1 + x) to 1 + x
-    blur: Annotated[float, Meta(ge=0, le=5)] | None = None  # pixels, standard deviation
-    noise: Annotated[float, Meta(ge=0, le=100)] | None = None  # grey levels, standard deviation
+    randomise: bool = False  # vary all that follows
+    light_deg: Annotated[float, Meta(ge=0, le=75)] | None = None  # deg, largest angle of the sun from the zenith
+    ambient: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # share of diffuse light, 0.75 plus or minus this
+    ground_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None  # change of each of red, green and blue, relative
+    ground_moved: bool | None = None  # whether the ground's texture is shifted and turned
+    # change of the forest's colour, and again of each tree's brightness, relative
+    canopy_tint: Annotated[float, Meta(ge=0, le=0.2)] | None = None
+    # deg, hue of each person's clothes, 16 plus or minus this
+    clothing_hue_deg: Annotated[float, Meta(ge=0, le=6)] | None = None
+    clothing_shade: Annotated[float, Meta(ge=0, le=0.5)] | None = None  # share by which some clothes are darker
+    exposure: Annotated[float, Meta(ge=0, le=1)] | None = None  # gain of each camera from 1 / (1 + x) to 1 + x
+    blur: Annotated[float, Meta(ge=0, le=5)] | None = None  # pixels, standard deviation of a Gaussian
+    noise: Annotated[float, Meta(ge=0, le=100)] | None = None  # grey levels, standard deviation of a Gaussian
 
 
 class Wind(Struct, frozen=True, forbid_unknown_fields=True):
     """Air that moves quadrotors: a mean and first-order Gauss-Markov gusts, the same for the whole fleet."""
 
-    velocity: Point = (0.0, 0.0)  # m/s, the mean, to the east and to the north
-    gust: Annotated[float, Meta(ge=0, le=5)] = 0.0  # m/s, standard deviation of each component
-    gust_time: Annotated[float, Meta(ge=0.01, le=DAY)] = 5.0  # s, correlation time
+    velocity: Point = (0.0, 0.0)  # m/s, mean, to the east and to the north, at most 12 m/s; only quadrotors feel it
+    # m/s, standard deviation of each component; the gusts of seed and repeat are the same for the whole fleet
+    gust: Annotated[float, Meta(ge=0, le=5)] = 0.0
+    # s, correlation time of the gusts (first-order Gauss-Markov)
+    gust_time: Annotated[float, Meta(ge=0.01, le=DAY)] = 5.0
 
     def __post_init__(self) -> None:
         east, north = self.velocity

@@ -13,16 +13,23 @@ from sim.scenario.bounds import Footprint, Point, Speed, Time
 class Uav(Struct, frozen=True, forbid_unknown_fields=True):
     """One quadrotor and its camera."""
 
-    start: Point  # m
-    footprint: Footprint = 20.0  # edge of the square field of view on the ground, m; gives the altitude
-    alpha: Annotated[float, Meta(ge=1e-6, le=100)] = 0.1  # sensing quality of [Li22] eq. (4)
-    fov_deg: Annotated[float, Meta(ge=1, lt=180)] = 60.0  # full angle
-    pixels: Annotated[int, Meta(ge=16, le=4096)] = 128
-    max_speed: Speed = 5.0  # m/s
+    start: Point  # m, place above which it hovers at the start, `[x, y]`
+    # m, edge of the square field of view on the ground; with `fov_deg` it gives the altitude
+    footprint: Footprint = 20.0
+    # quality factor of its measurements, [Li22] eq. (4); smaller is better
+    alpha: Annotated[float, Meta(ge=1e-6, le=100)] = 0.1
+    fov_deg: Annotated[float, Meta(ge=1, lt=180)] = 60.0  # deg, full angle of the field of view
+    pixels: Annotated[int, Meta(ge=16, le=4096)] = 128  # pixels along each edge of the image
+    max_speed: Speed = 5.0  # m/s, upper bound of commanded velocities
+    # `"gimbal"`: the camera stays level with north up; `"body"`: it tilts and turns with the body
     mount: Literal["gimbal", "body"] = "gimbal"
-    rate: Annotated[int, Meta(ge=0, le=1000)] = 0  # of the camera, Hz; 0: rates.sensing
-    tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0  # of the camera, off nadir, towards the body's front
-    fails_at: Time | None = None  # s, time of a breakdown of all but its flight controller; None: never
+    # Hz, of the camera, a divisor of `rates.sensing`; 0: `rates.sensing` itself
+    rate: Annotated[int, Meta(ge=0, le=1000)] = 0
+    # deg, mounting angle off nadir, towards the body's front, which is east at yaw 0; a gimbal keeps the camera so,
+    # looking east. The image must end below the horizon. `footprint` and the covariance that planners expect with
+    # `sensing.noise = "camera"` stay those of the camera looking down; the covariance of detections does not
+    tilt_deg: Annotated[float, Meta(ge=0, le=60)] = 0.0
+    fails_at: Time | None = None  # s, time of its breakdown; never if not given
 
     def __post_init__(self) -> None:
         if self.tilt_deg + self.fov_deg / 2 >= 90:

@@ -15,9 +15,9 @@ Link = tuple[Index, Index]
 class Cut(Struct, frozen=True, forbid_unknown_fields=True):
     """Links that are down for a while."""
 
-    links: Annotated[tuple[Link, ...], Meta(min_length=1)]
-    start: Annotated[float, Meta(ge=0, le=DAY)] = 0.0  # s
-    end: Annotated[float, Meta(le=DAY)] | None = None  # s, when they are up again; None: never
+    links: Annotated[tuple[Link, ...], Meta(min_length=1)]  # links that are down: pairs of UAVs
+    start: Annotated[float, Meta(ge=0, le=DAY)] = 0.0  # s, from then on they are down
+    end: Annotated[float, Meta(le=DAY)] | None = None  # s, when they are up again; for good without it
 
     def __post_init__(self) -> None:
         if self.end is not None and self.end <= self.start:
@@ -27,12 +27,19 @@ class Cut(Struct, frozen=True, forbid_unknown_fields=True):
 class Network(Struct, frozen=True, forbid_unknown_fields=True):
     """Radio network: links, rounds of consensus per scan, fusion rule and losses."""
 
-    rounds: Annotated[int, Meta(ge=0, le=1000)] = 5
-    range: Annotated[float, Meta(gt=0, le=1e6)] = 1000.0  # m
+    rounds: Annotated[int, Meta(ge=0, le=1000)] = 5  # rounds of consensus per scan
+    # m, distance beyond which no message arrives, whatever the links
+    range: Annotated[float, Meta(gt=0, le=1e6)] = 1000.0
+    # `"kla"`: weighted average of information, as in the paper; `"hcmci"`: hybrid consensus on measurements and
+    # information
     fusion: Literal["kla", "hcmci"] = "kla"
-    loss: Annotated[float, Meta(ge=0, le=1)] = 0.0  # probability per message, that is per round and direction
-    links: tuple[Link, ...] = ()  # all that exist; empty: every pair
+    # probability that a message is lost, per round and direction, drawn by seed and repeat
+    loss: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    links: tuple[Link, ...] = ()  # the only links there are, as pairs of UAVs: `[[0, 1], [1, 2]]`; without any, all
+    # links that are down for a while: `[{links = [[0, 2], [1, 2]], start = 10, end = 20}]`
     cuts: Annotated[tuple[Cut, ...], Meta(max_length=1000)] = ()
+    # s, from a decision until the first control of its plan is flown; until then UAVs go on as before, and hover at the
+    # start; a multiple of the time between scans
     plan_delay: Annotated[float, Meta(ge=0, le=DAY)] = (
         0.0  # s from a decision until it is flown, a multiple of the time between scans
     )

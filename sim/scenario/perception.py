@@ -21,15 +21,30 @@ from sim.scenario.bounds import (
 class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     """From world to measurements."""
 
+    # `"camera"`: detections from rendered images; `"ideal"`: a measurement of every person in line of sight, nothing is
+    # rendered
     mode: Literal["camera", "ideal"] = "camera"
+    # `"range_bearing"`: noise of [Li22] eq. (4) is added; `"camera"`: none is added, and the covariance is the camera's
+    # own
     noise: Literal["range_bearing", "camera"] = "range_bearing"
-    # Model of occlusion of tracker and planner, and of ideal sensing.
+    # assumption of tracker and planner, and truth of ideal sensing: `"line_of_sight"` past cylinders, or the paper's
+    # `"disc"`
     occlusion: Literal["line_of_sight", "disc"] = "line_of_sight"
-    renderer: Literal["tiny", "egl"] = "tiny"  # PyBullet's own on the CPU, or OpenGL without a display
-    detector: str = "blob"  # "blob", "segmentation" or "package.module:Class"
-    false_alarms: Annotated[float, Meta(ge=0, le=1000)] = 0.0  # expected number per frame, Poisson
-    miss_probability: Probability = 0.0  # of a detection that is dropped
-    field_of_view: Literal["camera", "unlimited"] = "camera"  # "unlimited": only in ideal sensing; trees still hide
+    # `"tiny"`: PyBullet's own, on the CPU; `"egl"`: OpenGL without a display, images up to 768 pixels, refused where it
+    # cannot start
+    renderer: Literal["tiny", "egl"] = "tiny"
+    # `"blob"`: people by their colour; `"segmentation"`: the renderer's own mask, every person of whom a pixel shows;
+    # or yours, `"package.module:Class"`, with a method `detect(frame)`
+    detector: str = "blob"
+    # expected number of false detections per frame, anywhere in the image. Set `tracking.clutter_density` to it over
+    # the field of view in m², and `tracking.life` to `"existence"`: two of three false alarms that happen to fit make a
+    # track otherwise
+    false_alarms: Annotated[float, Meta(ge=0, le=1000)] = 0.0
+    # probability that a detection is lost; set `tracking.detection_probability` to its complement
+    miss_probability: Probability = 0.0
+    # limit of what is seen, trees aside: `"camera"`, or nothing with `"unlimited"`, which needs `sensing.mode =
+    # "ideal"`
+    field_of_view: Literal["camera", "unlimited"] = "camera"
 
     def __post_init__(self) -> None:
         if self.field_of_view == "unlimited":
@@ -42,24 +57,43 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
 class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     """Parameters of the trackers."""
 
-    sigma_a: Annotated[float, Meta(ge=1e-3, le=100)] = 0.5  # m/s², of the NCV model
+    # m/s², standard deviation of the acceleration in the motion model, [Li22] eq. (1)
+    sigma_a: Annotated[float, Meta(ge=1e-3, le=100)] = 0.5
+    # `"known"`: the track of every person is given at the start; `"none"`: people have to be found
     initial_tracks: Literal["known", "none"] = "known"
-    detection_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.99  # of a person in plain view
-    clutter_density: Density = 1e-6  # false alarms per m²
+    # probability of detection of a person in plain view
+    detection_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.99
+    clutter_density: Density = 1e-6  # 1/m², false detections per scan
+    # probability that a person's own measurement falls into the gate
     gate_probability: Annotated[float, Meta(gt=0, lt=1)] = 0.9999
-    confirm: tuple[Scans, Scans] = (2, 3)  # m of n scans
-    delete: tuple[Scans, Scans] = (5, 5)  # misses in m of n scans with a view of the person
-    absence_weight: Weight = 1.0  # exponent of the likelihood of negative information; 0: none is used
-    recovery_after: Time = 1.0  # s without detection, after which a new detection may re-acquire the track
-    max_variance: Variance = 400.0  # m², trace of the position's covariance at which a track is deleted
-    max_speed: Speed = 3.0  # m/s, of people
-    life: Literal["m_of_n", "existence"] = "m_of_n"  # rule of initiation and deletion of tracks
-    survival: Annotated[float, Meta(gt=0, le=1)] = 0.999  # probability per second that a person stays
-    birth_density: Density = 1e-5  # new targets per m² and scan
-    sure: Annotated[float, Meta(gt=0, lt=1)] = 0.99  # existence probability that confirms a track
-    doubt: Annotated[float, Meta(gt=0, lt=1)] = 0.001  # existence probability below which a track is deleted
-    motion: Literal["ncv", "bounded"] = "ncv"  # motion model of the trackers
-    unseen: Expected = 4.0  # undetected people expected at the start with initial_tracks "none"
+    confirm: tuple[Scans, Scans] = (2, 3)  # m of n scans: a new track needs so many detections
+    # m of n scans: a track ends after so many misses where the person should have been seen; n is at most 62, as of
+    # `confirm`
+    delete: tuple[Scans, Scans] = (5, 5)
+    # exponent of the likelihood of negative information; 0: a place seen empty says nothing of where people are
+    absence_weight: Weight = 1.0
+    # s, after which an unseen person's track may be re-acquired by a detection within that person's reach
+    recovery_after: Time = 1.0
+    max_variance: Variance = 400.0  # m², trace of the position's covariance beyond which a track ends
+    max_speed: Speed = 3.0  # m/s, of people, for re-acquisition and for `motion = "bounded"`
+    # initiation and deletion of tracks: `"m_of_n"` counts scans, `confirm` and `delete`; `"existence"`: each track has
+    # a probability of existence (JIPDA), `sure` and `doubt`
+    life: Literal["m_of_n", "existence"] = "m_of_n"
+    # with `"existence"`: probability that a person who is there is still there a second later
+    survival: Annotated[float, Meta(gt=0, le=1)] = 0.999
+    # 1/m², with `"existence"`: people detected for the first time per scan; against `clutter_density`, how far a first
+    # detection is believed
+    birth_density: Density = 1e-5
+    # with `"existence"`: probability of existence that confirms a new track
+    sure: Annotated[float, Meta(gt=0, lt=1)] = 0.99
+    # with `"existence"`: probability of existence below which a track ends
+    doubt: Annotated[float, Meta(gt=0, lt=1)] = 0.001
+    # motion model of the trackers: `"ncv"`: nearly constant velocity; `"bounded"`: the same, never faster than
+    # `max_speed`, which keeps hidden people within reach. Planners look ahead with NCV either way, scan by scan as
+    # trackers with `"ncv"` do
+    motion: Literal["ncv", "bounded"] = "ncv"
+    # people expected anywhere in the area where `initial_tracks` is `"none"`, for whom UAVs then search
+    unseen: Expected = 4.0
 
     def __post_init__(self) -> None:
         for name, (m, n) in (("confirm", self.confirm), ("delete", self.delete)):

@@ -25,9 +25,9 @@ _HIGHEST = 10_000.0  # m above ground
 class Rates(Struct, frozen=True, forbid_unknown_fields=True):
     """Rates [Hz] of physics, sensing and planning; each divides the one before."""
 
-    physics: Annotated[int, Meta(ge=1, le=10_000)] = 240
-    sensing: Annotated[int, Meta(ge=1, le=1000)] = 5
-    planning: Annotated[int, Meta(ge=1, le=1000)] = 1
+    physics: Annotated[int, Meta(ge=1, le=10_000)] = 240  # Hz, steps of the engine; a multiple of `rates.sensing`
+    sensing: Annotated[int, Meta(ge=1, le=1000)] = 5  # Hz, scans; a multiple of `rates.planning`
+    planning: Annotated[int, Meta(ge=1, le=1000)] = 1  # Hz, decisions; its inverse is the time step of a plan
 
     def __post_init__(self) -> None:
         if self.physics % self.sensing:
@@ -39,14 +39,18 @@ class Rates(Struct, frozen=True, forbid_unknown_fields=True):
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     """A whole mission, planner and seed aside."""
 
-    version: Literal[1] = 1
-    duration: Annotated[float, Meta(gt=0, le=DAY)] = 40.0  # s
-    first_decision: Time = 0.0  # s; until then UAVs hover
+    version: Literal[1] = 1  # version of this format; results compare only within one
+    # s, simulated time; scans are taken at its start and its end, and what is left over after the last one is not flown
+    duration: Annotated[float, Meta(gt=0, le=DAY)] = 40.0
+    # s, time of the first decision, until which UAVs hover; a multiple of the time between decisions
+    first_decision: Time = 0.0
+    # `"quadrotor"`: thrust and attitude control by forces in the engine; `"kinematic"`: velocity is obeyed at once
+    # ([Li22] eq. (5))
     dynamics: Literal["quadrotor", "kinematic"] = "quadrotor"
     area: Area = field(default_factory=Area)
     trees: Trees = field(default_factory=Trees)
     people: People = field(default_factory=People)
-    uavs: Annotated[tuple[Uav, ...], Meta(min_length=1, max_length=200)] = DEFAULT_FLEET
+    uavs: Annotated[tuple[Uav, ...], Meta(min_length=1, max_length=200)] = DEFAULT_FLEET  # the fleet, one or more
     rates: Rates = field(default_factory=Rates)
     sensing: Sensing = field(default_factory=Sensing)
     tracking: Tracking = field(default_factory=Tracking)

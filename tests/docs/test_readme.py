@@ -7,17 +7,19 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from helpers.pages import generator
 
 from planning.registry import PLANNERS
 from sim.__main__ import main
 from sim.scenario.fleet import Uav
 from sim.scenario.loading import decode, load
+from sim.scenario.network import Cut
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import tomllib
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-REFERENCE = (ROOT / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
+REFERENCE = generator().generated((ROOT / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8"))
 INSTALL = ("pip install -e . && understory run", "pip install -e '.[test]' && pytest")
 SHORTER = {"run": ["--duration", "2"], "compare": ["--duration", "1", "--seeds", "0,1"], "frames": ["--time", "1"]}
 SHORTER |= {"check-planner": [], "explain": ["--time", "1"], "replay": ["--time", "1:2"]}
@@ -102,7 +104,7 @@ def defaults(kind=Scenario, prefix=""):
 
 def test_the_reference_lists_every_key_with_its_default():
     listed = dict(re.findall(r"^\| `([\w.]+)` \| ?(.*?) ?\|", REFERENCE, flags=re.M))
-    expected = {**dict(defaults()), **dict(defaults(Uav, "uavs.0."))}
+    expected = {**dict(defaults()), **dict(defaults(Uav, "uavs.0.")), **dict(defaults(Cut, "network.cuts."))}
     assert set(listed) == set(expected)
     for key, default in expected.items():
         if default is None:
@@ -112,6 +114,14 @@ def test_the_reference_lists_every_key_with_its_default():
         else:
             value = tomllib.loads(f"value = {listed[key].strip('`')}")["value"]
             assert msgspec.convert(value, type(default)) == default, key
+
+
+def test_every_key_and_option_says_its_meaning():
+    page = REFERENCE + generator().options_table()
+    rows = re.findall(r"^\| `([\w.]+)` \|.*\| ?(.*?) ?\|$", page, flags=re.M)
+    assert len(rows) > 90
+    for key, meaning in rows:
+        assert len(meaning) > 3, key
 
 
 def test_the_reference_writes_out_the_long_defaults():

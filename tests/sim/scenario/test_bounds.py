@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 from helpers.hostile_values import numbers
+from helpers.pages import generator
 from msgspec import inspect
 
 from sim.scenario.environment import People
@@ -16,7 +17,8 @@ from sim.scenario.quantities import integer, integers, seconds
 from sim.scenario.scenario import Scenario
 from sim.scenario.workload import check_workload
 
-REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
+REFERENCE = generator().generated(PAGE)
 # Checked against the area, the strongest wind, the number of UAVs and the scans that a tracker counts.
 ELSEWHERE = {"uavs.0.start", "wind.velocity", "network.links", "network.cuts.links", "people.paths"}
 ELSEWHERE |= {"tracking.confirm", "tracking.delete"}
@@ -37,8 +39,7 @@ def test_every_number_of_a_scenario_has_two_bounds_and_the_reference_names_them(
         if name not in ELSEWHERE:
             assert {kind.ge, kind.gt} != {None} or name == "network.cuts.end", name
             assert {kind.le, kind.lt} != {None}, name
-    limits = REFERENCE.partition("## Limits")[2].partition("\n## ")[0]
-    assert dict(re.findall(r"^\| ([\w.]+) \| (.*\d) \|", limits, flags=re.M)) == dict(bounded())
+    assert dict(re.findall(r"^\| `([\w.]+)` \| [^|]*\| ([^|]*\d) \|", REFERENCE, flags=re.M)) == dict(bounded())
 
 
 @pytest.mark.parametrize(

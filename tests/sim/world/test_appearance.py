@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from helpers.frames import WIDE, Tally, frame
+from helpers.pages import generator
 from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
 from assets.build import PALETTE
@@ -23,7 +24,8 @@ from tracking.detection.blob_detector import BlobDetector
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 
-REFERENCE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
+REFERENCE = generator().generated(PAGE)
 POSE = Pose.level(0.0, 0.0, 19.0)
 TREES = Forest((Tree(5.0, 4.0, 3.0), Tree(-6.0, -5.0, 3.0)))
 # Which part of the style each strength decides; the ground is as bright as the light on it.
@@ -79,7 +81,7 @@ def test_each_strength_varies_its_own_part_and_shows(name):
 
 
 def test_full_randomisation_has_the_strengths_that_the_reference_lists():
-    listed = dict(re.findall(r"^\| `appearance\.(\w+)` \|.*\| `([\w.]+)` \|$", REFERENCE, flags=re.M))
+    listed = dict(re.findall(r"^\| `appearance\.(\w+)` \|.*; full strength: `([\w.]+)` \|$", REFERENCE, flags=re.M))
     assert listed == {name: str(value).lower() for name, value in FULL.items()}
     assert different(style(randomise=True), style(**FULL)) == set()
     assert different(style(randomise=True), style()) == set().union(*PARTS.values())
