@@ -33,7 +33,7 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     # `"tiny"`: PyBullet's own, on the CPU; `"egl"`: OpenGL without a display, images up to 768 pixels, refused where it
     # cannot start
     renderer: Literal["tiny", "egl"] = "tiny"
-    # `"blob"`: people by their colour; `"segmentation"`: the renderer's own mask, every person of whom a pixel shows;
+    # `"blob"`: people by their colour; `"segmentation"`: the renderer's own mask, every person that a pixel shows;
     # or yours, `"package.module:Class"`, with a method `detect(frame)`
     detector: str = "blob"
     # expected number of false detections per frame, anywhere in the image. Set `tracking.clutter_density` to it over
@@ -79,7 +79,7 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # initiation and deletion of tracks: `"m_of_n"` counts scans, `confirm` and `delete`; `"existence"`: each track has
     # a probability of existence (JIPDA), `sure` and `doubt`
     life: Literal["m_of_n", "existence"] = "m_of_n"
-    # with `"existence"`: probability that a person who is there is still there a second later
+    # with `"existence"`: probability of a person to be there still a second later
     survival: Annotated[float, Meta(gt=0, le=1)] = 0.999
     # 1/m², with `"existence"`: people detected for the first time per scan; against `clutter_density`, how far a first
     # detection is believed
@@ -92,7 +92,7 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # `max_speed`, which keeps hidden people within reach. Planners look ahead with NCV either way, scan by scan as
     # trackers with `"ncv"` do
     motion: Literal["ncv", "bounded"] = "ncv"
-    # people expected anywhere in the area where `initial_tracks` is `"none"`, for whom UAVs then search
+    # people expected anywhere in the area where `initial_tracks` is `"none"`; UAVs then search for them
     unseen: Expected = 4.0
 
     def __post_init__(self) -> None:
