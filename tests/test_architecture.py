@@ -12,7 +12,16 @@ PACKAGES = ("sim", "planning", "tracking", "assets")
 LAYERS = {
     "tracking": (
         *("numerics", "plugins", "geometry", "filter", "detection", "parameters", "association", "management"),
-        *("fusion", "metrics", "measurement_update", "tracker", "fleet", "undetected", "measurement_files"),
+        *(
+            "fusion",
+            "metrics",
+            "measurement_update",
+            "track_table",
+            "tracker",
+            "fleet",
+            "undetected",
+            "measurement_files",
+        ),
     ),
     "planning": (
         *("planner", "errors", "contract", "prediction", "objective", "optimizers", "coordination", "composition"),

@@ -8,12 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.filter.motion import MotionModel
 from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import log, power
 
 LIVES = ("m_of_n", "existence")
-FUSIONS = ("kla", "hcmci")
 MOST_SCANS = 62  # that fit into the bits of the integer that counts misses
 
 
@@ -21,7 +20,7 @@ MOST_SCANS = 62  # that fit into the bits of the integer that counts misses
 class TrackerParameters:
     """A tracker's models of people and sensors, and its rules of track management."""
 
-    motion: NearlyConstantVelocity  # over one scan
+    motion: MotionModel  # over one scan
     detection_probability: float = 0.99  # of a person in plain view
     clutter_density: float = 1e-6  # false alarms per m²
     gate_probability: float = 0.9999
@@ -39,7 +38,7 @@ class TrackerParameters:
     birth_density: float = 1e-5  # of people detected for the first time, 1/m² and scan
     sure: float = 0.99  # probability of existence that confirms a track
     doubt: float = 0.001  # probability of existence below which a track ends
-    fusion: str = "kla"  # of UAVs' beliefs: "kla", their average, or "hcmci", which adds up novel information
+    fusion: str = "kla"  # rule of fusion, see `tracking.fusion.rule`
     forget_after: float = 30.0  # s for which the fleet remembers that it deleted a track
 
     def __post_init__(self) -> None:
@@ -62,8 +61,6 @@ class TrackerParameters:
             raise ValueError(f"absence_weight must be 0 or more and finite, is {self.absence_weight}")
         if not self.recovery_after >= 0.0:
             raise ValueError(f"recovery_after must be 0 or more, is {self.recovery_after}")
-        if self.fusion not in FUSIONS:
-            raise ValueError(f"fusion must be one of {', '.join(FUSIONS)}, is {self.fusion!r}")
         if not self.forget_after > 0.0:
             raise ValueError(f"forget_after must be positive, is {self.forget_after}")
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tracking.association.jipda import log_odds
-from tracking.filter.information import information_form
 from tracking.filter.kalman import Gaussian
 from tracking.filter.negative_information import Viewpoint, miss_likelihood
-from tracking.fusion.hcmci import largest_innovation, split_information
 from tracking.fusion.labels import FIRST_LABEL, UAVS, aliases_of, is_new_label, new_label
-from tracking.fusion.message import INFORMATION, Message
+from tracking.fusion.message import Message
+from tracking.fusion.rule import LocalBeliefs, fusion_rule
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, visible_samples
 from tracking.management.deletion import DetectionHistory, duplicates
@@ -26,6 +25,7 @@ from tracking.measurement_update import scan_prediction, scan_update
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
+from tracking.track_table import TrackTable
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 
@@ -87,13 +87,8 @@ class Tracker:
         self._scans = self._steps = 0  # scans so far, and steps of motion since the first one
         self._first = 0.0  # s, the time of the first scan
         self._viewpoint: Viewpoint | None = None  # of the last frame
-        self._ids = np.array(ids, dtype=np.int64)
-        self._means = np.array([t.belief.mean for t in known], dtype=float).reshape(-1, 4)
-        self._covariances = np.array([t.belief.covariance for t in known], dtype=float).reshape(-1, 4, 4)
-        self._existence = np.array([t.existence for t in known], dtype=float)
-        self._weights = np.full(len(ids), _NOT_VIEWED)  # of beliefs in the fleet's average
-        self._history = DetectionHistory.at(-math.inf, len(ids))
-        self._sightings = np.column_stack([self._means[:, :2], np.zeros(len(ids))])
+        self._rule = fusion_rule(parameters.fusion)
+        self._table = _tabulated(known, weight=_NOT_VIEWED, seen=-math.inf, sighted=0.0)
         self._deleted: tuple[tuple[int, float], ...] = ()
         self._partition = (0, -math.inf)  # at the start the fleet is one partition
         self._predicted = _NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
@@ -104,7 +99,8 @@ class Tracker:
     @property
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks by ascending id."""
-        rows = zip(self._ids.tolist(), self._means, self._covariances, self._existence.tolist(), strict=True)
+        table = self._table
+        rows = zip(table.ids.tolist(), table.means, table.covariances, table.existence.tolist(), strict=True)
         return tuple(Track(id, Gaussian(mean.copy(), cov.copy()), r) for id, mean, cov, r in rows)
 
     @property
@@ -129,20 +125,26 @@ class Tracker:
         def visible_at(means: Array, covariances: Array) -> Flags:
             return visible_samples(self._camera, scan.pose, means[:, :2], covariances[:, :2, :2], self._forest)
 
-        beliefs = self._means, self._covariances
+        table = self._table
+        beliefs = table.means, table.covariances
         now, last = (scan.time, scan.pose), self._viewpoint
         self._viewpoint = now
         certainty = p.detection_probability
         likelihood = miss_likelihood(
             self._camera, self._forest, beliefs, now=now, last=last, detection_probability=certainty
         )
-        before = scan_prediction(beliefs, self._existence, *likelihood, p)
+        before = scan_prediction(beliefs, table.existence, *likelihood, p)
         after = scan_update(before, z, R, p)
         self._predicted = *beliefs, z, after.gates
-        self._means, self._covariances, self._existence = after.means, after.covariances, after.existence
-        self._weights = np.maximum(1.0 - after.missed, _NOT_VIEWED + _VIEWED * before.visible)
         seen, expected = after.missed <= 1.0 - p.seen, before.visible >= p.expected
-        self._history = self._history.observed(scan.time, seen, after.own, expected)
+        self._table = replace(
+            table,
+            means=after.means,
+            covariances=after.covariances,
+            existence=after.existence,
+            weights=np.maximum(1.0 - after.missed, _NOT_VIEWED + _VIEWED * before.visible),
+            history=table.history.observed(scan.time, seen, after.own, expected),
+        )
         left = ~after.explained
         born, self._tentative = self._initiator.step(
             self._tentative, z[left], R[left], elapsed=elapsed, visible=visible_at
@@ -160,49 +162,30 @@ class Tracker:
         self._time, self._first, self._steps = time, first, steps
         self._scans += 1
         self._waited += elapsed
+        means, covariances = self._table.means, self._table.covariances
         for _ in range(elapsed):
-            self._means, self._covariances = self.parameters.motion.predict_all(self._means, self._covariances)
-        self._existence = self._existence * power(self.parameters.step_survival, elapsed)
+            means, covariances = self.parameters.motion.predict_all(means, covariances)
+        existence = self._table.existence * power(self.parameters.step_survival, elapsed)
+        self._table = replace(self._table, means=means, covariances=covariances, existence=existence)
 
     def message(self, degree: int) -> Message:
         """Message for the first round, to so many neighbours."""
-        held, novel, weights = self._parts()
-        columns = [np.ones((len(held), 1)), held]
+        table = self._table
+        seen = np.flatnonzero(table.weights[: len(self._predicted[0])] >= self.parameters.seen)
+        beliefs = table.means, table.covariances, table.weights
+        prior, measured = self._predicted[:2], self._predicted[2:]
+        averaged, novel, weights = self._rule.contribution(LocalBeliefs(self.uav, *beliefs, prior, *measured, seen))
+        columns = [np.ones((len(table), 1)), averaged]
         if self.parameters.life == "existence":
-            columns.append(log_odds(self._existence)[:, None])
+            columns.append(log_odds(table.existence)[:, None])
         shares = np.concatenate(columns, axis=1) * weights[:, None]
-        lost = np.flatnonzero(self._lost(self._sightings))
+        lost = np.flatnonzero(self._lost(table.sightings))
         leader, heard = self._partition
-        aliases = aliases_of(self._ids, lost, self._scans, leader)
+        aliases = aliases_of(table.ids, lost, self._scans, leader)
         alone = leader >= self.uav or self._time - heard > _IN_TOUCH
         partition = (self.uav, self._time) if alone else self._partition
-        tracks = self._ids, shares, self._history, self._deleted, aliases, self._sightings, novel
+        tracks = table.ids, shares, table.history, self._deleted, aliases, table.sightings, novel
         return Message(self.uav, degree, *tracks, partition)
-
-    def _parts(self) -> tuple[Array, Array, Array]:
-        """Information to average (T, 20), novel information as in `Message`, and weights of the average (T,).
-
-        Note: negative information is averaged, not added up, as that of UAVs with the same view is the same.
-        The weights of prior beliefs fall with their uncertainty, as in [Niehsen02]: where partitions meet, UAVs that
-        lost a person do not dilute the information of the others.
-        """
-        p = self.parameters
-        q, omega = information_form(self._means, self._covariances)
-        held = np.concatenate([q, omega.reshape(-1, 16)], axis=1)
-        if p.fusion == "kla":
-            return held, np.zeros((len(held), 0)), self._weights
-        novel = np.zeros((len(held), INFORMATION + self.uav + 1))
-        spread = np.trace(self._covariances[:, :2, :2], axis1=1, axis2=2)
-        means, covariances, z, gates = self._predicted
-        seen = np.flatnonzero(self._weights[: len(means)] >= p.seen)
-        if len(seen):
-            reach = largest_innovation(means, covariances, z, gates)[seen]
-            means, covariances = means[seen], covariances[seen]
-            spread[seen] = np.trace(covariances[:, :2, :2], axis1=1, axis2=2)
-            held[seen], gained = split_information((means, covariances), (q[seen], omega[seen]), reach)
-            novel[seen, :INFORMATION] = gained
-            novel[seen, -1] = gained.any(axis=1)
-        return held, novel, self._weights / spread
 
     def accept(self, message: Message) -> None:
         """Take over the fleet's tracks, count its scan, and delete tracks."""
@@ -225,13 +208,12 @@ class Tracker:
             every = np.ones(len(means), dtype=np.bool_)
             beside = duplicates(means[:, :2], covariances[:, :2, :2], every, p.measurement_gate)
             history = history.suspected(beside, p.double)
-        self._ids, self._history = message.ids[keep], history[keep]
-        self._means, self._covariances, self._existence = means[keep], covariances[keep], existence[keep]
-        self._weights = np.full(len(self._ids), _NOT_VIEWED)
         self._predicted, self._partition = _NOTHING, message.partition
-        here = np.column_stack([self._means[:, :2], np.full(len(self._ids), self._time)])
-        unseen = self._history.times[:, 0] < self._time
-        self._sightings = np.where(unseen[:, None], message.sightings[keep], here)
+        here = np.column_stack([means[:, :2], np.full(len(means), self._time)])
+        unseen = history.times[:, 0] < self._time
+        sightings = np.where(unseen[:, None], message.sightings, here)
+        weights = np.full(len(means), _NOT_VIEWED)
+        self._table = TrackTable(message.ids, means, covariances, existence, weights, history, sightings)[keep]
         self._reacquire()
 
     def _duplicates_of_reacquired(self, message: Message, means: Array, covariances: Array) -> Flags:
@@ -259,35 +241,40 @@ class Tracker:
         All UAVs do this after they agree on tracks and sightings, so that they decide alike.
         """
         p = self.parameters
-        born = np.flatnonzero(is_new_label(self._ids, self._scans))
-        lost = np.flatnonzero(self._lost(self._sightings))
+        table = self._table
+        born = np.flatnonzero(is_new_label(table.ids, self._scans))
+        lost = np.flatnonzero(self._lost(table.sightings))
         if len(born) == 0 or len(lost) == 0:
             return
         pairs = reacquisitions(
-            (self._means[born], self._covariances[born]),
-            (self._means[lost], self._covariances[lost]),
-            self._sightings[lost],
+            (table.means[born], table.covariances[born]),
+            (table.means[lost], table.covariances[lost]),
+            table.sightings[lost],
             now=self._time,
             max_speed=p.max_speed,
         )
-        ids = self._ids.copy()
+        ids = table.ids.copy()
         for b, k in pairs:
-            ids[born[b]] = self._ids[lost[k]]
+            ids[born[b]] = table.ids[lost[k]]
         left = np.setdiff1d(np.arange(len(ids)), [lost[k] for _, k in pairs])
         order = left[np.argsort(ids[left], kind="stable")]
-        self._ids, self._history, self._sightings = ids[order], self._history[order], self._sightings[order]
-        self._means, self._covariances = self._means[order], self._covariances[order]
-        self._weights, self._existence = self._weights[order], self._existence[order]
+        self._table = replace(table, ids=ids)[order]
 
     def _append(self, born: Sequence[Tentative]) -> None:
-        if not born:
-            return
-        ids = [new_label(self._scans, self.uav, k) for k in range(len(born))]
-        self._ids = np.append(self._ids, ids)
-        self._means = np.concatenate([self._means, [b.belief.mean for b in born]])
-        self._covariances = np.concatenate([self._covariances, [b.belief.covariance for b in born]])
-        self._weights = np.append(self._weights, np.ones(len(born)))
-        self._existence = np.append(self._existence, [b.existence for b in born])
-        here = [[*b.belief.mean[:2], self._time] for b in born]
-        self._sightings = np.concatenate([self._sightings, here])
-        self._history = self._history + DetectionHistory.at(self._time, len(born))
+        if born:
+            known = [Track(new_label(self._scans, self.uav, k), b.belief, b.existence) for k, b in enumerate(born)]
+            self._table += _tabulated(known, weight=1.0, seen=self._time, sighted=self._time)
+
+
+def _tabulated(tracks: Sequence[Track], *, weight: float, seen: float, sighted: float) -> TrackTable:
+    """Tracks as a table; the times [s] of their last detection and sighting are the same for all."""
+    means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
+    return TrackTable(
+        ids=np.array([t.id for t in tracks], dtype=np.int64),
+        means=means,
+        covariances=np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4),
+        existence=np.array([t.existence for t in tracks], dtype=float),
+        weights=np.full(len(tracks), weight),
+        history=DetectionHistory.at(seen, len(tracks)),
+        sightings=np.column_stack([means[:, :2], np.full(len(tracks), sighted)]),
+    )

@@ -59,7 +59,8 @@ def run(
     )
     limit = None if timeout is None else seconds(timeout, "--timeout")
     # Other people's code runs in a process of its own, as nothing else holds what it may do.
-    trusted = is_built_in_detector(setting.sensing.detector) and is_built_in_planner(planner) and not metric
+    theirs = ":" in setting.tracking.motion + setting.network.fusion or metric
+    trusted = is_built_in_detector(setting.sensing.detector) and is_built_in_planner(planner) and not theirs
     if trusted:
         load_planner(planner)
     remark(*remarks(setting))

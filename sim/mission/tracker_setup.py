@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
+import msgspec
 import numpy as np
 
+from sim.scenario.errors import InputError
 from sim.scenario.perception import Tracking
 from sim.scenario.scenario import Scenario
-from tracking.filter.bounded_speed import BoundedSpeed
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
+from tracking.filter.motion import motion_model
+from tracking.fusion.rule import fusion_rule
 from tracking.numerics.arrays import Array
 from tracking.tracker import Track, TrackerParameters
 
@@ -15,31 +20,16 @@ from tracking.tracker import Track, TrackerParameters
 def tracker_parameters(scenario: Scenario) -> TrackerParameters:
     """Parameters of a scenario's trackers."""
     settings = scenario.tracking
+    parameters = {field.name for field in fields(TrackerParameters)} - {"motion"}
+    shared = sorted(parameters & {field.name for field in msgspec.structs.fields(Tracking)})
+    try:
+        motion = motion_model(settings.motion, 1 / scenario.rates.sensing, settings.sigma_a, settings.max_speed)
+        fusion_rule(scenario.network.fusion)
+    except ValueError as error:
+        raise InputError(str(error)) from error
     return TrackerParameters(
-        motion=motion(settings, 1 / scenario.rates.sensing),
-        detection_probability=settings.detection_probability,
-        clutter_density=settings.clutter_density,
-        gate_probability=settings.gate_probability,
-        confirm=settings.confirm,
-        delete=settings.delete,
-        absence_weight=settings.absence_weight,
-        recovery_after=settings.recovery_after,
-        max_variance=settings.max_variance,
-        max_speed=settings.max_speed,
-        life=settings.life,
-        survival=settings.survival,
-        birth_density=settings.birth_density,
-        sure=settings.sure,
-        doubt=settings.doubt,
-        fusion=scenario.network.fusion,
+        motion=motion, fusion=scenario.network.fusion, **{name: getattr(settings, name) for name in shared}
     )
-
-
-def motion(settings: Tracking, dt: float) -> NearlyConstantVelocity:
-    """Motion model of people over `dt` s, as trackers use it."""
-    if settings.motion == "bounded":
-        return BoundedSpeed(dt, settings.sigma_a, settings.max_speed)
-    return NearlyConstantVelocity(dt, settings.sigma_a)
 
 
 def planned_motion(scenario: Scenario) -> NearlyConstantVelocity:

@@ -25,9 +25,10 @@ from sim.study.row import Row
 from sim.study.tasks import check_worlds, task_of
 from sim.terminal.commands import run_alone
 from sim.terminal.progress import trial_progress
+from tracking.fusion.rule import FUSION_RULES
 
 LOSSES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
-FUSIONS = ("kla", "hcmci")
+FUSIONS = tuple(FUSION_RULES)
 _COLOURS = dict(zip(FUSIONS, (BLUE, VERMILLION), strict=True))
 
 Curves = dict[str, list[list[Row]]]  # of each fusion: rows of all seeds at each loss

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated
 
 from msgspec import Meta, Struct
+
+from tracking.fusion.rule import check_fusion_rule
 
 DAY = 86_400.0  # s, longer than any mission
 Index = Annotated[int, Meta(ge=0)]
@@ -31,8 +33,8 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     # m, distance beyond which no message arrives, whatever the links
     range: Annotated[float, Meta(gt=0, le=1e6)] = 1000.0
     # `"kla"`: weighted average of information, as in the paper; `"hcmci"`: hybrid consensus on measurements and
-    # information
-    fusion: Literal["kla", "hcmci"] = "kla"
+    # information; `"module:Class"`: yours ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule))
+    fusion: str = "kla"
     # probability that a message is lost, per round and direction, drawn by seed and repeat
     loss: Annotated[float, Meta(ge=0, le=1)] = 0.0
     links: tuple[Link, ...] = ()  # the only links there are, as pairs of UAVs: `[[0, 1], [1, 2]]`; without any, all
@@ -43,6 +45,9 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     plan_delay: Annotated[float, Meta(ge=0, le=DAY)] = (
         0.0  # s from a decision until it is flown, a multiple of the time between scans
     )
+
+    def __post_init__(self) -> None:
+        check_fusion_rule(self.fusion)
 
     def check(self, uavs: int) -> None:
         """ValueError if links are not between two UAVs of a fleet of so many, each named once."""

@@ -16,6 +16,7 @@ from sim.scenario.bounds import (
     Variance,
     Weight,
 )
+from tracking.filter.motion import check_motion_model
 
 
 class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
@@ -89,13 +90,15 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # with `"existence"`: probability of existence below which a track ends
     doubt: Annotated[float, Meta(gt=0, lt=1)] = 0.001
     # motion model of the trackers: `"ncv"`: nearly constant velocity; `"bounded"`: the same, never faster than
-    # `max_speed`, which keeps hidden people within reach. Planners look ahead with NCV either way, scan by scan as
-    # trackers with `"ncv"` do
-    motion: Literal["ncv", "bounded"] = "ncv"
+    # `max_speed`, which keeps hidden people within reach; `"module:Class"`: yours
+    # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners look ahead with NCV in any case, scan by scan
+    # as trackers with `"ncv"` do
+    motion: str = "ncv"
     # people expected anywhere in the area where `initial_tracks` is `"none"`; UAVs then search for them
     unseen: Expected = 4.0
 
     def __post_init__(self) -> None:
+        check_motion_model(self.motion)
         for name, (m, n) in (("confirm", self.confirm), ("delete", self.delete)):
             if m > n:
                 raise ValueError(f"{name} {m} of {n} can never happen")

@@ -68,6 +68,11 @@ class NearlyConstantVelocity:
         return _predicted(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.F, self.Q)
 
 
+def nearly_constant_velocity(dt: float, sigma_a: float, max_speed: float) -> NearlyConstantVelocity:
+    """The model as `motion.MOTION_MODELS` has it; speeds have no bound."""
+    return NearlyConstantVelocity(dt, sigma_a)
+
+
 def innovation(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
     """Residual of a ground measurement and its covariance.
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from tracking.filter.information import information_form
+from tracking.fusion.message import INFORMATION
+from tracking.fusion.rule import Contribution, LocalBeliefs
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
 from tracking.numerics.factorisation import cholesky, eigen, forward_substitution
@@ -11,6 +14,32 @@ from tracking.numerics.matrices import applied, congruent, product, symmetric
 
 # Gains of information below this share of the prior's are rounding.
 _ROUNDING = 1e-9
+
+
+class HybridConsensus:
+    """Sums of what each UAV has learned in this scan, added to the average of what was known before.
+
+    Source: [Battistelli15].
+    Note: negative information is averaged, not added up, as that of UAVs with the same view is the same.
+    The weights of prior beliefs fall with their uncertainty, as in [Niehsen02]: where partitions meet, UAVs that
+    lost a person do not dilute the information of the others.
+    """
+
+    def contribution(self, local: LocalBeliefs) -> Contribution:
+        """As `FusionRule.contribution`."""
+        q, omega = information_form(local.means, local.covariances)
+        averaged = np.concatenate([q, omega.reshape(-1, 16)], axis=1)
+        novel = np.zeros((len(averaged), INFORMATION + local.uav + 1))
+        spread = np.trace(local.covariances[:, :2, :2], axis1=1, axis2=2)
+        seen = local.detected
+        if len(seen):
+            reach = largest_innovation(*local.prior, local.measurements, local.gates)[seen]
+            means, covariances = (prior[seen] for prior in local.prior)
+            spread[seen] = np.trace(covariances[:, :2, :2], axis1=1, axis2=2)
+            averaged[seen], gained = split_information((means, covariances), (q[seen], omega[seen]), reach)
+            novel[seen, :INFORMATION] = gained
+            novel[seen, -1] = gained.any(axis=1)
+        return Contribution(averaged, novel, local.weights / spread)
 
 
 def largest_innovation(means: Array, covariances: Array, z: Array, gates: Indices) -> Array:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracking.filter.kalman import Gaussian, NearlyConstantVelocity, innovation, update
+from tracking.filter.kalman import Gaussian, innovation, update
+from tracking.filter.motion import MotionModel
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import squared_distance
@@ -37,7 +38,7 @@ class Tentative:
 class Initiator:
     """Initiator that confirms a track with m measurements within its first n scans."""
 
-    motion: NearlyConstantVelocity
+    motion: MotionModel
     confirm: tuple[int, int]  # m of n
     gate: float  # largest squared distance between measurement and tentative track
     max_speed: float  # m/s
@@ -73,7 +74,7 @@ class Initiator:
         return dict(pairs_within(distance, self.gate))
 
 
-def coasted(motion: NearlyConstantVelocity, belief: Gaussian, steps: int) -> Gaussian:
+def coasted(motion: MotionModel, belief: Gaussian, steps: int) -> Gaussian:
     """Predict a belief over several steps of motion."""
     for _ in range(steps):
         belief = motion.predict(belief)

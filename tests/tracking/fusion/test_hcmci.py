@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from tracking.filter.information import information_form, moment_form
 from tracking.fusion.consensus import fuse
 from tracking.fusion.hcmci import largest_innovation, split_information
+from tracking.fusion.rule import fusion_rule
 from tracking.tracker import Scan, Tracker, TrackerParameters
 
 # Association without doubt: whatever is measured is the person.
@@ -227,5 +228,5 @@ def test_the_bytes_of_a_message_are_those_of_its_numbers():
 
 
 def test_an_unknown_fusion_is_refused():
-    with pytest.raises(ValueError, match="fusion must be one of kla, hcmci, is 'average'"):
-        TrackerParameters(MOTION, fusion="average")
+    with pytest.raises(ValueError, match="fusion: 'average' is unknown; allowed are kla, hcmci"):
+        fusion_rule("average")

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from helpers.scenes import ABOVE, ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
 
-from sim.mission.tracker_setup import motion
+from sim.mission.tracker_setup import tracker_parameters
 from sim.scenario.errors import InputError
 from sim.scenario.loading import load
 from sim.scenario.perception import Tracking
+from sim.scenario.scenario import Scenario
 from tracking.filter.bounded_speed import BoundedSpeed
 from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.filter.motion import motion_model
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
@@ -53,7 +55,7 @@ def test_a_new_person_out_of_a_lost_persons_reach_gets_a_new_id(life):
 @pytest.mark.parametrize("kind", ["ncv", "bounded"])
 def test_crossing_people_keep_their_ids(life, kind):
     rng = np.random.default_rng(0)
-    parameters = TrackerParameters(motion(Tracking(motion=kind), 0.2), life=life)
+    parameters = TrackerParameters(motion_model(kind, 0.2, 0.5, 3.0), life=life)
     subject = Tracker(0, CAMERA, OPEN, parameters, (track(1, -4.8, 2.8, 1.2, -0.7), track(2, -4.8, -2.8, 1.2, 0.7)))
     for k in range(41):
         people = np.array([[-4.8 + 0.24 * k, 2.8 - 0.14 * k], [-4.8 + 0.24 * k, -2.8 + 0.14 * k]])
@@ -118,15 +120,16 @@ def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
 
 
 def test_the_motion_of_a_scenario_is_what_it_says():
-    assert type(motion(Tracking(), 0.2)) is NearlyConstantVelocity
-    assert motion(Tracking(motion="bounded", sigma_a=0.7, max_speed=2.0), 0.2) == BoundedSpeed(0.2, 0.7, 2.0)
+    assert tracker_parameters(Scenario()).motion == NearlyConstantVelocity(0.2, 0.5)
+    bounded = Scenario(tracking=Tracking(motion="bounded", sigma_a=0.7, max_speed=2.0))
+    assert tracker_parameters(bounded).motion == BoundedSpeed(0.2, 0.7, 2.0)
 
 
 @pytest.mark.parametrize(
     ("override", "complaint"),
     [
         ("tracking.life=existance", r"tracking\.life.*existance.*m_of_n, existence; did you mean existence\?"),
-        ("tracking.motion=imm", r"tracking\.motion.*imm.*ncv, bounded"),
+        ("tracking.motion=imm", r"tracking: motion.*imm.*ncv, bounded"),
         ("tracking.survival=1.5", r"tracking\.survival.*1\.5.*<= 1"),
         ("tracking.doubt=0.995", r"tracking.*doubt 0\.995 must be below sure 0\.99"),
     ],

@@ -1,0 +1,72 @@
+"""A motion model and a fusion rule from outside the packages are one file each."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planning.registry import DEFAULT_PLANNER
+from sim.mission.mission import Trial
+from sim.recording.archive import digest, load
+from sim.running.run import run
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load as load_scenario
+from tracking.filter.motion import motion_model
+from tracking.fusion.rule import fusion_rule
+
+PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "plugins.md").read_text(encoding="utf-8")
+(MODELS,) = re.findall(r"^```py\n(.*?)^```$", PAGE, flags=re.M | re.S)  # of the page
+SHORT = ("duration=2", "sensing.mode=ideal")
+
+
+def flown(folder, *overrides):
+    run(Trial(load_scenario("forest", [*SHORT, *overrides]), "hover", 0), folder, video=False)
+    return digest(load(folder / "mission.npz"))
+
+
+@pytest.mark.parametrize("override", ["tracking.motion=mymodels:Standing", "network.fusion=mymodels:EqualWeights"])
+def test_one_file_from_outside_changes_the_tracks(tmp_path, monkeypatch, override):
+    assert override in PAGE
+    (tmp_path / "mymodels.py").write_text(MODELS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    theirs = flown(tmp_path / "theirs", override)
+    assert theirs == flown(tmp_path / "again", override) != flown(tmp_path / "ours")
+    summary = json.loads((tmp_path / "theirs" / "summary.json").read_text(encoding="utf-8"))
+    assert override.partition("=")[2] in json.dumps(summary["scenario"]) and summary["faults"] == []
+
+
+def test_built_in_names_give_built_in_classes():
+    assert type(motion_model("ncv", 0.2, 0.5, 3.0)).__name__ == "NearlyConstantVelocity"
+    assert type(fusion_rule("hcmci")).__name__ == "HybridConsensus"
+
+
+@pytest.mark.parametrize(
+    ("override", "complaint"),
+    [
+        ("network.fusion=klaa", "network: fusion: 'klaa' is unknown; allowed are kla, hcmci; did you mean kla?"),
+        ("tracking.motion=imm", "tracking: motion: 'imm' is unknown; allowed are ncv, bounded"),
+    ],
+)
+def test_an_unknown_name_is_refused_when_the_scenario_is_read(override, complaint):
+    with pytest.raises(InputError, match=re.escape(complaint)):
+        load_scenario("forest", [override])
+
+
+@pytest.mark.parametrize("override", ["network.fusion=pathlib:Path", "tracking.motion=no_such_module:Model"])
+def test_what_is_no_rule_or_model_is_refused_before_the_flight(tmp_path, override):
+    with pytest.raises(InputError, match=r"fusion|motion"):
+        run(Trial(load_scenario("forest", [*SHORT, override]), DEFAULT_PLANNER, 0), tmp_path / "out", video=False)
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_average_of_a_lone_uav_is_its_own_belief():
+    from tracking.fusion.rule import LocalBeliefs
+
+    mean, P = np.array([[1.0, 2.0, 0.5, 0.0]]), np.eye(4)[None] * 4.0
+    nothing = np.zeros((0, 4)), np.zeros((0, 4, 4))
+    local = LocalBeliefs(0, mean, P, np.ones(1), nothing, np.zeros((0, 2)), np.zeros((0, 2), int), np.zeros(0, int))
+    for name in ("kla", "hcmci"):
+        averaged, summed, _ = fusion_rule(name).contribution(local)
+        assert averaged[0, :4].tolist() == (mean[0] / 4).tolist() and not summed.any()

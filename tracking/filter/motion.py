@@ -1,0 +1,54 @@
+"""Motion models of people: their interface, and the models by name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from tracking.plugins.importing import imported
+from tracking.plugins.spelling import did_you_mean
+
+if TYPE_CHECKING:  # checking a name needs no arithmetic
+    from tracking.filter.kalman import Gaussian
+    from tracking.numerics.arrays import Array
+
+# Each is called with dt [s], sigma_a [m/s²] and max_speed [m/s], the scenario's keys, whether or not it needs them all.
+MOTION_MODELS = {
+    "ncv": "tracking.filter.kalman:nearly_constant_velocity",
+    "bounded": "tracking.filter.bounded_speed:BoundedSpeed",
+}
+
+
+class MotionModel(Protocol):
+    """Prediction of beliefs over one step of `dt`."""
+
+    @property
+    def dt(self) -> float:
+        """Duration of a step [s]."""
+        ...
+
+    def predict(self, belief: Gaussian) -> Gaussian:
+        """Predict a belief one step ahead."""
+        ...
+
+    def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
+        """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
+        ...
+
+
+def check_motion_model(name: str) -> None:
+    """ValueError unless a model is built in or may be an import string, "package.module:Class"."""
+    if name not in MOTION_MODELS and ":" not in name:
+        raise ValueError(f"motion: {name!r} is unknown; {did_you_mean(name, MOTION_MODELS)} (or package.module:Class)")
+
+
+def motion_model(name: str, dt: float, sigma_a: float, max_speed: float) -> MotionModel:
+    """The model of that name or import string; ValueError says what is wrong."""
+    check_motion_model(name)
+    try:
+        model = imported(MOTION_MODELS.get(name, name))(dt, sigma_a, max_speed)
+    except ImportError as error:
+        raise ValueError(f"motion: {name!r} cannot be imported: {error}") from error
+    for needed in ("predict", "predict_all"):
+        if not callable(getattr(model, needed, None)):
+            raise ValueError(f"motion: {name!r} has no method {needed}")
+    return model  # type: ignore[no-any-return]

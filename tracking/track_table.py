@@ -1,0 +1,38 @@
+"""Confirmed tracks of one UAV as a table with a row for each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from tracking.management.deletion import DetectionHistory
+from tracking.numerics.arrays import Array, Flags, Indices
+
+
+@dataclass(frozen=True, eq=False)
+class TrackTable:
+    """Columns of T tracks; `table[rows]` has some of them, `table + other` those of both."""
+
+    ids: Indices  # (T,)
+    means: Array  # (T, 4)
+    covariances: Array  # (T, 4, 4)
+    existence: Array  # (T,) probabilities
+    weights: Array  # (T,) of beliefs in the fleet's average
+    history: DetectionHistory
+    sightings: Array  # (T, 3) position [m] and time [s] at which the fleet last saw each
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __getitem__(self, rows: Indices | Flags) -> TrackTable:
+        return TrackTable(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    def __add__(self, other: TrackTable) -> TrackTable:
+        history = self.history + other.history
+        columns = {
+            field.name: np.concatenate([getattr(self, field.name), getattr(other, field.name)])
+            for field in fields(self)
+            if field.name != "history"
+        }
+        return TrackTable(**columns, history=history)
