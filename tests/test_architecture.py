@@ -31,7 +31,7 @@ LAYERS = {
         *("installation", "scenario", "processes", "world", "sensing", "conformance", "mission", "recording"),
         *("evaluation", "drawing"),
         *("replay.frames", "replay", "replay.explain", "replay.page", "replay.rerun", "running", "terminal"),
-        *("calibration", "study", "analysis", "report", "cli", "__main__"),
+        *("calibration", "study", "analysis", "report.figures", "report", "cli", "__main__"),
     ),
 }
 BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}}
@@ -58,8 +58,6 @@ PRONOUNS = re.compile(r"(?<![a-z])(who|whom|whose|whoever|(no|some|every|any)(bo
 QUESTION = re.compile(r"(What|Whether|Who|Whom|Whose|Which|Where|When|How|Why)\b")
 # Packages, with all their rooms, and rooms that do not yet keep the rules on words and public names.
 UNCLEAN = (
-    *("sim/analysis", "sim/calibration", "sim/report", "sim/study"),
-    "assets",
     "tests",
     "tests/docs",
     "tests/sim",

@@ -1,116 +1,24 @@
-"""Fit of the constants of the camera's covariance to rendered people, and its NEES."""
+"""Fit of the constants of the camera's covariance to rendered people."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, replace
-from itertools import pairwise
+from dataclasses import astuple, replace
 
 import numpy as np
 from scipy.optimize import brentq, minimize
-from scipy.stats import chi2
 
-from sim.calibration.scenes import ALTITUDES, Pair, Sample, pairs, people_in_forests, samples, tilted
+from sim.calibration.pairs import pairs
+from sim.calibration.scenes import ALTITUDES, TILTS, Sample, people_in_forests, samples, tilted
 from tracking.detection.blob_detector import located_detections
 from tracking.detection.detection_errors import SPLIT, WHOLE, SplitError, WholeError, pixel_footprints, sight_axes
 from tracking.detection.ground_measurement import detections_of, split_gaps
 from tracking.detection.partial_visibility import PART, PartError, Places, places_of
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
-from tracking.numerics.distances import squared_distance
 
-OFF_NADIR = (0.0, 10.0, 20.0, 30.0, 40.0)  # deg
-HIDDEN = (0.0, 0.001, 0.2, 0.4, 0.6, 0.8, 1.0)  # by trees and the image's edge
-# Off nadir, and up to which roll and pitch of a body that the camera is fixed to; 0 for a gimbal [deg].
-TILTS = ((0.0, 20.0), (15.0, 0.0), (15.0, 20.0), (30.0, 0.0), (45.0, 0.0))
 _OTHERS = (12.0, 26.0, 34.0)  # m
-
-
-def nees(population: Sequence[Sample]) -> Array:
-    """Squared errors over variances (N,) of the samples as the detector gives them; two degrees of freedom."""
-    out = []
-    for sample in population:
-        found = located_detections(
-            sample.frame, sample.blobs, sample.forest, np.zeros(len(sample.blobs), dtype=np.int64)
-        )
-        error = found.ground[0] - sample.person
-        out.append(float(squared_distance(error, found.covariances[0])))
-    return np.array(out)
-
-
-def nees_of_pairs(population: Sequence[Pair]) -> Array:
-    """Squared errors over variances (2 N,) of people in pairs told apart."""
-    out = []
-    for pair in population:
-        found = located_detections(pair.frame, pair.blobs, Forest(()), pair.components)
-        errors = found.ground - pair.people
-        out += squared_distance(errors, found.covariances).tolist()
-    return np.array(out)
-
-
-@dataclass(frozen=True)
-class Bin:
-    """Mean NEES of the samples of a bin, and the interval that holds it at 95 %."""
-
-    name: str
-    count: int
-    mean: float
-    low: float
-    high: float
-
-    @property
-    def holds(self) -> bool:
-        """True if the mean lies in its interval."""
-        return self.low <= self.mean <= self.high
-
-
-def nees_bins(population: Sequence[Sample]) -> list[Bin]:
-    """Mean NEES by angle off nadir and by share hidden."""
-    values = nees(population)
-    angles = np.degrees(np.arctan([sample.tangent for sample in population]))
-    hidden = np.array([sample.hidden for sample in population])
-    bins = [bin_of(f"{a:.0f} to {b:.0f} deg", values[(angles >= a) & (angles < b)]) for a, b in pairwise(OFF_NADIR)]
-    for a, b in pairwise(HIDDEN):
-        name = "in plain view" if a == 0.0 else f"{a:.0%} to {b:.0%} hidden"
-        bins.append(bin_of(name, values[(hidden >= a) & (hidden < b)]))
-    return [*bins, bin_of("all", values)]
-
-
-def tilt_bins(seed: int, frames: int) -> list[Bin]:
-    """Mean NEES of people in the open, taken for whole and wholly in the image, by the camera's mount."""
-    bins = []
-    for tilt, sway in ((0.0, 0.0), *TILTS):
-        rng = np.random.default_rng([seed, 5, int(tilt), int(sway)])
-        views = tilted(rng, tilt, frames, sway)
-        people = (s for s in samples(rng, Forest(()), frames=frames, attitudes=views) if s.hidden == 0.0)
-        whole = [s for s in people if places_of(s.frame, s.blob, s.forest) is None]
-        bins.append(bin_of(_mount("whole", tilt, sway), nees(whole)))
-    return bins
-
-
-def pair_bins(seed: int, frames: int) -> list[Bin]:
-    """Mean NEES of people told apart, from level cameras and from all tilted ones."""
-    bins = []
-    for name, mounts in (("level", ((0.0, 0.0),)), ("tilted", TILTS)):
-        population: list[Pair] = []
-        for tilt, sway in mounts:
-            rng = np.random.default_rng([seed, 6, int(tilt), int(sway)])
-            count = frames // len(mounts)
-            population += pairs(rng, frames=count, attitudes=tilted(rng, tilt, count, sway))
-        bins.append(bin_of(f"told apart, {name}", nees_of_pairs(population)))
-    return bins
-
-
-def _mount(name: str, tilt: float, sway: float) -> str:
-    return f"{name}, tilt {tilt:.0f} deg" + (f", body sways {sway:.0f}" if sway else "")
-
-
-def bin_of(name: str, values: Array) -> Bin:
-    """The bin of squared errors over variances (N,)."""
-    n = len(values)
-    low, high = chi2.ppf((0.025, 0.975), 2 * n) / n
-    return Bin(name, n, float(values.mean()), float(low), float(high))
 
 
 def fit_whole(seed: int, frames: int) -> WholeError:
@@ -223,7 +131,7 @@ def fit_part(seed: int, frames: int) -> PartError:
 
 
 def _parts(population: Sequence[Sample]) -> list[tuple[Places, Array]]:
-    """Samples of people who seem hidden in part: their possible places, and the true one."""
+    """Samples of people that seem hidden in part: their possible places, and the true one."""
     found = ((places_of(s.frame, s.blob, s.forest), s.person) for s in population)
     return [(places, person) for places, person in found if places is not None]
 

@@ -1,4 +1,4 @@
-"""Rendered people for `sim.calibration.fit`, and the truth about them."""
+"""Rendered people for the fit of the camera's covariance, and the truth about them."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from sim.scenario.environment import Area, Trees
@@ -25,13 +23,15 @@ from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
 
 ALTITUDES = tuple(uav.altitude for uav in DEFAULT_FLEET)
+# Off nadir, and up to which roll and pitch of a body that the camera is fixed to; 0 for a gimbal [deg].
+TILTS = ((0.0, 20.0), (15.0, 0.0), (15.0, 20.0), (30.0, 0.0), (45.0, 0.0))
 _PEOPLE = 8
 _GAP = 2.4  # m between people
 _MARGIN = 0.5  # m beyond the image where people may stand
-_FLAT = 0.17  # slope of the lines of sight to people towards the horizon: some 100 m away
+FLAT = 0.17  # slope of the lines of sight to people towards the horizon: some 100 m away
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 _PLAIN = 0.15  # of the people in plain view are kept: the others tell more
-# Points of a body, to find people whom something hides in part.
+# Points of a body, to find people that are hidden in part.
 _BODY = np.array(
     [
         (0.2 * math.cos(a), 0.2 * math.sin(a), h)
@@ -112,7 +112,7 @@ def _people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: Forest
         offset = r * np.array([math.cos(bearing), math.sin(bearing)])
         pixel = camera.pixels / 2 + camera.focal / height * offset * [1.0, -1.0]
         ray = camera.rays(pose, pixel)[0]
-        if np.abs(offset).max() > half or -ray[2] < _FLAT * np.linalg.norm(ray):
+        if np.abs(offset).max() > half or -ray[2] < FLAT * np.linalg.norm(ray):
             continue
         place, depth = camera.ground_points(pose, pixel, TARGET_HEIGHT)[0], -height / ray[2]
         if any(np.linalg.norm(pixel - p) * min(depth, d) < _GAP * camera.focal for p, d in seen):
@@ -124,7 +124,7 @@ def _people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: Forest
     return np.array(people)
 
 
-def forests(seed: int) -> Iterator[Forest]:
+def _forests(seed: int) -> Iterator[Forest]:
     """Forests of slender, middling and broad trees."""
     for k, (density, radius) in enumerate(((60.0, 1.5), (40.0, 2.5), (15.0, 5.0), (15.0, 5.0))):
         trees = Trees(density=density, canopy_radius=radius)
@@ -132,60 +132,12 @@ def forests(seed: int) -> Iterator[Forest]:
 
 
 def people_in_forests(seed: int, frames: int, pixels: int = 128, attitudes: Sequence[Array] = (LEVEL,)) -> list[Sample]:
-    """Samples from `frames` frames over each of the `forests`."""
+    """Samples from `frames` frames over each of four forests."""
     out: list[Sample] = []
-    for k, forest in enumerate(forests(seed)):
+    for k, forest in enumerate(_forests(seed)):
         rng = np.random.default_rng([seed, 1, k])
         out += samples(rng, forest, frames=frames, pixels=pixels, attitudes=attitudes)
     return out
-
-
-@dataclass(frozen=True, eq=False)
-class Pair:
-    """Two people who touch in the image, as the detector told them apart, and the truth."""
-
-    frame: Frame
-    blobs: list[Array]  # two, (K, 2) pixels
-    components: NDArray[np.int64]  # (2,) as from `blobs_of`
-    people: Array  # (2, 2) m, in the order of the blobs
-
-
-def pairs(rng: np.random.Generator, *, frames: int, attitudes: Sequence[Array] = (LEVEL,)) -> Iterator[Pair]:
-    """Pairs who touch and were told apart, in random frames in the open; distances, headings and places are random."""
-    camera = Camera(math.radians(60), 128)
-    with World(Scenario(uavs=(Uav(start=(74.0, 49.0)),)), Forest(()), 2) as world:
-        renderer = Renderer(world)
-        for k in range(frames):
-            pose = Pose(np.array([0.0, 0.0, ALTITUDES[k % len(ALTITUDES)]]), attitudes[k % len(attitudes)])
-            pixel, bearing = rng.uniform(8.0, camera.pixels - 8.0, 2), rng.uniform(-math.pi, math.pi)
-            ray = camera.rays(pose, pixel)[0]
-            if -ray[2] < _FLAT * np.linalg.norm(ray):
-                continue
-            first = camera.ground_points(pose, pixel, TARGET_HEIGHT)[0]
-            # From shoulder to shoulder to as far as one hides the other.
-            gap = rng.uniform(0.45, 1.0 + 1.7 * float(np.linalg.norm(ray[:2]) / -ray[2]))
-            people = np.array([first, first + gap * np.array([math.cos(bearing), math.sin(bearing)])])
-            world.place_people(people, rng.uniform(-math.pi, math.pi, 2))
-            rendered = renderer.render(camera, pose)
-            frame = Frame(0, 0.0, camera, pose, rendered.image)
-            blobs, components = blobs_of(frame)
-            if len(blobs) == 2 and components[0] == components[1] and _touch(rendered.people):
-                yield Pair(frame, blobs, components, people[_owners(frame, blobs, people)])
-
-
-def _touch(people: NDArray[np.int32]) -> bool:
-    """True if both of two people show in a mask (P, P), as one component that the image's edge does not cut."""
-    shown = people >= 0
-    edge = np.any(shown[[0, -1]]) or np.any(shown[:, [0, -1]])
-    return len(np.unique(people)) == 3 and not edge and cv2.connectedComponents(shown.astype(np.uint8))[0] == 2
-
-
-def _owners(frame: Frame, blobs: list[Array], people: Array) -> list[int]:
-    """Person of each of two blobs, such that their middles are nearer to the two people together."""
-    middles = np.array([blob.mean(axis=0) for blob in blobs])
-    ground = frame.camera.ground_points(frame.pose, middles, TARGET_HEIGHT)
-    gaps = np.linalg.norm(ground[:, None] - people, axis=2)
-    return [0, 1] if gaps[0, 0] + gaps[1, 1] <= gaps[0, 1] + gaps[1, 0] else [1, 0]
 
 
 def tilted(rng: np.random.Generator, tilt_deg: float, count: int, sway_deg: float = 0.0) -> list[Array]:

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from sim.study.backends import Backend
 from sim.study.cluster import connected
-from sim.study.engine import Backend, Options, complete
+from sim.study.engine import Options, complete
 from sim.study.pool import Pool
 from sim.study.row import Row
 from sim.study.store import NAME, Store, StoreError

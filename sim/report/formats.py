@@ -8,9 +8,11 @@ import math
 from collections.abc import Sequence
 from itertools import groupby
 
-from sim.analysis.answers import Answer, Difference
+from sim.analysis.answers import Answer
 from sim.analysis.cell_text import Cell
-from sim.analysis.statistics import NO_ESTIMATE, NO_SPREAD
+from sim.analysis.differences import Difference
+from sim.analysis.distributions import NO_SPREAD
+from sim.analysis.intervals import NO_ESTIMATE
 from sim.report.tables import Layout, layouts, notes, shortfalls
 
 

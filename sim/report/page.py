@@ -1,24 +1,13 @@
-"""`report.html`: a study on one page that needs nothing else, written for people who did not run it."""
+"""`report.html`: a study on one page that needs nothing else, written for readers that did not run it."""
 
 from __future__ import annotations
 
 import base64
-import math
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
-from itertools import groupby
 from string import Template
 
-from sim.analysis.answers import Answer, Difference
-from sim.analysis.cell_text import Cell, cell_text
-from sim.analysis.cells import Group
-from sim.evaluation.metric import Metric
-from sim.report.pictures import Picture
-from sim.report.replay_commands import anchor, command, extremes
-from sim.report.tables import Layout, layouts, texts_of
-from sim.scenario.random_streams import numbered
-from sim.study.row import Row
+from sim.report.figures.pictures import Picture
 
 _PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
@@ -39,7 +28,6 @@ $body
 </body>
 </html>
 """)
-
 _STYLE = """:root { color-scheme: light;
   --ink: #282624; --soft: #66615a; --line: #ded8cc; --paper: #f8f5ed; --link: #005a8c; }
 * { box-sizing: border-box; }
@@ -92,122 +80,6 @@ def page(title: str, sections: Sequence[tuple[str, str]]) -> str:
     return _PAGE.substitute(title=escape(title), style=_STYLE, body=body)
 
 
-def facts(pairs: Iterable[tuple[str, str]]) -> str:
-    """Names and values; those without a value are left out."""
-    lines = [f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in pairs if value]
-    return "<dl>\n" + "\n".join(lines) + "\n</dl>"
-
-
-def listed(lines: Iterable[str]) -> str:
-    """Plain lines as a list."""
-    return "<ul>\n" + "\n".join(f"<li>{escape(line)}</li>" for line in lines) + "\n</ul>"
-
-
-def paragraph(text: str, kind: str = "") -> str:
-    """A plain text."""
-    return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
-
-
-def commanded(text: str) -> str:
-    """A command line, which one click selects whole."""
-    return f'<code class="command">{escape(text)}</code>'
-
-
-def result_tables(found: Sequence[Answer], baseline: str) -> str:
-    """The tables of each metric."""
-    parts = []
-    for _, group in groupby(found, lambda answer: answer.metric):
-        lines = list(group)
-        parts += [_table(layout, lines) for layout in layouts(lines, baseline)]
-    return "\n".join(parts)
-
-
-def _table(layout: Layout, found: Sequence[Answer]) -> str:
-    rows = []
-    for cell, lines in groupby(found, lambda answer: answer.cell):
-        if cell != ():
-            rows.append(f'<tr><th colspan="{len(layout.heads)}">{escape(_place(cell))}</th></tr>')
-        for answer in lines:
-            first, *rest = layout.texts(answer)
-            cells = "".join(f"<td>{escape(text)}</td>" for text in rest)
-            rows.append(f'<tr><td class="name">{escape(first)}</td>{cells}</tr>')
-    aim = _aim(found[0].metric) if layout.first else ""
-    return f"<h3>{escape(layout.title)}{aim}</h3>\n{_tabled(layout.heads, rows)}"
-
-
-def runtime_tables(found: Sequence[Answer]) -> str:
-    """A line for each cell and a column for each planner, as in the table of [Li22]."""
-    own = [answer for answer in found if answer.cell is not None]
-    planners = list(dict.fromkeys(answer.planner for answer in own))
-    return "\n".join(_pivot(metric, list(lines), planners) for metric, lines in groupby(own, lambda a: a.metric))
-
-
-def _pivot(metric: Metric, found: Sequence[Answer], planners: Sequence[str]) -> str:
-    rows = []
-    for cell, lines in groupby(found, lambda answer: answer.cell):
-        means = {answer.planner: texts_of(answer, compared=False)[2] for answer in lines}
-        cells = "".join(f"<td>{escape(means.get(planner, ''))}</td>" for planner in planners)
-        rows.append(f"<tr><td>{escape(_place(cell)) or 'all missions'}</td>{cells}</tr>")
-    return f"<h3>{escape(metric.title)}{_aim(metric)}</h3>\n{_tabled(['cell', *planners], rows)}"
-
-
-def _aim(metric: Metric) -> str:
-    aim = "" if metric.better == "neither" else f": {metric.better} is better"
-    return f'<span class="soft">{aim}</span>'
-
-
-def _tabled(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
-    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
-    body = "\n".join(_labelled(row, heads) for row in rows)
-    table = f'<table class="{kind}"><thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table>'
-    return f'<div class="wide">{table}</div>'
-
-
-def _labelled(row: str, heads: Sequence[str]) -> str:
-    """A row whose cells know their headings, for screens too narrow for columns."""
-    names = iter(heads)
-    return re.sub(r"<td\b", lambda _: f'<td data-head="{escape(next(names))}"', row)
-
-
-def _place(cell: Cell | None) -> str:
-    return "all cells, seed by seed" if cell is None else cell_text(cell)
-
-
-def verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:
-    """One sentence that says whether a planner can be told from the baseline, and how.
-
-    shown: how many differences the page shows, of which this is one.
-    """
-    if not gap.pairs:
-        return f"{planner} and {baseline} cannot be told apart: they have no map in common."
-    unit = " points" if metric.unit == "%" else f" {metric.unit}".rstrip()
-    mean, low, high = (metric.text(v, signed=True) for v in (gap.mean.value, gap.mean.low, gap.mean.high))
-    over = f", mean over {gap.cells} cells" if gap.cells > 1 else ""
-    within = f" (95 %: {low} to {high}{over})" if gap.pairs > 1 else over
-    counted = f"; of {gap.pairs} map{'s' * (gap.pairs > 1)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
-    ending = counted if metric.better != "neither" else ""
-    apart = f"{planner} {_told(metric, gap)} {baseline}"
-    start = apart if gap.told else f"{planner} and {baseline} cannot be told apart"
-    return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_remark(gap, shown)}".strip()
-
-
-def _remark(gap: Difference, shown: int) -> str:
-    """Remark that a reader of a verdict needs."""
-    if gap.told:
-        lone = gap.survives or shown == 1
-        return "" if lone else f"This does not survive Holm's correction for all {shown} differences."
-    few = f"{gap.pairs} map{'s' * (gap.pairs > 1)} cannot tell any planners apart, six at least are needed. "
-    needed = f"A difference as large takes some {gap.needed:.0f} maps." if math.isfinite(gap.needed) else ""
-    return (few if gap.pairs < 6 else "") + needed
-
-
-def _told(metric: Metric, gap: Difference) -> str:
-    above = gap.mean.value > 0
-    if metric.better == "neither":
-        return "is above" if above else "is below"
-    return "is better than" if above == (metric.better == "higher") else "is worse than"
-
-
 def figures(pictures: Sequence[Picture]) -> str:
     """Pictures inside the page, as SVG unless that is far larger."""
     return "\n".join(_figure(picture) for picture in pictures)
@@ -219,33 +91,3 @@ def _figure(picture: Picture) -> str:
     image = f'<img src="{source}" alt="{escape(picture.alt)}">'
     caption = f"<figcaption>{escape(picture.caption)}</figcaption>"
     return f"<h3>{escape(picture.title)}</h3>\n<figure>\n{image}\n{caption}\n</figure>"
-
-
-def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
-    """Best and worst maps with links, and what these lead to: the commands."""
-    rows, places = [], []
-    for number, extreme in enumerate(extremes(groups, metric), start=1):
-        group, cells = extreme.group, []
-        for k, (what, row) in enumerate((("best", extreme.best), ("worst", extreme.worst))):
-            name, value = anchor(row, 2 * number + k), metric.text(row.metrics[metric.name])
-            cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">{numbered(row.seed, row.repeat)}</a></td>')
-            shown = f"{value} {metric.unit}".rstrip()
-            label = ", ".join(filter(None, [cell_text(group.cell), row.planner, numbered(row.seed, row.repeat)]))
-            text = f"{label}: {what}, {shown}"
-            places.append(f'<div class="map" id="{name}">{escape(text)}{commanded(command(row))}</div>')
-        first = f'<td>{escape(cell_text(group.cell))}</td><td class="name">{escape(group.planner)}</td>'
-        rows.append(f"<tr>{first}{''.join(cells)}</tr>")
-    heads = ["cell", "planner", f"best [{metric.unit}]" if metric.unit else "best", "map", "worst", "map"]
-    return _tabled(heads, rows, "left"), "\n".join(places)
-
-
-def failures(rows: Sequence[Row]) -> str:
-    """Every trial that failed, with its error and command."""
-    parts = []
-    for number, row in enumerate(rows, start=1):
-        label = ", ".join(filter(None, [cell_text(row.factors), row.planner, numbered(row.seed, row.repeat)]))
-        parts.append(
-            f'<div class="map failed" id="failure-{number}">{escape(label)}: <strong>{escape(row.error or "no error")}'
-            f"</strong>{commanded(command(row))}</div>"
-        )
-    return "\n".join(parts)

@@ -20,22 +20,14 @@ from sim.analysis.metric_choice import RUNTIME, available, chosen, metric_shown
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import whole
+from sim.report.figures.pictures import pictures, runtime_pictures
 from sim.report.formats import comma_separated, markdown
-from sim.report.page import (
-    commanded,
-    facts,
-    failures,
-    figures,
-    listed,
-    maps,
-    page,
-    paragraph,
-    result_tables,
-    runtime_tables,
-    verdict,
-)
-from sim.report.pictures import pictures, runtime_pictures
+from sim.report.page import figures, page
+from sim.report.page_elements import commanded, facts, listed, paragraph
+from sim.report.page_tables import result_tables, runtime_tables
+from sim.report.single_trials import failures, maps
 from sim.report.tables import notes, shortfalls
+from sim.report.verdict import verdict
 from sim.scenario.errors import InputError
 from sim.study.row import Row
 
@@ -171,7 +163,7 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
             ("trials", f"{len(rows) - failed} done, {failed} failed"),
             ("time of all trials, added up", "" if about.wall_s is None else duration(about.wall_s)),
             ("trials flown on", "; ".join(sorted({row.machine for row in rows} - {""}))),
-            ("hash of all recordings", recordings_hash(rows)),
+            ("hash of all recordings", _recordings_hash(rows)),
             ("report made on", about.machine),
             ("versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
         ]
@@ -179,7 +171,7 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
     return text + (paragraph("The command that runs it again:") + commanded(about.command) if about.command else "")
 
 
-def recordings_hash(rows: Sequence[Row]) -> str:
+def _recordings_hash(rows: Sequence[Row]) -> str:
     """SHA-256 over the hashes of all recordings, in any order of the rows: equal where all missions went the same."""
     hashes = sorted(row.recording for row in rows if row.recording)
     return hashlib.sha256("".join(hashes).encode()).hexdigest() if hashes else ""

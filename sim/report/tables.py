@@ -7,10 +7,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from sim.analysis.answers import Answer, Difference
+from sim.analysis.answers import Answer
 from sim.analysis.cell_text import cell_text
 from sim.analysis.coverage import caveats
-from sim.analysis.statistics import LEVEL, MOST_MAPS, POWER, Estimate, Spread
+from sim.analysis.differences import Difference
+from sim.analysis.distributions import Spread
+from sim.analysis.intervals import LEVEL, Estimate
+from sim.analysis.significance import MOST_MAPS, POWER
 from sim.evaluation.metric import UNKNOWN, Metric
 
 WIDE = 100  # columns from which on the terminal has room for all columns

@@ -12,12 +12,14 @@ from typing import Annotated
 import msgspec
 import typer
 
-from sim.analysis.answers import answers, paired
+from sim.analysis.answers import answers
 from sim.analysis.cell_text import SYMBOLS
 from sim.analysis.cells import Group, grouped, trimmed, varying
+from sim.analysis.differences import paired
+from sim.analysis.distributions import share_under
+from sim.analysis.intervals import Estimate
 from sim.analysis.metric_choice import chosen
 from sim.analysis.planner_labels import baseline_of
-from sim.analysis.statistics import Estimate, share_under
 from sim.evaluation.metric import Metric
 from sim.scenario.errors import InputError
 from sim.study.row import Row

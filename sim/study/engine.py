@@ -5,63 +5,23 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Protocol
 
 from sim.recording.atomic_files import whole
 from sim.scenario.random_streams import numbered
+from sim.study.backends import Backend
 from sim.study.row import Row
 from sim.study.store import Store, StoreError
 from sim.study.tasks import Task
-from sim.study.trial import Flown, failed, fly
+from sim.study.trial import Flown, failed
 
 ATTEMPTS = 2
 _TICK = 0.5  # s, between looks at what has started and what hangs
 _GRACE = 2.0  # s beyond the timeout, in which a trial that is merely slow ends by itself
-
 Heard = Callable[[Task, Row, bool], None]  # a task, its row, and whether it was flown just now
-
-
-class Backend(Protocol):
-    """Executor of trials that can end one."""
-
-    def room(self) -> bool:
-        """True if another task may be submitted."""
-
-    def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
-        """`sim.study.trial.fly` of a task, to come."""
-
-    def started(self, future: Future[Flown]) -> bool:
-        """True if it flies by now."""
-
-    def drop(self, future: Future[Flown]) -> None:
-        """Waste no more on a task that hangs."""
-
-
-class Borrowed:
-    """Executor of the caller. A trial that hangs in it cannot be killed, and keeps its place."""
-
-    def __init__(self, executor: Executor) -> None:
-        self._executor = executor
-
-    def room(self) -> bool:
-        """Always, as an executor has a queue."""
-        return True
-
-    def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
-        """Submit as to any executor."""
-        return self._executor.submit(fly, task, keep=keep, timeout=timeout)
-
-    def started(self, future: Future[Flown]) -> bool:
-        """As the future says."""
-        return future.running()
-
-    def drop(self, future: Future[Flown]) -> None:
-        """Cancel, which helps only what has not started."""
-        future.cancel()
 
 
 @dataclass

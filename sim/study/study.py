@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,14 +11,12 @@ from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
 from sim.scenario.errors import InputError
-from sim.scenario.quantities import REPEATS, integers
+from sim.scenario.quantities import REPEATS
 from sim.scenario.text_files import toml_file
-from sim.study.settings_text import flat, option, toml
+from sim.study.settings_text import flat, toml
 from tracking.plugins.spelling import did_you_mean
 
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
-_MOST_CELLS = 10_000
-_OTHER = ("planner", "scenario")  # what trials are left out by, beside factors
 
 
 class Study(Struct, frozen=True):
@@ -37,26 +33,6 @@ class Study(Struct, frozen=True):
     exclude: tuple[dict[str, str | list[str]], ...] = ()  # trials that match all entries of one are left out
 
 
-class Cell(Struct, frozen=True):
-    """One scenario with one level of each factor, and one planner."""
-
-    scenario: str
-    factors: tuple[tuple[str, str], ...]
-    settings: dict[str, str]  # overrides
-    planner: str  # as `Study.planners` has it
-    options: dict[str, str]  # of the planner, by the levels
-
-    @property
-    def spec(self) -> str:
-        """The planner with the options of the cell."""
-        given = ", ".join(f"{name}={value}" for name, value in self.options.items())
-        if not given:
-            return self.planner
-        head, bracket, rest = self.planner.strip().partition("(")
-        inner = rest.removesuffix(")").strip()
-        return f"{head}({inner}, {given})" if bracket and inner else f"{head}({given})"
-
-
 def is_study(path: Path) -> bool:
     """True if a TOML file is a study, not a scenario."""
     return path.is_file() and "study" in toml_file(path, "study")
@@ -71,11 +47,11 @@ def read(name: str) -> Study:
         raise InputError(f"study: there is no file {name}")
     data = toml_file(path, "study")
     known = ("study", "set", "factors", "exclude")
-    _check_keys(data, known, f"{name}: ")
+    check_keys(data, known, f"{name}: ")
     table = data.get("study", {})
     if not isinstance(table, Mapping):
         raise InputError(f"{name}: study: {table!r} is not allowed; expected a table [study]")
-    _check_keys(table, ("name", "description", "scenarios", "seeds", "repeats", "planners"), f"{name}: study.")
+    check_keys(table, ("name", "description", "scenarios", "seeds", "repeats", "planners"), f"{name}: study.")
     common = data.get("set", {})
     if not isinstance(common, Mapping):
         raise InputError(f"{name}: set: {common!r} is not allowed; expected a table [set]")
@@ -118,63 +94,16 @@ def adapted(
     )
 
 
-def cells(study: Study) -> list[Cell]:
-    """All cells of a study by all its planners, in order; InputError if there are none."""
-    _check_levels(study)
-    count = math.prod([len(study.scenarios), len(study.planners), *map(len, study.factors.values())])
-    if count > _MOST_CELLS:  # before they are listed: factors multiply
-        raise InputError(f"study: {study.name} has {count:g} cells; at most {_MOST_CELLS} are allowed")
-    found = []
-    for scenario, *chosen in product(study.scenarios, *(levels for levels in study.factors.values())):
-        levels = tuple(zip(study.factors, chosen, strict=True))
-        shown = (("scenario", Path(scenario).stem), *levels) if len(study.scenarios) > 1 else levels
-        settings, options = dict(study.settings), dict[str, str]()
-        for factor, level in levels:
-            values = dict(study.factors[factor][level])
-            options |= {key: option(value) for key, value in values.pop("planner", {}).items()}
-            settings |= {key: toml(value) for key, value in flat(values).items()}
-        for planner in study.planners:
-            place = {"planner": planner, "scenario": scenario, **dict(levels)}
-            if not any(_matches(rule, place) for rule in study.exclude):
-                found.append(Cell(scenario, shown, settings, planner, options))
-    if not found or not integers(study.seeds, "seeds"):
-        raise InputError(f"study: {study.name} has no trial: no planner, no seed, no level, or all is excluded")
-    return found
+def check_keys(data: Mapping[str, Any], known: Sequence[str], where: str) -> None:
+    """Raise InputError at a key that is not one of the known; `where` is the text before it."""
+    for key in data:
+        if key not in known:
+            raise InputError(f"{where}{key}: unknown key; {did_you_mean(key, known)}")
 
 
 def _overlap(one: str, other: str) -> bool:
     """True if one key is the other, or holds it."""
     return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")
-
-
-def _matches(rule: Mapping[str, str | list[str]], place: Mapping[str, str]) -> bool:
-    return all(place[key] in ([value] if isinstance(value, str) else value) for key, value in rule.items())
-
-
-def _check_levels(study: Study) -> None:
-    for factor, levels in study.factors.items():
-        if factor in _OTHER:
-            raise InputError(f"factors.{factor}: is no name for a factor; list them as {factor}s of [study]")
-        for level, values in levels.items():
-            if not isinstance(values.get("planner", {}), Mapping):
-                raise InputError(f"factors.{factor}.{level}.planner: expected options such as {{horizon = 3}}")
-    _check_rules(study)
-
-
-def _check_rules(study: Study) -> None:
-    for i, rule in enumerate(study.exclude):
-        _check_keys(rule, (*study.factors, *_OTHER), f"exclude.{i}.")
-        for factor, value in rule.items():
-            for level in [value] if isinstance(value, str) else value:
-                if factor in study.factors and level not in study.factors[factor]:
-                    hint = did_you_mean(level, study.factors[factor])
-                    raise InputError(f"exclude.{i}.{factor}: {level!r} is no level; {hint}")
-
-
-def _check_keys(data: Mapping[str, Any], known: Sequence[str], where: str) -> None:
-    for key in data:
-        if key not in known:
-            raise InputError(f"{where}{key}: unknown key; {did_you_mean(key, known)}")
 
 
 def _anchored(scenario: str, folder: Path) -> str:

@@ -19,7 +19,8 @@ from sim.scenario.quantities import integers
 from sim.scenario.scenario import Scenario, resolved
 from sim.scenario.text_files import content
 from sim.sensing.detectors import DETECTORS, check_detector
-from sim.study.study import Cell, Study, cells
+from sim.study.cells import Cell, cells
+from sim.study.study import Study
 from sim.world.trajectories import MOST_BYTES
 from tracking.plugins.importing import imported
 

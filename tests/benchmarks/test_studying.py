@@ -9,8 +9,8 @@ from helpers.trials import row
 
 from sim.analysis.answers import answers
 from sim.analysis.cells import grouped
+from sim.analysis.distributions import ecdf
 from sim.analysis.metric_choice import available, chosen
-from sim.analysis.statistics import ecdf
 
 pytestmark = pytest.mark.benchmark(group="10 000 trials")
 METRICS = ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m", *(f"other_{i}" for i in range(13)))

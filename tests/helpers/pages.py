@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sim import __main__ as cli
 from sim.study import pool
-from sim.study.engine import Borrowed
+from sim.study.backends import Borrowed
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

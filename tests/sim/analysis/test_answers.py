@@ -7,9 +7,11 @@ from helpers.trials import failed, row, study
 
 from sim.analysis.answers import answers
 from sim.analysis.cells import constant, grouped, trimmed, varying
+from sim.analysis.distributions import spreads
+from sim.analysis.intervals import means, medians
 from sim.analysis.metric_choice import available, chosen, from_outside, metric_shown
 from sim.analysis.planner_labels import baseline_of
-from sim.analysis.statistics import chances, holm, maps_needed, means, medians, spreads
+from sim.analysis.significance import chances, holm, maps_needed
 from sim.scenario.errors import InputError
 
 MEAN, SHARE, NEES = metric_shown("ospa.mean_m"), metric_shown("ospa.share_under_1m"), metric_shown("nees.position")

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from sim.analysis.coverage import COVERED, ENOUGH, ERRORS, SHARES, caveats
+from sim.analysis.intervals import means, medians
 from sim.analysis.metric_choice import metric_shown
-from sim.analysis.statistics import means, medians
 
 DATA = Path(__file__).parents[2] / "data" / "trials.csv"
 DOC = Path(__file__).parents[3] / "docs" / "how-to" / "reports.md"

@@ -6,19 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from sim.analysis import statistics
-from sim.analysis.statistics import (
-    NO_SPREAD,
-    bands,
-    chances,
-    ecdf,
-    holm,
-    maps_needed,
-    means,
-    medians,
-    share_under,
-    spreads,
-)
+from sim.analysis import intervals
+from sim.analysis.distributions import NO_SPREAD, bands, ecdf, share_under, spreads
+from sim.analysis.intervals import means, medians
+from sim.analysis.significance import chances, holm, maps_needed
 
 
 def skewed(n, columns=1, seed=0):
@@ -94,7 +85,7 @@ def test_the_p_value_is_that_of_the_interval_that_ends_at_zero(n, monkeypatch):
         if chance in (1.0, 2.0 ** (1 - n)):
             continue
         with monkeypatch.context() as patch:
-            patch.setattr(statistics, "LEVEL", 1 - chance)
+            patch.setattr(intervals, "LEVEL", 1 - chance)
             estimate = means(values)[0]
         assert (
             estimate.low == pytest.approx(0, abs=1e-9)

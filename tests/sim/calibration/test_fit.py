@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from sim.calibration.fit import fit_whole, nees, nees_bins
+from sim.calibration.fit import fit_whole
+from sim.calibration.nees import nees, nees_bins
 from sim.calibration.scenes import people_in_forests
 from tracking.detection.blob_detector import located_detections
 from tracking.detection.detection_errors import WHOLE

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from sim.calibration.fit import bin_of, fit_part, fit_powers, fit_split, nees, pair_bins, tilt_bins
+from sim.calibration.fit import fit_part, fit_powers, fit_split
+from sim.calibration.nees import Bin, nees, pair_bins, tilt_bins
 from sim.calibration.scenes import people_in_forests, tilted
 from tracking.detection.blob_detector import located_detections
 from tracking.detection.blobs import blobs_of
@@ -123,7 +124,7 @@ def test_nees_of_people_seen_in_part_by_tilted_cameras_lies_in_its_interval():
         views = tilted(np.random.default_rng(0), tilt, 30)
         values.append(nees([s for s in people_in_forests(4, 30, attitudes=views) if s.hidden > 0.0]))
     assert all(len(x) > 250 and 1.5 < x.mean() < 2.6 for x in values)
-    assert bin_of("in part", np.concatenate(values)).holds
+    assert Bin.of("in part", np.concatenate(values)).holds
 
 
 @pytest.mark.slow

@@ -20,8 +20,9 @@ from sim.report.replay_commands import command
 from sim.scenario.loading import load
 from sim.scenario.random_streams import numbered, stream
 from sim.scenario.scenario import resolved
+from sim.study.backends import Borrowed
 from sim.study.cluster import connected
-from sim.study.engine import Borrowed, complete
+from sim.study.engine import complete
 from sim.study.pool import Pool
 from sim.study.store import _COLUMNS, NAME, SCHEMA, Store, read_rows
 from sim.study.study import adapted, read

@@ -7,7 +7,7 @@ import numpy as np
 
 from sim.report import message_losses as losses
 from sim.scenario.loading import load
-from sim.study.engine import Borrowed
+from sim.study.backends import Borrowed
 from sim.study.tasks import task_of
 from sim.study.trial import fly
 

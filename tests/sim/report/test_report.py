@@ -15,11 +15,12 @@ from typer.main import get_command
 
 from planning.loading import load_planner
 from sim.__main__ import app
-from sim.analysis.answers import Difference
+from sim.analysis.differences import Difference
+from sim.analysis.intervals import Estimate, means
 from sim.analysis.metric_choice import metric_shown
-from sim.analysis.statistics import Estimate, chances, maps_needed, means
-from sim.report.page import verdict
+from sim.analysis.significance import chances, maps_needed
 from sim.report.report import About, duration, made, ranges, write
+from sim.report.verdict import verdict
 from sim.scenario.errors import InputError
 from sim.scenario.loading import load
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.trials import failed, row, study
 
-from sim.analysis.statistics import means
+from sim.analysis.intervals import means
 from sim.report.wide_table import main, table, without_start
 
 SHARE = "ospa.share_under_1m"

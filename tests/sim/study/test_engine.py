@@ -14,7 +14,8 @@ from helpers.studies import Serial, plain, short
 from sim.mission.mission import Mission, Trial
 from sim.recording.archive import load as load_recording
 from sim.study import engine, pool
-from sim.study.engine import Borrowed, Options, complete, rows_of
+from sim.study.backends import Borrowed
+from sim.study.engine import Options, complete, rows_of
 from sim.study.pool import Pool
 from sim.study.store import Store, StoreError, read_rows
 from sim.study.trial import fly

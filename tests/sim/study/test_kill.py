@@ -27,7 +27,8 @@ THREAD = """
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from sim.study.engine import Borrowed, complete
+from sim.study.backends import Borrowed
+from sim.study.engine import complete
 from sim.study.store import Store
 from sim.study.study import read
 from sim.study.tasks import tasks

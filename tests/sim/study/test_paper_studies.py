@@ -9,7 +9,8 @@ import pytest
 from planning.loading import load_planner
 from planning.registry import DEFAULT_PLANNER
 from sim.scenario.scenario import Scenario
-from sim.study.study import adapted, cells, read
+from sim.study.cells import cells
+from sim.study.study import adapted, read
 from sim.study.tasks import tasks
 from tracking.geometry.visibility import TARGET_HEIGHT
 

@@ -9,8 +9,9 @@ from planning.errors import PlannerError
 from planning.loading import load_planner
 from sim.scenario.errors import InputError
 from sim.scenario.loading import _value, load
+from sim.study.cells import cells
 from sim.study.settings_text import flat, option, toml
-from sim.study.study import STUDIES, Study, adapted, cells, read
+from sim.study.study import STUDIES, Study, adapted, read
 from sim.study.tasks import tasks
 
 FILE = """

@@ -12,7 +12,7 @@ from helpers.frames import WIDE, Tally, frame
 from helpers.pages import generator
 from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
-from assets.build import PALETTE
+from assets.shapes import PALETTE
 from sim.mission.mission import Mission, Trial
 from sim.scenario.environment import Appearance
 from sim.scenario.fleet import Uav

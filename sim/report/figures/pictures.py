@@ -9,13 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from sim.analysis.answers import paired_values
 from sim.analysis.cells import Group
+from sim.analysis.differences import paired_values
+from sim.analysis.distributions import bands, share_under
 from sim.analysis.metric_choice import RUNTIME, metric_shown
-from sim.analysis.statistics import bands, share_under
 from sim.evaluation.metric import UNKNOWN, Metric
-from sim.report.figures import content, ecdf_figure, runtime_figure, scatter_figure, time_figure
-from sim.report.panels import Sheet, sheets
+from sim.report.figures.canvas import content
+from sim.report.figures.maps import runtime_figure, scatter_figure
+from sim.report.figures.panels import Sheet, sheets
+from sim.report.figures.scans import ecdf_figure, time_figure
 
 
 @dataclass(frozen=True)

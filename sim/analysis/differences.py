@@ -1,0 +1,80 @@
+"""Differences between a planner and a baseline, paired by map and repeat."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.analysis.cells import Group
+from sim.analysis.distributions import NO_SPREAD, Spread, spreads
+from sim.analysis.intervals import LEVEL, Estimate, means
+from sim.analysis.significance import chances, maps_needed
+from sim.analysis.trial_values import Flight, flight_values, map_values, undefined_values
+from sim.evaluation.metric import Metric
+from tracking.numerics.arrays import Array
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A planner less the baseline, on the maps that both flew, repeat by repeat."""
+
+    mean: Estimate
+    pairs: int
+    unpaired: int  # maps of either without a value of the other
+    won: int
+    tied: int
+    lost: int
+    cells: int = 1  # over which each map's value is the mean
+    chance: float = 1.0  # p-value of no difference
+    survives: bool = False  # Holm's correction for all differences shown with it
+    spread: Spread = NO_SPREAD
+    needed: float = np.nan  # maps that tell such a difference apart
+
+    @property
+    def told(self) -> bool:
+        """True if the two can be told apart, this difference taken by itself."""
+        return self.chance <= 1 - LEVEL
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """A group less the baseline, by flight."""
+
+    flights: tuple[Flight, ...]  # of either
+    values: Array  # (flights, metrics), NaN where one of both is missing, undefined or infinite
+
+    def differences(self, metrics: Sequence[Metric], cells: int = 1) -> list[Difference]:
+        """Metric by metric the mean, and how many maps went which way; where neither way is better, none is won."""
+        gaps = map_values(self.flights, self.values)
+        seeds = np.array([seed for seed, _ in self.flights], dtype=object)
+        judged = zip(means(gaps), chances(gaps), spreads(self.values, seeds), maps_needed(gaps), strict=True)
+        found = []
+        for j, (mean, chance, spread, needed) in enumerate(judged):
+            below, tied, above = (int(np.sum(np.sign(gaps[:, j]) == sign)) for sign in (-1, 0, 1))
+            won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[metrics[j].better]
+            pairs = below + tied + above
+            counts = pairs, len(gaps) - pairs, won, tied, lost, cells
+            found.append(Difference(mean, *counts, chance=chance, spread=spread, needed=needed))
+        return found
+
+
+def paired(group: Group, base: Group | None, metrics: Sequence[Metric]) -> Pairs:
+    """The metrics of the group less the baseline's, on every flight of either."""
+    ours, theirs = (flight_values(g, metrics) for g in (group, base))
+    flights = tuple(sorted(ours.keys() | theirs.keys()))
+    missing = undefined_values(metrics)
+    with np.errstate(invalid="ignore"):  # infinity less infinity
+        gaps = np.array([ours.get(f, missing) - theirs.get(f, missing) for f in flights])
+    gaps = gaps.reshape(len(flights), len(metrics))
+    return Pairs(flights, np.where(np.isfinite(gaps), gaps, np.nan))
+
+
+def paired_values(group: Group, base: Group | None, metric: Metric) -> Array:
+    """The baseline's and the group's values (n, 2) on the maps where both are finite in some repeat."""
+    ours, theirs = (flight_values(g, [metric]) for g in (group, base))
+    flights = sorted(ours.keys() & theirs.keys())
+    both = np.array([(theirs[f][0], ours[f][0]) for f in flights]).reshape(-1, 2)
+    finite = np.isfinite(both).all(axis=1)
+    return map_values([f for f, kept in zip(flights, finite, strict=True) if kept], both[finite])

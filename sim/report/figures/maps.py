@@ -1,0 +1,94 @@
+"""Figures of metrics over maps: run times by planner, and maps against maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from sim.analysis.answers import map_means
+from sim.analysis.cell_text import cell_text
+from sim.analysis.cells import Group
+from sim.analysis.differences import paired_values
+from sim.drawing.palette import FAINT
+from sim.drawing.plots import rgb
+from sim.evaluation.metric import Metric
+from sim.report.figures.canvas import drawing, legend
+from sim.report.figures.panels import COLOURS, COLUMNS, Style
+from tracking.numerics.arrays import Array
+
+
+def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
+    """Means over the maps with their intervals, a line per cell and a dot per planner, over a logarithmic axis."""
+    cells = list(dict.fromkeys(group.cell for group in groups))
+    planners = list(dict.fromkeys(group.planner for group in groups))
+    with drawing(1.2 + 0.3 * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
+        axes = figure.add_subplot()
+        for group in groups:
+            estimate = map_means(group, metric)
+            index = planners.index(group.planner)
+            place = cells.index(group.cell) + 0.5 * (index + 0.5 - len(planners) / 2) / len(planners)
+            value, low, high = metric.scale * np.array([estimate.value, estimate.low, estimate.high])
+            colour = rgb(COLOURS[index % len(COLOURS)])
+            if value > 0:
+                axes.plot([low, high], [place, place], color=colour, lw=1.5, alpha=0.7)
+                axes.plot(value, place, "o", color=colour, ms=5)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_xlabel(f"{metric.title}, logarithmic")
+        axes.set_yticks(range(len(cells)), [cell_text(cell) or "all missions" for cell in cells])
+        axes.set_ylim(len(cells) - 0.5, -0.5)
+        axes.grid(axis="x", lw=0.5, alpha=0.4)
+        axes.spines[["top", "right"]].set_visible(False)
+        legend(figure, {p: Style(COLOURS[i % len(COLOURS)]) for i, p in enumerate(planners)}, marker="o")
+    return figure
+
+
+def scatter_figure(groups: Sequence[Group], baseline: str, metric: Metric) -> Figure:
+    """A panel for each planner but the baseline, a point for each map that both flew: baseline across, planner up."""
+    others = list(dict.fromkeys(group.planner for group in groups if group.planner != baseline))
+    bases = {group.cell: group for group in groups if group.planner == baseline}
+    points = {
+        other: metric.scale
+        * np.concatenate([paired_values(g, bases.get(g.cell), metric) for g in groups if g.planner == other])
+        for other in others
+    }
+    low, high, log = _limits(np.concatenate([*points.values(), np.zeros((0, 2))]))
+    columns = min(COLUMNS, len(others))
+    rows = -(-len(others) // columns)
+    with drawing(3.3 * rows, width=0.4 + 3.05 * columns) as figure:
+        for i, (other, pairs) in enumerate(points.items()):
+            axes = figure.add_subplot(rows, columns, i + 1)
+            axes.plot([low, high], [low, high], color=rgb(FAINT), lw=1.0, zorder=0.5)
+            axes.plot(pairs[:, 0], pairs[:, 1], "o", color=rgb(COLOURS[0]), ms=4.5, alpha=0.6, mew=0)
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.set_major_locator(MaxNLocator(5))
+            if log:
+                axes.set(xscale="log", yscale="log")
+            axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")
+            axes.set_title(_wrapped(other), fontsize=10, loc="left", fontweight="bold")
+            axes.grid(lw=0.5, alpha=0.4)
+        figure.supxlabel(f"{baseline}: {metric.title}{', logarithmic' * log}", fontsize=10)
+        figure.supylabel(f"planner: {metric.title}", fontsize=10)
+    return figure
+
+
+def _limits(points: Array) -> tuple[float, float, bool]:
+    """Ends of both axes, and whether they are logarithmic: where the values span more than a factor of 30."""
+    values = points[np.isfinite(points)]
+    if not len(values):
+        return 0.0, 1.0, False
+    low, high = float(values.min()), float(values.max())
+    if low > 0 and high > 30 * low:
+        return low / 1.15, high * 1.15, True
+    margin = 0.05 * (high - low) or 0.5
+    return low - margin, high + margin, False
+
+
+def _wrapped(text: str) -> str:
+    """A long planner's text on several lines."""
+    return text.replace("(", "(\n", 1) if len(text) > 34 else text

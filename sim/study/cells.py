@@ -1,0 +1,87 @@
+"""Cells of a study: its scenarios by the levels of its factors by its planners."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from itertools import product
+from pathlib import Path
+
+from msgspec import Struct
+
+from sim.scenario.errors import InputError
+from sim.scenario.quantities import integers
+from sim.study.settings_text import flat, option, toml
+from sim.study.study import Study, check_keys
+from tracking.plugins.spelling import did_you_mean
+
+_MOST_CELLS = 10_000
+_OTHER = ("planner", "scenario")  # what trials are left out by, beside factors
+
+
+class Cell(Struct, frozen=True):
+    """One scenario with one level of each factor, and one planner."""
+
+    scenario: str
+    factors: tuple[tuple[str, str], ...]
+    settings: dict[str, str]  # overrides
+    planner: str  # as `Study.planners` has it
+    options: dict[str, str]  # of the planner, by the levels
+
+    @property
+    def spec(self) -> str:
+        """The planner with the options of the cell."""
+        given = ", ".join(f"{name}={value}" for name, value in self.options.items())
+        if not given:
+            return self.planner
+        head, bracket, rest = self.planner.strip().partition("(")
+        inner = rest.removesuffix(")").strip()
+        return f"{head}({inner}, {given})" if bracket and inner else f"{head}({given})"
+
+
+def cells(study: Study) -> list[Cell]:
+    """All cells of a study by all its planners, in order; InputError if there are none."""
+    _check_levels(study)
+    count = math.prod([len(study.scenarios), len(study.planners), *map(len, study.factors.values())])
+    if count > _MOST_CELLS:  # before they are listed: factors multiply
+        raise InputError(f"study: {study.name} has {count:g} cells; at most {_MOST_CELLS} are allowed")
+    found = []
+    for scenario, *chosen in product(study.scenarios, *(levels for levels in study.factors.values())):
+        levels = tuple(zip(study.factors, chosen, strict=True))
+        shown = (("scenario", Path(scenario).stem), *levels) if len(study.scenarios) > 1 else levels
+        settings, options = dict(study.settings), dict[str, str]()
+        for factor, level in levels:
+            values = dict(study.factors[factor][level])
+            options |= {key: option(value) for key, value in values.pop("planner", {}).items()}
+            settings |= {key: toml(value) for key, value in flat(values).items()}
+        for planner in study.planners:
+            place = {"planner": planner, "scenario": scenario, **dict(levels)}
+            if not any(_matches(rule, place) for rule in study.exclude):
+                found.append(Cell(scenario, shown, settings, planner, options))
+    if not found or not integers(study.seeds, "seeds"):
+        raise InputError(f"study: {study.name} has no trial: no planner, no seed, no level, or all is excluded")
+    return found
+
+
+def _matches(rule: Mapping[str, str | list[str]], place: Mapping[str, str]) -> bool:
+    return all(place[key] in ([value] if isinstance(value, str) else value) for key, value in rule.items())
+
+
+def _check_levels(study: Study) -> None:
+    for factor, levels in study.factors.items():
+        if factor in _OTHER:
+            raise InputError(f"factors.{factor}: is no name for a factor; list them as {factor}s of [study]")
+        for level, values in levels.items():
+            if not isinstance(values.get("planner", {}), Mapping):
+                raise InputError(f"factors.{factor}.{level}.planner: expected options such as {{horizon = 3}}")
+    _check_rules(study)
+
+
+def _check_rules(study: Study) -> None:
+    for i, rule in enumerate(study.exclude):
+        check_keys(rule, (*study.factors, *_OTHER), f"exclude.{i}.")
+        for factor, value in rule.items():
+            for level in [value] if isinstance(value, str) else value:
+                if factor in study.factors and level not in study.factors[factor]:
+                    hint = did_you_mean(level, study.factors[factor])
+                    raise InputError(f"exclude.{i}.{factor}: {level!r} is no level; {hint}")
