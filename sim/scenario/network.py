@@ -7,8 +7,6 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from tracking.fusion.rule import check_fusion_rule
-
 DAY = 86_400.0  # s, longer than any mission
 Index = Annotated[int, Meta(ge=0)]
 Link = tuple[Index, Index]
@@ -45,9 +43,6 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     plan_delay: Annotated[float, Meta(ge=0, le=DAY)] = (
         0.0  # s from a decision until it is flown, a multiple of the time between scans
     )
-
-    def __post_init__(self) -> None:
-        check_fusion_rule(self.fusion)
 
     def check(self, uavs: int) -> None:
         """ValueError if links are not between two UAVs of a fleet of so many, each named once."""

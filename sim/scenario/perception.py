@@ -16,7 +16,6 @@ from sim.scenario.bounds import (
     Variance,
     Weight,
 )
-from tracking.filter.motion import check_motion_model
 
 
 class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
@@ -98,7 +97,6 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     unseen: Expected = 4.0
 
     def __post_init__(self) -> None:
-        check_motion_model(self.motion)
         for name, (m, n) in (("confirm", self.confirm), ("delete", self.delete)):
             if m > n:
                 raise ValueError(f"{name} {m} of {n} can never happen")

@@ -17,6 +17,8 @@ from sim.scenario.fleet import DEFAULT_FLEET, Uav
 from sim.scenario.network import DAY, Network
 from sim.scenario.perception import Sensing, Tracking
 from sim.scenario.workload import check_workload
+from tracking.filter.motion import check_motion_model
+from tracking.fusion.rule import check_fusion_rule
 
 _CLEARANCE = 1.0  # m, between UAVs at the start: rotors reach 0.3 m out
 _HIGHEST = 10_000.0  # m above ground
@@ -59,6 +61,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     wind: Wind = field(default_factory=Wind)
 
     def __post_init__(self) -> None:
+        check_motion_model(self.tracking.motion, "tracking.motion")
+        check_fusion_rule(self.network.fusion, "network.fusion")
         if self.dynamics == "kinematic" and not self.wind.calm:
             raise ValueError('wind: moves no UAV of dynamics "kinematic"; allowed with "quadrotor"')
         for i, uav in enumerate(self.uavs):

@@ -29,7 +29,7 @@ def test_its_commands_and_its_python_run(tmp_path, monkeypatch, capsys):
         monkeypatch.setattr(sys, "argv", [*words, *(["--duration", "1"] if words[1] == "run" else [])])
         main()
     exec(compile(block("python"), "rerun.md", "exec"), {})
-    assert "0.0 s  track born: track 0 born and confirmed by UAV 0, 1, 2" in capsys.readouterr().out
+    assert "0.0 s  track born: track 0 born and confirmed by UAVs 0, 1 and 2" in capsys.readouterr().out
     paths = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "found.rrd").stream().to_chunks()}
     named = re.findall(r"`((?:world/|association/|people/|plots|events)[\w/]*)`", TEXT)
     assert len(named) > 10

@@ -45,8 +45,8 @@ def test_built_in_names_give_built_in_classes():
 @pytest.mark.parametrize(
     ("override", "complaint"),
     [
-        ("network.fusion=klaa", "network: fusion: 'klaa' is unknown; allowed are kla, hcmci; did you mean kla?"),
-        ("tracking.motion=imm", "tracking: motion: 'imm' is unknown; allowed are ncv, bounded"),
+        ("network.fusion=klaa", "network.fusion: 'klaa' is unknown; allowed are kla, hcmci; did you mean kla?"),
+        ("tracking.motion=imm", "tracking.motion: 'imm' is unknown; allowed are ncv, bounded"),
     ],
 )
 def test_an_unknown_name_is_refused_when_the_scenario_is_read(override, complaint):

@@ -35,10 +35,10 @@ class MotionModel(Protocol):
         ...
 
 
-def check_motion_model(name: str) -> None:
+def check_motion_model(name: str, field: str = "motion") -> None:
     """ValueError unless a model is built in or may be an import string, "package.module:Class"."""
     if name not in MOTION_MODELS and ":" not in name:
-        raise ValueError(f"motion: {name!r} is unknown; {did_you_mean(name, MOTION_MODELS)} (or package.module:Class)")
+        raise ValueError(f"{field}: {name!r} is unknown; {did_you_mean(name, MOTION_MODELS)} (or package.module:Class)")
 
 
 def motion_model(name: str, dt: float, sigma_a: float, max_speed: float) -> MotionModel:

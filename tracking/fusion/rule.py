@@ -45,10 +45,10 @@ class FusionRule(Protocol):
         ...
 
 
-def check_fusion_rule(name: str) -> None:
+def check_fusion_rule(name: str, field: str = "fusion") -> None:
     """ValueError unless a rule is built in or may be an import string, "package.module:Class"."""
     if name not in FUSION_RULES and ":" not in name:
-        raise ValueError(f"fusion: {name!r} is unknown; {did_you_mean(name, FUSION_RULES)} (or package.module:Class)")
+        raise ValueError(f"{field}: {name!r} is unknown; {did_you_mean(name, FUSION_RULES)} (or package.module:Class)")
 
 
 def fusion_rule(name: str) -> FusionRule:

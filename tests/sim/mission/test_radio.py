@@ -81,7 +81,10 @@ def test_disagreement_is_the_mean_ospa_between_pairs():
         ("network.cuts=[{links=[[0, 1]], start=9, end=9}]", "network.cuts.0: end 9 must be after start 9"),
         ("network.cuts=[{links=[[0, 1]], strat=9}]", f"network.cuts.0.strat: {UNKNOWN}"),
         ("network.loss=1.5", "network.loss: 1.5 is not allowed; expected float <= 1.0"),
-        ("network.fusion=hcmi", "network.fusion: hcmi is not allowed; allowed are kla, hcmci; did you mean hcmci?"),
+        (
+            "network.fusion=hcmi",
+            "network.fusion: hcmi is unknown; allowed are kla, hcmci; did you mean hcmci? (or package.module:Class)",
+        ),
         ("uavs.1.fails_at=-1", "uavs.1.fails_at: -1 is not allowed; expected float >= 0.0"),
         ("uavs=[{start=[0, 0], fails_at=0}]", "uavs: all have fails_at 0; one or more have to work at the start"),
     ],

@@ -38,7 +38,7 @@ def test_recordings_and_images_have_the_same_bytes_on_every_processor(environmen
 
 def test_the_readme_has_the_figure_of_its_first_command(tmp_path):
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    (figure,) = re.findall(r"Seed 0,\s+which the first command flies, has ([0-9.]+) %", readme)
+    (figure,) = re.findall(r"Seed 0,\s+which\s+the\s+first\s+command\s+flies,\s+has\s+([0-9.]+) %", readme)
     summary = run(Trial(load_scenario("forest"), DEFAULT_PLANNER, 0), tmp_path / "out", video=False)
     assert f"{100 * summary['ospa']['share_under_1m']:.1f}" == figure
 

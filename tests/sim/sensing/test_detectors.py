@@ -21,7 +21,7 @@ from sim.sensing.mask_detector import MaskDetector
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
-from tracking.detection.detector import Detections, Frame, detect
+from tracking.detection.detector import Detections, Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 
@@ -175,7 +175,7 @@ def test_the_mask_detector_detects_exactly_the_people_with_a_visible_pixel():
         assert sorted(found.areas.tolist()) == sorted(pixels.tolist())
         gaps = np.linalg.norm(found.ground[:, None] - people[ids], axis=2)
         assert gaps.min(axis=1, initial=9.0).max(initial=0.0) < 1.2
-        crowded += len(ids) > len(detect(frame).ground)
+        crowded += len(ids) > len(BlobDetector().detect(frame).ground)
     assert crowded > 0  # some people have touching blobs, which are one
 
 

@@ -187,13 +187,13 @@ def test_a_person_in_a_slow_cameras_last_frame_is_not_drawn_hidden():
     setting = load("forest", ["uavs=[{start=[0, 0], rate=1}]"])
     view = MapView(setting, Forest(()), (790, 540))
     base = next(synthetic.snapshots(synthetic.scenario(uavs=1, people=1), Forest(()), 1))
-    hollow = []
+    hollow, place = [], base.cameras[0].position[:2] + 4.0  # in view, clear of the UAV's own mark
     for k in range(6):
-        changes = {"people": np.array([[30.0, 30.0]]), "visible": np.full((1, 1), 9 if k == 0 else 0)}
+        changes = {"people": place[None], "visible": np.full((1, 1), 9 if k == 0 else 0)}
         snapshot = dataclasses.replace(base, time=0.2 * k, tracks=[()], plans=None, contacts=(), **changes)
         image = np.zeros((540, 790, 3), dtype=np.uint8)
         view.draw(image, snapshot)
-        x, y = np.array([395, 270]) + view.scale * np.array([30.0, -30.0])
+        x, y = np.array([395, 270]) + view.scale * (place * [1.0, -1.0])
         hollow.append(bool(np.all(image[int(y), int(x)] == PANEL)))
     assert hollow == [False] * 5 + [True]
 

@@ -129,7 +129,7 @@ def test_the_motion_of_a_scenario_is_what_it_says():
     ("override", "complaint"),
     [
         ("tracking.life=existance", r"tracking\.life.*existance.*m_of_n, existence; did you mean existence\?"),
-        ("tracking.motion=imm", r"tracking: motion.*imm.*ncv, bounded"),
+        ("tracking.motion=imm", r"tracking\.motion.*imm.*ncv, bounded"),
         ("tracking.survival=1.5", r"tracking\.survival.*1\.5.*<= 1"),
         ("tracking.doubt=0.995", r"tracking.*doubt 0\.995 must be below sure 0\.99"),
     ],
