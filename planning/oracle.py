@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from planning.composition import Composition
 from planning.contract import TruePositions
@@ -16,6 +15,7 @@ from planning.prediction.predicted_belief import PredictedBelief, predicted_beli
 from planning.prediction.propagation import beliefs
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import length
 from tracking.tracker import Track
 
@@ -84,7 +84,7 @@ def true_tracks(situation: Situation, people: TruePositions) -> tuple[Track, ...
     means, covariances = beliefs(situation.tracks)
     spread = np.tile(_UNKNOWN, (len(present), 1, 1))
     gaps = length(states[:, None, :2] - means[None, :, :2])
-    for row, track in zip(*linear_sum_assignment(gaps), strict=True):
+    for row, track in pairs_within(gaps, np.inf):
         spread[row] = covariances[track]
     rows = zip(present.tolist(), states, spread, strict=True)
     return tuple(Track(person, Gaussian(state, P)) for person, state, P in rows)

@@ -17,6 +17,7 @@ from sim.sensing.detection_truth import matched_detections
 from sim.sensing.detectors import load_detector
 from sim.sensing.mask_detector import MaskDetector
 from tracking.detection.detector import Detections
+from tracking.numerics.distances import squared_distance
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
 
@@ -105,7 +106,7 @@ def _covariances(subject: _Subject) -> str:
     if not hit.any():
         raise Untried("it finds no person")
     errors = found.ground[of_people[hit]] - view.people[hit]
-    squares = [float(e @ np.linalg.solve(R, e)) for e, R in zip(errors, found.covariances[of_people[hit]], strict=True)]
+    squares = squared_distance(errors, found.covariances[of_people[hit]])
     seen = f"mean NEES {np.mean(squares):.3g} (consistent: 2), errors up to {np.hypot(*errors.T).max():.2f} m"
     if np.mean(squares) > _MOST_NEES:
         raise Unfit(f"{seen}: covariances are far too small")

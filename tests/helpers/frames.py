@@ -4,12 +4,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from helpers.views import CAMERA
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.assignment import pairs_within
 
 MARGIN = 16  # pixels around the image in which people cut by its edge are seen whole
 
@@ -22,7 +22,7 @@ def frame(image, pose, camera=CAMERA):
 
 
 def touching(people, count):
-    """Whether each person's silhouette meets another's, corners included (count,)."""
+    """Flags (count,) of silhouettes that meet another person's, corners included."""
     padded = np.pad(people, 1, constant_values=-1)
     n = len(people)
     touch = np.zeros(count, dtype=bool)
@@ -35,7 +35,7 @@ def touching(people, count):
 
 @dataclass
 class Tally:
-    """What became of people of whom half or more was visible and who touched nobody, and of all detections."""
+    """Results of people half visible or more that touch no other person, and of all detections."""
 
     people: list  # found, off-nadir angle in degrees, radial and tangential error in m
     detections: list  # whether a person was there
@@ -48,8 +48,7 @@ class Tally:
         touch = touching(alone, n)
         distance = np.linalg.norm(found.ground[:, None] - places, axis=2)
         distance[:, visible == 0] = np.inf
-        rows, columns = linear_sum_assignment(np.minimum(distance, 1.0))
-        pairs = {c: r for r, c in zip(rows, columns, strict=True) if distance[r, c] < 1.0}
+        pairs = {column: row for row, column in pairs_within(distance, 1.0)}
         for k in np.flatnonzero((visible > 0) & (2 * visible >= whole) & ~touch):
             offset = places[k] - pose.position[:2]
             radial = offset / np.linalg.norm(offset)

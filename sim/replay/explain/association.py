@@ -15,6 +15,7 @@ from tracking.filter.negative_information import Viewpoint, miss_likelihood
 from tracking.geometry.visibility import Forest
 from tracking.measurement_update import ScanPrediction, associate, scan_prediction
 from tracking.numerics.arrays import Array
+from tracking.numerics.distances import squared_distance
 from tracking.tracker import Track
 
 
@@ -95,6 +96,4 @@ def _numbers(recording: Recording, ids: Ints) -> Ints:
 
 def _distances(before: ScanPrediction, z: Array, R: Array) -> Array:
     """Squared Mahalanobis distances (T, N) of measurements from predicted positions."""
-    nu = z[None] - before.means[:, None, :2]
-    S = before.covariances[:, None, :2, :2] + R[None]
-    return np.asarray(np.einsum("tni,tni->tn", nu, np.linalg.solve(S, nu[..., None])[..., 0]))
+    return squared_distance(z[None] - before.means[:, None, :2], before.covariances[:, None, :2, :2] + R[None])

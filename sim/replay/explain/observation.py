@@ -8,7 +8,6 @@ from types import TracebackType
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
@@ -19,6 +18,8 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from sim.sensing.detection_truth import matched_detections, visible_pixels
 from tracking.numerics.arrays import Array
+from tracking.numerics.assignment import pairs_within
+from tracking.numerics.distances import squared_distance
 
 
 class GatedMeasurement(NamedTuple):
@@ -120,8 +121,9 @@ class Observer:
             rows = matched_detections(recording.pixels_at(k, uav), mask, len(people))
         elif detected.any():
             gaps = recording.measurements_at(k, uav)[None] - people[detected][:, None]
-            targets, found = linear_sum_assignment(np.sum(gaps**2, axis=2))
-            rows[np.flatnonzero(detected)[targets]] = found
+            seen = np.flatnonzero(detected)
+            for target, found in pairs_within(np.sum(gaps**2, axis=2), np.inf):
+                rows[seen[target]] = found
         return np.where(detected, rows, -1)
 
     def _found(self, k: int, uav: int, person: int, row: int) -> PersonMeasurement | None:
@@ -134,7 +136,7 @@ class Observer:
             pixel=pixels[row] if len(pixels) else None,
             place=scan.measurements[row],
             error=float(np.hypot(*error)),
-            sigmas=float(np.sqrt(error @ np.linalg.solve(scan.covariances[row], error))),
+            sigmas=float(np.sqrt(squared_distance(error, scan.covariances[row]))),
         )
 
 
