@@ -1,4 +1,4 @@
-"""What tests of several parts need."""
+"""Fixtures for tests of several parts."""
 
 import signal
 from collections.abc import Callable
@@ -13,7 +13,7 @@ Team = Callable[..., list[Situation]]
 
 @pytest.fixture
 def random_team() -> Team:
-    """Situations of a team whose members hold the same beliefs, in a random forest."""
+    """Situations of a team with the same beliefs in all its members, in a random forest."""
     return situations.random_team
 
 

@@ -1,9 +1,9 @@
-"""What comparisons share."""
+"""Fixtures of the benchmarks."""
 
 import pytest
 
 
 @pytest.fixture(scope="module")
 def judged(request):
-    """Whether times count: they do not in ordinary test runs, which try everything once, on little."""
+    """True where times count: not in ordinary test runs, which try each benchmark once, on little."""
     return request.config.getoption("benchmark_enable")

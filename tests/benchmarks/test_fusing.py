@@ -1,4 +1,4 @@
-"""How long the fleet's consensus takes; docs/results/benchmarks.md says how to run this.
+"""Times of the fleet's consensus; docs/results/benchmarks.md says how to run this.
 
 In ordinary test runs each part runs once, as a smoke test, and its times are not judged.
 """
@@ -22,7 +22,7 @@ BOUND = 20.0  # ms, for 20 UAVs
 
 
 def ready(uavs, fusion):
-    """Trackers that have all seen everybody; what their scans and JPDA take is left out."""
+    """Trackers that have all seen every person; the times of their scans and JPDA are left out."""
     parameters = TrackerParameters(MOTION, fusion=fusion)
     known = [track(k, *place, 0.0, 0.0) for k, place in enumerate(PLACES)]
     seen = PLACES + np.random.default_rng(0).normal(0, 0.1, (uavs, *PLACES.shape))

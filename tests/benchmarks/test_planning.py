@@ -1,4 +1,4 @@
-"""How long decisions take, side by side and as teams and scenes grow; docs/results/benchmarks.md says how to run this.
+"""Times of decisions, side by side and as teams and scenes grow; docs/results/benchmarks.md says how to run this.
 
 What is compared takes turns, so that the load of the machine falls on all of it; of several CPU times the least counts.
 In ordinary test runs each runs once, on little, and its times are not judged.

@@ -1,4 +1,4 @@
-"""What a scan costs beside Stone Soup's JPDA, and as scenes grow; docs/results/benchmarks.md says how to run this.
+"""Costs of a scan beside Stone Soup's JPDA, and as scenes grow; docs/results/benchmarks.md says how to run this.
 
 What is compared runs in turn, so that the load of the machine falls on all of it. Times are those of the processor, and
 of several the least counts.
@@ -22,7 +22,7 @@ PARAMETERS = TrackerParameters(MOTION)
 
 
 class Scene:
-    """People who stand in a square, all in view, `spacing` m apart: at 3.5 m gates of tracks hardly ever overlap."""
+    """People in a square, all in view, `spacing` m apart: at 3.5 m gates of tracks hardly ever overlap."""
 
     def __init__(self, people, scans, spacing=3.5, groups=1, alike=True):
         side = math.ceil(math.sqrt(people / groups))
@@ -49,7 +49,7 @@ class Scene:
         return seconds[1:], subject
 
     def run_peer(self, associator):
-        """The same of Stone Soup, whose detections are made beforehand, from our tracks after the first scan."""
+        """The same of Stone Soup, from our tracks after the first scan; its detections are made beforehand."""
         subject = Tracker(0, CAMERA, OPEN, PARAMETERS, self.known)
         subject.step(self.scans[0])
         peer, seconds = StoneSoup(PARAMETERS, subject.tracks, R=R, associator=associator), []
@@ -79,7 +79,7 @@ def test_scan_against_stone_soup(people, bound, judged):
 
 @pytest.mark.parametrize("known", [True, False])
 def test_scan_of_fifty_people(known, judged):
-    """The slowest scan of a run; where nobody is known beforehand, those in which fifty tracks begin are among them."""
+    """The slowest scan of a run; without people known beforehand, those in which fifty tracks begin are among them."""
     scene = Scene(50, 20 if judged else 3)
     runs = [scene.run(known) for _ in range(5 if judged else 1)]
     slowest = 1e3 * np.min([seconds for seconds, _ in runs], axis=0).max()

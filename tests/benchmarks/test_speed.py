@@ -1,4 +1,4 @@
-"""How long the parts of a mission take, beside what each replaces; docs/results/benchmarks.md says how to run this.
+"""Times of the parts of a mission, beside what each replaces; docs/results/benchmarks.md says how to run this.
 
 In ordinary test runs each part runs once, as a smoke test.
 """

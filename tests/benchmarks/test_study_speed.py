@@ -1,4 +1,4 @@
-"""What the engine of studies costs, and what a second process saves: `-n 0 -s --benchmark-enable`, machine idle.
+"""Costs of the engine of studies, and savings by a second process: `-n 0 -s --benchmark-enable`, machine idle.
 
 In ordinary test runs each part runs once, on little.
 """

@@ -1,4 +1,4 @@
-"""How long the answers of 10 000 trials take; docs/results/benchmarks.md says how to run this.
+"""Times of the answers of 10 000 trials; docs/results/benchmarks.md says how to run this.
 
 In ordinary test runs each part runs once, on few trials, and its times are not judged.
 """

@@ -65,7 +65,7 @@ def least(*functions, rounds):
 
 
 def in_field_of_view(world, view):
-    """Which bodies touch the pyramid that a camera sees."""
+    """Bodies that touch the pyramid that a camera sees, as flags."""
     radii = np.array([body.radius for body in world.bodies])
     return in_frustum(world.centres, radii, view.pose.position, view.pose.rotation, view.camera.fov)
 

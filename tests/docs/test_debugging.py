@@ -49,8 +49,8 @@ def test_its_commands_run_and_tell_of_the_lost_person(call, tmp_path):
 WRONG = {
     "beyond the mission": (["--time", "1.3", "--target", "0"], "--time: 1.3 s is not in the recording; allowed"),
     "no such person": (["--time", "1", "--target", "4"], "--target: '4' is not allowed; expected an integer, 0 to 3"),
-    "nobody of that name": (["--target", "one"], "--target: 'one' is not allowed; expected an integer, 0 to 3"),
-    "whom": (["--time", "1"], "--target: missing"),
+    "no such name": (["--target", "one"], "--target: 'one' is not allowed; expected an integer, 0 to 3"),
+    "no target": (["--time", "1"], "--target: missing"),
     "when": (["--time", "soon", "--target", "0"], "--time: 'soon' is not a time"),
     "several times": (["--time", "0:1", "--target", "0"], "--time: '0:1' is not allowed; expected one time"),
     "old file": (["--out", "one/ospa.png"], "--out: one/ospa.png exists; name a new file"),

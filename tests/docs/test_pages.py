@@ -74,7 +74,7 @@ def test_names_of_modules_files_and_their_content_exist(page):
 
 
 def resolved(name):
-    """Whether a dotted name is one of a module, or of something in one."""
+    """True if a dotted name is one of a module, or of something in one."""
     parts = name.split(".")
     for k in range(len(parts), 0, -1):
         module = ROOT.joinpath(*parts[:k])

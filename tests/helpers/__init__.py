@@ -1,1 +1,1 @@
-"""What tests of several parts need."""
+"""Helpers for tests of several parts."""

@@ -54,7 +54,7 @@ class Browser:
         self.until("document.readyState === 'complete' && location.protocol === 'file:'")
 
     def run(self, script):
-        """What an expression comes to; promises are waited for."""
+        """The value of an expression; promises are waited for."""
         told = self._call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in told, told["exceptionDetails"]
         return told["result"].get("value")

@@ -1,4 +1,4 @@
-"""Two people whose straight ways cross, what a camera beside them measures, and who is who afterwards."""
+"""Two people on straight ways that cross, measurements of a camera beside them, and their tracks afterwards."""
 
 import itertools
 import math
@@ -21,7 +21,7 @@ SCANS = 41  # 8 s; the people are closest at 4 s
 CAMERA = Camera(math.radians(60), 128)
 POSE = Pose.level(-10.0, 0.0, 60.0)  # 10 m beside the crossing, sees 34 m each way
 NOISE = NoiseModel.range_bearing(0.1)
-# Association alone, as Stone Soup does it: nobody's track begins or ends.
+# Association alone, as Stone Soup does it: no track begins or ends.
 HARD = TrackerParameters(MOTION, detection_probability=0.9, clutter_density=1e-4, confirm=(62, 62), delete=(62, 62))
 # All of the tracker, and what the testbed's cameras give by default: hardly a miss, no false alarms.
 WHOLE = TrackerParameters(MOTION)
@@ -57,7 +57,7 @@ class Crossing:
         self.scans = [self._scan(k, rng) for k in range(1, SCANS)]
 
     def people(self, k: int) -> np.ndarray:
-        """Where they are at scan k (2, 2) m."""
+        """Positions at scan k (2, 2) m."""
         return self.meeting + (k - SCANS // 2) * MOTION.dt * self.velocities
 
     def _scan(self, k: int, rng: np.random.Generator) -> Scan:
@@ -92,7 +92,7 @@ def theirs(crossing: Crossing) -> list[list[Track]]:
 
 
 def kept(crossing: Crossing, tracks: list[Track]) -> bool:
-    """Whether both people's tracks are still there at the end and nearer, in sum, to their own than to each other."""
+    """True if both tracks last to the end and are nearer, in sum, to their own persons than to each other's."""
     held = {t.id: t.belief.mean[:2] for t in tracks}
     if not {0, 1} <= held.keys():
         return False

@@ -1,4 +1,4 @@
-"""People who move as trackers assume, UAVs on fixed paths that scan them, and how far off beliefs are."""
+"""People moving as trackers assume, UAVs on fixed paths that scan them, and errors of beliefs."""
 
 import math
 from dataclasses import dataclass, field
@@ -28,14 +28,14 @@ TREES = Forest(tuple(Tree(float(x), float(y)) for x, y in PLACES))  # canopies o
 
 
 def line(count: int) -> np.ndarray:
-    """Everybody hears those beside them."""
+    """Each UAV hears those beside it."""
     i = np.arange(count)
     return np.abs(i[:, None] - i) == 1
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What missions have in common. UAV i has the noise of the default fleet's UAV i modulo 3."""
+    """Settings of a mission. UAV i has the noise of the default fleet's UAV i modulo 3."""
 
     altitudes: tuple[float, ...] = LOW  # m
     adjacency: np.ndarray = field(default_factory=lambda: ~np.eye(3, dtype=bool))
@@ -97,7 +97,7 @@ def _moved(case: Case, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray
 
 
 def _walked(case: Case, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """The same of the testbed's walkers, who wander in 60 x 60 m; velocities are differences."""
+    """The same of the testbed's walkers in 60 x 60 m; velocities are differences."""
     every = round(MOTION.dt * SAMPLES_PER_SECOND)
     walkers = walk(People(count=case.people, paths=()), Area(60, 60), case.forest, duration=SCANS * MOTION.dt, rng=rng)
     velocities = np.diff(walkers.positions, axis=0) * SAMPLES_PER_SECOND
@@ -108,7 +108,7 @@ def _walked(case: Case, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarra
 def errors(mission: Mission, fusion: str) -> tuple[np.ndarray, np.ndarray]:
     """NEES of position and of state (K, UAVs, M, 2) of the track with each person's id; NaN where it has ended.
 
-    And where that track is elsewhere (K, UAVs, M): nearer to somebody else, by the NEES of state as that person's.
+    And where that track is elsewhere (K, UAVs, M): nearer to another person, by the NEES of state as that person's.
     """
     c = mission.case
     parameters = TrackerParameters(

@@ -94,8 +94,8 @@ def scenario_file(rng):
 def trajectories(rng):
     rows = [["t", "id", "x", "y"]]
     rows += [
-        [f"{t / 2:g}", who, f"{rng.uniform(-40, 40):.2f}", f"{rng.uniform(-40, 40):.2f}"]
-        for who in "ab"
+        [f"{t / 2:g}", person, f"{rng.uniform(-40, 40):.2f}", f"{rng.uniform(-40, 40):.2f}"]
+        for person in "ab"
         for t in range(4)
     ]
     for _ in range(rng.choice([0, 1, 1, 2, 5])):

@@ -56,7 +56,7 @@ def called(arguments, folder):
 
 
 def run(arguments, folder):
-    """What became of a command."""
+    """Result of a command."""
     start = time.monotonic()
     child = os.fork()
     if child == 0:

@@ -41,7 +41,7 @@ COLUMNS += ["scans_per_s", "finished"]
 
 
 def store(rng):
-    """A study that is flown already, and whose store is not what it was."""
+    """A study that is flown already, with a store that was changed afterwards."""
     cell = rng.choice(
         [*NUMBERS[:14], *WORDS, b"", b"123", b"\xff" * 400, None, "{}", "[]", "[" * DEEP, '{"a":' * DEEP, '{"x": "y"}']
     )

@@ -11,7 +11,7 @@ NOW = 7.0  # s
 
 
 def told(uav: int, places, variances, ids, aliases, seen):
-    """What a UAV says of tracks in a row, standing still, last seen at these times."""
+    """Message of a UAV on tracks in a row, standing still, last seen at these times."""
     means = [(x, 0.0, 0.0, 0.0) for x in places]
     covariances = [v * np.diag([1.0, 1.0, 4.0, 4.0]) for v in variances]
     said = message(uav, ids, means, covariances, degree=0, aliases=np.array(aliases), partition=(uav // 2 * 2, NOW))

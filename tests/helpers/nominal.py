@@ -12,7 +12,7 @@ from tracking.geometry.visibility import TARGET_HEIGHT
 
 
 def nominal(situation, horizon):
-    """What compiled code takes; nothing in it is by chance."""
+    """Nominal beliefs as compiled code takes them; nothing in them is by chance."""
     return Nominal().predict(situation, horizon, np.random.default_rng(0))
 
 
@@ -44,7 +44,7 @@ def thirds():
 
 
 def plain_cost(situation, controls, beta, *, expected=False, weights=None):
-    """Eqs. (1), (4), (5), (7), (11), with nominal targets and matrix inverses; also counts who sees what.
+    """Eqs. (1), (4), (5), (7), (11), with nominal targets and matrix inverses; also counts targets in view of UAVs.
 
     With `expected` each target is at nine equally probable points of its predicted belief at once; with `weights` (T,)
     targets count by these.

@@ -59,7 +59,7 @@ def execute(markdown, name, monkeypatch, folder):
 
 
 class _Here(Borrowed):
-    """Stands for a pool of processes, whose own tests start some; a process takes seconds to start."""
+    """Stands for a pool of processes, as a process takes seconds to start; the pool's own tests start some."""
 
     def __init__(self, workers):
         super().__init__(ThreadPoolExecutor(1))

@@ -1,4 +1,4 @@
-"""Which processes are left."""
+"""Processes that are left."""
 
 import time
 from pathlib import Path
@@ -18,7 +18,7 @@ def started_with(variable, value):
 
 
 def ended(pid):
-    """Whether a process ends within a while; one that nobody has waited for has ended, too."""
+    """True if a process ends within 10 s; one that no process has waited for has ended, too."""
     for _ in range(100):
         try:
             if not Path(f"/proc/{pid}/cmdline").read_bytes():

@@ -47,7 +47,7 @@ _SETTINGS: dict[str, tuple[int, tuple[str, ...]]] = {
     "body-fixed, wind": (7, ("wind.gust=1.5", "wind.velocity=[3, 1]", "uavs.0.mount=body")),
 }
 SHORT = ("seed 0", 6.0)  # mission and its duration [s]
-# Last come the images themselves, of a short mission whose appearance is drawn at random.
+# Last come the images themselves, of a short mission with an appearance drawn at random.
 _FLY = """
 import hashlib, json, sys
 from planning.registry import DEFAULT_PLANNER

@@ -1,4 +1,4 @@
-"""What tests of renderer and detector look at, and from where."""
+"""Scenes and cameras for tests of renderer and detector."""
 
 import math
 

@@ -63,7 +63,7 @@ def test_other_planners_are_given_no_truth():
 
 
 def walking(team, rng):
-    """Straight walkers on dyadic numbers, so that no arithmetic rounds, and a team whose tracks are right."""
+    """Straight walkers on dyadic numbers, so that no arithmetic rounds, and a team with right tracks."""
     start, velocity = np.round(64 * rng.uniform(-20, 20, (4, 2))) / 64, np.round(64 * rng.uniform(-1, 1, (4, 2))) / 64
     tracks = tuple(
         Track(t.id, Gaussian(np.concatenate([start[k], velocity[k]]), t.belief.covariance))

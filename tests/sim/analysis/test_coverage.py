@@ -39,7 +39,7 @@ def pools(metric):
 
 
 def held(metric, maps, estimates=means, truth=np.mean):
-    """Of every pool the share of samples of so many maps whose interval holds the pool's own value."""
+    """Shares, by pool, of samples of so many maps with the pool's own value in their interval."""
     rng = np.random.default_rng(maps)
     found = {}
     for name, values in pools(metric).items():

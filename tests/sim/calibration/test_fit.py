@@ -17,7 +17,7 @@ from tracking.detection.partial_visibility import locate
 
 @pytest.fixture(scope="module")
 def population():
-    """Detected people, a third of whom trees or the image's edge hide in part."""
+    """Detected people; trees or the image's edge hide a third of them in part."""
     return people_in_forests(7, 50)
 
 

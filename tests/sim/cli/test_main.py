@@ -117,7 +117,7 @@ def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(call, tmp_path, 
 
 
 @pytest.mark.parametrize("command", [["run", "--planner"], ["compare", "--planner"], ["check-planner"]])
-def test_a_planner_whose_constructor_raises_is_one_line_that_says_where(call, tmp_path, monkeypatch, command):
+def test_an_error_in_a_planners_constructor_is_one_line_that_says_where(call, tmp_path, monkeypatch, command):
     monkeypatch.delitem(sys.modules, "faulty", raising=False)
     (tmp_path / "faulty.py").write_text(PLANNER)
     code, out, err = call(*command, "faulty:Wrong")

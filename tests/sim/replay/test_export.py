@@ -181,7 +181,7 @@ def test_mot_sequences_hold_truth_detections_and_tracks(recording, folders):
         assert dict(facts["Sequence"])["seqlength"] == "21" and dict(facts["Sequence"])["framerate"] == "5"
 
 
-def test_a_mission_without_anybody_exports_too(tmp_path):
+def test_a_mission_without_people_exports_too(tmp_path):
     for target in module.TARGETS:
         export(record(synthetic.scenario(people=0)), target, tmp_path / target)
     assert (tmp_path / "csv" / "truth.csv").read_text() == "t,id,x,y\n"

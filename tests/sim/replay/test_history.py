@@ -64,7 +64,7 @@ def test_states_losses_and_holders_are_those_counted_by_hand(recorded):
     assert [(loss.first, loss.last, loss.found) for loss in never.losses] == [(0, 4, False)]
 
 
-def test_a_track_holds_who_is_within_a_metre(recorded):
+def test_a_track_holds_a_person_within_a_metre(recorded):
     recording, scenario = recorded
     history = History.of(recording, scenario)
     count = 0

@@ -33,7 +33,7 @@ def scene(rng, people, side):
 @pytest.mark.parametrize("side", [400.0, 150.0, 60.0, 15.0], ids=["far apart", "some near", "groups", "one crowd"])
 @pytest.mark.parametrize("certain", [True, False])
 def test_blocks_give_the_same(side, certain, monkeypatch):
-    """To the bit for certain tracks; existence is updated by sums, whose rounding depends on their length."""
+    """To the bit for certain tracks; existence is updated by sums, with a rounding that depends on their length."""
     rng = np.random.default_rng(int(side))
     for people in (120, 300):
         before, z, noise = scene(rng, people, side)

@@ -19,7 +19,7 @@ NOON = datetime.datetime(2024, 1, 1, 12)
 
 
 def random_pairs(count, seed=0):
-    """Sets of up to six points, cut-offs and orders: whole numbers, whose powers are exact in Stone Soup too."""
+    """Sets of up to six points, cut-offs and orders: whole numbers, as their powers are exact in Stone Soup too."""
     rng = np.random.default_rng(seed)
     while count:
         X, Y = (rng.uniform(-40, 40, (rng.integers(0, 7), 2)) for _ in range(2))

@@ -11,7 +11,7 @@ _RNG = np.random.default_rng(7)
 
 
 def _definite(n, *lead, spread=3.0):
-    """Random positive definite matrices (*lead, n, n) whose axes differ by some orders of magnitude."""
+    """Random positive definite matrices (*lead, n, n) with axes that differ by some orders of magnitude."""
     axes = np.linalg.qr(_RNG.normal(size=(*lead, n, n)))[0]
     return (axes * 10.0 ** _RNG.uniform(-spread, spread, (*lead, 1, n))) @ np.swapaxes(axes, -1, -2)
 

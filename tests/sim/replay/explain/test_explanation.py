@@ -76,7 +76,7 @@ def test_detections_are_found_where_they_were_with_the_error_that_they_had(missi
     assert count > 15
 
 
-def test_who_was_matched_is_whose_detection_it_is():
+def test_people_are_matched_where_a_detection_is_theirs():
     people = np.full((20, 20), -1, dtype=np.int32)
     people[2:4, 2:4], people[10:13, 10:13] = 1, 0
     pixels = np.array([[11.5, 11.0], [19.0, 1.0], [3.0, 5.0]])
@@ -156,7 +156,7 @@ def test_the_words_say_what_is_known(mission, all_facts):
     assert seen == {"in the gate of track", "not detected", "too, weight"}
 
 
-def test_a_missions_stretches_are_without_gaps_and_say_who_saw_the_person(mission):
+def test_a_missions_stretches_are_without_gaps_and_name_uavs_that_saw_the_person(mission):
     recording, _, history, _ = mission
     for m in range(4):
         rows = stretches(history, m)
@@ -211,7 +211,7 @@ def test_the_page_shows_the_frame_and_the_pixels_round_the_person(mission, all_f
     assert cv2.matchTemplate(tiles, part, cv2.TM_SQDIFF).min() < 1.0
 
 
-def test_a_camera_without_limits_has_in_view_whom_it_measured():
+def test_a_camera_without_limits_has_in_view_the_people_it_measured():
     recording, scenario = recorded("sensing.mode=ideal", "sensing.field_of_view=unlimited", duration=1)
     far = 0
     with Observer(recording, scenario) as observer:

@@ -34,7 +34,7 @@ def oblique(rng, tilt):
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.5, 1.2])
-def test_outlines_hold_just_the_pixels_whose_ground_is_hidden(tilt):
+def test_outlines_hold_just_the_pixels_of_hidden_ground(tilt):
     rng = np.random.default_rng(0)
     shares = []
     for _ in range(15):

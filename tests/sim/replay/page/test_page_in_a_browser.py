@@ -24,7 +24,7 @@ STILL = (
 
 
 def now(browser):
-    """The state of the page: scan, time, and people whose losses are marked."""
+    """The state of the page: scan, time, and people with marked losses."""
     browser.until(STILL)
     marked = (
         "[...document.querySelectorAll('#losses li[aria-current][data-person]')].map(li => Number(li.dataset.person))"
