@@ -21,7 +21,7 @@ class WholeError:
     """Error model of people seen whole: constants of the variance at nadir, and their growth off nadir.
 
     The growths are factors of t and t², t being the tangent of the angle off nadir.
-    Fitted by `python -m sim.calibration.fit` to rendered people in plain view at all headings, from 12 to 34 m above,
+    Fitted by `python -m sim.calibration` to rendered people in plain view at all headings, from 12 to 34 m above,
     in images of 96 to 256 pixels that see 60 degrees, so that errors squared over variances average one.
     """
 
@@ -77,7 +77,7 @@ WHOLE = WholeError()
 class SplitError:
     """Additional error of detections from one blob that was split: occlusion of one person by another, and a wrong cut.
 
-    Fitted by `python -m sim.calibration.fit` to rendered pairs that touch in the image, so that errors squared over
+    Fitted by `python -m sim.calibration` to rendered pairs that touch in the image, so that errors squared over
     variances average one.
     """
 

@@ -36,7 +36,7 @@ _Constants = tuple[float, float, float, float]
 class PartError:
     """Error model of the visible part of a person, compared with that of a mean silhouette.
 
-    Fitted by `python -m sim.calibration.fit` so that errors squared over variances average one.
+    Fitted by `python -m sim.calibration` so that errors squared over variances average one.
     """
 
     posture: float = 0.182  # m: by how much the centroid of a vanishing part moves more than that of a whole silhouette
