@@ -40,9 +40,7 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     cuts: Annotated[tuple[Cut, ...], Meta(max_length=1000)] = ()
     # s, from a decision until the first control of its plan is flown; until then UAVs go on as before, and hover at the
     # start; a multiple of the time between scans
-    plan_delay: Annotated[float, Meta(ge=0, le=DAY)] = (
-        0.0  # s from a decision until it is flown, a multiple of the time between scans
-    )
+    plan_delay: Annotated[float, Meta(ge=0, le=DAY)] = 0.0
 
     def check(self, uavs: int) -> None:
         """ValueError if links are not between two UAVs of a fleet of so many, each named once."""

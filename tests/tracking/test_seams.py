@@ -54,9 +54,44 @@ def test_an_unknown_name_is_refused_when_the_scenario_is_read(override, complain
         load_scenario("forest", [override])
 
 
-@pytest.mark.parametrize("override", ["network.fusion=pathlib:Path", "tracking.motion=no_such_module:Model"])
-def test_what_is_no_rule_or_model_is_refused_before_the_flight(tmp_path, override):
-    with pytest.raises(InputError, match=r"fusion|motion"):
+WRONG = """
+import sys
+
+
+class Raises:
+    def __init__(self, *arguments):
+        raise ValueError("table is empty")
+
+
+class Exits:
+    def __init__(self, *arguments):
+        sys.exit(3)
+
+
+class Timeless:
+    def __init__(self, dt, sigma_a, max_speed):
+        self.predict = self.predict_all = print
+"""
+
+
+@pytest.mark.parametrize(
+    ("override", "complaint"),
+    [
+        ("network.fusion=pathlib:Path", "network.fusion: 'pathlib:Path' has no method contribution(local)"),
+        ("network.fusion=wrongmodels:Raises", "network.fusion: 'wrongmodels:Raises' cannot be made: table is empty ("),
+        ("network.fusion=wrongmodels:Exits", "network.fusion: 'wrongmodels:Exits' cannot be made: SystemExit: 3"),
+        ("tracking.motion=no_such_module:Model", "tracking.motion: 'no_such_module:Model' cannot be imported: "),
+        (
+            "tracking.motion=wrongmodels:Raises",
+            "'wrongmodels:Raises' cannot be made: table is empty (",
+        ),
+        ("tracking.motion=wrongmodels:Timeless", "must have the attribute dt = 0.2, has None"),
+    ],
+)
+def test_what_is_no_rule_or_model_is_refused_before_the_flight(tmp_path, monkeypatch, override, complaint):
+    (tmp_path / "wrongmodels.py").write_text(WRONG)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(InputError, match=re.escape(complaint)):
         run(Trial(load_scenario("forest", [*SHORT, override]), DEFAULT_PLANNER, 0), tmp_path / "out", video=False)
     assert not (tmp_path / "out").exists()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
+from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.importing import imported
 from tracking.plugins.spelling import did_you_mean
 
@@ -45,10 +46,17 @@ def motion_model(name: str, dt: float, sigma_a: float, max_speed: float) -> Moti
     """The model of that name or import string; ValueError says what is wrong."""
     check_motion_model(name)
     try:
-        model = imported(MOTION_MODELS.get(name, name))(dt, sigma_a, max_speed)
+        make = imported(MOTION_MODELS.get(name, name))
+        with contained():
+            model = make(dt, sigma_a, max_speed)
+            missing = [n for n in ("predict", "predict_all") if not callable(getattr(model, n, None))]
+            step = getattr(model, "dt", None)
     except ImportError as error:
-        raise ValueError(f"motion: {name!r} cannot be imported: {error}") from error
-    for needed in ("predict", "predict_all"):
-        if not callable(getattr(model, needed, None)):
-            raise ValueError(f"motion: {name!r} has no method {needed}")
+        raise ValueError(f"tracking.motion: {name!r} cannot be imported: {error}") from error
+    except ForeignError as error:
+        raise ValueError(f"tracking.motion: {name!r} cannot be made: {error.explained}") from error
+    if missing:
+        raise ValueError(f"tracking.motion: {name!r} has no method {missing[0]}")
+    if step != dt:
+        raise ValueError(f"tracking.motion: {name!r} must have the attribute dt = {dt:g}, has {step!r:.50}")
     return model  # type: ignore[no-any-return]

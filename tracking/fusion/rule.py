@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.importing import imported
 from tracking.plugins.spelling import did_you_mean
 
@@ -55,9 +56,14 @@ def fusion_rule(name: str) -> FusionRule:
     """The rule of that name or import string; ValueError says what is wrong."""
     check_fusion_rule(name)
     try:
-        rule = imported(FUSION_RULES.get(name, name))()
+        make = imported(FUSION_RULES.get(name, name))
+        with contained():
+            rule = make()
+            usable = callable(getattr(rule, "contribution", None))
     except ImportError as error:
-        raise ValueError(f"fusion: {name!r} cannot be imported: {error}") from error
-    if not callable(getattr(rule, "contribution", None)):
-        raise ValueError(f"fusion: {name!r} has no method contribution(local)")
+        raise ValueError(f"network.fusion: {name!r} cannot be imported: {error}") from error
+    except ForeignError as error:
+        raise ValueError(f"network.fusion: {name!r} cannot be made: {error.explained}") from error
+    if not usable:
+        raise ValueError(f"network.fusion: {name!r} has no method contribution(local)")
     return rule  # type: ignore[no-any-return]
