@@ -29,4 +29,4 @@ def test_an_option_without_effect_is_an_error(text, says):
     "text", ["sma-nbo(order=random)", "mcr(samples=5)", "sma-nbo(propagation=monte-carlo, samples=5)"]
 )
 def test_the_same_with_effect_is_not(text):
-    load_planner(text)
+    assert callable(load_planner(text).plan)

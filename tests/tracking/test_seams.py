@@ -85,7 +85,7 @@ class Timeless:
             "tracking.motion=wrongmodels:Raises",
             "'wrongmodels:Raises' cannot be made: table is empty (",
         ),
-        ("tracking.motion=wrongmodels:Timeless", "must have the attribute dt = 0.2, has None"),
+        ("tracking.motion=wrongmodels:Timeless", "must have the attribute dt = 0.2, has nan"),
     ],
 )
 def test_what_is_no_rule_or_model_is_refused_before_the_flight(tmp_path, monkeypatch, override, complaint):

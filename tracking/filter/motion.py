@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Protocol
 
 from tracking.plugins.containment import ForeignError, contained
@@ -50,7 +51,7 @@ def motion_model(name: str, dt: float, sigma_a: float, max_speed: float) -> Moti
         with contained():
             model = make(dt, sigma_a, max_speed)
             missing = [n for n in ("predict", "predict_all") if not callable(getattr(model, n, None))]
-            step = getattr(model, "dt", None)
+            step = float(getattr(model, "dt", math.nan))
     except ImportError as error:
         raise ValueError(f"tracking.motion: {name!r} cannot be imported: {error}") from error
     except ForeignError as error:
@@ -58,5 +59,5 @@ def motion_model(name: str, dt: float, sigma_a: float, max_speed: float) -> Moti
     if missing:
         raise ValueError(f"tracking.motion: {name!r} has no method {missing[0]}")
     if step != dt:
-        raise ValueError(f"tracking.motion: {name!r} must have the attribute dt = {dt:g}, has {step!r:.50}")
+        raise ValueError(f"tracking.motion: {name!r} must have the attribute dt = {dt:g}, has {step:g}")
     return model  # type: ignore[no-any-return]

@@ -61,4 +61,7 @@ def test_lists_of_whole_numbers_are_measurements_too():
 
 
 def test_rounding_may_leave_a_covariance_slightly_asymmetric():
-    play(tracker(), [dataclasses.replace(scan(0, (0, 0)), covariances=np.array([[[1, 0.5], [0.5 + 1e-12, 1]]]))])
+    subject = tracker(track(1, 0.0, 0.0, 0.0, 0.0))
+    play(subject, [dataclasses.replace(scan(0, (0, 0)), covariances=np.array([[[1, 0.5], [0.5 + 1e-12, 1]]]))])
+    (held,) = subject.tracks
+    assert np.isfinite(held.belief.covariance).all()
