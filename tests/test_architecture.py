@@ -2,6 +2,9 @@
 
 import ast
 import re
+from collections import Counter
+from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -57,12 +60,22 @@ MOST_WORDS = 14  # of a test's name
 PRONOUNS = re.compile(r"(?<![a-z])(wh(o|om|ose|oever)|(no|some|every|any)(body|one))(?![a-z])", re.IGNORECASE)
 QUESTION = re.compile(r"(What|Whether|Wh(o|om|ose)|Which|Where|When|How|Why)\b")
 MODULES = sorted(p for package in PACKAGES for p in (ROOT / package).rglob("*.py"))
+SOURCES = [*MODULES, *(ROOT / "tests").rglob("*.py")]
 INTERFACE = ROOT / "understory.py"  # names what users import, and stands above all packages
 
 
+@cache
+def parsed(path: Path) -> tuple[str, ast.Module, tuple[ast.AST, ...]]:
+    """Text, syntax tree and all nodes of a file."""
+    text = path.read_text(encoding="utf-8")
+    tree = ast.parse(text)
+    return text, tree, tuple(ast.walk(tree))
+
+
+@cache
 def imported(path: Path) -> set[str]:
     names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in parsed(path)[2]:
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -84,7 +97,7 @@ def room(module: str) -> tuple[str, str]:
 def modules_imported(path: Path) -> set[str]:
     """Our modules that a file imports, by dotted names."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in parsed(path)[2]:
         if isinstance(node, ast.ImportFrom):
             for alias in node.names:
                 inner = ROOT.joinpath(*node.module.split("."), f"{alias.name}.py")
@@ -92,16 +105,16 @@ def modules_imported(path: Path) -> set[str]:
     return {name for name in found if name.split(".")[0] in LAYERS}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=named)
-def test_imports_go_down_the_layers(path):
-    assert INTERFACE.stem not in {name.split(".")[0] for name in imported(path)}
-    package, own = room(named(path).removesuffix(".py").removesuffix("/__init__").replace("/", "."))
-    for module in modules_imported(path):
-        other, below = room(module)
-        assert other in BELOW[package]
-        if other == package:
-            order = LAYERS[package]
-            assert order.index(below) <= order.index(own), f"{named(path)} imports {module}"
+def test_imports_go_down_the_layers():
+    for path in MODULES:
+        assert INTERFACE.stem not in {name.split(".")[0] for name in imported(path)}, named(path)
+        package, own = room(named(path).removesuffix(".py").removesuffix("/__init__").replace("/", "."))
+        for module in modules_imported(path):
+            other, below = room(module)
+            assert other in BELOW[package], f"{named(path)} imports {module}"
+            if other == package:
+                order = LAYERS[package]
+                assert order.index(below) <= order.index(own), f"{named(path)} imports {module}"
 
 
 def test_the_layers_name_every_room():
@@ -109,39 +122,38 @@ def test_the_layers_name_every_room():
     assert {(p, r) for p, r in there if p in LAYERS} == {(p, r) for p, order in LAYERS.items() for r in order}
 
 
-@pytest.mark.parametrize("folder", sorted({path.parent for path in MODULES}), ids=named)
-def test_no_folder_holds_too_many_modules(folder):
-    assert sum(path.name != "__init__.py" for path in folder.glob("*.py")) <= MOST_MODULES
+def test_no_folder_holds_too_many_modules():
+    counts = Counter(named(path.parent) for path in MODULES if path.name != "__init__.py")
+    assert {folder: n for folder, n in counts.items() if n > MOST_MODULES} == {}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=named)
-def test_engine_and_planners_are_known_only_where_they_must_be(path):
-    tops, name = {module.split(".")[0] for module in imported(path)}, named(path)
-    assert ("pybullet" in tops) == (name == "sim/world/engine.py")
-    assert ("sim.world.engine" in imported(path)) == (path.stem in ENGINE and name.startswith("sim/"))
-    if name.startswith("sim/") and name not in PLANNING:
-        # What a plan is may be known; how plans are made may not.
-        assert {n for n in imported(path) if n.startswith("planning")} <= {"planning.planner"}
+def test_engine_and_planners_are_known_only_where_they_must_be():
+    for path in MODULES:
+        tops, name = {module.split(".")[0] for module in imported(path)}, named(path)
+        assert ("pybullet" in tops) == (name == "sim/world/engine.py"), name
+        assert ("sim.world.engine" in imported(path)) == (path.stem in ENGINE and name.startswith("sim/")), name
+        if name.startswith("sim/") and name not in PLANNING:
+            # What a plan is may be known; how plans are made may not.
+            assert {n for n in imported(path) if n.startswith("planning")} <= {"planning.planner"}, name
 
 
 def test_the_rules_see_the_whole_project():
     assert len(MODULES) > 20
 
 
-@pytest.mark.parametrize("path", [*MODULES, INTERFACE], ids=named)
-def test_files_and_functions_stay_small(path):
-    source = path.read_text(encoding="utf-8")
-    assert source.count("\n") <= 300
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.FunctionDef):
-            first = node.body[1].lineno if ast.get_docstring(node) and len(node.body) > 1 else node.lineno
-            assert node.end_lineno - first <= 40, f"{path.name}: {node.name}"
+def test_files_and_functions_stay_small():
+    for path in [*MODULES, INTERFACE]:
+        source, _, nodes = parsed(path)
+        assert source.count("\n") <= 300, named(path)
+        for node in nodes:
+            if isinstance(node, ast.FunctionDef):
+                first = node.body[1].lineno if ast.get_docstring(node) and len(node.body) > 1 else node.lineno
+                assert node.end_lineno - first <= 40, f"{named(path)}: {node.name}"
 
 
 def rooms() -> list[str]:
     """Folders of a package, one and two levels deep, and of its tests, one level deeper, with Python files."""
-    files = [*MODULES, *(ROOT / "tests").rglob("*.py")]
-    return sorted({"/".join(named(path).split("/")[:-1][: depth(named(path))]) for path in files})
+    return sorted({"/".join(named(path).split("/")[:-1][: depth(named(path))]) for path in SOURCES})
 
 
 def depth(room: str) -> int:
@@ -149,38 +161,33 @@ def depth(room: str) -> int:
     return 3 if room.startswith("tests") else 2
 
 
-def sources(room: str) -> list[tuple[str, ast.Module]]:
-    """Text and syntax tree of each file of a room; of the deepest rooms with all that is below."""
+def files_of(room: str) -> list[Path]:
+    """The files of a room; of the deepest rooms all that is below."""
     deepest = len(room.split("/")) == depth(room)
-    paths = (ROOT / room).rglob("*.py") if deepest else (ROOT / room).glob("*.py")
-    return [(text, ast.parse(text)) for text in (path.read_text(encoding="utf-8") for path in sorted(paths))]
+    return sorted((ROOT / room).rglob("*.py") if deepest else (ROOT / room).glob("*.py"))
 
 
-EACH_ROOM = pytest.mark.parametrize("room", rooms())
+def test_prose_names_persons_targets_and_uavs_rather_than_pronouns():
+    for room in rooms():
+        texts = [parsed(path)[0] for path in files_of(room)]
+        found = [match[0] for text in texts for match in PRONOUNS.finditer(text)]
+        assert len(found) <= max(1, 3 * sum(text.count("\n") for text in texts) / 1000), (room, found)
 
 
-@EACH_ROOM
-def test_prose_names_persons_targets_and_uavs_rather_than_pronouns(room):
-    texts = [text for text, _ in sources(room)]
-    found = [match[0] for text in texts for match in PRONOUNS.finditer(text)]
-    assert len(found) <= max(1, 3 * sum(text.count("\n") for text in texts) / 1000), found
-
-
-@EACH_ROOM
-def test_docstrings_begin_with_a_verb_or_a_noun(room):
+def test_docstrings_begin_with_a_verb_or_a_noun():
     documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
-    nodes = [node for _, tree in sources(room) for node in ast.walk(tree) if isinstance(node, documented)]
-    assert not [text for node in nodes if QUESTION.match(text := ast.get_docstring(node) or "")]
+    for path in SOURCES:
+        nodes = [node for node in parsed(path)[2] if isinstance(node, documented)]
+        assert not [text for node in nodes if QUESTION.match(text := ast.get_docstring(node) or "")], named(path)
 
 
-@EACH_ROOM
-def test_modules_have_few_public_names_and_tests_short_ones(room):
-    for _, tree in sources(room):
-        names = [node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
-        if room.startswith("tests"):
+def test_modules_have_few_public_names_and_tests_short_ones():
+    for path in SOURCES:
+        names = [node.name for node in parsed(path)[1].body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+        if named(path).startswith("tests"):
             assert not [name for name in names if name.startswith("test_") and name.count("_") > MOST_WORDS]
         else:
-            assert len([name for name in names if not name.startswith("_")]) <= MOST_NAMES, names
+            assert len([name for name in names if not name.startswith("_")]) <= MOST_NAMES, (named(path), names)
 
 
 # What chooses its code by processor (BLAS, LAPACK, NumPy's elementary functions, sorting without a stable order, the
@@ -192,17 +199,8 @@ DISPATCHED |= {"exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "sin", "
 DISPATCHED |= {"arctan", "arctan2", "sinh", "cosh", "tanh", "hypot", "power", "float_power", "cbrt", "deg2rad"}
 DISPATCHED |= {"radians", "partition", "argpartition", "geomspace", "logspace"}
 CHANCE = {"standard_normal", "normal", "exponential", "standard_exponential", "gamma", "multivariate_normal"}
-CHANCE |= {
-    "poisson",
-    "binomial",
-    "gumbel",
-    "laplace",
-    "logistic",
-    "lognormal",
-    "negative_binomial",
-    "rayleigh",
-    "standard_t",
-}
+CHANCE |= {"poisson", "binomial", "gumbel", "laplace", "logistic", "lognormal", "negative_binomial", "rayleigh"}
+CHANCE |= {"standard_t"}
 FOREIGN = {"scipy", "filterpy", "math"}
 LIBRARIES = {"scipy.optimize.linear_sum_assignment", "scipy.spatial.cKDTree", "scipy.interpolate.PchipInterpolator"}
 # What checks planners, and metrics of finished recordings, compute nothing that a mission flies by.
@@ -223,9 +221,9 @@ def path_of_a_mission() -> list[Path]:
     return sorted(modules[name] for name in found)
 
 
-def dispatched(tree: ast.AST) -> list[str]:
+def dispatched(nodes: Iterable[ast.AST]) -> list[str]:
     """Names of what a module computes by code that is chosen by processor, with lines."""
-    return [f"line {node.lineno}: {what}" for node in ast.walk(tree) if (what := _dispatched(node))]
+    return [f"line {node.lineno}: {what}" for node in nodes if (what := _dispatched(node))]
 
 
 def _dispatched(node: ast.AST) -> str:
@@ -257,10 +255,9 @@ def _whole(node: ast.AST) -> bool:
     return isinstance(node, ast.Constant) and isinstance(node.value, int)
 
 
-@pytest.mark.parametrize("path", path_of_a_mission(), ids=named)
-def test_arithmetic_on_a_missions_path_is_the_same_on_every_processor(path):
-    if named(path) not in BESIDE:
-        assert dispatched(ast.parse(path.read_text(encoding="utf-8"))) == []
+def test_arithmetic_on_a_missions_path_is_the_same_on_every_processor():
+    for path in path_of_a_mission():
+        assert named(path) in BESIDE or dispatched(parsed(path)[2]) == [], named(path)
 
 
 @pytest.mark.parametrize(
@@ -283,4 +280,4 @@ def test_arithmetic_on_a_missions_path_is_the_same_on_every_processor(path):
     ],
 )
 def test_the_rule_on_arithmetic_sees_what_depends_on_the_processor(line):
-    assert len(dispatched(ast.parse(line))) == 1
+    assert len(dispatched(ast.walk(ast.parse(line)))) == 1

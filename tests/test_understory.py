@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.commands import called
+from helpers.pages import Here
 
 import understory
 from sim.recording.archive import digest
 from sim.scenario.scenario import Scenario
+from sim.study import pool
 
 SHORT = {"duration": 1, "sensing.mode": "ideal"}
 
@@ -84,7 +86,8 @@ def test_what_cannot_be_flown_is_refused_in_one_line(arguments, message):
         understory.run(**arguments)
 
 
-def test_a_comparison_is_a_frame_of_planners_by_scenarios_by_maps(tmp_path):
+def test_a_comparison_is_a_frame_of_planners_by_scenarios_by_maps(tmp_path, monkeypatch):
+    monkeypatch.setattr(pool, "Pool", Here)
     other = tmp_path / "other.toml"
     other.write_text("trees.density = 5")
     scenarios = ["forest", str(other)]

@@ -1,44 +1,20 @@
-"""Every page: its commands and names exist, it begins with an example, and its blocks run."""
+"""Every page: its commands and names exist, and it begins with an example."""
 
 import importlib.util
 import re
-from functools import partial
 
 import pytest
-from helpers.pages import DOCS, PAGES, ROOT, SHORTER, blocks, commands, execute, generator
+from helpers.pages import DOCS, PAGES, ROOT, commands, generator
 from typer.main import get_command
 
 import understory
-from planning.conformance import checks
 from sim.__main__ import app
 
-TUTORIALS = sorted((DOCS / "tutorials").glob("*.md"))
-# The blocks of the other pages are run by tests of their own, beside this file and in the folders of the code.
-RUN_HERE = [
-    DOCS / "index.md",
-    DOCS / "how-to" / "wrapping.md",
-    DOCS / "reference" / "api.md",
-    DOCS / "reference" / "figures.md",
-    DOCS / "reference" / "planners.md",
-    DOCS / "explanation" / "equations.md",
-]
 TEXTS = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
 
 
 def named(path):
     return path.relative_to(ROOT).as_posix()
-
-
-@pytest.mark.parametrize("page", [p for p in TUTORIALS if p.stem != "lost-person"], ids=named)
-def test_a_tutorials_notebook_runs(page, tmp_path, monkeypatch):
-    # Planning in another process is tried by the checks' own tests, and by the page on wrapping.
-    monkeypatch.setattr(checks, "check", partial(checks.check, other_process=False))
-    execute(page.read_text(encoding="utf-8"), named(page), monkeypatch, tmp_path)
-
-
-@pytest.mark.parametrize("page", RUN_HERE, ids=named)
-def test_a_pages_blocks_run(page, tmp_path, monkeypatch):
-    execute(page.read_text(encoding="utf-8"), named(page), monkeypatch, tmp_path)
 
 
 @pytest.mark.parametrize("page", TEXTS, ids=named)
@@ -100,21 +76,3 @@ def test_the_reference_has_every_command_and_option():
         for parameter in command.params:
             assert (parameter.opts[0] if parameter.param_type_name == "option" else parameter.metavar) in part
             assert parameter.help and " ".join(parameter.help.split())[:20] in part
-
-
-def test_a_notebook_holds_the_blocks_of_its_page_in_order():
-    page = (DOCS / "tutorials" / "your-world.md").read_text(encoding="utf-8")
-    cells = [cell for cell in generator().notebook(page)["cells"] if cell["cell_type"] == "code"]
-    shown = [content for language, content in blocks(page) if language in ("sh", "python", "toml")]
-    for cell, content in zip(cells, shown, strict=True):
-        source = "".join(cell["source"]).removeprefix("%%writefile clearing.toml\n")
-        assert re.sub(r"^!", "", source, flags=re.M) == content.rstrip("\n")
-    assert set(SHORTER) == {"run", "compare"}
-
-
-@pytest.mark.slow
-def test_notebooks_run_in_a_kernel(tmp_path):
-    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
-    for page in (p for p in TUTORIALS if p.stem != "lost-person"):
-        made = nbformat.from_dict(generator().notebook(page.read_text(encoding="utf-8")))
-        nbclient.NotebookClient(made, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()

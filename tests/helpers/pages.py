@@ -1,4 +1,4 @@
-"""Pages of the documentation: their blocks, and an executor that runs them as a notebook, in the test's process."""
+"""Pages of the documentation: their blocks, and a shell that runs these in the test's process."""
 
 import importlib.util
 import re
@@ -7,9 +7,11 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from sim import __main__ as cli
+from helpers.commands import called
+from sim.running import isolated_run
 from sim.study import pool
 from sim.study.backends import Borrowed
+from sim.terminal import console
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -38,27 +40,52 @@ def commands(text):
     return [words for line in joined.splitlines() if (words := shlex.split(line, comments=True))]
 
 
-def execute(markdown, name, monkeypatch, folder):
-    """Run every cell of a page's notebook in a folder, missions shortened and flown in this process."""
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(pool, "Pool", _Here)
-    monkeypatch.setattr(sys, "path", [str(folder), *sys.path])
-    names = {"__name__": "notebook"}
-    for cell in generator().notebook(markdown)["cells"]:
-        source = "".join(cell["source"])
-        if cell["cell_type"] == "markdown":
-            continue
-        if source.startswith("%%writefile "):
-            first, _, content = source.partition("\n")
-            (folder / first.split()[1]).write_text(content + "\n", encoding="utf-8")
-        elif source.startswith("!"):
-            for line in source.splitlines():
-                _command(shlex.split(line.removeprefix("!"), comments=True), monkeypatch)
-        else:
-            exec(compile(source, name, "exec"), names)
+class Shell:
+    """Commands and cells of pages, run in this process and in a folder, where studies fly, too."""
+
+    def __init__(self, folder, monkeypatch, capsys):
+        self.folder, self._monkeypatch, self._capsys = folder, monkeypatch, capsys
+        monkeypatch.chdir(folder)
+        monkeypatch.setattr(sys, "path", [str(folder), *sys.path])
+        monkeypatch.setattr(pool, "Pool", Here)
+        monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))
+        monkeypatch.setattr(console.console, "width", 200)
+
+    def call(self, *arguments):
+        """Exit code, standard output and standard error of `understory`."""
+        return called(arguments, self._monkeypatch, self._capsys)
+
+    def line(self, text, *options):
+        """Output of a line of a page, with further options; it succeeds."""
+        program, *words = shlex.split(text, comments=True)
+        code, out, err = self.call(*words, *options)
+        assert (program, code) == ("understory", 0), (text, err)
+        return out
+
+    def execute(self, markdown, name, shorter=SHORTER):
+        """Run every cell of a page's notebook, with options that shorten missions and times."""
+        names = {"__name__": "notebook"}
+        for cell in generator().notebook(markdown)["cells"]:
+            source = "".join(cell["source"])
+            if cell["cell_type"] == "markdown":
+                continue
+            if source.startswith("%%writefile "):
+                first, _, content = source.partition("\n")
+                (self.folder / first.split()[1]).write_text(content + "\n", encoding="utf-8")
+            elif source.startswith("!"):
+                for line in source.splitlines():
+                    self._shortened(line.removeprefix("!"), shorter)
+            else:
+                exec(compile(source, name, "exec"), names)
+
+    def _shortened(self, line, shorter):
+        command = line.rpartition(" && ")[2]
+        if command != "pytest":
+            options = shorter.get(command.split()[1], [])
+            self.line(command, *(options if "--time" not in options or "--time" in command else []))
 
 
-class _Here(Borrowed):
+class Here(Borrowed):
     """Stands for a pool of processes, as a process takes seconds to start; the pool's own tests start some."""
 
     def __init__(self, workers):
@@ -69,12 +96,3 @@ class _Here(Borrowed):
 
     def __exit__(self, *error):
         self._executor.shutdown()
-
-
-def _command(words, monkeypatch):
-    assert words[0] == "understory", words
-    monkeypatch.setattr(sys, "argv", [*words, *SHORTER.get(words[1], [])])
-    try:
-        cli.main()
-    except SystemExit as end:
-        assert not end.code, words

@@ -1,6 +1,7 @@
 """Beliefs after a scan without a detection, against closed forms and sampling."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -115,10 +116,14 @@ def start(radius: float, speed: float) -> np.ndarray:
     return np.array([-0.2 * radius, 0.0, speed, 0.0])
 
 
+@cache
 def true_posterior(
-    radius: float, speed: float, detection: float = 0.99, count: int = 40_000
+    radius: float, speed: float, detection: float = 0.99, count: int = 20_000
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Means and deviations, at `INSTANTS`, of a person hidden under the tree, by a particle filter."""
+    """Means and deviations, at `INSTANTS`, of a person hidden under the tree, by a particle filter.
+
+    So many err by less than a tenth of a deviation; the bounds below are 0.8 of one and more.
+    """
     rng, tree = np.random.default_rng(5), Forest((Tree(0.0, 0.0, radius),))
     kick, out = MOTION.sigma_a * np.kron([[MOTION.dt**2 / 2], [MOTION.dt]], np.eye(2)), []
     x = rng.multivariate_normal(start(radius, speed), 0.05 * np.eye(4), count)
@@ -127,7 +132,8 @@ def true_posterior(
             x = x @ MOTION.F.T + rng.normal(size=(count, 2)) @ kick.T
         points = np.column_stack([x[:, :2], np.full(count, TARGET_HEIGHT)])
         weights = 1.0 - detection * (CAMERA.sees(ABOVE, points) & tree.visible(ABOVE.position, points)[0])
-        x = x[rng.choice(count, count, p=weights / weights.sum())]
+        steps = (np.arange(count) + rng.random()) / count  # systematic resampling
+        x = x[np.searchsorted(np.cumsum(weights / weights.sum()), steps).clip(max=count - 1)]
         if k in INSTANTS:
             out.append((x.mean(axis=0), x.std(axis=0)))
     means, deviations = zip(*out, strict=True)

@@ -1,0 +1,192 @@
+"""Blocks of README and pages run, and say what stands below them; `pytest -m docs` runs those that take long."""
+
+import importlib.util
+import re
+import shutil
+from functools import partial
+
+import pytest
+from helpers.pages import DOCS, PAGES, ROOT, blocks, generator
+
+from planning.conformance import checks
+from sim.recording.archive import load
+
+TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem != "lost-person"]
+REFERENCE = ("api", "figures", "planners")
+# The blocks of the other pages are run by the tests below and beside this file, and in the folders of the code.
+NAMES = ("index", "how-to/wrapping", "explanation/equations", *(f"reference/{name}" for name in REFERENCE))
+README = {"run": ["--duration", "2", "--no-video"], "compare": ["--duration", "1", "--seeds", "0,1"]}
+README |= {command: ["--time", "1"] for command in ("frames", "explain")} | {"replay": ["--time", "1:2"]}
+
+
+def text_of(name):
+    return (DOCS / name).read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def alone(monkeypatch):
+    """Checks plan in this process only: the checks' own tests, and the page on wrapping, try another one."""
+    monkeypatch.setattr(checks, "check", partial(checks.check, other_process=False))
+
+
+@pytest.mark.docs
+def test_every_block_of_the_readme_runs(shell, tmp_path, alone):
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert text.count("In `myplanner.py`:\n\n```python\n") == 1
+    shell.execute(text.replace("py`:\n\n```python\n", "py`:\n\n```python\n# myplanner.py\n"), "README.md", README)
+    assert (tmp_path / "scan7.png").stat().st_size > 10_000
+    assert len(list((tmp_path / "runs").glob("*/mission.npz"))) == 4
+    assert len(list((tmp_path / "runs").glob("*/frames-uav1-1s/*.png"))) == 1
+
+
+@pytest.mark.docs
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_a_tutorials_notebook_runs(page, shell, alone):
+    shell.execute(page.read_text(encoding="utf-8"), page.name)
+
+
+@pytest.mark.docs
+@pytest.mark.parametrize("name", NAMES)
+def test_a_pages_blocks_run(name, shell):
+    shell.execute(text_of(f"{name}.md"), name)
+
+
+@pytest.mark.slow
+def test_notebooks_run_in_a_kernel(tmp_path):
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    for page in TUTORIALS:
+        made = nbformat.from_dict(generator().notebook(page.read_text(encoding="utf-8")))
+        nbclient.NotebookClient(made, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
+
+
+def test_a_notebook_holds_the_blocks_of_its_page_in_order():
+    page = text_of("tutorials/your-world.md")
+    cells = [cell for cell in generator().notebook(page)["cells"] if cell["cell_type"] == "code"]
+    shown = [content for language, content in blocks(page) if language in ("sh", "python", "toml")]
+    for cell, content in zip(cells, shown, strict=True):
+        source = "".join(cell["source"]).removeprefix("%%writefile clearing.toml\n")
+        assert re.sub(r"^!", "", source, flags=re.M) == content.rstrip("\n")
+
+
+@pytest.mark.docs
+def test_the_commands_on_a_lost_person_say_what_the_tutorial_shows(shell, tmp_path):
+    shutil.copytree(DOCS / "examples" / "grove", tmp_path / "docs" / "examples" / "grove")
+    told, quoted = [], 0
+    for language, content in blocks(text_of("tutorials/lost-person.md")):
+        if language == "text":
+            for line in content.splitlines():
+                assert line in told, line
+                quoted += 1
+            continue
+        for command in content.splitlines():
+            out = shell.line(command, *(["--duration", "1"] if " run " in command else []))
+            told += [line.rstrip() for line in out.splitlines()]
+    assert quoted > 15
+    made = {path.name for path in (tmp_path / "runs").iterdir()}
+    pictures = {"timeline.png", "lost.png", "before.png", "frames", "plan.png", "regained.mp4"}
+    assert made == {"grove", "grove-oracle", *pictures}
+    assert len(list((tmp_path / "runs" / "frames").iterdir())) == 10
+
+
+def test_the_recording_of_the_lost_person_is_of_its_scenario():
+    from sim.replay.frames.rerender import scenario_of
+    from sim.scenario.loading import load as load_scenario
+
+    recording = load(DOCS / "examples" / "grove" / "mission.npz")
+    grove = str(DOCS / "examples" / "grove" / "grove.toml")
+    assert scenario_of(recording) == load_scenario(grove, ("tracking.absence_weight=0.3",))  # as the page says
+    assert recording.seed == 7 and len(recording.trees) == 12 and len(recording.times) == 151
+
+
+@pytest.mark.docs
+def test_the_commands_on_debugging_tell_of_the_lost_person(shell, tmp_path):
+    ((_, block),) = blocks(text_of("how-to/debugging.md"))[:1]
+    outputs = [shell.line(line) for line in block.splitlines()]
+    folder = tmp_path / "runs" / "dense"
+    assert outputs[0].count("timeline.png") == 1 and "\nTimeline: runs/dense/timeline.png\n" in outputs[1]
+    assert outputs[1].splitlines()[-1].startswith("The longest loss: understory explain runs/dense --target 1 --time ")
+    assert [f"person {m}" in outputs[1].splitlines() for m in range(4)] == [True] * 4
+    assert outputs[2].count("person ") == 1 and "lost  hidden by tree" in outputs[2]
+    assert outputs[3].startswith("person 1 at 3.6 s\n  is at (") and "  lost since " in outputs[3]
+    assert re.search(r"hidden by tree (\d+), .*\n  tree \1 stands at ", outputs[3])
+    files = {path.name for path in folder.iterdir()}
+    picture = "explain-target1-3.6s.png"
+    assert files == {"mission.npz", "ospa.png", "summary.json", "timeline.png", picture}
+    assert (folder / picture).read_bytes().startswith(b"\x89PNG")
+    (folder / "timeline.png").rename(folder / "first.png")
+    shell.call("explain", "runs/dense/mission.npz", "--out", "again.png")
+    assert (tmp_path / "again.png").read_bytes() == (folder / "first.png").read_bytes()
+
+
+def test_words_of_the_page_on_debugging_are_those_of_the_program():
+    folder = (ROOT / "sim" / "replay" / "explain").glob("*.py")
+    source = "".join(path.read_text(encoding="utf-8") for path in folder)
+    for words in ("lost since", "from below the camera", "detected at pixel", "in the gate of", "NEES", "existence"):
+        assert words in text_of("how-to/debugging.md") and words in source
+
+
+WRONG = {
+    ("--time", "1.3", "--target", "0"): "--time: 1.3 s is not in the recording; allowed",
+    ("--time", "1", "--target", "4"): "--target: '4' is not allowed; expected an integer, 0 to 3",
+    ("--target", "one"): "--target: 'one' is not allowed; expected an integer, 0 to 3",
+    ("--time", "1"): "--target: missing",
+    ("--time", "soon", "--target", "0"): "--time: 'soon' is not a time",
+    ("--time", "0:1", "--target", "0"): "--time: '0:1' is not allowed; expected one time",
+    ("--out", "one/ospa.png"): "--out: one/ospa.png exists; name a new file",
+    ("--out", "timeline.pdf"): "--out: 'timeline.pdf' is not allowed; expected a new file that ends",
+    ("--out", "no/where.png"): "--out: no/where.png cannot be written: there is no folder no",
+}
+
+
+def test_what_cannot_be_explained_is_refused_in_one_line_and_leaves_nothing(shell, tmp_path):
+    ideal = ["--set", "sensing.mode=ideal", "--no-video", "--planner", "hover"]
+    assert shell.call("run", "--duration", "1", *ideal, "--out", "one")[0] == 0
+    assert shell.call("run", "--duration", "0.2", *ideal, "--set", "people.count=0", "--out", "none")[0] == 0
+    before = sorted(tmp_path.rglob("*"))
+    for arguments, words in WRONG.items():
+        code, _, err = shell.call("explain", "one", *arguments)
+        assert code == 2 and err.startswith(f"understory: {words}") and err.count("\n") == 1
+    code, _, err = shell.call("explain", "none", "--target", "0")
+    assert (code, err) == (2, "understory: --target: '0' is not allowed; no person walked in this mission\n")
+    code, _, err = shell.call("explain", "nowhere")
+    assert (code, err) == (2, "understory: DIR: nowhere does not exist\n")
+    assert shell.call("explain", "none")[1].startswith("No person walked in this mission.\n")
+    assert sorted(tmp_path.rglob("*")) == before
+    code, out, err = shell.call("explain", "--help")
+    assert (code, err) == (0, "") and "Usage: " in out and "--target" in out
+
+
+@pytest.mark.docs
+def test_the_commands_and_the_python_on_replay_run(shell, tmp_path, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    found = [(kind, text) for kind, text in blocks(text_of("how-to/replay.md")) if kind in ("sh", "python")]
+    assert [kind for kind, _ in found] == ["sh"] * 5 + ["python"]
+    for kind, text in found:
+        if kind == "python":
+            exec(compile(text, "replay.md", "exec"), {})
+        elif "--gui" in text:  # as the page says of a machine without a display
+            assert shell.call(*text.split()[1:])[0] == 2
+        elif "--rerun" not in text or importlib.util.find_spec("rerun"):
+            shell.line(text, *(["--duration", "3"] if " run " in text else []))
+    run = tmp_path / "runs" / "short"
+    assert (run / "replay.mp4").stat().st_size == (run / "mission.mp4").stat().st_size
+    assert (tmp_path / "uav1.mp4").is_file() and (tmp_path / "short.rrd").is_file()
+
+
+@pytest.mark.docs
+def test_the_commands_and_the_python_on_rerun_run(shell, tmp_path, capsys):
+    chunk = pytest.importorskip("rerun.chunk")
+    page = text_of("how-to/rerun.md")
+    (_, commands), (_, python) = blocks(page)
+    for line in commands.splitlines():
+        shell.line(line, *(["--duration", "1", "--no-video"] if " run " in line else []))
+    exec(compile(python, "rerun.md", "exec"), {})
+    assert "0.0 s  track born: track 0 born and confirmed by UAVs 0, 1 and 2" in capsys.readouterr().out
+    paths = {str(part.entity_path) for part in chunk.RrdReader(tmp_path / "found.rrd").stream().to_chunks()}
+    named = re.findall(r"`((?:world/|association/|people/|plots|events)[\w/]*)`", page)
+    assert len(named) > 10
+    for name in named:
+        assert any(path == f"/{name}" or path.startswith(f"/{name}/") for path in paths), name
+    assert "/plots/planning" in paths  # from summary.json
+    code, _, err = shell.call(*line.split()[1:])
+    assert code == 2 and "found.rrd" in err
