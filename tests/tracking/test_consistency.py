@@ -123,7 +123,7 @@ def scans_outside(outcome: Outcome, count: int) -> int:
     return int(np.sum((means < low) | (means > high)))
 
 
-COUNTS = [10, pytest.param(100, marks=pytest.mark.slow)]
+COUNTS = [7, pytest.param(100, marks=pytest.mark.slow)]
 
 
 @pytest.mark.parametrize("count", COUNTS)

@@ -18,7 +18,7 @@ from tracking.fusion.rule import fusion_rule
 
 PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "plugins.md").read_text(encoding="utf-8")
 (MODELS,) = re.findall(r"^```py\n(.*?)^```$", PAGE, flags=re.M | re.S)  # of the page
-SHORT = ("duration=2", "sensing.mode=ideal")
+SHORT = ("duration=1", "sensing.mode=ideal")
 
 
 def flown(folder, *overrides):
@@ -26,13 +26,19 @@ def flown(folder, *overrides):
     return digest(load(folder / "mission.npz"))
 
 
+@pytest.fixture(scope="module")
+def ours(tmp_path_factory):
+    """The mission with the default motion model and fusion rule."""
+    return flown(tmp_path_factory.mktemp("ours") / "flown")
+
+
 @pytest.mark.parametrize("override", ["tracking.motion=mymodels:Standing", "network.fusion=mymodels:EqualWeights"])
-def test_one_file_from_outside_changes_the_tracks(tmp_path, monkeypatch, override):
+def test_one_file_from_outside_changes_the_tracks(tmp_path, monkeypatch, override, ours):
     assert override in PAGE
     (tmp_path / "mymodels.py").write_text(MODELS)
     monkeypatch.syspath_prepend(str(tmp_path))
     theirs = flown(tmp_path / "theirs", override)
-    assert theirs == flown(tmp_path / "again", override) != flown(tmp_path / "ours")
+    assert theirs == flown(tmp_path / "again", override) != ours
     summary = json.loads((tmp_path / "theirs" / "summary.json").read_text(encoding="utf-8"))
     assert override.partition("=")[2] in json.dumps(summary["scenario"]) and summary["faults"] == []
 

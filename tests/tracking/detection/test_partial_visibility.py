@@ -4,6 +4,7 @@ import math
 
 import cv2
 import numpy as np
+import pytest
 
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
@@ -37,28 +38,11 @@ def test_moving_camera_and_scene_moves_the_place():
     np.testing.assert_allclose(there[0][1], there[1][1], atol=1e-6)
 
 
-def test_any_image_from_any_camera_gives_finite_places_and_positive_covariances():
-    rng = np.random.default_rng(0)
-    forest = Forest(tuple(Tree(*rng.uniform(-15, 15, 2), 1.5) for _ in range(16)))
-    count = 0
-    for _ in range(30):
-        camera = Camera(rng.uniform(0.2, 2.6), int(rng.choice([16, 32])))
-        half, axis = rng.uniform(0, 0.8), rng.uniform(-math.pi, math.pi)
-        turn = [math.cos(axis) * math.sin(half), math.sin(axis) * math.sin(half), 0.0, math.cos(half)]
-        pose = Pose(np.array([1.0, 2.0, rng.uniform(6.5, 20.0)]), np.array(turn))
-        image = np.full((camera.pixels, camera.pixels, 3), GREEN, dtype=np.uint8)
-        image[rng.random(image.shape[:2]) < rng.choice([0.01, 0.1])] = (230, 62, 0)
-        found = BlobDetector(forest).detect(Frame(0, 0.0, camera, pose, image))
-        assert np.isfinite(found.ground).all()
-        assert np.linalg.eigvalsh(found.covariances).min(initial=1.0) > 0.0
-        count += len(found.ground)
-    assert count > 100
-
-
-def test_people_visible_by_a_third_to_a_half_are_found():
+@pytest.mark.parametrize("forests", [2, pytest.param(5, marks=pytest.mark.slow)])
+def test_people_visible_by_a_third_to_a_half_are_found(forests):
     rng = np.random.default_rng(3)
     people = found = detections = 0
-    for _ in range(5):
+    for _ in range(forests):
         forest = Forest(tuple(Tree(*rng.uniform(-40, 40, 2), canopy_radius=1.5) for _ in range(200)))
         with World(FAR, forest, 10) as world, World(FAR, OPEN, 10) as bare:
             full, alone = Renderer(world), Renderer(bare)
@@ -76,7 +60,7 @@ def test_people_visible_by_a_third_to_a_half_are_found():
                 people += len(partly)
                 found += matched_people(pixels, rendered.people, 10)[partly].sum()
                 detections += sum(owner(pixel, rendered.people) in partly for pixel in pixels)
-    assert people > 150
+    assert people > 30 * forests
     assert found / people >= 0.95
     assert found / detections >= 0.95
 

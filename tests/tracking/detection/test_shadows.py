@@ -135,7 +135,7 @@ def test_the_number_of_places_does_not_depend_on_the_images_size(pixels):
 
 def test_two_grids_agree_with_one_of_a_hundred_times_as_many_places():
     errors, spreads = [], []
-    for s in people_in_forests(5, 4):
+    for s in people_in_forests(3, 4):
         found = places_of(s.frame, s.blob, s.forest)
         if found is None:
             continue
@@ -146,6 +146,6 @@ def test_two_grids_agree_with_one_of_a_hundred_times_as_many_places():
         )
         errors.append((mean - exact) @ np.linalg.solve(exactly, mean - exact))
         spreads.append(np.sqrt(np.trace(covariance) / np.trace(exactly)))
-    assert len(errors) > 30
+    assert len(errors) > 18
     assert np.mean(errors) < 0.1  # beside 2 by which truth differs
     assert 1.0 < np.mean(spreads) < 1.15

@@ -180,10 +180,9 @@ def test_each_is_a_metric(kind, distance):
 
 @pytest.mark.parametrize(("c", "p"), [(0.0, 2.0), (-1.0, 2.0), (50.0, 0.5), (math.nan, 2.0)])
 def test_a_cut_off_or_order_without_meaning_is_refused(c, p):
-    with pytest.raises(ValueError, match="c must be positive"):
-        gospa(NONE, NONE, c, p)
-    with pytest.raises(ValueError, match="c must be positive"):
-        ospa2(NONE[None], NONE[None], c, p)
+    for distance, nothing in ((ospa, NONE), (gospa, NONE), (ospa2, NONE[None])):
+        with pytest.raises(ValueError, match="c must be positive"):
+            distance(nothing, nothing, c, p)
 
 
 def test_trajectories_over_different_times_are_refused():

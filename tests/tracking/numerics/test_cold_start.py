@@ -82,7 +82,7 @@ def signatures():
     return {(d.py_func.__qualname__, s) for d in compiled for s in d.overloads}
 warm_up()
 before = signatures()
-for _ in Mission.of(Trial(load("forest", ["duration=10"]), DEFAULT_PLANNER, 0)).fly():
+for _ in Mission.of(Trial(load("forest", ["duration=6"]), DEFAULT_PLANNER, 0)).fly():
     pass
 print(len(before) > 20, signatures() - before)
 """
