@@ -17,7 +17,7 @@ from sim.mission.mission import Mission
 from sim.scenario.environment import Trees
 from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
-from sim.sensing.renderer import Renderer, capture
+from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
@@ -33,28 +33,11 @@ PEOPLE = np.array([[3.0, 7.0], [-5.0, 10.0], [6.0, 15.0], [-2.0, 12.0]])
 POSE = Pose.level(0.0, 10.0, 19.0)
 
 
-@pytest.fixture
-def world():
+@pytest.mark.benchmark(group="detection")
+def test_detection(benchmark):
     with World(Scenario(), TREES, len(PEOPLE)) as world:
         world.place_people(PEOPLE, np.zeros(len(PEOPLE)))
-        yield world
-
-
-@pytest.mark.benchmark(group="camera frame, 75 trees")
-def test_frame_with_culling(benchmark, world):
-    renderer = Renderer(world)
-    assert benchmark(renderer.render, CAMERA, POSE).image.shape == (128, 128, 3)
-
-
-@pytest.mark.benchmark(group="camera frame, 75 trees")
-def test_frame_of_the_bare_engine(benchmark, world):
-    image, _, _ = benchmark(capture, world.client, CAMERA, POSE)
-    assert image.shape == (128, 128, 3)
-
-
-@pytest.mark.benchmark(group="detection")
-def test_detection(benchmark, world):
-    frame = Frame(0, 0.0, CAMERA, POSE, Renderer(world).render(CAMERA, POSE).image)
+        frame = Frame(0, 0.0, CAMERA, POSE, Renderer(world).render(CAMERA, POSE).image)
     assert len(benchmark(BlobDetector().detect, frame).ground) == len(PEOPLE)
 
 
@@ -80,14 +63,6 @@ def test_scan(benchmark, uavs, targets):
 
     trackers = benchmark.pedantic(once, setup=ready, rounds=200, warmup_rounds=5)
     assert [[t.id for t in tracker.tracks] for tracker in trackers] == [list(range(targets))] * uavs
-
-
-@pytest.mark.benchmark(group="decision")
-def test_sma_nbo_decision(benchmark, random_team):
-    """Three UAVs, four targets, 75 trees, five steps."""
-    team = [dataclasses.replace(s, forest=TREES) for s in random_team(0)]
-    plans = benchmark(lambda: Composition().plan(team, np.random.default_rng(0)))
-    assert [p.controls.shape for p in plans] == [(5, 2)] * 3
 
 
 CANDIDATES = 256

@@ -139,18 +139,6 @@ def test_without_chance_monte_carlo_equals_nominal(random_team, beta):
         assert team_cost(drawn, controls, beta, 7) == pytest.approx(team_cost(view, controls, beta), rel=1e-9)
 
 
-def test_monte_carlo_draws_from_belief_and_motion_model(random_team):
-    situation = random_team(2, targets=1)[0]
-    points = MonteCarlo(20_000).predict(situation, 3, np.random.default_rng(0)).points[:, :, 0, :2]
-    mean, covariance = situation.tracks[0].belief.mean, situation.tracks[0].belief.covariance
-    for step in range(3):
-        mean, covariance = situation.motion.predict_all(mean[None], covariance[None])
-        mean, covariance = mean[0], covariance[0]
-        spread = np.sqrt(np.diag(covariance)[:2])
-        np.testing.assert_allclose(points[step].mean(axis=0), mean[:2], atol=4 * spread.max() / np.sqrt(20_000))
-        np.testing.assert_allclose(np.cov(points[step].T), covariance[:2, :2], atol=0.05 * spread.max() ** 2)
-
-
 def test_the_occlusion_model_is_the_planners_own(random_team):
     differing = 0
     for seed in range(6):

@@ -130,6 +130,18 @@ def test_a_person_cut_in_two_by_a_trunk_is_one_person():
             assert found.ground[0] == pytest.approx([8.0, -6.0], abs=0.2)
 
 
+def test_a_long_stride_below_the_camera_is_one_person():
+    rng = np.random.default_rng(3)
+    camera = Camera(math.radians(60), 256)
+    with World(SCENARIO, Forest(()), 1) as world:
+        renderer = Renderer(world)
+        for k in range(150):
+            world.place_people(rng.uniform(-1, 1, (1, 2)), rng.uniform(-math.pi, math.pi, 1))
+            pose = Pose.level(0.0, 0.0, ALTITUDES[k % 3])
+            found = BlobDetector().detect(frame(renderer.render(camera, pose).image, pose, camera))
+            assert len(found.ground) == 1
+
+
 def test_two_touching_people_are_two():
     rng = np.random.default_rng(0)
     pose = Pose.level(0.0, 0.0, 19.0)

@@ -123,6 +123,21 @@ def test_turning_camera_and_scene_turns_the_place():
         np.testing.assert_allclose(there.covariances, turn @ here.covariances @ turn.T, atol=1e-9)
 
 
+def test_moving_camera_and_scene_moves_the_place():
+    camera = Camera(math.radians(60), 128)
+    image = np.full((128, 128, 3), GREEN, dtype=np.uint8)
+    image[60:62, 90:93] = ORANGE
+    there = []
+    for shift in (np.zeros(2), np.array([16.0, -8.0])):
+        forest = Forest((Tree(5.6 + shift[0], 2.0 + shift[1], 1.5),))
+        frame = Frame(0, 0.0, camera, Pose.level(*shift, 19.0), image)
+        found = BlobDetector(forest).detect(frame)
+        assert not np.array_equal(found.ground, BlobDetector().detect(frame).ground)
+        there.append((found.ground - shift, found.covariances))
+    np.testing.assert_allclose(there[0][0], there[1][0], atol=1e-6)
+    np.testing.assert_allclose(there[0][1], there[1][1], atol=1e-6)
+
+
 @pytest.mark.parametrize("pixels", [64, 128, 256, 512])
 def test_the_number_of_places_does_not_depend_on_the_images_size(pixels):
     camera = Camera(math.radians(60), pixels)

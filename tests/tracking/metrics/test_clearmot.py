@@ -78,13 +78,6 @@ def test_cases_by_hand(people, tracks, matches, switched, broken):
     assert fragmentations(found, ~np.isnan(people[..., 0])).tolist() == broken
 
 
-def test_of_two_correspondences_the_later_one_holds():
-    """Track 0 stood for the first person, then for the second, and now both are near it."""
-    people = paths(line(0, 0, 0), line(3, 1.5, 0.6))
-    tracks = paths(line(0.0, 2.0, 0.2))
-    assert correspondence(tracks, people, 1.0).tolist() == [[0, -1], [-1, 0], [-1, 0]]
-
-
 def test_pairs_of_a_scan_are_as_many_then_as_near_as_possible():
     rng = np.random.default_rng(0)
     for _ in range(200):

@@ -1,9 +1,11 @@
-"""The normal distribution against SciPy's."""
+"""The normal distribution against SciPy's, Poisson numbers against NumPy's."""
 
 import numpy as np
+import pytest
 from scipy.special import ndtr, ndtri
 
 from tracking.numerics import normal
+from tracking.numerics.poisson import poisson
 
 
 def test_normal_distribution_agrees_with_scipy():
@@ -31,3 +33,10 @@ def test_the_least_uniform_number_gives_a_finite_normal_one():
             return np.zeros(shape)
 
     assert np.all(np.isfinite(normal.standard_normal(Zero(), 3)))
+
+
+@pytest.mark.parametrize("mean", [0.0, 1e-9, 0.02, 1.0, 9.99, 10.0, 10.5, 75.0, 1000.0, 10_000.0])
+def test_poisson_numbers_are_those_that_numpy_draws_from_the_same_stream(mean):
+    ours, theirs = np.random.default_rng(7), np.random.default_rng(7)
+    assert [poisson(ours, mean) for _ in range(2000)] == theirs.poisson(mean, 2000).tolist()
+    assert ours.random() == theirs.random()
