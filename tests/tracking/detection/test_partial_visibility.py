@@ -1,4 +1,4 @@
-"""Detection of people hidden in part and of touching people, in plain looks and in random ones, without false alarms."""
+"""Detection of people hidden in part and of touching people, in plain looks and in random ones."""
 
 import math
 from dataclasses import dataclass
