@@ -1,6 +1,6 @@
-"""Costs of the engine of studies, and savings by a second process: `-n 0 -s --benchmark-enable`, machine idle.
+"""Costs of studies, savings by a second process, answers of 10 000 trials: `-n 0 -s --benchmark-enable`, machine idle.
 
-In ordinary test runs each part runs once, on little.
+In ordinary test runs each part runs once, on little, and its times are not judged.
 """
 
 import math
@@ -11,7 +11,12 @@ import msgspec
 import numpy as np
 import pytest
 from helpers.studies import Serial, invented, short
+from helpers.trials import row
 
+from sim.analysis.answers import answers
+from sim.analysis.cells import grouped
+from sim.analysis.distributions import ecdf
+from sim.analysis.metric_choice import available, chosen
 from sim.study.engine import complete
 from sim.study.pool import Pool
 from sim.study.store import Store, frame
@@ -66,3 +71,48 @@ def test_two_processes_are_nearly_twice_as_fast_as_one_and_cost_little(tmp_path,
     )
     assert one / two >= 1.85
     assert min(overheads) < 0.03
+
+
+METRICS = ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m", *(f"other_{i}" for i in range(13)))
+BOUND = 2.0  # s, for every metric of 10 000 trials
+
+
+@pytest.fixture(scope="module")
+def rows(judged):
+    """50 cells, 4 planners, 50 seeds; 16 metrics."""
+    rng = np.random.default_rng(0)
+    cells, seeds = (50, 50) if judged else (2, 5)
+    ospa, times = rng.gamma(2.0, 0.2, 201).astype(np.float32), np.arange(201) / 5
+    return [
+        row(
+            planner,
+            seed,
+            (("cell", str(cell)),),
+            dict(zip(METRICS, rng.random(16), strict=True)),
+            ospa=ospa,
+            times=times,
+        )
+        for cell in range(cells)
+        for planner in ("sma-nbo", "sma-nbo-mwtp", "greedy", "hover")
+        for seed in range(seeds)
+    ]
+
+
+def test_answers(benchmark, judged, rows):
+    def work():
+        return answers(grouped(rows, "sma-nbo"), chosen(rows, available(rows)), "sma-nbo")
+
+    found = benchmark.pedantic(work, rounds=3)
+    assert len(found) == 16 * (len(rows) // (50 if judged else 5) + 3)
+    if judged:
+        assert benchmark.stats.stats.median < BOUND
+
+
+def test_distributions(benchmark, judged, rows):
+    def work():
+        return [ecdf(group.ospa, np.geomspace(0.1, 50, 300)) for group in grouped(rows)]
+
+    shares = benchmark.pedantic(work, rounds=3)
+    assert all(curve[-1] == 1.0 for curve in shares)
+    if judged:
+        assert benchmark.stats.stats.median < BOUND

@@ -1,11 +1,13 @@
-"""Nominal beliefs and their cost, computed plainly."""
+"""Teams that know of one another, and nominal beliefs and their cost, computed plainly."""
 
+import dataclasses
 import itertools
 import math
 
 import numpy as np
 from scipy.stats import norm
 
+from planning.planner import Plan
 from planning.prediction.propagation import Nominal
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -87,3 +89,9 @@ def plain_cost(situation, controls, beta, *, expected=False, weights=None):
 def squares(reach):
     """Level fields of view with these half edges, as the compiled code takes them (n, 5, 3)."""
     return np.array([[(1, 0, r), (-1, 0, r), (0, 1, r), (0, -1, r), (0, 0, 0)] for r in reach], dtype=float)
+
+
+def knowing(team, plans):
+    """The team after plans of which these are the rest."""
+    intents = {s.own.id: Plan(np.vstack([np.zeros((1, 2)), p])) for s, p in zip(team, plans, strict=True)}
+    return [dataclasses.replace(s, intents=intents) for s in team]

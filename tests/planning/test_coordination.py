@@ -5,8 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers.nominal import nominal
-from helpers.situations import knowing
+from helpers.nominal import knowing, nominal
 
 from planning.composition import Composition
 from planning.coordination.decision import expected_plans

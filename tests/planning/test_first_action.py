@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers.situations import knowing
+from helpers.nominal import knowing
 
 from planning.composition import Composition
 from planning.coordination.decision import expected_plans

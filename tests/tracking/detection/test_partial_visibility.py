@@ -1,4 +1,4 @@
-"""Detection of people hidden in part and of touching people, in plain looks and in random ones."""
+"""Detection of people hidden in part, of touching people and of people in front of a trunk."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import Forest
+from tracking.geometry.visibility import Forest, Tree
 
 RANDOMISED = msgspec.structs.replace(SCENARIO, appearance=Appearance(randomise=True))
 PEOPLE = 8
@@ -133,3 +133,26 @@ def test_touching_pairs_are_found_in_any_arrangement(worlds, each, scenario):
     assert score.people > 4 * worlds * each
     assert score.recall >= 0.95
     assert score.precision >= 0.95
+
+
+def test_a_trunk_hides_no_person_nearer_to_the_camera():
+    rng = np.random.default_rng(0)
+    errors, nees = [], []
+    for _ in range(30):
+        bearing, distance = rng.uniform(-math.pi, math.pi), rng.uniform(4.0, 9.0)
+        away = np.array([math.cos(bearing), math.sin(bearing)])
+        # A canopy as thin as the trunk, so that nothing else hides them.
+        forest = Forest((Tree(*(distance * away), canopy_radius=0.2),))
+        with World(SCENARIO, forest, 1) as world:
+            renderer = Renderer(world)
+            for _ in range(10):
+                place = (distance - rng.uniform(0.35, 0.5)) * away
+                world.place_people(place[None], rng.uniform(-math.pi, math.pi, 1))
+                pose = Pose.level(0.0, 0.0, rng.uniform(17.0, 22.0))
+                found = BlobDetector(forest).detect(Frame(0, 0.0, CAMERA, pose, renderer.render(CAMERA, pose).image))
+                assert len(found.ground) == 1
+                error = found.ground[0] - place
+                errors.append([error @ away, error @ [-away[1], away[0]]])
+                nees.append(error @ np.linalg.solve(found.covariances[0], error))
+    assert np.abs(np.mean(errors, axis=0)).max() < 0.04
+    assert 1.2 < np.mean(nees) < 2.8

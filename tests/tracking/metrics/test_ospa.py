@@ -1,12 +1,18 @@
-"""OSPA: hand-computed cases and brute force over permutations; `test_gospa.py` has the axioms of a metric."""
+"""OSPA, OSPA(2) and GOSPA: by hand, against enumeration and Stone Soup, and as metrics."""
 
+import datetime
 import itertools
 import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stonesoup.metricgenerator.ospametric import GOSPAMetric, OSPAMetric
+from stonesoup.types.state import State
 
-from tracking.metrics.ospa import ospa
+from tracking.metrics.gospa import gospa
+from tracking.metrics.ospa import ospa, ospa2, ospa2_over_time
 
 NONE = np.zeros((0, 2))
 
@@ -65,3 +71,180 @@ def test_the_parts_make_up_the_distance():
     for _ in range(100):
         parts = ospa(random_set(rng), random_set(rng), 30.0, 2.0)
         assert parts.distance**2 == pytest.approx(parts.localisation**2 + parts.cardinality**2, rel=1e-12)
+
+
+NOON = datetime.datetime(2024, 1, 1, 12)
+
+
+def random_pairs(count, seed=0):
+    """Sets of up to six points, cut-offs and orders: whole numbers, as their powers are exact in Stone Soup too."""
+    rng = np.random.default_rng(seed)
+    while count:
+        X, Y = (rng.uniform(-40, 40, (rng.integers(0, 7), 2)) for _ in range(2))
+        if len(X) + len(Y):  # of two empty sets Stone Soup knows no time
+            yield X, Y, float(rng.integers(1, 60)), float(rng.integers(1, 4))
+            count -= 1
+
+
+def states(points):
+    return [State(point, NOON) for point in points]
+
+
+def test_ospa_equals_stone_soup_on_1000_random_pairs():
+    """Stone Soup 1.9.1 pairs by distance and not by its power, so with p > 1 it is given powers to pair by."""
+    plainly = 0
+    for X, Y, c, p in random_pairs(1000):
+        ours = ospa(X, Y, c, p).distance
+        powers = OSPAMetric(c=c**p, p=1, measure=lambda a, b, p=p: np.linalg.norm(a.state_vector - b.state_vector) ** p)
+        theirs = powers.compute_OSPA_distance(states(X), states(Y)).value ** (1 / p)
+        assert ours == pytest.approx(theirs, rel=1e-12, abs=1e-12)
+        plain = OSPAMetric(c=c, p=p).compute_OSPA_distance(states(X), states(Y)).value
+        assert ours <= plain + 1e-12
+        plainly += ours == pytest.approx(plain, rel=1e-12, abs=1e-12)
+        assert p > 1 or plain == pytest.approx(ours, rel=1e-12, abs=1e-12)
+    assert plainly > 900
+
+
+def test_gospa_and_its_parts_equal_stone_soup_on_1000_random_pairs():
+    for X, Y, c, p in random_pairs(1000, seed=1):
+        theirs = GOSPAMetric(c=c, p=p).compute_gospa_metric(states(X), states(Y))[0].value
+        ours = gospa(X, Y, c, p)
+        assert ours.distance == pytest.approx(theirs["distance"], rel=1e-12, abs=1e-12)
+        for name in ("localisation", "missed", "false"):
+            assert getattr(ours, name) ** p == pytest.approx(theirs[name], rel=1e-11, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("estimates", "truths", "expected"),
+    [
+        (NONE, NONE, (0, 0, 0, 0)),
+        (NONE, [[1, 2]], (math.sqrt(50), 0, math.sqrt(50), 0)),
+        ([[1, 2]], NONE, (math.sqrt(50), 0, 0, math.sqrt(50))),
+        ([[3, 4]], [[0, 0]], (5, 5, 0, 0)),
+        # At the cut-off an estimate is not of the truth: one false, one missed.
+        ([[10, 0]], [[0, 0]], (10, 0, math.sqrt(50), math.sqrt(50))),
+        # One pair 6 m apart, one missed, one false 100 m off.
+        ([[6, 0], [99, 99]], [[0, 0], [0, 40]], (math.sqrt(136), 6, math.sqrt(50), math.sqrt(50))),
+    ],
+)
+def test_gospa_matches_hand_computed_value(estimates, truths, expected):
+    np.testing.assert_allclose(gospa(np.array(estimates, float), np.array(truths, float)), expected, rtol=1e-14)
+
+
+def random_trajectories(rng, instants=4, most=4):
+    paths = rng.uniform(-30, 30, (instants, int(rng.integers(0, most + 1)), 2))
+    paths[rng.random(paths.shape[:2]) < 0.3] = np.nan
+    return paths
+
+
+def apart(f, g, c):
+    """Mean distance of two trajectories (K, 2), instant by instant."""
+    distances = []
+    for a, b in zip(f, g, strict=True):
+        there = (not math.isnan(a[0])) + (not math.isnan(b[0]))
+        if there:
+            distances.append(min(c, math.dist(a, b)) if there == 2 else c)
+    return sum(distances) / len(distances)
+
+
+def enumerated(X, Y, c, p):
+    """OSPA(2) by its definition: the best of all pairings of trajectories."""
+    few, many = ([path for path in np.moveaxis(Z, 1, 0) if not np.all(np.isnan(path))] for Z in (X, Y))
+    if len(few) > len(many):
+        few, many = many, few
+    if not many:
+        return 0.0
+    sums = [
+        sum(apart(f, many[j], c) ** p for f, j in zip(few, order, strict=False))
+        for order in itertools.permutations(range(len(many)))
+    ]
+    return ((min(sums) + c**p * (len(many) - len(few))) / len(many)) ** (1 / p)
+
+
+@pytest.mark.parametrize("p", [1.0, 2.0])
+def test_ospa2_equals_enumeration_of_all_pairings(p):
+    rng = np.random.default_rng(2)
+    for _ in range(150):
+        X, Y, c = random_trajectories(rng), random_trajectories(rng), float(rng.uniform(5, 60))
+        assert ospa2(X, Y, c, p).distance == pytest.approx(enumerated(X, Y, c, p), rel=1e-12, abs=1e-12)
+
+
+def test_ospa2_of_one_instant_is_ospa():
+    rng = np.random.default_rng(3)
+    for X, Y, c, p in random_pairs(100, seed=4):
+        np.testing.assert_allclose(ospa2(X[None], Y[None], c, p), ospa(X, Y, c, p), rtol=1e-12)
+        order = rng.permutation(len(X))
+        np.testing.assert_allclose(ospa2(X[None, order], Y[None], c, p), ospa(X, Y, c, p), rtol=1e-12)
+
+
+def test_a_swap_of_tracks_costs_ospa2_and_not_ospa():
+    people = np.zeros((10, 2, 2))
+    people[:, 1] = [20.0, 0.0]
+    swapped = people.copy()
+    swapped[5:] = people[5:, ::-1]
+    assert all(ospa(t, x).distance == 0.0 for t, x in zip(swapped, people, strict=True))
+    assert ospa2(swapped, people).distance == 10.0  # half of the time 20 m off
+    # Over the last three instants there is no swap but around it: 1 of 3, 2 of 3 wrongly paired, best pairing chosen.
+    over_time = ospa2_over_time(swapped, people, 3)
+    np.testing.assert_allclose(over_time, [0, 0, 0, 0, 0, 20 / 3, 20 / 3, 0, 0, 0], atol=1e-12)
+
+
+def test_a_window_as_long_as_the_mission_ends_in_the_distance_of_the_whole():
+    rng = np.random.default_rng(5)
+    X, Y = random_trajectories(rng, 9), random_trajectories(rng, 9)
+    over_time = ospa2_over_time(X, Y, 9)
+    assert over_time.shape == (9,)
+    assert over_time[-1] == ospa2(X, Y).distance
+    assert over_time[0] == ospa(*(Z[0][~np.isnan(Z[0, :, 0])] for Z in (X, Y))).distance
+
+
+numbers = st.integers(-30, 30).map(float)
+points = st.lists(st.tuples(numbers, numbers), max_size=4).map(lambda rows: np.array(rows, float).reshape(-1, 2))
+places = st.one_of(st.just((math.nan, math.nan)), st.tuples(numbers, numbers))
+paths = st.lists(st.tuples(places, places, places), max_size=3).map(
+    lambda rows: np.moveaxis(np.array(rows, float).reshape(-1, 3, 2), 1, 0)
+)
+
+
+def members(X):
+    """Members of a set of points (A, 2) or of trajectories (K, A, 2), in one order."""
+    rows = [np.nan_to_num(row, nan=1e3).ravel().tolist() for row in (X if X.ndim == 2 else np.moveaxis(X, 1, 0))]
+    return sorted(row for row in rows if any(number != 1e3 for number in row))
+
+
+METRICS = {
+    "ospa p=1": (points, lambda X, Y: ospa(X, Y, 15.0, 1.0).distance),
+    "ospa p=2": (points, lambda X, Y: ospa(X, Y, 15.0, 2.0).distance),
+    "gospa p=1": (points, lambda X, Y: gospa(X, Y, 15.0, 1.0).distance),
+    "gospa p=2": (points, lambda X, Y: gospa(X, Y, 15.0, 2.0).distance),
+    "ospa2 p=1": (paths, lambda X, Y: ospa2(X, Y, 15.0, 1.0).distance),
+    "ospa2 p=2": (paths, lambda X, Y: ospa2(X, Y, 15.0, 2.0).distance),
+}
+
+
+@pytest.mark.parametrize(("kind", "distance"), METRICS.values(), ids=METRICS)
+def test_each_is_a_metric(kind, distance):
+    @settings(max_examples=100, deadline=None, derandomize=True)
+    @given(kind, kind, kind)
+    def holds(X, Y, Z):
+        xy = distance(X, Y)
+        assert distance(X, X) == 0.0 <= xy
+        assert distance(Y, X) == pytest.approx(xy, rel=1e-9, abs=1e-9)
+        assert xy <= distance(X, Z) + distance(Z, Y) + 1e-9
+        assert (xy > 0.0) == (members(X) != members(Y))
+
+    holds()
+
+
+@pytest.mark.parametrize(("c", "p"), [(0.0, 2.0), (-1.0, 2.0), (50.0, 0.5), (math.nan, 2.0)])
+def test_a_cut_off_or_order_without_meaning_is_refused(c, p):
+    for distance, nothing in ((ospa, NONE), (gospa, NONE), (ospa2, NONE[None])):
+        with pytest.raises(ValueError, match="c must be positive"):
+            distance(nothing, nothing, c, p)
+
+
+def test_trajectories_over_different_times_are_refused():
+    with pytest.raises(ValueError, match=r"must be \(K, A, 2\) and \(K, B, 2\), are \(3, 1, 2\) and \(4, 1, 2\)"):
+        ospa2(np.zeros((3, 1, 2)), np.zeros((4, 1, 2)))
+    with pytest.raises(ValueError, match="at least 1 instant, is 0"):
+        ospa2_over_time(np.zeros((3, 1, 2)), np.zeros((3, 1, 2)), 0)

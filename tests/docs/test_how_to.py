@@ -1,10 +1,12 @@
-"""docs/how-to/plugins.md: its planner flies, conforms and has the checks that are listed."""
+"""docs/how-to/plugins.md and studies.md: planners, models, study file, SQL, Python and tables are as they say."""
 
 import re
+import sqlite3
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.studies import invented, short
 
 from planning.conformance.checks import CHECKS
 from planning.planner import Plan
@@ -12,6 +14,10 @@ from sim.conformance.detector import check as check_detector
 from sim.mission.mission import Mission
 from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
+from sim.study.store import NAME, Store
+from sim.study.study import STUDIES, adapted, read
+from sim.study.tasks import tasks
+from sim.study.trial import fly
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "how-to" / "plugins.md").read_text(encoding="utf-8")
@@ -70,3 +76,47 @@ def test_links_lead_somewhere():
             text = (page.parent / file if file else page).read_text(encoding="utf-8")
             headings = [line.lstrip("# ") for line in text.splitlines() if line.startswith("#")]
             assert not heading or heading in [line.lower().replace(" ", "-") for line in headings], target
+
+
+STUDIES_PAGE = (DOCS / "how-to" / "studies.md").read_text(encoding="utf-8")
+
+
+def block(language):
+    (content,) = re.findall(rf"^```{language}\n(.*?)^```$", STUDIES_PAGE, flags=re.M | re.S)
+    return content
+
+
+def test_the_study_file_is_one(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(block("toml"))
+    assert len(tasks(read(str(path)))) == 10 * 2 * (1 + 2)
+
+
+def test_the_query_on_a_study_answers(tmp_path):
+    made = short(["hover"], "0-1", factors={"lambda": {"15": {"trees": {"density": 15}}}})
+    with Store.opened(tmp_path, "short") as store:
+        for task in made:
+            store.add(task, invented(task))
+    sql = sqlite3.connect(tmp_path / NAME)
+    (found,) = sql.execute(block("sql")).fetchall()
+    sql.close()
+    mean = sum(invented(task).metrics["ospa.share_under_1m"] for task in made) / 2
+    assert found == ("15", "hover", pytest.approx(mean))
+
+
+def test_the_python_on_studies_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(block("python"), "studies.md", "exec"), {})
+    assert "breakdown" in capsys.readouterr().out
+
+
+def test_the_table_counts_the_packaged_studies():
+    rows = re.findall(r"^\| `([\w-]+)` \| .* \| (\d+) \|$", STUDIES_PAGE, flags=re.M)
+    counts = {name: len(tasks(adapted(read(name), seeds="0-49"))) for name in STUDIES}
+    assert {name: int(count) for name, count in rows} == counts
+
+
+def test_the_page_on_studies_names_every_metric():
+    (task,) = short(["hover"], "0")
+    for name in fly(task).row.metrics:
+        assert f"`{name}`" in STUDIES_PAGE or name.startswith("seconds.")
