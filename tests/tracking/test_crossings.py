@@ -4,9 +4,121 @@
 docs/results/benchmarks.md.
 """
 
+import itertools
+import math
+
 import numpy as np
 import pytest
-from helpers.crossings import HARD, WHOLE, Crossing, kept, mean_ospa, ours, theirs, track_deviation
+from helpers.peers import StoneSoup
+from helpers.scenes import OPEN, H
+
+from tracking.detection.noise import NoiseModel
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
+from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.metrics.ospa import ospa
+from tracking.numerics.matrices import symmetric
+from tracking.tracker import Scan, Track, Tracker, TrackerParameters
+
+MOTION = NearlyConstantVelocity(0.2, 0.5)
+SCANS = 41  # 8 s; the people are closest at 4 s
+CAMERA = Camera(math.radians(60), 128)
+POSE = Pose.level(-10.0, 0.0, 60.0)  # 10 m beside the crossing, sees 34 m each way
+NOISE = NoiseModel.range_bearing(0.1)
+# Association alone, as Stone Soup does it: no track begins or ends.
+HARD = TrackerParameters(MOTION, detection_probability=0.9, clutter_density=1e-4, confirm=(62, 62), delete=(62, 62))
+# All of the tracker, and what the testbed's cameras give by default: hardly a miss, no false alarms.
+WHOLE = TrackerParameters(MOTION)
+
+
+def track_deviation() -> float:
+    """Standard deviation [m] per axis of the position of a lone person's track at the crossing, once stationary."""
+    P, R = np.eye(4), NOISE.covariance(POSE.position[:2], np.zeros(2))
+    for _ in range(500):
+        P = MOTION.F @ P @ MOTION.F.T + MOTION.Q
+        P = symmetric(P - P @ H.T @ np.linalg.inv(H @ P @ H.T + R) @ H @ P)
+    return math.sqrt(np.trace(P[:2, :2]) / 2)
+
+
+class Crossing:
+    """One of many: angle 5 to 90 degrees, speeds 1 to 3 m/s, closest distance up to six deviations of a track."""
+
+    def __init__(self, seed: int, parameters: TrackerParameters, alarms: float) -> None:
+        self.parameters, self.alarms = parameters, alarms
+        rng = np.random.default_rng([4, seed])
+        heading, angle = rng.uniform(0, 2 * math.pi), math.radians(rng.uniform(5, 90))
+        speeds = rng.uniform(1, 3, 2)
+        directions = np.array([[math.cos(a), math.sin(a)] for a in (heading, heading + angle)])
+        self.velocities = speeds[:, None] * directions
+        apart = self.velocities[1] - self.velocities[0]
+        self.closest = rng.uniform(0, 6) * track_deviation()
+        offset = self.closest * np.array([-apart[1], apart[0]]) / np.linalg.norm(apart)
+        self.meeting = rng.uniform(-1, 1, 2) + np.array([-offset, offset]) / 2
+        self.known = [
+            Track(k, Gaussian(np.concatenate([x, v]) + rng.normal(0, 0.3, 4), 0.09 * np.eye(4)))
+            for k, (x, v) in enumerate(zip(self.people(0), self.velocities, strict=True))
+        ]
+        self.scans = [self._scan(k, rng) for k in range(1, SCANS)]
+
+    def people(self, k: int) -> np.ndarray:
+        """Positions at scan k (2, 2) m."""
+        return self.meeting + (k - SCANS // 2) * MOTION.dt * self.velocities
+
+    def _scan(self, k: int, rng: np.random.Generator) -> Scan:
+        half = (POSE.position[2] - TARGET_HEIGHT) * math.tan(CAMERA.fov / 2)
+        alarms = POSE.position[:2] + rng.uniform(-half, half, (rng.poisson(self.alarms * (2 * half) ** 2), 2))
+        z = np.vstack([self.people(k)[rng.random(2) < self.parameters.detection_probability], alarms])
+        R = np.array([NOISE.covariance(POSE.position[:2], x) for x in z]).reshape(-1, 2, 2)
+        noise = np.linalg.cholesky(R) @ rng.normal(size=(len(z), 2, 1))
+        return Scan(0, k * MOTION.dt, POSE, z + noise[..., 0], R)
+
+
+def ours(crossing: Crossing) -> list[list[Track]]:
+    """Tracks after each scan."""
+    subject = Tracker(0, CAMERA, OPEN, crossing.parameters, crossing.known)
+    subject.coast(0.0)
+    out = []
+    for scan in crossing.scans:
+        subject.step(scan)
+        fuse([subject], np.zeros((1, 1), bool), 0)
+        out.append(list(subject.tracks))
+    return out
+
+
+def theirs(crossing: Crossing) -> list[list[Track]]:
+    """The same of Stone Soup."""
+    peer = StoneSoup(crossing.parameters, crossing.known)
+    out = []
+    for scan in crossing.scans:
+        peer.step(*peer.detections(scan))
+        out.append([Track(k, belief) for k, belief in enumerate(peer.beliefs)])
+    return out
+
+
+def kept(crossing: Crossing, tracks: list[Track]) -> bool:
+    """True if both tracks last to the end and are nearer, in sum, to their own persons than to each other's."""
+    held = {t.id: t.belief.mean[:2] for t in tracks}
+    if not {0, 1} <= held.keys():
+        return False
+    people = crossing.people(SCANS - 1)
+    own, swapped = (
+        sum(np.sum((held[i] - people[j]) ** 2) for i, j in enumerate(order)) for order in itertools.permutations((0, 1))
+    )
+    return bool(own < swapped)
+
+
+def mean_ospa(crossing: Crossing, history: list[list[Track]]) -> float:
+    """Mean distance [m] over the scans, cut off at 50 m."""
+    return float(
+        np.mean(
+            [
+                ospa(np.array([t.belief.mean[:2] for t in tracks]), crossing.people(k)).distance
+                for k, tracks in enumerate(history, 1)
+            ]
+        )
+    )
+
 
 CASES = {"association alone": (HARD, 1e-4), "whole tracker": (WHOLE, 0.0)}
 
