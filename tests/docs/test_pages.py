@@ -18,6 +18,10 @@ from sim.scenario.network import Cut
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import tomllib
 
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+REFERENCE = generator().generated((ROOT / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8"))
+INSTALL = ("pip install -e . && understory run", "pip install -e '.[test]' && pytest")
+KEYS = {key for key, _, _ in generator().keys()}
 TEXTS = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
 
 
@@ -49,10 +53,9 @@ def test_a_page_begins_with_its_purpose_and_an_example(page):
 
 @pytest.mark.parametrize("page", TEXTS, ids=named)
 def test_names_of_modules_files_and_their_content_exist(page):
-    keys = {key for key, _, _ in generator().keys()}
     text = page.read_text(encoding="utf-8")
     for name in set(re.findall(r"(?<![\w./-])(?:sim|planning|tracking)(?:\.[A-Za-z_]\w*)+(?![\w/])", text)):
-        assert name in keys or resolved(name), name
+        assert name in KEYS or resolved(name), name
     for path in set(re.findall(r"(?<![\w./-])(?:sim|planning|tracking|tests|docs|assets)/[\w./-]*\w", text)):
         assert (ROOT / path).exists(), path
 
@@ -84,11 +87,6 @@ def test_the_reference_has_every_command_and_option():
         for parameter in command.params:
             assert (parameter.opts[0] if parameter.param_type_name == "option" else parameter.metavar) in part
             assert parameter.help and " ".join(parameter.help.split())[:20] in part
-
-
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-REFERENCE = generator().generated((ROOT / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8"))
-INSTALL = ("pip install -e . && understory run", "pip install -e '.[test]' && pytest")
 
 
 def test_the_two_commands_are_those_of_the_checks():

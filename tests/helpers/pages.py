@@ -5,6 +5,7 @@ import re
 import shlex
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 
 from helpers.commands import called
@@ -19,6 +20,7 @@ PAGES = sorted(path for path in DOCS.rglob("*.md"))
 SHORTER = {"run": ["--duration", "1"], "compare": ["--duration", "1", "--seeds", "0,1"]}
 
 
+@cache
 def generator():
     """The module that makes parts of the site from the code, docs/generate.py."""
     spec = importlib.util.spec_from_file_location("generate", DOCS / "generate.py")
