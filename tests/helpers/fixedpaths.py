@@ -111,12 +111,7 @@ def errors(mission: Mission, fusion: str) -> tuple[np.ndarray, np.ndarray]:
     And where that track is elsewhere (K, UAVs, M): nearer to another person, by the NEES of state as that person's.
     """
     c = mission.case
-    parameters = TrackerParameters(
-        MOTION,
-        detection_probability=c.detection,
-        clutter_density=c.alarms,
-        fusion=fusion,
-    )
+    parameters = TrackerParameters(MOTION, detection_probability=c.detection, clutter_density=c.alarms, fusion=fusion)
     initial = [Track(i, Gaussian(mean, START)) for i, mean in enumerate(mission.known)]
     fleet = [Tracker(u, CAMERA, c.forest, parameters, initial) for u in range(len(c.altitudes))]
     out = np.full((SCANS, len(fleet), c.people, 2), np.nan)

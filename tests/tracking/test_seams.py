@@ -82,10 +82,7 @@ class Timeless:
         ("network.fusion=wrongmodels:Raises", "network.fusion: 'wrongmodels:Raises' cannot be made: table is empty ("),
         ("network.fusion=wrongmodels:Exits", "network.fusion: 'wrongmodels:Exits' cannot be made: SystemExit: 3"),
         ("tracking.motion=no_such_module:Model", "tracking.motion: 'no_such_module:Model' cannot be imported: "),
-        (
-            "tracking.motion=wrongmodels:Raises",
-            "'wrongmodels:Raises' cannot be made: table is empty (",
-        ),
+        ("tracking.motion=wrongmodels:Raises", "'wrongmodels:Raises' cannot be made: table is empty ("),
         ("tracking.motion=wrongmodels:Timeless", "must have the attribute dt = 0.2, has nan"),
     ],
 )

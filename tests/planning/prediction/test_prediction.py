@@ -36,10 +36,7 @@ def coasting(tracks, scenario, seconds):
     tracker = Tracker(0, Camera(1.0, 64), Forest(()), tracker_parameters(scenario), tracks)
     for k in range(seconds * scenario.rates.sensing + 1):
         tracker.coast(k / scenario.rates.sensing)
-    return (
-        np.array([t.belief.mean for t in tracker.tracks]),
-        np.array([t.belief.covariance for t in tracker.tracks]),
-    )
+    return (np.array([t.belief.mean for t in tracker.tracks]), np.array([t.belief.covariance for t in tracker.tracks]))
 
 
 @pytest.mark.parametrize("settings", [[], ["rates.sensing=10"], ["tracking.sigma_a=1.0", "rates.planning=5"]])

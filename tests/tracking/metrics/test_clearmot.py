@@ -49,13 +49,7 @@ CASES = {
         [0, 0],
         [0, 0],
     ),
-    "tracks that swap people": (
-        [line(0, 0), line(5, 5)],
-        [line(0, 5), line(5, 0)],
-        [[0, 1], [1, 0]],
-        [1, 1],
-        [0, 0],
-    ),
+    "tracks that swap people": ([line(0, 0), line(5, 5)], [line(0, 5), line(5, 0)], [[0, 1], [1, 0]], [1, 1], [0, 0]),
     # Nearest first would leave the second person without a track.
     "as many pairs as can be": ([line(0), line(0.9)], [line(0.8), line(-0.5)], [[1, 0]], [0, 0], [0, 0]),
     # Both had track 0; the second had it later and keeps it, though the first is nearer.

@@ -94,12 +94,7 @@ def test_ends_of_the_range_are_those_of_the_real_line(name, x, value):
 
 @pytest.mark.parametrize(
     ("function", "x"),
-    [
-        (exponential.exp, math.nan),
-        (exponential.log, math.nan),
-        (exponential.log, -1.0),
-        (trigonometry.sin, math.nan),
-    ],
+    [(exponential.exp, math.nan), (exponential.log, math.nan), (exponential.log, -1.0), (trigonometry.sin, math.nan)],
 )
 def test_values_outside_the_domain_are_nan(function, x):
     assert math.isnan(function(x))
