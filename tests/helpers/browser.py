@@ -11,6 +11,11 @@ import subprocess
 import time
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+# Elements with words smaller than 13 pixels.
+SMALL_WORDS = (
+    "[...document.querySelectorAll('main *')].filter(e => e.textContent.trim() && "
+    "parseFloat(getComputedStyle(e).fontSize) < 13).map(e => e.outerHTML)"
+)
 
 
 class Browser:
@@ -79,6 +84,10 @@ class Browser:
         self._call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
         for kind in ("mousePressed", "mouseReleased") if click else ():
             self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
+
+    def requests_elsewhere(self):
+        """Beginnings of the addresses that were asked for, data aside."""
+        return [url for url in self.requests if not url.startswith("data:")]
 
     def screenshot(self, path):
         """The window as PNG."""

@@ -1,34 +1,44 @@
 """Short missions."""
 
 from planning.loading import load_planner
-from sim.mission.mission import Mission, Trial
+from sim.mission.mission import Mission
 from sim.recording.recording import Recorder
 from sim.scenario.loading import load
 from sim.scenario.scenario import resolved
 
 # One above the other, so that they see one another; cameras of two sizes.
 PAIR = "uavs=[{{start=[-28,-2],footprint=20,mount='{0}'}},{{start=[-28,2],footprint=27,mount='{0}',pixels=96}}]"
+IDEAL = ("sensing.mode=ideal", "dynamics=kinematic")
 
 
-def fly(*overrides, planner="hover", seed=0, duration=1):
-    """The mission flown and its snapshots."""
+def fly(*overrides, planner="hover", seed=0, duration=1, repeat=0, see=lambda mission: None):
+    """The mission flown by a planner, or the one of a name, and its snapshots; `see` is called at each scan."""
     setting = load("forest", [f"duration={duration}", *overrides])
-    mission = Mission.of(Trial(setting, planner, seed))
-    return mission, list(mission.fly())
-
-
-def recorded(*overrides, planner="greedy", seed=3, duration=8, see=lambda mission: None):
-    """The recording of a mission, flown by a planner or by the one of a name, and its scenario.
-
-    `see` is called with the mission at each scan.
-    """
-    setting, recorder = load("forest", [f"duration={duration}", *overrides]), Recorder()
-    mission = Mission(setting, load_planner(planner) if isinstance(planner, str) else planner, seed)
+    mission = Mission(setting, load_planner(planner) if isinstance(planner, str) else planner, seed, repeat)
+    snapshots = []
     for snapshot in mission.fly():
-        recorder.add(snapshot)
+        snapshots.append(snapshot)
         see(mission)
-    recording = recorder.recording(scenario=resolved(setting), planner="greedy", seed=seed, forest=mission.forest)
-    return recording, setting
+    return mission, snapshots
+
+
+def fly_ideal(*overrides, duration=4, **options):
+    """The same with ideal sensing and kinematic motion."""
+    return fly(*IDEAL, *overrides, duration=duration, **options)
+
+
+def recording_of(mission, snapshots, *, planner="greedy", seed=0, repeat=0):
+    """The recording of a mission that was flown."""
+    recorder = Recorder(repeat)
+    for snapshot in snapshots:
+        recorder.add(snapshot)
+    return recorder.recording(scenario=resolved(mission.scenario), planner=planner, seed=seed, forest=mission.forest)
+
+
+def recorded(*overrides, planner="greedy", seed=3, duration=8, **options):
+    """The recording of a mission, and its scenario."""
+    mission, snapshots = fly(*overrides, planner=planner, seed=seed, duration=duration, **options)
+    return recording_of(mission, snapshots, seed=seed, repeat=options.get("repeat", 0)), mission.scenario
 
 
 def filmed(*overrides, duration=4):

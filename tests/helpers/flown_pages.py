@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 
 from helpers import synthetic
+from helpers.recordings import record
 from sim.drawing.video import Film, Video
 from sim.recording.fault_text import recorded
-from sim.recording.recording import Recorder
-from sim.scenario.scenario import resolved
+from sim.replay.frames.rerender import scenario_of
 from sim.sensing.fault import Fault
 
 EVIL = "</script><script>document.title='taken'</script><img src=x onerror=alert(1)> & \"it's\""
@@ -16,14 +16,10 @@ LOST = ((2, 5, 9), (1, 8, 8), (0, 15, 20))  # person, first and last scan
 FAULTS = [Fault(0.0, None, EVIL), Fault(1.0, None, EVIL), Fault(2.0, 2, "broke down, hovers from now on")]
 
 
-def flown(scans=21, planner=EVIL, **changes):
+def flown(scans=21, **changes):
     """A made-up mission, and its scenario."""
-    setting = synthetic.scenario(**changes)
-    trees, recorder = synthetic.forest(setting), Recorder()
-    for snapshot in synthetic.snapshots(setting, trees, scans):
-        recorder.add(snapshot)
-    recording = recorder.recording(scenario=resolved(setting), planner=planner, seed=7, forest=trees)
-    return recording, setting
+    recording = record(scans, planner=EVIL, seed=7, **changes)
+    return recording, scenario_of(recording)
 
 
 def eventful():

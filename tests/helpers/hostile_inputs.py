@@ -13,18 +13,8 @@ from helpers.hostile_values import NUMBERS, WAYS, WORDS, file, flaw, key, keys, 
 
 TINY = {"duration": 0.4, "people.count": 2, "sensing.mode": "ideal", "trees.density": 3}
 PLANNERS = ["hover", "greedy", "lawnmower", "sma-nbo(horizon=1, evaluations=64)"]
-COMMANDS = [
-    "run",
-    "compare",
-    "frames",
-    "replay",
-    "explain",
-    "export",
-    "planners",
-    "scenarios",
-    "studies",
-    "check-planner",
-]
+COMMANDS = ["run", "compare", "frames", "replay", "explain", "export", "planners", "scenarios", "studies"]
+COMMANDS += ["check-planner"]
 
 
 @dataclass(frozen=True)
@@ -48,9 +38,8 @@ def case(number, seed=0):
     rng = random.Random(f"{seed} {number}")
     kind = rng.choice(list(KINDS))
     arguments, files = KINDS[kind](rng)
-    fitting = (
-        argument.replace("\0", "").encode(errors="replace").decode() for argument in arguments
-    )  # as a shell does
+    # As a shell does.
+    fitting = (argument.replace("\0", "").encode(errors="replace").decode() for argument in arguments)
     return Case(kind, tuple(fitting), files)
 
 
@@ -76,10 +65,8 @@ def flown(rng, *arguments):
 
 
 def overridden(rng):
-    changes = [
-        (key(rng), rng.choice([toml(value(rng)), toml(value(rng)), nested(rng)]))
-        for _ in range(rng.choice([1, 1, 1, 2, 3]))
-    ]
+    count = rng.choice([1, 1, 1, 2, 3])
+    changes = [(key(rng), rng.choice([toml(value(rng)), toml(value(rng)), nested(rng)])) for _ in range(count)]
     return flown(rng, *tiny(rng, changes)), {}
 
 
@@ -100,21 +87,8 @@ def trajectories(rng):
     ]
     for _ in range(rng.choice([0, 1, 1, 2, 5])):
         i, j = rng.randrange(len(rows)), rng.randrange(4)
-        odd = [
-            "0",
-            "1e-320",
-            "0.50000000001",
-            "1e308",
-            "-1e308",
-            "nan",
-            "inf",
-            "",
-            "x",
-            '"',
-            '"a\nb"',
-            "y" * 200_000,
-            "1" * 5000,
-        ]
+        odd = ["0", "1e-320", "0.50000000001", "1e308", "-1e308", "nan", "inf", "", "x", '"', '"a\nb"', "y" * 200_000]
+        odd.append("1" * 5000)
         rows[i][j] = rng.choice([*odd, *WORDS, long(rng.choice(NUMBERS))])
     if rng.random() < 0.2:
         rows.append(rng.choice([[], ["0"], ["0"] * 9, ["\0"] * 4, rows[1], ["0", "z", "0", "0"]]))
@@ -132,35 +106,12 @@ def option(rng, name):
         "--timeout": "60", "--speed": "2", "--layout": "map", "--metric": "ospa.mean_m", "--baseline": "hover",
         "--sensing": "ideal", "--keep": "recordings", "--out": "out", "--set": "duration=0.4", "--rerun": "x.rrd",
     }  # fmt: skip
-    wrong = [
-        long(rng.choice(NUMBERS)),
-        rng.choice(WORDS),
-        f"{long(rng.choice(NUMBERS))}h",
-        "0-9999999999",
-        "0-99999",
-        "9-0",
-    ]
-    wrong += [
-        "1" * 5000,
-        f"0:{long(rng.choice(NUMBERS))}",
-        f"hover({nested(rng)})",
-        f"sma-nbo(horizon={rng.choice(WORDS)})",
-    ]
-    wrong += [
-        f"{rng.choice(['greedy', 'sma-nbo', 'x' * 5000, 'os'])}({rng.choice(OPTIONS)}={long(rng.choice(NUMBERS))})"
-    ]
-    wrong += [
-        "os:system",
-        "os.path:x",
-        "x" * 5000 + ":y",
-        "sys:exit",
-        "json:JSONDecoder",
-        "a:b:c",
-        ":",
-        "/dev/full",
-        "given/out",
-    ]
-    wrong += ["given/out.png", "given/x.mp4", "/proc/out", "n" * 300, "out.png", "new/out.mp4"]
+    wrong = [long(rng.choice(NUMBERS)), rng.choice(WORDS), f"{long(rng.choice(NUMBERS))}h", "0-9999999999", "0-99999"]
+    wrong += ["9-0", "1" * 5000, f"0:{long(rng.choice(NUMBERS))}", f"hover({nested(rng)})"]
+    wrong += [f"sma-nbo(horizon={rng.choice(WORDS)})", rng.choice(["greedy", "sma-nbo", "x" * 5000, "os"])]
+    wrong[-1] += f"({rng.choice(OPTIONS)}={long(rng.choice(NUMBERS))})"
+    wrong += ["os:system", "os.path:x", "x" * 5000 + ":y", "sys:exit", "json:JSONDecoder", "a:b:c", ":", "/dev/full"]
+    wrong += ["given/out", "given/out.png", "given/x.mp4", "/proc/out", "n" * 300, "out.png", "new/out.mp4"]
     return right[name] if rng.random() < 0.4 else rng.choice(wrong)
 
 
@@ -186,11 +137,8 @@ def arguments(rng):
         words += ["run", *(word for name in needed if name not in chosen for word in (name, option(rng, name)))]
     if command in ("run", "compare"):
         words += [*tiny(rng), "--duration", "0.4"]
-        words += (
-            ["--no-video"]
-            if command == "run"
-            else ["--seeds", "0", "--workers", "1"] * (not {"--maps", "--seeds"} & {*chosen})
-        )
+        few = ["--seeds", "0", "--workers", "1"] * (not {"--maps", "--seeds"} & {*chosen})
+        words += ["--no-video"] if command == "run" else few
     if rng.random() < 0.05:
         words.append(rng.choice([*WORDS, "--nonsense", "--set", "-1"]))
     return tuple(words), {"given": b"x", "run/mission.npz": recording()}

@@ -10,12 +10,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from helpers import synthetic
 from helpers.hostile_values import DEEP, NUMBERS, WORDS, file, flaw, keys
+from helpers.recordings import npy, record
 from helpers.studies import invented
 from sim.recording.archive import save
-from sim.recording.recording import Recorder
-from sim.scenario.scenario import resolved
 from sim.study.store import NAME, Store
 from sim.study.study import read
 from sim.study.tasks import tasks
@@ -102,14 +100,9 @@ def filled_store():
 @cache
 def recording():
     """A mission of five scans that was never flown."""
-    setting = synthetic.scenario(uavs=2, people=2)
-    recorder, forest = Recorder(), synthetic.forest(setting, count=5)
-    for snapshot in synthetic.snapshots(setting, forest, 5):
-        recorder.add(snapshot)
-    made = recorder.recording(scenario=resolved(setting), planner="hover", seed=2, forest=forest)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "mission.npz"
-        save(made, path)
+        save(record(5, trees=5, seed=2, uavs=2, people=2), path)
         return path.read_bytes()
 
 
@@ -170,9 +163,3 @@ def changed_text(rng, name, text):
         node = node[int(part)] if part.isdigit() else node[part]
     node[last] = rng.choice([x for x in NUMBERS if x != 10**5000])
     return json.dumps(data)
-
-
-def npy(array):
-    content = io.BytesIO()
-    np.lib.format.write_array(content, np.asanyarray(array), allow_pickle=False)
-    return content.getvalue()

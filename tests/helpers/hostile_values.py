@@ -11,46 +11,10 @@ from msgspec import inspect
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
 
-NUMBERS = [
-    0,
-    1,
-    2,
-    3,
-    5,
-    7,
-    -1,
-    0.1,
-    0.5,
-    -0.0,
-    1e-9,
-    1e-300,
-    1e-320,
-    1e9,
-    1e300,
-    1e308,
-    -1e308,
-    10**9,
-    10**19,
-    10**400,
-]
-NUMBERS += [-(10**19), 10**5000, float("inf"), float("nan")]
-WORDS = [
-    "",
-    "x",
-    "hover",
-    "ideal",
-    "none",
-    "\x00",
-    "\x1b[2J",
-    "a\nb",
-    "é",
-    "\u202e",
-    "٣",
-    "²",
-    "/dev/zero",
-    "../..",
-    "x" * 9999,
-]
+NUMBERS = [0, 1, 2, 3, 5, 7, -1, 0.1, 0.5, -0.0, 1e-9, 1e-300, 1e-320, 1e9, 1e300, 1e308, -1e308, 10**9, 10**19]
+NUMBERS += [10**400, -(10**19), 10**5000, float("inf"), float("nan")]
+WORDS = ["", "x", "hover", "ideal", "none", "\x00", "\x1b[2J", "a\nb", "é", "\u202e", "٣", "²", "/dev/zero", "../.."]
+WORDS += ["x" * 9999]
 DEEP = 3000  # brackets
 
 
@@ -139,26 +103,16 @@ def ranges():
 def key(rng):
     """A key, mostly one that there is."""
     known = rng.choice(keys())
-    return rng.choice(
-        [known] * 12 + [known.upper(), f"{known}.x", known.partition(".")[0], "uavs.²", "", "a." * DEEP + "a"]
-    )
+    near = [known.upper(), f"{known}.x", known.partition(".")[0], "uavs.²", "", "a." * DEEP + "a"]
+    return rng.choice([known] * 12 + near)
 
 
 def flaw(rng, text):
     """A text with something wrong in it."""
     i, j = sorted(rng.randint(0, len(text)) for _ in range(2))
-    return rng.choice(
-        [
-            text[:i],
-            text[:i] + text[j:],
-            text + text,
-            text[:i] + nested(rng) + text[i:],
-            text[:i] + rng.choice(WORDS) + text[i:],
-            text[:i] + toml(value(rng)) + text[j:],
-            f"{text}\nx = {nested(rng)}",
-            "",
-        ]
-    )
+    cut = [text[:i], text[:i] + text[j:], text + text, text[:i] + nested(rng) + text[i:]]
+    changed = [text[:i] + rng.choice(WORDS) + text[i:], text[:i] + toml(value(rng)) + text[j:]]
+    return rng.choice([*cut, *changed, f"{text}\nx = {nested(rng)}", ""])
 
 
 def file(rng, text, suffix):
@@ -173,13 +127,9 @@ def file(rng, text, suffix):
         rng.randbytes(20) * 300_000,
         os.mkfifo,
         Path.mkdir,
-        partial(Path.symlink_to, target="/dev/zero"),
-        partial(Path.symlink_to, target="/dev/full"),
-        partial(Path.symlink_to, target="/dev/random"),
-        partial(Path.symlink_to, target=name),
-        partial(sparse, size=40 * 2**30),
-        partial(sparse, size=10**7),
     ]
+    odd += [partial(Path.symlink_to, target=t) for t in ("/dev/zero", "/dev/full", "/dev/random", name)]
+    odd += [partial(sparse, size=40 * 2**30), partial(sparse, size=10**7)]
     return name, {name: rng.choice(odd)}
 
 

@@ -27,11 +27,23 @@ class Page(HTMLParser):
             self.texts[i] = self.texts.get(i, "") + data
 
     def of(self, tag, **attributes):
+        """Attributes and text of a tag's elements with these attributes (`class_` for class)."""
+        asked = {name.rstrip("_"): value for name, value in attributes.items()}.items()
         return [
             (given, self.texts.get(i, ""))
             for i, (name, given) in enumerate(self.elements)
-            if name == tag and attributes.items() <= {k.rstrip("_"): v for k, v in given.items()}.items()
+            if name == tag and asked <= given.items()
         ]
 
+    def asks_for_nothing(self):
+        """Assert that nothing comes from elsewhere and no attribute is a script; the rules of its policy."""
+        for tag, given in self.elements:
+            for name in ("src", "href", "srcset", "action", "data", "poster"):
+                assert given.get(name, "#").startswith(("#", "data:")), (tag, name)
+            assert not any(name.startswith("on") for name in given)
+        assert all("url(" not in style and "@import" not in style for _, style in self.of("style"))
+        policy = next(g["content"] for g, _ in self.of("meta") if g.get("http-equiv") == "Content-Security-Policy")
+        return dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
+
     def commands(self):
-        return [text for given, text in self.of("code") if given.get("class") == "command"]
+        return [text for _, text in self.of("code", class_="command")]

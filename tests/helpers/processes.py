@@ -1,7 +1,21 @@
-"""Processes that are left."""
+"""Processes that are started with our packages on their path, and those that are left."""
 
+import os
+import subprocess
+import sys
 import time
 from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+def python(*words, cwd=ROOT, started=False, start_new_session=False, **environment):
+    """A finished Python, or a `started` one, with standard output and error as text."""
+    there = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    options["start_new_session"] = start_new_session
+    command = [sys.executable, *map(str, words)]
+    return (subprocess.Popen if started else subprocess.run)(command, cwd=cwd, env=there, **options)
 
 
 def started_with(variable, value):

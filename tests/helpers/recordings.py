@@ -1,4 +1,4 @@
-"""Recordings and their files, changed by hand."""
+"""Recordings of made-up missions, and their files, changed by hand."""
 
 import dataclasses
 import io
@@ -7,17 +7,45 @@ import zipfile
 import numpy as np
 
 from helpers import synthetic
-from sim.recording.recording import Recorder, Recording
+from sim.recording.recording import VERSION, Recorder, Recording
 from sim.scenario.scenario import resolved
 
 
-def record(scans=11, seed=0, **options):
-    setting = synthetic.scenario(**options)
-    trees = synthetic.forest(setting)
-    recorder = Recorder()
-    for snapshot in synthetic.snapshots(setting, trees, scans, seed):
-        recorder.add(snapshot)
-    return recorder.recording(scenario=resolved(setting), planner="hover", seed=2**70, forest=trees)
+def record(
+    scans=11, *, setting=None, trees=45, planner="hover", seed=2**70, change=lambda snapshot: snapshot, **options
+):
+    """The recording of a made-up mission.
+
+    `setting` or `options` give its scenario, `trees` their number, `change` what is recorded of each snapshot.
+    """
+    setting = setting or synthetic.scenario(**options)
+    forest, recorder = synthetic.forest(setting, trees), Recorder()
+    for snapshot in synthetic.snapshots(setting, forest, scans):
+        recorder.add(change(snapshot))
+    return recorder.recording(scenario=resolved(setting), planner=planner, seed=seed, forest=forest)
+
+
+def bare(people, tracks, **changes):
+    """A recording of people (K, M, 2) and, per scan and UAV, of tracks {id: (x, y, vx, vy)}; all else is nothing."""
+    scans, uavs, count = len(people), len(tracks[0]), people.shape[1]
+    cells = [cell for row in tracks for cell in row]
+    means = np.array([mean for cell in cells for mean in cell.values()], dtype=float).reshape(-1, 4)
+    texts = {"version": VERSION, "scenario": "{}", "planner": "hover", "seed": 0, "interrupted": False}
+    flight = {name: np.zeros((scans, uavs, n)) for name, n in (("poses", 7), ("cameras", 7), ("commands", 2))}
+    flight |= {"times": np.arange(scans) / 5, "trees": np.zeros((0, 6)), "people": people}
+    flight |= {"headings": np.zeros((scans, count)), "plan_times": np.zeros(0), "plans": np.zeros((0, uavs, 0, 2))}
+    measured = {"measurement_offsets": np.zeros(scans * uavs + 1, dtype=np.int64), "measurements": np.zeros((0, 2))}
+    measured |= {"measurement_covariances": np.zeros((0, 2, 2)), "pixels": np.zeros((0, 2))}
+    tracked = {
+        "track_offsets": np.cumsum([0, *map(len, cells)]),
+        "track_ids": np.array([id for cell in cells for id in cell], dtype=np.int64),
+        "track_means": means,
+        "track_covariances": np.tile(np.eye(4), (len(means), 1, 1)),
+        "track_existence": np.full(len(means), np.nan),
+    }
+    truth = {"ospa": np.ones((scans, uavs, 3)), "visible": np.zeros((scans, uavs, count), dtype=np.int64)}
+    truth |= {"matched": np.zeros((scans, uavs, count), dtype=bool)}
+    return Recording(**{**texts, **flight, **measured, **tracked, **truth, **changes})
 
 
 def assert_same(one, other):

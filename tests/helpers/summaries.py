@@ -3,9 +3,9 @@
 import numpy as np
 from rich.console import Console
 
+from helpers.recordings import bare
 from sim.evaluation.metric import Outcome
 from sim.evaluation.summary import results_table, summarise
-from sim.recording.recording import VERSION, Recording
 
 SECONDS = {"physics": 1.0, "rendering": 2.0, "detection": 0.5, "tracking": 0.25, "planning": 3.0, "video": 4.0}
 
@@ -14,31 +14,16 @@ def hand_made():
     """Two scans, two UAVs, three people; the third arrives at the second scan."""
     people = np.array([[[0.0, 0.0], [10.0, 0.0], [np.nan, np.nan]], [[1.0, 0.0], [10.0, 1.0], [5.0, 5.0]]])
     # Per scan and UAV: measurements 2, 1, 0, 2; tracks 1, 2, 0, 1.
-    means = np.array([[0.5, 0.0, 0, 0], [0.0, 0.0, 0, 0], [10.0, 2.0, 0, 0], [5.0, 5.5, 0, 0]])
-    return Recording(
-        version=VERSION,
+    first = [{0: (0.5, 0.0, 0, 0)}, {0: (0.0, 0.0, 0, 0), 1: (10.0, 2.0, 0, 0)}]
+    return bare(
+        people,
+        [first, [{}, {2: (5.0, 5.5, 0, 0)}]],
         scenario='{"duration": 40.0}',
-        planner="hover",
         seed=7,
-        interrupted=False,
-        times=np.array([0.0, 0.2]),
-        trees=np.zeros((0, 6)),
-        people=people,
-        headings=np.zeros((2, 3)),
-        poses=np.zeros((2, 2, 7)),
-        cameras=np.zeros((2, 2, 7)),
-        commands=np.zeros((2, 2, 2)),
         measurement_offsets=np.array([0, 2, 3, 3, 5]),
         measurements=np.zeros((5, 2)),
         measurement_covariances=np.tile(np.eye(2), (5, 1, 1)),
         pixels=np.ones((5, 2)),
-        track_offsets=np.array([0, 1, 3, 3, 4]),
-        track_ids=np.array([0, 0, 1, 2]),
-        track_means=means,
-        track_covariances=np.tile(np.eye(4), (4, 1, 1)),
-        track_existence=np.full(4, np.nan),
-        plan_times=np.zeros(0),
-        plans=np.zeros((0, 2, 0, 2)),
         ospa=np.array([[[0.5, 0.5, 0], [1.0, 1.0, 0]], [[0.25, 0.25, 0], [4.25, 4.25, 0]]]),
         visible=np.array([[[5, 1, 0], [0, 9, 0]], [[0, 0, 0], [7, 3, 2]]]),
         matched=np.array([[[1, 1, 0], [0, 1, 0]], [[0, 0, 0], [1, 0, 0]]], dtype=bool),

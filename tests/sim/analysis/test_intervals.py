@@ -191,10 +191,6 @@ def test_columns_do_not_depend_on_one_another():
             np.testing.assert_allclose(three(estimate), three(function(values[:, j : j + 1])[0]), rtol=1e-12)
 
 
-def test_the_same_values_give_the_same_intervals():
-    assert means(skewed(12)) == means(skewed(12))
-
-
 def test_one_map_has_no_interval_and_none_has_no_value():
     for function in (means, medians):
         np.testing.assert_array_equal(three(function(np.array([[2.0]]))[0]), (2.0, np.nan, np.nan))

@@ -1,15 +1,13 @@
 """`understory compare`: what it says, what it leaves, and how it ends."""
 
 import sqlite3
-import sys
-from contextlib import contextmanager
+from contextlib import nullcontext
 
 import pytest
-from helpers.commands import called
 from helpers.studies import Serial
 
 from sim.cli import study_flight as flight
-from sim.study.store import NAME, SCHEMA, Store, StoreError, read_rows
+from sim.study.store import NAME, Store, StoreError, read_rows
 from sim.study.study import STUDIES
 from sim.terminal import console
 from sim.terminal.progress import pace
@@ -23,20 +21,13 @@ factors.L.5.trees.density = 5
 
 
 @pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
+def call(call, monkeypatch):
     """Calls `understory compare` in a folder of its own with one backend: exit code, output and complaint."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(console.console, "width", 100)
 
     def run(*arguments, backend=None):
-        @contextmanager
-        def flown(workers, dask):
-            yield backend or Serial()
-
-        if "--dask" not in arguments:
-            monkeypatch.setattr(flight, "_backend", flown)
-        return called([*arguments], monkeypatch, capsys)
+        monkeypatch.setattr(flight, "_backend", lambda workers, dask: nullcontext(backend or Serial()))
+        return call(*arguments)
 
     return run
 
@@ -190,47 +181,6 @@ def test_results_of_another_version_are_said_to_be_apart(call, tmp_path):
 def test_studies_are_listed_with_their_meaning(call):
     code, out, _ = call("studies")
     assert code == 0 and all(name in out for name in STUDIES)
-
-
-WRONG = {
-    "unknown study": (["paper-horizn"], ["study: 'paper-horizn'", "did you mean paper-horizon?"]),
-    "missing file": (["no.toml"], ["no file no.toml"]),
-    "misspelt key": (["misspelt.toml"], ["study.planers: unknown key", "did you mean planners?"]),
-    "empty study": (["empty.toml"], ["no trial"]),
-    "maps and seeds": (["--maps", "3", "--seeds", "1"], ["--maps", "--seeds 0-49"]),
-    "no map": (["--maps", "0"], ["--maps", "1 to 100000"]),
-    "unknown sensing": (["--sensing", "idel"], ["--sensing: 'idel'", "did you mean ideal?"]),
-    "unknown thing to keep": (["--keep", "recording"], ["--keep: 'recording'", "did you mean recordings?"]),
-    "timeout of nothing": (["--timeout", "0"], ["--timeout", "more than 0 s"]),
-    "unknown planner": (["faults", "--planner", "hoover"], ["did you mean hover?"]),
-    "label without a planner": (["--label", "short"], ["--label: 'short'", "label=planner"]),
-    "label of an unknown planner": (["--label", "a=hoover"], ["--label: 'hoover' is none of"]),
-    "one label for two": (["--label", "a=hover", "--label", "a=greedy"], ["'a' would stand for two"]),
-    "varied key": (["faults", "--set", "network.loss=0.1"], ["network.loss is what factor 'fault'"]),
-    "forest that cannot be": (["--set", "trees.density=160"], ["trees.density = 160"]),
-    "newer store": (["--out", "newer"], [f"store of version {SCHEMA + 1}", f"reads {SCHEMA}"]),
-    "file for a folder": (["--out", "empty.toml"], ["--out: empty.toml", "cannot be used"]),
-    "folder that cannot be": (["--out", "/proc/study"], ["--out: /proc/study", "cannot be used"]),
-    "dask that does not answer": (["--dask", "tcp://127.0.0.1:9"], ["--dask: 'tcp://127.0.0.1:9' does not answer"]),
-}
-
-
-@pytest.mark.parametrize(("arguments", "words"), WRONG.values(), ids=WRONG)
-def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(call, tmp_path, monkeypatch, arguments, words):
-    monkeypatch.setattr("sim.study.cluster._CONNECT", 0.5)
-    (tmp_path / "misspelt.toml").write_text("[study]\nplaners = ['hover']")
-    (tmp_path / "empty.toml").write_text("[study]\nplanners = []")
-    (tmp_path / "newer").mkdir()
-    sql = sqlite3.connect(tmp_path / "newer" / NAME)
-    sql.execute(f"PRAGMA user_version = {SCHEMA + 1}")
-    sql.close()
-    before = sorted(tmp_path.rglob("*"))
-    code, out, err = call("compare", *arguments)
-    assert code == 2
-    assert err.startswith("understory: ") and err.count("\n") == 1 and "Traceback" not in out
-    for word in words:
-        assert word in err
-    assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_the_pace_of_a_study_in_words():

@@ -7,20 +7,18 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from helpers.hostile import DETECTED, DETECTOR, FLOWN, HEAD, PLANNER, REFUSED, UNDETECTED, planner
-from helpers.processes import started_with
+from helpers.processes import ROOT, python, started_with
 
 from sim.mission.plan_check import checked_plans
 from sim.sensing.sensors import Sensors
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 
-ROOT = Path(__file__).parents[3]
 CAMERA = Camera(1.0, 64)
 FILES = ["mission.npz", "ospa.png", "summary.json", "timeline.png"]
 MOST = 2 << 30  # bytes
@@ -80,10 +78,8 @@ def test_whatever_a_plug_in_does_a_run_ends_and_says_so(claim, tmp_path):
 def test_without_a_timeout_a_second_ctrl_c_ends_what_hangs(tmp_path):
     hanging = "if team[0].time < 0.5: return still(team)", "print('hanging', flush=True)", "while True: time.sleep(1)"
     (tmp_path / "hostile.py").write_text(HEAD + planner(*hanging))
-    command = [sys.executable, "-m", "sim", "run", *PLANNER.split(), "--no-video", "--out", "out"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, cwd=tmp_path, env=environment, **pipes) as process:
+    words = ["run", *PLANNER.split(), "--no-video", "--out", "out"]
+    with python("-m", "sim", *words, cwd=tmp_path, started=True) as process:
         assert any("hanging" in line for line in process.stdout)
         for _ in range(2):
             process.send_signal(signal.SIGINT)

@@ -35,6 +35,8 @@ def test_a_uav_that_breaks_down_ends_its_line_and_leaves_the_mean():
     assert np.flatnonzero(np.isnan(lines["UAV 1"])).tolist() == list(range(20, 50))
     np.testing.assert_allclose(lines["mean of UAVs"][20:], ospa[20:, ::2, 0].mean(axis=1), rtol=1e-15)
     assert f"mean {np.nanmean(ospa[:, :, 0]):.2f} m" in axes.get_title(loc="left")
+    ends = [c for c in axes.collections if len(c.get_offsets()) == 1 and c.get_linewidth() == 2]
+    assert [tuple(c.get_offsets()[0]) for c in ends] == [(times[19], ospa[19, 1, 0])]
 
 
 def test_the_shades_part_localisation_from_cardinality():

@@ -7,6 +7,7 @@ import av
 import numpy as np
 import pytest
 from helpers import synthetic
+from helpers.films import decoded
 
 from sim.drawing.layout import Box, arrange
 from sim.drawing.lettering import TextStyle, width, write
@@ -19,6 +20,8 @@ from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import Track
 
+OPEN, ALONE = Forest(()), synthetic.scenario(uavs=1)
+SCALE = 540 / (100 + 2 * MARGIN)  # pixels a metre
 RINGS = {"lost": LOST, "not found yet": NOT_FOUND_YET}
 
 
@@ -34,11 +37,6 @@ def write_video(path, mission, frames=8):
     with Video(path, Film(setting, trees, planner="hover"), fps=5) as video:
         for snapshot in snapshots[:frames]:
             video.add(snapshot, synthetic.frames(setting, trees, snapshot))
-
-
-def decoded(path):
-    with av.open(str(path)) as container:
-        return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
 
 
 def empty(snapshot, **changes):
@@ -86,7 +84,7 @@ def test_decoded_pictures_are_the_drawn_ones(tmp_path, mission):
     setting, trees, snapshots = mission
     write_video(tmp_path / "mission.mp4", mission)
     film = Film(setting, trees, planner="hover")
-    for snapshot, shown in zip(snapshots, decoded(tmp_path / "mission.mp4"), strict=True):
+    for snapshot, shown in zip(snapshots, decoded(tmp_path / "mission.mp4")[0], strict=True):
         drawn = film.draw(snapshot, synthetic.frames(setting, trees, snapshot))
         error = np.abs(shown.astype(float) - drawn)
         assert error.mean() < 3.0
@@ -116,105 +114,79 @@ def test_missing_frames_leave_detections_and_tracks(mission):
     assert np.any(image[:, -200:] != blank[:, -200:])
 
 
+def one_uav(above=(500.0, 500.0), **changes):
+    """A snapshot of a UAV above a place and of nothing else."""
+    pose = Pose.level(*above, 17.32)
+    return empty(next(synthetic.snapshots(ALONE, OPEN, 1)), poses=[pose], cameras=[pose], **changes)
+
+
+def mapped(snapshot, holds=None, forest=OPEN, size=(790, 540)):
+    image, view = np.zeros((size[1], size[0], 3), dtype=np.uint8), MapView(ALONE, forest, size)
+    assert view.scale == pytest.approx(SCALE * size[1] / 540)
+    view.draw(image, snapshot, holds)
+    return image
+
+
+def pixel(x, y):
+    """Column and row of a place."""
+    return round(395 + x * SCALE - 0.5), round(270 - y * SCALE - 0.5)
+
+
 def test_people_tracks_and_uavs_stand_where_they_are():
-    setting = synthetic.scenario(uavs=1)
-    size = (790, 540)
-    scale = 540 / (100 + 2 * MARGIN)
-    base = empty(next(synthetic.snapshots(setting, Forest(()), 1)))
-
-    def drawn(snapshot):
-        image = np.zeros((size[1], size[0], 3), dtype=np.uint8)
-        view = MapView(setting, Forest(()), size)
-        assert view.scale == pytest.approx(scale)
-        view.draw(image, snapshot)
-        return image
-
-    away = dataclasses.replace(base, poses=[Pose.level(500, 500, 17)], cameras=[Pose.level(500, 500, 17)])
-    before = drawn(away)
-    x, y = 395 + 40 * scale, 270 - 20 * scale
-    person = dataclasses.replace(
-        away, people=np.array([[40.0, 20.0]]), headings=np.zeros(1), visible=np.ones((1, 1), int)
-    )
-    image = drawn(person)
-    assert changed_near(image, before, x, y, 12)
-    assert image[round(y - 0.5), round(x - 0.5)].max() < 60
+    before, (x, y) = mapped(one_uav()), pixel(40.0, 20.0)
+    image = mapped(one_uav(people=np.array([[40.0, 20.0]]), headings=np.zeros(1), visible=np.ones((1, 1), int)))
+    assert changed_near(image, before, 395 + 40 * SCALE, 270 - 20 * SCALE, 12)
+    assert image[y, x].max() < 60
     ring = Gaussian(np.array([40.0, 20.0, 0.0, 0.0]), np.diag([4.0, 1.0, 1.0, 1.0]))
-    image = drawn(dataclasses.replace(away, tracks=[(Track(1, ring),)]))
+    image = mapped(one_uav(tracks=[(Track(1, ring),)]))
     # The ellipse that holds 95 % of a planar Gaussian reaches 2.4477 standard deviations.
     for dx, dy in ((2.4477 * 2.0, 0.0), (0.0, 2.4477)):
-        at = image[round(y - 0.5 - dy * scale), round(x - 0.5 + dx * scale)]
-        assert np.abs(at.astype(int) - track_colour(1)).max() < 60
-    uav = dataclasses.replace(base, poses=[Pose.level(40, 20, 17.32)], cameras=[Pose.level(40, 20, 17.32)])
-    image = drawn(uav)
-    np.testing.assert_array_equal(image[round(y - 0.5), round(x - 0.5)], uav_colour(0))
-    edge = image[round(y - 0.5 + 10 * scale), round(x + 20)]
+        column, row = pixel(40.0 + dx, 20.0 + dy)
+        assert np.abs(image[row, column].astype(int) - track_colour(1)).max() < 60
+    image = mapped(one_uav((40.0, 20.0)))
+    np.testing.assert_array_equal(image[y, x], uav_colour(0))
+    edge = image[pixel(40.0, 10.0)[1], x + 20]
     assert np.abs(edge.astype(int) - uav_colour(0)).max() < 60
 
 
-def test_people_are_marked_as_seen_hidden_out_of_view_and_lost():
-    setting, size = synthetic.scenario(uavs=1), (790, 540)
-    scale, place = 540 / (100 + 2 * MARGIN), np.array([[10.0, 5.0]])
-    base = empty(next(synthetic.snapshots(setting, Forest(()), 1)))
-    x, y = round(395 + 10 * scale - 0.5), round(270 - 5 * scale - 0.5)
-
-    def centre(visible, above, hold):
-        pose = Pose.level(*above, 17.32)
-        image = np.zeros((size[1], size[0], 3), dtype=np.uint8)
-        there = {"people": place, "headings": np.zeros(1), "visible": np.array([[visible]])}
-        snapshot = dataclasses.replace(base, poses=[pose], cameras=[pose], **there)
-        MapView(setting, Forest(()), size).draw(image, snapshot, np.array([HOLDS.index(hold)]))
-        ring = image[y - 12 : y + 13, x - 12 : x + 13].reshape(-1, 3)
-        return image[y, x].astype(int), {name for name, c in RINGS.items() if np.any(np.all(ring == c, axis=1))}
-
-    for visible, above, hold, colour in (
+@pytest.mark.parametrize(
+    ("visible", "above", "hold", "colour"),
+    [
         (5, (15.0, 5.0), "held", INK),
         (0, (15.0, 5.0), "lost", PANEL),
         (0, (60.0, 5.0), "not found yet", FAINT),
-    ):
-        found, rings = centre(visible, above, hold)
-        assert np.abs(found - colour).max() < 60
-        assert rings == {hold} & set(RINGS)
+    ],
+)
+def test_people_are_marked_as_seen_hidden_out_of_view_and_lost(visible, above, hold, colour):
+    there = {"people": np.array([[10.0, 5.0]]), "headings": np.zeros(1), "visible": np.array([[visible]])}
+    image, (x, y) = mapped(one_uav(above, **there), np.array([HOLDS.index(hold)])), pixel(10.0, 5.0)
+    assert np.abs(image[y, x].astype(int) - colour).max() < 60
+    ring = image[y - 12 : y + 13, x - 12 : x + 13].reshape(-1, 3)
+    assert {name for name, c in RINGS.items() if np.any(np.all(ring == c, axis=1))} == {hold} & set(RINGS)
 
 
 def test_no_name_covers_a_person():
-    setting, size = synthetic.scenario(uavs=1), (790, 540)
-    scale = 540 / (100 + 2 * MARGIN)
-    base = empty(next(synthetic.snapshots(setting, Forest(()), 1)))
     rng = np.random.default_rng(1)
     for _ in range(5):
         grid = 5.0 * np.array([(i, j) for i in (-1.5, -0.5, 0.5, 1.5) for j in (-1, 1)])
         people = grid + rng.uniform(-1, 1, (8, 2))
-        tracks = [
-            (
-                tuple(
-                    Track(i, Gaussian(np.array([*p, 0, 0]), np.eye(4)))
-                    for i, p in enumerate(people + np.array([2.0, 1.0]))
-                )
-            )
-        ]
-        pose = Pose.level(0, 0, 17.32)
-        there = {"people": people, "headings": np.zeros(8), "visible": np.ones((1, 8), int), "tracks": tracks}
-        image = np.zeros((size[1], size[0], 3), dtype=np.uint8)
-        snapshot = dataclasses.replace(base, poses=[pose], cameras=[pose], **there)
-        MapView(setting, Forest(()), size).draw(image, snapshot, np.full(8, HOLDS.index("lost")))
+        held = [Track(i, Gaussian(np.array([x + 2.0, y + 1.0, 0, 0]), np.eye(4))) for i, (x, y) in enumerate(people)]
+        there = {"people": people, "headings": np.zeros(8), "visible": np.ones((1, 8), int), "tracks": [tuple(held)]}
+        image = mapped(one_uav((0.0, 0.0), **there), np.full(8, HOLDS.index("lost")))
         for place in people:
-            x, y = round(395 + place[0] * scale - 0.5), round(270 - place[1] * scale - 0.5)
+            x, y = pixel(*place)
             assert np.abs(image[y, x].astype(int) - INK).max() < 60
 
 
 def test_trees_are_discs_of_the_canopys_size():
-    setting = synthetic.scenario(uavs=1)
-    scale = 10.0
-    view = MapView(setting, Forest((Tree(0.0, 0.0, 5.0),)), (1580, 1080))
-    image = np.zeros((1080, 1580, 3), dtype=np.uint8)
-    away = empty(next(synthetic.snapshots(setting, Forest(()), 1)))
-    view.draw(image, dataclasses.replace(away, poses=[Pose.level(500, 0, 9)], cameras=[Pose.level(500, 0, 9)]))
+    image = mapped(one_uav(), forest=Forest((Tree(0.0, 0.0, 5.0),)), size=(1580, 1080))
     green = np.all(np.abs(image.astype(int) - image[540 + 25, 790 + 25]) < 8, axis=2)
     rows, columns = np.nonzero(green)
     distance = np.hypot(rows + 0.5 - 540, columns + 0.5 - 790)
-    assert 5 * scale - 2 < distance.max() <= 5 * scale + 1
+    radius = 5 * 2 * SCALE
+    assert radius - 2 < distance.max() <= radius + 1
     # All but the trunk and a line of two pixels round the canopy.
-    assert len(rows) == pytest.approx(np.pi * (5 * scale - 1) ** 2, rel=0.03)
+    assert len(rows) == pytest.approx(np.pi * (radius - 1) ** 2, rel=0.03)
 
 
 def test_absent_people_are_not_drawn(mission):
@@ -263,7 +235,7 @@ def test_map_and_tiles_stay_inside_the_panel_and_apart(aspect):
 
 def test_a_video_closed_early_plays(tmp_path, mission):
     write_video(tmp_path / "mission.mp4", mission, frames=1)
-    assert [frame.shape for frame in decoded(tmp_path / "mission.mp4")] == [(720, 1280, 3)]
+    assert [frame.shape for frame in decoded(tmp_path / "mission.mp4")[0]] == [(720, 1280, 3)]
     assert os.listdir(tmp_path) == ["mission.mp4"]
 
 

@@ -1,4 +1,4 @@
-"""Figures over a recording: by hand, without absent people, and quickly."""
+"""Figures and summary over a recording: by hand, without absent people, and quickly."""
 
 import dataclasses
 import json
@@ -8,53 +8,26 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers import synthetic
-from helpers.summaries import summary
+from helpers.recordings import bare, record
+from helpers.summaries import SECONDS, hand_made, shown, summary
 
 from sim.evaluation.score import held_by, score, velocities
-from sim.recording.recording import VERSION, Recorder, Recording
-from sim.scenario.scenario import resolved
+from sim.sensing.fault import Fault
+from sim.sensing.stopwatch import STAGES
+from sim.terminal.results import show_run
 from tracking.metrics.gospa import gospa
 from tracking.metrics.nees import nees_interval
 from tracking.metrics.ospa import ospa2
 
 
 def recorded(people, held, broken=()):
-    """A recording of people (K, M, 2) and, per scan and UAV, tracks {id: (x, y, vx, vy)}; `broken`: scans and UAVs."""
-    scans, uavs, count = len(people), len(held[0]), people.shape[1]
-    cells = [cell for row in held for cell in row]
-    means = [mean for cell in cells for mean in cell.values()]
-    ospa = np.ones((scans, uavs, 3))
+    """A recording of people and tracks; `broken`: scans and UAVs from which on these have broken down."""
+    ospa = np.ones((len(people), len(held[0]), 3))
     for k, i in broken:
         ospa[k:, i] = np.nan
-    return Recording(
-        version=VERSION,
-        scenario="{}",
-        planner="hover",
-        seed=0,
-        interrupted=False,
-        times=np.arange(scans) / 5,
-        trees=np.zeros((0, 6)),
-        people=people,
-        headings=np.zeros((scans, count)),
-        poses=np.zeros((scans, uavs, 7)),
-        cameras=np.zeros((scans, uavs, 7)),
-        commands=np.zeros((scans, uavs, 2)),
-        measurement_offsets=np.zeros(scans * uavs + 1, dtype=np.int64),
-        measurements=np.zeros((0, 2)),
-        measurement_covariances=np.zeros((0, 2, 2)),
-        pixels=np.zeros((0, 2)),
-        track_offsets=np.cumsum([0, *map(len, cells)]),
-        track_ids=np.array([id for cell in cells for id in cell], dtype=np.int64),
-        track_means=np.array(means, dtype=float).reshape(-1, 4),
-        track_covariances=np.tile(np.diag([0.25, 0.25, 1.0, 1.0]), (len(means), 1, 1)),
-        track_existence=np.full(len(means), np.nan),
-        plan_times=np.zeros(0),
-        plans=np.zeros((0, uavs, 0, 2)),
-        ospa=ospa,
-        visible=np.zeros((scans, uavs, count), dtype=np.int64),
-        matched=np.zeros((scans, uavs, count), dtype=bool),
-    )
+    recording = bare(people, held, ospa=ospa)
+    spread = np.diag([0.25, 0.25, 1.0, 1.0])
+    return dataclasses.replace(recording, track_covariances=np.tile(spread, (len(recording.track_ids), 1, 1)))
 
 
 def walk(scans=4):
@@ -147,24 +120,15 @@ def test_a_uav_that_breaks_down_counts_until_then():
 
 @pytest.mark.parametrize("options", [{"people": 0}, {"scans": 1}, {"uavs": 1}])
 def test_the_figures_are_strict_json_for_any_mission(options):
-    json.dumps(summary(synthetic_recording(**{"scans": 11, **options})), allow_nan=False)
+    json.dumps(summary(record(**options)), allow_nan=False)
     gone = dataclasses.replace(recorded(walk(), HELD), ospa=np.full((4, 2, 3), np.nan))
     result = summary(gone)
     json.dumps(result, allow_nan=False)
     assert result["gospa"]["mean_m"] is result["ospa2_m"] is result["share_held"] is None
 
 
-def synthetic_recording(scans, **options):
-    setting = synthetic.scenario(**options)
-    trees = synthetic.forest(setting)
-    recorder = Recorder()
-    for snapshot in synthetic.snapshots(setting, trees, scans):
-        recorder.add(snapshot)
-    return recorder.recording(scenario=resolved(setting), planner="hover", seed=0, forest=trees)
-
-
 def test_the_figures_are_those_of_the_library_scan_by_scan():
-    recording = synthetic_recording(21)
+    recording = record(21)
     for i in range(3):
         found = score(recording, i)
         for k in range(21):
@@ -176,10 +140,90 @@ def test_the_figures_are_those_of_the_library_scan_by_scan():
 
 
 def test_a_mission_of_40_s_is_summed_up_in_a_third_of_a_second():
-    recording = synthetic_recording(201)
+    recording = record(201)
     spent = []
     for _ in range(3):
         start = time.perf_counter()
         summary(recording)
         spent.append(time.perf_counter() - start)
     assert min(spent) < 0.3
+
+
+def test_the_summary_matches_the_hand_count():
+    result = summary(hand_made())
+    assert result["ospa"] == {"mean_m": 1.5, "median_m": 0.75, "share_under_1m": 0.5}
+    # Shown with a pixel or more: 6 pairs, 4 of them detected; 5 detections, 4 of them people.
+    assert result["detection"] == {"recall": pytest.approx(4 / 6), "precision": pytest.approx(4 / 5)}
+    assert (result["planner"], result["seed"], result["scenario"]) == ("hover", 7, {"duration": 40.0})
+    assert (result["duration_s"], result["interrupted"], result["faults"]) == (0.2, False, [])
+    assert result["seconds"] == SECONDS
+
+
+def test_people_are_held_while_a_track_is_within_a_metre():
+    # Person 0: held by both UAVs at scan 0, by none at 1. Person 1: a track at 2 m. Person 2: present at scan 1 only.
+    assert summary(hand_made())["people_held"] == [0.5, 0.0, 0.5]
+    gone = dataclasses.replace(hand_made(), people=np.full((2, 3, 2), np.nan))
+    assert summary(gone)["people_held"] == [None, None, None]
+
+
+def test_the_real_time_factor_leaves_video_and_start_up_aside():
+    assert summary(hand_made())["real_time_factor"] == pytest.approx(0.2 / (14 - 4))
+    started = summary(hand_made(), seconds={**SECONDS, "start_up": 5.0})
+    assert started["real_time_factor"] == pytest.approx(0.2 / (14 - 4 - 5))
+    assert started["seconds"]["start_up"] == 5.0
+    assert summary(hand_made(), wall_s=4.0)["real_time_factor"] is None
+
+
+def test_ideal_sensing_has_no_detection_to_count():
+    ideal = dataclasses.replace(
+        hand_made(),
+        pixels=np.full((5, 2), np.nan),
+        visible=np.zeros((2, 2, 3), dtype=int),
+        matched=np.zeros((2, 2, 3), dtype=bool),
+    )
+    assert summary(ideal)["detection"] == {"recall": None, "precision": None}
+
+
+def test_the_summary_is_strict_json():
+    result = summary(hand_made(), faults=[Fault(1.0, 0, "NaN"), Fault(2.0, None, "error")])
+    assert result["faults"][0] == {"time": 1.0, "uav": 0, "message": "NaN"}
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
+    assert list(result["seconds"]) == list(STAGES)
+
+
+def test_the_table_shows_every_number():
+    text = shown(summary(hand_made(), wall_s=4.025))
+    pieces = ("hover, seed 7", "1.50 m", "0.75 m", "50.0 %", "66.7 %", "80.0 %", "8.0", *STAGES, "3.00 s")
+    for piece in (
+        *pieces,
+        "GOSPA mean",
+        "people held",
+        "30.0 %",
+        "identity switches",
+        "NEES of positions (consistent: 2)",
+    ):
+        assert piece in text
+    assert "interrupted" not in text
+
+
+def test_the_table_marks_interruption():
+    result = summary(dataclasses.replace(hand_made(), interrupted=True))
+    text = shown({**result, "detection": {"recall": None, "precision": None}})
+    assert "interrupted" in text
+
+
+def test_what_went_wrong_is_shown_above_the_table_each_once_with_its_place(tmp_path, capsys):
+    faults = [Fault(float(t), 0, "[red]NaN", ("mine.py:3, in plan: return x[0]",)) for t in (1, 2)]
+    show_run(summary(hand_made(), faults=[*faults, Fault(2.0, None, "gone")]), tmp_path)
+    before, _, after = capsys.readouterr().out.partition("┏")
+    assert before.splitlines()[:3] == [
+        "fault at 1.0 s, 2 times until 2.0 s, UAV 0: [red]NaN",
+        "  mine.py:3, in plan: return x[0]",
+        "fault at 2.0 s, team: gone",
+    ]
+    assert "fault" not in after
+
+
+def test_where_nothing_went_wrong_nothing_is_shown(tmp_path, capsys):
+    show_run(summary(hand_made()), tmp_path)
+    assert "fault" not in capsys.readouterr().out

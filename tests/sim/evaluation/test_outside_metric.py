@@ -6,7 +6,6 @@ import sys
 from contextlib import nullcontext
 
 import pytest
-from helpers.commands import called
 from helpers.studies import Serial
 from helpers.summaries import hand_made, shown, summary
 
@@ -30,46 +29,44 @@ NUMBER = 3
 """
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """The current folder, with a module of metrics."""
+@pytest.fixture(autouse=True)
+def mine(tmp_path, monkeypatch):
+    """A module of metrics in the current folder."""
     (tmp_path / "mine.py").write_text(FILE)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "mine", raising=False)
-    return tmp_path
 
 
-def test_a_file_adds_a_metric_to_summary_and_table(folder):
+def test_a_file_adds_a_metric_to_summary_and_table():
     found = summary(hand_made(), asked=["mine:FARTHEST", "mine:NONE"])
     told = {"label": "farthest from the middle", "unit": "km", "value": 0.0}
     assert found["metrics"] == {"mine:FARTHEST": told, "mine:NONE": {"label": "of nothing", "unit": "", "value": None}}
     assert "farthest from the middle" in shown(found) and "0.00 km" in shown(found)
 
 
-def test_a_run_has_the_metric_in_its_summary(folder, monkeypatch, capsys):
+def test_a_run_has_the_metric_in_its_summary(call, tmp_path):
     words = ["run", "--planner", "hover", "--duration", "1", "--set", "sensing.mode=ideal", "--no-video"]
-    code, out, err = called([*words, "--metric", "mine:FARTHEST", "--out", "r"], monkeypatch, capsys)
+    code, out, err = call(*words, "--metric", "mine:FARTHEST", "--out", "r")
     assert (code, err) == (0, "") and "farthest from the middle" in out
-    value = json.loads((folder / "r" / "summary.json").read_text())["metrics"]["mine:FARTHEST"]["value"]
+    value = json.loads((tmp_path / "r" / "summary.json").read_text())["metrics"]["mine:FARTHEST"]["value"]
     assert 0.02 < value < 0.1
 
 
-def test_a_study_has_the_metric_in_rows_tables_and_report(folder, monkeypatch, capsys):
+def test_a_study_has_the_metric_in_rows_tables_and_report(call, tmp_path, monkeypatch):
     backend = Serial()
     monkeypatch.setattr(study_flight, "_backend", lambda workers, dask: nullcontext(backend))
     words = ["compare", "--planner", "hover", "--seeds", "0", "--duration", "1", "--sensing", "ideal"]
-    assert called(words, monkeypatch, capsys)[0] == 0
-    code, out, _ = called([*words, "--metric", "mine:FARTHEST"], monkeypatch, capsys)
+    assert call(*words)[0] == 0
+    code, out, _ = call(*words, "--metric", "mine:FARTHEST")
     assert code == 0 and "middle [km]" in out
     assert len(backend.flown) == 2  # again, for the metric that the first flight lacked
-    (row,) = read_rows(folder / "runs" / "compare")
+    (row,) = read_rows(tmp_path / "runs" / "compare")
     assert 20 < row.metrics["mine:FARTHEST"] < 100
-    assert "farthest from the middle [km]" in (folder / "runs" / "compare" / "report.html").read_text()
-    assert "mine:FARTHEST" in (folder / "runs" / "compare" / "table.csv").read_text()
+    assert "farthest from the middle [km]" in (tmp_path / "runs" / "compare" / "report.html").read_text()
+    assert "mine:FARTHEST" in (tmp_path / "runs" / "compare" / "table.csv").read_text()
 
 
-def test_one_that_raises_is_undefined_and_a_fault(folder):
+def test_one_that_raises_is_undefined_and_a_fault():
     found = summary(hand_made(), asked=["mine:BROKEN"])
     assert found["metrics"]["mine:BROKEN"]["value"] is None
     (fault,) = found["faults"]
@@ -77,16 +74,14 @@ def test_one_that_raises_is_undefined_and_a_fault(folder):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
-    {
-        "mine:NUMBER": "cannot be imported: mine has no class 'NUMBER'",
-        "mine:farthest": "is no metric; expected a sim.evaluation.metric.Metric",
-        "nowhere:IT": "cannot be imported: No module named 'nowhere'",
-        "ospa.maen_m": "did you mean ospa.mean_m?",
-    }.items(),
+    ("command", "name", "words"),
+    [
+        ("run", "mine:NUMBER", "cannot be imported: mine has no class 'NUMBER'"),
+        ("compare", "mine:NUMBER", "cannot be imported: mine has no class 'NUMBER'"),
+        ("compare", "mine:farthest", "is no metric; expected a sim.evaluation.metric.Metric"),
+        ("compare", "nowhere:IT", "cannot be imported: No module named 'nowhere'"),
+        ("compare", "ospa.maen_m", "did you mean ospa.mean_m?"),
+    ],
 )
-def test_what_is_no_metric_is_refused_in_one_line(folder, monkeypatch, capsys, name, words):
-    for command in ("run", "compare"):
-        code, _, err = called([command, "--metric", name], monkeypatch, capsys)
-        assert code == 2 and words in err and err.count("\n") == 1
-    assert not (folder / "runs").exists()
+def test_what_is_no_metric_is_refused_in_one_line(refused, command, name, words):
+    assert words in refused(command, "--metric", name)

@@ -1,15 +1,19 @@
-"""Missions fly in every variant, and only what should change them does."""
+"""Missions fly in every variant, whatever a planner does, and only what should change them does."""
 
 import itertools
 
 import numpy as np
 import pytest
-from helpers.flights import fly
+from helpers.flights import IDEAL, fly, fly_ideal
 
 from planning.loading import load_planner
 from planning.planner import Plan
 from sim.mission.mission import Mission, Trial
+from sim.mission.plan_check import checked_plans
+from sim.recording.archive import load as load_recording
+from sim.running.run import run
 from sim.scenario.loading import load
+from sim.scenario.scenario import Scenario
 
 CROWD = "t,id,x,y\n" + "".join(
     f"{t},{name},{-28 + 1.5 * t},{y}\n"
@@ -76,16 +80,6 @@ def test_people_of_a_file_appear_and_leave(tmp_path):
     assert len(snapshots[-1].tracks[2]) >= 1
 
 
-def test_a_body_mounted_camera_tilts_with_the_body_and_a_gimbal_does_not():
-    _, gimbal = fly(planner="greedy")
-    _, body = fly(*[f"uavs.{i}.mount=body" for i in range(3)], planner="greedy")
-    for s in gimbal:
-        np.testing.assert_array_equal([c.quaternion for c in s.cameras], np.tile([0.0, 0, 0, 1], (3, 1)))
-    for s in body:
-        np.testing.assert_array_equal([c.quaternion for c in s.cameras], [p.quaternion for p in s.poses])
-    assert max(1 - abs(c.quaternion[3]) for s in body for c in s.cameras) > 1e-3
-
-
 def test_another_planner_meets_the_same_forest_and_people():
     (one, first), (two, second) = (fly(planner=planner, seed=3) for planner in ("greedy", "hover"))
     assert one.forest.trees == two.forest.trees
@@ -122,8 +116,7 @@ class Faulty:
 
 
 def test_a_planner_that_fails_does_not_end_the_mission():
-    mission = Mission(load("forest", ["duration=5", "sensing.mode=ideal"]), Faulty(), 0)
-    snapshots = list(mission.fly())
+    mission, snapshots = fly("sensing.mode=ideal", planner=Faulty(), duration=5)
     assert [(f.time, f.uav) for f in mission.faults] == [(1.0, None), (2.0, 0), (3.0, 2), (4.0, None)]
     for fault, words in zip(mission.faults, ("lost", "finite", "clipped", "1 plans for 3"), strict=True):
         assert words in fault.message
@@ -161,8 +154,6 @@ def test_a_mission_closes_its_world_when_it_is_left_early():
 def test_a_uav_knows_only_the_neighbours_it_hears_and_their_intents():
     """Three in a row, 30 m apart, that reach 40 m: the middle one hears both, the outer ones only the middle one."""
     starts = [f"{{start=[{x}, 0], footprint={edge}}}" for x, edge in ((-30, 20), (0, 25), (30, 22))]
-    setting = load("forest", [f"uavs=[{','.join(starts)}]", "network.range=40", "trees.density=0", "duration=1"])
-
     heard = []
 
     class Listener:
@@ -170,8 +161,7 @@ def test_a_uav_knows_only_the_neighbours_it_hears_and_their_intents():
             heard.append([([v.id for v in s.neighbours], sorted(s.intents)) for s in team])
             return [Plan(np.zeros((2, 2))) for _ in team]
 
-    for _ in Mission(setting, Listener(), 0).fly():
-        pass
+    fly(f"uavs=[{','.join(starts)}]", "network.range=40", "trees.density=0", planner=Listener())
     neighbours = [[1], [0, 2], [1]]
     assert heard[0] == [(n, []) for n in neighbours]
     assert heard[1] == [(n, sorted([i, *n])) for i, n in enumerate(neighbours)]
@@ -185,8 +175,7 @@ def test_a_planner_that_spoils_its_map_spoils_nothing_else():
                 situation.own.position[:] = 0.0
             return [Plan(np.zeros((1, 2))) for _ in team]
 
-    setting = load("forest", ["duration=2", "sensing.mode=ideal"])
-    spoilt, kept = (list(Mission(setting, planner, 0).fly()) for planner in (Vandal(), load_planner("hover")))
+    (_, spoilt), (_, kept) = (fly("sensing.mode=ideal", planner=planner, duration=2) for planner in (Vandal(), "hover"))
     for a, b in zip(spoilt, kept, strict=True):
         for one, other in zip(a.scans, b.scans, strict=True):
             np.testing.assert_array_equal(one.measurements, other.measurements)
@@ -202,3 +191,108 @@ def test_no_trunk_stands_in_the_way_of_recorded_people(tmp_path):
     trunks = np.array([(t.x, t.y) for t in mission.forest.trees])
     gaps = np.linalg.norm(mission.people.positions[:, :, None] - trunks, axis=3)
     assert gaps.min() > 0.2 + 0.5 - 0.12  # the path is kept clear where it is sampled, 0.23 m apart
+
+
+OPEN = "trees.density=0"
+
+
+class Asked:
+    """Hovers elsewhere than here: flies east, and notes when it is asked."""
+
+    def __init__(self):
+        self.times = []
+
+    def plan(self, team, rng):
+        self.times.append(team[0].time)
+        plans = load_planner("hover").plan(team, rng)
+        for plan in plans:
+            plan.controls[:, 0] = 2.0
+        return plans
+
+
+@pytest.mark.parametrize(("first", "asked"), [(0, [0, 1, 2, 3, 4]), (1, [1, 2, 3, 4]), (3, [3, 4]), (4, [4])])
+def test_uavs_hover_until_the_first_decision(first, asked):
+    planner = Asked()
+    _, snapshots = fly_ideal(OPEN, f"first_decision={first}", planner=planner)
+    assert planner.times == asked
+    starts = np.array([uav.start for uav in Scenario().uavs])
+    for snapshot in snapshots:
+        moved = np.array([pose.position[:2] for pose in snapshot.poses]) - starts
+        np.testing.assert_allclose(moved, [[2.0 * max(0.0, snapshot.time - first), 0.0]] * 3, atol=1e-9)
+        assert (snapshot.plans is not None) == (snapshot.time in asked)
+        assert np.all(snapshot.plan_bytes == 0) or snapshot.time in asked
+    assert all(scan.measurements.size for scan in snapshots[0].scans)
+
+
+def test_what_is_sensed_meanwhile_is_the_same():
+    """Hovering draws nothing: until the first decision a mission is that of a planner that hovers."""
+    unknown = (OPEN, "first_decision=2", "tracking.initial_tracks=none")
+    _, later = fly_ideal(*unknown, planner="sma-nbo(evaluations=64)", seed=3)
+    _, still = fly_ideal(*unknown, seed=3)
+    for one, other in zip(later[:11], still, strict=False):
+        assert np.array_equal(one.ospa, other.ospa)
+        assert [len(t) for t in one.tracks] == [len(t) for t in other.tracks]
+    assert len(later[3].tracks[0]) == 4 and Scenario().first_decision == 0.0
+
+
+def test_a_mission_that_hovers_at_first_is_recorded_and_shown(tmp_path):
+    scenario = load("forest", [*IDEAL, OPEN, "duration=4", "first_decision=2"])
+    run(Trial(scenario, "greedy", 0), tmp_path / "out")
+    recording = load_recording(tmp_path / "out" / "mission.npz")
+    np.testing.assert_array_equal(recording.plan_times, [2.0, 3.0, 4.0])
+    assert recording.plans_at(0) is None
+    for name in ("mission.html", "mission.mp4", "timeline.png", "summary.json"):
+        assert (tmp_path / "out" / name).is_file()
+
+
+LAST = {i: Plan(np.array([[1.0, 0.0], [0.0, 2.0]])) for i in range(3)}
+
+
+class Fixed:
+    def __init__(self, plans):
+        self.plans = plans
+
+    def plan(self, team, rng):
+        if isinstance(self.plans, BaseException):
+            raise self.plans
+        return self.plans
+
+
+def good():
+    return Plan(np.array([[3.0, 4.0], [0.0, 1.0]]))
+
+
+@pytest.mark.parametrize("wrong", [RuntimeError("boom"), SystemExit(3), None, [], [good()]])
+def test_a_team_without_plans_flies_its_last_intents(random_team, wrong):
+    plans, faults = checked_plans(Fixed(wrong), random_team(0), LAST, np.random.default_rng(0))
+    assert [f.uav for f in faults] == [None]
+    for plan in plans:
+        np.testing.assert_array_equal(plan.controls, [[0.0, 2.0]])
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [Plan(np.array([[np.nan, 0.0]])), Plan(np.zeros(2)), Plan(np.zeros((0, 2))), "north", None, Plan("no")],
+)
+def test_a_uav_without_a_valid_plan_flies_its_last_intent_then_hovers(random_team, wrong):
+    planner = Fixed([good(), wrong, good()])
+    plans, faults = checked_plans(planner, random_team(0), LAST, np.random.default_rng(0))
+    assert [f.uav for f in faults] == [1]
+    np.testing.assert_array_equal(plans[0].controls, good().controls)
+    np.testing.assert_array_equal(plans[1].controls, [[0.0, 2.0]])
+    plans, _ = checked_plans(planner, random_team(0), dict(enumerate(plans)), np.random.default_rng(0))
+    np.testing.assert_array_equal(plans[1].controls, [[0.0, 0.0]])
+
+
+def test_too_fast_a_command_is_clipped_and_reported(random_team):
+    planner = Fixed([Plan(np.array([[6.0, 8.0]])), good(), good()])
+    plans, faults = checked_plans(planner, random_team(0), {}, np.random.default_rng(0))
+    np.testing.assert_allclose(plans[0].controls, [[3.0, 4.0]])
+    assert len(faults) == 1 and "exceeds" in faults[0].message
+
+
+def test_valid_plans_pass_unchanged(random_team):
+    plans, faults = checked_plans(Fixed([good()] * 3), random_team(0), {}, np.random.default_rng(0))
+    assert faults == []
+    for plan in plans:
+        np.testing.assert_array_equal(plan.controls, good().controls)

@@ -1,44 +1,34 @@
 """Repeats fly the map of a seed with another chance; the first repeat is what the seed alone gives."""
 
 import json
-import os
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from helpers.commands import called
+from helpers.flights import recorded
 from helpers.studies import invented, plain, short
 from helpers.trials import row
 
 from sim.mission.mission import Mission, Trial, forest_and_people
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
-from sim.recording.recording import Recorder
 from sim.replay.links import links_of
 from sim.report.replay_commands import command
 from sim.scenario.loading import load
 from sim.scenario.random_streams import numbered, stream
-from sim.scenario.scenario import resolved
 from sim.study.backends import Borrowed
-from sim.study.cluster import connected
 from sim.study.engine import complete
-from sim.study.pool import Pool
 from sim.study.store import _COLUMNS, NAME, SCHEMA, Store, read_rows
 from sim.study.study import adapted, read
 from sim.study.tasks import tasks
-from sim.study.trial import fly
 from sim.world.appearance import sample_appearance
 
-NOISY = ["duration=2", "sensing.mode=ideal", "trees.density=5", "network.loss=0.3", "wind.gust=0.5"]
+NOISY = ["sensing.mode=ideal", "trees.density=5", "network.loss=0.3", "wind.gust=0.5"]
 
 
-def flown(repeat, planner="sma-nbo(evaluations=64)", seed=7):
-    trial = Trial(load("forest", NOISY), planner, seed, repeat)
-    mission, recorder = Mission.of(trial), Recorder(repeat)
-    for snapshot in mission.fly():
-        recorder.add(snapshot)
-    return recorder.recording(scenario=resolved(trial.scenario), planner=planner, seed=seed, forest=mission.forest)
+def flown(repeat):
+    return recorded(*NOISY, planner="sma-nbo(evaluations=64)", seed=7, duration=2, repeat=repeat)[0]
 
 
 @pytest.fixture(scope="module")
@@ -109,35 +99,19 @@ def test_a_recording_carries_its_repeat(recordings, tmp_path):
     assert load_recording(tmp_path / "mission.npz").repeat == 2
 
 
-def test_a_run_leaves_its_repeat_in_folder_recording_and_summary(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    options = ["--seed", "7", "--planner", "hover", "--no-video", *(w for o in NOISY for w in ("--set", o))]
-    code, out, _ = called(["run", *options, "--repeat", "2"], monkeypatch, capsys)
+def test_a_run_leaves_its_repeat_in_folder_recording_and_summary(call, tmp_path):
+    settings = [word for setting in NOISY for word in ("--set", setting)]
+    options = ["run", "--seed", "7", "--planner", "hover", "--no-video", "--duration", "1", *settings]
+    code, out, _ = call(*options, "--repeat", "2")
     folder = tmp_path / "runs" / "forest-hover-seed7-repeat2"
     assert code == 0 and "hover, seed 7, repeat 2" in out and folder.is_dir()
     assert json.loads((folder / "summary.json").read_text())["repeat"] == 2
     assert load_recording(folder / "mission.npz").repeat == 2
-    code, out, _ = called(["run", *options, "--repeat", "0"], monkeypatch, capsys)
+    code, out, _ = call(*options, "--repeat", "0")
     plainly = tmp_path / "runs" / "forest-hover-seed7"
     assert code == 0 and plainly.is_dir() and "repeat" not in out
-    again = called(["run", *options, "--out", "plain"], monkeypatch, capsys)
-    assert again[0] == 0
+    assert call(*options, "--out", "plain")[0] == 0
     assert (plainly / "mission.npz").read_bytes() == (tmp_path / "plain" / "mission.npz").read_bytes()
-
-
-@pytest.mark.parametrize("value", ["-1", "10000", "1.5", "two", "", "9" * 30])
-def test_a_repeat_that_is_none_is_one_line(value, monkeypatch, capsys):
-    code, _, err = called(["run", "--repeat", value], monkeypatch, capsys)
-    assert (code, err) == (
-        2,
-        f"understory: --repeat: {value!r} is not allowed; expected an integer, 0 to 9999\n",
-    )
-
-
-@pytest.mark.parametrize("value", ["0", "10001", "1.5"])
-def test_a_number_of_repeats_that_is_none_is_one_line(value, monkeypatch, capsys):
-    code, _, err = called(["compare", "--repeats", value], monkeypatch, capsys)
-    assert (code, err) == (2, f"understory: --repeats: {value!r} is not allowed; expected an integer, 1 to 10000\n")
 
 
 def test_a_study_flies_all_maps_before_it_repeats_them(tmp_path):
@@ -202,17 +176,3 @@ def test_the_command_of_a_trial_flies_its_repeat():
     assert "--seed 3 --repeat 2 --set" in command(row(seed=3, repeat=2))
     assert "--repeat" not in command(row(seed=3))
     assert [numbered(3, repeat) for repeat in (0, 2)] == ["seed 3", "seed 3, repeat 2"]
-
-
-def test_serial_pool_and_dask_give_the_same_rows(tmp_path):
-    distributed = pytest.importorskip("distributed")
-    made = short(["greedy"], "0-1", repeats=2)
-    serial = [plain(fly(task).row) for task in made]
-    assert len({row[-2] for row in serial}) == 4
-    with Pool(2) as pool, Store.opened(tmp_path / "pool", "short") as store:
-        assert [plain(r) for r in complete(made, store, pool)] == serial
-    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
-    with distributed.LocalCluster(**options) as local, connected(local.scheduler_address) as cluster:
-        with Store.opened(tmp_path / "dask", "short") as store:
-            assert [plain(r) for r in complete(made, store, cluster)] == serial
-    assert sorted(os.listdir(tmp_path)) == ["dask", "pool"]

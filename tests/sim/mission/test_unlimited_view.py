@@ -5,13 +5,17 @@ import math
 
 import numpy as np
 import pytest
+from helpers.flights import fly
 
 from planning.objective.mwtp import weighted_trace_penalty
 from planning.objective.nbo import team_cost
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, add_information, predicted_belief
 from planning.prediction.quadrangle import inside, shortest_move
-from sim.mission.mission import Mission, Trial
+from sim.mission.mission import Trial
+from sim.replay.export import export
+from sim.replay.frames.pages import write_frames
+from sim.replay.frames.rerender import find
 from sim.running.run import run
 from sim.scenario.loading import load
 from sim.sensing.cameras import camera_of, noise_of, view_of
@@ -33,10 +37,9 @@ def all_round(team):
 
 @pytest.mark.parametrize("occlusion", ["disc", "line_of_sight"])
 def test_a_uav_measures_exactly_those_that_no_tree_hides(occlusion):
-    setting = load("forest", [*ALL, f"sensing.occlusion={occlusion}", "trees.density=75", "duration=6"])
-    mission = Mission.of(Trial(setting, "hover", 1))
+    mission, snapshots = fly(*ALL, f"sensing.occlusion={occlusion}", "trees.density=75", seed=1, duration=6)
     hidden, trees = 0, [Forest((tree,), occlusion) for tree in mission.forest.trees]
-    for s in mission.fly():
+    for s in snapshots:
         points = np.column_stack([s.people, np.full(4, TARGET_HEIGHT)])
         for i, camera in enumerate(s.cameras):
             free = np.all([tree.visible(camera.position, points)[0] for tree in trees], axis=0)
@@ -95,8 +98,8 @@ def test_with_an_unlimited_field_of_view_the_terminal_penalty_is_zero(random_tea
 
 @pytest.mark.parametrize("planner", ["sma-nbo-mwtp", "mcr(samples=5)", "greedy", "lawnmower", "oracle", "centralized"])
 def test_every_planner_flies_with_it(planner):
-    mission = Mission.of(Trial(load("forest", [*ALL, "duration=1", "uavs.0.tilt_deg=30"]), planner, 0))
-    assert len(list(mission.fly())) == 6 and mission.faults == []
+    mission, snapshots = fly(*ALL, "uavs.0.tilt_deg=30", planner=planner)
+    assert len(snapshots) == 6 and mission.faults == []
 
 
 def test_noise_is_that_of_the_uavs_own_camera():
@@ -108,28 +111,7 @@ def test_noise_is_that_of_the_uavs_own_camera():
             assert view_of(uav, limited) == camera_of(uav) and view_of(uav, free).fov == ALL_ROUND
 
 
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (["sensing.field_of_view=unlimited"],
-         'sensing: field_of_view "unlimited" has no image; allowed with mode "ideal"'),
-        ([*ALL, "sensing.false_alarms=1"],
-         'sensing: false_alarms are spread over an image; allowed with field_of_view "camera"'),
-        (["sensing.field_of_view=unlimted"],
-         "sensing.field_of_view: 'unlimted' is not allowed; allowed are camera, unlimited; did you mean unlimited?"),
-    ],
-)  # fmt: skip
-def test_what_has_no_image_is_refused_in_one_line(overrides, message):
-    with pytest.raises(ValueError) as caught:
-        load("forest", overrides)
-    assert str(caught.value) == message
-
-
 def test_a_mission_is_filmed_exported_and_read_again(tmp_path):
-    from sim.replay.export import export
-    from sim.replay.frames.pages import write_frames
-    from sim.replay.frames.rerender import find
-
     run(Trial(load("forest", [*ALL, "duration=1"]), "greedy", 0), tmp_path / "out")
     recording = find(tmp_path / "out")
     export(recording, "csv", tmp_path / "csv")

@@ -4,22 +4,22 @@ import json
 
 import numpy as np
 import pytest
-from helpers.recordings import record, rewritten
+from helpers.flights import fly, recording_of
 
 from planning.loading import load_planner
-from sim.mission.mission import Mission, Trial
+from sim.mission.mission import Trial
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.recording.fault_text import LONGEST, MOST, read, recorded
 from sim.recording.recording import Recorder
 from sim.running.run import run
 from sim.scenario.loading import load
-from sim.scenario.scenario import resolved
 from sim.sensing.fault import Fault
 from sim.study.tasks import task_of
 from sim.study.trial import fly as fly_trial
 
-SETTING = load("forest", ["duration=2", "sensing.mode=ideal", "uavs.1.fails_at=1.1"])
+OPTIONS = ("sensing.mode=ideal", "uavs.1.fails_at=1.1")
+SETTING = load("forest", ["duration=2", *OPTIONS])
 
 
 class Faulty:
@@ -36,10 +36,8 @@ class Faulty:
 
 
 def flown():
-    mission, recorder = Mission(SETTING, Faulty(), 4), Recorder()
-    for snapshot in mission.fly():
-        recorder.add(snapshot)
-    return mission, recorder.recording(scenario=resolved(SETTING), planner="p:Faulty", seed=4, forest=mission.forest)
+    mission, snapshots = fly(*OPTIONS, planner=Faulty(), seed=4, duration=2)
+    return mission, recording_of(mission, snapshots, seed=4)
 
 
 def test_faults_are_recorded_and_come_back_at_their_scans(tmp_path):
@@ -72,13 +70,6 @@ def test_a_planner_that_faults_always_fills_no_disk():
     assert kept[-1] == Fault((MOST - 1) / 5, None, f"{2 * MOST + 1} more faults are not recorded")
     assert recorded(kept) == text
     assert len(read(recorded(many[:MOST]))) == MOST and read(recorded(many[:MOST]))[-1].uav is not None
-
-
-def test_a_recording_from_before_faults_loads_without_any(tmp_path):
-    save(record(), tmp_path / "mission.npz")
-    assert load_recording(tmp_path / "mission.npz").faults == "[]"
-    old = load_recording(rewritten(tmp_path / "mission.npz", tmp_path / "old.npz", faults=None))
-    assert old.faults == "" and old.faults_at(0) == () and old.snapshot(3).faults == ()
 
 
 def test_runs_and_studies_keep_faults_and_runs_the_time_of_each_decision(tmp_path):

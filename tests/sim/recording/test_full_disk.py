@@ -1,11 +1,9 @@
 """On a full disk every command says so in one line, and leaves nothing unfinished."""
 
 import resource
-import sys
 from contextlib import contextmanager
 
 import pytest
-from helpers.commands import called
 from helpers.hostile_stores import recording
 
 COMMANDS = {
@@ -31,46 +29,35 @@ def small_files():
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-@pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
+@pytest.fixture(autouse=True)
+def files(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "mission.npz").write_bytes(recording())
     (tmp_path / "file").write_text("no folder")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    return lambda *arguments: called(arguments, monkeypatch, capsys)
-
-
-def refused(call, tmp_path, arguments, code):
-    before = sorted(tmp_path.rglob("*"))
-    ended, _, err = call(*arguments)
-    assert (ended, err.count("\n")) == (code, 1) and err.startswith("understory: ")
-    assert sorted(tmp_path.rglob("*")) == before
-    return err
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_full_disk_is_told_in_one_line_and_nothing_is_kept(call, tmp_path, command, monkeypatch):
+def test_a_full_disk_is_told_in_one_line_and_nothing_is_kept(refused, tmp_path, command, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     with small_files():
-        err = refused(call, tmp_path, COMMANDS[command], 1)
+        err = refused(*COMMANDS[command], code=1)
     assert "File too large; nothing is kept" in err
 
 
 @pytest.mark.parametrize("place", ["file/new", "no/new"])
 @pytest.mark.parametrize("command", SUFFIXES)
-def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_drawn(call, tmp_path, command, place):
-    err = refused(call, tmp_path, [*COMMANDS[command], "--out", place + SUFFIXES[command]], 2)
+def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_drawn(refused, command, place):
+    err = refused(*COMMANDS[command], "--out", place + SUFFIXES[command])
     assert f"--out: {place}{SUFFIXES[command]} cannot be written: there is no folder" in err
 
 
 @pytest.mark.parametrize("command", ["frames", "export", "mission"])
-def test_a_folder_below_a_file_cannot_be_made(call, tmp_path, command):
-    err = refused(call, tmp_path, [*COMMANDS[command], "--out", "file/new"], 2)
+def test_a_folder_below_a_file_cannot_be_made(refused, command):
+    err = refused(*COMMANDS[command], "--out", "file/new")
     assert "--out: file/new cannot be written: Not a directory" in err
 
 
-def test_the_default_place_for_a_picture_may_not_be_there_any_more(call, tmp_path, monkeypatch):
+def test_the_default_place_for_a_picture_may_not_be_there_any_more(refused, tmp_path, monkeypatch):
     """As of a folder that may be read only, which stops no superuser."""
     monkeypatch.setattr("sim.cli.explain.unused", lambda path, suffix: tmp_path / "file" / "new.png")
-    assert "Not a directory; nothing is kept" in refused(call, tmp_path, COMMANDS["picture"], 2)
+    assert "Not a directory; nothing is kept" in refused(*COMMANDS["picture"])

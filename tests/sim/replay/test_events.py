@@ -8,16 +8,16 @@ import msgspec
 import numpy as np
 import pytest
 from helpers import synthetic
+from helpers.flights import recorded as recorded_flight
+from helpers.recordings import record
 
-from sim.mission.mission import Mission, Trial
-from sim.recording.recording import Recorder
+from sim.mission.mission import Mission
 from sim.replay.event import KINDS
 from sim.replay.events import events_of
+from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
 from sim.replay.links import links_of
-from sim.scenario.loading import load
 from sim.scenario.network import Cut, Network
-from sim.scenario.scenario import resolved
 from sim.world.contacts import Contact
 from tracking.filter.kalman import Gaussian
 from tracking.tracker import Track
@@ -33,12 +33,12 @@ def held(*tracks):
 
 def recorded(tracks, setting=SETTING, **changes):
     """A mission of two people at rest; `tracks` are those of both UAVs at each scan."""
-    forest, recorder = synthetic.forest(setting, count=0), Recorder()
-    plain = list(synthetic.snapshots(setting, forest, scans=len(tracks)))
-    for snapshot, both in zip(plain, tracks, strict=True):
-        recorder.add(replace(snapshot, people=PEOPLE, tracks=list(both), contacts=()))
-    recording = recorder.recording(scenario=resolved(setting), planner="hover", seed=0, forest=forest)
-    return replace(recording, **changes)
+    held_by_both = iter(tracks)
+
+    def still(snapshot):
+        return replace(snapshot, people=PEOPLE, tracks=list(next(held_by_both)), contacts=())
+
+    return replace(record(len(tracks), setting=setting, trees=0, change=still), **changes)
 
 
 def told(recording, setting=SETTING, without=("link lost", "link restored")):
@@ -139,15 +139,10 @@ def test_links_are_told_when_they_go_and_come():
 
 
 def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
-    overrides = ["duration=4", "sensing.mode=ideal", "network.loss=0.7", "network.rounds=2", "network.range=22",
-                 "uavs.1.fails_at=2.1"]  # fmt: skip
-    scenario, flown = load("forest", overrides), []
-    original = Mission._links
+    original, flown = Mission._links, []
     monkeypatch.setattr(Mission, "_links", lambda *a: flown.append(original(*a)) or flown[-1])
-    mission, recorder = Mission.of(Trial(scenario, "greedy", 5)), Recorder()
-    for snapshot in mission.fly():
-        recorder.add(snapshot)
-    recording = recorder.recording(scenario=resolved(scenario), planner="greedy", seed=5, forest=mission.forest)
+    options = ("sensing.mode=ideal", "network.loss=0.7", "network.rounds=2", "network.range=22", "uavs.1.fails_at=2.1")
+    recording, scenario = recorded_flight(*options, seed=5, duration=4)
     again = links_of(recording, scenario)
     assert len(again) == len(flown) == 21
     silent = 0
@@ -169,9 +164,6 @@ def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
 
 @pytest.mark.parametrize("uavs", [1, 3])
 def test_events_come_in_order_of_time(uavs):
-    setting = synthetic.scenario(uavs=uavs)
-    forest, recorder = synthetic.forest(setting), Recorder()
-    for snapshot in synthetic.snapshots(setting, forest):
-        recorder.add(snapshot)
-    found = events_of(recorder.recording(scenario=resolved(setting), planner="hover", seed=0, forest=forest), setting)
+    recording = record(21, seed=0, uavs=uavs)
+    found = events_of(recording, scenario_of(recording))
     assert found and [e.time for e in found] == sorted(e.time for e in found)

@@ -7,16 +7,15 @@ import datetime
 import numpy as np
 import pytest
 from helpers import synthetic
+from helpers.recordings import record
 from stonesoup.reader.generic import CSVDetectionReader, CSVGroundTruthReader, CSVTrackReader
 
 from sim.evaluation.score import velocities
 from sim.recording.archive import save
-from sim.recording.recording import Recorder
 from sim.replay import export as module
 from sim.replay.export import STATE, export
 from sim.scenario.environment import Area
 from sim.scenario.errors import InputError
-from sim.scenario.scenario import resolved
 from sim.world.trajectories import read
 from tracking.measurement_files import read_cameras, read_forest, read_scans
 
@@ -24,17 +23,9 @@ SECONDS = {"time_field": "time", "timestamp": True}
 START = datetime.datetime(1970, 1, 1)
 
 
-def record(setting, scans=21):
-    trees = synthetic.forest(setting)
-    recorder = Recorder()
-    for snapshot in synthetic.snapshots(setting, trees, scans):
-        recorder.add(snapshot)
-    return recorder.recording(scenario=resolved(setting), planner="hover", seed=2, forest=trees)
-
-
 @pytest.fixture(scope="module")
 def recording():
-    return record(synthetic.scenario())
+    return record(21)
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +91,7 @@ def test_without_a_frame_or_after_a_breakdown_there_is_no_row(tmp_path):
     setting = synthetic.scenario()
     slow = setting.uavs[1].__class__(start=(1.0, 0.0), footprint=23.0, pixels=128, rate=1)
     setting = type(setting)(uavs=(setting.uavs[0], slow, setting.uavs[2]), people=setting.people)
-    recording = record(setting)
+    recording = record(21, setting=setting)
     recording.ospa[7:, 2] = np.nan
     for target in module.TARGETS:
         export(recording, target, tmp_path / target)
@@ -183,7 +174,7 @@ def test_mot_sequences_hold_truth_detections_and_tracks(recording, folders):
 
 def test_a_mission_without_people_exports_too(tmp_path):
     for target in module.TARGETS:
-        export(record(synthetic.scenario(people=0)), target, tmp_path / target)
+        export(record(people=0), target, tmp_path / target)
     assert (tmp_path / "csv" / "truth.csv").read_text() == "t,id,x,y\n"
     assert (tmp_path / "mot" / "uav0" / "det" / "det.txt").read_text() == ""
 
@@ -209,15 +200,12 @@ def test_wrong_targets_and_folders_are_one_line(recording, tmp_path):
         export(recording, "csv", tmp_path / "full")
 
 
-def test_the_command_leaves_a_folder_of_its_own_in_the_run(recording, tmp_path, monkeypatch, capsys):
-    from sim import __main__ as cli
-
+def test_the_command_leaves_a_folder_of_its_own_in_the_run(recording, tmp_path, call):
     (tmp_path / "run").mkdir()
     save(recording, tmp_path / "run" / "mission.npz")
-    for arguments in (["run", "--to", "csv"], ["run/mission.npz", "--to", "csv"], ["run", "--to", "mot", "--out", "m"]):
-        monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr("sys.argv", ["understory", "export", *arguments])
-        cli.main()
+    told = call("export", "run", "--to", "csv")[1]
+    assert "cameras.csv, scans.csv, tracks.csv, trees.csv, truth.csv" in told
+    for arguments in (["run/mission.npz", "--to", "csv"], ["run", "--to", "mot", "--out", "m"]):
+        assert call("export", *arguments)[0] == 0
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["export-csv", "export-csv-2", "mission.npz"]
     assert sorted(path.name for path in (tmp_path / "m").iterdir()) == ["tracks", "uav0", "uav1", "uav2"]
-    assert "cameras.csv, scans.csv, tracks.csv, trees.csv, truth.csv" in capsys.readouterr().out

@@ -6,20 +6,20 @@ import shutil
 import subprocess
 import sys
 import time
-from pathlib import Path
+from functools import partial
 
-import av
 import numpy as np
 import pytest
 from helpers import synthetic
-from helpers.commands import called
+from helpers.films import decoded
+from helpers.processes import python
+from helpers.recordings import record
 
 from sim.drawing.layout import Box, view_of
 from sim.drawing.video import Film, Video
 from sim.mission.mission import Trial
 from sim.recording.archive import load, save
 from sim.recording.atomic_files import unused
-from sim.recording.recording import Recorder
 from sim.replay import film as module
 from sim.replay import window
 from sim.replay.film import write_film
@@ -27,9 +27,7 @@ from sim.replay.frames.rerender import scenario_of
 from sim.running.run import run as fly
 from sim.scenario.errors import InputError
 from sim.scenario.loading import load as load_scenario
-from sim.scenario.scenario import resolved
 
-OURS = str(Path(__file__).parents[3])
 # A slow camera, a UAV that breaks down, everything varied by the seed.
 SETTINGS = ["duration=3", "trees.density=75", "uavs.1.rate=1", "uavs.2.fails_at=1.5", "appearance.randomise=true"]
 
@@ -46,26 +44,11 @@ def flown(tmp_path_factory):
 
 
 @pytest.fixture
-def call(flown, tmp_path, monkeypatch, capsys):
+def replay(flown, tmp_path, call):
     """Calls `understory replay` in a folder that holds nothing but the recording, in `run`."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
     (tmp_path / "run").mkdir()
     shutil.copy(flown / "mission.npz", tmp_path / "run")
-
-    def run(*arguments):
-        return called(["replay", *arguments], monkeypatch, capsys)
-
-    return run
-
-
-def decoded(path):
-    """Pictures, and times [s]."""
-    with av.open(str(path)) as container:
-        frames = list(container.decode(video=0))
-        return [frame.to_ndarray(format="rgb24") for frame in frames], [
-            float(f.pts * f.time_base) for f in frames if f.pts is not None and f.time_base is not None
-        ]
+    return partial(call, "replay")
 
 
 @pytest.fixture
@@ -88,15 +71,15 @@ def pictures(monkeypatch, tmp_path):
     return of
 
 
-def test_the_film_is_the_one_flown_but_for_the_planners_name(call, flown, tmp_path):
-    assert call("run")[0] == 0
+def test_the_film_is_the_one_flown_but_for_the_planners_name(replay, flown, tmp_path):
+    assert replay("run")[0] == 0
     mine, theirs = decoded(tmp_path / "run" / "replay.mp4"), decoded(flown / "mission.mp4")
     assert mine[1] == theirs[1] == pytest.approx(np.arange(16) / 5)
     below = slice(64, None)  # the header, and the block of pixels that shares in it, names another planner
     for one, other in zip(mine[0], theirs[0], strict=True):
         assert np.mean(one[below] != other[below]) < 0.01
     save(dataclasses.replace(load(flown / "mission.npz"), planner="greedy"), tmp_path / "named.npz")
-    assert call("named.npz")[0] == 0
+    assert replay("named.npz")[0] == 0
     for one, other in zip(decoded(tmp_path / "replay.mp4")[0], theirs[0], strict=True):
         np.testing.assert_array_equal(one, other)
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["mission.npz", "replay.mp4"]
@@ -111,9 +94,9 @@ def test_a_part_shows_the_same_pictures_as_the_whole(flown, pictures, layout):
             np.testing.assert_array_equal(picture, whole[k])
 
 
-def test_speed_changes_the_frame_rate_and_nothing_else(call, tmp_path):
+def test_speed_changes_the_frame_rate_and_nothing_else(replay, tmp_path):
     for name, speed in (("plain", "1"), ("slow", "0.25x"), ("fast", "20")):
-        assert call("run", "--time", "0.4:1.6", "--speed", speed, "--out", f"{name}.mp4", "--layout", "map")[0] == 0
+        assert replay("run", "--time", "0.4:1.6", "--speed", speed, "--out", f"{name}.mp4", "--layout", "map")[0] == 0
     plain, slow, fast = (decoded(tmp_path / f"{name}.mp4") for name in ("plain", "slow", "fast"))
     assert (len(plain[0]), len(slow[0]), len(fast[0])) == (7, 7, 7)
     np.testing.assert_allclose(plain[1], np.arange(7) / 5, atol=1e-4)
@@ -124,11 +107,7 @@ def test_speed_changes_the_frame_rate_and_nothing_else(call, tmp_path):
 @pytest.mark.parametrize("mode", ["camera", "ideal"])
 @pytest.mark.parametrize("scans", [1, 4])
 def test_missions_of_one_scan_interrupted_and_with_ideal_sensing_are_shown(pictures, mode, scans):
-    setting = synthetic.scenario(mode=mode)
-    trees, recorder = synthetic.forest(setting), Recorder()
-    for snapshot in synthetic.snapshots(setting, trees, scans):
-        recorder.add(snapshot)
-    recording = recorder.recording(scenario=resolved(setting), planner="p", seed=0, forest=trees, interrupted=True)
+    recording = dataclasses.replace(record(scans, seed=0, mode=mode), interrupted=True)
     assert len(pictures(recording, range(scans))) == scans
 
 
@@ -156,7 +135,7 @@ def test_the_parts_of_a_layout_stand_inside_and_apart():
             assert taken.max() == 1
 
 
-def test_ctrl_c_and_a_full_disk_leave_nothing(call, tmp_path, monkeypatch):
+def test_ctrl_c_and_a_full_disk_leave_nothing(replay, tmp_path, monkeypatch):
     add = Video.add
     full = OSError(28, "No space left on device", "replay.mp4")
     for error, line in ((KeyboardInterrupt, "interrupted"), (full, "replay.mp4: No space left on device")):
@@ -170,42 +149,9 @@ def test_ctrl_c_and_a_full_disk_leave_nothing(call, tmp_path, monkeypatch):
 
         with monkeypatch.context() as patched:
             patched.setattr(module.Video, "add", fail)
-            code, _, err = call("run")
+            code, _, err = replay("run")
             assert (code, err) == (1, f"understory: {line}; nothing is kept\n")
         assert [path.name for path in (tmp_path / "run").iterdir()] == ["mission.npz"]
-
-
-WRONG = {
-    "two ways": (["run", "--gui", "--video"], ["--gui", "--video", "one at a time"]),
-    "film and viewer": (["run", "--video", "--rerun", "a.rrd"], ["--rerun", "--video"]),
-    "layout of a window": (["run", "--gui", "--layout", "map"], ["--layout", "--gui"]),
-    "speed of a file": (["run", "--rerun", "a.rrd", "--speed", "2"], ["--speed", "--rerun"]),
-    "unknown layout": (["run", "--layout", "cameraz"], ["--layout", "'cameraz'", "cameras"]),
-    "no such UAV": (["run", "--layout", "uav3"], ["--layout", "'uav3'", "uav2"]),
-    "no speed": (["run", "--speed", "fast"], ["--speed", "'fast'", "0.05 to 20"]),
-    "no speed at all": (["run", "--speed", "0"], ["--speed", "'0'", "0.05 to 20"]),
-    "no number": (["run", "--speed", "nan"], ["--speed", "'nan'"]),
-    "one time": (["run", "--time", "1"], ["--time", "'1'", "12:20"]),
-    "beyond the end": (["run", "--time", "1:9"], ["--time", "9 s", "0 to 3 s"]),
-    "no film": (["run", "--out", "a.gif"], ["--out", "'a.gif'", ".mp4"]),
-    "film in use": (["run", "--out", "there.mp4"], ["--out", "there.mp4 exists"]),
-    "no folder": (["run", "--out", "no/a.mp4"], ["--out", "no folder no"]),
-    "no file of the viewer": (["run", "--rerun", "a.mp4"], ["--rerun", "'a.mp4'", ".rrd", "spawn"]),
-    "no recording": (["nowhere"], ["DIR", "nowhere does not exist"]),
-}
-
-
-@pytest.mark.parametrize(("arguments", "words"), WRONG.values(), ids=WRONG)
-def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(call, tmp_path, arguments, words):
-    (tmp_path / "there.mp4").write_bytes(b"mine")
-    before = sorted(tmp_path.rglob("*"))
-    code, _, err = call(*arguments)
-    assert code == 2
-    assert err.startswith("understory: ") and err.count("\n") == 1
-    for word in words:
-        assert word in err
-    assert sorted(tmp_path.rglob("*")) == before
-    assert (tmp_path / "there.mp4").read_bytes() == b"mine"
 
 
 def test_ideal_sensing_has_no_cameras_to_show(tmp_path):
@@ -214,23 +160,23 @@ def test_ideal_sensing_has_no_cameras_to_show(tmp_path):
         module.check_layout("uav1", setting)
 
 
-def test_without_the_viewers_package_one_line_says_what_to_install(call, monkeypatch, tmp_path):
+def test_without_the_viewers_package_one_line_says_what_to_install(replay, monkeypatch, tmp_path):
     for name in [name for name in sys.modules if name.startswith("sim.replay.rerun")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "rerun", None)
-    code, _, err = call("run", "--rerun", "a.rrd")
+    code, _, err = replay("run", "--rerun", "a.rrd")
     assert (code, err) == (2, "understory: --rerun: needs rerun-sdk: pip install 'understory[rerun]'\n")
     assert not (tmp_path / "a.rrd").exists()
 
 
 @pytest.mark.parametrize("display", [None, ":987"])
-def test_without_a_display_the_window_is_one_line_and_exit_code_2(call, monkeypatch, display):
+def test_without_a_display_the_window_is_one_line_and_exit_code_2(replay, monkeypatch, display):
     monkeypatch.delenv("DISPLAY", raising=False)
     reason = "DISPLAY is not set"
     if display is not None:
         monkeypatch.setenv("DISPLAY", display)
         reason = "cannot connect to X server"
-    code, _, err = call("run", "--gui")
+    code, _, err = replay("run", "--gui")
     assert code == 2
     assert err == f"understory: --gui: no window can be opened here ({reason}); --video makes a film instead\n"
 
@@ -257,9 +203,7 @@ def display(monkeypatch):
 @pytest.mark.slow
 def test_the_window_opens_and_ends_with_the_last_scan(flown, display):
     start = time.monotonic()
-    command = [sys.executable, "-m", "sim", "replay", str(flown), "--gui", "--time", "1:2", "--speed", "2"]
-    there = {**os.environ, "PYTHONPATH": OURS}
-    done = subprocess.run(command, env=there, capture_output=True, text=True, timeout=120)
+    done = python("-m", "sim", "replay", flown, "--gui", "--time", "1:2", "--speed", "2")
     assert (done.returncode, done.stderr.strip()) == (0, "")
     assert "Q or Esc ends it" in done.stdout
     assert time.monotonic() - start > 0.5

@@ -4,22 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import synthetic
+from helpers.recordings import record
 
-from sim.recording.recording import Recorder
+from sim.evaluation.holding import HOLDS, Holding
+from sim.replay.frames.rerender import scenario_of
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import STATES, History
-from sim.scenario.scenario import resolved
 from tracking.geometry.visibility import Forest, Tree
 
 
 @pytest.fixture(scope="module")
 def recorded():
-    scenario = synthetic.scenario()
-    forest, recorder = synthetic.forest(scenario), Recorder()
-    for snapshot in synthetic.snapshots(scenario, forest):
-        recorder.add(snapshot)
-    return recorder.recording(scenario=resolved(scenario), planner="hover", seed=0, forest=forest), scenario
+    recording = record(21)
+    return recording, scenario_of(recording)
 
 
 def test_views_are_those_of_each_camera(recorded):
@@ -82,3 +79,17 @@ def test_nothing_is_inside_a_frame_that_was_not_taken(recorded):
     history = History.of(replace(recording, ospa=ospa), scenario)
     assert not history.looked[10:, 1].any() and not history.inside[10:, 1].any() and not history.detected[10:, 1].any()
     assert history.looked[:, [0, 2]].all()
+
+
+def test_states_scan_by_scan_are_those_of_the_whole_history():
+    recording = record(21)
+    means, rng = recording.track_means.copy(), np.random.default_rng(0)
+    means[:, :2] += rng.normal(0.0, 0.5, (len(means), 2))
+    far = rng.random(len(means)) < 0.3
+    means[far, :2] += 3.0
+    means[(recording.track_ids == 1) & (np.arange(len(means)) < 60), :2] += 50.0
+    recording = replace(recording, track_means=means)
+    expected, holding = History.of(recording, scenario_of(recording)).hold_states, Holding(4, 3)
+    found = [holding.step(recording.snapshot(k)) for k in range(len(recording.times))]
+    np.testing.assert_array_equal(found, expected)
+    assert set(np.unique(expected)) == set(range(len(HOLDS)))

@@ -10,20 +10,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from helpers import synthetic
 from helpers.recordings import record
 from matplotlib.figure import Figure
 
 from sim.drawing.map_view import MapView
 from sim.recording.archive import save
 from sim.recording.fault_text import recorded
-from sim.recording.recording import Recorder
 from sim.replay.frames.pages import draw
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.notebook import Flight, load
 from sim.replay.tables import TABLES
 from sim.scenario.errors import InputError
-from sim.scenario.scenario import resolved
 from sim.sensing.fault import Fault
 
 TEXT = (Path(__file__).parents[3] / "docs" / "how-to" / "notebooks.md").read_text(encoding="utf-8")
@@ -31,12 +28,11 @@ TEXT = (Path(__file__).parents[3] / "docs" / "how-to" / "notebooks.md").read_tex
 
 def losing():
     """A mission of 4 s in which no person is held from 1 s to 2 s."""
-    setting = synthetic.scenario()
-    trees, recorder = synthetic.forest(setting), Recorder()
-    for snapshot in synthetic.snapshots(setting, trees):
-        lost = 1.0 <= snapshot.time <= 2.0
-        recorder.add(dataclasses.replace(snapshot, tracks=[()] * 3) if lost else snapshot)
-    return recorder.recording(scenario=resolved(setting), planner="hover", seed=3, forest=trees)
+
+    def lost(snapshot):
+        return dataclasses.replace(snapshot, tracks=[()] * 3) if 1.0 <= snapshot.time <= 2.0 else snapshot
+
+    return record(21, seed=3, change=lost)
 
 
 @pytest.fixture(scope="module")

@@ -4,27 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import synthetic
+from helpers.recordings import record
 from helpers.summaries import summary
 from matplotlib.collections import PolyCollection
 
 from sim.drawing.palette import FALSE, HIDDEN, LOST, UAV_COLOURS, uav_colour
 from sim.drawing.plots import rgb
 from sim.evaluation.holding import HOLDS
-from sim.recording.recording import Recorder
 from sim.replay.event import Event
 from sim.replay.events import events_of
+from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import BROKEN, STATES, Episode, History, episodes
 from sim.replay.timeline import timeline_figure
-from sim.scenario.scenario import resolved
-
-
-def recorded(scans=21, **settings):
-    scenario = synthetic.scenario(**settings)
-    forest, recorder = synthetic.forest(scenario), Recorder()
-    for snapshot in synthetic.snapshots(scenario, forest, scans):
-        recorder.add(snapshot)
-    return recorder.recording(scenario=resolved(scenario), planner="hover", seed=0, forest=forest), scenario
 
 
 def history(inside, shown, detected, tracks, **other):
@@ -77,12 +68,12 @@ def test_a_uav_that_alone_works_holds_for_all():
 
 
 def test_switches_are_those_that_the_summary_counts():
-    recording, scenario = recorded()
+    recording = record(21)
     ids = recording.track_ids.copy()
     ids[recording.track_offsets[30] :] += 10
     switched = replace(recording, track_ids=ids)
     counted = sum(row["switches"] for row in summary(switched)["uavs"])
-    events = events_of(switched, scenario)
+    events = events_of(switched, scenario_of(recording))
     assert counted == sum(len(event.uavs) for event in events if event.kind == "identity changed") > 0
 
 
@@ -112,7 +103,8 @@ def test_the_figure_shows_each_stretch_at_its_time():
 
 @pytest.mark.parametrize(("uavs", "people", "scans"), [(3, 20, 21), (5, 2, 6), (8, 2, 6), (1, 0, 6), (2, 1, 1)])
 def test_any_fleet_and_any_number_of_people_can_be_shown(uavs, people, scans):
-    recording, scenario = recorded(scans, uavs=uavs, people=people)
+    recording = record(scans, uavs=uavs, people=people)
+    scenario = scenario_of(recording)
     ospa = recording.ospa.copy()
     ospa[scans // 2 + 1 :, 0] = np.nan
     broken = replace(recording, ospa=ospa)
@@ -128,12 +120,8 @@ def test_any_fleet_and_any_number_of_people_can_be_shown(uavs, people, scans):
 
 def test_a_timeline_says_how_often_people_were_lost():
     calm = history(["xx"], ["xx"], ["xx"], [[1, 1]])
-    assert (
-        timeline_figure(calm, np.ones((2, 1, 3)), ())
-        .axes[0]
-        .get_title("left")
-        .endswith("100 % of the time, never lost")
-    )
+    title = timeline_figure(calm, np.ones((2, 1, 3)), ()).axes[0].get_title("left")
+    assert title.endswith("100 % of the time, never lost")
     lost = history(["x---"], ["x---"], ["x---"], [[1, -1, -1, 1]])
     title = timeline_figure(lost, np.ones((4, 1, 3)), ()).axes[0].get_title("left")
     assert title == "People held 50 % of the time, lost once, longest: person 0 for 0.4 s from 0.2 s"

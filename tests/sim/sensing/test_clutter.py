@@ -1,6 +1,7 @@
 """False alarms and misses: how many, where, and that nothing else changes."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from tracking.geometry.visibility import TARGET_HEIGHT
 CAMERA = Camera(math.radians(60), 128)
 
 
+@cache
 def flown(mode, **sensing):
     """Scans and matches of a hovering UAV over one person, with initial tracks unknown to none."""
     setting = Scenario(

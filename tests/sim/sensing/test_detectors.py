@@ -1,13 +1,11 @@
 """Detectors as plug-ins: by name or import string, what they may do wrong, and the one that reads the mask."""
 
 import math
-import sys
 
 import numpy as np
 import pytest
 
 from planning.loading import load_planner
-from sim.__main__ import main
 from sim.mission.mission import Mission
 from sim.scenario.environment import People, Trees
 from sim.scenario.errors import InputError
@@ -16,7 +14,7 @@ from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
 from sim.sensing.detection_check import usable_detections
 from sim.sensing.detection_truth import matched_people
-from sim.sensing.detectors import DETECTORS, check_detector, load_detector
+from sim.sensing.detectors import DETECTORS, load_detector
 from sim.sensing.mask_detector import MaskDetector
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
@@ -85,21 +83,6 @@ def fly(setting, seed=0):
 def test_every_detector_has_a_name_that_flies(name):
     mission, flown = fly(scenario(name, noise="camera"))
     assert len(flown) == 5 and mission.faults == []
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("blop", "sensing.detector: 'blop' is unknown; allowed are blob, segmentation; did you mean blob?"),
-        ("no.such_module:Net", "'no.such_module:Net' cannot be imported: No module named 'no'"),
-        ("sim.sensing.sensors:Net", "sim.sensing.sensors has no class 'Net'"),
-        ("../net:Net", "'../net' is not the name of a module"),
-    ],
-)
-def test_a_detector_that_cannot_be_found_is_refused_in_one_line(name, words):
-    with pytest.raises(InputError) as error:
-        check_detector(name)
-    assert words in str(error.value) and "\n" not in str(error.value)
 
 
 def test_what_is_no_detector_is_refused_before_the_mission():
@@ -195,15 +178,3 @@ def test_the_masks_numbers_do_not_show_in_the_detections():
         for name in ("ground", "pixels", "covariances"):
             one, other = (getattr(MaskDetector(OPEN).detect(frame, m), name) for m in (mask, renamed))
             np.testing.assert_array_equal(one, other)
-
-
-@pytest.mark.parametrize("command", ["run", "compare"])
-def test_an_unknown_detector_ends_the_command_with_one_line_and_nothing_written(command, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["understory", command, "--set", "sensing.detector=blobs"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 2
-    lines = " ".join(capsys.readouterr().err.split())
-    assert "sensing.detector: 'blobs' is unknown; allowed are blob, segmentation; did you mean blob?" in lines
-    assert list(tmp_path.iterdir()) == []

@@ -3,17 +3,20 @@
 import msgspec
 import numpy as np
 import pytest
+from helpers import synthetic
+from helpers.flights import filmed
 from helpers.frames import frame
+from helpers.recordings import record
 from helpers.views import CAMERA, SCENARIO
 
-from sim.mission.mission import Mission, Trial
-from sim.recording.recording import Recorder
+from sim.recording.archive import save
 from sim.replay.frames.rerender import Rerenderer
 from sim.scenario.errors import InputError
+from sim.scenario.loading import load, remarks
 from sim.scenario.perception import Sensing
-from sim.scenario.scenario import Scenario, resolved
 from sim.sensing.renderer import Renderer
-from sim.world.world import World, opengl
+from sim.world import opengl
+from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
@@ -64,15 +67,11 @@ def test_opengl_shows_what_tiny_renderer_shows_and_says_nothing(started, capfd):
 
 
 def test_a_mission_flies_on_opengl_and_its_frames_come_out_again_byte_for_byte(started):
-    trial = Trial(Scenario(duration=0.6, sensing=Sensing(renderer="egl", noise="camera")), "hover", 1)
-    mission, recorder, images = Mission.of(trial), Recorder(), []
-    for snapshot in mission.fly():
-        recorder.add(snapshot)
-        images.append([frame.tobytes() for frame in mission.frames])
-    assert any(len(scan.measurements) for scan in snapshot.scans) and mission.faults == []
-    recording = recorder.recording(scenario=resolved(trial.scenario), planner="hover", seed=1, forest=mission.forest)
+    recording, images = filmed("sensing.renderer=egl", "sensing.noise=camera", duration=0.6)
+    assert len(recording.measurements) > 0 and recording.faults == "[]"
     with Rerenderer(recording) as again:
-        assert [[again.image(k, i).tobytes() for i in range(3)] for k in range(4)] == images
+        for k, row in enumerate(images):
+            assert [again.image(k, i).tobytes() for i in range(3)] == [image.tobytes() for image in row]
 
 
 def test_one_world_at_a_time_has_opengl(started):
@@ -91,3 +90,62 @@ def test_ideal_sensing_needs_no_renderer(absent):
     ideal = msgspec.structs.replace(EGL, sensing=Sensing(mode="ideal", renderer="egl"))
     with World(ideal, OPEN, 1) as world:
         assert not world.opengl
+
+
+SET = "--set"
+
+
+@pytest.fixture
+def capsys(capfd):
+    """Output of libraries counts as well."""
+    return capfd
+
+
+@pytest.mark.parametrize("lacking", ["device", "library"])
+@pytest.mark.parametrize(
+    "arguments",
+    [["run", SET, "sensing.renderer=egl"], ["frames", "egl.npz", "--uav", "0", "--time", "1"]],
+    ids=["run", "frames"],
+)
+def test_without_opengl_what_needs_it_is_refused(refused, tmp_path, monkeypatch, arguments, lacking):
+    """The plug-in is told to use a device that does not exist, or finds a library that is none."""
+    drawn = msgspec.structs.replace(synthetic.scenario(), sensing=Sensing(renderer="egl"))
+    save(record(6, setting=drawn), tmp_path / "egl.npz")
+    if lacking == "device":
+        monkeypatch.setenv("EGL_VISIBLE_DEVICES", "99")
+    else:
+        for name in ("libEGL.so", "libEGL.so.1"):
+            (tmp_path / name).touch()
+        monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
+    opengl.refusal.cache_clear()
+    try:
+        told = refused(*arguments)
+        assert "sensing.renderer: 'egl' cannot start here (" in told and "); allowed is tiny" in told
+    finally:
+        opengl.refusal.cache_clear()
+
+
+def test_what_is_not_flown_as_the_scenario_says_is_said(call, tmp_path):
+    (tmp_path / "one.csv").write_text("t,id,x,y\n0,ann,0,0\n1,ann,1,0\n")
+    quick = ["--planner", "hover", "--no-video", SET, "sensing.mode=ideal", SET, "trees.density=0"]
+    code, _, err = call("run", *quick, "--duration", "0.5", SET, "people.trajectories=one.csv", SET, "people.count=7")
+    assert code == 0
+    assert err.splitlines() == [
+        "understory: duration: 0.5 s is no multiple of the 0.2 s between scans; the last scan is at 0.4 s",
+        "understory: people.count: not used, as people.trajectories gives all paths",
+    ]
+
+
+def test_false_alarms_for_which_the_tracker_is_not_set_are_remarked_on():
+    assert remarks(load("forest", ["sensing.false_alarms=1"])) == [
+        "tracking.clutter_density: 1e-06 per m2 is far below the 0.0025 that sensing.false_alarms means; "
+        "tracks will follow false alarms",
+        'tracking.life: 2 of 3 false alarms make a track; "existence" weighs them against clutter',
+    ]
+    ready = ["sensing.false_alarms=1", "tracking.clutter_density=0.002", "tracking.life=existence"]
+    assert remarks(load("forest", ready)) == []
+
+
+@pytest.mark.parametrize("duration", ["0.2", "1", "40", "40.6", "3600", "0.6", "100.2"])
+def test_whole_scans_and_walkers_need_no_remark(duration):
+    assert remarks(load("forest", [f"duration={duration}", "people.count=7"])) == []

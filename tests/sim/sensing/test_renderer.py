@@ -1,15 +1,21 @@
+"""Rendered images: the same again, with every body where it is, and hiding what the line of sight hides."""
+
+import itertools
 import math
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 from helpers.poses import tilted
 from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
+from sim.mission.mission import Mission, Trial
+from sim.scenario.fleet import DEFAULT_FLEET
 from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import FAR, NEAR, Renderer, capture
 from sim.world.world import World
-from tracking.geometry.camera import Pose
+from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 
 
@@ -171,20 +177,100 @@ def compare_sight(rng, bare, full, forest, pose):
     return np.column_stack([person, shown, free, near_silhouettes(trees)[rows, columns]])
 
 
-def test_line_of_sight_agrees_with_the_rendered_segmentation():
+@pytest.mark.parametrize("views", [15, pytest.param(60, marks=pytest.mark.slow)])
+def test_line_of_sight_agrees_with_the_rendered_segmentation(views):
+    """Away from silhouettes to the last pixel, of which 15 views of each forest have thousands."""
     rng = np.random.default_rng(0)
     pairs, rows = 0, []
     for count, radius in ((28, 5.0), (100, 1.0), (55, 3.0), (36, 4.0)):
         forest = random_forest(rng, count, radius)
         with World(SCENARIO, Forest(()), 12) as bare, World(SCENARIO, forest, 12) as full:
-            for k in range(60):
+            for k in range(views):
                 place = [*rng.uniform(-30, 30, 2), rng.choice(ALTITUDES)]
                 pose = Pose.level(*place) if k % 2 else tilted(rng, place, 0.3)
                 found = compare_sight(rng, bare, full, forest, pose)
                 pairs += len(np.unique(found[:, 0]))
                 rows.append(found[:, 1:].astype(bool))
     shown, free, near = np.vstack(rows).T
-    assert pairs >= 2000
+    assert pairs >= 33 * views
     assert np.array_equal(shown[~near], free[~near])
     assert near.mean() < 0.1
     assert 0.2 < free.mean() < 0.8
+
+
+FINE = Camera(math.radians(60), 256)
+ROWS, COLUMNS = np.divmod(np.arange(FINE.pixels**2), FINE.pixels)
+# In parts so small that linear algebra stays on one thread: with other tests beside it, more take many times as long.
+CENTRES = np.split(np.column_stack([COLUMNS, ROWS]) + 0.5, 8)
+
+
+def hidden_in_image(world: World, pose: Pose) -> np.ndarray:
+    """Mask of pixels that show a tree."""
+    trees = np.array([body.id for body in world.bodies if body.kind in ("canopy", "trunk")])
+    return np.isin(capture(world.client, FINE, pose)[2], trees).ravel()
+
+
+def hidden_by_geometry(forest: Forest, pose: Pose) -> np.ndarray:
+    """Mask of pixels with the ground at their middle out of sight."""
+    ground = np.vstack([FINE.ground_points(pose, part) for part in CENTRES])
+    return ~forest.visible(pose.position, np.column_stack([ground, np.zeros(len(ground))]))[0]
+
+
+@pytest.mark.parametrize("views", [12, pytest.param(50, marks=pytest.mark.slow)])
+def test_image_and_line_of_sight_hide_the_same_ground(views):
+    """In any view that a tree or a camera half a pixel off its place would spoil by one part in a hundred."""
+    rng = np.random.default_rng(0)
+    counts = []
+    for count, radius in ((28, 5.0), (100, 1.0), (55, 3.0), (36, 4.0)):
+        forest = random_forest(rng, count, radius)
+        with World(SCENARIO, forest, 0) as world:
+            for k in range(views):
+                place = [*rng.uniform(-35, 35, 2), rng.choice(ALTITUDES)]
+                pose = Pose.level(*place) if k % 2 else tilted(rng, place, 0.35)
+                shown, known = hidden_in_image(world, pose), hidden_by_geometry(forest, pose)
+                counts.append((np.sum(shown & known), np.sum(shown | known)))
+    both, either = np.array(counts).T
+    assert both.sum() / either.sum() >= 0.998
+    # A view with little in it is decided by a few pixels.
+    large = either > 1000
+    assert np.mean(large) > 0.9
+    assert np.min(both[large] / either[large]) >= 0.99
+
+
+PIXELS = (96, 128, 256)
+
+
+def flown(pixels):
+    """Images of each scan of a short mission, UAV by UAV."""
+    uavs = tuple(msgspec.structs.replace(uav, pixels=n) for uav, n in zip(DEFAULT_FLEET, pixels, strict=True))
+    mission = Mission.of(Trial(Scenario(duration=0.4, uavs=uavs), "hover", 2))
+    return [tuple(mission.frames) for _ in mission.fly()]
+
+
+def test_a_fleet_of_several_resolutions_gets_the_frames_of_fleets_of_one():
+    mixed = flown(PIXELS)
+    equal = [flown((n, n, n)) for n in PIXELS]
+    assert len(mixed) == 3
+    for k, uav in itertools.product(range(3), range(3)):
+        assert mixed[k][uav].shape == (PIXELS[uav], PIXELS[uav], 3)
+        assert mixed[k][uav].tobytes() == equal[uav][k][uav].tobytes()
+
+
+def test_whatever_size_was_rendered_before_an_image_and_its_mask_are_the_same():
+    rng = np.random.default_rng(0)
+    forest, places = random_forest(rng, 24, 5.0), rng.uniform(-15, 15, (12, 2))
+    cameras = [Camera(math.radians(60), n) for n in (16, 97, 128, 512)]
+    poses = [Pose.level(*rng.uniform(-15, 15, 2), 19.0) for _ in range(4)]
+
+    def shots(order):
+        with World(SCENARIO, forest, 12) as world:
+            world.place_people(places, np.zeros(12))
+            renderer = Renderer(world)
+            views = {(i, j): renderer.render(cameras[i], poses[j]) for i, j in order}
+        return {key: (view.image.tobytes(), view.people.tobytes()) for key, view in views.items()}
+
+    sorted_by_size = list(itertools.product(range(4), range(4)))
+    expected = shots(sorted_by_size)
+    assert len(set(expected.values())) == 16
+    assert shots([(i, j) for j in range(4) for i in (3, 0, 2, 1)]) == expected
+    assert shots([sorted_by_size[k] for k in rng.permutation(16)]) == expected

@@ -8,7 +8,7 @@ import pytest
 from sim.scenario.fleet import DEFAULT_FLEET, Uav
 from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import camera_of, camera_pose
+from sim.sensing.cameras import camera_of
 from sim.sensing.renderer import Renderer
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
@@ -65,13 +65,14 @@ def test_ideal_sensing_measures_exactly_the_people_in_view_and_not_hidden():
     assert counts.min() > 50
 
 
+@pytest.mark.parametrize("draws", [400, pytest.param(1500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("mode", ["ideal", "camera"])
 @pytest.mark.parametrize("offset", [(7.0, -4.0), (0.5, 1.0)])
-def test_the_noise_that_is_added_has_the_papers_covariance(mode, offset):
+def test_the_noise_that_is_added_has_the_papers_covariance(mode, offset, draws):
+    """Of 400 draws it finds a mean that is off by a fifth of a standard deviation, or a variance by a third."""
     setting = scenario(mode)
     uav, pose = 1, Pose.level(3.0, -2.0, ALTITUDES[1])
     person = pose.position[:2] + np.array(offset)
-    draws = 1500
     with World(setting, OPEN, 1) as world:
         world.place_people(person[None], np.zeros(1))
         subject = sensors(setting, world)
@@ -123,19 +124,6 @@ def test_the_absent_are_never_seen(mode):
     assert np.linalg.norm(look.scan.measurements[0] - people[1]) < 2.0
     assert empty.scan.measurements.shape == (0, 2) and empty.scan.covariances.shape == (0, 2, 2)
     assert not empty.matched.any() and not empty.visible.any()
-
-
-def test_a_gimbal_holds_the_camera_level_and_a_body_tilts_it():
-    tilt = Pose(np.array([1.0, 2.0, 19.0]), np.array([0.0, math.sin(0.1), 0.0, math.cos(0.1)]))
-    gimbal, body = (camera_pose(Uav(start=(0.0, 0.0), mount=mount), tilt) for mount in ("gimbal", "body"))
-    np.testing.assert_array_equal(gimbal.position, tilt.position)
-    np.testing.assert_array_equal(gimbal.rotation, np.eye(3))
-    np.testing.assert_array_equal(body.rotation, tilt.rotation)
-    # Pitched by 0.2 rad about north: what is in the west comes into view, what is in the east leaves it.
-    camera = camera_of(Uav(start=(0.0, 0.0)))
-    points = np.array([[1.0 - 13.0, 2.0, 0.0], [1.0 + 9.0, 2.0, 0.0]])
-    assert camera.sees(gimbal, points).tolist() == [False, True]
-    assert camera.sees(body, points).tolist() == [True, False]
 
 
 def test_noise_models_are_the_scenarios():

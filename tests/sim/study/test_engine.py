@@ -174,7 +174,7 @@ def test_rows_that_are_kept_nowhere_have_the_order_of_their_tasks_and_none_faile
 
 def test_processes_that_die_or_hang_lose_no_trial_change_no_row_and_leave_nothing(tmp_path, ailing, monkeypatch):
     monkeypatch.setattr(engine, "_GRACE", 0.2)
-    tasks = short(["hover", ailing("Dies"), ailing("Hangs"), ailing("Interrupts")], "0-1")
+    tasks = short(["hover", ailing("Dies"), ailing("Hangs"), ailing("Interrupts")], "0", repeats=2)
     before = dict(os.environ)
     with Pool(2) as flying:
         rows = run(tmp_path, tasks, flying, Options(timeout=3.0))

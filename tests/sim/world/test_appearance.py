@@ -13,9 +13,7 @@ from helpers.pages import generator
 from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
 from assets.shapes import PALETTE
-from sim.mission.mission import Mission, Trial
 from sim.scenario.environment import Appearance
-from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import Renderer
 from sim.world.appearance import FULL, sample_appearance
@@ -138,18 +136,6 @@ def test_noise_depends_on_seed_uav_and_time_alone():
     assert two.develop(flat, 1, 0.2).tobytes() != taken[0]
 
 
-def test_a_frame_made_again_from_poses_and_seed_is_the_one_flown():
-    scenario = Scenario(duration=1.0, uavs=(Uav(start=(-28.0, 0.0)),), appearance=Appearance(randomise=True))
-    mission = Mission.of(Trial(scenario, "hover", 4))
-    flown = [(snapshot, mission.frames[0]) for snapshot in mission.fly()]
-    with World(scenario, mission.forest, 4, 4) as world:
-        renderer = Renderer(world)
-        for snapshot, image in reversed(flown):
-            world.place_people(snapshot.people, snapshot.headings)
-            again = renderer.take(0, snapshot.time, CAMERA, snapshot.cameras[0])
-            assert again.image.tobytes() == image.tobytes()
-
-
 def survey(worlds, frames):
     """Recall and precision of people half or more visible clear of others, in worlds of full randomisation."""
     rng = np.random.default_rng(0)
@@ -171,7 +157,7 @@ def survey(worlds, frames):
     return np.array(tally.people, dtype=float), np.array(tally.detections)
 
 
-@pytest.mark.parametrize(("worlds", "frames"), [(25, 4), pytest.param(150, 4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("worlds", "frames"), [(12, 4), pytest.param(150, 4, marks=pytest.mark.slow)])
 def test_people_are_found_under_full_randomisation(worlds, frames):
     people, detections = survey(worlds, frames)
     assert len(people) > 4 * worlds * frames

@@ -6,19 +6,18 @@ import json
 import numpy as np
 import pytest
 from helpers import synthetic
-from helpers.recordings import npy, record, rewritten
+from helpers.flights import fly_ideal
+from helpers.recordings import record
 from helpers.summaries import shown, summary
 
 from planning.planner import Plan
 from sim.drawing.map_view import ALERT, MapView
 from sim.drawing.palette import ALARM
 from sim.evaluation.contacts import contacts
-from sim.mission.mission import Mission
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.recording.recording import Recorder
 from sim.scenario.fleet import Uav
-from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.world.contacts import Contact
 from sim.world.world import World
@@ -66,8 +65,7 @@ def test_a_mission_records_contacts_with_their_scan():
             return [Plan(np.array([[1.0, 0.0]])), Plan(np.array([[-1.0, 0.0]]))]
 
     fleet = f"uavs=[{{start=[0, 0]}}, {{start=[{APART}, 0]}}]"
-    setting = load("forest", ["duration=4", "sensing.mode=ideal", "trees.density=0", fleet, "dynamics=kinematic"])
-    snapshots = list(Mission(setting, Collide(), 0).fly())
+    _, snapshots = fly_ideal("trees.density=0", fleet, planner=Collide())
     touching = [s.time for s in snapshots if s.contacts]
     # Bodies 0.34 m wide that close 6 m at 2 m/s touch from 2.83 s, before the scan at 3.0 s, to 3.17 s, before 3.2 s.
     assert touching == [3.0, 3.2]
@@ -81,14 +79,6 @@ def test_contacts_survive_the_disk_and_come_back_scan_by_scan(tmp_path):
     expected = [(Contact(0, "canopy", 4), Contact(2, "ground", 0)) if 3 <= k <= 5 else () for k in range(11)]
     assert [read.contacts_at(k) for k in range(11)] == expected
     assert [read.snapshot(k).contacts for k in range(11)] == expected
-
-
-@pytest.mark.parametrize("row", [(11, 0, 0, 0), (0, 3, 0, 0), (0, 0, 5, 0), (0, 0, 0, -1)])
-def test_contacts_of_what_is_not_there_are_refused(tmp_path, row):
-    save(record(), tmp_path / "mission.npz")
-    damaged = rewritten(tmp_path / "mission.npz", tmp_path / "damaged.npz", contacts=npy(np.array([row])))
-    with pytest.raises(ValueError, match="field 'contacts'"):
-        load_recording(damaged)
 
 
 def with_contacts(rows):

@@ -88,7 +88,7 @@ def test_torque_vanishes_in_the_attitude_of_the_thrust():
     assert_allclose(_torque(R, np.zeros(3), acceleration), 0, atol=1e-12)
 
 
-def fly(commands, seconds, quaternion=LEVEL):
+def fly(commands, seconds, quaternion=LEVEL, wind=None):
     """Velocities (K, 3), heights above the commanded one (K,) and tilts (K,) rad in the engine."""
     with World(Scenario(uavs=(UAV,)), Forest(()), 0) as world:
         place = [*UAV.start, UAV.altitude]
@@ -97,7 +97,7 @@ def fly(commands, seconds, quaternion=LEVEL):
         rows = []
         for command in commands:
             for _ in range(round(seconds * RATE)):
-                world.step(np.array([command], dtype=float))
+                world.step(np.array([command], dtype=float), None if wind is None else np.array(wind, dtype=float))
                 pose = world.poses()[0]
                 rows.append([*world.velocities()[0], pose.position[2] - UAV.altitude, pose.rotation[2, 2]])
     rows = np.array(rows)
@@ -139,4 +139,31 @@ def test_recovers_from_thirty_degrees(axis):
     velocity, height, tilt = fly([(0, 0)], 2.0, tilted)
     assert tilt[-1] < math.radians(0.1)
     assert np.abs(velocity[-1]).max() < 0.02
+    assert np.abs(height).max() < 0.3
+
+
+@pytest.mark.parametrize("wind", [(5, 0), (-3, 4), (0, 0)])
+def test_steady_wind_leaves_no_error_of_velocity_or_altitude(wind):
+    commands = [(0, 0), (5, 0), (0, -5), (0, 0)]
+    velocity, height, _ = fly(commands, 4.0, wind=wind)
+    for command, flown in zip(commands, np.split(velocity, 4), strict=True):
+        error = flown[2 * RATE :] - [*command, 0.0]
+        assert np.linalg.norm(error.mean(axis=0)) < 0.02
+        assert np.abs(error[-1]).max() < 0.001
+    assert np.abs(height).max() < 0.1
+
+
+def test_the_strongest_wind_allowed_can_be_flown_against():
+    velocity, height, tilt = fly([(0, 0), (-5, 0)], 4.0, wind=(12, 0))
+    assert velocity[4 * RATE - 1 :: 4 * RATE, 0] == pytest.approx([0.0, -5.0], abs=0.05)
+    assert np.abs(height).max() < 0.1
+    assert tilt.max() < math.radians(35)
+
+
+def test_commands_out_of_reach_do_not_wind_the_controller_up():
+    velocity, height, _ = fly([(-30, 0), (0, 0)], 4.0, wind=(12, 0))
+    reaching, stopping = np.split(velocity[:, 0], 2)
+    assert reaching[-1] > -20  # saturated for four seconds
+    assert stopping.max() < 0.05  # and then stops without overshoot
+    assert stopping[-1] == pytest.approx(0.0, abs=0.05)
     assert np.abs(height).max() < 0.3

@@ -1,4 +1,5 @@
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,9 +18,14 @@ RATE = 60
 
 def walked(seed, *, people=None, trees=None, area=AREA, duration=40.0):
     """Positions (K, M, 2) and the forest of one seed."""
+    return _walked(seed, people or People(), trees or Trees(), area, duration)
+
+
+@cache
+def _walked(seed, people, trees, area, duration):
     rng = np.random.default_rng(seed)
-    forest = grow(trees or Trees(), area, rng)
-    return walk(people or People(), area, forest, duration=duration, rng=rng).positions, forest
+    forest = grow(trees, area, rng)
+    return walk(people, area, forest, duration=duration, rng=rng).positions, forest
 
 
 def velocities(positions):
@@ -56,9 +62,10 @@ def test_paces_of_independent_walkers_are_truncated_levy_at_any_instant(exponent
         assert stats.kstest(speeds[instant], levy(exponent)).pvalue > 0.01
 
 
-def test_step_lengths_of_walks_are_truncated_levy():
+@pytest.mark.parametrize("seeds", [20, pytest.param(40, marks=pytest.mark.slow)])
+def test_step_lengths_of_walks_are_truncated_levy(seeds):
     people = People(count=20, paths=())
-    walks = [walked(seed, people=people, trees=Trees(density=15), duration=2.0)[0] for seed in range(40)]
+    walks = [walked(seed, people=people, trees=Trees(density=15), duration=2.0)[0] for seed in range(seeds)]
     lengths = np.concatenate([np.hypot(*(p[72] - p[60]).T) for p in walks])
     assert stats.kstest(lengths / 0.2, levy(2.0)).pvalue > 0.01
 
@@ -114,9 +121,10 @@ def cross(p, q):
     return bool(np.any((of_b[:, :-1] * of_b[:, 1:] < 0) & (of_a[:, :-1] * of_a[:, 1:] < 0).T))
 
 
-def test_the_default_four_cross_bend_and_part():
+@pytest.mark.parametrize("seeds", [20, pytest.param(30, marks=pytest.mark.slow)])
+def test_the_default_four_cross_bend_and_part(seeds):
     crossed, converged = [], []
-    for seed in range(30):
+    for seed in range(seeds):
         positions, _ = walked(seed)
         pairs = [(i, j) for i in range(4) for j in range(i)]
         crossed.append(sum(cross(positions[:, i], positions[:, j]) for i, j in pairs) >= 2)
@@ -145,7 +153,10 @@ def test_people_without_a_path_wander():
 
 
 def test_same_seed_same_walk_and_another_seed_another():
-    assert np.array_equal(walked(6)[0], walked(6)[0])
+    _walked.cache_clear()
+    first = walked(6)[0]
+    _walked.cache_clear()
+    assert np.array_equal(first, walked(6)[0])
     assert not np.array_equal(walked(6)[0], walked(7)[0])
 
 
@@ -166,7 +177,7 @@ def test_a_crowd_may_be_empty():
     [
         (People(), Area(50.0, 50.0), r"people\.paths\[0\]: \(-30, -18\) is not inside the area"),
         (People(paths=(((0.0, 0.0),),)), AREA, r"people\.paths\[0\]: expected two or more waypoints, got 1"),
-        (People(count=500, paths=()), Area(20.0, 20.0), r"people\.count = 500: no free place"),
+        (People(count=500, paths=()), Area(12.0, 12.0), r"people\.count = 500: no free place"),
         (People(paths=()), Area(4.0, 20.0), "area: 4 x 20 m; people need 10 m"),
     ],
 )

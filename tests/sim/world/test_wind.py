@@ -4,58 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from helpers.flights import fly as fly_mission
 
-from sim.mission.mission import Mission, Trial
 from sim.scenario.environment import Wind
-from sim.scenario.fleet import Uav
-from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.world.quadrotor import DRAG, GRAVITY, MASS
 from sim.world.wind import Air
-from sim.world.world import World
-from tracking.geometry.visibility import Forest
 
-UAV = Uav(start=(0.0, 0.0))
 RATE = 240
-
-
-def fly(commands, seconds, wind):
-    """Velocities (C, K, 3), heights above the commanded one (C, K) and the body's up (C, K, 3) under each command."""
-    with World(Scenario(uavs=(UAV,)), Forest(()), 0) as world:
-        rows = []
-        for command in commands:
-            for _ in range(round(seconds * RATE)):
-                world.step(np.array([command], dtype=float), np.array(wind, dtype=float))
-                pose = world.poses()[0]
-                rows.append([*world.velocities()[0], pose.position[2] - UAV.altitude, *pose.rotation[:, 2]])
-    table = np.array(rows).reshape(len(commands), -1, 7)
-    return table[..., :3], table[..., 3], table[..., 4:]
-
-
-@pytest.mark.parametrize("wind", [(5, 0), (-3, 4), (0, 0)])
-def test_steady_wind_leaves_no_error_of_velocity_or_altitude(wind):
-    commands = [(0, 0), (5, 0), (0, -5), (0, 0)]
-    velocity, height, _ = fly(commands, 4.0, wind)
-    for command, flown in zip(commands, velocity, strict=True):
-        error = flown[2 * RATE :] - [*command, 0.0]
-        assert np.linalg.norm(error.mean(axis=0)) < 0.02
-        assert np.abs(error[-1]).max() < 0.001
-    assert np.abs(height).max() < 0.1
-
-
-def test_the_strongest_wind_allowed_can_be_flown_against():
-    velocity, height, up = fly([(0, 0), (-5, 0)], 4.0, (12, 0))
-    assert velocity[:, -1, 0] == pytest.approx([0.0, -5.0], abs=0.05)
-    assert np.abs(height).max() < 0.1
-    assert np.arccos(up[..., 2].min()) < math.radians(35)
-
-
-def test_commands_out_of_reach_do_not_wind_the_controller_up():
-    velocity, height, _ = fly([(-30, 0), (0, 0)], 4.0, (12, 0))
-    assert velocity[0, -1, 0] > -20  # saturated for four seconds
-    assert velocity[1, :, 0].max() < 0.05  # and then stops without overshoot
-    assert velocity[1, -1, 0] == pytest.approx(0.0, abs=0.05)
-    assert np.abs(height).max() < 0.3
 
 
 def test_gusts_have_the_variance_and_correlation_time_asked_for_at_any_rate():
@@ -83,8 +39,7 @@ def test_gusts_do_not_depend_on_how_many_steps_are_asked_for_at_once():
 
 
 def mission(*overrides, seed=0):
-    setting = load("forest", ["duration=3", "sensing.mode=ideal", *overrides])
-    return list(Mission.of(Trial(setting, "hover", seed)).fly())
+    return fly_mission("sensing.mode=ideal", *overrides, seed=seed, duration=3)[1]
 
 
 def test_a_body_fixed_camera_leans_into_the_wind_and_a_gimbal_does_not():
@@ -111,22 +66,3 @@ def test_gusts_are_the_seeds_and_change_nothing_else():
     assert not np.allclose(*flown, atol=1e-4)
     moved = np.array([s.poses[0].quaternion for s in first]) - np.array([s.poses[1].quaternion for s in first])
     assert np.abs(moved).max() < 1e-3  # the whole fleet meets the same gust
-
-
-@pytest.mark.parametrize(
-    ("overrides", "words"),
-    [
-        (["wind.velocity=[12, 5]"], ["wind", "velocity [12.0, 5.0]", "13 m/s", "at most 12 m/s"]),
-        (["wind.gust=-1"], ["wind.gust", "-1", ">= 0"]),
-        (["wind.gust_time=0"], ["wind.gust_time", ">= 0.01"]),
-        (["wind.velocty=[1, 0]"], ["wind.velocty", "did you mean velocity"]),
-        (["wind.gust=1", "dynamics=kinematic"], ["wind", "kinematic", "quadrotor"]),
-    ],
-)
-def test_a_wrong_wind_is_named_in_one_line(overrides, words):
-    with pytest.raises(ValueError) as caught:
-        load("forest", overrides)
-    message = str(caught.value)
-    assert "\n" not in message
-    for word in words:
-        assert word in message

@@ -60,18 +60,6 @@ def test_rotors_move_the_body_as_newton_and_euler_say():
             assert state(world)[10:13] == pytest.approx(before[10:13] + DT * turning, abs=2e-3)
 
 
-def test_the_quadrotor_reaches_five_metres_per_second_stops_and_holds_its_altitude():
-    altitude = ONE.uavs[0].altitude
-    with World(ONE, NO_TREES, 0) as world:
-        for command in ([5.0, 0.0], [0.0, 0.0]):
-            heights = []
-            for _ in range(3 * 240):
-                world.step(np.array([command]))
-                heights.append(world.poses()[0].position[2])
-            assert world.velocities()[0] == pytest.approx([*command, 0.0], abs=0.05)
-            assert max(abs(z - altitude) for z in heights) < 0.3
-
-
 def test_kinematic_motion_is_the_papers_equation():
     scenario = Scenario(dynamics="kinematic")
     start = np.array([uav.start for uav in scenario.uavs])

@@ -5,14 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.flights import recorded
 
 import tracking.measurement_update
-from planning.loading import load_planner
-from sim.mission.mission import Mission
-from sim.recording.recording import Recorder
 from sim.replay.explain.association import Association
-from sim.scenario.loading import load
-from sim.scenario.scenario import resolved
 
 CASES = {
     "m_of_n": ["trees.density=75"],
@@ -26,7 +22,6 @@ CASES = {
 
 def flown(case, monkeypatch):
     """A recording, its scenario, and what each tracker saw, found and weighed, in the order of scans and UAVs."""
-    scenario = load("forest", ["sensing.mode=ideal", "duration=5", *CASES[case]])
     spied = []
     weigh = tracking.measurement_update.associate
 
@@ -35,11 +30,7 @@ def flown(case, monkeypatch):
         return spied[-1][3:]
 
     monkeypatch.setattr(tracking.measurement_update, "associate", weighed)
-    mission, recorder = Mission(scenario, load_planner("greedy"), 3), Recorder()
-    for snapshot in mission.fly():
-        recorder.add(snapshot)
-    made = recorder.recording(scenario=resolved(scenario), planner="greedy", seed=3, forest=mission.forest)
-    return made, scenario, spied
+    return *recorded("sensing.mode=ideal", *CASES[case], duration=5), spied
 
 
 @pytest.mark.parametrize("case", CASES)

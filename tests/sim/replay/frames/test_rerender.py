@@ -2,21 +2,19 @@
 
 import dataclasses
 import math
-import sys
 
 import cv2
 import numpy as np
 import pytest
 from helpers import synthetic
-from helpers.commands import called
 from helpers.flights import PAIR, filmed
+from helpers.recordings import record
 
 from sim.drawing.labels import Labels
 from sim.drawing.lettering import TextStyle
 from sim.drawing.map_view import ellipse
 from sim.drawing.palette import INK, PANEL, track_colour
-from sim.recording.archive import load, save
-from sim.recording.recording import Recorder
+from sim.recording.archive import save
 from sim.replay.frames import pages
 from sim.replay.frames.annotation import annotated
 from sim.replay.frames.pages import write_frames
@@ -25,7 +23,6 @@ from sim.replay.frames.rerender import Rerenderer, rerender, scenario_of
 from sim.replay.frames.scans import scans_between
 from sim.replay.frames.sightings import Sight
 from sim.scenario.errors import InputError
-from sim.scenario.scenario import resolved
 from sim.world.world import World
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
@@ -33,27 +30,14 @@ from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.tracker import Track
 
 
-@pytest.fixture(scope="module", params=[("gimbal", "false"), ("body", "false"), ("body", "true")], ids="-".join)
-def mission(request, tmp_path_factory):
-    """A mission that was saved and loaded again, and its images; with and without randomised appearance."""
-    mount, randomise = request.param
-    recording, images = filmed(PAIR.format(mount), f"appearance.randomise={randomise}")
-    path = tmp_path_factory.mktemp(mount) / "mission.npz"
-    save(recording, path)
-    return load(path), images
+@pytest.fixture(scope="module")
+def mission():
+    """A mission, and its images."""
+    return filmed(PAIR.format("body"))
 
 
-def differing(recording, images):
-    """Number of the mission's frames that come out otherwise."""
-    with Rerenderer(recording) as again:
-        pairs = [(again.image(k, i), image) for k, row in enumerate(images) for i, image in enumerate(row)]
-    assert len(pairs) == 42
-    return sum(one.tobytes() != other.tobytes() or one.shape != other.shape for one, other in pairs)
-
-
-def test_frames_from_the_recording_alone_are_those_flown_byte_for_byte(mission):
+def test_one_frame_is_the_one_flown(mission):
     recording, images = mission
-    assert differing(recording, images) == 0
     np.testing.assert_array_equal(rerender(recording, 9, 1), images[9][1])
 
 
@@ -67,14 +51,13 @@ def test_where_a_slow_camera_took_no_image_the_truth_is_what_geometry_tells():
 
 def test_other_uavs_in_the_view_are_put_back_too(mission, monkeypatch):
     monkeypatch.setattr(World, "place_uavs", lambda self, poses: None)
-    assert differing(*mission) > 0
-
-
-def test_frames_do_not_depend_on_the_order_they_are_asked_for(mission):
     recording, images = mission
     with Rerenderer(recording) as again:
-        for k in (20, 3, 11, 3):
-            np.testing.assert_array_equal(again.image(k, 0), images[k][0])
+        assert any(
+            again.image(k, i).tobytes() != image.tobytes()
+            for k, row in enumerate(images)
+            for i, image in enumerate(row)
+        )
 
 
 def test_a_default_recording_of_40_s_takes_less_than_5_megabytes(tmp_path):
@@ -183,12 +166,7 @@ def test_names_keep_clear_of_one_another_and_of_marks_inside_the_image(anchor, c
 
 def test_views_of_anything_can_be_drawn():
     for options in ({}, {"people": 0}, {"mode": "ideal"}, {"people": 30}):
-        setting = synthetic.scenario(**options)
-        trees = synthetic.forest(setting)
-        recorder = Recorder()
-        for snapshot in synthetic.snapshots(setting, trees, 3):
-            recorder.add(snapshot)
-        recording = recorder.recording(scenario=resolved(setting), planner="p", seed=0, forest=trees)
+        recording = record(3, seed=0, **options)
         with Rerenderer(recording) as again:
             page = pages.draw(recording, again, 2, 1, size=300)
         assert page.shape[0] >= 276 and page.dtype == np.uint8
@@ -218,73 +196,17 @@ def test_a_failure_half_way_leaves_no_folder(mission, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
-    """Calls `understory frames` in a folder with a recording of 2 s in `run`."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    setting = synthetic.scenario(mode="ideal")
-    recorder = Recorder()
-    for snapshot in synthetic.snapshots(setting, synthetic.forest(setting), 11):
-        recorder.add(snapshot)
-    (tmp_path / "run").mkdir()
-    recording = recorder.recording(scenario=resolved(setting), planner="p", seed=0, forest=synthetic.forest(setting))
-    save(recording, tmp_path / "run" / "mission.npz")
-    save(dataclasses.replace(recording, scenario='{"uavs": 3}'), tmp_path / "broken.npz")
-    save(dataclasses.replace(recording, scenario=resolved(synthetic.scenario(uavs=2))), tmp_path / "other.npz")
-    (tmp_path / "junk.npz").write_bytes(b"junk")
-
-    def run(*arguments):
-        return called(["frames", *arguments], monkeypatch, capsys)
-
-    return run
-
-
-WRONG = {
-    "no such folder": (["nowhere", "--uav", "0", "--time", "1"], ["DIR", "nowhere does not exist"]),
-    "no recording inside": ([".", "--uav", "0", "--time", "1"], ["DIR", "holds no mission.npz"]),
-    "no recording": (["junk.npz", "--uav", "0", "--time", "1"], ["DIR", "junk.npz: not a recording"]),
-    "broken scenario": (["broken.npz", "--uav", "0", "--time", "1"], ["DIR", "uavs", "3"]),
-    "other scenario": (["other.npz", "--uav", "0", "--time", "1"], ["DIR", "3 UAVs flew, but its scenario has 2"]),
-    "no such UAV": (["run", "--uav", "3", "--time", "1"], ["--uav", "'3'", "0 to 2"]),
-    "negative UAV": (["run", "--uav", "-1", "--time", "1"], ["--uav", "'-1'", "0 to 2"]),
-    "UAV by name": (["run", "--uav", "one", "--time", "1"], ["--uav", "'one'", "0 to 2"]),
-    "no UAV": (["run", "--time", "1"], ["--uav"]),
-    "no time": (["run", "--uav", "0"], ["--time"]),
-    "beyond the end": (["run", "--uav", "0", "--time", "2.5"], ["--time", "2.5 s", "0 to 2 s"]),
-    "end beyond the end": (["run", "--uav", "0", "--time", "1:50"], ["--time", "50 s", "0 to 2 s"]),
-    "before the start": (["run", "--uav", "0", "--time", "-1"], ["--time", "'-1'", "0 s or more"]),
-    "end before start": (["run", "--uav", "0", "--time", "2:1"], ["--time", "'2:1'", "no T2 before T"]),
-    "no number": (["run", "--uav", "0", "--time", "noon"], ["--time", "'noon'", "1.5min"]),
-    "not a number": (["run", "--uav", "0", "--time", "nan:1"], ["--time", "'nan'"]),
-    "open end": (["run", "--uav", "0", "--time", "1:"], ["--time", "''"]),
-    "between scans": (["run", "--uav", "0", "--time", "1.05:1.1"], ["--time", "no scan", "1, 1.2 s"]),
-    "too small": (["run", "--uav", "0", "--time", "1", "--size", "9"], ["--size", "'9'", "256 to 4096"]),
-    "too large": (["run", "--uav", "0", "--time", "1", "--size", "9000"], ["--size", "'9000'", "256 to 4096"]),
-    "folder in use": (["run", "--uav", "0", "--time", "1", "--out", "run"], ["--out", "run", "not an empty folder"]),
-}
-
-
-@pytest.mark.parametrize(("arguments", "words"), WRONG.values(), ids=WRONG)
-def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(call, tmp_path, arguments, words):
-    before = sorted(tmp_path.rglob("*"))
-    code, _, err = call(*arguments)
-    assert code == 2
-    assert err.startswith("understory: ") and err.count("\n") == 1
-    for word in words:
-        assert word in err
-    assert sorted(tmp_path.rglob("*")) == before
-
-
 def test_the_command_writes_one_picture_a_scan_also_of_ideal_sensing(call, tmp_path):
-    code, out, err = call("run", "--uav", "1", "--time", "0.4:0.8", "--size", "256")
+    (tmp_path / "run").mkdir()
+    save(record(mode="ideal", seed=0), tmp_path / "run" / "mission.npz")
+    code, out, err = call("frames", "run", "--uav", "1", "--time", "0.4:0.8", "--size", "256")
     assert (code, err) == (0, "")
     names = [f"uav1-scan000{k}-0.{2 * k}s.png" for k in (2, 3, 4)]
     assert sorted(path.name for path in (tmp_path / "run" / "frames-uav1-0.4-0.8s").iterdir()) == names
     assert "3/3 frames" in out and names[0] in out
-    assert call("run/mission.npz", "--uav", "1", "--time", "0.4:0.8", "--size", "256")[0] == 0
+    assert call("frames", "run/mission.npz", "--uav", "1", "--time", "0.4:0.8", "--size", "256")[0] == 0
     first, second = (tmp_path / "run" / f"frames-uav1-0.4-0.8s{suffix}" / names[0] for suffix in ("", "-2"))
     assert first.read_bytes() == second.read_bytes()
     assert cv2.imread(str(first)).shape[1] == 256 + 8 + 340 + 30
-    assert call("run", "--uav", "0", "--time", "1", "--out", "deep/new")[0] == 0
+    assert call("frames", "run", "--uav", "0", "--time", "1", "--out", "deep/new")[0] == 0
     assert [path.name for path in (tmp_path / "deep" / "new").iterdir()] == ["uav0-scan0005-1.0s.png"]

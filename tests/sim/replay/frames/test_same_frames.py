@@ -2,15 +2,12 @@
 
 import hashlib
 import math
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers import synthetic
 from helpers.flights import PAIR, filmed
+from helpers.processes import python
 
 from sim.installation import ASSETS
 from sim.recording.archive import load, save
@@ -91,9 +88,7 @@ print(hashlib.sha256(b"".join(frames)).hexdigest())
 def test_a_fresh_process_elsewhere_renders_the_same_frames(tmp_path):
     recording, images = filmed("trees.density=75", PAIR.format("body"), duration=2)
     save(recording, tmp_path / "mission.npz")
-    there = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[4])}
-    command = [sys.executable, "-c", DIGEST, "mission.npz"]
-    done = subprocess.run(command, cwd=tmp_path, env=there, capture_output=True, text=True, check=True)
+    done = python("-c", DIGEST, "mission.npz", cwd=tmp_path)
     flown_ones = b"".join(image.tobytes() for row in images for image in row)
     assert done.stdout.strip() == hashlib.sha256(flown_ones).hexdigest()
 

@@ -13,7 +13,6 @@ import pytest
 from helpers.flown_pages import EVIL, LOST, flown
 from helpers.html_pages import Page
 from typer.main import get_command
-from typer.testing import CliRunner
 
 from sim.__main__ import app
 from sim.drawing.video import parts_of
@@ -49,18 +48,14 @@ def data_of(text):
 
 def test_nothing_comes_from_elsewhere_and_no_other_script_may_run(text):
     sheet = Sheet(text)
-    for tag, given in sheet.elements:
-        for name in ("src", "href", "srcset", "action", "data", "poster"):
-            assert given.get(name, "#").startswith(("#", "data:")), (tag, name)
-        assert not any(name.startswith("on") for name in given) and "style" not in given
-    policy = next(g["content"] for g, _ in sheet.of("meta") if g.get("http-equiv") == "Content-Security-Policy")
-    rules = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
+    rules = sheet.asks_for_nothing()
+    assert not any("style" in given for _, given in sheet.elements)
     assert rules["default-src"] == "'none'" and rules["media-src"] == "data:" and rules["img-src"] == "data:"
     script = next(shown for given, shown in sheet.of("script") if "type" not in given)
     ((_, style),) = sheet.of("style")
     for name, shown in (("script-src", script), ("style-src", style)):
         assert rules[name] == f"'sha256-{base64.b64encode(hashlib.sha256(shown.encode()).digest()).decode()}'"
-    assert "url(" not in style and "http" not in style + script
+    assert "http" not in style + script
 
 
 def test_whatever_was_typed_is_text(text):
@@ -133,11 +128,8 @@ def test_five_uavs_have_five_colours_and_people_states_of_their_own():
 def test_between_two_frames_of_a_slow_camera_the_first_counts(mission):
     history = History.of(*mission)
     looked = history.looked & (np.arange(21) % 5 == 0)[:, None]
-    slow = dataclasses.replace(
-        history,
-        looked=looked,
-        **{n: getattr(history, n) & looked[:, :, None] for n in ("inside", "shown", "detected")},
-    )
+    seen = {name: getattr(history, name) & looked[:, :, None] for name in ("inside", "shown", "detected")}
+    slow = dataclasses.replace(history, looked=looked, **seen)
     every = codes(history)
     for k in range(21):
         expected = np.where(history.present[k] & history.working[k][:, None], every[k - k % 5], OUT)
@@ -163,22 +155,19 @@ def test_a_film_of_another_mission_is_refused_and_leaves_nothing(tmp_path, missi
     assert os.listdir(tmp_path) == []
 
 
-def test_replay_makes_the_page_of_the_run_again(tmp_path, monkeypatch):
+def test_replay_makes_the_page_of_the_run_again(tmp_path, call, refused):
     setting = load("forest", ["duration=0.6", "people.count=2", "trees.density=5"])
     run(Trial(setting, "hover", 2), tmp_path / "out")
     text = (tmp_path / "out" / "mission.html").read_text()
     assert len(data_of(text)["times"]) == 4
-    runner = CliRunner()
-    monkeypatch.chdir(tmp_path)
-    assert runner.invoke(app, ["replay", "out", "--page"]).exit_code == 0  # with the film beside
+    assert call("replay", "out", "--page")[0] == 0  # with the film beside
     assert (tmp_path / "out" / "mission-2.html").read_text() == text
     (tmp_path / "out" / "mission.mp4").unlink()
-    told = runner.invoke(app, ["replay", "out", "--page", "--out", "again.html"])  # drawn again
-    assert told.exit_code == 0, told.output
+    assert call("replay", "out", "--page", "--out", "again.html")[0] == 0  # drawn again
     assert (tmp_path / "again.html").read_text() == text
     assert sorted(path.name for path in tmp_path.iterdir()) == ["again.html", "out"]
     for wrong in (["--page", "--gui"], ["--page", "--time", "0:1"], ["--page", "--out", "x.mp4"]):
-        assert isinstance(runner.invoke(app, ["replay", "out", *wrong]).exception, InputError)
+        refused("replay", "out", *wrong)
 
 
 @pytest.mark.parametrize(
@@ -191,11 +180,8 @@ def test_odd_missions_have_a_page_too(changes):
     text = page(dataclasses.replace(recording, interrupted=True), setting)
     data = data_of(text)
     assert Sheet(text).of("h1") and data["film"] is None
-    assert (len(data["times"]), len(data["people"][0]), len(data["uavs"][0])) == (
-        changes.get("scans", 6),
-        changes.get("people", 4),
-        changes.get("uavs", 3),
-    )
+    sizes = len(data["times"]), len(data["people"][0]), len(data["uavs"][0])
+    assert sizes == (changes.get("scans", 6), changes.get("people", 4), changes.get("uavs", 3))
     assert "Interrupted at " in text
 
 
@@ -212,10 +198,8 @@ def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
     ]
     broken = Fault(0.0, 1, "broke down, hovers from now on")
     still = dataclasses.replace(recording, ospa=np.where(np.arange(3)[:, None] == 1, np.nan, recording.ospa))
-    assert (
-        'class="warning"'
-        not in page(dataclasses.replace(still, faults=recorded([broken])), setting).partition("</header>")[0]
-    )
+    header = page(dataclasses.replace(still, faults=recorded([broken])), setting).partition("</header>")[0]
+    assert 'class="warning"' not in header
 
 
 def test_the_data_of_forty_seconds_weigh_less_than_a_megabyte():

@@ -7,7 +7,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from helpers.browser import CHROMIUM, Browser
+from helpers.browser import CHROMIUM, SMALL_WORDS, Browser
 from helpers.flown_pages import EVIL
 
 from sim.drawing.video import parts_of
@@ -45,15 +45,8 @@ def test_a_browser_follows_slider_keys_lists_and_charts(tmp_path, mission, folde
         for width in (1280, 900):
             browser.resize(width, 800)
             assert browser.run("document.documentElement.scrollWidth") == width
-        small = (
-            "[...document.querySelectorAll('main *')].filter(e => e.textContent.trim() && "
-            "parseFloat(getComputedStyle(e).fontSize) < 13).map(e => e.outerHTML)"
-        )
-        assert browser.run(small) == []
-        assert browser.complaints == []
-        assert [url for url in browser.requests if not url.startswith("data:")] == [
-            (folder / "mission.html").as_uri()[:100]
-        ]
+        assert browser.run(SMALL_WORDS) == [] == browser.complaints
+        assert browser.requests_elsewhere() == [(folder / "mission.html").as_uri()[:100]]
 
 
 def _follows_the_slider(browser, mission, folder):

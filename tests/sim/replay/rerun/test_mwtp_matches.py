@@ -2,16 +2,15 @@
 
 import numpy as np
 import pytest
-from helpers import synthetic
+from helpers.recordings import record
 
 from planning.objective.mwtp import matches, weighted_trace_penalty
 from planning.objective.nbo import costs
 from planning.planner import Vehicle
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.propagation import Nominal
-from sim.recording.recording import Recorder
+from sim.replay.frames.rerender import scenario_of
 from sim.replay.rerun.mwtp_matches import matches_at, situation_at
-from sim.scenario.scenario import resolved
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import Camera
 
@@ -41,11 +40,8 @@ def test_penalties_add_up_to_what_planners_pay():
     shared = 0
     for _ in range(50):
         n, count = rng.integers(1, 4), rng.integers(1, 7)
-        places, targets, traces = (
-            rng.uniform(-40, 40, (n, 2)),
-            rng.uniform(-40, 40, (count, 2)),
-            rng.uniform(1, 9, count),
-        )
+        places, targets = rng.uniform(-40, 40, (n, 2)), rng.uniform(-40, 40, (count, 2))
+        traces = rng.uniform(1, 9, count)
         half = (20.0 - 0.85) * np.tan(np.pi / 6)
         seen = (np.abs(targets[:, None] - places[None]) <= half).all(axis=2).any(axis=1)
         found = matches(targets, traces, seen, sensors(*places), views(n))
@@ -57,11 +53,8 @@ def test_penalties_add_up_to_what_planners_pay():
 
 
 def test_matches_of_a_recording_are_those_its_plans_would_pay_for():
-    scenario = synthetic.scenario()
-    forest, recorder = synthetic.forest(scenario), Recorder()
-    for snapshot in synthetic.snapshots(scenario, forest):
-        recorder.add(snapshot)
-    recording = recorder.recording(scenario=resolved(scenario), planner="hover", seed=0, forest=forest)
+    recording = record(21)
+    scenario = scenario_of(recording)
     assert matches_at(recording, scenario, 1, 0) == ()  # nothing was planned
     count = 0
     for k in range(0, 21, 5):

@@ -9,10 +9,9 @@ import pytest
 
 rr = pytest.importorskip("rerun")
 
+from helpers.flights import recorded  # noqa: E402
 from rerun.chunk import RrdReader  # noqa: E402
 
-from sim.mission.mission import Mission, Trial  # noqa: E402
-from sim.recording.recording import Recorder  # noqa: E402
 from sim.replay.events import events_of  # noqa: E402
 from sim.replay.explain.association import Association  # noqa: E402
 from sim.replay.frames.rerender import Rerenderer, scenario_of  # noqa: E402
@@ -20,27 +19,14 @@ from sim.replay.rerun import viewer as rerun_view  # noqa: E402
 from sim.replay.rerun.mwtp_matches import matches_at  # noqa: E402
 from sim.replay.rerun.scene import gaps_at  # noqa: E402
 from sim.scenario.errors import InputError  # noqa: E402
-from sim.scenario.loading import load  # noqa: E402
-from sim.scenario.scenario import resolved  # noqa: E402
 
 BROKEN_AT = 8  # the scan, of UAV 2
-OVERRIDES = [
-    "duration=3",
-    "trees.density=75",
-    "uavs.2.fails_at=1.5",
-    "uavs.1.rate=1",
-    "network.loss=0.6",
-    "network.rounds=1",
-]
+OVERRIDES = ("trees.density=75", "uavs.2.fails_at=1.5", "uavs.1.rate=1", "network.loss=0.6", "network.rounds=1")
 
 
 @pytest.fixture(scope="module")
 def recording():
-    scenario, recorder = load("forest", OVERRIDES), Recorder()
-    mission = Mission.of(Trial(scenario, "greedy", 2))
-    for snapshot in mission.fly():
-        recorder.add(snapshot)
-    return recorder.recording(scenario=resolved(scenario), planner="greedy", seed=2, forest=mission.forest)
+    return recorded(*OVERRIDES, seed=2, duration=3)[0]
 
 
 @pytest.fixture(scope="module")
@@ -184,8 +170,8 @@ def test_it_opens_well_laid_out(written):
              for row in table if row.get("class_identifier")]  # fmt: skip
     counts = {kind: views.count(kind) for kind in views}
     assert counts == {"3D": 1, "2D": 3, "TimeSeries": 6, "StateTimeline": 1, "TextLog": 1, "TextDocument": 3}
-    (recorded,) = reader.recordings()
-    assert recorded.application_id == "understory"
+    (only,) = reader.recordings()
+    assert only.application_id == "understory"
 
 
 def test_what_fails_leaves_nothing(recording, tmp_path):

@@ -1,0 +1,178 @@
+"""Wrong input to a command is one line and exit code 2, and leaves nothing."""
+
+import sqlite3
+
+import pytest
+from helpers.recordings import record
+
+from sim.recording.archive import save
+from sim.study.store import NAME, SCHEMA
+
+FILES = {
+    "broken.toml": b"duration = = 3",
+    "nocsv.toml": b'[people]\ntrajectories = "nope.csv"',
+    "badcsv.toml": b'[people]\ntrajectories = "bad.csv"',
+    "bad.csv": b"t,id,x,y\n0,1,0,zero\n1,1,1,1\n",
+    "nothing.csv": b"",
+    "blank.csv": b"\n \n",
+    "header.csv": b"t,id,x,y\n",
+    "binary.toml": b"\xff\xfe\x00",
+    "misspelt.toml": b"[study]\nplaners = ['hover']",
+    "empty.toml": b"[study]\nplanners = []",
+    "full/summary.json": b"{}",
+    "other/file": b"",
+    "there.mp4": b"mine",
+}
+COMMANDS = {
+    "unknown command": (["flyy"], ["'flyy'", "run, compare, frames, replay, explain, export, planners, scenarios"]),
+    "misspelt command": (["rum"], ["'rum'", "did you mean run?"]),
+    "unknown option": (["run", "--sead", "3"], ["--sead", "--seed"]),
+    "extra argument": (["run", "forest", "grove"], ["grove"]),
+    "option without value": (["run", "--out"], ["--out"]),
+    "unknown scenario": (["run", "forrest"], ["scenario", "'forrest'", "did you mean forest?"]),
+    "missing file": (["run", "missing.toml"], ["scenario", "missing.toml"]),
+    "broken TOML": (["run", "broken.toml"], ["broken.toml", "line 1"]),
+    "no text": (["run", "binary.toml"], ["binary.toml"]),
+    "folder as file": (["run", "full"], ["scenario", "'full'"]),
+    "missing CSV": (["run", "nocsv.toml"], ["people.trajectories", "nope.csv", "No such file"]),
+    "broken CSV": (["run", "badcsv.toml"], ["bad.csv, line 2, column y", "'zero'"]),
+    "unknown unit": (["run", "--duration", "40 furlongs"], ["--duration", "'furlongs'", "s, ms, min, h"]),
+    "near unit": (["run", "--duration", "1mins"], ["--duration", "'1mins'", "did you mean min?"]),
+    "no duration": (["run", "--duration", "long"], ["--duration", "'long'", "1.5min"]),
+    "negative duration": (["run", "--duration", "-5"], ["--duration", "'-5'", "more than 0 s"]),
+    "endless duration": (["run", "--duration", "inf"], ["--duration", "'inf'"]),
+    "broken seed": (["run", "--seed", "1.5"], ["--seed", "'1.5'", "an integer, 0 to 3402823669"]),
+    "negative seed": (["run", "--seed", "-1"], ["--seed", "'-1'", "an integer, 0 to 3402823669"]),
+    "broken repeat": (["run", "--repeat", "1.5"], ["--repeat: '1.5' is not allowed; expected an integer, 0 to 9999\n"]),
+    "no repeat": (["run", "--repeat", ""], ["--repeat: '' is not allowed; expected an integer, 0 to 9999\n"]),
+    "repeat of many": (["run", "--repeat", "10000"], ["--repeat: '10000' is not allowed"]),
+    "unknown planner": (["run", "--planner", "hoover"], ["planner", "'hoover'", "did you mean hover?"]),
+    "planner by no name": (["run", "--planner", "mine"], ["'mine'", "package.module:Class"]),
+    "unknown module": (["run", "--planner", "nowhere:It"], ["planner", "'nowhere:It'", "No module named 'nowhere'"]),
+    "unknown class": (["run", "--planner", "sim:It"], ["planner", "'sim:It'", "no class 'It'"]),
+    "folder with a run": (["run", "--out", "full"], ["--out", "full", "already holds a run"]),
+    "folder with something": (["run", "--out", "other"], ["--out", "other", "not an empty folder"]),
+    "file for a folder": (["run", "--out", "bad.csv"], ["--out", "bad.csv", "not an empty folder"]),
+    "folder in a file": (["run", "--out", "bad.csv/run"], ["--out", "bad.csv/run", "cannot be written"]),
+    "folder that cannot be": (["run", "--out", "/proc/a/run"], ["--out", "/proc/a/run", "cannot be written"]),
+    "name too long": (["run", "--out", f"new/{'a' * 300}"], ["--out", "cannot be written", "too long"]),
+    "folder without a name": (["run", "--out", ""], ["--out", "no name"]),
+    "unknown format": (["export", "full", "--to", "cvs"], ["--to", "'cvs'", "did you mean csv?"]),
+    "export of no run": (["export", "full", "--to", "csv"], ["DIR", "full", "holds no mission.npz"]),
+}
+SETTINGS = {
+    "trees.densty=3": ["trees.densty", "did you mean density?"],
+    "trees.density": ["--set", "'trees.density'", "key=value"],
+    "trees.density=-3": ["trees.density", "-3", ">= 0"],
+    "trees.density=9000": ["trees.density", "9000", "no more than 203"],
+    "trees.density=160": ["trees.density", "160", "fit into 150 x 100 m"],
+    "people.trajectories=no.csv": ["people.trajectories", "no.csv"],
+    "people.trajectories=nothing.csv": ["nothing.csv: is empty", "t,id,x,y"],
+    "people.trajectories=blank.csv": ["blank.csv: is empty", "t,id,x,y"],
+    "people.trajectories=header.csv": ["header.csv: has no rows", "two or more"],
+    "area.width=60 uavs=[{start=[0,0]}]": ["people.paths[0]", "(-30, -18)", "|x| <= 29"],
+    "area.height=9 uavs=[{start=[0,0]}] trees.density=0": ["area", "150 x 9 m", "10 m"],
+    "sensing.detector=blop": ["sensing.detector: 'blop' is unknown; allowed are blob", "did you mean blob?"],
+    "sensing.detector=no.where:Net": ["'no.where:Net' cannot be imported: No module named 'no'"],
+    "sensing.detector=sim.sensing.sensors:Net": ["sim.sensing.sensors has no class 'Net'"],
+    "sensing.detector=../net:Net": ["'../net' is not the name of a module"],
+    "seed=3": ["seed: unknown key", "an option: --seed"],
+    "sead=3": ["sead: unknown key", "allowed are version, duration"],
+}
+COMPARISONS = {
+    "unknown study": (["paper-horizn"], ["study: 'paper-horizn'", "did you mean paper-horizon?"]),
+    "missing file": (["no.toml"], ["no file no.toml"]),
+    "misspelt key": (["misspelt.toml"], ["study.planers: unknown key", "did you mean planners?"]),
+    "empty study": (["empty.toml"], ["no trial"]),
+    "maps and seeds": (["--maps", "3", "--seeds", "1"], ["--maps", "--seeds 0-49"]),
+    "seeds out of order": (["--seeds", "9-0"], ["--seeds", "'9-0'", "0-9 or 0,3,7"]),
+    "no map": (["--maps", "0"], ["--maps", "1 to 100000"]),
+    "no repeat": (["--repeats", "0"], ["--repeats: '0' is not allowed; expected an integer, 1 to 10000\n"]),
+    "broken repeat": (["--repeats", "1.5"], ["--repeats: '1.5' is not allowed"]),
+    "no worker": (["--workers", "0"], ["--workers", "'0'", "an integer, 1 to 1024"]),
+    "unknown sensing": (["--sensing", "idel"], ["--sensing: 'idel'", "did you mean ideal?"]),
+    "unknown thing to keep": (["--keep", "recording"], ["--keep: 'recording'", "did you mean recordings?"]),
+    "timeout of nothing": (["--timeout", "0"], ["--timeout", "more than 0 s"]),
+    "one wrong planner": (["--planner", "hover", "--planner", "gredy"], ["'gredy'", "did you mean greedy?"]),
+    "planner as a key": (["--set", "planner=hover"], ["planner: unknown key", "an option: --planner"]),
+    "unknown detector": (["--set", "sensing.detector=blobs"], ["sensing.detector: 'blobs'", "did you mean blob?"]),
+    "label without a planner": (["--label", "short"], ["--label: 'short'", "label=planner"]),
+    "label of an unknown planner": (["--label", "a=hoover"], ["--label: 'hoover' is none of"]),
+    "one label for two": (["--label", "a=hover", "--label", "a=greedy"], ["'a' would stand for two"]),
+    "varied key": (["faults", "--set", "network.loss=0.1"], ["network.loss is what factor 'fault'"]),
+    "forest that cannot be": (["--set", "trees.density=160"], ["trees.density = 160"]),
+    "newer store": (["--out", "newer"], [f"store of version {SCHEMA + 1}", f"reads {SCHEMA}"]),
+    "file for a folder": (["--out", "empty.toml"], ["--out: empty.toml", "cannot be used"]),
+    "folder that cannot be": (["--out", "/proc/study"], ["--out: /proc/study", "cannot be used"]),
+    "dask that does not answer": (["--dask", "tcp://127.0.0.1:9"], ["--dask: 'tcp://127.0.0.1:9' does not answer"]),
+}
+FRAMES = {
+    "no such folder": (["nowhere", "--uav", "0", "--time", "1"], ["DIR", "nowhere does not exist"]),
+    "no recording inside": ([".", "--uav", "0", "--time", "1"], ["DIR", "holds no mission.npz"]),
+    "no such UAV": (["run", "--uav", "3", "--time", "1"], ["--uav", "'3'", "0 to 2"]),
+    "negative UAV": (["run", "--uav", "-1", "--time", "1"], ["--uav", "'-1'", "0 to 2"]),
+    "UAV by name": (["run", "--uav", "one", "--time", "1"], ["--uav", "'one'", "0 to 2"]),
+    "no UAV": (["run", "--time", "1"], ["--uav"]),
+    "no time": (["run", "--uav", "0"], ["--time"]),
+    "beyond the end": (["run", "--uav", "0", "--time", "2.5"], ["--time", "2.5 s", "0 to 2 s"]),
+    "end beyond the end": (["run", "--uav", "0", "--time", "1:50"], ["--time", "50 s", "0 to 2 s"]),
+    "before the start": (["run", "--uav", "0", "--time", "-1"], ["--time", "'-1'", "0 s or more"]),
+    "end before start": (["run", "--uav", "0", "--time", "2:1"], ["--time", "'2:1'", "no T2 before T"]),
+    "no number": (["run", "--uav", "0", "--time", "noon"], ["--time", "'noon'", "1.5min"]),
+    "not a number": (["run", "--uav", "0", "--time", "nan:1"], ["--time", "'nan'"]),
+    "open end": (["run", "--uav", "0", "--time", "1:"], ["--time", "''"]),
+    "between scans": (["run", "--uav", "0", "--time", "1.05:1.1"], ["--time", "no scan", "1, 1.2 s"]),
+    "too small": (["run", "--uav", "0", "--time", "1", "--size", "9"], ["--size", "'9'", "256 to 4096"]),
+    "too large": (["run", "--uav", "0", "--time", "1", "--size", "9000"], ["--size", "'9000'", "256 to 4096"]),
+    "folder in use": (["run", "--uav", "0", "--time", "1", "--out", "run"], ["--out", "run", "not an empty folder"]),
+}
+REPLAYS = {
+    "two ways": (["--gui", "--video"], ["--gui", "--video", "one at a time"]),
+    "film and viewer": (["--video", "--rerun", "a.rrd"], ["--rerun", "--video"]),
+    "layout of a window": (["--gui", "--layout", "map"], ["--layout", "--gui"]),
+    "speed of a file": (["--rerun", "a.rrd", "--speed", "2"], ["--speed", "--rerun"]),
+    "unknown layout": (["--layout", "cameraz"], ["--layout", "'cameraz'", "cameras"]),
+    "no such UAV": (["--layout", "uav3"], ["--layout", "'uav3'", "uav2"]),
+    "no speed": (["--speed", "fast"], ["--speed", "'fast'", "0.05 to 20"]),
+    "no speed at all": (["--speed", "0"], ["--speed", "'0'", "0.05 to 20"]),
+    "no number": (["--speed", "nan"], ["--speed", "'nan'"]),
+    "one time": (["--time", "1"], ["--time", "'1'", "12:20"]),
+    "beyond the end": (["--time", "1:9"], ["--time", "9 s", "0 to 2 s"]),
+    "no film": (["--out", "a.gif"], ["--out", "'a.gif'", ".mp4"]),
+    "film in use": (["--out", "there.mp4"], ["--out", "there.mp4 exists"]),
+    "no folder": (["--out", "no/a.mp4"], ["--out", "no folder no"]),
+    "no file of the viewer": (["--rerun", "a.mp4"], ["--rerun", "'a.mp4'", ".rrd", "spawn"]),
+}
+WRONG = {
+    **COMMANDS,
+    **{text: (["run", *(w for s in text.split() for w in ("--set", s))], words) for text, words in SETTINGS.items()},
+    **{f"compare: {name}": (["compare", *arguments], words) for name, (arguments, words) in COMPARISONS.items()},
+    **{f"frames: {name}": (["frames", *arguments], words) for name, (arguments, words) in FRAMES.items()},
+    **{f"replay: {name}": (["replay", "run", *arguments], words) for name, (arguments, words) in REPLAYS.items()},
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with wrong files, a newer store, and a recording of 2 s; no command here may change it."""
+    folder = tmp_path_factory.mktemp("refusals")
+    for name in ("full", "other", "newer", "run"):
+        (folder / name).mkdir()
+    for name, content in FILES.items():
+        (folder / name).write_bytes(content)
+    sql = sqlite3.connect(folder / "newer" / NAME)
+    sql.execute(f"PRAGMA user_version = {SCHEMA + 1}")
+    sql.close()
+    save(record(), folder / "run" / "mission.npz")
+    return folder
+
+
+@pytest.mark.parametrize(("arguments", "words"), WRONG.values(), ids=WRONG)
+def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(refused, folder, monkeypatch, arguments, words):
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("sim.study.cluster._CONNECT", 0.5)
+    before = {path: path.read_bytes() for path in folder.rglob("*.*")}
+    told = refused(*arguments)
+    for word in words:
+        assert word in told
+    assert {path: path.read_bytes() for path in folder.rglob("*.*")} == before

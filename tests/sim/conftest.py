@@ -1,0 +1,37 @@
+"""Fixtures that call the command line within the process of a test."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from helpers.commands import called
+
+from sim.terminal import console
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch, capsys):
+    """Calls the command line in an empty folder of its own: exit code, standard output and standard error."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(console.console, "width", 80)
+    return lambda *arguments: called(arguments, monkeypatch, capsys)
+
+
+def listing():
+    """Everything in the current folder, what Python keeps of imported modules aside."""
+    return sorted(path for path in Path().rglob("*") if "__pycache__" not in path.parts)
+
+
+@pytest.fixture
+def refused(call):
+    """Calls a command that has to end with one line and leave the current folder as it was: that line."""
+
+    def check(*arguments, code=2):
+        before = listing()
+        ended, out, err = call(*arguments)
+        assert (ended, err.count("\n")) == (code, 1) and err.startswith("understory: ")
+        assert "Traceback" not in out and listing() == before
+        return err
+
+    return check

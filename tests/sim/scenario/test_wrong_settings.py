@@ -1,0 +1,125 @@
+"""Settings of no possible mission are refused in one line that names field, value and what is allowed."""
+
+import pytest
+
+from sim.scenario.errors import InputError
+from sim.scenario.loading import load
+
+ALL_ROUND = "sensing.mode=ideal sensing.field_of_view=unlimited"
+# Settings, parted by spaces where there are several, and words of the line.
+WRONG = {
+    "trees.densty=3": ["trees.densty", "did you mean density"],
+    "tree.density=3": ["tree", "did you mean trees"],
+    "uavs.0.alhpa=1": ["uavs.0.alhpa", "did you mean alpha"],
+    "uavs.0.fov_rad=1": ["uavs.0.fov_rad", "did you mean fov_deg"],
+    "trees.density=-3": ["trees.density", "-3", ">= 0"],
+    "trees.density=nan": ["trees.density", "nan", "finite"],
+    "trees.density=many": ["trees.density", "'many'", "float"],
+    "duration=inf": ["duration", "inf", "finite"],
+    "duration=0": ["duration", "> 0"],
+    "duration.x=3": ["duration", "no keys"],
+    "rates.sensing=7": ["rates", "240 Hz", "7 Hz"],
+    "rates.planning=2": ["rates", "5", "2"],
+    "first_decision=-1": ["first_decision", "-1", ">= 0"],
+    "first_decision=0.4": ["first_decision: 0.4 s", "1 s between decisions", "nearest are 0 and 1"],
+    "first_decision=41": ["first_decision: 41 s is after the duration of 40 s"],
+    "first_decison=1": ["first_decison", "did you mean first_decision"],
+    "dynamics=quad": ["dynamics", "quadrotor", "did you mean quadrotor"],
+    "trees.canopy_base=9": ["canopy_base 9", "canopy_top 6"],
+    "uavs.0.footprint=4": ["uavs.0", "altitude", "canopy_top"],
+    "uavs.0.start=[500,0]": ["uavs.0.start", "outside the area"],
+    "uavs=[{start=[0,0]},{start=[0.5,0]}]": ["uavs.1.start", "[0.5, 0.0]", "1 m from uavs.0"],
+    "uavs.7.alpha=1": ["'7'", "0 to 2"],
+    "uavs.²=1": ["'²' is not an index", "0 to 2"],
+    "uavs=[]": ["uavs", "length >= 1"],
+    "tracking.confirm=[4,3]": ["confirm", "4 of 3"],
+    "people.min_speed=5": ["min_speed 5", "max_speed 3"],
+    "version=2": ["version", "2"],
+    "nonsense": ["key=value"],
+    "x" + ".x" * 5000 + "=1": ["x", "unknown key"],
+    # Cameras
+    "uavs.0.mount=gimball": ["uavs.0.mount: 'gimball'", "did you mean gimbal?"],
+    "uavs.0.tilt=5": ["uavs.0.tilt", "did you mean tilt_deg"],
+    "uavs.0.tilt_deg=61": ["uavs.0.tilt_deg: 61", "<= 60"],
+    "uavs.0.tilt_deg=60": ["uavs.0", "tilt_deg 60", "less than 60"],
+    "uavs.0.tilt_deg=-1": ["uavs.0.tilt_deg", "-1", ">= 0"],
+    "uavs.0.tilt_deg=50 uavs.0.fov_deg=80": ["uavs.0", "tilt_deg 50", "fov_deg 80", "less than 50"],
+    "uavs.2.rate=2": ["uavs.2.rate", "2 Hz", "rates.sensing 5 Hz", "1, 5"],
+    "uavs.2.rate=10": ["uavs.2.rate", "10 Hz", "1, 5"],
+    "uavs.0.rate=2.5": ["uavs.0.rate", "2.5", "int"],
+    "uavs.0.pixels=0": ["uavs.0.pixels: 0 is not allowed", ">= 16"],
+    "uavs.0.pixels=99.5": ["uavs.0.pixels: 99.5 is not allowed", "int"],
+    "uavs.0.pixels=9999": ["uavs.0.pixels: 9999", "<= 4096"],
+    "uavs.0.fov_deg=0": ["uavs.0.fov_deg: 0", ">= 1"],
+    "sensing.false_alarms=1e19": ["sensing.false_alarms: 1", "<= 1000"],
+    "sensing.false_alarms=-1": ["sensing.false_alarms: -1", ">= 0"],
+    "sensing.renderer=elg": ["sensing.renderer: 'elg'", "did you mean egl?"],
+    # Wind
+    "wind.velocity=[12,5]": ["wind", "velocity [12.0, 5.0]", "13 m/s", "at most 12 m/s"],
+    "wind.gust=-1": ["wind.gust", "-1", ">= 0"],
+    "wind.gust_time=0": ["wind.gust_time", ">= 0.01"],
+    "wind.velocty=[1,0]": ["wind.velocty", "did you mean velocity"],
+    "wind.gust=1 dynamics=kinematic": ["wind", "kinematic", "quadrotor"],
+    # Numbers beyond all measure
+    "people.count=1000000000": ["people.count: 1000000000", "<= 10000"],
+    "people.count=1e9": ["people.count: 1000000000.0", "expected int"],
+    "area.width=1e9": ["area.width: 1000000000.0", "<= 20000"],
+    "area.height=1e-320": ["area.height", ">= 1"],
+    "network.rounds=1000000000": ["network.rounds: 1000000000", "<= 1000"],
+    "rates.physics=1000000000": ["rates.physics: 1000000000", "<= 10000"],
+    "duration=1e308": ["duration: 1e+308", "<= 86400"],
+    "uavs.0.alpha=1e308": ["uavs.0.alpha: 1e+308", "<= 100"],
+    "uavs.0.footprint=1e300": ["uavs.0.footprint: 1e+300", "<= 10000"],
+    "uavs.0.fov_deg=1e-300": ["uavs.0.fov_deg", ">= 1"],
+    "trees.canopy_radius=1e300": ["trees.canopy_radius: 1e+300", "<= 200"],
+    "trees.canopy_radius=1e-300": ["trees.canopy_radius", ">= 0.01"],
+    "tracking.sigma_a=1e300": ["tracking.sigma_a: 1e+300", "<= 100"],
+    "network.cuts=[{links=[[0,1]],end=1e308}]": ["network.cuts.0.end", "<= 86400"],
+    # What settings come to together
+    "duration=86400 rates.sensing=10": ["duration, rates.sensing and uavs", "2.592e+06 scans", "2e+06"],
+    "duration=80000 rates.physics=10000": ["duration, rates.physics and uavs", "2.4e+09", "1e+09"],
+    "duration=100 people.count=5000": ["duration and people.count", "500000 seconds of walking", "360000"],
+    "people.count=9000 rates.sensing=80": ["uavs and people.count", "8.64e+07 looks", "1e+07"],
+    "area.width=20000 area.height=20000": ["area and uavs", "1.2e+09 m²", "6e+08"],
+    "uavs.0.pixels=4096 duration=50000": ["pixels", "4.2025e+12", "1e+12"],
+    "network.rounds=1000 duration=40000": ["network.rounds", "1.8e+09 messages"],
+    "people.paths=[[[-1e308,0],[1e308,0]]]": ["people.paths", "inf m", "2e+07"],
+    "uavs.0.footprint=9000 uavs.0.fov_deg=1": ["uavs.0: footprint 9000 m", "altitude", "10000 m"],
+}
+ALLOWED_OF_CUTS = "allowed are links, start, end; did you mean start?"
+# The whole line.
+LINES = {
+    "network.links=[[0,3]]": "network.links: [0, 3] names UAV 3; allowed are 0 to 2",
+    "network.links=[[1,1]]": "network.links: [1, 1] links UAV 1 to itself; allowed are pairs of two UAVs",
+    "network.links=[[0,1],[1,0]]": "network.links: [1, 0] is there twice; allowed is each pair once",
+    "network.links=[[0,1,2]]": "network.links.0: [0, 1, 2] is not allowed; expected array of length 2, got 3",
+    "network.links=[[0,-1]]": "network.links.0.1: -1 is not allowed; expected int >= 0",
+    "network.cuts=[{links=[[0,5]]}]": "network.cuts.0.links: [0, 5] names UAV 5; allowed are 0 to 2",
+    "network.cuts=[{links=[]}]": "network.cuts.0.links: [] is not allowed; expected array of length >= 1",
+    "network.cuts=[{links=[[0,1]],start=9,end=9}]": "network.cuts.0: end 9 must be after start 9",
+    "network.cuts=[{links=[[0,1]],strat=9}]": f"network.cuts.0.strat: unknown key; {ALLOWED_OF_CUTS}",
+    "network.loss=1.5": "network.loss: 1.5 is not allowed; expected float <= 1.0",
+    "network.fusion=hcmi": "network.fusion: 'hcmi' is unknown; allowed are kla, hcmci; did you mean hcmci? "
+    "(or package.module:Class)",
+    "network.plan_delay=0.3": "network.plan_delay: 0.3 s is no multiple of the 0.2 s between scans; "
+    "the nearest are 0.2 and 0.4",
+    "network.plan_delay=-1": "network.plan_delay: -1 is not allowed; expected float >= 0.0",
+    "uavs.1.fails_at=-1": "uavs.1.fails_at: -1 is not allowed; expected float >= 0.0",
+    "uavs=[{start=[0,0],fails_at=0}]": "uavs: all have fails_at 0; one or more have to work at the start",
+    "sensing.field_of_view=unlimited": 'sensing: field_of_view "unlimited" has no image; allowed with mode "ideal"',
+    f"{ALL_ROUND} sensing.false_alarms=1": "sensing: false_alarms are spread over an image; "
+    'allowed with field_of_view "camera"',
+    "sensing.field_of_view=unlimted": "sensing.field_of_view: 'unlimted' is not allowed; "
+    "allowed are camera, unlimited; did you mean unlimited?",
+}
+
+
+@pytest.mark.parametrize("settings", [*WRONG, *LINES])
+def test_a_wrong_value_is_named_in_one_line(settings):
+    with pytest.raises(InputError) as caught:
+        load("forest", settings.split(" "))
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message == LINES.get(settings, message)
+    for word in WRONG.get(settings, []):
+        assert word in message
