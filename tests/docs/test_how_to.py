@@ -2,10 +2,10 @@
 
 import re
 import sqlite3
-from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.pages import DOCS, blocks
 from helpers.studies import invented, short
 
 from planning.conformance.checks import CHECKS
@@ -19,23 +19,21 @@ from sim.study.study import STUDIES, adapted, read
 from sim.study.tasks import tasks
 from sim.study.trial import fly
 
-DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "how-to" / "plugins.md").read_text(encoding="utf-8")
+STUDIES_PAGE = (DOCS / "how-to" / "studies.md").read_text(encoding="utf-8")
+PLANNER, KNOWN, TEST = (content for language, content in blocks(PAGE) if language == "python")
 
 
-def test_the_planner_of_the_page_conforms_as_the_test_of_the_page_says(tmp_path, monkeypatch):
-    planner, _, test = re.findall(r"^```python\n(.*?)^```$", PAGE, flags=re.M | re.S)
-    (tmp_path / "myplanner.py").write_text(planner)
-    monkeypatch.syspath_prepend(tmp_path)
+def test_the_planner_of_the_page_conforms_as_the_test_of_the_page_says(shell, tmp_path):
+    (tmp_path / "myplanner.py").write_text(PLANNER)
     names = {}
-    exec(compile(test, "plugins.md", "exec"), names)
+    exec(compile(TEST, "plugins.md", "exec"), names)
     names["test_it_conforms"]()
 
 
 def test_what_a_planner_can_know_is_what_the_scenario_says():
-    _, known, _ = re.findall(r"^```python\n(.*?)^```$", PAGE, flags=re.M | re.S)
     names, seen = {}, []
-    exec(compile(known, "plugins.md", "exec"), names)
+    exec(compile(KNOWN, "plugins.md", "exec"), names)
 
     class Asking:
         def plan(self, team, rng):
@@ -78,11 +76,9 @@ def test_links_lead_somewhere():
             assert not heading or heading in [line.lower().replace(" ", "-") for line in headings], target
 
 
-STUDIES_PAGE = (DOCS / "how-to" / "studies.md").read_text(encoding="utf-8")
-
-
 def block(language):
-    (content,) = re.findall(rf"^```{language}\n(.*?)^```$", STUDIES_PAGE, flags=re.M | re.S)
+    """The only block of a language on the page on studies."""
+    (content,) = [content for kind, content in blocks(STUDIES_PAGE) if kind == language]
     return content
 
 
