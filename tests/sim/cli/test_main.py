@@ -46,7 +46,7 @@ def test_every_command_has_help_without_types_of_python(call, command):
     assert not re.search("<|BOOLEAN|TEXT|PATH", out)
 
 
-@pytest.mark.parametrize("module", ["sim.calibration", "sim.report.wide_table", "sim.report.message_losses"])
+@pytest.mark.parametrize("module", ["sim.calibration", "sim.report.wide_table"])
 @pytest.mark.filterwarnings("ignore:.*found in sys.modules:RuntimeWarning")
 def test_modules_that_are_commands_have_help_and_complain_in_a_line(module, call, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", [module, "--help"])

@@ -118,6 +118,7 @@ def test_packaged_studies_are_what_the_paper_flies():
     assert sizes["paper-horizon"] == 3 * 2 * 3 * 2 * 50
     assert sizes["paper-planners"] == (3 * 3 * 3 + 2 * 2) * 50
     assert sizes["paper-runtime"] == (3 * 3 * 3 + 2 * 2) * 10
+    assert sizes["message-losses"] == 11 * 2 * 8
     assert {"pixels-vs-ideal", "line-of-sight-vs-disc", "faults"} < set(STUDIES)
     for name in STUDIES:
         assert read(name).name == name and read(name).description
