@@ -9,11 +9,10 @@ import numpy as np
 
 from sim.analysis.cell_text import Cell
 from sim.analysis.cells import Group
-from sim.analysis.differences import Difference, Pairs, paired
+from sim.analysis.differences import Difference, Pairs, map_values, paired
 from sim.analysis.distributions import NO_SPREAD, Spread, spreads
 from sim.analysis.intervals import NO_ESTIMATE, Estimate, means, medians
 from sim.analysis.significance import holm
-from sim.analysis.trial_values import map_values, metric_values, undefined_values
 from sim.evaluation.metric import Metric
 
 
@@ -64,8 +63,7 @@ def _judged(found: Sequence[Answer]) -> list[Answer]:
 
 def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
     """Answers of a group, metric by metric."""
-    flights = [(row.seed, row.repeat) for row in group.done]
-    values = metric_values(group.done, metrics)
+    flights, values = group.flights, group.table(metrics)
     of_maps = map_values(flights, values)
     bounds = [(metric.least, metric.most) for metric in metrics]
     flown = len({row.seed for row in (*group.done, *group.failed)})
@@ -89,8 +87,7 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
 
 def map_means(group: Group, metric: Metric) -> Estimate:
     """The mean over the maps of a group."""
-    flights = [(row.seed, row.repeat) for row in group.done]
-    return _bounded(means(map_values(flights, metric_values(group.done, [metric])))[0], metric.least, metric.most)
+    return _bounded(means(map_values(group.flights, group.table([metric])))[0], metric.least, metric.most)
 
 
 def _bounded(estimate: Estimate, least: float, most: float) -> Estimate:
@@ -106,12 +103,12 @@ def _overall(
     Cells may share people and forests of a seed, so seeds are what is counted; a flight that lacks its pair in a cell
     does not count.
     """
-    found = {}
+    found, undefined = {}, np.full(len(metrics), np.nan)
     for planner in dict.fromkeys(group.planner for group in groups):
         own = [p for p in (pairs[group] for group in groups if group.planner == planner) if p is not None]
         if len(own) > 1:
             flights = tuple(sorted({flight for p in own for flight in p.flights}))
             tables = [dict(zip(p.flights, p.values, strict=True)) for p in own]
-            lines = [np.mean([t.get(flight, undefined_values(metrics)) for t in tables], axis=0) for flight in flights]
+            lines = [np.mean([t.get(flight, undefined) for t in tables], axis=0) for flight in flights]
             found[planner] = Pairs(flights, np.array(lines)).differences(metrics, len(own))
     return found

@@ -4,31 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Protocol
+
+from sim.study.row import Row
+from sim.study.tasks import Task
 
 Cell = tuple[tuple[str, str], ...]  # name and value of what varies over the study
 SYMBOLS = {"lambda": "λ"}
 Key = tuple[tuple[int, float, str], ...]
-
-
-class Placed(Protocol):
-    """A row, or a trial that is yet to be flown."""
-
-    @property
-    def scenario(self) -> str:
-        """Name or file."""
-
-    @property
-    def version(self) -> str:
-        """Of the package."""
-
-    @property
-    def factors(self) -> Cell:
-        """Names and values."""
-
-    @property
-    def planner(self) -> str:
-        """As given."""
+Placed = Row | Task  # or a trial that is yet to be flown
 
 
 def cells_of(rows: Sequence[Placed]) -> list[Cell]:

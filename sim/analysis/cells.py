@@ -10,10 +10,12 @@ import numpy as np
 
 from sim.analysis.cell_text import Cell, cell_text, cells_of, natural, natural_cell
 from sim.analysis.planner_labels import baseline_of, planner_labels
+from sim.evaluation.metric import Metric
 from sim.scenario.random_streams import numbered
 from sim.study.row import Row
 from tracking.numerics.arrays import Array
 
+Flight = tuple[int, int]  # seed and repeat
 _NOTHING: Mapping[str, str] = {}
 
 
@@ -29,6 +31,20 @@ class Group:
     def values(self, metric: str) -> Array:
         """The metric of each trial done (n,); NaN where it is undefined."""
         return np.array([row.metrics.get(metric, np.nan) for row in self.done], dtype=float)
+
+    @property
+    def flights(self) -> list[Flight]:
+        """Seed and repeat of each trial done (n,)."""
+        return [(row.seed, row.repeat) for row in self.done]
+
+    def table(self, metrics: Sequence[Metric]) -> Array:
+        """The metrics of each trial done (n, metrics); NaN where they are undefined."""
+        return np.array([self.values(metric.name) for metric in metrics]).reshape(len(metrics), len(self.done)).T
+
+    def by_flight(self, metrics: Sequence[Metric]) -> dict[Flight, Array]:
+        """The metrics of each flight; all NaN of one that failed."""
+        failed = {(row.seed, row.repeat): np.full(len(metrics), np.nan) for row in self.failed}
+        return failed | dict(zip(self.flights, self.table(metrics), strict=True))
 
     @property
     def ospa(self) -> Array:
@@ -59,7 +75,8 @@ def grouped(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str
         group = found[cell, labels[row.planner]]
         flight = row.seed, row.repeat
         if flight in group:
-            raise ValueError(f"{row.planner}, {numbered(*flight)} is there twice{_where(cell)}")
+            place = f" in {cell_text(cell)}" if cell else ""
+            raise ValueError(f"{row.planner}, {numbered(*flight)} is there twice{place}")
         group[flight] = row
     order = sorted(found, key=lambda key: (natural_cell(key[0]), key[1] != first, natural(key[1])))
     return [_group(*key, found[key]) for key in order]
@@ -69,10 +86,6 @@ def _group(cell: Cell, planner: str, rows: dict[tuple[int, int], Row]) -> Group:
     ordered = [rows[flight] for flight in sorted(rows)]
     parts = (tuple(row for row in ordered if (row.status == "done") == wanted) for wanted in (True, False))
     return Group(cell, planner, *parts)
-
-
-def _where(cell: Cell) -> str:
-    return f" in {cell_text(cell)}" if cell else ""
 
 
 def varying(groups: Sequence[Group]) -> dict[str, list[str]]:

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.analysis.cells import Group
+from sim.analysis.cells import Flight, Group
 from sim.analysis.distributions import NO_SPREAD, Spread, spreads
 from sim.analysis.intervals import LEVEL, Estimate, means
 from sim.analysis.significance import chances, maps_needed
-from sim.analysis.trial_values import Flight, flight_values, map_values, undefined_values
 from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
@@ -60,11 +59,24 @@ class Pairs:
         return found
 
 
+def map_values(flights: Sequence[Flight], values: Array) -> Array:
+    """Means (maps, metrics) over the repeats of each map that have a finite value; NaN where none has."""
+    maps = list(dict.fromkeys(seed for seed, _ in flights))
+    places = {seed: i for i, seed in enumerate(maps)}
+    place = np.array([places[seed] for seed, _ in flights], dtype=np.int64)
+    counted = np.isfinite(values)
+    sums, counts = np.zeros((len(maps), values.shape[1])), np.zeros((len(maps), values.shape[1]))
+    np.add.at(sums, place, np.where(counted, values, 0.0))
+    np.add.at(counts, place, counted)
+    found: Array = np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
+    return found
+
+
 def paired(group: Group, base: Group | None, metrics: Sequence[Metric]) -> Pairs:
     """The metrics of the group less the baseline's, on every flight of either."""
-    ours, theirs = (flight_values(g, metrics) for g in (group, base))
+    ours, theirs = (g.by_flight(metrics) if g else {} for g in (group, base))
     flights = tuple(sorted(ours.keys() | theirs.keys()))
-    missing = undefined_values(metrics)
+    missing = np.full(len(metrics), np.nan)
     with np.errstate(invalid="ignore"):  # infinity less infinity
         gaps = np.array([ours.get(f, missing) - theirs.get(f, missing) for f in flights])
     gaps = gaps.reshape(len(flights), len(metrics))
@@ -73,7 +85,7 @@ def paired(group: Group, base: Group | None, metrics: Sequence[Metric]) -> Pairs
 
 def paired_values(group: Group, base: Group | None, metric: Metric) -> Array:
     """The baseline's and the group's values (n, 2) on the maps where both are finite in some repeat."""
-    ours, theirs = (flight_values(g, [metric]) for g in (group, base))
+    ours, theirs = (g.by_flight([metric]) if g else {} for g in (group, base))
     flights = sorted(ours.keys() & theirs.keys())
     both = np.array([(theirs[f][0], ours[f][0]) for f in flights]).reshape(-1, 2)
     finite = np.isfinite(both).all(axis=1)

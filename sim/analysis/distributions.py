@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
 
@@ -16,6 +17,10 @@ class Spread:
 
     between: float = np.nan
     within: float = np.nan
+
+    def texts(self, metric: Metric) -> list[str]:
+        """Both in the metric's unit, without it."""
+        return [metric.text(self.between), metric.text(self.within)]
 
 
 NO_SPREAD = Spread()

@@ -6,6 +6,7 @@ comparisons, one is expected to miss.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -14,6 +15,7 @@ import numpy as np
 from scipy.special import stdtrit
 from scipy.stats import binom
 
+from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
 LEVEL = 0.95
@@ -26,6 +28,11 @@ class Estimate:
     value: float = np.nan
     low: float = np.nan
     high: float = np.nan
+
+    def text(self, metric: Metric, *, signed: bool = False) -> str:
+        """The value and, in brackets, the interval if there is one, in the metric's unit, without it."""
+        value, low, high = (metric.text(v, signed=signed) for v in (self.value, self.low, self.high))
+        return value if math.isnan(self.low) or math.isnan(self.high) else f"{value} [{low}, {high}]"
 
 
 NO_ESTIMATE = Estimate()
@@ -70,14 +77,9 @@ def moments(values: Array) -> tuple[float, float, float]:
 
 
 def _by_column(values: Array, estimate: Callable[[Array], Estimate]) -> list[Estimate]:
-    """Estimates of every column (n,), of its finite values."""
-    return [_estimated(column[np.isfinite(column)], estimate) for column in values.T]
-
-
-def _estimated(values: Array, estimate: Callable[[Array], Estimate]) -> Estimate:
-    if len(values) < 2:
-        return Estimate(float(values[0])) if len(values) else NO_ESTIMATE
-    return estimate(values)
+    """Estimates of every column (n,), of its finite values; a single one has no interval."""
+    columns = [column[np.isfinite(column)] for column in values.T]
+    return [estimate(c) if len(c) > 1 else Estimate(float(c[0])) if len(c) else NO_ESTIMATE for c in columns]
 
 
 def _means(values: Array) -> Estimate:

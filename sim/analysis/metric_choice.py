@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from sim.evaluation.metric import Metric
-from sim.evaluation.metrics import METRICS, metric
+from sim.evaluation.metric import METRICS, Metric, metric
 from sim.scenario.errors import InputError
 from sim.study.row import Row
 from tracking.plugins.spelling import did_you_mean

@@ -21,8 +21,7 @@ def chances(values: Array) -> list[float]:
     is never below 2 / 2ⁿ, the least that n maps can give a test without assumptions on the distribution; so nothing
     is told apart on fewer than six.
     """
-    found = np.isfinite(values)
-    return [_chance(column[kept]) for column, kept in zip(values.T, found.T, strict=True)]
+    return [_chance(column[np.isfinite(column)]) for column in values.T]
 
 
 def holm(chances: Sequence[float]) -> list[bool]:
@@ -43,8 +42,7 @@ def maps_needed(values: Array) -> list[float]:
     The least number for which a paired t test of 5 %, two-sided, finds a true difference of the mean observed with a
     probability of 80 %, if maps differ by the standard deviation observed; never fewer than six. NaN of fewer than two.
     """
-    found = np.isfinite(values)
-    return [_needed(column[kept]) for column, kept in zip(values.T, found.T, strict=True)]
+    return [_needed(column[np.isfinite(column)]) for column in values.T]
 
 
 def _chance(values: Array) -> float:

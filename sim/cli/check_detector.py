@@ -8,8 +8,8 @@ import typer
 
 from sim.sensing.detectors import load_detector
 from sim.terminal.console import say
-from sim.terminal.lists import show_findings
 from sim.terminal.progress import starting
+from sim.terminal.results import show_findings
 
 
 def check_detector(

@@ -42,8 +42,8 @@ def explain(
     if out is not None:
         check_new(out, ".png", "--out")
     from sim.replay.events import events_of
+    from sim.replay.frames.pages import scans_between
     from sim.replay.frames.rerender import find, scenario_of
-    from sim.replay.frames.scans import scans_between
     from sim.replay.history import History
 
     recording = find(recorded)

@@ -24,9 +24,8 @@ def frames(
     """Render frames of a recorded mission again; mark detections, tracks, truth, and the trees that hide people."""
     start, end = interval(time, "--time")
     edge = integer(size, "--size", least=256, most=4096)
-    from sim.replay.frames.pages import write_frames
+    from sim.replay.frames.pages import check_working, scans_between, write_frames
     from sim.replay.frames.rerender import find
-    from sim.replay.frames.scans import check_working, scans_between
 
     recording = find(recorded)
     number = integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from planning.catalogue import catalogue
 from sim.scenario.loading import SCENARIOS
 from sim.study.study import STUDIES, read
-from sim.terminal.lists import show_groups, show_list
+from sim.terminal.results import show_groups, show_list
 
 
 def planners() -> None:

@@ -50,8 +50,8 @@ def replay(
     start, end = (0.0, None) if time is None else _window(time)
     if out is not None:
         check_new(out, ".html" if page else ".mp4", "--out")
+    from sim.replay.frames.pages import scans_between
     from sim.replay.frames.rerender import find
-    from sim.replay.frames.scans import scans_between
 
     recording = find(recorded)
     folder = recorded if recorded.is_dir() else recorded.parent
@@ -67,8 +67,8 @@ def replay(
 
         show(recording, scans, speed=factor, say=say)
         return
-    from sim.replay.film import AS_FLOWN, check_layout, write_film
     from sim.replay.frames.rerender import scenario_of
+    from sim.replay.redrawn_film import AS_FLOWN, check_layout, write_film
 
     check_layout(layout or AS_FLOWN, scenario_of(recording))
     path = out or unused(folder / "replay", ".mp4")
@@ -112,9 +112,9 @@ def _window(text: str) -> tuple[float, float]:
 
 def _page(recording: Recording, folder: Path, path: Path) -> None:
     """Write the page of a recording that lies in a folder to a new file."""
-    from sim.replay.film import drawn
     from sim.replay.frames.rerender import scenario_of
     from sim.replay.page.page import write_page
+    from sim.replay.redrawn_film import drawn
 
     beside = folder / "mission.mp4"
     film: bytes | Path = beside

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.palette import INK, Colour
 from sim.drawing.strokes import stroke
+from sim.mission.snapshot import Snapshot
 from tracking.numerics.arrays import Array
+from tracking.tracker import Track
 
 _SIDES = ((1.0, 0.5), (-1.0, 0.5), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
 _VEIL = 0.65  # opacity of what lies behind a name
 _GAP, _FARTHER = 14.0, (16.0, 36.0, 61.0)  # pixels from the mark, and more where it is crowded
+
+
+def with_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
+    """The snapshot with its tracks under numbers, by id, which are easier to read; new tracks get the next ones."""
+    for track in (track for held in snapshot.tracks for track in held):
+        numbers.setdefault(track.id, len(numbers))
+    tracks = [tuple(Track(numbers[t.id], t.belief, t.existence) for t in held) for held in snapshot.tracks]
+    return replace(snapshot, tracks=tracks)
 
 
 class Labels:

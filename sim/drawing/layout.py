@@ -29,19 +29,6 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Layout:
-    """The map and one square tile per camera."""
-
-    map: Box
-    tiles: tuple[Box, ...]
-
-    @property
-    def merit(self) -> float:
-        """Large when both the map and the tiles are, the map first."""
-        return float(self.map.area * sum(tile.area for tile in self.tiles) ** 0.75)
-
-
-@dataclass(frozen=True)
 class View:
     """The parts of a film that are shown, and where: the map, and tiles by UAV."""
 
@@ -57,8 +44,7 @@ def view_of(panel: Box, aspect: float, uavs: int, layout: str) -> View:
         side = min(panel.height, 2 * panel.width // 3)
         room = Box(panel.x, panel.y, panel.width - side - GAP, panel.height)
         return View(_fitted(room, aspect), {int(layout[3:]): Box(panel.x + panel.width - side, panel.y, side, side)})
-    found = arrange(panel, aspect, 0 if layout == "map" else uavs)
-    return View(found.map, dict(enumerate(found.tiles)))
+    return arrange(panel, aspect, 0 if layout == "map" else uavs)
 
 
 def _grid(panel: Box, tiles: int) -> list[Box]:
@@ -81,13 +67,13 @@ def _grid(panel: Box, tiles: int) -> list[Box]:
     return boxes
 
 
-def arrange(panel: Box, aspect: float, tiles: int) -> Layout:
+def arrange(panel: Box, aspect: float, tiles: int) -> View:
     """The arrangement of a map (width over height `aspect`) and square tiles that shows both large.
 
     Tiles stand in columns right of the map or in rows below it; whichever is better, right if equal.
     """
     if tiles == 0:
-        return Layout(_fitted(panel, aspect), ())
+        return View(_fitted(panel, aspect), {})
     options = [
         _beside(panel, aspect, (tiles, lines, side), below)
         for below in (False, True)
@@ -95,7 +81,13 @@ def arrange(panel: Box, aspect: float, tiles: int) -> Layout:
         for side in range(40, (panel.width if below else panel.height) + 1, 4)
         if _fits(panel, (tiles, lines, side), below)
     ]
-    return max(options, key=lambda option: option.merit)
+    return max(options, key=_merit)
+
+
+def _merit(view: View) -> float:
+    """Large when both the map and the tiles are, the map first."""
+    assert view.map is not None
+    return float(view.map.area * sum(tile.area for tile in view.tiles.values()) ** 0.75)
 
 
 def _fits(panel: Box, grid: tuple[int, int, int], below: bool) -> bool:
@@ -106,7 +98,7 @@ def _fits(panel: Box, grid: tuple[int, int, int], below: bool) -> bool:
     return per_line * (side + GAP) - GAP <= along and lines * (side + GAP) <= across * 2 / 3
 
 
-def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) -> Layout:
+def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) -> View:
     tiles, lines, side = grid
     per_line, pitch = math.ceil(tiles / lines), side + GAP
     taken = lines * pitch
@@ -117,8 +109,8 @@ def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) 
         room = Box(panel.x, panel.y, panel.width - taken, panel.height)
         left, top = panel.x + room.width + GAP, panel.y + (panel.height - per_line * pitch + GAP) // 2
     cells = [divmod(i, per_line if below else lines) for i in range(tiles)]
-    boxes = tuple(Box(left + column * pitch, top + row * pitch, side, side) for row, column in cells)
-    return Layout(_fitted(room, aspect), boxes)
+    boxes = [Box(left + column * pitch, top + row * pitch, side, side) for row, column in cells]
+    return View(_fitted(room, aspect), dict(enumerate(boxes)))
 
 
 def _fitted(room: Box, aspect: float) -> Box:

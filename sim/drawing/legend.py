@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from sim.drawing.lettering import Image, TextStyle, width, write
-from sim.drawing.marks import cross, person, quadrotor
-from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, DETECTION, FAINT, INK, TRUNK, VERMILLION, track_colour
+from sim.drawing.marks import cross, detection, person, quadrotor
+from sim.drawing.palette import BLUE, CANOPY, CANOPY_EDGE, FAINT, INK, TRUNK, VERMILLION, track_colour
 from sim.drawing.strokes import disc, stroke
 from tracking.numerics.arrays import Array
 
@@ -19,33 +19,29 @@ _LOW, _HIGH = 0.1, 50.0  # m, range of the sparkline
 _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
 
-@dataclass(frozen=True)
-class Shown:
-    """The parts that a film shows and its legend names."""
+def draw_legend(image: Image, *, believer: str | None, tiles: bool, scale: float) -> None:
+    """Fill an RGB strip with the marks that are shown; the map's `scale` in pixels per metre gives the scale bar.
 
-    map: bool
-    tiles: bool
-    believer: str  # the UAV that has the tracks on the map
-
-
-def draw_legend(image: Image, shown: Shown, *, scale: float) -> None:
-    """Fill an RGB strip with the marks that are shown; the map's `scale` in pixels per metre gives the scale bar."""
+    believer: the UAV that has the tracks on the map; None for a film without the map.
+    """
     entries: list[tuple[Callable[[Image, Array], None], str]] = []
-    if shown.map:
-        entries += [(_tree, "tree"), (_person("seen"), "person"), (_person("hidden"), "hidden")]
-        entries += [(_person("out of view"), "out of view")]
-        entries += [(_person("seen", hold), hold) for hold in ("lost", "not found yet")]
-    entries.append((_track, f"track of {shown.believer}, 95 %" if shown.map else "track"))
-    if shown.map:
+    if believer:
+        entries.append((_tree, "tree"))
+        for text, view in (("person", "seen"), ("hidden", "hidden"), ("out of view", "out of view")):
+            entries.append((partial(person, heading=0.0, view=view), text))
+        for hold in ("lost", "not found yet"):
+            entries.append((partial(person, heading=0.0, view="seen", hold=hold), hold))
+    entries.append((_track, f"track of {believer}, 95 %" if believer else "track"))
+    if believer:
         entries += [(_uav, "UAV, view"), (_intent, "intent")]
-    if shown.tiles:
-        entries.append((_detection, "detection"))
+    if tiles:
+        entries.append((partial(detection, reach=10.0), "detection"))
     middle, x = image.shape[0] / 2, 4.0
     for mark, text in entries:
         mark(image, np.array([x + 14, middle]))
         write(image, text, (x + 34, middle), _TEXT)
         x += 34 + width(text, _TEXT) + 8
-    if shown.map:
+    if believer:
         _scale_bar(image, scale, np.array([image.shape[1] - 6.0, middle + 6]))
 
 
@@ -65,10 +61,6 @@ def _tree(image: Image, at: Array) -> None:
     disc(image, at, 2.0, TRUNK)
 
 
-def _person(view: str, hold: str = "") -> Callable[[Image, Array], None]:
-    return lambda image, at: person(image, at, 0.0, view=view, hold=hold)
-
-
 def _track(image: Image, at: Array) -> None:
     ring = at + np.column_stack([14 * np.cos(_TURN), 10 * np.sin(_TURN)])
     stroke(image, ring, track_colour(0), thickness=2, closed=True)
@@ -85,11 +77,6 @@ def _intent(image: Image, at: Array) -> None:
     for dx in (-12.0, -5.0, 2.0):
         disc(image, at + np.array([dx, 0.0]), 2.0, BLUE)
     disc(image, at + np.array([9.0, 0.0]), 4.0, BLUE, 2)
-
-
-def _detection(image: Image, at: Array) -> None:
-    disc(image, at, 10.0, INK, 4)
-    disc(image, at, 10.0, DETECTION, 2)
 
 
 class Sparkline:

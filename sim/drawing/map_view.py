@@ -10,29 +10,16 @@ import cv2
 import numpy as np
 
 from planning.planner import Plan
+from sim.drawing import palette
 from sim.drawing.labels import Labels
 from sim.drawing.lettering import Image, TextStyle
 from sim.drawing.marks import broken, cross, person, quadrotor
-from sim.drawing.palette import (
-    ALARM,
-    CANOPY,
-    CANOPY_EDGE,
-    FAINT,
-    INK,
-    LINE,
-    LOST,
-    PANEL,
-    TRUNK,
-    Colour,
-    mixed,
-    track_colour,
-    uav_colour,
-)
+from sim.drawing.palette import INK, PANEL, Colour, mixed, track_colour, uav_colour
 from sim.drawing.strokes import SHIFT, disc, fixed, stroke
 from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Ints, Snapshot
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import view_of
+from sim.sensing.cameras import camera_of, view_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
@@ -68,7 +55,7 @@ class MapView:
 
     def __init__(self, scenario: Scenario, forest: Forest, size: tuple[int, int]) -> None:
         self._area = (scenario.area.width, scenario.area.height)
-        self._cameras = [Camera(math.radians(uav.fov_deg), uav.pixels) for uav in scenario.uavs]
+        self._cameras = [camera_of(uav) for uav in scenario.uavs]
         self._step = 1 / scenario.rates.planning
         self._views = [view_of(uav, scenario) for uav in scenario.uavs]
         self._unlimited = scenario.sensing.field_of_view == "unlimited"
@@ -130,16 +117,16 @@ class MapView:
             for tick in np.arange(-(half[axis] // 10) * 10, half[axis] + 1e-9, 10.0):
                 ends = np.array([-half, half])
                 ends[:, axis] = tick
-                stroke(image, self._pixels(ends), mixed(LINE, PANEL, 0.5))
+                stroke(image, self._pixels(ends), mixed(palette.LINE, PANEL, 0.5))
         canopies = image.copy()
         for tree in forest.trees:
-            disc(canopies, self._pixels(np.array([tree.x, tree.y])), tree.canopy_radius * self.scale, CANOPY)
+            disc(canopies, self._pixels(np.array([tree.x, tree.y])), tree.canopy_radius * self.scale, palette.CANOPY)
         cv2.addWeighted(canopies, 0.6, image, 0.4, 0, dst=image)
         for tree in forest.trees:
             place = self._pixels(np.array([tree.x, tree.y]))
-            disc(image, place, tree.canopy_radius * self.scale, CANOPY_EDGE, 1)
-            disc(image, place, max(tree.trunk_radius * self.scale, 2.2), TRUNK)
-        stroke(image, self._pixels(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), FAINT, closed=True)
+            disc(image, place, tree.canopy_radius * self.scale, palette.CANOPY_EDGE, 1)
+            disc(image, place, max(tree.trunk_radius * self.scale, 2.2), palette.TRUNK)
+        stroke(image, self._pixels(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), palette.FAINT, closed=True)
         return image
 
     def _draw_view(self, image: Image, outline: Array, colour: Colour) -> None:
@@ -198,8 +185,8 @@ class MapView:
         latest = {c.uav: c for old in list(self._past)[-self._alert :] for c in old.contacts}
         for uav, contact in latest.items():
             centre = self._pixels(snapshot.poses[uav].position[:2])
-            disc(image, centre, 15.0, ALARM, 3)
-            labels.put(f"touched {contact.kind} {contact.other}", centre, TextStyle(13, ALARM, True, PANEL))
+            disc(image, centre, 15.0, palette.ALARM, 3)
+            labels.put(f"touched {contact.kind} {contact.other}", centre, TextStyle(13, palette.ALARM, True, PANEL))
 
     def _put_names(self, snapshot: Snapshot, holds: Ints, labels: Labels) -> None:
         """Name UAVs, tracks and lost people, clear of all marks."""
@@ -207,7 +194,7 @@ class MapView:
             at, style = self._pixels(track.belief.mean[:2]), TextStyle(13, track_colour(track.id), True, PANEL)
             labels.put(str(track.id), at, style, gap=11.0)
         for m in np.flatnonzero(holds == HOLDS.index("lost")).tolist():
-            labels.put(f"person {m}", self._pixels(snapshot.people[m]), TextStyle(13, LOST, True, PANEL))
+            labels.put(f"person {m}", self._pixels(snapshot.people[m]), TextStyle(13, palette.LOST, True, PANEL))
         for i, (camera, pose) in enumerate(zip(self._cameras, snapshot.cameras, strict=True)):
             at, style = self._pixels(pose.position[:2]), TextStyle(13, mixed(uav_colour(i), INK, 0.7), True, PANEL)
             if i not in snapshot.working:

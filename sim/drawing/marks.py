@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from sim.drawing.lettering import Image
-from sim.drawing.palette import ALARM, FAINT, INK, LOST, NOT_FOUND_YET, PANEL, Colour
+from sim.drawing.palette import ALARM, DETECTION, FAINT, INK, LOST, NOT_FOUND_YET, PANEL, Colour
 from sim.drawing.strokes import disc, stroke
 from tracking.numerics.arrays import Array
 
@@ -41,6 +41,12 @@ def broken(image: Image, centre: Array) -> None:
             arm = np.array([14.0, 14.0 * way])
             stroke(image, np.array([centre - arm, centre + arm]), ink, thickness=thickness)
     quadrotor(image, centre, FAINT)
+
+
+def detection(image: Image, centre: Array, reach: float) -> None:
+    """The mark of a detection at a pixel (2,): a ring of radius `reach` pixels."""
+    disc(image, centre, reach, INK, 4)
+    disc(image, centre, reach, DETECTION, 2)
 
 
 def person(image: Image, centre: Array, heading: float, *, view: str, hold: str = "") -> None:

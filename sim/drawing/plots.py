@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import matplotlib
@@ -25,11 +27,9 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
     what localisation alone would give and what the wrong number of tracks adds. NaN, where a UAV has broken down,
     ends its line and is left out of the mean.
     """
-    with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": 11}):
-        figure = Figure(figsize=(9, 4.5), layout="constrained")
-        FigureCanvasAgg(figure)
+    with new_figure(9, 4.5, letters=11) as figure:
         axes = figure.add_subplot()
-        mean = fleet_mean(ospa)
+        mean = _fleet_mean(ospa)
         axes.fill_between(times, 0, mean[:, 1], color=rgb(SKY), alpha=0.45, lw=0, label="localisation")
         axes.fill_between(
             times, mean[:, 1], mean[:, 0], color=rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
@@ -44,7 +44,26 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
     return figure
 
 
-def fleet_mean(ospa: Array) -> Array:
+@contextmanager
+def new_figure(width: float, height: float, *, letters: int) -> Iterator[Figure]:
+    """A figure of so many inches with letters of so many points, to be drawn in the block."""
+    with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": letters}):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure
+
+
+def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:
+    """Mean OSPA of the UAVs that work over time, with the line of 1 m; `width` of the curve in points."""
+    mean = _fleet_mean(ospa)[:, 0]
+    axes.plot(times, mean, color=rgb(INK), lw=width, marker="." if len(times) == 1 else "")
+    axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+    _scale_errors(axes, float(np.max(mean[~np.isnan(mean)], initial=0.0)))
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("mean OSPA [m]")
+
+
+def _fleet_mean(ospa: Array) -> Array:
     """Mean (K, 3) m of OSPA and its parts (K, n, 3) m over the UAVs that work; NaN where none does."""
     count = np.sum(~np.isnan(ospa), axis=1)
     mean = np.full(count.shape, np.nan)
@@ -60,7 +79,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
 
 
 def _dress(axes: Axes, times: Array, distances: Array) -> None:
-    scale_errors(axes, float(distances.max(initial=0.0)))
+    _scale_errors(axes, float(distances.max(initial=0.0)))
     axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
     axes.set_xlabel("time [s]")
     axes.set_ylabel("OSPA [m]")
@@ -74,7 +93,7 @@ def _dress(axes: Axes, times: Array, distances: Array) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=6, frameon=False, fontsize=10)
 
 
-def scale_errors(axes: Axes, largest: float) -> None:
+def _scale_errors(axes: Axes, largest: float) -> None:
     """An upright axis for errors of up to `largest` m, linear below 1 m and logarithmic above."""
     top = max(1.5, 1.15 * largest)
     axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)

@@ -7,13 +7,11 @@ import numpy as np
 
 from sim.drawing.labels import Labels
 from sim.drawing.lettering import Image, TextStyle, width, write
-from sim.drawing.marks import broken, cross
-from sim.drawing.palette import DETECTION, FAINT, INK, LINE, PANEL, Colour, ink_on, track_colour, uav_colour
-from sim.drawing.strokes import disc
+from sim.drawing.marks import broken, cross, detection
+from sim.drawing.palette import FAINT, INK, LINE, PANEL, Colour, ink_on, track_colour, uav_colour
 from sim.mission.snapshot import Snapshot
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.arrays import Array
 
 BORDER = 4
 
@@ -32,10 +30,9 @@ def draw_tile(image: Image, snapshot: Snapshot, uav: int, *, camera: Camera, fra
     scale, labels = side / camera.pixels, Labels(view, veil=False)
     reach = max(5.0 * scale, 10.0)
     for uv in snapshot.pixels[uav]:
-        disc(view, scale * uv, reach, INK, 4)
-        disc(view, scale * uv, reach, DETECTION, 2)
+        detection(view, scale * uv, reach)
         labels.reserve(scale * uv, reach)
-    _draw_tracks(view, labels, _marks(snapshot, uav, camera, scale))
+    _draw_tracks(view, labels, snapshot, uav, camera)
     _name(image, uav, colour)
 
 
@@ -56,17 +53,14 @@ def _name(image: Image, uav: int, colour: Colour) -> None:
     write(image, name, (BORDER + 1, BORDER + 8), tab)
 
 
-def _marks(snapshot: Snapshot, uav: int, camera: Camera, scale: float) -> list[tuple[int, Array]]:
-    """Number and pixel (2,) of each track in the frame of one UAV."""
+def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, camera: Camera) -> None:
+    """Mark and name each track in the frame of one UAV."""
     pose, tracks = snapshot.cameras[uav], snapshot.tracks[uav]
     points = np.array([[*track.belief.mean[:2], TARGET_HEIGHT] for track in tracks]).reshape(-1, 3)
-    inside, pixels = camera.sees(pose, points), scale * camera.project(pose, points)[0]
-    return [(track.id, at) for track, at, shown in zip(tracks, pixels, inside, strict=True) if shown]
-
-
-def _draw_tracks(view: Image, labels: Labels, marks: list[tuple[int, Array]]) -> None:
-    for number, at in marks:
+    pixels = view.shape[0] / camera.pixels * camera.project(pose, points)[0]
+    shown = [(tracks[t].id, pixels[t]) for t in np.flatnonzero(camera.sees(pose, points)).tolist()]
+    for number, at in shown:
         cross(view, at, track_colour(number))
         labels.reserve(at, 6.0)
-    for number, at in marks:
+    for number, at in shown:
         labels.put(str(number), at, TextStyle(13, track_colour(number), True, PANEL), gap=11.0)

@@ -7,8 +7,6 @@ import numpy as np
 from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints, Snapshot
 from tracking.metrics.clearmot import Matcher
-from tracking.numerics.arrays import Array
-from tracking.tracker import Track
 
 HOLDS = ("absent", "not found yet", "lost", "held by some", "held")
 
@@ -17,13 +15,17 @@ class Holding:
     """The states of M people while a mission flies; a track within `HELD` m holds a person."""
 
     def __init__(self, people: int, uavs: int) -> None:
-        self._fleet = [_Correspondence(people) for _ in range(uavs)]
+        self._fleet = [(Matcher(people, HELD), dict[int, int]()) for _ in range(uavs)]  # and columns by id
         self._found = np.zeros(people, dtype=np.bool_)
 
     def step(self, snapshot: Snapshot) -> Ints:
         """The states (M,) at the next scan, indices into `HOLDS`."""
-        matches = [own.step(tracks, snapshot.people) for own, tracks in zip(self._fleet, snapshot.tracks, strict=True)]
-        count = np.count_nonzero(np.array(matches) >= 0, axis=0)
+        count = np.zeros(len(snapshot.people), dtype=np.int64)
+        for (matcher, columns), tracks in zip(self._fleet, snapshot.tracks, strict=True):
+            own = [columns.setdefault(track.id, len(columns)) for track in tracks]
+            places = np.full((len(columns), 2), np.nan)
+            places[own] = np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2)
+            count += matcher.step(places, snapshot.people) >= 0
         self._found |= count > 0
         states = hold_states(count, self._found, len(snapshot.working))
         states[np.isnan(snapshot.people[:, 0])] = HOLDS.index("absent")
@@ -39,17 +41,3 @@ def hold_states(held: Ints, found: Ints | np.ndarray, fleet: int | Ints) -> Ints
     states[held > 0] = HOLDS.index("held by some")
     states[(held > 0) & (held == fleet)] = HOLDS.index("held")
     return np.asarray(states, dtype=np.int64)
-
-
-class _Correspondence:
-    """The correspondence of people and the tracks of one UAV."""
-
-    def __init__(self, people: int) -> None:
-        self._matcher, self._columns = Matcher(people, HELD), dict[int, int]()
-
-    def step(self, tracks: tuple[Track, ...], people: Array) -> Ints:
-        """The track of each person (M,) at the next scan, a number; -1 for none."""
-        columns = [self._columns.setdefault(track.id, len(self._columns)) for track in tracks]
-        places = np.full((len(self._columns), 2), np.nan)
-        places[columns] = np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2)
-        return self._matcher.step(places, people)

@@ -1,19 +1,30 @@
-"""A metric: a number that says how good a mission was, with its unit and which way is better."""
+"""Metrics of a mission: their type, and the registry that summary.json, the rows of studies and all tables read.
+
+A metric from outside is a `Metric` in any module, named by its import string: `--metric package.module:NAME`.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.evaluation.score import Score, score
+from sim.evaluation.fleet_facts import bytes_sent, contacts, disagreement, plan_bytes
+from sim.evaluation.score import FAR, Score, score
+from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
+from sim.scenario.errors import InputError
 from sim.sensing.fault import Fault
+from sim.sensing.stopwatch import STAGES
+from tracking.numerics.arrays import Array
+from tracking.plugins.containment import ForeignError, contained
+from tracking.plugins.importing import imported
+from tracking.plugins.spelling import did_you_mean
 
 Better = Literal["lower", "higher", "neither"]
 UNKNOWN = "–"  # stands where there is no number
@@ -40,12 +51,15 @@ class Outcome:
         return [score for score in self.scores if len(score.gospa)]
 
 
+Of = Callable[[Outcome], float | None]
+
+
 @dataclass(frozen=True)
 class Metric:
     """A number for a mission, and how it is shown: `scale` turns its value into the unit."""
 
     label: str
-    of: Callable[[Outcome], float | None] | None = None  # None where there was nothing to count
+    of: Of | None = None  # None where there was nothing to count
     unit: str = ""
     better: Better = "lower"
     scale: float = 1.0
@@ -71,14 +85,173 @@ class Metric:
         shown = f"{value * self.scale:{'+' if signed and value else ''}.{self.digits}f}"
         return shown[1:] if float(shown) == 0 and shown[0] == "-" and not (signed and value) else shown
 
-    def within(self, low: float, high: float, *, signed: bool = False) -> str:
-        """An interval as text; empty where there is none."""
-        if math.isnan(low) or math.isnan(high):
-            return ""
-        return f"[{self.text(low, signed=signed)}, {self.text(high, signed=signed)}]"
-
 
 def mean(values: ArrayLike) -> float | None:
     """The mean, or None where there is nothing."""
     array = np.asarray(values, dtype=float)
     return float(array.mean()) if array.size else None
+
+
+def metric(name: str) -> Metric:
+    """The metric of that name or import string; InputError where there is none."""
+    if name in METRICS:
+        return METRICS[name]
+    if ":" not in name:
+        raise InputError(f"--metric: {name!r} is unknown; {did_you_mean(name, METRICS)} (or yours, module:NAME)")
+    try:
+        found = imported(name)
+    except ImportError as error:
+        raise InputError(f"--metric: {name!r} cannot be imported: {error}") from error
+    if not isinstance(found, Metric):
+        raise InputError(f"--metric: {name!r} is no metric; expected a sim.evaluation.metric.Metric")
+    return replace(found, name=name)
+
+
+def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | None]:
+    """All metrics of the registry, and those asked for by import string; None where there was nothing to count.
+
+    One from outside that raises is None, and a fault is added to the outcome.
+    """
+    found = {name: known(outcome) for name, known in METRICS.items()}
+    for name in asked:
+        try:
+            with contained():
+                value = metric(name)(outcome)
+                found[name] = None if value is None else float(value)
+        except ForeignError as error:
+            text = f"metric {name}: {error.explained}"
+            outcome.faults.append(Fault(float(outcome.recording.times[-1]), None, text, error.trace))
+            found[name] = None
+    return found
+
+
+def _ospa(reduced: Callable[[Array], np.floating[Any]]) -> Of:
+    """Of the OSPA distances [m] of all pairs of a scan and a UAV that works then."""
+
+    def of(outcome: Outcome) -> float | None:
+        distance = outcome.recording.ospa[:, :, 0][outcome.recording.working]
+        return float(reduced(distance)) if len(distance) else None
+
+    return of
+
+
+def _gospa(column: int, *, counted: bool = False) -> Of:
+    """Mean of a part of GOSPA over all pairs of a scan and a UAV that works then; counted: in people or tracks."""
+
+    def of(outcome: Outcome) -> float | None:
+        parts = np.concatenate([score.gospa[:, column] for score in outcome.scores])
+        return mean(parts**2 / (FAR**2 / 2) if counted else parts)
+
+    return of
+
+
+def _over_uavs(value: Callable[[Score], float]) -> Of:
+    """Mean over the UAVs; one that breaks down counts until then."""
+    return lambda outcome: mean([value(score) for score in outcome.flown])
+
+
+def _nees(label: str, errors: Callable[[Score], Array], key: str) -> Metric:
+    """Mean over the UAVs of the mean of the errors of each."""
+
+    def of(outcome: Outcome) -> float | None:
+        return mean([e.mean() for e in map(errors, outcome.flown) if len(e)])
+
+    return Metric(label, of, better="neither", key=key)
+
+
+def _recall(outcome: Outcome) -> float | None:
+    """Share of people shown by a camera, with a pixel or more, that were detected."""
+    r = outcome.recording
+    return _ratio(np.sum(r.matched & (r.visible > 0)), np.sum(r.visible > 0))
+
+
+def _precision(outcome: Outcome) -> float | None:
+    """Share of detections that were people."""
+    r = outcome.recording
+    return _ratio(np.sum(r.matched), np.sum(~np.isnan(r.pixels[:, 0])))
+
+
+def _ratio(part: np.generic, whole: np.generic) -> float | None:
+    return part.item() / whole.item() if whole else None
+
+
+def _disagreement(outcome: Outcome) -> float | None:
+    """Mean distance [m] between the UAVs' tracks."""
+    r = outcome.recording
+    tracks = ([r.tracks_at(k, i) for i in np.flatnonzero(row).tolist()] for k, row in enumerate(r.working))
+    return float(np.mean([disagreement(held) for held in tracks]))
+
+
+def _sent(
+    label: str, sent: Callable[[Recording], Ints | None], reduced: Callable[[Ints], np.generic], unit: str, key: str
+) -> Metric:
+    """Bytes of messages or plans; None where they were not recorded."""
+
+    def of(outcome: Outcome) -> float | None:
+        found = sent(outcome.recording)
+        return None if found is None else reduced(found).item()
+
+    return Metric(label, of, unit, scale={"kB": 1e-3, "MB": 1e-6}[unit], key=f"network.{key}")
+
+
+def _plan_rounds(outcome: Outcome) -> float | None:
+    r = outcome.recording
+    return None if plan_bytes(r) is None else int(r.plan_rounds.max())
+
+
+def _planning(outcome: Outcome) -> float | None:
+    decisions = len(outcome.recording.plan_times)
+    return outcome.seconds.get("planning", 0.0) / decisions if decisions else None
+
+
+def _real_time_factor(outcome: Outcome) -> float | None:
+    """Simulated time over wall time; video and start-up do not count."""
+    times = outcome.recording.times
+    flown = outcome.wall_s - outcome.seconds.get("video", 0.0) - outcome.seconds.get("start_up", 0.0)
+    return float(times[-1] - times[0]) / flown if flown > 0 else None
+
+
+def _share(label: str, of: Of, key: str | None = None) -> Metric:
+    return Metric(label, of, "%", "higher", 100.0, digits=1, most=1.0, key=key)
+
+
+def _seconds(stage: str) -> Metric:
+    return Metric(f"time for {stage}", lambda o: float(o.seconds.get(stage, 0.0)), "s", key="")
+
+
+METRICS = {
+    name: replace(known, name=name)
+    for name, known in {
+        "ospa.share_under_1m": _share("scans with OSPA under 1 m", _ospa(lambda d: np.mean(d < 1.0))),
+        "ospa.mean_m": Metric("OSPA mean", _ospa(np.mean), "m"),
+        "ospa.median_m": Metric("OSPA median", _ospa(np.median), "m"),
+        "gospa.mean_m": Metric("GOSPA mean", _gospa(0), "m"),
+        "gospa.localisation_m": Metric("GOSPA, localisation", _gospa(1), "m"),
+        "gospa.missed": Metric("people missed per scan", _gospa(2, counted=True)),
+        "gospa.false": Metric("false tracks per scan", _gospa(3, counted=True)),
+        "ospa2_m": Metric("OSPA(2)", _over_uavs(lambda s: s.ospa2), "m"),
+        "identity_switches": Metric("identity switches", _over_uavs(lambda s: s.switches), key="identity.switches"),
+        "fragmentations": Metric(
+            "fragmentations", _over_uavs(lambda s: s.fragmentations), key="identity.fragmentations"
+        ),
+        "share_held": _share("people held", lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores]))),
+        "nees.position": _nees("NEES of positions (consistent: 2)", lambda s: s.position_nees, "nees.position.mean"),
+        "nees.state": _nees("NEES of states (consistent: 4)", lambda s: s.state_nees, "nees.state.mean"),
+        "recall": _share("detection recall", _recall, "detection.recall"),
+        "precision": _share("detection precision", _precision, "detection.precision"),
+        "disagreement_m": Metric("disagreement of UAVs", _disagreement, "m", digits=4, key="network.disagreement_m"),
+        "bytes_per_scan_mean": _sent("sent by a UAV per scan", bytes_sent, np.mean, "kB", "bytes_per_scan_mean"),
+        "bytes_per_scan_max": _sent(
+            "sent by a UAV in one scan at most", bytes_sent, np.max, "kB", "bytes_per_scan_max"
+        ),
+        "bytes_total": _sent("sent by all UAVs", bytes_sent, np.sum, "MB", "bytes_total"),
+        "plan_bytes_total": _sent("plans sent by all UAVs", plan_bytes, np.sum, "kB", "plans.bytes_total"),
+        "plan_rounds": Metric("rounds of plans", _plan_rounds, digits=0, key="network.plans.rounds"),
+        "faults": Metric("faults", lambda o: len(o.faults), key=""),
+        "contacts": Metric("contacts", lambda o: len(contacts(o.recording)), key=""),
+        "planning_s_per_decision": Metric("planning per decision", _planning, "ms", scale=1000.0, digits=1, key=""),
+        "real_time_factor": Metric("real-time factor", _real_time_factor, "", "higher", digits=1),
+        "wall_s": Metric("wall time per mission", lambda o: o.wall_s, "s"),
+        **{f"seconds.{stage}": _seconds(stage) for stage in STAGES},
+    }.items()
+}

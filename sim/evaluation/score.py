@@ -44,9 +44,8 @@ class Score:
 
 def held_by(recording: Recording, uav: int) -> Held:
     """The tracks of one UAV in the order of their ids, scan by scan."""
-    scans, uavs = recording.poses.shape[:2]
-    k, owner = np.divmod(np.repeat(np.arange(scans * uavs), np.diff(recording.track_offsets)), uavs)
-    rows = owner == uav
+    k, owner = recording.cells(recording.track_offsets)
+    rows, scans = owner == uav, len(recording.times)
     ids, columns = np.unique(recording.track_ids[rows], return_inverse=True)
     means = np.full((scans, len(ids), 4), np.nan)
     covariances = np.full((scans, len(ids), 4, 4), np.nan)

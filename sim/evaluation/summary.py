@@ -11,12 +11,10 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from sim.evaluation.contacts import contacts
+from sim.evaluation.fleet_facts import contacts, plan_bytes
 from sim.evaluation.machine import machine
-from sim.evaluation.metric import Metric, Outcome, mean
-from sim.evaluation.metrics import METRICS, evaluated, metric
+from sim.evaluation.metric import METRICS, Metric, Outcome, evaluated, mean, metric
 from sim.evaluation.score import FAR, HELD, Score
-from sim.evaluation.traffic import plan_bytes
 from sim.recording.archive import digest
 from sim.recording.recording import Recording
 from sim.scenario.random_streams import numbered

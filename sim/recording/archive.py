@@ -10,14 +10,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Any, BinaryIO, get_type_hints
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.recording.atomic_files import whole
 from sim.recording.npz import Npz, line, opened
-from sim.recording.recording import VERSION, Recording
+from sim.recording.recording import FIELDS, VERSION, Recording
 from sim.recording.validation import check
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -44,7 +44,7 @@ def digest(recording: Recording) -> str:
 
 def _write(recording: Recording, to: Path | BinaryIO) -> None:
     with zipfile.ZipFile(to, "w", zipfile.ZIP_STORED) as archive:
-        for name, (_, dtype, _) in _fields().items():
+        for name, (_, dtype, _) in FIELDS.items():
             value = getattr(recording, name)
             array = np.array(str(value)) if dtype == "<U" else np.ascontiguousarray(value, dtype=dtype)
             content = io.BytesIO()
@@ -72,8 +72,7 @@ def _loaded(archive: Npz) -> Recording:
     _check_ours(archive)
     sizes: dict[str, int] = {}
     lacking = _lacking(archive)
-    fields = _fields()
-    for name, (_, dtype, shape) in fields.items():
+    for name, (_, dtype, shape) in FIELDS.items():
         if name not in lacking:
             if name not in archive.names:
                 raise ValueError(f"field '{name}' is missing")
@@ -82,7 +81,7 @@ def _loaded(archive: Npz) -> Recording:
                 if name == "version":
                     _check_version(int(archive.read(name)))
     values: dict[str, Any] = {}
-    for name, (kind, dtype, shape) in fields.items():
+    for name, (kind, dtype, shape) in FIELDS.items():
         if name in lacking:
             values[name] = kind() if kind in (bool, str, int) else _unknown(dtype, shape, sizes)
             continue
@@ -109,15 +108,10 @@ def _check_ours(archive: Npz) -> None:
         raise ValueError(f"not a recording: its arrays are {names}" if names else "not a recording: holds nothing")
 
 
-def _fields() -> dict[str, tuple[Any, str, str]]:
-    hints = get_type_hints(Recording, include_extras=True)
-    return {name: (hint.__origin__, *hint.__metadata__) for name, hint in hints.items()}
-
-
 def _lacking(archive: Npz) -> set[str]:
     """Fields that the recording is too old to have; none if it holds something unknown, so that damage is noticed."""
     names = set(archive.names)
-    return _LATER - names if archive.plain and names <= set(_fields()) else set()
+    return _LATER - names if archive.plain and names <= set(FIELDS) else set()
 
 
 def _unknown(dtype: str, shape: str, sizes: dict[str, int]) -> NDArray[Any]:

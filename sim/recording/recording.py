@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,8 @@ from tracking.numerics.arrays import Array
 from tracking.tracker import Scan, Track
 
 VERSION = 1
-_DTYPES: dict[str, type[np.generic]] = {"matched": np.bool_} | dict.fromkeys(
-    ("visible", "bytes_sent", "plan_bytes", "plan_rounds"), np.int64
-)
+# Tables with a row for each scan, which snapshots hold under the same name.
+_AS_IN_SNAPSHOTS = ("people", "headings", "commands", "ospa", "visible", "matched", "bytes_sent", "plan_bytes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,16 +90,35 @@ class Recording:
         """The number under which each track is shown, by id: tracks count by first appearance."""
         return {id_: n for n, id_ in enumerate(dict.fromkeys(self.track_ids.tolist()))}
 
+    def numbers_of(self, ids: Ints) -> Ints:
+        """The numbers under which tracks of these ids (N,) are shown; -1 for those that were never recorded."""
+        return np.array([self.track_numbers.get(id_, -1) for id_ in ids.tolist()], dtype=np.int64)
+
+    def cells(self, offsets: Ints) -> tuple[Ints, Ints]:
+        """Scan and UAV of each row of the table of these offsets."""
+        scans, uavs = self.poses.shape[:2]
+        k, uav = np.divmod(np.repeat(np.arange(scans * uavs), np.diff(offsets)), uavs)
+        return k, uav
+
     def _rows(self, offsets: Ints, k: int, uav: int) -> slice:
         cell = k * self.poses.shape[1] + uav
         return slice(int(offsets[cell]), int(offsets[cell + 1]))
 
+    def camera_at(self, k: int, uav: int) -> Pose:
+        """Pose of the camera of one UAV at scan k."""
+        row = self.cameras[k, uav]
+        return Pose(row[:3], row[3:])
+
     def scan_at(self, k: int, uav: int) -> Scan:
         """Measurements of one UAV at scan k."""
         rows = self._rows(self.measurement_offsets, k, uav)
-        pose = _pose(self.cameras[k, uav])
-        time = float(self.times[k])
-        return Scan(uav, time, pose, self.measurements[rows], self.measurement_covariances[rows])
+        return Scan(
+            uav,
+            float(self.times[k]),
+            self.camera_at(k, uav),
+            self.measurements[rows],
+            self.measurement_covariances[rows],
+        )
 
     def measurements_at(self, k: int, uav: int) -> Array:
         """Ground measurements (N, 2) m of one UAV at scan k."""
@@ -150,24 +168,23 @@ class Recording:
         uavs = range(self.poses.shape[1])
         return Snapshot(
             time=float(self.times[k]),
-            people=self.people[k],
-            headings=self.headings[k],
-            poses=[_pose(row) for row in self.poses[k]],
-            cameras=[_pose(row) for row in self.cameras[k]],
-            commands=self.commands[k],
+            poses=[Pose(row[:3], row[3:]) for row in self.poses[k]],
+            cameras=[self.camera_at(k, i) for i in uavs],
             scans=[self.scan_at(k, i) for i in uavs],
             pixels=[self.pixels_at(k, i) for i in uavs],
             tracks=[self.tracks_at(k, i) for i in uavs],
             plans=self.plans_at(k),
-            ospa=self.ospa[k],
-            visible=self.visible[k],
-            matched=self.matched[k],
             contacts=self.contacts_at(k),
-            bytes_sent=self.bytes_sent[k],
-            plan_bytes=self.plan_bytes[k],
             plan_rounds=int(self.plan_rounds[k]),
             faults=self.faults_at(k),
+            **{name: getattr(self, name)[k] for name in _AS_IN_SNAPSHOTS},
         )
+
+
+FIELDS: dict[str, tuple[Any, str, str]] = {  # type, dtype and shape
+    name: (hint.__origin__, *hint.__metadata__) for name, hint in get_type_hints(Recording, include_extras=True).items()
+}
+_BY_SCAN = {name: dtype for name, (_, dtype, shape) in FIELDS.items() if shape.split(" ")[0] == "K"}
 
 
 class Recorder:
@@ -191,21 +208,11 @@ class Recorder:
         """Append one scan; ValueError, and nothing appended, unless each detection has its measurement."""
         rows = [_pixel_rows(scan, pixels) for scan, pixels in zip(snapshot.scans, snapshot.pixels, strict=True)]
         self._contacts.extend((len(self), c.uav, KINDS.index(c.kind), c.other) for c in snapshot.contacts)
-        for name, value in {
-            "times": snapshot.time,
-            "people": snapshot.people,
-            "headings": snapshot.headings,
-            "poses": [_row(pose) for pose in snapshot.poses],
-            "cameras": [_row(pose) for pose in snapshot.cameras],
-            "commands": snapshot.commands,
-            "ospa": snapshot.ospa,
-            "visible": snapshot.visible,
-            "matched": snapshot.matched,
-            "bytes_sent": snapshot.bytes_sent,
-            "plan_bytes": snapshot.plan_bytes,
-            "plan_rounds": snapshot.plan_rounds,
-        }.items():
-            self._dense[name].append(np.array(value, dtype=_DTYPES.get(name, np.float64)))
+        for name, dtype in _BY_SCAN.items():
+            value = getattr(snapshot, "time" if name == "times" else name)
+            if name in ("poses", "cameras"):
+                value = [np.concatenate([pose.position, pose.quaternion]) for pose in value]
+            self._dense[name].append(np.array(value, dtype=dtype))
         self._scans.extend(zip(snapshot.scans, rows, strict=True))
         self._tracks.extend(snapshot.tracks)
         self._faults.extend(snapshot.faults)
@@ -264,14 +271,6 @@ class Recorder:
             # Existence probabilities stay below one, which stands for tracks without any.
             "track_existence": np.array([t.existence if t.existence < 1.0 else math.nan for t in tracks], dtype=float),
         }
-
-
-def _row(pose: Pose) -> Array:
-    return np.concatenate([pose.position, pose.quaternion])
-
-
-def _pose(row: Array) -> Pose:
-    return Pose(row[:3], row[3:])
 
 
 def _pixel_rows(scan: Scan, pixels: Array) -> Array:

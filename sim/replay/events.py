@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from sim.evaluation.contacts import contacts
+from sim.evaluation.fleet_facts import contacts
+from sim.mission.radio import Links, lost_messages, open_links
 from sim.mission.snapshot import Ints
 from sim.recording.fault_text import read
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event
 from sim.replay.history import History
-from sim.replay.links import links_of
 from sim.replay.losses import unheld_people, unmatched_tracks
 from sim.replay.views import fleet_text
+from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
 
 _TOUCHED = {"uav": "UAV", "canopy": "the canopy of tree", "trunk": "the trunk of tree"}
@@ -150,3 +151,13 @@ def _changes(tracks: Ints, numbers: dict[int, int]) -> Iterator[tuple[int, int, 
                     yield k, m, now, f"person {m} swapped track {was} for track {now}, that of person {owner[id_]},"
         for m in people:
             last[m], owner[int(row[m])] = int(row[m]), m
+
+
+def links_of(recording: Recording, scenario: Scenario) -> list[Links]:
+    """The links of each scan, as the mission had them: they follow from places, scenario, seed and repeat alone."""
+    rng, uavs = stream(recording.seed, "network", repeat=recording.repeat), recording.poses.shape[1]
+    found = []
+    for time, poses, working in zip(recording.times.tolist(), recording.poses, recording.working, strict=True):
+        up = open_links(scenario.network, time, poses[:, :3]) & working[:, None] & working
+        found.append(Links(np.asarray(up), lost_messages(scenario.network, uavs, rng)))
+    return found

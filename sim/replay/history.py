@@ -72,8 +72,8 @@ class History:
         hidden_by = np.full(inside.shape, -1)
         forest = recording.forest
         for k, i in np.argwhere(looked).tolist():
-            camera, row = view_of(scenario.uavs[i], scenario), recording.cameras[k, i]
-            inside[k, i], hidden_by[k, i] = _view(camera, Pose(row[:3], row[3:]), recording.people[k], forest)
+            camera, pose = view_of(scenario.uavs[i], scenario), recording.camera_at(k, i)
+            inside[k, i], hidden_by[k, i] = _view(camera, pose, recording.people[k], forest)
         return History(
             times=recording.times,
             present=~np.isnan(recording.people[..., 0]),
@@ -98,10 +98,16 @@ class History:
         The best that any UAV has: seen if one detected them, missed if a frame showed them without a detection, hidden
         if they were inside a frame that showed none of them.
         """
-        state = np.where(self.present, STATES.index("out of view"), STATES.index("absent"))
+        best = self._frame_states.max(axis=1, initial=STATES.index("out of view"))
+        return np.where(self.present, best, STATES.index("absent"))
+
+    @cached_property
+    def _frame_states(self) -> Ints:
+        """State of each person in the frame of each camera at each scan (K, n, M), out of view where none was taken."""
+        found = np.full(self.inside.shape, STATES.index("out of view"))
         for name, having in (("hidden", self.inside), ("missed", self.shown), ("seen", self.detected)):
-            state[having.any(axis=1) & self.present] = STATES.index(name)
-        return state
+            found[having] = STATES.index(name)
+        return found
 
     @cached_property
     def last_frames(self) -> Ints:
@@ -112,10 +118,7 @@ class History:
     @cached_property
     def camera_states(self) -> Ints:
         """State of each person in the last frame of each camera (K, n, M), an index into `STATES`, or `BROKEN`."""
-        found = np.full(self.inside.shape, STATES.index("out of view"))
-        for name, having in (("hidden", self.inside), ("missed", self.shown), ("seen", self.detected)):
-            found[having] = STATES.index(name)
-        found = np.take_along_axis(found, self.last_frames[:, :, None], axis=0)
+        found = np.take_along_axis(self._frame_states, self.last_frames[:, :, None], axis=0)
         found[np.broadcast_to(~self.present[:, None], found.shape)] = STATES.index("absent")
         found[~self.working] = BROKEN
         return found

@@ -7,26 +7,22 @@ import html
 import io
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from sim.drawing.labels import with_numbers
 from sim.drawing.lettering import Image
 from sim.drawing.map_view import TRAIL, MapView, aspect
-from sim.drawing.palette import FAINT, INK
-from sim.drawing.plots import fleet_mean, ospa_figure, rgb, scale_errors
-from sim.evaluation.contacts import contacts
-from sim.evaluation.metric import Outcome
-from sim.evaluation.metrics import METRICS
+from sim.drawing.plots import draw_mean, new_figure, ospa_figure
+from sim.evaluation.fleet_facts import contacts
+from sim.evaluation.metric import METRICS, Outcome
 from sim.evaluation.summary import marked
-from sim.mission.snapshot import Snapshot
 from sim.recording.dataframes import dataframe
 from sim.recording.fault_text import read
 from sim.recording.recording import Recording
@@ -40,7 +36,6 @@ from sim.replay.timeline import timeline_figure
 from sim.scenario.errors import InputError
 from sim.scenario.scenario import Scenario
 from tracking.plugins.spelling import did_you_mean
-from tracking.tracker import Track
 
 _MAP = 900  # pixels, width of the map
 _CELL = "text-align:left;padding:1px 12px 1px 0;border:0"
@@ -100,7 +95,8 @@ class Flight:
         rates = self.scenario.rates
         past = max(round(TRAIL * rates.sensing), rates.sensing // rates.planning)  # trails, and plans in force
         for earlier in range(max(0, k - past), k + 1):
-            view.draw(image, self._numbered(earlier), self.history.hold_states[earlier])
+            snapshot = with_numbers(self.recording.snapshot(earlier), self.recording.track_numbers)
+            view.draw(image, snapshot, self.history.hold_states[earlier])
         return _picture(image)
 
     def frame_figure(self, time: float, uav: int) -> Figure:
@@ -162,12 +158,6 @@ class Flight:
             raise InputError(f"time: {time:g} s is not in the recording; allowed are {times[0]:g} to {times[-1]:g} s")
         return int(np.argmin(np.abs(times - time)))
 
-    def _numbered(self, k: int) -> Snapshot:
-        """Scan k, its tracks under the numbers by which they are shown."""
-        snapshot, numbers = self.recording.snapshot(k), self.recording.track_numbers
-        tracks = [tuple(Track(numbers[t.id], t.belief, t.existence) for t in held) for held in snapshot.tracks]
-        return replace(snapshot, tracks=tracks)
-
 
 def _picture(image: Image) -> Figure:
     """An image (H, W, 3) as a figure of its own size, pixel by pixel."""
@@ -182,16 +172,8 @@ def _picture(image: Image) -> Figure:
 
 def _curve(recording: Recording) -> Figure:
     """The fleet's OSPA over time, small."""
-    mean = fleet_mean(recording.ospa)[:, 0]
-    with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": 9}):
-        figure = Figure(figsize=(4.6, 2.2), dpi=100, layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.add_subplot()
-        axes.plot(recording.times, mean, color=rgb(INK), lw=1.2, marker="." if len(mean) == 1 else "")
-        axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
-        scale_errors(axes, float(np.max(mean[~np.isnan(mean)], initial=0.0)))
-        axes.set_xlabel("time [s]")
-        axes.set_ylabel("mean OSPA [m]")
+    with new_figure(4.6, 2.2, letters=9) as figure:
+        draw_mean(figure.add_subplot(), recording.times, recording.ospa, width=1.2)
     return figure
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.evaluation.score import velocities
-from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.event import Event
 from sim.replay.events import events_of
@@ -23,7 +22,7 @@ TABLES = ("people", "uavs", "sightings", "measurements", "tracks", "ospa", "plan
 
 def arrays(r: Recording) -> dict[str, NDArray[Any]]:
     """A recording's arrays, read-only, under names with units; docs/how-to/notebooks.md lists them with shapes."""
-    measured, tracked = _cells(r, r.measurement_offsets), _cells(r, r.track_offsets)
+    measured, tracked = r.cells(r.measurement_offsets), r.cells(r.track_offsets)
     found: dict[str, NDArray[Any]] = {
         "time_s": r.times,
         "person_m": r.people,
@@ -49,7 +48,7 @@ def arrays(r: Recording) -> dict[str, NDArray[Any]]:
         "measurement_px": r.pixels,
         "track_scan": tracked[0],
         "track_uav": tracked[1],
-        "track_number": _numbers(r),
+        "track_number": r.numbers_of(r.track_ids),
         "track_m": r.track_means[:, :2],
         "track_m_per_s": r.track_means[:, 2:],
         "track_covariance": r.track_covariances,
@@ -96,7 +95,7 @@ def _sightings(r: Recording, history: History) -> Columns:
         "hidden_by_tree": history.hidden_by[k, i, m],
         "visible_px": r.visible[k, i, m],
         "detected": history.detected[k, i, m],
-        "held_by_track": _numbered(r, history.tracks[k, i, m]),
+        "held_by_track": r.numbers_of(history.tracks[k, i, m]),
     }
 
 
@@ -133,7 +132,7 @@ def _uavs(r: Recording) -> Columns:
 
 
 def _measurements(r: Recording) -> Columns:
-    k, i = _cells(r, r.measurement_offsets)
+    k, i = r.cells(r.measurement_offsets)
     R = r.measurement_covariances
     spread = {"xx_m2": R[:, 0, 0], "xy_m2": R[:, 0, 1], "yy_m2": R[:, 1, 1]}
     pixels = {"u_px": r.pixels[:, 0], "v_px": r.pixels[:, 1]}
@@ -141,12 +140,12 @@ def _measurements(r: Recording) -> Columns:
 
 
 def _tracks(r: Recording) -> Columns:
-    k, i = _cells(r, r.track_offsets)
+    k, i = r.cells(r.track_offsets)
     P = r.track_covariances
     return {
         "time_s": r.times[k],
         "uav": i,
-        "track": _numbers(r),
+        "track": r.numbers_of(r.track_ids),
         **_pair("", "m", r.track_means),
         **_pair("v", "m_per_s", r.track_means[:, 2:]),
         "xx_m2": P[:, 0, 0],
@@ -174,22 +173,6 @@ def _trees(r: Recording) -> Columns:
 
 def _pair(prefix: str, unit: str, values: Column) -> Columns:
     return {f"{prefix}x_{unit}": values[:, 0], f"{prefix}y_{unit}": values[:, 1]}
-
-
-def _cells(r: Recording, offsets: Ints) -> tuple[Ints, Ints]:
-    """Scan and UAV of each row of a table."""
-    scans, uavs = r.poses.shape[:2]
-    cell = np.repeat(np.arange(scans * uavs), np.diff(offsets))
-    return cell // uavs, cell % uavs
-
-
-def _numbers(r: Recording) -> Ints:
-    return _numbered(r, r.track_ids)
-
-
-def _numbered(r: Recording, ids: Ints) -> Ints:
-    """The numbers under which tracks are shown, -1 for none."""
-    return np.array([r.track_numbers.get(id_, -1) for id_ in ids.tolist()], dtype=np.int64)
 
 
 def _words(texts: list[str]) -> Column:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -15,7 +14,7 @@ from matplotlib.patches import Patch
 
 from sim.drawing import palette
 from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, PANEL, UAV_COLOURS, mixed, uav_colour
-from sim.drawing.plots import fleet_mean, rgb, scale_errors
+from sim.drawing.plots import draw_mean, new_figure, rgb
 from sim.evaluation.holding import HOLDS
 from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
@@ -27,6 +26,7 @@ _WIDTH = 11.0  # inches
 _BAR, _GAP = 1.0, 0.8  # of a person's rows: the bar of the tracks, and the gap to the next, in lanes
 _TINT = 0.45  # share of the UAV's colour in lanes of a person shown but not detected
 _VEIL = rgb((250, 214, 212))
+_SWITCHED: Any = {"marker": "D", "ms": 6, "color": rgb(ORANGE), "mec": rgb(INK), "mew": 0.8, "ls": ""}  # a track
 _BARS = {"held": palette.HELD, "held by some": palette.HELD_BY_SOME}
 _EVENTS = {
     "person lost": palette.LOST,
@@ -56,14 +56,12 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
     rows = max(people, 1) * (uavs + _BAR + _GAP) + (_BAR + _GAP) * bool(unmatched)
     lane = float(np.clip(0.5 / (uavs + 1), 0.06, 0.12)) * (1.0 if people <= 8 else 0.75)  # inches
     height = rows * lane
-    with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": 10}):
-        figure = Figure(figsize=(_WIDTH, height + 3.1), layout="constrained")
-        FigureCanvasAgg(figure)
+    with new_figure(_WIDTH, height + 3.1, letters=10) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[max(height, 0.5), 1.5])
         _draw_people(above, history, events)
         above.set_ylim(rows - _GAP / 2, -_GAP / 2)
         above.set_title(_title(history), loc="left", fontsize=12, fontweight="bold")
-        _draw_error(below, history.times, ospa)
+        draw_mean(below, history.times, ospa, width=1.5)
         for axes in (above, below):
             _mark_breakdowns(axes, history, events, named=axes is below)
         below.set_xlim(*_span(history.times))
@@ -83,7 +81,7 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event]) -> None:
             boxes += [((*ends, top - 0.15, uavs + _BAR + 0.3), _VEIL)] * (event.kind == "person lost")
             boxes.append(_box(times, event, top + uavs))
         elif event.kind == "identity changed" and event.person is not None:
-            _mark(axes, float(times[event.first]), event.person * pitch + uavs + _BAR / 2)
+            axes.plot([times[event.first]], [event.person * pitch + uavs + _BAR / 2], **_SWITCHED)
     for m in range(people):
         boxes += _bar(times, history.hold_states[:, m], m * pitch + uavs)
         for i in range(uavs):
@@ -128,45 +126,21 @@ def _lane(times: Array, states: Ints, top: float, uav: int) -> list[tuple[Box, S
 
 def _bar(times: Array, states: Ints, top: float) -> list[tuple[Box, Shade]]:
     """The spans in which tracks hold one person, of the states (K,)."""
-    held = [(episode, HOLDS[episode.value]) for episode in episodes(states)]
     return [
-        ((*_ends(times, first, last), top + 0.2, _BAR - 0.2), rgb(_BARS[name]))
-        for (first, last, _), name in held
-        if name in _BARS
+        ((*_ends(times, first, last), top + 0.2, _BAR - 0.2), rgb(_BARS[HOLDS[value]]))
+        for first, last, value in episodes(states)
+        if HOLDS[value] in _BARS
     ]
 
 
-def _mark(axes: Axes, time: float, height: float) -> None:
-    """The mark of a track that was switched."""
-    axes.plot([time], [height], "D", ms=6, color=rgb(ORANGE), mec=rgb(INK), mew=0.8, ls="")
-
-
-def _draw_error(axes: Axes, times: Array, ospa: Array) -> None:
-    mean = fleet_mean(ospa)[:, 0]
-    axes.plot(times, mean, color=rgb(INK), lw=1.5, marker="." if len(times) == 1 else "")
-    axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
-    scale_errors(axes, float(np.max(mean[~np.isnan(mean)], initial=0.0)))
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("mean OSPA [m]")
-
-
 def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, named: bool) -> None:
-    for event in events:
-        if event.kind != "breakdown":
-            continue
+    for event in (event for event in events if event.kind == "breakdown"):
         start = float(history.times[event.first])
         axes.axvline(start, color=rgb(uav_colour(event.uavs[0])), lw=1.4, ls=":", zorder=3)
         if named:
             late = start > sum(_span(history.times)) / 2
-            axes.text(
-                start,
-                1.0,
-                f"  {event.text}  ",
-                transform=axes.get_xaxis_transform(),
-                ha="right" if late else "left",
-                va="top",
-                fontsize=9,
-            )
+            side, place = "right" if late else "left", axes.get_xaxis_transform()
+            axes.text(start, 1.0, f"  {event.text}  ", transform=place, ha=side, va="top", fontsize=9)
 
 
 def _legend(uavs: int, unmatched: Sequence[Event]) -> list[Patch | Line2D]:
@@ -175,17 +149,15 @@ def _legend(uavs: int, unmatched: Sequence[Event]) -> list[Patch | Line2D]:
         seen = [Patch(color=rgb(uav_colour(i)), label=f"seen by UAV {i}") for i in range(uavs)]
     else:
         seen = [Patch(color=rgb(uav_colour(0)), label="seen: lanes are UAVs, the first on top")]
-    pale = Patch(color=rgb(mixed(uav_colour(0), PANEL, _TINT)), label="shown, not detected")
-    switch = Line2D([], [], marker="D", ms=6, color=rgb(ORANGE), mec=rgb(INK), mew=0.8, ls="", label="track switched")
     kinds = {event.kind for event in unmatched}
     bars = {kind: colour for kind, colour in {**_BARS, **_EVENTS}.items() if kind not in UNMATCHED or kind in kinds}
     return [
         *seen,
-        pale,
+        Patch(color=rgb(mixed(uav_colour(0), PANEL, _TINT)), label="shown, not detected"),
         Patch(color=rgb(HIDDEN), label="in the frame, hidden"),
         Patch(color=rgb(OUT_OF_VIEW), label="out of view"),
         *(Patch(color=rgb(colour), label=_MEANT.get(kind, kind)) for kind, colour in bars.items()),
-        switch,
+        Line2D([], [], **_SWITCHED, label="track switched"),
     ]
 
 

@@ -24,10 +24,9 @@ from sim.report.figures.pictures import pictures, runtime_pictures
 from sim.report.formats import comma_separated, markdown
 from sim.report.page import figures, page
 from sim.report.page_elements import commanded, facts, listed, paragraph
-from sim.report.page_tables import result_tables, runtime_tables
+from sim.report.page_tables import result_tables, runtime_tables, verdict
 from sim.report.single_trials import failures, maps
 from sim.report.tables import notes, shortfalls
-from sim.report.verdict import verdict
 from sim.scenario.errors import InputError
 from sim.study.row import Row
 

@@ -1,30 +1,44 @@
-"""Single trials on the report's page: best and worst maps, and those that failed."""
+"""Single trials on the report's page: best and worst maps, those that failed, and the commands that fly them again."""
 
 from __future__ import annotations
 
+import math
+import re
+import shlex
 from collections.abc import Sequence
 from html import escape
 
-from sim.analysis.cell_text import cell_text
+from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.cells import Group
 from sim.evaluation.metric import Metric
 from sim.report.page_elements import commanded, table
-from sim.report.replay_commands import anchor, command, extremes
 from sim.scenario.random_streams import numbered
 from sim.study.row import Row
 
 
+def command(row: Row) -> str:
+    """The command line that flies a trial again, for a POSIX shell."""
+    words = ["understory", "run", row.scenario, "--planner", row.planner, "--seed", str(row.seed)]
+    if row.repeat:
+        words += ["--repeat", str(row.repeat)]
+    for key, value in row.settings.items():
+        words += ["--set", f"{key}={value}"]
+    return shlex.join(words)
+
+
 def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
-    """Best and worst maps with links, and what these lead to: the commands."""
+    """Best and worst maps with links, and what these lead to: the commands.
+
+    Where neither way is better, they are the least and the greatest; a group without a finite value has none.
+    """
     rows, places = [], []
-    for number, extreme in enumerate(extremes(groups, metric), start=1):
-        group, cells = extreme.group, []
-        for k, (what, row) in enumerate((("best", extreme.best), ("worst", extreme.worst))):
-            name, value = anchor(row, 2 * number + k), metric.text(row.metrics[metric.name])
-            cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">{numbered(row.seed, row.repeat)}</a></td>')
-            shown = f"{value} {metric.unit}".rstrip()
-            label = ", ".join(filter(None, [cell_text(group.cell), row.planner, numbered(row.seed, row.repeat)]))
-            text = f"{label}: {what}, {shown}"
+    for number, (group, *ends) in enumerate(_extremes(groups, metric), start=1):
+        cells = []
+        for k, (what, row) in enumerate(zip(("best", "worst"), ends, strict=True)):
+            value, flown = metric.text(row.metrics[metric.name]), numbered(row.seed, row.repeat)
+            name = f"map-{2 * number + k}-" + re.sub(r"[^a-z0-9]+", "-", f"{row.planner} {flown}".lower()).strip("-")
+            cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">{flown}</a></td>')
+            text = f"{_label(group.cell, row)}: {what}, {value} {metric.unit}".rstrip()
             places.append(f'<div class="map" id="{name}">{escape(text)}{commanded(command(row))}</div>')
         first = f'<td>{escape(cell_text(group.cell))}</td><td class="name">{escape(group.planner)}</td>'
         rows.append(f"<tr>{first}{''.join(cells)}</tr>")
@@ -32,13 +46,27 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
     return table(heads, rows, "left"), "\n".join(places)
 
 
+def _extremes(groups: Sequence[Group], metric: Metric) -> list[tuple[Group, Row, Row]]:
+    """Each group with a finite value, its best and its worst trial."""
+    found = []
+    for group in groups:
+        rows = [row for row in group.done if math.isfinite(row.metrics.get(metric.name, math.nan))]
+        if rows:
+            rows.sort(
+                key=lambda row: (row.metrics[metric.name], row.seed, row.repeat), reverse=metric.better == "higher"
+            )
+            found.append((group, rows[0], rows[-1]))
+    return found
+
+
 def failures(rows: Sequence[Row]) -> str:
     """Every trial that failed, with its error and command."""
-    parts = []
-    for number, row in enumerate(rows, start=1):
-        label = ", ".join(filter(None, [cell_text(row.factors), row.planner, numbered(row.seed, row.repeat)]))
-        parts.append(
-            f'<div class="map failed" id="failure-{number}">{escape(label)}: <strong>{escape(row.error or "no error")}'
-            f"</strong>{commanded(command(row))}</div>"
-        )
-    return "\n".join(parts)
+    return "\n".join(
+        f'<div class="map failed" id="failure-{number}">{escape(_label(row.factors, row))}: '
+        f"<strong>{escape(row.error or 'no error')}</strong>{commanded(command(row))}</div>"
+        for number, row in enumerate(rows, start=1)
+    )
+
+
+def _label(cell: Cell, row: Row) -> str:
+    return ", ".join(filter(None, [cell_text(cell), row.planner, numbered(row.seed, row.repeat)]))

@@ -11,14 +11,11 @@ from sim.analysis.answers import Answer
 from sim.analysis.cell_text import cell_text
 from sim.analysis.coverage import caveats
 from sim.analysis.differences import Difference
-from sim.analysis.distributions import Spread
-from sim.analysis.intervals import LEVEL, Estimate
+from sim.analysis.intervals import LEVEL
 from sim.analysis.significance import MOST_MAPS, POWER
 from sim.evaluation.metric import UNKNOWN, Metric
 
-WIDE = 100  # columns from which on the terminal has room for all columns
 _OF_PAIRS = ("won, tied, lost", "maps needed")
-_WIDE_ONLY = ("median", "maps needed")
 _NOTE = "In brackets: 95 % intervals over the maps (seeds)."
 _COMPARED = (
     "Differences are means over the maps that both flew; won, tied, lost counts these maps. Maps needed: so many find "
@@ -43,11 +40,12 @@ class Layout(NamedTuple):
 def layouts(found: Sequence[Answer], baseline: str) -> list[Layout]:
     """The tables of the answers of one metric: the results and, where maps were repeated, the spreads."""
     metric, compared = found[0].metric, any(answer.difference for answer in found)
-    main = Layout(metric.title, _columns(baseline, compared=compared), partial(texts_of, compared=compared))
+    columns = ["planner", "maps", "mean", "median", *([f"minus {baseline}", *_OF_PAIRS] if compared else [])]
+    main = Layout(metric.title, columns, partial(texts_of, compared=compared))
     if not _repeated(found):
         return [main]
     heads = ["planner", "between maps", "within maps"]
-    heads += [f"less {baseline}: between", "within", "maps needed"] if compared else []
+    heads += [f"minus {baseline}: between", "within", "maps needed"] if compared else []
     return [main, Layout(f"{metric.title}: spread", heads, partial(_spread_texts, compared=compared))]
 
 
@@ -64,14 +62,10 @@ def notes(found: Sequence[Answer]) -> list[str]:
         if len(compared) > 1
         else ""
     )
-    told = caveats((answer.metric, maps) for answer in found for maps in _sampled(answer))
+    sampled = [(answer.metric, answer.maps) for answer in found]
+    told = caveats(sampled + [(answer.metric, answer.difference.pairs) for answer in found if answer.difference])
     parts = [_NOTE, *told, _COMPARED if compared else "", many, _REPEATED if _repeated(found) else ""]
     return [part for part in parts if part]
-
-
-def _sampled(answer: Answer) -> tuple[int, ...]:
-    """Number of maps of each mean of the answer: its own, and the difference's."""
-    return (answer.maps, answer.difference.pairs) if answer.difference else (answer.maps,)
 
 
 def shortfalls(found: Sequence[Answer]) -> list[str]:
@@ -91,36 +85,24 @@ def shortfalls(found: Sequence[Answer]) -> list[str]:
     return list(lines)
 
 
-def _columns(baseline: str, *, compared: bool) -> list[str]:
-    """Headings of the table of one metric."""
-    return ["planner", "maps", "mean", "median", *([f"less {baseline}", *_OF_PAIRS] if compared else [])]
-
-
 def texts_of(answer: Answer, *, compared: bool) -> list[str]:
     """Entries under the headings."""
     metric = answer.metric
-    own = [_maps(answer), *(_estimate(metric, e) for e in (answer.mean, answer.median))]
+    maps = str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
+    own = [maps, answer.mean.text(metric), answer.median.text(metric)]
     if answer.cell is None:
         own = [f"{answer.difference.cells} cells" if answer.difference else "", "", ""]
     return [answer.planner, *own, *(_compared(metric, answer.difference) if compared else [])]
-
-
-def _maps(answer: Answer) -> str:
-    """Number of maps that count, and of all if not all do."""
-    return str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
-
-
-def _estimate(metric: Metric, estimate: Estimate, *, signed: bool = False) -> str:
-    inside = metric.within(estimate.low, estimate.high, signed=signed)
-    return f"{metric.text(estimate.value, signed=signed)} {inside}".strip()
 
 
 def _compared(metric: Metric, difference: Difference | None) -> list[str]:
     if difference is None:
         return ["baseline", "", ""]
     mark = "* " if difference.survives else ""
-    shown = mark + _estimate(metric, difference.mean, signed=True)
-    return [shown, _record(metric, difference), _needed(difference)]
+    record = UNKNOWN  # where neither way is better, or nothing is paired
+    if metric.better != "neither" and difference.pairs:
+        record = f"{difference.won}, {difference.tied}, {difference.lost}"
+    return [mark + difference.mean.text(metric, signed=True), record, _needed(difference)]
 
 
 def _needed(difference: Difference) -> str:
@@ -130,23 +112,10 @@ def _needed(difference: Difference) -> str:
     return UNKNOWN if math.isnan(difference.needed) else str(round(difference.needed))
 
 
-def _record(metric: Metric, difference: Difference) -> str:
-    """Maps won, tied and lost; a dash where neither way is better or nothing is paired."""
-    if metric.better == "neither" or not difference.pairs:
-        return UNKNOWN
-    return f"{difference.won}, {difference.tied}, {difference.lost}"
-
-
 def _spread_texts(answer: Answer, *, compared: bool) -> list[str]:
     """Entries under the headings of the spreads."""
-    own = ["", ""] if answer.cell is None else _spread(answer.metric, answer.spread)
-    if not compared:
-        return [answer.planner, *own]
-    gap = answer.difference
-    return [answer.planner, *own, *(["baseline", "", ""] if gap is None else _spread(answer.metric, gap.spread))] + (
-        [] if gap is None else [_needed(gap)]
-    )
-
-
-def _spread(metric: Metric, spread: Spread) -> list[str]:
-    return [metric.text(spread.between), metric.text(spread.within)]
+    metric, gap = answer.metric, answer.difference
+    texts = [answer.planner, *(["", ""] if answer.cell is None else answer.spread.texts(metric))]
+    if compared:
+        texts += ["baseline", "", ""] if gap is None else [*gap.spread.texts(metric), _needed(gap)]
+    return texts

@@ -17,7 +17,6 @@ from sim.analysis.cell_text import SYMBOLS
 from sim.analysis.cells import Group, grouped, trimmed, varying
 from sim.analysis.differences import paired
 from sim.analysis.distributions import share_under
-from sim.analysis.intervals import Estimate
 from sim.analysis.metric_choice import chosen
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
@@ -48,7 +47,8 @@ def table(
     down = [name for name in by if name != columns and len(by[name]) > 1]
     places = {_place(group, columns, down): group for group in groups}
     lines = list(dict.fromkeys(line for line, _ in places))
-    head = [*(SYMBOLS.get(name, name) for name in down), *(_heading(columns, level) for level in by[columns])]
+    symbol = "" if columns == "planner" else f"{SYMBOLS.get(columns, columns)} = "
+    head = [*(SYMBOLS.get(name, name) for name in down), *(f"{symbol}{level}" for level in by[columns])]
     text = [head, ["---"] * len(head)]
     for before, line in zip([(), *lines], lines, strict=False):
         entries = []
@@ -79,24 +79,15 @@ def _place(group: Group, columns: str, down: Sequence[str]) -> tuple[tuple[str, 
     return tuple(found[name] for name in down), found[columns]
 
 
-def _heading(columns: str, level: str) -> str:
-    return level if columns == "planner" else f"{SYMBOLS.get(columns, columns)} = {level}"
-
-
 def _entry(group: Group | None, base: Group | None, metric: Metric) -> str:
     """Mean of a group with its interval, or with its difference to another's."""
     if group is None:
         return "-"
     mean = answers([group], [metric], group.planner)[0].mean
     if base is None:
-        return _text(metric, mean)
+        return mean.text(metric)
     (difference,) = paired(group, base, [metric]).differences([metric])
-    return f"{metric.text(mean.value)}: {_text(metric, difference.mean, signed=True)}"
-
-
-def _text(metric: Metric, estimate: Estimate, *, signed: bool = False) -> str:
-    inside = metric.within(estimate.low, estimate.high, signed=signed)
-    return f"{metric.text(estimate.value, signed=signed)} {inside}".strip()
+    return f"{metric.text(mean.value)}: {difference.mean.text(metric, signed=True)}"
 
 
 def main(

@@ -66,7 +66,7 @@ def _fly(flight: Flight, folder: Path, place: str, tell: Callable[[object], None
 
     check_detector(flight.scenario.sensing.detector)
     load_planner(flight.planner)
-    from sim.evaluation.metrics import metric
+    from sim.evaluation.metric import metric
 
     for name in flight.metrics:
         metric(name)

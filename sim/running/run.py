@@ -9,9 +9,9 @@ from pathlib import Path
 from threading import Event
 from typing import Any, NamedTuple
 
+from sim.drawing.film import Film, Video
 from sim.drawing.plots import ospa_figure
 from sim.drawing.plots import save as save_figure
-from sim.drawing.video import Film, Video
 from sim.evaluation.machine import versions
 from sim.evaluation.summary import marked, summarise
 from sim.mission.mission import Mission, Trial

@@ -15,8 +15,7 @@ import numpy as np
 from msgspec import Struct
 
 from sim.evaluation.machine import machine_line
-from sim.evaluation.metric import Outcome
-from sim.evaluation.metrics import evaluated
+from sim.evaluation.metric import Outcome, evaluated
 from sim.mission.mission import Trial
 from sim.mission.snapshot import Snapshot
 from sim.mission.warmup import warm_up

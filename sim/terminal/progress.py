@@ -53,13 +53,7 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], No
 @contextmanager
 def trial_progress(total: int, what: str = "trials") -> Iterator[Callable[[object], None]]:
     """A bar with the number of trials, frames or scans done."""
-    columns = (
-        SpinnerColumn(),
-        BarColumn(bar_width=40),
-        MofNCompleteColumn(),
-        TextColumn(what),
-        TimeRemainingColumn(),
-    )
+    columns = (SpinnerColumn(), BarColumn(bar_width=40), MofNCompleteColumn(), TextColumn(what), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("", total=total)
         yield lambda outcome: progress.advance(task)

@@ -1,15 +1,18 @@
-"""Results of a mission in the terminal."""
+"""Results in the terminal: of missions, of checks, and lists of names."""
 
 from __future__ import annotations
 
 import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.markup import escape
+from rich.table import Table
 
 from sim.terminal.console import console
+from tracking.plugins.findings import Finding
 
 _SHOWN = 3  # faults of different kinds
 
@@ -48,3 +51,34 @@ def show_files(folder: Path) -> None:
     names = sorted(path.name for path in folder.iterdir())
     listed = ", ".join(names) if len(names) < 8 else f"{names[0]} to {names[-1]}, {len(names)} files"
     console.print(f"Files in [bold]{escape(str(folder))}[/bold]:\n  {listed}", soft_wrap=True)
+
+
+def show_list(items: Mapping[str, str], note: str) -> None:
+    """Print names and their meaning."""
+    table = Table.grid(padding=(0, 3))
+    for name, meaning in items.items():
+        table.add_row(f"[bold]{name}[/bold]", escape(meaning))
+    console.print(table)
+    console.print(f"\n{note}")
+
+
+def show_groups(groups: Mapping[str, Mapping[str, str]], note: str) -> None:
+    """Print names and their meaning under headings."""
+    width = max(len(name) for items in groups.values() for name in items)
+    for heading, items in groups.items():
+        console.print(f"{escape(heading)}:")
+        table = Table.grid(padding=(0, 2))
+        for name, meaning in items.items():
+            table.add_row(f"  [bold]{escape(name):<{width}}[/bold]", escape(meaning))
+        console.print(table)
+    console.print(f"\n{note}")
+
+
+def show_findings(findings: Sequence[Finding]) -> None:
+    """Print one line per check, and their sum; exit with code 1 if one failed."""
+    for finding in findings:
+        console.print(escape(str(finding)), soft_wrap=True)
+    failed = sum(finding.passed is False for finding in findings)
+    console.print(f"[red]{failed} of {len(findings)} checks failed[/red]" if failed else "[green]It conforms.[/green]")
+    if failed:
+        sys.exit(1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from helpers import synthetic
 from helpers.recordings import record
-from sim.drawing.video import Film, Video
+from sim.drawing.film import Film, Video
 from sim.recording.fault_text import recorded
 from sim.replay.frames.rerender import scenario_of
 from sim.sensing.fault import Fault

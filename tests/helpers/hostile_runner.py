@@ -20,7 +20,7 @@ from helpers.studies import Serial
 from sim import __main__ as cli
 from sim.cli import study_flight
 from sim.mission.warmup import warm_up
-from sim.replay import film  # noqa: F401
+from sim.replay import redrawn_film  # noqa: F401
 from sim.replay.explain import explanation  # noqa: F401
 from sim.replay.frames.rerender import find  # noqa: F401 - what commands import late is loaded once
 from sim.replay.page import page  # noqa: F401

@@ -59,7 +59,8 @@ class Association:
             means, covariances = p.motion.predict_all(means, covariances)
             existence = existence * p.step_survival
         scan = recording.scan_at(k, uav)
-        camera, forest = view_of(scenario.uavs[uav], scenario), _assumed(recording, scenario)
+        camera = view_of(scenario.uavs[uav], scenario)
+        forest = Forest(recording.forest.trees, scenario.sensing.occlusion)  # as trackers take it to hide people
         last = _last(recording, scenario, k, uav)
         beliefs, now, certainty = (means, covariances), (scan.time, scan.pose), p.detection_probability
         shows = miss_likelihood(camera, forest, beliefs, now=now, last=last, detection_probability=certainty)
@@ -67,8 +68,9 @@ class Association:
         z, R = (np.ascontiguousarray(table) for table in (scan.measurements, scan.covariances))
         likelihood, beta, _, after = associate(before, z, R, p)
         ids = np.array([t.id for t in tracks], dtype=np.int64)
-        distances = _distances(before, z, R)
-        return Association(ids, _numbers(recording, ids), before, z, R, distances, likelihood > 0.0, beta, after)
+        off, spread = z[None] - before.means[:, None, :2], before.covariances[:, None, :2, :2] + R[None]
+        distances = squared_distance(off, spread)
+        return Association(ids, recording.numbers_of(ids), before, z, R, distances, likelihood > 0.0, beta, after)
 
 
 def _first_tracks(recording: Recording, scenario: Scenario) -> list[Track]:
@@ -83,17 +85,3 @@ def _last(recording: Recording, scenario: Scenario, k: int, uav: int) -> Viewpoi
             scan = recording.scan_at(j, uav)
             return scan.time, scan.pose
     return None
-
-
-def _assumed(recording: Recording, scenario: Scenario) -> Forest:
-    """The forest as trackers take it to hide people."""
-    return Forest(recording.forest.trees, scenario.sensing.occlusion)
-
-
-def _numbers(recording: Recording, ids: Ints) -> Ints:
-    return np.array([recording.track_numbers.get(id_, -1) for id_ in ids.tolist()], dtype=np.int64)
-
-
-def _distances(before: ScanPrediction, z: Array, R: Array) -> Array:
-    """Squared Mahalanobis distances (T, N) of measurements from predicted positions."""
-    return squared_distance(z[None] - before.means[:, None, :2], before.covariances[:, None, :2, :2] + R[None])

@@ -13,8 +13,7 @@ from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.event import UNHELD, UNMATCHED, Event
 from sim.replay.explain.observation import GatedMeasurement, Observation, PersonMeasurement
-from sim.replay.explain.person import HoldingTrack, PersonFacts
-from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, PlannedVisibility
+from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
 from sim.replay.history import History, episodes
 from sim.replay.views import fleet_text, view_texts
 from tracking.numerics.arrays import Array
@@ -120,11 +119,10 @@ def _detection(w: Observation, found: PersonMeasurement) -> list[str]:
     gates = [weight for weight in w.weights if weight.measurement == found.measurement]
     if not gates:
         return [*lines, "in the gate of no track"]
-    return [*lines, *(f"in the gate of {_gate(weight)}" for weight in _by_weight(gates))]
-
-
-def _gate(weight: GatedMeasurement) -> str:
-    return f"track {weight.track} at {weight.sigmas:.1f} σ, weight {_percent(weight.probability)}"
+    return lines + [
+        f"in the gate of track {weight.track} at {weight.sigmas:.1f} σ, weight {_percent(weight.probability)}"
+        for weight in _by_weight(gates)
+    ]
 
 
 def _association(w: Observation, holder: HoldingTrack | None) -> list[str]:

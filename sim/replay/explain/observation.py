@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from types import TracebackType
 from typing import NamedTuple
 
 import numpy as np
@@ -70,9 +69,7 @@ class Observer:
     def __enter__(self) -> Observer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._open.close()
 
     def observe(self, k: int, uav: int, person: int) -> Observation:
@@ -92,7 +89,9 @@ class Observer:
             owners=_owners(rows, len(recording.measurements_at(k, uav))),
             measurements=recording.measurements_at(k, uav),
             weights=_weights(association) if association else (),
-            visible=_visible(association) if association else {},
+            visible=dict(zip(association.numbers.tolist(), association.before.visible.tolist(), strict=True))
+            if association
+            else {},
         )
 
     def _renders(self, k: int, uav: int) -> bool:
@@ -147,17 +146,8 @@ def _owners(rows: Ints, count: int) -> Ints:
     return owners
 
 
-def _weights(association: Association) -> tuple[GatedMeasurement, ...]:
+def _weights(a: Association) -> tuple[GatedMeasurement, ...]:
     return tuple(
-        GatedMeasurement(
-            int(association.numbers[t]),
-            j,
-            float(np.sqrt(association.distances[t, j])),
-            float(association.beta[t, 1 + j]),
-        )
-        for t, j in np.argwhere(association.gated).tolist()
+        GatedMeasurement(int(a.numbers[t]), j, float(np.sqrt(a.distances[t, j])), float(a.beta[t, 1 + j]))
+        for t, j in np.argwhere(a.gated).tolist()
     )
-
-
-def _visible(association: Association) -> dict[int, float]:
-    return dict(zip(association.numbers.tolist(), association.before.visible.tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""Facts of one person at one scan of a recording."""
+"""Facts of one person at one scan of a recording, and of what the last plans of UAVs would show of them."""
 
 from __future__ import annotations
 
@@ -7,13 +7,90 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.evaluation.score import velocities
+from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.explain.observation import Observation, Observer
-from sim.replay.explain.planned_visibility import PlannedVisibility, planned_visibility
 from sim.replay.history import History
+from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import planned_attitude, view_of
 from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.metrics.nees import nees
 from tracking.numerics.arrays import Array
+
+OUTSIDE, HIDDEN, IN_VIEW = 0, 1, 2  # of a place, to a camera
+_SLACK = 1e-6  # s
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedVisibility:
+    """The rest of one UAV's plan from a scan on, at S instants that are as far apart as scans."""
+
+    uav: int
+    made: float  # s, when the plan was made
+    times: Array  # (S,) s
+    path: Array  # (S, 2) m, of the UAV
+    person: Ints  # (S,), the true person in the view: `OUTSIDE`, `HIDDEN`, `IN_VIEW`; -1 after the mission
+    track: Ints | None  # (S,), the same of the track, if it goes on as it went; None without a track
+
+
+def planned_visibility(
+    recording: Recording, scenario: Scenario, k: int, uav: int, person: int, belief: Gaussian | None
+) -> PlannedVisibility | None:
+    """Visibility of a person, and of a track with `belief`, on the plan of a UAV from scan k on.
+
+    None where there is no plan, and where nothing of it is left.
+    """
+    plan = _due(recording, scenario, k)
+    if plan < 0 or not recording.working[k, uav]:
+        return None
+    now, rate = float(recording.times[k]), scenario.rates.sensing
+    at, corners, poses = _flight(recording, scenario, plan, uav)
+    times = now + np.arange(1, int((at[-1] - now + _SLACK) * rate) + 1) / rate
+    if len(times) == 0:
+        return None
+    path = np.column_stack([np.interp(times, at, corners[:, axis]) for axis in (0, 1)])
+    views = [Pose(np.append(place, poses.position[2]), poses.quaternion) for place in path]
+    known = recording.people[k + 1 : k + 1 + len(times), person]
+    ahead = np.full(len(times), -1)
+    ahead[: len(known)] = _states(recording, scenario, uav, views, known)
+    track = None
+    if belief is not None:
+        nominal = belief.mean[:2] + (times - now)[:, None] * belief.mean[2:]
+        track = _states(recording, scenario, uav, views, nominal)
+    return PlannedVisibility(uav, float(recording.plan_times[plan]), times, path, ahead, track)
+
+
+def _due(recording: Recording, scenario: Scenario, k: int) -> int:
+    """The plan that is flown from scan k on, an index; -1 for none."""
+    due = recording.plan_times + scenario.network.plan_delay <= recording.times[k] + _SLACK
+    return int(np.count_nonzero(due)) - 1
+
+
+def _flight(recording: Recording, scenario: Scenario, plan: int, uav: int) -> tuple[Array, Array, Pose]:
+    """Times (H + 1,) s and corners (H + 1, 2) m of a plan's path, and the camera's pose at its first.
+
+    The path begins where the UAV was when the plan was due. The camera is held as planners take it to be held.
+    """
+    step, begun = 1 / scenario.rates.planning, recording.plan_times[plan] + scenario.network.plan_delay
+    controls = recording.plans[plan, uav]
+    controls = controls[~np.isnan(controls[:, 0])]
+    body = recording.snapshot(int(np.argmin(np.abs(recording.times - begun)))).poses[uav]
+    corners = body.position[:2] + np.vstack([np.zeros(2), step * np.cumsum(controls, axis=0)])
+    attitude = planned_attitude(scenario.uavs[uav], body)
+    return begun + step * np.arange(len(corners)), corners, Pose(body.position, attitude)
+
+
+def _states(recording: Recording, scenario: Scenario, uav: int, views: list[Pose], places: Array) -> Ints:
+    """States (S,) of places (S, 2) m to the camera at as many poses, or more; outside if not a number."""
+    camera, trees = view_of(scenario.uavs[uav], scenario), Forest(recording.forest.trees, scenario.sensing.occlusion)
+    found = np.full(len(places), OUTSIDE)
+    for s, (pose, place) in enumerate(zip(views, places, strict=False)):
+        point = np.append(place, TARGET_HEIGHT)[None]
+        if np.isfinite(place).all() and camera.sees(pose, point)[0]:
+            found[s] = IN_VIEW if trees.visible(pose.position, point)[0, 0] else HIDDEN
+    return found
 
 
 @dataclass(frozen=True, eq=False)

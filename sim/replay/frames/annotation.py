@@ -8,14 +8,15 @@ import numpy as np
 from sim.drawing.labels import Labels
 from sim.drawing.lettering import Image, TextStyle, write
 from sim.drawing.map_view import ellipse, looks_down
+from sim.drawing.marks import cross, detection
 from sim.drawing.palette import DETECTION, INK, PANEL, track_colour
-from sim.drawing.strokes import outlined, stroke
-from sim.replay.frames.marks import draw_detection, draw_measurement, draw_rim, draw_track, draw_truth
+from sim.drawing.strokes import disc, outlined, stroke
 from sim.replay.frames.sightings import PERSON_RADIUS, Sight, Sighting, hidden_outlines, silhouette
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 
 _LENGTHS = [base * 10.0**power for power in range(-1, 4) for base in (1, 2, 5)]  # m, of scale bars
+_RIMS = {False: ((INK, 9), (PANEL, 5)), True: ((PANEL, 17), (INK, 13))}  # colours and reaches in pixels
 
 
 def annotated(frame: Image, sight: Sight, size: int) -> Image:
@@ -62,9 +63,6 @@ class _View:
         points = np.column_stack([ground, np.full(len(ground), TARGET_HEIGHT)])
         return np.asarray(self._scale * self._sight.camera.project(self._sight.pose, points)[0])
 
-    def _shown(self, at: Array) -> bool:
-        return bool(np.all((at >= 0) & (at <= self._image.shape[0])))
-
     def _person(self, sighting: Sighting) -> Array:
         body = np.array([*sighting.place, PERSON_RADIUS, 0.0, 2 * TARGET_HEIGHT])
         return np.asarray(self._scale * silhouette(self._sight.camera, self._sight.pose, body))
@@ -78,7 +76,7 @@ class _View:
             if len(detections):
                 found = self._scale * detections[k]
                 outlined(self._image, np.array([found, at]), DETECTION, INK)
-                draw_detection(self._image, found, max(5.0 * self._scale, 10.0))
+                detection(self._image, found, max(5.0 * self._scale, 10.0))
             draw_measurement(self._image, at, ring)
             self._labels.reserve(at, 8.0)
 
@@ -98,7 +96,7 @@ class _View:
     def _name_tracks(self) -> None:
         for track in self._sight.snapshot.tracks[self._sight.uav]:
             at = self._pixels(track.belief.mean[None, :2])[0]
-            if np.all(np.isfinite(at)) and self._shown(at):
+            if np.all(np.isfinite(at) & (at >= 0) & (at <= self._image.shape[0])):
                 self._labels.put(f"track {track.id}", at, TextStyle(13, track_colour(track.id), True, PANEL))
 
     def _name_trees(self) -> None:
@@ -144,3 +142,37 @@ class _View:
         x, y = tip + 12 * ahead
         write(self._image, "N", (float(x), float(y)), TextStyle(13, PANEL, True, INK), align=0.5)
         self._labels.reserve(middle, 26.0)
+
+
+def draw_measurement(image: Image, at: Array, ring: Array) -> None:
+    """The mark of a measurement at a pixel (2,) with its 95 % ellipse, pixels (N, 2), in dashes."""
+    for k in range(0, len(ring), 6):
+        outlined(image, ring[k : k + 4], DETECTION, INK)
+    disc(image, at, 4.0, INK)
+    disc(image, at, 2.5, DETECTION)
+
+
+def draw_track(image: Image, at: Array, ring: Array, track: int) -> None:
+    """The mark of a track at a pixel (2,) with its 95 % ellipse, pixels (N, 2)."""
+    outlined(image, ring, track_colour(track), PANEL, closed=True)
+    cross(image, at, track_colour(track))
+
+
+def draw_truth(image: Image, outline: Array) -> None:
+    """The mark of a true person: their outline, pixels (N, 2)."""
+    outlined(image, outline, INK, PANEL, closed=True)
+
+
+def draw_rim(image: Image, outlines: list[Array], *, hiding: bool = False) -> None:
+    """The mark of ground that trees hide: a rim round the union of outlines, pixels (N, 2), that covers none of it.
+
+    hiding: a broader rim, of a tree that hides a person.
+    """
+    inside = np.zeros(image.shape[:2], dtype=np.uint8)
+    for outline in outlines:
+        cv2.fillPoly(inside, [np.round((outline - 0.5) * 16).astype(np.int32)], 255, cv2.LINE_AA, 4)
+    for colour, reach in _RIMS[hiding]:
+        grown = cv2.dilate(inside, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach)))
+        rim = grown > inside
+        weight = (grown[rim] - inside[rim])[:, None] / np.float32(255)
+        image[rim] = image[rim] * (1 - weight) + np.array(colour, dtype=np.float32) * weight + 0.5

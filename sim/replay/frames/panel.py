@@ -8,8 +8,9 @@ import numpy as np
 
 from sim.drawing.lettering import Image, TextStyle, wrapped, write
 from sim.drawing.map_view import ellipse, looks_down
+from sim.drawing.marks import detection
 from sim.drawing.palette import FAINT, PANEL
-from sim.replay.frames.marks import draw_detection, draw_measurement, draw_rim, draw_track, draw_truth
+from sim.replay.frames.annotation import draw_measurement, draw_rim, draw_track, draw_truth
 from sim.replay.frames.sightings import Sight, Sighting
 from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.arrays import Array
@@ -121,40 +122,16 @@ def _shortened(lines: list[str]) -> list[str]:
 
 def marks_of(camera: bool) -> list[Mark]:
     """The marks of annotated frames, each drawn at a pixel of an image, and what they mean."""
-    marks: list[Mark] = [(_detection, "detection")] if camera else []
-    return [
-        *marks,
-        (_measurement, "measurement, 95 % ellipse"),
-        (_track, "track, 95 % ellipse"),
-        (_truth, "truth: person"),
-        (_hidden, "rim of what trees hide"),
-        (_hiding, "tree that hides a person"),
+    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    marks: list[Mark] = [
+        (lambda image, at: detection(image, at, 10.0), "detection"),
+        (
+            lambda image, at: draw_measurement(image, at, ellipse(at, np.diag([50.0, 20.0]))),
+            "measurement, 95 % ellipse",
+        ),
+        (lambda image, at: draw_track(image, at, ellipse(at, np.diag([50.0, 25.0])), 0), "track, 95 % ellipse"),
+        (lambda image, at: draw_truth(image, ellipse(at, np.diag([20.0, 20.0]))), "truth: person"),
+        (lambda image, at: draw_rim(image, [at + 9.0 * square]), "rim of what trees hide"),
+        (lambda image, at: draw_rim(image, [at + 7.0 * square], hiding=True), "tree that hides a person"),
     ]
-
-
-def _square(at: Array, reach: float) -> Array:
-    return at + reach * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-
-
-def _detection(image: Image, at: Array) -> None:
-    draw_detection(image, at, 10.0)
-
-
-def _measurement(image: Image, at: Array) -> None:
-    draw_measurement(image, at, ellipse(at, np.diag([50.0, 20.0])))
-
-
-def _track(image: Image, at: Array) -> None:
-    draw_track(image, at, ellipse(at, np.diag([50.0, 25.0])), 0)
-
-
-def _truth(image: Image, at: Array) -> None:
-    draw_truth(image, ellipse(at, np.diag([20.0, 20.0])))
-
-
-def _hidden(image: Image, at: Array) -> None:
-    draw_rim(image, [_square(at, 9.0)])
-
-
-def _hiding(image: Image, at: Array) -> None:
-    draw_rim(image, [_square(at, 7.0)], hiding=True)
+    return marks if camera else marks[1:]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 
 from sim.drawing.lettering import Image
 from sim.recording.archive import load
@@ -61,16 +60,8 @@ class Rerenderer:
     def __enter__(self) -> Rerenderer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._world.close()
-
-
-def rerender(recording: Recording, k: int, uav: int) -> Image:
-    """The image (P, P, 3) RGB of one UAV's camera at scan k; for many, a `Rerenderer` builds its world once."""
-    with Rerenderer(recording) as again:
-        return again.image(k, uav)
 
 
 def scenario_of(recording: Recording) -> Scenario:

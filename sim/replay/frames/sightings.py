@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from sim.drawing.labels import with_numbers
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
@@ -16,7 +17,6 @@ from sim.sensing.culling import NEAR
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
-from tracking.tracker import Track
 
 PERSON_RADIUS = 0.25  # m, of the cylinder that stands for a person
 _TURN = np.linspace(0.0, 2 * math.pi, 128, endpoint=False)
@@ -69,13 +69,11 @@ class Sight:
     @staticmethod
     def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> Sight:
         """The view of one UAV at scan k."""
-        snapshot, forest = recording.snapshot(k), recording.forest
-        numbers = recording.track_numbers
-        tracks = [tuple(Track(numbers[t.id], t.belief) for t in held) for held in snapshot.tracks]
+        snapshot = with_numbers(recording.snapshot(k), recording.track_numbers)
         people = sightings(recording, scenario, k, uav, camera_of(scenario.uavs[uav]))
         if scenario.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
-        return Sight(scenario, forest, replace(snapshot, tracks=tracks), uav, people)
+        return Sight(scenario, recording.forest, snapshot, uav, people)
 
 
 def sightings(recording: Recording, scenario: Scenario, k: int, uav: int, camera: Camera) -> tuple[Sighting, ...]:

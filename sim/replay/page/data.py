@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planning.planner import Plan
 from sim.drawing import palette
+from sim.drawing.film import HEIGHT, WIDTH
 from sim.drawing.layout import View
 from sim.drawing.map_view import ELLIPSE, MARGIN, TRAIL, looks_down
-from sim.drawing.video import HEIGHT, WIDTH
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.event import UNMATCHED, Event
@@ -22,7 +21,6 @@ from sim.replay.history import STATES, History
 from sim.replay.views import view_texts
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
-from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
 
 OUT, MISSED, SEEN, HIDDEN = 0, 1, 2, 3  # codes of a person before a camera; above HIDDEN by 1 + the tree that hides
@@ -35,7 +33,6 @@ def page_data(
 
     Lists run over scans, then UAVs, then people or tracks; null stands for what is absent or does not work.
     """
-    numbers, forest = recording.track_numbers, recording.forest
     told = [view_texts(history, m) for m in range(recording.people.shape[1])]
     texts = {text: n for n, text in enumerate(dict.fromkeys(text for column in told for text in column))}
     return {
@@ -44,17 +41,17 @@ def page_data(
         "rate": scenario.rates.sensing,
         "trail": round(TRAIL * scenario.rates.sensing),
         "times": _rounded(recording.times, 3),
-        "trees": [_rounded([t.x, t.y, t.canopy_radius, t.trunk_radius]) for t in forest.trees],
+        "trees": [_rounded([t.x, t.y, t.canopy_radius, t.trunk_radius]) for t in recording.forest.trees],
         "people": [[None if math.isnan(p[0]) else _rounded(p) for p in row] for row in recording.people],
         "headings": _rounded(np.nan_to_num(recording.headings)),
         "uavs": _rounded(recording.poses[:, :, :3]),
         "views": _views(recording, scenario),
-        "tracks": _tracks(recording, numbers),
+        "tracks": _tracks(recording),
         "codes": codes(history).tolist(),
         "texts": list(texts),
         "told": [[texts[text] for text in column] for column in told],
         "holds": history.hold_states.tolist(),
-        "holders": np.vectorize(lambda id_: numbers.get(id_, -1), otypes=[int])(history.tracks).tolist(),
+        "holders": recording.numbers_of(history.tracks.ravel()).reshape(history.tracks.shape).tolist(),
         "works": history.working.astype(int).tolist(),
         "ospa": [[None if math.isnan(v) else round(v, 3) for v in row] for row in recording.ospa[:, :, 0].tolist()],
         "events": [
@@ -64,7 +61,9 @@ def page_data(
         ],
         "plans": _plans(recording, scenario),
         "colours": _colours(),
-        "film": None if parts is None else _film(parts),
+        "film": None
+        if parts is None
+        else {"size": [WIDTH, HEIGHT], "tiles": [[b.x, b.y, b.width, b.height] for b in parts.tiles.values()]},
     }
 
 
@@ -84,18 +83,17 @@ def _views(recording: Recording, scenario: Scenario) -> list[list[list[float] | 
     cameras = [camera_of(uav) for uav in scenario.uavs]
     rows: list[list[list[float] | None]] = []
     for k in range(len(recording.times)):
-        poses = [Pose(row[:3], row[3:]) for row in recording.cameras[k]]
-        pairs = zip(cameras, poses, strict=True)
+        pairs = [(camera, recording.camera_at(k, i)) for i, camera in enumerate(cameras)]
         rows.append([_rounded(c.footprint(p)[:, :2].ravel()) if looks_down(c, p) else None for c, p in pairs])
     return rows
 
 
-def _tracks(recording: Recording, numbers: dict[int, int]) -> list[list[list[list[float]]]]:
+def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
     """Number, x, y, half axes [m] and turn [rad] of the ellipse that holds 95 % of each track."""
     variances, axes = np.linalg.eigh(recording.track_covariances[:, :2, :2])
     half = ELLIPSE * np.sqrt(np.maximum(variances, 0.0))
     turn = np.arctan2(axes[:, 1, 1], axes[:, 0, 1])
-    number = [numbers[id_] for id_ in recording.track_ids.tolist()]
+    number = recording.numbers_of(recording.track_ids)
     rows = _rounded(np.column_stack([number, recording.track_means[:, :2], half[:, ::-1], turn]))
     uavs, offsets = recording.poses.shape[1], recording.track_offsets.tolist()
     cells = [rows[a:b] for a, b in pairwise(offsets)]
@@ -104,18 +102,10 @@ def _tracks(recording: Recording, numbers: dict[int, int]) -> list[list[list[lis
 
 def _plans(recording: Recording, scenario: Scenario) -> dict[str, Any]:
     """Times of plans [s], the seconds of one step, and the velocities [m/s] of each UAV's steps."""
-    made = [[Plan(c[~np.isnan(c[:, 0])]) for c in plans] for plans in recording.plans]
     return {
         "times": _rounded(recording.plan_times, 3),
         "step": 1 / scenario.rates.planning,
-        "controls": [[_rounded(plan.controls) for plan in plans] for plans in made],
-    }
-
-
-def _film(parts: View) -> dict[str, Any]:
-    return {
-        "size": [WIDTH, HEIGHT],
-        "tiles": [[box.x, box.y, box.width, box.height] for box in parts.tiles.values()],
+        "controls": [[_rounded(c[~np.isnan(c[:, 0])]) for c in plans] for plans in recording.plans],
     }
 
 
@@ -126,12 +116,8 @@ def _colours() -> dict[str, Any]:
         for name, value in vars(palette).items()
         if name.isupper() and isinstance(value[0], int)
     }
-    return {
-        **named,
-        # Further ones begin again.
-        "uavs": [css(colour) for colour in palette.UAV_COLOURS],
-        "tracks": [css(colour) for colour in palette.TRACK_COLOURS],
-    }
+    lists = {"uavs": palette.UAV_COLOURS, "tracks": palette.TRACK_COLOURS}  # further ones begin again
+    return named | {name: [css(colour) for colour in colours] for name, colours in lists.items()}
 
 
 def css(colour: palette.Colour) -> str:

@@ -17,8 +17,8 @@ from string import Template
 import av
 import numpy as np
 
+from sim.drawing.film import HEIGHT, WIDTH, parts_of
 from sim.drawing.palette import ALARM, BLUE, FAINT, INK, LINE, PANEL, PAPER, Colour
-from sim.drawing.video import HEIGHT, WIDTH, parts_of
 from sim.evaluation.summary import titled
 from sim.recording.atomic_files import whole
 from sim.recording.recording import Recording

@@ -26,7 +26,6 @@ from tracking.tracker import Track
 _ARM = 0.6  # m, of the drawn quadrotor: twice its size, to be seen from afar
 _TURN = np.linspace(0.0, 2 * math.pi, 25)
 _SEE_THROUGH = 150  # of 255, opacity of canopies
-_ABOVE_GROUND = 0.1  # m, of what lies on it
 
 
 class Gap(NamedTuple):
@@ -199,7 +198,8 @@ class Scene:
         for i in snapshot.working if plans else []:
             x, y, z = snapshot.poses[i].position
             path = _at(intended(np.array([x, y]), plans[i], snapshot.time - made, self._step), z)
-            self._log_line(f"world/intents/{i}", path, uav_colour(i), 0.08)
+            line = rr.LineStrips3D([path], colors=[uav_colour(i)], radii=0.08)
+            self._stream.log(f"world/intents/{i}", line)
             end = rr.Points3D(path[-1:], radii=0.35, colors=[uav_colour(i)])
             self._stream.log(f"world/intents/{i}/end", end)
 
@@ -213,9 +213,6 @@ class Scene:
             labels=[f"track {n}, {match.distance:.0f} m" for n, match in zip(numbers, matches, strict=True)],
         )
         self._stream.log(f"world/mwtp/{uav}", lines)
-
-    def _log_line(self, path: str, points: Array, colour: Colour, radius: float) -> None:
-        self._stream.log(path, rr.LineStrips3D([points], colors=[colour], radii=radius))
 
 
 def gaps_at(recording: Recording, k: int) -> list[Gap]:

@@ -9,26 +9,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from sim.drawing.palette import (
-    BLUE,
-    FAINT,
-    HELD,
-    HELD_BY_SOME,
-    HIDDEN,
-    LOST,
-    NOT_FOUND_YET,
-    ORANGE,
-    OUT_OF_VIEW,
-    PANEL,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    Colour,
-    mixed,
-    on_dark,
-    track_colour,
-    uav_colour,
-)
+from sim.drawing import palette
+from sim.drawing.palette import Colour, mixed, on_dark, track_colour, uav_colour
 from sim.evaluation.holding import HOLDS
 from sim.recording.recording import Recording
 from sim.replay.event import UNMATCHED, Event
@@ -36,9 +18,17 @@ from sim.replay.history import STATES, History
 from sim.replay.rerun.scene import gaps_at
 from tracking.numerics.arrays import Array
 
-_PEOPLE = (SKY, ORANGE, VERMILLION, PURPLE, BLUE)
-_STATES = dict(zip(STATES, (FAINT, OUT_OF_VIEW, HIDDEN, mixed(BLUE, PANEL, 0.45), BLUE), strict=True))
-_HOLDS = dict(zip(HOLDS, (FAINT, NOT_FOUND_YET, LOST, HELD_BY_SOME, HELD), strict=True))
+_PEOPLE = (palette.SKY, palette.ORANGE, palette.VERMILLION, palette.PURPLE, palette.BLUE)
+_STATES = dict(
+    zip(
+        STATES,
+        (palette.FAINT, palette.OUT_OF_VIEW, palette.HIDDEN, mixed(palette.BLUE, palette.PANEL, 0.45), palette.BLUE),
+        strict=True,
+    )
+)
+_HOLDS = dict(
+    zip(HOLDS, (palette.FAINT, palette.NOT_FOUND_YET, palette.LOST, palette.HELD_BY_SOME, palette.HELD), strict=True)
+)
 _LEVELS = {
     **dict.fromkeys(("breakdown", "fault"), "ERROR"),
     **dict.fromkeys(("contact", "link lost", "person lost", "identity changed", *UNMATCHED), "WARN"),
@@ -101,13 +91,9 @@ def _visible(recording: Recording) -> list[Series]:
     present = ~np.isnan(recording.people[:, :, 0])
     pixels = np.where(present, recording.visible.sum(axis=1), np.nan)
     return [
-        Series(f"visible/person{m}", f"person {m}", _person_colour(m), pixels[:, m]) for m in range(pixels.shape[1])
+        Series(f"visible/person{m}", f"person {m}", _PEOPLE[m % len(_PEOPLE)], pixels[:, m])
+        for m in range(pixels.shape[1])
     ]
-
-
-def _person_colour(person: int) -> Colour:
-    """One of five colours that are read on dark ground."""
-    return _PEOPLE[person % len(_PEOPLE)]
 
 
 def log_series(stream: rr.RecordingStream, recording: Recording, planning_s: Sequence[float]) -> None:
@@ -117,7 +103,7 @@ def log_series(stream: rr.RecordingStream, recording: Recording, planning_s: Seq
         _log(stream, series, times, scans)
     made = recording.plan_times
     if len(planning_s) and len(planning_s) == len(made):
-        took = Series("planning", "decision of the team", SKY, 1000 * np.array(planning_s))
+        took = Series("planning", "decision of the team", palette.SKY, 1000 * np.array(planning_s))
         _log(stream, took, made, np.searchsorted(times, made))
 
 
@@ -137,10 +123,7 @@ def log_states(stream: rr.RecordingStream, history: History) -> None:
         ):
             path = f"people/{m}/{name}"
             changes = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
-            indexes = [
-                rr.TimeColumn("time", duration=history.times[changes]),
-                rr.TimeColumn("scan", sequence=changes),
-            ]
+            indexes = [rr.TimeColumn("time", duration=history.times[changes]), rr.TimeColumn("scan", sequence=changes)]
             shown = rr.StateConfiguration(values=list(colours), labels=list(colours), colors=list(colours.values()))
             stream.log(path, shown, static=True)
             stream.send_columns(path, indexes=indexes, columns=rr.StateChange.columns(state=values[changes].tolist()))

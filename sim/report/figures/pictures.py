@@ -15,9 +15,8 @@ from sim.analysis.distributions import bands, share_under
 from sim.analysis.metric_choice import RUNTIME, metric_shown
 from sim.evaluation.metric import UNKNOWN, Metric
 from sim.report.figures.canvas import content
-from sim.report.figures.maps import runtime_figure, scatter_figure
+from sim.report.figures.charts import ecdf_figure, runtime_figure, scatter_figure, time_figure
 from sim.report.figures.panels import Sheet, sheets
-from sim.report.figures.scans import ecdf_figure, time_figure
 
 
 @dataclass(frozen=True)

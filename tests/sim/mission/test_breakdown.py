@@ -12,13 +12,13 @@ from helpers.summaries import summary
 
 from planning.planner import Plan
 from planning.registry import PLANNERS
+from sim.drawing.film import Film
 from sim.drawing.map_view import MapView
 from sim.drawing.palette import ALARM, FAINT, uav_colour
-from sim.drawing.video import Film
 from sim.mission.mission import Trial
 from sim.recording.archive import load as load_recording
+from sim.replay.frames.pages import check_working
 from sim.replay.frames.rerender import scenario_of
-from sim.replay.frames.scans import check_working
 from sim.running.run import run
 from sim.scenario.errors import InputError
 from sim.scenario.loading import load

@@ -11,7 +11,7 @@ from helpers.recordings import assert_same, npy, record, rewritten
 from helpers.summaries import hand_made, shown, summary
 from scipy.sparse.csgraph import connected_components
 
-from sim.evaluation.disagreement import disagreement
+from sim.evaluation.fleet_facts import disagreement
 from sim.mission.radio import lost_messages, open_links
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save

@@ -13,8 +13,8 @@ from helpers.trials import row
 from sim.mission.mission import Mission, Trial, forest_and_people
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
-from sim.replay.links import links_of
-from sim.report.replay_commands import command
+from sim.replay.events import links_of
+from sim.report.single_trials import command
 from sim.scenario.loading import load
 from sim.scenario.random_streams import numbered, stream
 from sim.study.backends import Borrowed

@@ -13,10 +13,9 @@ from helpers.recordings import record
 
 from sim.mission.mission import Mission
 from sim.replay.event import KINDS
-from sim.replay.events import events_of
+from sim.replay.events import events_of, links_of
 from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
-from sim.replay.links import links_of
 from sim.scenario.network import Cut, Network
 from sim.world.contacts import Contact
 from tracking.filter.kalman import Gaussian

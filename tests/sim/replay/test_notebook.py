@@ -13,6 +13,7 @@ import pytest
 from helpers.recordings import record
 from matplotlib.figure import Figure
 
+from sim.drawing.labels import with_numbers
 from sim.drawing.map_view import MapView
 from sim.recording.archive import save
 from sim.recording.fault_text import recorded
@@ -118,7 +119,7 @@ def test_the_map_is_that_of_a_film_from_the_start(flight):
     view = MapView(flight.scenario, flight.recording.forest, shown.shape[1::-1])
     image = np.zeros(shown.shape, np.uint8)
     for k in range(19):
-        view.draw(image, flight._numbered(k))
+        view.draw(image, with_numbers(flight.recording.snapshot(k), flight.recording.track_numbers))
     np.testing.assert_array_equal(shown, image)
 
 

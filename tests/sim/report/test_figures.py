@@ -9,9 +9,8 @@ from sim.analysis.cells import grouped, trimmed
 from sim.analysis.distributions import bands
 from sim.analysis.metric_choice import metric_shown
 from sim.report.figures.canvas import content
-from sim.report.figures.maps import runtime_figure, scatter_figure
+from sim.report.figures.charts import AT, ecdf_figure, runtime_figure, scatter_figure, time_figure
 from sim.report.figures.panels import sheets
-from sim.report.figures.scans import AT, ecdf_figure, time_figure
 
 
 def groups(rows=None, baseline="sma-nbo"):

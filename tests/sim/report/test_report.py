@@ -18,8 +18,8 @@ from sim.analysis.differences import Difference
 from sim.analysis.intervals import Estimate, means
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.significance import chances, maps_needed
+from sim.report.page_tables import verdict
 from sim.report.report import About, duration, made, ranges, write
-from sim.report.verdict import verdict
 from sim.scenario.errors import InputError
 from sim.scenario.loading import load
 

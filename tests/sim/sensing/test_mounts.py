@@ -10,9 +10,9 @@ from helpers.flights import fly
 from helpers.scenes import CAMERA, MOTION, OPEN, track
 from scipy.spatial.transform import Rotation
 
+from sim.drawing.film import Film
 from sim.drawing.map_view import MapView
 from sim.drawing.palette import PANEL
-from sim.drawing.video import Film
 from sim.scenario.fleet import Uav
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario

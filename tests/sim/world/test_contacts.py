@@ -13,7 +13,7 @@ from helpers.summaries import shown, summary
 from planning.planner import Plan
 from sim.drawing.map_view import ALERT, MapView
 from sim.drawing.palette import ALARM
-from sim.evaluation.contacts import contacts
+from sim.evaluation.fleet_facts import contacts
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.recording.recording import Recorder

@@ -5,7 +5,7 @@ import pytest
 from helpers.flights import recorded
 
 from planning.planner import Plan
-from sim.replay.explain.planned_visibility import HIDDEN, IN_VIEW, OUTSIDE, planned_visibility
+from sim.replay.explain.person import HIDDEN, IN_VIEW, OUTSIDE, planned_visibility
 from sim.replay.history import History
 from tracking.filter.kalman import Gaussian
 

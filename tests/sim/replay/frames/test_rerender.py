@@ -17,10 +17,9 @@ from sim.drawing.palette import INK, PANEL, track_colour
 from sim.recording.archive import save
 from sim.replay.frames import pages
 from sim.replay.frames.annotation import annotated
-from sim.replay.frames.pages import write_frames
+from sim.replay.frames.pages import scans_between, write_frames
 from sim.replay.frames.panel import draw_panel, field_of_view
-from sim.replay.frames.rerender import Rerenderer, rerender, scenario_of
-from sim.replay.frames.scans import scans_between
+from sim.replay.frames.rerender import Rerenderer, scenario_of
 from sim.replay.frames.sightings import Sight
 from sim.scenario.errors import InputError
 from sim.world.world import World
@@ -38,7 +37,8 @@ def mission():
 
 def test_one_frame_is_the_one_flown(mission):
     recording, images = mission
-    np.testing.assert_array_equal(rerender(recording, 9, 1), images[9][1])
+    with Rerenderer(recording) as again:
+        np.testing.assert_array_equal(again.image(9, 1), images[9][1])
 
 
 def test_where_a_slow_camera_took_no_image_the_truth_is_what_geometry_tells():

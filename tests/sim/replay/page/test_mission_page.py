@@ -15,7 +15,7 @@ from helpers.html_pages import Page
 from typer.main import get_command
 
 from sim.__main__ import app
-from sim.drawing.video import parts_of
+from sim.drawing.film import parts_of
 from sim.mission.mission import Trial
 from sim.recording.fault_text import recorded
 from sim.replay.event import INCIDENTS

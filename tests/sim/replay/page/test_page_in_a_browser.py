@@ -10,7 +10,7 @@ import pytest
 from helpers.browser import CHROMIUM, SMALL_WORDS, Browser
 from helpers.flown_pages import EVIL
 
-from sim.drawing.video import parts_of
+from sim.drawing.film import parts_of
 
 SMALL = 24  # pixels of a camera's picture that are compared, across
 PROBE = f"""(() => {{ const c = document.createElement('canvas'); c.width = c.height = {SMALL};

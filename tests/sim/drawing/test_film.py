@@ -9,11 +9,11 @@ import pytest
 from helpers import synthetic
 from helpers.films import decoded
 
+from sim.drawing.film import HEIGHT, WIDTH, Film, Video
 from sim.drawing.layout import Box, arrange
 from sim.drawing.lettering import TextStyle, width, write
 from sim.drawing.map_view import MARGIN, MapView
 from sim.drawing.palette import FAINT, INK, LOST, NOT_FOUND_YET, PANEL, track_colour, uav_colour
-from sim.drawing.video import HEIGHT, WIDTH, Film, Video
 from sim.evaluation.holding import HOLDS
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
@@ -224,13 +224,13 @@ def test_map_and_tiles_stay_inside_the_panel_and_apart(aspect):
         layout = arrange(panel, aspect, tiles)
         assert len(layout.tiles) == tiles
         taken = np.zeros((720, 1280), dtype=int)
-        for box in (layout.map, *layout.tiles):
+        for box in (layout.map, *layout.tiles.values()):
             assert panel.x <= box.x and box.x + box.width <= panel.x + panel.width
             assert panel.y <= box.y and box.y + box.height <= panel.y + panel.height
             taken[box.slices] += 1
         assert taken.max() == 1
         assert layout.map.width / layout.map.height == pytest.approx(aspect, rel=0.02)
-        assert all(box.width == box.height >= 80 for box in layout.tiles)
+        assert all(box.width == box.height >= 80 for box in layout.tiles.values())
 
 
 def test_a_video_closed_early_plays(tmp_path, mission):

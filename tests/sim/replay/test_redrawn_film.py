@@ -15,15 +15,15 @@ from helpers.films import decoded
 from helpers.processes import python
 from helpers.recordings import record
 
+from sim.drawing.film import Film, Video
 from sim.drawing.layout import Box, view_of
-from sim.drawing.video import Film, Video
 from sim.mission.mission import Trial
 from sim.recording.archive import load, save
 from sim.recording.atomic_files import unused
-from sim.replay import film as module
+from sim.replay import redrawn_film as module
 from sim.replay import window
-from sim.replay.film import write_film
 from sim.replay.frames.rerender import scenario_of
+from sim.replay.redrawn_film import write_film
 from sim.running.run import run as fly
 from sim.scenario.errors import InputError
 from sim.scenario.loading import load as load_scenario

@@ -6,10 +6,8 @@ import math
 import os
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 
 import av
 import cv2
@@ -17,8 +15,9 @@ import numpy as np
 from av.container import OutputContainer
 from av.video.stream import VideoStream
 
+from sim.drawing.labels import with_numbers
 from sim.drawing.layout import GAP, Box, View, view_of
-from sim.drawing.legend import Shown, Sparkline, draw_legend
+from sim.drawing.legend import Sparkline, draw_legend
 from sim.drawing.lettering import Image, TextStyle, write
 from sim.drawing.map_view import MapView, aspect
 from sim.drawing.palette import FAINT, PAPER
@@ -27,9 +26,8 @@ from sim.evaluation.holding import Holding
 from sim.mission.snapshot import Ints, Snapshot
 from sim.recording.atomic_files import unfinished
 from sim.scenario.scenario import Scenario
-from tracking.geometry.camera import Camera
+from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import Forest
-from tracking.tracker import Track
 
 WIDTH, HEIGHT = 1280, 720
 _HEADER, _LEGEND = 48, 40
@@ -52,7 +50,7 @@ class Film:
 
     def __init__(self, scenario: Scenario, forest: Forest, *, planner: str, layout: str = "map+cameras") -> None:
         """`layout` as in `sim.drawing.layout.view_of`; a mission with ideal sensing has no cameras to show."""
-        self._cameras = [Camera(math.radians(uav.fov_deg), uav.pixels) for uav in scenario.uavs]
+        self._cameras = [camera_of(uav) for uav in scenario.uavs]
         self._layout = parts_of(scenario, layout)
         room = self._layout.map or _PANEL  # the map follows what happens, shown or not
         self._map = MapView(scenario, forest, (room.width, room.height))
@@ -61,10 +59,10 @@ class Film:
         self._holding: Holding | None = None
         self._sparkline = Sparkline(scenario.duration)
         self._last: dict[int, Image] = {}  # tiles as they were when their cameras last took a frame
-        believer = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
+        first = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
-        shown = Shown(self._layout.map is not None, bool(self._layout.tiles), believer)
-        draw_legend(self._empty[-_LEGEND:, GAP:-GAP], shown, scale=self._map.scale)
+        legend, believer = self._empty[-_LEGEND:, GAP:-GAP], first if self._layout.map else None
+        draw_legend(legend, believer=believer, tiles=bool(self._layout.tiles), scale=self._map.scale)
 
     @property
     def cameras(self) -> tuple[int, ...]:
@@ -73,7 +71,7 @@ class Film:
 
     def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
         """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
-        snapshot = self._numbered(snapshot)
+        snapshot = with_numbers(snapshot, self._numbers)
         holds = self._held(snapshot)
         image = self._empty.copy()
         if self._layout.map is not None:
@@ -87,7 +85,7 @@ class Film:
 
         `frames` as in `draw`; they matter where a camera is slower than the scans, and only its last one does.
         """
-        snapshot = self._numbered(snapshot)
+        snapshot = with_numbers(snapshot, self._numbers)
         self._held(snapshot)
         self._map.follow(snapshot)
         self._sparkline.add(snapshot.time, snapshot.error)
@@ -104,12 +102,6 @@ class Film:
                 draw_tile(image[tile.slices], snapshot, i, camera=self._cameras[i], frame=frame)
                 self._last[i] = image[tile.slices].copy()
             image[tile.slices] = self._last[i]
-
-    def _numbered(self, snapshot: Snapshot) -> Snapshot:
-        for track in (track for held in snapshot.tracks for track in held):
-            self._numbers.setdefault(track.id, len(self._numbers))
-        tracks = [tuple(Track(self._numbers[track.id], track.belief) for track in held) for held in snapshot.tracks]
-        return replace(snapshot, tracks=tracks)
 
     def _held(self, snapshot: Snapshot) -> Ints:
         """States of people to the tracks (M,), which follow from this snapshot and those before."""
@@ -175,9 +167,7 @@ class Video:
     def __enter__(self) -> Video:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
             self.close()
         else:

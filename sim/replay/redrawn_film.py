@@ -8,8 +8,8 @@ from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from sim.drawing.film import Film, Video
 from sim.drawing.lettering import Image
-from sim.drawing.video import Film, Video
 from sim.evaluation.summary import marked
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import Rerenderer, scenario_of

@@ -1,0 +1,54 @@
+"""Facts of a fleet that no single UAV has: contacts, bytes sent, and disagreement on tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from sim.mission.snapshot import Ints
+from sim.recording.recording import Recording
+from sim.world.contacts import KINDS
+from tracking.metrics.ospa import ospa
+from tracking.tracker import Track
+
+
+def contacts(recording: Recording) -> list[dict[str, Any]]:
+    """Contacts, each with UAV, what it touched, and first and last scan's time [s]; one that lasts counts once."""
+    found: list[dict[str, Any]] = []
+    open_: dict[tuple[int, ...], tuple[int, dict[str, Any]]] = {}
+    for k, *pair in recording.contacts.tolist():
+        time, (uav, kind, other) = float(recording.times[k]), pair
+        last, entry = open_.get(tuple(pair), (-2, {}))
+        if last < k - 1:
+            entry = {"time": time, "until": time, "uav": uav, "kind": KINDS[kind], "other": other}
+            found.append(entry)
+        entry["until"] = time
+        open_[tuple(pair)] = (k, entry)
+    return found
+
+
+def bytes_sent(recording: Recording) -> Ints | None:
+    """Bytes (N,) of messages for each pair of scan and UAV that works; None where they were not recorded."""
+    sent = recording.bytes_sent
+    known = sent.shape == recording.working.shape and sent.min() >= 0
+    return sent[recording.working] if known else None
+
+
+def plan_bytes(recording: Recording) -> Ints | None:
+    """Bytes (N,) of plans for each pair of decision and UAV that works; None where they were not recorded."""
+    sent, decides = recording.plan_bytes, np.isin(recording.times, recording.plan_times)
+    known = sent.shape == recording.working.shape and decides.any() and sent.min() >= 0
+    return sent[recording.working & decides[:, None]] if known else None
+
+
+def disagreement(held: Sequence[Sequence[Track]]) -> float:
+    """OSPA distance [m] between the track positions of two UAVs, mean over all pairs; 0 for fewer than two.
+
+    held: tracks of each UAV.
+    """
+    places = [np.array([track.belief.mean[:2] for track in tracks]) for tracks in held]
+    gaps = [ospa(one, other).distance for one, other in combinations(places, 2)]
+    return float(np.mean(gaps)) if gaps else 0.0
