@@ -11,7 +11,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import IO, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ SMALL, RATIO = 2**25, 64  # bytes that any file may inflate to, and how many tim
 _MOST_DIRECTORY = 2**16  # bytes of the archive's table of contents, which is read before anything can be checked
 _PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # others inflate without a limit
 _MAGIC = b"\x93NUMPY\x01\x00"
-# What NumPy writes before an array; read as text, never evaluated.
+# What NumPy writes before an array; nothing else is evaluated.
 _HEADER = re.compile(rb"\{'descr': '([^']{1,24})', 'fortran_order': (True|False), 'shape': \(([0-9, ]{0,99})\), \} *\n")
 _DAMAGED = (
     zipfile.BadZipFile,
@@ -61,6 +61,27 @@ class Npz:
 
     def header(self, name: str) -> tuple[str, tuple[int, ...]]:
         """Data type, as `<f8`, and shape of an array that is there; ValueError if it cannot be read."""
+        return self._header(name)[:2]
+
+    def read(self, name: str) -> NDArray[np.generic]:
+        """An array whose header has been checked; ValueError unless it has as many bytes as that says."""
+        kind, shape, start = self._header(name)
+        held, needed = (
+            self._archive.getinfo(f"{name}.npy").file_size - start,
+            math.prod(shape) * np.dtype(kind).itemsize,
+        )
+        if held != needed:
+            raise ValueError(f"cannot be read: has {held} bytes, its shape {shape} needs {needed}")
+        try:
+            with self._archive.open(f"{name}.npy") as member:
+                array: NDArray[np.generic] = np.lib.format.read_array(member, allow_pickle=False)
+                member.read(1)  # the end, where the checksum is compared
+        except _DAMAGED as error:
+            raise ValueError(f"cannot be read: {line(error)}") from error
+        return array
+
+    def _header(self, name: str) -> tuple[str, tuple[int, ...], int]:
+        """Data type and shape of an array, and the bytes before its values."""
         try:
             with self._archive.open(f"{name}.npy") as member:
                 prefix = member.read(len(_MAGIC) + 2)
@@ -77,24 +98,7 @@ class Npz:
             raise ValueError("cannot be read: Object arrays, which hold code, are never loaded")
         if found[2] == b"True":
             raise ValueError("cannot be read: its order of axes is Fortran's")
-        return kind, shape
-
-    def read(self, name: str) -> NDArray[np.generic]:
-        """An array whose header has been checked; ValueError unless it has as many bytes as that says."""
-        kind, shape = self.header(name)
-        entry, dtype = self._archive.getinfo(f"{name}.npy"), np.dtype(kind)
-        needed = math.prod(shape) * dtype.itemsize
-        try:
-            with self._archive.open(entry) as member:
-                before = member.read(len(_MAGIC) + 2)
-                before += member.read(int.from_bytes(before[-2:], "little"))
-                if entry.file_size != len(before) + needed:
-                    raise ValueError(f"has {entry.file_size - len(before)} bytes, its shape {shape} needs {needed}")
-                array = np.empty(shape, dtype)
-                _fill(array.reshape(-1).view(np.uint8).data, member)
-        except _DAMAGED as error:
-            raise ValueError(f"cannot be read: {line(error)}") from error
-        return array
+        return kind, shape, len(prefix) + len(text)
 
 
 @contextmanager
@@ -126,16 +130,3 @@ def _check_end(file: BinaryIO, size: int) -> None:
     (length,) = struct.unpack("<I", end[12:16])
     if length > _MOST_DIRECTORY or tail[:4] == b"PK\x06\x07":
         raise ValueError("is an archive of too many members")
-
-
-def _fill(buffer: memoryview, member: IO[bytes]) -> None:
-    """Read exactly as much as the buffer holds, and the checksum behind it."""
-    at = 0
-    while at < len(buffer):
-        part = member.read(min(len(buffer) - at, 2**20))
-        if not part:
-            raise EOFError("ends too early")
-        buffer[at : at + len(part)] = part
-        at += len(part)
-    if member.read(1):
-        raise ValueError("goes on behind its end")
