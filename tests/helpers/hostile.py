@@ -75,8 +75,7 @@ FLOWN = {
     ),
     "a frozen vehicle is made faster": (
         planner(
-            "for s in team: object.__setattr__(s.own, 'max_speed', 141.0)",
-            "return [Plan([[100, 100]]) for _ in team]",
+            "for s in team: object.__setattr__(s.own, 'max_speed', 141.0)", "return [Plan([[100, 100]]) for _ in team]"
         ),
         "speed 141 m/s exceeds 5 m/s",
     ),

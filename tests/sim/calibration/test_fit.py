@@ -232,9 +232,7 @@ def test_what_splitting_adds_is_what_the_fit_to_other_pairs_gives():
 def test_parts_are_as_certain_as_the_fit_to_other_people_makes_them():
     error = fit_part(11, 75)
     parts = [places_of(s.frame, s.blob, s.forest) for s in people_in_forests(12, 20)]
-    traces = np.array(
-        [[np.trace(p.posterior(e)[1]) for e in (PART, error)] for p in parts if p is not None],
-    )
+    traces = np.array([[np.trace(p.posterior(e)[1]) for e in (PART, error)] for p in parts if p is not None])
     assert len(traces) > 150
     ratios = traces[:, 0] / traces[:, 1]
     assert 0.8 < np.exp(np.log(ratios).mean()) < 1.25

@@ -151,11 +151,7 @@ def test_people_tracks_and_uavs_stand_where_they_are():
 
 @pytest.mark.parametrize(
     ("visible", "above", "hold", "colour"),
-    [
-        (5, (15.0, 5.0), "held", INK),
-        (0, (15.0, 5.0), "lost", PANEL),
-        (0, (60.0, 5.0), "not found yet", FAINT),
-    ],
+    [(5, (15.0, 5.0), "held", INK), (0, (15.0, 5.0), "lost", PANEL), (0, (60.0, 5.0), "not found yet", FAINT)],
 )
 def test_people_are_marked_as_seen_hidden_out_of_view_and_lost(visible, above, hold, colour):
     there = {"people": np.array([[10.0, 5.0]]), "headings": np.zeros(1), "visible": np.array([[visible]])}

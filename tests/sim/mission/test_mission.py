@@ -271,8 +271,7 @@ def test_a_team_without_plans_flies_its_last_intents(random_team, wrong):
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    [Plan(np.array([[np.nan, 0.0]])), Plan(np.zeros(2)), Plan(np.zeros((0, 2))), "north", None, Plan("no")],
+    "wrong", [Plan(np.array([[np.nan, 0.0]])), Plan(np.zeros(2)), Plan(np.zeros((0, 2))), "north", None, Plan("no")]
 )
 def test_a_uav_without_a_valid_plan_flies_its_last_intent_then_hovers(random_team, wrong):
     planner = Fixed([good(), wrong, good()])

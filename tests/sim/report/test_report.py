@@ -145,7 +145,7 @@ def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path):
 
 
 def test_what_all_trials_share_and_their_version_are_told():
-    given = [msgspec.structs.replace(r, version="0.1.0+abc") for r in study()]
+    given = [msgspec.structs.replace(r, version="0.1.0+abc") for r in study(("sma-nbo", "greedy"), ("15",), seeds=2)]
     text = made(given, About("x", versions={"understory": "0.1.0", "numpy": "2.0"}))["report.html"].decode()
     assert "<dt>set for all trials</dt><dd>duration = 10, sensing.mode = ideal" in text
     assert "understory 0.1.0+abc, numpy 2.0" in text

@@ -79,11 +79,7 @@ def test_the_key_is_that_of_scenario_planner_seed_and_version_however_they_are_s
     first = key(base)
     assert key(base + "[set]\nduration = 40") == first  # the default
     assert key(base + "[factors.x]\ny = { trees.density = 45.0 }") == first
-    others = [
-        key(base, seeds="2"),
-        key(base, planners=["greedy"]),
-        key(base, overrides=["duration=39"]),
-    ]
+    others = [key(base, seeds="2"), key(base, planners=["greedy"]), key(base, overrides=["duration=39"])]
     assert len({first, *others}) == 4
 
 

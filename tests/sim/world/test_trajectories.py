@@ -132,16 +132,10 @@ GOOD = [(0, 1, 0, 0), (1, 1, 1, 0)]
         (table([*GOOD, (2, 9, 0, 0)]), "column id: 9 has a single row; a path needs two or more"),
         (table([(90, 1, 0, 0), (95, 1, 1, 0)]), "column t: nobody is there between 0 and 40 s"),
         ("\n0,1,0,0\n", "line 1: columns are missing, not t,id,x,y"),
-        (
-            table([*GOOD, (1e-320, 2, 0, 0), (0, 2, 0, 0)]),
-            "id 2 has rows at 0 and 9.99989e-321 s",
-        ),
+        (table([*GOOD, (1e-320, 2, 0, 0), (0, 2, 0, 0)]), "id 2 has rows at 0 and 9.99989e-321 s"),
         (table([*GOOD, (1.00005, 1, 0, 0)]), "column t: id 1 has rows at 1 and 1.00005 s; 0.0001 s or more apart"),
         (table([*GOOD, (1e308, 1, 0, 0)]), "line 4, column t: 1e+308 s is not allowed; expected at most 1e+12 s"),
-        (
-            table([*GOOD, (0, "x" * 101, 0, 0)]),
-            "line 4, column id: is not printable, or longer than the 100",
-        ),
+        (table([*GOOD, (0, "x" * 101, 0, 0)]), "line 4, column id: is not printable, or longer than the 100"),
         (table([*GOOD, (0, '"a\x1bb"', 0, 0)]), "line 4, column id: is not printable"),
         (table([*GOOD, (0, "x" * 200_000, 0, 0)]), "line 4: field larger than field limit"),
         (table([(t, i, 0, 0) for i in range(9001) for t in (0, 1)]), "9001 people for a duration of 40 s are too many"),
