@@ -16,7 +16,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,12 +29,26 @@ if TYPE_CHECKING:
     from sim.mission.mission import Mission
     from sim.recording.recording import Recording
     from sim.replay.notebook import Flight, load
-    from sim.scenario.errors import InputError
     from sim.scenario.scenario import Scenario
     from tracking.detection.detector import Detections, Detector, Frame
     from tracking.geometry.camera import Camera, Pose
+    from tracking.plugins.registry import InputError
     from tracking.tracker import Track
 
+# Import string of each name that stands for one of the packages.
+_HOMES = {
+    "check_detector": "sim.conformance.detector:check",
+    "check_planner": "planning.conformance.checks:check",
+    **dict.fromkeys(("Exchange", "Plan", "Planner", "Situation", "Vehicle"), "planning.planner"),
+    "Mission": "sim.mission.mission",
+    "Recording": "sim.recording.recording",
+    **dict.fromkeys(("Flight", "load"), "sim.replay.notebook"),
+    "Scenario": "sim.scenario.scenario",
+    **dict.fromkeys(("Detections", "Detector", "Frame"), "tracking.detection.detector"),
+    **dict.fromkeys(("Camera", "Pose"), "tracking.geometry.camera"),
+    "InputError": "tracking.plugins.registry",
+    "Track": "tracking.tracker",
+}
 __all__ = [
     "Camera",
     "Detections",
@@ -57,18 +73,17 @@ __all__ = [
     "run",
 ]
 
-_HOMES = {
-    "planning.planner": ("Exchange", "Plan", "Planner", "Situation", "Vehicle"),
-    "sim.mission.mission": ("Mission",),
-    "sim.recording.recording": ("Recording",),
-    "sim.replay.notebook": ("Flight", "load"),
-    "sim.scenario.errors": ("InputError",),
-    "sim.scenario.scenario": ("Scenario",),
-    "tracking.detection.detector": ("Detections", "Detector", "Frame"),
-    "tracking.geometry.camera": ("Camera", "Pose"),
-    "tracking.tracker": ("Track",),
-}
-_CHECKS = {"check_detector": "sim.conformance.detector", "check_planner": "planning.conformance.checks"}
+
+def _check_place(package: str) -> None:
+    """ImportError if a module of the user's hides a package of Understory's."""
+    found = find_spec(package)
+    places = [*(found.submodule_search_locations or ()), found.origin] if found else []
+    if places and str(Path(__file__).with_name(package)) not in places:
+        raise ImportError(f"understory: {places[0]} hides Understory's package {package!r}; rename it")
+
+
+for _package in ("sim", "planning", "tracking"):
+    _check_place(_package)
 
 
 def run(
@@ -92,16 +107,13 @@ def run(
             text then. Nothing is written without it.
 
     Raises:
-        InputError: Where scenario, settings or folder cannot be used.
-        PlannerError: Where there is no such planner.
+        InputError: Where scenario, settings, planner or folder cannot be used.
     """
-    from planning.loading import load_planner
-    from sim.mission.mission import Mission, Trial
-    from sim.recording.recording import Recorder
+    from sim.mission.trial import Trial
     from sim.replay.notebook import Flight, load
-    from sim.scenario.errors import InputError
+    from sim.running.flight import fly as flown
     from sim.scenario.loading import load as load_scenario
-    from sim.scenario.scenario import resolved
+    from tracking.plugins.registry import InputError
 
     setting = load_scenario(scenario, _overrides(settings)) if isinstance(scenario, str) else scenario
     if setting is scenario and settings:
@@ -113,19 +125,9 @@ def run(
             raise InputError(f"out: not allowed with a planner that is an object, {planner!r}; name it as module:Class")
         fly(Trial(setting, planner, seed, repeat), Path(out))
         return load(out)
-    made = load_planner(planner) if isinstance(planner, str) else planner
-    name = planner if isinstance(planner, str) else type(planner).__qualname__
-    mission, recorder = Mission(setting, made, seed, repeat), Recorder(repeat)
-    for snapshot in mission.fly():
-        recorder.add(snapshot)
-    recording = recorder.recording(
-        scenario=resolved(setting),
-        planner=name,
-        seed=seed,
-        forest=mission.forest,
-        sees_truth=mission.sees_truth,
-    )
-    return Flight(recording)
+    name, made = (planner, None) if isinstance(planner, str) else (type(planner).__qualname__, planner)
+    trial = Trial(setting, name, seed, repeat)
+    return Flight(flown(trial, lambda mission: nullcontext(lambda snapshot: True), planner=made).recording)
 
 
 def compare(
@@ -156,11 +158,10 @@ def compare(
 
     Raises:
         InputError: Where something cannot be used, or neither pandas nor polars is installed.
-        PlannerError: Where there is no such planner.
     """
     from sim.recording.dataframes import dataframe
+    from sim.study.backends import Pool
     from sim.study.engine import fly_all
-    from sim.study.pool import Pool
     from sim.study.row import Row
     from sim.study.store import frame_of
     from sim.study.study import Study
@@ -191,11 +192,9 @@ def _overrides(settings: Mapping[str, Any] | None) -> list[str]:
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - what the name stands for
     """A class or function of the packages; importing them all takes a second or two."""
-    if name in _CHECKS:
-        return import_module(_CHECKS[name]).check
-    for module, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(module), name)
+    if name in _HOMES:
+        module, _, target = _HOMES[name].partition(":")
+        return getattr(import_module(module), target or name)
     raise AttributeError(f"module 'understory' has no attribute {name!r}")
 
 

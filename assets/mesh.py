@@ -1,7 +1,5 @@
 """Triangle meshes, and their text as OBJ."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Meshes of trees, persons and quadrotors."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -55,11 +53,7 @@ def person() -> Mesh:
         ankle = (0.30 * side - 0.01, 0.10 * side, 0.10, 0.07, 0.07)
         heel = 0.31 * side
         limb(mesh, [hip, knee, ankle], "trousers")
-        limb(
-            mesh,
-            [(heel, 0.10 * side, 0.14, 0.08, 0.075), (heel + 0.04, 0.10 * side, 0.0, 0.13, 0.075)],
-            "boots",
-        )
+        limb(mesh, [(heel, 0.10 * side, 0.14, 0.08, 0.075), (heel + 0.04, 0.10 * side, 0.0, 0.13, 0.075)], "boots")
     return mesh
 
 

@@ -1,7 +1,5 @@
 """Shapes that meshes are made of, and the colours of palette.png."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -21,8 +21,7 @@ import msgspec
 
 from planning.pieces import Composed
 from planning.registry import PLANNERS
-from sim.scenario.fleet import Uav
-from sim.scenario.network import Cut
+from sim.scenario.fleet import Cut, Uav
 from sim.scenario.scenario import Scenario
 from sim.study.settings_text import toml
 from sim.world.appearance import FULL

@@ -1,7 +1,5 @@
 """Baseline planners: hover, greedy and lawnmower."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Planners put together from pieces: coordination, belief propagation, cost-to-go, optimiser and occlusion model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -10,16 +8,20 @@ from typing import Literal, Protocol
 import numpy as np
 
 from planning.coordination.decision import Coordination
-from planning.coordination.sequential import Sequential
+from planning.coordination.schemes import Sequential
 from planning.objective.nbo import objective
-from planning.objective.objective import Objective
 from planning.optimizers.cross_entropy import CrossEntropy
-from planning.optimizers.initial_plans import pursuits, turns
-from planning.optimizers.optimizer import Optimizer
+from planning.optimizers.optimizer import Optimizer, pursuits, turns
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import Nominal, Propagation, nominal_positions
-from planning.prediction.targets_in_reach import Hints, RelaxableObjective, after_first_step, targets_in_reach
+from planning.prediction.targets_in_reach import (
+    Hints,
+    Objective,
+    RelaxableObjective,
+    after_first_step,
+    targets_in_reach,
+)
 from tracking.geometry.visibility import Forest, Occlusion
 from tracking.numerics.arrays import Array
 
@@ -32,7 +34,6 @@ class Term(Protocol):
 
     def term(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Objective | None:
         """Cost [m²] of plans of the UAVs in rows `uavs` while others fly `controls` (n, H, 2) m/s; None: nothing."""
-        ...
 
 
 @dataclass(frozen=True)

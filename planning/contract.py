@@ -1,7 +1,5 @@
 """Optional parts of a planner's contract, read from planners of any origin: `exchange` and `knowing`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import cast
 

@@ -1,14 +1,13 @@
 """Errors of planners, each told in one line."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from tracking.plugins.containment import ForeignError, contained
+from tracking.plugins.registry import InputError
 
 
-class PlannerError(ValueError):
+class PlannerError(InputError):
     """A planner that cannot be used; the message is one line."""
 
 

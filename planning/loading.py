@@ -31,7 +31,8 @@ def load_planner(text: str) -> Planner:
         planner = make(**{**spec.options, **options})
         plan = getattr(planner, "plan", None)
         if not callable(plan):
-            raise PlannerError(f"planner: {name!r} has no method plan(team, rng){nearest('plan', _methods(planner))}")
+            methods = [n for n in dir(planner) if not n.startswith("_") and callable(getattr(planner, n, None))]
+            raise PlannerError(f"planner: {name!r} has no method plan(team, rng){nearest('plan', methods)}")
         if not _takes_two(plan):
             raise PlannerError(f"planner: plan of {name!r} takes {inspect.signature(plan)}; it must take (team, rng)")
     return cast("Planner", planner)
@@ -42,17 +43,13 @@ def is_built_in_planner(text: str) -> bool:
     return _spec(_parsed(text)[0]).target.partition(".")[0] == __package__
 
 
-def _methods(planner: object) -> list[str]:
-    return [name for name in dir(planner) if not name.startswith("_") and callable(getattr(planner, name, None))]
-
-
 def _takes_two(plan: Any) -> bool:  # noqa: ANN401 - whatever a user's class holds
     try:
         inspect.signature(plan).bind(None, None)
     except TypeError:
         return False
     except ValueError:
-        return True  # written in C, say: calling it will tell
+        pass  # written in C, say: calling it will tell
     return True
 
 
@@ -81,14 +78,14 @@ def _parsed(text: str) -> tuple[str, dict[str, Any]]:
     name, bracket, rest = text.strip().partition("(")
     if not bracket:
         return name, {}
+    if not rest.endswith(")"):
+        raise PlannerError(f"planner: {text!r} is not of the form name(option=value, ...)")
     options: dict[str, Any] = {}
     for item in filter(None, (part.strip() for part in rest.removesuffix(")").split(","))):
         key, equals, value = (part.strip() for part in item.partition("="))
-        if not rest.endswith(")") or not equals or not key.isidentifier() or not value or key in options:
+        if not equals or not key.isidentifier() or not value or key in options:
             raise PlannerError(f"planner: {text!r} is not of the form name(option=value, ...)")
         options[key] = _value(value)
-    if not rest.endswith(")"):
-        raise PlannerError(f"planner: {text!r} is not of the form name(option=value, ...)")
     return name, options
 
 

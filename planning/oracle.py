@@ -1,7 +1,5 @@
 """The oracle: a planner on true positions, present and future, as an upper bound."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

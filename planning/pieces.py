@@ -1,40 +1,24 @@
 """Planners composed from pieces given by name, as in `--planner 'sma-nbo(horizon=3)'`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
+from typing import Literal, get_args, get_type_hints
 
 import numpy as np
 
 from planning.composition import Actions, Composition, Prediction
 from planning.coordination.decision import Coordination
-from planning.coordination.joint import Centralised, Decentralised
-from planning.coordination.parallel import Parallel
-from planning.coordination.sequential import Order, Sequential
-from planning.objective.separation import Separation
-from planning.objective.undetected_targets import Search
+from planning.coordination.schemes import Centralised, Decentralised, Order, Parallel, Sequential
+from planning.objective.terms import Search, Separation
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import Optimizer
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.propagation import MonteCarlo, Nominal
-from tracking.geometry.visibility import Occlusion
 from tracking.plugins.spelling import nearest
 
-_CHOICES = {
-    "coordination": ("sequential", "parallel", "decentralised", "centralised"),
-    "order": ("fixed", "random", "worst-first"),
-    "propagation": ("nominal", "monte-carlo"),
-    "visibility": ("nominal", "expected"),
-    "optimizer": ("cross-entropy", "particle-swarm", "grid"),
-    "occlusion": ("", "line_of_sight", "disc"),
-    "prediction": ("scans", "step"),
-    "actions": ("all", "first"),
-}
 # Least and most: wider than any useful setting, and short of taking all memory.
 _RANGES = {"horizon": (1, 100), "sweeps": (1, 100), "samples": (1, 10_000), "beta": (0, 1e6)}
 _RANGES |= {"evaluations": (0, 10_000_000), "seconds": (0, 3600), "search": (0, 1e6), "separation": (0, 1e4)}
@@ -47,25 +31,26 @@ class Composed:
 
     horizon: int = 5  # steps of a plan
     # of the UAVs' decisions: `sequential`, `parallel`, `decentralised` or `centralised`
-    coordination: str = "sequential"
+    coordination: Literal["sequential", "parallel", "decentralised", "centralised"] = "sequential"
     # of the sequence: `fixed`: by id; `random`; `worst-first`: the UAV with the most uncertain track within 40 m first
-    order: str = "fixed"
+    order: Order = "fixed"
     # times that the sequence is gone through; from the second on, each UAV answers the plans that the others have made
     sweeps: int = 1
     # of the targets' beliefs: `nominal`: along their most probable trajectory; `monte-carlo`: along samples
-    propagation: str = "nominal"
+    propagation: Literal["nominal", "monte-carlo"] = "nominal"
     samples: int = 50  # number of samples of Monte Carlo propagation
     # of a target: `nominal`: judged at its nominal place; `expected`: at nine equally probable points of its predicted
     # belief, each of which adds its share of the information
-    visibility: str = "nominal"
+    visibility: Literal["nominal", "expected"] = "nominal"
     beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none, as in the paper
     # `cross-entropy`, `particle-swarm`, or `grid`: every plan of nine controls, for small cases
-    optimizer: str = "cross-entropy"
+    optimizer: Literal["cross-entropy", "particle-swarm", "grid"] = "cross-entropy"
     # of the objective, for each UAV's plan; 0: 12288, 51 moves of the swarm, or all plans of the grid
     evaluations: int = 0
     # s for each UAV's plan: cross-entropy searches until then, a swarm or grid that is not done stops; 0: no limit
     seconds: float = 0.0
-    occlusion: str = ""  # model of occlusion by trees: `line_of_sight` or the paper's `disc`; empty: the scenario's
+    # model of occlusion by trees: `line_of_sight` or the paper's `disc`; empty: the scenario's
+    occlusion: Literal["", "line_of_sight", "disc"] = ""
     # whether a track is weighted by its probability of existence, where the tracker gives one (`tracking.life =
     # "existence"`); else each as one
     existence: bool = True
@@ -75,14 +60,15 @@ class Composed:
     # growth of a target's belief over a planning step: `scans`: as trackers let it, whose acceleration is drawn anew at
     # each scan; `step`: one acceleration holds for the whole step, so that hidden people are expected farther away than
     # the tracker will have them
-    prediction: str = "scans"
+    prediction: Prediction = "scans"
     # controls of a plan that are optimised: `all`, or the `first`, after which the UAV follows the base policy (full
     # speed to the track of largest covariance within 40 m), as the MCR of the paper's public code does
-    actions: str = "all"
+    actions: Actions = "all"
 
     def __post_init__(self) -> None:
-        for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
+        for name, kind in get_type_hints(Composed).items():
+            choices = get_args(kind)
+            if choices and getattr(self, name) not in choices:
                 allowed = ", ".join(repr(choice) for choice in choices)
                 near = nearest(str(getattr(self, name)), choices)
                 raise ValueError(f"{name} {getattr(self, name)!r} is unknown; allowed are {allowed}{near}")
@@ -120,7 +106,7 @@ class Composed:
     def composition(self) -> Composition:
         """The pieces put together."""
         coordinations: dict[str, Coordination] = {
-            "sequential": Sequential(cast("Order", self.order), self.sweeps),
+            "sequential": Sequential(self.order, self.sweeps),
             "parallel": Parallel(),
             "decentralised": Decentralised(),
             "centralised": Centralised(),
@@ -132,14 +118,14 @@ class Composed:
             propagation=nominal if self.propagation == "nominal" else monte_carlo,
             beta=self.beta,
             optimizer=self._optimizer(),
-            occlusion=cast("Occlusion", self.occlusion) or None,
+            occlusion=self.occlusion or None,
             existence=self.existence,
             terms=(
                 *([Search(self.search)] if self.search else []),
                 *([Separation(self.separation)] if self.separation else []),
             ),
-            prediction=cast("Prediction", self.prediction),
-            actions=cast("Actions", self.actions),
+            prediction=self.prediction,
+            actions=self.actions,
         )
 
     def _optimizer(self) -> Optimizer:

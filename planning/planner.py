@@ -1,7 +1,5 @@
 """The interface of planners: situation in, plan out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -111,4 +109,3 @@ class Planner(Protocol):
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans for all UAVs at this instant."""
-        ...

@@ -11,13 +11,11 @@ from sim.installation import ROOT, is_current_folder
 sys.path.append(str(ROOT))
 sys.path.sort(key=is_current_folder)
 
-from sim.cli.check_detector import check_detector
-from sim.cli.check_planner import check_planner
+from sim.cli.catalogues import check_detector, check_planner, planners, scenarios, studies
 from sim.cli.compare import compare
 from sim.cli.explain import explain
 from sim.cli.export import export
 from sim.cli.frames import frames
-from sim.cli.lists import planners, scenarios, studies
 from sim.cli.replay import replay
 from sim.cli.run import run
 from sim.cli.start import start

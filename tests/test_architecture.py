@@ -28,7 +28,7 @@ LAYERS = {
     ),
     "planning": (
         *("planner", "errors", "contract", "prediction", "objective", "optimizers", "coordination", "composition"),
-        *("baselines", "pieces", "oracle", "registry", "loading", "catalogue", "conformance"),
+        *("baselines", "pieces", "oracle", "registry", "loading", "conformance"),
     ),
     "sim": (
         *("installation", "scenario", "processes", "world", "sensing", "conformance", "mission", "recording"),
@@ -46,11 +46,11 @@ PLANNING = {
     "sim/mission/plan_check.py",
     "sim/mission/mission.py",
     "sim/mission/warmup.py",
+    "sim/running/flight.py",
     "sim/running/isolated_run.py",
     "sim/terminal/commands.py",
     "sim/cli/run.py",
-    "sim/cli/lists.py",
-    "sim/cli/check_planner.py",
+    "sim/cli/catalogues.py",
     "sim/cli/compare.py",
     "sim/replay/rerun/mwtp_matches.py",
     "sim/study/tasks.py",

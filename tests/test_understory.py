@@ -13,7 +13,7 @@ from helpers.pages import Here
 import understory
 from sim.recording.archive import digest
 from sim.scenario.scenario import Scenario
-from sim.study import pool
+from sim.study import backends
 
 SHORT = {"duration": 1, "sensing.mode": "ideal"}
 
@@ -87,7 +87,7 @@ def test_what_cannot_be_flown_is_refused_in_one_line(arguments, message):
 
 
 def test_a_comparison_is_a_frame_of_planners_by_scenarios_by_maps(tmp_path, monkeypatch):
-    monkeypatch.setattr(pool, "Pool", Here)
+    monkeypatch.setattr(backends, "Pool", Here)
     other = tmp_path / "other.toml"
     other.write_text("trees.density = 5")
     scenarios = ["forest", str(other)]

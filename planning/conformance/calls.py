@@ -1,7 +1,5 @@
 """One call of a planner, with its defects and side effects."""
 
-from __future__ import annotations
-
 import copy
 import os
 import pickle

@@ -1,7 +1,5 @@
 """Conformance of a planner to `planning.planner.Planner`, checked on synthetic situations, without an engine."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Checks of a planner's claim to be decentralised: UAVs use nothing of each other but plans that they receive."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from planning.conformance.calls import attempt, difference

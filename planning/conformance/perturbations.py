@@ -1,7 +1,5 @@
 """Changed copies of a team: fewer UAVs, lost contact, lost plans, other knowledge."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import reduce

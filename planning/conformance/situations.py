@@ -1,7 +1,5 @@
 """Random situations to try planners on, without a mission."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -36,20 +34,16 @@ def random_team(
         )
         for i in range(uavs)
     ]
-    tracks = tuple(
-        Track(t, Gaussian(np.r_[rng.uniform(-spread, spread, 2), rng.normal(0, 1.2, 2)], _random_covariance(rng)))
-        for t in range(targets)
-    )
+    tracks = []
+    for t in range(targets):
+        mean = np.r_[rng.uniform(-spread, spread, 2), rng.normal(0, 1.2, 2)]
+        root = rng.normal(size=(4, 4)) * np.array([0.8, 0.8, 0.4, 0.4])
+        tracks.append(Track(t, Gaussian(mean, root @ root.T + 0.05 * np.eye(4))))
     motion = NearlyConstantVelocity(1.0, 0.5, scans=5)
     return [
-        Situation(0.0, v, tuple(w for w in vehicles if w is not v), tracks, forest, (150.0, 100.0), motion)
+        Situation(0.0, v, tuple(w for w in vehicles if w is not v), tuple(tracks), forest, (150.0, 100.0), motion)
         for v in vehicles
     ]
-
-
-def _random_covariance(rng: np.random.Generator) -> Array:
-    root = rng.normal(size=(4, 4)) * np.array([0.8, 0.8, 0.4, 0.4])
-    return np.asarray(root @ root.T + 0.05 * np.eye(4))
 
 
 def ordinary_team(seed: int = 0, targets: int = 4) -> list[Situation]:

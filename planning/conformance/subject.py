@@ -1,7 +1,5 @@
 """A planner under test, and its plans for the ordinary situation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Interfaces of decisions and of coordination, and the plans that UAVs expect of each other."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -18,11 +16,9 @@ class Decision(Protocol):
     @property
     def horizon(self) -> int:
         """Steps of a plan."""
-        ...
 
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
         """Plans (k, H, 2) m/s of the UAVs in rows `uavs` of `situation.vehicles` if others fly `controls` (n, H, 2)."""
-        ...
 
 
 class Coordination(Protocol):
@@ -31,11 +27,9 @@ class Coordination(Protocol):
     @property
     def exchange(self) -> Exchange:
         """Plans that the UAVs send at each decision."""
-        ...
 
     def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
         """The plan of each UAV, in the team's order."""
-        ...
 
 
 def expected_plans(situation: Situation, horizon: int, decided: dict[int, Array] | None = None) -> Array:

@@ -1,15 +1,12 @@
 """The multiple weighted trace penalty (MWTP): the cost-to-go of targets outside all fields of view at the end."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planning.prediction.quadrangle import inside, shortest_move
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 
 
@@ -22,7 +19,6 @@ class Match(NamedTuple):
     penalty: float  # m³; only the first match of a UAV has one
 
 
-@compiled
 def weighted_trace_penalty(targets: Array, traces: Array, sensors: Array, views: Array) -> float:
     """Multiple weighted trace penalty, [Li22] Algorithm 2 with β = 1 [m³].
 
@@ -38,50 +34,32 @@ def weighted_trace_penalty(targets: Array, traces: Array, sensors: Array, views:
     busy[:, :2] = sensors
     for i in range(len(sensors)):
         mark_in_view(targets, seen, sensors, views, i)
-    penalty, _ = penalty_of_unseen(targets, traces, seen, busy, views)
+    penalty = sum((match.penalty for match in matches(targets, traces, seen, busy, views)), 0.0)
     sensors[:] = busy[:, :2]
     return penalty
 
 
 @compiled
-def mark_in_view(targets: Array, seen: NDArray[np.bool_], sensors: Array, views: Array, uav: int) -> None:
+def mark_in_view(targets: Array, seen: Flags, sensors: Array, views: Array, uav: int) -> None:
     """Mark in `seen` (T,) the targets (T, 2 or 3) m in the field of view of a UAV's sensor at (2,) m."""
     for t in range(len(targets)):
         if not seen[t]:
             seen[t] = inside(views, uav, targets[t, 0] - sensors[uav, 0], targets[t, 1] - sensors[uav, 1])
 
 
-@compiled
-def penalty_of_unseen(
-    targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Array, views: Array
-) -> tuple[float, int]:
-    """`weighted_trace_penalty` of targets that are not `seen` (T,), and the row of the last match's sensor (-1: none).
+def matches(targets: Array, traces: Array, seen: Flags, sensors: Array, views: Array) -> tuple[Match, ...]:
+    """Matches of UAVs and targets that are not `seen` (T,), in the order in which Algorithm 2 finds them.
 
-    sensors (n, 3): x, y [m] and D_i, overwritten. `mwtp_lanes` has the same for many plans side by side.
+    sensors (n, 3): x, y [m] and D_i, overwritten. `mwtp_lanes` finds the penalties of many plans side by side.
     """
-    penalty, nearest = 0.0, -1
-    for t in np.argsort(-traces, kind="mergesort"):  # stable: equal ones by index
-        if seen[t]:
-            continue
-        nearest, shortest = _nearest(targets, t, sensors, views)
-        if sensors[nearest, 2] == 0.0:
-            penalty += shortest * traces[t]
-        sensors[nearest, 2] += shortest
-        _move(sensors, nearest, targets, t, views)
-    return penalty, nearest
-
-
-def matches(targets: Array, traces: Array, seen: NDArray[np.bool_], sensors: Array, views: Array) -> tuple[Match, ...]:
-    """Matches of UAVs and targets by `penalty_of_unseen`, in their order; leaves its arguments as they are."""
-    order = np.argsort(-traces, kind="stable")
-    later, last, found = np.ones(len(targets), dtype=np.bool_), 0.0, []
-    travelled = np.zeros(len(sensors))
-    for t in order[~seen[order]]:
-        later[t] = False
-        after = np.array(sensors, dtype=float)
-        total, uav = penalty_of_unseen(targets, traces, seen | later, after, views)
-        found.append(Match(uav, int(t), float(after[uav, 2] - travelled[uav]), total - last))
-        travelled[uav], last = after[uav, 2], total
+    found = []
+    for t in np.argsort(-traces, kind="stable").tolist():  # equal ones by index
+        if not seen[t]:
+            uav, distance = _nearest(targets, t, sensors, views)
+            penalty = distance * float(traces[t]) if sensors[uav, 2] == 0.0 else 0.0
+            found.append(Match(uav, t, distance, penalty))
+            sensors[uav, 2] += distance
+            _move(sensors, uav, targets, t, views)
     return tuple(found)
 
 
@@ -95,6 +73,7 @@ def _move(sensors: Array, uav: int, targets: Array, t: int, views: Array) -> Non
 
 @compiled
 def _nearest(targets: Array, t: int, sensors: Array, views: Array) -> tuple[int, float]:
+    """Row of the sensor of least D_i plus distance to a target, and that distance [m]."""
     best, shortest, total = 0, 0.0, np.inf
     for i in range(len(sensors)):
         dx, dy = targets[t, 0] - sensors[i, 0] - views[i, 4, 0], targets[t, 1] - sensors[i, 1] - views[i, 4, 1]

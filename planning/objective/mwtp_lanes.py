@@ -1,16 +1,13 @@
 """The MWTP of many plans side by side: `mwtp` lane by lane, with the processor's vector instructions."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planning.prediction.predicted_belief import LANES
 from planning.prediction.quadrangle import corner
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
 Pair = tuple[float, float]
@@ -21,7 +18,7 @@ class Workspace(NamedTuple):
     """Arrays that `penalties` works on, allocated once: n UAVs, T targets."""
 
     unseen: Array  # (T, LANES): 1 for a target outside all fields of view, else 0
-    order: NDArray[np.int64]  # (T,): the targets by falling trace
+    order: Indices  # (T,): the targets by falling trace
     targets: Array  # (3, T, LANES): x, y [m] and trace [m²] of those that are unseen, in that order
     counts: Array  # (LANES,): their number
     sensors: Array  # (n, 3, LANES): x, y [m] and D_i

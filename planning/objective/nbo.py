@@ -1,12 +1,9 @@
 """The objective of nominal belief-state optimisation (NBO) and its terminal penalty (MWTP), compiled."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planning.objective.mwtp import mark_in_view
 from planning.objective.mwtp_lanes import Workspace, mark_in_view_lanes, penalties, workspace
@@ -18,7 +15,7 @@ from planning.prediction.predicted_belief import (
     possibly_visible,
 )
 from planning.prediction.targets_in_reach import RelaxableObjective
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 
 _TRIANGLE = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
@@ -67,7 +64,7 @@ class TerminalState(NamedTuple):
 
     targets: Array  # (T, 3) m
     traces: Array  # (T,) m² of position, times the target's weight
-    seen: NDArray[np.bool_]  # (T,): in a field of view, hidden or not
+    seen: Flags  # (T,): in a field of view, hidden or not
     sensors: Array  # (n, 3): x, y [m] and D_i, which is 0
 
 
@@ -82,12 +79,12 @@ def terminal_state(belief: PredictedBelief, controls: Array) -> TerminalState:
 class _Others(NamedTuple):
     """Contribution of the UAVs that do not decide; rows count (step, target) pairs."""
 
-    uavs: NDArray[np.int64]  # (k,) UAVs that decide
+    uavs: Indices  # (k,) UAVs that decide
     information: Array  # (H T, 3): xx, xy, yy
     before: Array  # (H T, 10): with it alone, P before each step, as in one lane of `belief_transition`
     traces: Array  # (H T,) m² of its position block after each step
     ends: Array  # (n, 3): x, y [m] at the end, and 0: the D_i of the MWTP at first
-    seen: NDArray[np.bool_]  # (T,): targets in their fields of view at the end
+    seen: Flags  # (T,): targets in their fields of view at the end
 
 
 class _CameraPaths(NamedTuple):
@@ -117,7 +114,7 @@ def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, sa
 
 
 @compiled
-def _fly(belief: PredictedBelief, uavs: NDArray[np.int64], plans: Array, flight: _CameraPaths) -> None:
+def _fly(belief: PredictedBelief, uavs: Indices, plans: Array, flight: _CameraPaths) -> None:
     """Set the camera paths of up to LANES plans (N, k, H, 2) m/s, [Li22] eq. (5); the last plan fills spare lanes."""
     cameras, boxes = flight
     for j in range(len(uavs)):
@@ -209,7 +206,7 @@ def _penalise(
 
 
 @compiled
-def _contribution(belief: PredictedBelief, controls: Array, uavs: NDArray[np.int64]) -> _Others:
+def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices) -> _Others:
     """Contribution of the UAVs other than `uavs` with their controls (n, H, 2) m/s."""
     steps, targets = belief.points.shape[0], belief.points.shape[1]
     others = _Others(

@@ -1,7 +1,5 @@
 """Cross-entropy search with surviving, distinct elites."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from time import perf_counter
@@ -9,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.objective.objective import Objective
 from planning.optimizers.mutations import chances, distinct, varied
 from planning.optimizers.optimizer import SearchResult, speed_limited
-from planning.prediction.targets_in_reach import NO_TARGETS, Hints
+from planning.prediction.targets_in_reach import NO_TARGETS, Hints, Objective
 from tracking.numerics.arrays import Array
 
 

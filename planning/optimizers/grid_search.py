@@ -1,7 +1,5 @@
 """Exhaustive search over sequences of a few controls."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass
@@ -9,9 +7,8 @@ from time import perf_counter
 
 import numpy as np
 
-from planning.objective.objective import Objective
 from planning.optimizers.optimizer import SearchResult, speed_limited
-from planning.prediction.targets_in_reach import Hints
+from planning.prediction.targets_in_reach import Hints, Objective
 from tracking.numerics.arrays import Array
 from tracking.numerics.universal import cos_each, sin_each
 

@@ -4,17 +4,14 @@ Most mutations change a path: the cumulative sums of a plan's controls (H, 2) m/
 Afterwards the path is pulled tight to the UAV's speed limit, from the changed step or from its end.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planning.prediction.quadrangle import shortest_move
 from planning.prediction.targets_in_reach import TargetsInReach
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
 from tracking.numerics.normal import standard_normal
@@ -31,7 +28,7 @@ class Chances(NamedTuple):
 
     normals: Array  # (N, 3): a change along each axis, and the logarithm of the change's size
     noise: Array  # (ceil(N / cycle), 2 k (H + 1)): of each UAV, then of each of its steps
-    picks: NDArray[np.int64]  # (N,) below 2^62: uniform choices
+    picks: Indices  # (N,) below 2^62: uniform choices
 
 
 def chances(rng: np.random.Generator, children: int, parents: Array) -> Chances:
@@ -191,7 +188,7 @@ def _limit(plans: Array, c: int, max_speeds: Array) -> None:
 
 
 @compiled
-def distinct(plans: Array, order: NDArray[np.int64], most: int, apart: float, max_speeds: Array) -> NDArray[np.int64]:
+def distinct(plans: Array, order: Indices, most: int, apart: float, max_speeds: Array) -> Indices:
     """Indices of the first plans of `order`, at most `most`, with paths apart from those chosen before.
 
     plans (N, k, H, 2) m/s. apart: of the way at maximum speed in a step, root mean square over UAVs and steps.

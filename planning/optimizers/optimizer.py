@@ -1,15 +1,17 @@
-"""The interface of optimisers over the plans of one or more UAVs."""
+"""The interface of optimisers over the plans of one or more UAVs, and the plans that they start from."""
 
-from __future__ import annotations
-
+from functools import cache
+from itertools import combinations
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from planning.objective.objective import Objective
-from planning.prediction.targets_in_reach import Hints
+from planning.planner import Vehicle
+from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
+from planning.prediction.targets_in_reach import Hints, Objective
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
+from tracking.numerics.universal import cos_each, sin_each
 
 
 class SearchResult(NamedTuple):
@@ -35,7 +37,6 @@ class Optimizer(Protocol):
 
         An optimiser may use the hints or ignore them.
         """
-        ...
 
 
 def speed_limited(plans: Array, max_speeds: Array | float) -> Array:
@@ -43,3 +44,35 @@ def speed_limited(plans: Array, max_speeds: Array | float) -> Array:
     speed = length(plans)[..., None]
     most = np.reshape(max_speeds, (-1, 1, 1))
     return np.asarray(plans * np.minimum(1.0, most / np.maximum(speed, 1e-12)))
+
+
+NEAREST = 6  # targets that a UAV considers pursuing
+HEADINGS = 16
+
+
+def pursuits(nominal: Array, vehicle: Vehicle, step: float) -> Array:
+    """Plans (S, H, 2) m/s that hover, or chase one near target or the middle of two at full speed.
+
+    nominal (H, T, 2) m: where targets are after each step of `step` s.
+    """
+    position, spots = vehicle.position[:2], points_shown(vehicle, IMAGE_POINTS)
+    near = np.argsort(length(nominal[0] - position - spots[0]), kind="stable")[:NEAREST]
+    goals = [nominal[:, t] - spot for t in near for spot in spots]
+    goals += [(nominal[:, a] + nominal[:, b]) / 2 - spots[0] for a, b in combinations(near, 2)]
+    goals.append(np.tile(position, (len(nominal), 1)))
+    reached = np.tile(position, (len(goals), 1))
+    plans = np.empty((len(goals), len(nominal), 2))
+    for k, goal in enumerate(np.stack(goals, axis=1)):
+        plans[:, k] = speed_limited(((goal - reached) / step)[:, None], vehicle.max_speed)[:, 0]
+        reached = reached + step * plans[:, k]
+    return plans
+
+
+@cache
+def turns(max_speed: float, horizon: int) -> Array:
+    """Plans (S, H, 2) m/s of two legs, each at full speed in one of 16 directions, or hovering."""
+    angles = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
+    controls = np.concatenate([max_speed * np.column_stack([cos_each(angles), sin_each(angles)]), np.zeros((1, 2))])
+    first = horizon // 2
+    before, after = np.repeat(controls, len(controls) if first else 1, axis=0), np.tile(controls, (len(controls), 1))
+    return np.array([[a] * first + [b] * (horizon - first) for a, b in zip(before, after, strict=False)])

@@ -1,16 +1,13 @@
 """Particle swarm optimisation."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 
-from planning.objective.objective import Objective
 from planning.optimizers.optimizer import SearchResult, speed_limited
-from planning.prediction.targets_in_reach import Hints
+from planning.prediction.targets_in_reach import Hints, Objective
 from tracking.numerics.arrays import Array
 
 

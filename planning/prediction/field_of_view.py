@@ -1,7 +1,5 @@
 """Field of view of a camera in level flight on the plane of the targets: a quadrangle that moves with its UAV."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import NamedTuple

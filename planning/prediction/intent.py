@@ -1,7 +1,5 @@
 """The policy of intent and the base policy that extends it ([Li22] III-C)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

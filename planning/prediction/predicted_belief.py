@@ -1,19 +1,16 @@
 """Belief predicted over a horizon: positions of targets, their visibility and the transition of P."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from tracking.geometry.line_of_sight import Vector, blocked
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
 
@@ -34,7 +31,7 @@ class PredictedBelief(NamedTuple):
     views: Array  # (n, 5, 3): fields of view at the target's height, see `field_of_view.view_quadrangle`
     quality: Array  # (n, 7): coefficients of each UAV's noise model
     blockers: Array  # (B, 5): cylinders near each of the points, one after another
-    offsets: NDArray[np.int64]  # (H T K + 1,): where each point's cylinders begin
+    offsets: Indices  # (H T K + 1,): where each point's cylinders begin
     weights: Array  # (T,): how much each target counts
 
 
@@ -59,9 +56,7 @@ def predicted_belief(situation: Situation, points: Array, covariances: Array) ->
     )
 
 
-def _near(
-    forest: Forest, points: Array, vehicles: Sequence[Vehicle], duration: float
-) -> tuple[Array, NDArray[np.int64]]:
+def _near(forest: Forest, points: Array, vehicles: Sequence[Vehicle], duration: float) -> tuple[Array, Indices]:
     """Cylinders that can hide each point (..., 3) m from a UAV that has it in view within `duration` s.
 
     A line of sight is above the trees a few metres from the target, so a point has few candidates in any forest.
@@ -81,7 +76,7 @@ def _near(
 
 
 @compiled
-def possibly_visible(belief: PredictedBelief, uavs: NDArray[np.int64], boxes: Array) -> NDArray[np.bool_]:
+def possibly_visible(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Flags:
     """Mask (H T, K) of points that any of k UAVs may see from somewhere in its boxes (k, H, 4) m: x0, x1, y0, y1.
 
     Rows count (step, target) pairs. The bound is cheap: False is certain, True is not.
@@ -108,7 +103,7 @@ def possibly_visible(belief: PredictedBelief, uavs: NDArray[np.int64], boxes: Ar
 
 @compiled
 def add_information(
-    belief: PredictedBelief, uav: int, cameras: Array, row: int, near: NDArray[np.bool_], information: Array
+    belief: PredictedBelief, uav: int, cameras: Array, row: int, near: Flags, information: Array
 ) -> bool:
     """Add R⁻¹ (xx, xy, yy) to `information` (3 LANES,) of a target that a UAV sees from `cameras` (2, LANES) m.
 

@@ -1,7 +1,5 @@
 """Belief propagation over a horizon: nominal trajectories ([Li22] Algorithm 1) and Monte Carlo samples."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +27,6 @@ class Propagation(Protocol):
 
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
         """Belief for `horizon` steps; each sample holds a whole set of targets."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -70,7 +67,9 @@ class MonteCarlo:
         """As `Propagation.predict`, of `samples` samples."""
         means, covariances = beliefs(situation.tracks)
         S, T = self.samples, len(means)
-        states = _drawn(means, covariances, standard_normal(rng, (S, T, 4)))
+        values, axes = eigen(covariances)  # which may be singular
+        roots = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+        states = means + applied(roots, standard_normal(rng, (S, T, 4)))
         points = np.empty((horizon, S, T, 1, 3))
         points[..., 2] = TARGET_HEIGHT
         for step in range(horizon):
@@ -90,12 +89,6 @@ def beliefs(tracks: Sequence[Track]) -> tuple[Array, Array]:
     """Means (T, 4) and covariances (T, 4, 4) of tracks."""
     means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
     return means, np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4)
-
-
-def _drawn(means: Array, covariances: Array, normal: Array) -> Array:
-    """States (S, T, 4) from standard normal numbers (S, T, 4); a covariance may be singular."""
-    values, axes = eigen(covariances)
-    return np.asarray(means + applied(axes * np.sqrt(np.maximum(values, 0.0))[:, None, :], normal))
 
 
 def _disturbance(motion: NearlyConstantVelocity, normal: Array) -> Array:

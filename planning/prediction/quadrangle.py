@@ -1,7 +1,5 @@
 """Geometry of a field of view on the plane of the targets: a convex quadrangle, see `view_quadrangle`, compiled."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tracking.numerics.arrays import Array

@@ -1,23 +1,22 @@
 """Targets that UAVs can bring into view within the horizon: hints for a search over plans."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planning.prediction.predicted_belief import PredictedBelief
 from planning.prediction.quadrangle import shortest_move
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
+
+Objective = Callable[[Array], Array]  # candidates (N, k, H, 2) m/s -> costs (N,)
 
 
 class TargetsInReach(NamedTuple):
     """Targets that k UAVs can bring into view; places are displacements over the length of a step, as in plans."""
 
-    which: NDArray[np.int64]  # (S, 2): the UAV, and the step after which
+    which: Indices  # (S, 2): the UAV, and the step after which
     places: Array  # (S, 2) m/s: of the target, from the present position of that UAV
     views: Array  # (k, 5, 3): fields of view, see `field_of_view.view_quadrangle`, with lengths in m/s
 
@@ -30,7 +29,6 @@ class RelaxableObjective(Protocol):
 
         With `ease` (k,) m/s, their fields of view are wider on each side by that displacement in a step.
         """
-        ...
 
 
 class Hints(NamedTuple):
@@ -60,7 +58,7 @@ def after_first_step(in_reach: TargetsInReach) -> TargetsInReach:
 
 
 @compiled
-def _within_reach(belief: PredictedBelief, uavs: NDArray[np.int64], views: Array, max_speeds: Array) -> TargetsInReach:
+def _within_reach(belief: PredictedBelief, uavs: Indices, views: Array, max_speeds: Array) -> TargetsInReach:
     points, (H, T, K) = belief.points, belief.points.shape[:3]
     which, places, count = np.empty((len(uavs) * H * T * K, 2), np.int64), np.empty((len(uavs) * H * T * K, 2)), 0
     for j in range(len(uavs)):

@@ -1,7 +1,5 @@
 """Fit of the constants of the camera's covariance to rendered people."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, replace
@@ -35,7 +33,9 @@ def fit_whole(seed: int, frames: int) -> WholeError:
 
     def surprise(x: Array) -> float:
         along, across = ((variances * powers).sum(axis=1) for variances in _whole(x).variances(gsd))
-        if not _positive(x) or min(along.min(), across.min()) <= 0.0:
+        slopes, curves = x[3::2], x[4::2]  # of growths, which have to stay positive at any angle off nadir
+        positive = np.all(curves >= 0.0) and np.all((slopes >= 0.0) | (slopes**2 < 3.8 * curves))
+        if not positive or min(along.min(), across.min()) <= 0.0:
             return math.inf
         return float(np.mean(np.log(along) + radial**2 / along + np.log(across) + tangential**2 / across))
 
@@ -113,27 +113,17 @@ def _whole(x: Array) -> WholeError:
     return WholeError(*x[:3].tolist(), *((a, b) for a, b in x[3:].reshape(-1, 2).tolist()))
 
 
-def _positive(x: Array) -> bool:
-    """True if the growths (after the first three) stay positive at any angle off nadir."""
-    slopes, curves = x[3::2], x[4::2]
-    return bool(np.all(curves >= 0.0) and np.all((slopes >= 0.0) | (slopes**2 < 3.8 * curves)))
-
-
 def fit_part(seed: int, frames: int) -> PartError:
     """The constants of people seen in part under which their places are likeliest, at four resolutions alike."""
-    cases = [case for k in (256, 192, 128, 96) for case in _parts(people_in_forests(seed + k, frames, k))]
+    people = [s for k in (256, 192, 128, 96) for s in people_in_forests(seed + k, frames, k)]
+    found = ((places_of(s.frame, s.blob, s.forest), s.person) for s in people)
+    cases = [(places, person) for places, person in found if places is not None]
 
     def surprise(x: Array) -> float:
         return math.inf if np.min(x) < 0.0 else _with_excess(x, cases[::5])[1]
 
     start = np.array(PART.constants)
     return _with_excess(np.round(_minimum(surprise, start, 100), 3), cases)[0]
-
-
-def _parts(population: Sequence[Sample]) -> list[tuple[Places, Array]]:
-    """Samples of people that seem hidden in part: their possible places, and the true one."""
-    found = ((places_of(s.frame, s.blob, s.forest), s.person) for s in population)
-    return [(places, person) for places, person in found if places is not None]
 
 
 def _with_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> tuple[PartError, float]:

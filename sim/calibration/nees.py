@@ -1,19 +1,17 @@
 """Mean NEES of the camera's covariance on rendered people: by angle, share hidden and mount."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import chi2
 
 from sim.calibration.pairs import Pair, pairs
 from sim.calibration.scenes import TILTS, Sample, samples, tilted
 from tracking.detection.blob_detector import located_detections
 from tracking.detection.partial_visibility import places_of
 from tracking.geometry.visibility import Forest
+from tracking.metrics.nees import nees_interval
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
 
@@ -23,24 +21,16 @@ HIDDEN = (0.0, 0.001, 0.2, 0.4, 0.6, 0.8, 1.0)  # by trees and the image's edge
 
 def nees(population: Sequence[Sample]) -> Array:
     """Squared errors over variances (N,) of the samples as the detector gives them; two degrees of freedom."""
-    out = []
-    for sample in population:
-        found = located_detections(
-            sample.frame, sample.blobs, sample.forest, np.zeros(len(sample.blobs), dtype=np.int64)
-        )
-        error = found.ground[0] - sample.person
-        out.append(float(squared_distance(error, found.covariances[0])))
-    return np.array(out)
+    found = [located_detections(s.frame, s.blobs, s.forest, np.zeros(len(s.blobs), dtype=np.int64)) for s in population]
+    errors = np.array([f.ground[0] - s.person for f, s in zip(found, population, strict=True)]).reshape(-1, 2)
+    return squared_distance(errors, np.array([f.covariances[0] for f in found]).reshape(-1, 2, 2))
 
 
 def _nees_of_pairs(population: Sequence[Pair]) -> Array:
     """Squared errors over variances (2 N,) of people in pairs told apart."""
-    out = []
-    for pair in population:
-        found = located_detections(pair.frame, pair.blobs, Forest(()), pair.components)
-        errors = found.ground - pair.people
-        out += squared_distance(errors, found.covariances).tolist()
-    return np.array(out)
+    found = [located_detections(p.frame, p.blobs, Forest(()), p.components) for p in population]
+    errors = np.concatenate([f.ground - p.people for f, p in zip(found, population, strict=True)])
+    return squared_distance(errors, np.concatenate([f.covariances for f in found]))
 
 
 @dataclass(frozen=True)
@@ -54,11 +44,9 @@ class Bin:
     high: float
 
     @classmethod
-    def of(cls, name: str, values: Array) -> Bin:
+    def of(cls, name: str, values: Array) -> "Bin":
         """The bin of squared errors over variances (N,)."""
-        n = len(values)
-        low, high = chi2.ppf((0.025, 0.975), 2 * n) / n
-        return cls(name, n, float(values.mean()), float(low), float(high))
+        return cls(name, len(values), float(values.mean()), *nees_interval(len(values), 2))
 
     @property
     def holds(self) -> bool:
@@ -86,7 +74,8 @@ def tilt_bins(seed: int, frames: int) -> list[Bin]:
         views = tilted(rng, tilt, frames, sway)
         people = (s for s in samples(rng, Forest(()), frames=frames, attitudes=views) if s.hidden == 0.0)
         whole = [s for s in people if places_of(s.frame, s.blob, s.forest) is None]
-        bins.append(Bin.of(_mount("whole", tilt, sway), nees(whole)))
+        mount = f"tilt {tilt:.0f} deg" + (f", body sways {sway:.0f}" if sway else "")
+        bins.append(Bin.of(f"whole, {mount}", nees(whole)))
     return bins
 
 
@@ -101,7 +90,3 @@ def pair_bins(seed: int, frames: int) -> list[Bin]:
             population += pairs(rng, frames=count, attitudes=tilted(rng, tilt, count, sway))
         bins.append(Bin.of(f"told apart, {name}", _nees_of_pairs(population)))
     return bins
-
-
-def _mount(name: str, tilt: float, sway: float) -> str:
-    return f"{name}, tilt {tilt:.0f} deg" + (f", body sways {sway:.0f}" if sway else "")

@@ -1,7 +1,5 @@
 """Rendered pairs of people that the detector told apart, and the truth about them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,7 +13,7 @@ from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
-from tracking.detection.blobs import blobs_of
+from tracking.detection.blob_detector import blobs_of
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest

@@ -1,7 +1,5 @@
 """Rendered people for the fit of the camera's covariance, and the truth about them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,7 +14,7 @@ from sim.sensing.cameras import camera_pose
 from sim.sensing.renderer import Renderer
 from sim.world.forest import grow
 from sim.world.world import World
-from tracking.detection.blobs import blobs_of
+from tracking.detection.blob_detector import blobs_of
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest

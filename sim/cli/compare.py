@@ -8,14 +8,15 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import typer
 from rich.markup import escape
 
 from planning.registry import COMPARED
-from sim.cli import compare_options as options
 from sim.scenario.errors import InputError
 from sim.scenario.loading import SCENARIOS, remarks
+from sim.scenario.perception import SENSOR_MODES
 from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers, seconds
 from sim.study.study import STUDIES, Study, adapted, is_study, read
 from sim.terminal.console import console, fail, remark
@@ -26,28 +27,66 @@ if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.report.report import About
     from sim.study.row import Row
 
+
+StudyName = Annotated[
+    str, typer.Argument(metavar="STUDY", help="Name (see `understory studies`), study file, or scenario.")
+]
+Planners = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME", help="A planner; repeat for each. Default: the study's, or two of the paper's."),
+]
+Seeds = Annotated[
+    str | None, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. [default: 0-9]")
+]
+Maps = Annotated[str | None, typer.Option(metavar="N", help="Seeds 0 to N - 1; the paper has 50.")]
+Repeats = Annotated[
+    str | None, typer.Option(metavar="K", help="Flights on each map, with other noise each. [default: 1]")
+]
+Sensing = Annotated[str | None, typer.Option(metavar="MODE", help="camera or ideal.")]
+Out = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Folder of results; what is there is not flown again. Default: one under runs/."),
+]
+Baseline = Annotated[
+    str | None, typer.Option(metavar="NAME", help="The planner that others are compared with. Default: the first.")
+]
+Labels = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=PLANNER", help="A short name for a planner in tables and figures; repeatable."),
+]
+Metrics = Annotated[
+    list[str] | None, typer.Option(metavar="NAME", help="What to compare, see docs/how-to/studies.md; repeatable.")
+]
+Workers = Annotated[str | None, typer.Option(metavar="N", help="Processes to fly in. Default: one a core.")]
+Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster: tcp://host:8786.")]
+Timeout = Annotated[
+    str | None, typer.Option(metavar="TIME", help="Wall time beyond which a trial has failed: 90, 5min.")
+]
+Keep = Annotated[str | None, typer.Option(metavar="WHAT", help="recordings: keep each mission.npz.")]
+Redo = Annotated[bool, typer.Option("--redo", help="Fly again what is there already.")]
+
+
 _MOST_WORKERS = 1024
-_SENSING = ("camera", "ideal")
 
 
 def compare(
-    study: options.StudyName = "forest",
-    planner: options.Planners = None,
-    seeds: options.Seeds = None,
-    maps: options.Maps = None,
-    repeats: options.Repeats = None,
-    sensing: options.Sensing = None,
+    study: StudyName = "forest",
+    planner: Planners = None,
+    seeds: Seeds = None,
+    maps: Maps = None,
+    repeats: Repeats = None,
+    sensing: Sensing = None,
     duration: Duration = None,
     overrides: Overrides = None,
-    out: options.Out = None,
-    baseline: options.Baseline = None,
-    label: options.Labels = None,
-    metric: options.Metrics = None,
-    workers: options.Workers = None,
-    dask: options.Dask = None,
-    timeout: options.Timeout = None,
-    keep: options.Keep = None,
-    redo: options.Redo = False,
+    out: Out = None,
+    baseline: Baseline = None,
+    label: Labels = None,
+    metric: Metrics = None,
+    workers: Workers = None,
+    dask: Dask = None,
+    timeout: Timeout = None,
+    keep: Keep = None,
+    redo: Redo = False,
 ) -> None:
     """Fly planners on the same forests, people and seeds; show the results side by side. Goes on where it stopped."""
     changes = [*_sensing(sensing), *with_duration(overrides, duration)]
@@ -99,8 +138,7 @@ def _seeds(seeds: str | None, maps: str | None) -> str | None:
 def _sensing(mode: str | None) -> list[str]:
     if mode is None:
         return []
-    if mode not in _SENSING:
-        raise InputError(f"--sensing: {mode!r} is unknown; {did_you_mean(mode, _SENSING)}")
+    replace(SENSOR_MODES, field="--sensing").check(mode)
     return [f"sensing.mode={mode}"]
 
 

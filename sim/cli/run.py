@@ -1,7 +1,5 @@
 """`understory run`."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Annotated
@@ -10,11 +8,11 @@ import typer
 
 from planning.loading import is_built_in_planner, load_planner
 from planning.registry import DEFAULT_PLANNER
+from sim.mission.trial import Trial
 from sim.recording.atomic_files import unused
-from sim.running.isolated_run import Flight, fly_apart
+from sim.running.isolated_run import Results, fly_apart
 from sim.scenario.loading import load, remarks
 from sim.scenario.quantities import MOST_SEED, REPEATS, integer, seconds
-from sim.sensing.detectors import is_built_in_detector
 from sim.terminal.console import remark, say
 from sim.terminal.options import Duration, Overrides, with_duration
 from sim.terminal.progress import mission_progress
@@ -49,36 +47,29 @@ def run(
 ) -> None:
     """Fly one mission; leave recording, summary, video, page, OSPA curve and timeline in a new folder."""
     setting = load(scenario, with_duration(overrides, duration))
-    flight = Flight(
-        setting,
-        planner,
-        integer(seed, "--seed", least=0, most=MOST_SEED),
-        integer(repeat, "--repeat", least=0, most=REPEATS - 1),
-        video,
-        tuple(metric or ()),
-    )
+    numbers = integer(seed, "--seed", least=0, most=MOST_SEED), integer(repeat, "--repeat", least=0, most=REPEATS - 1)
+    trial = Trial(setting, planner, *numbers)
     limit = None if timeout is None else seconds(timeout, "--timeout")
     # Other people's code runs in a process of its own, as nothing else holds what it may do.
-    theirs = ":" in setting.tracking.motion + setting.network.fusion or metric
-    trusted = is_built_in_detector(setting.sensing.detector) and is_built_in_planner(planner) and not theirs
+    theirs = metric or any(name not in registry.built_in for registry, name in setting.plugins)
+    trusted = is_built_in_planner(planner) and not theirs
     if trusted:
         load_planner(planner)
     remark(*remarks(setting))
-    folder = out or unused(Path("runs") / _name(scenario, flight))
+    folder = out or unused(Path("runs") / _name(scenario, trial))
     with mission_progress(setting) as progress:
         if trusted and limit is None:
-            from sim.mission.mission import Trial
             from sim.running.run import run as fly
 
-            trial = Trial(setting, planner, flight.seed, flight.repeat)
             summary = fly(trial, folder, video=video, progress=progress, say=say)
         else:
-            summary = fly_apart(flight, folder, timeout=limit, progress=progress, say=say)
+            results = Results(str(folder), video, tuple(metric or ()))
+            summary = fly_apart(trial, results, timeout=limit, progress=progress, say=say)
     show_run(summary, folder)
 
 
-def _name(scenario: str, flight: Flight) -> str:
+def _name(scenario: str, trial: Trial) -> str:
     """Name of a run's folder."""
-    planner = re.sub(r"[^\w.=-]+", "-", flight.planner.replace(":", ".")).strip("-")  # which no shell minds
-    name = f"{Path(scenario).stem}-{planner}-seed{flight.seed}"
-    return f"{name}-repeat{flight.repeat}" if flight.repeat else name
+    planner = re.sub(r"[^\w.=-]+", "-", trial.planner.replace(":", ".")).strip("-")  # which no shell minds
+    name = f"{Path(scenario).stem}-{planner}-seed{trial.seed}"
+    return f"{name}-repeat{trial.repeat}" if trial.repeat else name

@@ -1,7 +1,5 @@
 """`understory` without a command: how to start, and the version."""
 
-from __future__ import annotations
-
 from importlib.metadata import version as version_of
 from typing import Annotated
 

@@ -1,15 +1,11 @@
 """Flights of a study for `understory compare`, which can be interrupted and go on."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from sim.study.backends import Backend
-from sim.study.cluster import connected
+from sim.study.backends import Backend, Pool, connected
 from sim.study.engine import Options, complete
-from sim.study.pool import Pool
 from sim.study.row import Row
 from sim.study.store import NAME, Store, StoreError
 from sim.study.tasks import Task, check_worlds

@@ -1,25 +1,71 @@
 """Conformance of a detector to `tracking.detection.detector.Detector`, checked on rendered frames."""
 
-from __future__ import annotations
-
+import math
 import time
 from collections.abc import Callable
 from copy import deepcopy
-from functools import partial
+from dataclasses import dataclass
+from functools import cache, partial
 from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.conformance.views import FOREST, View, views
+from sim.scenario.fleet import Uav
+from sim.scenario.perception import DETECTORS
+from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import camera_pose
 from sim.sensing.detection_check import usable_detections
-from sim.sensing.detection_truth import matched_detections
-from sim.sensing.detectors import load_detector
-from sim.sensing.mask_detector import MaskDetector
-from tracking.detection.detector import Detections
+from sim.sensing.detection_truth import MaskDetector, matched_detections
+from sim.sensing.renderer import Rendered, Renderer
+from sim.world.world import World
+from tracking.detection.detector import Detections, Frame
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest, Tree
+from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
+
+FOREST = Forest((Tree(-9.0, 8.0), Tree(9.0, 9.0), Tree(10.0, -2.0)))
+PEOPLE = np.array([(0.0, 0.0), (5.0, 4.0), (-7.0, 2.0), (4.0, -8.0), (-5.0, -7.0), (0.5, 9.0)])
+_ELSEWHERE = np.array([60.0, 40.0])  # m, which no camera here sees
+_UAV = Uav(start=(74.0, 49.0))
+_ALTITUDE = 25.0  # m
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A frame, what the renderer showed in it, and the places of the people (M, 2) m."""
+
+    frame: Frame
+    rendered: Rendered
+    people: Array
+
+
+@cache
+def views() -> dict[str, View]:
+    """Views by name; the first is the ordinary one."""
+    tilted = Uav(start=(0.0, 0.0), tilt_deg=30.0)
+    low, level = Pose.level(0.0, 0.0, 15.0), Pose.level(0.0, 0.0, _ALTITUDE)
+    wanted = {
+        "ordinary": (128, level, PEOPLE),
+        "turned and moved": (128, Pose.level(2.0, -1.0, _ALTITUDE), PEOPLE),
+        "low UAV": (128, low, PEOPLE),
+        "tilted camera": (128, camera_pose(tilted, Pose.level(-12.0, 0.0, _ALTITUDE)), PEOPLE),
+        "finer image": (256, level, PEOPLE),
+        "no person in view": (128, level, PEOPLE + _ELSEWHERE),
+    }
+    with World(Scenario(uavs=(_UAV,)), FOREST, len(PEOPLE)) as world:
+        renderer = Renderer(world)
+        found = {}
+        for name, (pixels, pose, people) in wanted.items():
+            world.place_people(people, np.linspace(0.0, 5.0, len(people)))
+            camera = Camera(math.radians(60), pixels)
+            rendered = renderer.render(camera, pose)
+            found[name] = View(Frame(0, 0.0, camera, pose, rendered.image), rendered, people)
+        return found
+
 
 _FRAMES = 5  # that are timed
 _SCAN = 0.2  # s between scans of the default scenario
@@ -50,7 +96,7 @@ class _Subject:
 
     def make(self) -> Callable[[View], Detections]:
         """Another instance, as a function of a view."""
-        made = load_detector(self._name, FOREST)
+        made = DETECTORS.make(self._name, FOREST)
 
         def detect(view: View) -> Detections:
             try:

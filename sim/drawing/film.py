@@ -38,7 +38,7 @@ _BT601 = 6  # the matrix OpenCV converts with; players must be told, they assume
 
 def parts_of(scenario: Scenario, layout: str = "map+cameras") -> View:
     """Boxes of the map and the cameras in a film; `layout` as in `sim.drawing.layout.view_of`."""
-    renders = scenario.sensing.mode == "camera"
+    renders = scenario.sensing.renders
     return view_of(_PANEL, aspect(scenario), len(scenario.uavs), layout if renders else "map")
 
 

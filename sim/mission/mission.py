@@ -1,11 +1,9 @@
 """The mission loop: sense, track, communicate, plan, fly."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -17,10 +15,10 @@ from planning.errors import planner_errors
 from planning.loading import load_planner
 from planning.planner import Plan, Planner, Situation, Vehicle
 from sim.mission.plan_check import checked_plans
-from sim.mission.plan_exchange import PlanExchange, Sent
-from sim.mission.radio import Links, lost_messages, open_links
+from sim.mission.plan_exchange import Links, PlanExchange, Sent, lost_messages, open_links
 from sim.mission.snapshot import Snapshot
 from sim.mission.tracker_setup import initial_tracks, planned_motion, tracker_parameters
+from sim.mission.trial import Trial
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_pose, planned_attitude
@@ -39,16 +37,6 @@ from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array
 from tracking.tracker import Track, Tracker
 from tracking.undetected import UndetectedIntensity
-
-
-@dataclass(frozen=True)
-class Trial:
-    """Everything that determines a mission, as values that can be sent to any process."""
-
-    scenario: Scenario
-    planner: str  # as `planning.loading.load_planner` takes it
-    seed: int
-    repeat: int = 0  # of sensors, network, wind and planner on the map of the seed
 
 
 class Mission:
@@ -84,7 +72,7 @@ class Mission:
         self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, chance("wind"))
 
     @staticmethod
-    def of(trial: Trial) -> Mission:
+    def of(trial: Trial) -> "Mission":
         """The mission of a trial, its planner loaded."""
         return Mission(trial.scenario, load_planner(trial.planner), trial.seed, trial.repeat)
 
@@ -139,7 +127,9 @@ class Mission:
         ]
         self.frames = [look.image for look in looks]
         self.faults += [fault for look in looks for fault in look.faults]
-        links = self._links(time, bodies)
+        network = self.scenario.network
+        up = open_links(network, time, np.array([body.position for body in bodies]))
+        links = Links(up, lost_messages(network, len(bodies), self._radio))
         with self.clock.measure("tracking"):
             sent = self._track(time, looks, links)
         tracks = [tracker.tracks if i in self._working else () for i, tracker in enumerate(self._trackers)]
@@ -164,11 +154,6 @@ class Mission:
             plan_bytes=sent_plans.bytes,
             plan_rounds=sent_plans.rounds,
         )
-
-    def _links(self, time: float, bodies: list[Pose]) -> Links:
-        network = self.scenario.network
-        up = open_links(network, time, np.array([body.position for body in bodies]))
-        return Links(up, lost_messages(network, len(bodies), self._radio))
 
     def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
         """OSPA and its parts (n, 3) m of each UAV's tracks against people (P, 2) m; NaN for UAVs that broke down."""

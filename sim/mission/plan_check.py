@@ -1,7 +1,5 @@
 """Plan check: valid plans whatever the planner returns, with intents in place of faulty ones."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice

@@ -1,6 +1,4 @@
-"""Exchange of plans over the network: positions and intents of the others that each UAV knows."""
-
-from __future__ import annotations
+"""Radio links between UAVs, and the exchange of plans over them: what each UAV knows of the others."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,8 +8,53 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Exchange, Plan, Situation, Vehicle
-from sim.mission.radio import Bools, Links
-from sim.scenario.network import Network
+from sim.scenario.fleet import Link, Network
+from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.distances import length
+
+
+class Links(NamedTuple):
+    """Links between UAVs in one scan."""
+
+    up: Flags  # (n, n) True where a row's UAV receives from a column's, unless lost
+    lost: Flags | None  # (L, n, n) lost messages of consensus; None: none
+
+    @property
+    def contact(self) -> Flags:
+        """Pairs (n, n) with at least one received message of consensus in this scan."""
+        if self.lost is None or len(self.lost) == 0:
+            return self.up
+        return np.asarray(self.up & ~np.all(self.lost, axis=0))
+
+
+def open_links(network: Network, time: float, positions: Array) -> Flags:
+    """Adjacency (n, n) of UAVs at positions (n, 3) m: within range, with a link that exists and is not cut."""
+    gap = length(positions[:, None] - positions[None])
+    heard = np.asarray((gap <= network.range) & ~np.eye(len(gap), dtype=np.bool_))
+    if network.links:
+        heard &= _adjacency(network.links, len(gap))
+    for cut in network.cuts:
+        if cut.start <= time and (cut.end is None or time < cut.end):
+            heard &= ~_adjacency(cut.links, len(gap))
+    return heard
+
+
+def lost_messages(network: Network, uavs: int, rng: np.random.Generator) -> Flags | None:
+    """Lost messages of one scan (L, n, n), per round, receiver and sender; None if the network loses none.
+
+    The random numbers do not depend on the probability, so a higher one loses the same messages and more.
+    """
+    if network.loss == 0.0:
+        return None
+    return rng.random((network.rounds, uavs, uavs)) < network.loss
+
+
+def _adjacency(links: Sequence[Link], uavs: int) -> Flags:
+    table = np.zeros((uavs, uavs), dtype=np.bool_)
+    ends = np.array(links)
+    table[ends[:, 0], ends[:, 1]] = table[ends[:, 1], ends[:, 0]] = True
+    return table
+
 
 _NOTHING = Plan(np.zeros((0, 2)))
 
@@ -30,7 +73,7 @@ class _Known:
     vehicle: Vehicle
     plan: Plan  # as made at the last instant of planning
 
-    def later(self, step: float) -> _Known:
+    def later(self, step: float) -> "_Known":
         """The same `step` s later, if it has flown as planned."""
         moved = np.append(step * self.plan.controls[:1].sum(axis=0), 0.0)
         return _Known(replace(self.vehicle, position=self.vehicle.position + moved), self.plan)
@@ -50,7 +93,7 @@ class PlanExchange:
         self._known: dict[tuple[int, int], _Known] = {}  # by receiver and sender
         self._fleet: Sequence[Vehicle] = ()
         self._contact = self._up = np.zeros((0, 0), dtype=np.bool_)
-        self._received: list[Bools] = []  # (n, n) for each round, True where the plan of a column's UAV reaches a row's
+        self._received: list[Flags] = []  # (n, n) for each round, True where the plan of a column's UAV reaches a row's
 
     def begin(self, fleet: Sequence[Vehicle], links: Links, working: Sequence[int], step: float) -> None:
         """Start an instant of planning, `step` s after the last; those that do not work are forgotten."""
@@ -65,7 +108,7 @@ class PlanExchange:
             self._known[i, j] = _Known(fleet[j], plan)
         self._received = self._receptions()
 
-    def _receptions(self) -> list[Bools]:
+    def _receptions(self) -> list[Flags]:
         rounds, n = self._exchange.rounds, len(self._fleet)
         if self._loss == 0.0 or self._exchange.centre:
             return [self._up] * rounds

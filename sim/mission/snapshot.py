@@ -1,7 +1,5 @@
 """The mission at one scan, ground truth included."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

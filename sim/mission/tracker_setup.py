@@ -1,18 +1,14 @@
 """Set-up of trackers from a scenario: parameters, motion models and initial tracks."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import msgspec
 import numpy as np
 
-from sim.scenario.errors import InputError
 from sim.scenario.perception import Tracking
 from sim.scenario.scenario import Scenario
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.filter.motion import motion_model
-from tracking.fusion.rule import fusion_rule
 from tracking.numerics.arrays import Array
 from tracking.tracker import Track, TrackerParameters
 
@@ -22,11 +18,7 @@ def tracker_parameters(scenario: Scenario) -> TrackerParameters:
     settings = scenario.tracking
     parameters = {field.name for field in fields(TrackerParameters)} - {"motion"}
     shared = sorted(parameters & {field.name for field in msgspec.structs.fields(Tracking)})
-    try:
-        motion = motion_model(settings.motion, 1 / scenario.rates.sensing, settings.sigma_a, settings.max_speed)
-        fusion_rule(scenario.network.fusion)
-    except ValueError as error:
-        raise InputError(str(error)) from error
+    motion = motion_model(settings.motion, 1 / scenario.rates.sensing, settings.sigma_a, settings.max_speed)
     return TrackerParameters(
         motion=motion, fusion=scenario.network.fusion, **{name: getattr(settings, name) for name in shared}
     )

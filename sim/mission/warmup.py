@@ -1,7 +1,5 @@
 """Compiles the numerical kernels before the clock starts."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Signals that ask to stop: Ctrl-C (SIGINT) and SIGTERM."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Callable, Iterator

@@ -1,22 +1,47 @@
-"""Isolated work in a new process: it can be ended if it hangs, and its end harms nothing else."""
-
-from __future__ import annotations
+"""Isolated work in a new process and its session: it can be ended if it hangs, and its end harms nothing else."""
 
 import multiprocessing
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
+from multiprocessing.process import BaseProcess
 from types import FrameType
 from typing import Any, NamedTuple
 
 from sim.processes.interrupt import stop_signals
-from sim.processes.session import kill_session, lead_session
 from tracking.plugins.containment import ForeignError, contained
+
+
+def lead_session() -> None:
+    """Make a session of this process and its later children, which ends with its parent.
+
+    Without it, the children of a killed parent would wait for it for ever.
+    """
+    os.setsid()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def kill_session(process: BaseProcess) -> None:
+    """Kill a process, if it was started, and its session; children in a session or group of their own escape."""
+    if process.pid is None:
+        return
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.kill()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os.killpg(os.getpid(), signal.SIGKILL)
+
 
 _GRACE = 5.0  # s until a second Ctrl-C ends the process
 _TICK = 0.2  # s

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sim.evaluation.fleet_facts import contacts
-from sim.mission.radio import Links, lost_messages, open_links
+from sim.mission.plan_exchange import Links, lost_messages, open_links
 from sim.mission.snapshot import Ints
 from sim.recording.fault_text import read
 from sim.recording.recording import Recording

@@ -27,7 +27,7 @@ def check_layout(layout: str, scenario: Scenario) -> None:
         raise InputError(
             f"--layout: {layout!r} is unknown; {did_you_mean(layout, [AS_FLOWN, 'map', 'cameras', *uavs])}"
         )
-    if scenario.sensing.mode == "ideal" and layout not in (AS_FLOWN, "map"):
+    if not scenario.sensing.renders and layout not in (AS_FLOWN, "map"):
         raise InputError(f"--layout: {layout!r} is not allowed, ideal sensing takes no images; expected map")
 
 

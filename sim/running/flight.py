@@ -1,14 +1,15 @@
 """A mission from take-off to its recording, for a single run and for a trial of a study."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
+from planning.loading import load_planner
+from planning.planner import Planner
 from sim.evaluation.metric import Outcome
-from sim.mission.mission import Mission, Trial
+from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
+from sim.mission.trial import Trial
 from sim.recording.recording import Recorder
 from sim.scenario.scenario import resolved
 
@@ -19,14 +20,18 @@ def fly(
     trial: Trial,
     watching: Callable[[Mission], AbstractContextManager[Watch]],
     prepare: Callable[[], object] = lambda: None,
+    planner: Planner | None = None,
 ) -> Outcome:
     """Fly a mission; one that is ended before its last scan is marked as interrupted.
 
     watching: opens around all scans what sees each. prepare: called before the first scan; it counts as start-up.
-    InputError or PlannerError where the mission cannot be built.
+    planner: the object that the trial's text stands for; without it that is loaded. InputError where the mission cannot
+    be built.
     """
     start = time.perf_counter()
-    mission = Mission.of(trial)
+    if planner is None:
+        planner = load_planner(trial.planner)
+    mission = Mission(trial.scenario, planner, trial.seed, trial.repeat)
     prepare()
     start_up = time.perf_counter() - start
     recorder = Recorder(trial.repeat)

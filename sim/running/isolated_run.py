@@ -1,33 +1,26 @@
 """A mission in a process of its own, which a plug-in may end, or may hang in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from planning.errors import PlannerError
-from sim.mission.progress import ScanProgress
+from sim.mission.trial import ScanProgress, Trial
 from sim.processes.isolation import IsolationError, run_isolated
 from sim.recording.atomic_files import new_folder
 from sim.scenario.errors import InputError
-from sim.scenario.scenario import Scenario
 
 
-class Flight(NamedTuple):
-    """All that decides how a mission goes, before its planner and detector are loaded."""
+class Results(NamedTuple):
+    """Files that a run leaves beside its recording."""
 
-    scenario: Scenario
-    planner: str
-    seed: int
-    repeat: int
+    place: str  # what its folder will be called
     video: bool = True
-    metrics: tuple[str, ...] = ()  # from outside
+    metrics: tuple[str, ...] = ()  # from outside, for the summary
 
 
 def fly_apart(
-    flight: Flight,
-    out: Path,
+    trial: Trial,
+    results: Results,
     *,
     timeout: float | None,
     progress: Callable[[ScanProgress], None],
@@ -47,12 +40,12 @@ def fly_apart(
         else:
             say(str(told))
 
-    with new_folder(out) as folder:
-        arguments = (flight, folder.absolute(), str(out))
+    with new_folder(Path(results.place)) as folder:
+        arguments = (trial, folder.absolute(), results)
         try:
             # The first moment is told after `stop_request`; before it, SIGINT is ignored there.
-            passing = (InputError, PlannerError)
-            found = run_isolated(_fly, *arguments, hear=hear, listening=ScanProgress, timeout=timeout, passing=passing)
+            listening, passing = ScanProgress, (InputError,)
+            found = run_isolated(_fly, *arguments, hear=hear, listening=listening, timeout=timeout, passing=passing)
         except IsolationError as error:
             when = f"at {last.time:.1f} s" if last else "before take-off"
             raise IsolationError(f"the mission ended {when}: {error}; nothing is kept") from error
@@ -60,18 +53,18 @@ def fly_apart(
     return summary
 
 
-def _fly(flight: Flight, folder: Path, place: str, tell: Callable[[object], None]) -> dict[str, Any]:
+def _fly(trial: Trial, folder: Path, results: Results, tell: Callable[[object], None]) -> dict[str, Any]:
+    """Fly where plug-ins may do harm; they are named, imported and refused before anything is compiled."""
     from planning.loading import load_planner
-    from sim.sensing.detectors import check_detector
 
-    check_detector(flight.scenario.sensing.detector)
-    load_planner(flight.planner)
+    for registry, name in trial.scenario.plugins:
+        if name not in registry.built_in:
+            registry.find(name)
+    load_planner(trial.planner)
     from sim.evaluation.metric import metric
 
-    for name in flight.metrics:
+    for name in results.metrics:
         metric(name)
-    from sim.mission.mission import Trial
-    from sim.running.run import Results, fly
+    from sim.running.run import fly
 
-    trial = Trial(flight.scenario, flight.planner, flight.seed, flight.repeat)
-    return fly(trial, folder, Results(place, flight.video, flight.metrics), progress=tell, say=tell)
+    return fly(trial, folder, results, progress=tell, say=tell)

@@ -1,22 +1,20 @@
 """One mission from its parts to its folder: recording, summary, video, page, OSPA curve and timeline."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from threading import Event
-from typing import Any, NamedTuple
+from typing import Any
 
 from sim.drawing.film import Film, Video
 from sim.drawing.plots import ospa_figure
 from sim.drawing.plots import save as save_figure
 from sim.evaluation.machine import versions
 from sim.evaluation.summary import marked, summarise
-from sim.mission.mission import Mission, Trial
-from sim.mission.progress import ScanProgress
+from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
+from sim.mission.trial import ScanProgress, Trial
 from sim.mission.warmup import announced, warm_up
 from sim.processes.interrupt import stop_request
 from sim.recording.archive import save
@@ -28,6 +26,7 @@ from sim.replay.history import History
 from sim.replay.page.page import write_page
 from sim.replay.timeline import timeline_figure
 from sim.running.flight import fly as flown
+from sim.running.isolated_run import Results
 
 Progress = Callable[[ScanProgress], None]
 Say = Callable[[str], None]
@@ -55,14 +54,6 @@ def run(
         return fly(trial, folder, Results(str(out), video, tuple(metrics)), progress=progress, say=say)
 
 
-class Results(NamedTuple):
-    """Files that a run leaves beside its recording."""
-
-    place: str  # what its folder will be called
-    video: bool = True
-    metrics: tuple[str, ...] = ()  # from outside, for the summary
-
-
 def fly(trial: Trial, folder: Path, results: Results, *, progress: Progress, say: Say) -> dict[str, Any]:
     """Fly a mission as `run` does, into a folder that is there."""
     film = folder / "mission.mp4" if results.video else None
@@ -71,17 +62,12 @@ def fly(trial: Trial, folder: Path, results: Results, *, progress: Progress, say
         def watching(mission: Mission) -> AbstractContextManager[Callable[[Snapshot], bool]]:
             return _watching(trial, mission, film, progress, catching.enter_context(stop_request()))
 
-        outcome = flown(trial, watching, lambda: _compiled(say))
+        outcome = flown(trial, watching, announced(say)(warm_up))
         summary = summarise(outcome, versions=versions(), asked=results.metrics)
         write_results(folder, outcome.recording, summary)
         if film:
             write_page(outcome.recording, trial.scenario, folder / "mission.html", video=film, place=results.place)
     return summary
-
-
-def _compiled(say: Say) -> None:
-    with announced(say):
-        warm_up()
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from sim.scenario.network import DAY
+DAY = 86_400.0  # s, longer than any mission
 
 Side = Annotated[float, Meta(ge=1, le=20_000)]  # m
 Length = Annotated[float, Meta(ge=0.01, le=200)]  # m

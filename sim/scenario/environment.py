@@ -1,22 +1,11 @@
 """Settings of the environment: area, trees, people, appearance and wind."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from sim.scenario.bounds import (
-    Count,
-    Expected,
-    Length,
-    Paths,
-    Point,
-    Side,
-    Speed,
-)
-from sim.scenario.network import DAY
+from sim.scenario.bounds import DAY, Count, Expected, Length, Paths, Point, Side, Speed
 
 
 class Area(Struct, frozen=True, forbid_unknown_fields=True):

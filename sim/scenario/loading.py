@@ -1,7 +1,5 @@
 """Loading of scenario files: TOML in, a valid `Scenario` or an error of one line out."""
 
-from __future__ import annotations
-
 import math
 import os
 import re
@@ -14,8 +12,7 @@ import msgspec
 from sim.installation import ASSETS
 from sim.scenario.environment import People
 from sim.scenario.errors import InputError
-from sim.scenario.fleet import Uav
-from sim.scenario.network import Cut
+from sim.scenario.fleet import Cut, Uav
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import toml, toml_file
 from tracking.plugins.spelling import did_you_mean
@@ -113,11 +110,12 @@ def _override(data: dict[str, Any], override: str) -> None:
         raise InputError(f"--set: {override!r} is not of the form key=value, for instance trees.density=75")
     *path, last = key.strip().split(".", _DEEPEST)
     node: Any = data
+    fleet = list(msgspec.to_builtins(Scenario().uavs))  # a list of tables, of which an override changes one
     for i, part in enumerate(path):
         if isinstance(node, list):
             node = node[_index(part, len(node), key)]
         else:
-            node = node.setdefault(part, _defaults(".".join(path[: i + 1])))
+            node = node.setdefault(part, fleet if path[: i + 1] == ["uavs"] else {})
         if not isinstance(node, dict | list):
             raise InputError(f"--set: {key}: {'.'.join(path[: i + 1])} has no keys")
     if isinstance(node, list):
@@ -130,11 +128,6 @@ def _index(text: str, length: int, key: str) -> int:
     if not re.fullmatch("[0-9]{1,9}", text) or int(text) >= length:
         raise InputError(f"--set: {key}: {text!r} is not an index; allowed are 0 to {length - 1}")
     return int(text)
-
-
-def _defaults(key: str) -> Any:  # noqa: ANN401 - plain TOML data
-    """A table before the first override in it: the default fleet is a list, all others are tables."""
-    return list(msgspec.to_builtins(Scenario().uavs)) if key == "uavs" else {}
 
 
 def _value(text: str) -> Any:  # noqa: ANN401 - plain TOML data
@@ -152,11 +145,19 @@ def _check_keys(data: object, kind: Any, where: str) -> None:  # noqa: ANN401 - 
         if key not in fields:
             if not where and key in _ELSEWHERE:
                 raise InputError(f"{key}: unknown key; no part of a scenario, but an option: {_ELSEWHERE[key]}")
-            raise InputError(f"{where}{key}: unknown key; {did_you_mean(key, fields)}")
+            elsewhere = "" if where else _whole(key)
+            hint = f"did you mean {elsewhere}?" if elsewhere else did_you_mean(key, fields)
+            raise InputError(f"{where}{key}: unknown key; {hint}")
         _check_keys(value, fields[key], f"{where}{key}.")
         if key in _ROWS and isinstance(value, list):
             for i, row in enumerate(value):
                 _check_keys(row, _ROWS[key], f"{where}{key}.{i}.")
+
+
+def _whole(key: str) -> str:
+    """The whole names of a key that stands in tables of a scenario, joined by "or"."""
+    tables = {f.name: f.type for f in msgspec.structs.fields(Scenario) if hasattr(f.type, "__struct_fields__")}
+    return " or ".join(f"{table}.{key}" for table, kind in tables.items() if key in kind.__struct_fields__)
 
 
 def _check_finite(data: object, where: str) -> None:

@@ -1,20 +1,26 @@
 """Settings of sensing and tracking."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from sim.scenario.bounds import (
-    Density,
-    Expected,
-    Probability,
-    Scans,
-    Speed,
-    Time,
-    Variance,
-    Weight,
+from sim.scenario.bounds import Density, Expected, Probability, Scans, Speed, Time, Variance, Weight
+from tracking.plugins.registry import Registry
+
+SENSOR_MODES = Registry(
+    "sensing.mode",
+    {"camera": "sim.sensing.rendered_mode:RenderedMode", "ideal": "sim.sensing.line_of_sight_mode:LineOfSightMode"},
+    ("sense(uav, time, pose, people)",),
+)
+_RENDERED = ("camera",)  # modes whose frames recordings can show again
+DETECTORS = Registry(
+    "sensing.detector",
+    {
+        "blob": "tracking.detection.blob_detector:BlobDetector",
+        "segmentation": "sim.sensing.detection_truth:MaskDetector",
+    },
+    ("detect(frame)",),
+    bare=True,
 )
 
 
@@ -22,8 +28,8 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     """From world to measurements."""
 
     # `"camera"`: detections from rendered images; `"ideal"`: a measurement of every person in line of sight, nothing is
-    # rendered
-    mode: Literal["camera", "ideal"] = "camera"
+    # rendered; `"module:Class"`: yours ([how](../how-to/plugins.md#a-sensor-mode))
+    mode: str = "camera"
     # `"range_bearing"`: noise of [Li22] eq. (4) is added; `"camera"`: none is added, and the covariance is the camera's
     # own
     noise: Literal["range_bearing", "camera"] = "range_bearing"
@@ -48,10 +54,15 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         if self.field_of_view == "unlimited":
-            if self.mode == "camera":
+            if self.renders:
                 raise ValueError('field_of_view "unlimited" has no image; allowed with mode "ideal"')
             if self.false_alarms:
                 raise ValueError('false_alarms are spread over an image; allowed with field_of_view "camera"')
+
+    @property
+    def renders(self) -> bool:
+        """True if frames are rendered, which films, pages and explanations then show."""
+        return self.mode in _RENDERED
 
 
 class Tracking(Struct, frozen=True, forbid_unknown_fields=True):

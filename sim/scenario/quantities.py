@@ -1,7 +1,5 @@
 """Quantities as typed on a command line: durations, intervals and numbers."""
 
-from __future__ import annotations
-
 import math
 import re
 

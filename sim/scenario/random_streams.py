@@ -1,7 +1,5 @@
 """Independent random streams of one mission."""
 
-from __future__ import annotations
-
 import zlib
 
 import numpy as np

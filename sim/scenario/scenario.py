@@ -1,27 +1,25 @@
 """Scenarios: the one tree of settings, read strictly from TOML and validated once."""
 
-from __future__ import annotations
-
 import math
-from itertools import combinations
+from collections.abc import Iterator
+from itertools import combinations, pairwise
 from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta, Struct, field
 
-from sim.scenario.bounds import (
-    Time,
-)
+from sim.scenario.bounds import DAY, Path, Time
 from sim.scenario.environment import Appearance, Area, People, Trees, Wind
-from sim.scenario.fleet import DEFAULT_FLEET, Uav
-from sim.scenario.network import DAY, Network
-from sim.scenario.perception import Sensing, Tracking
-from sim.scenario.workload import check_workload
-from tracking.filter.motion import check_motion_model
-from tracking.fusion.rule import check_fusion_rule
+from sim.scenario.fleet import DEFAULT_FLEET, Network, Uav
+from sim.scenario.perception import DETECTORS, SENSOR_MODES, Sensing, Tracking
+from tracking.filter.motion import MOTION_MODELS
+from tracking.fusion.rule import FUSION_RULES
+from tracking.plugins.registry import Registry
 
 _CLEARANCE = 1.0  # m, between UAVs at the start: rotors reach 0.3 m out
 _HIGHEST = 10_000.0  # m above ground
+MOST_WALKED = 3.6e5  # seconds of all people together, which take about a gigabyte
+_MOST_PATHS = 2e7  # m, of which each is a point to walk to
 
 
 class Rates(Struct, frozen=True, forbid_unknown_fields=True):
@@ -61,8 +59,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     wind: Wind = field(default_factory=Wind)
 
     def __post_init__(self) -> None:
-        check_motion_model(self.tracking.motion, "tracking.motion")
-        check_fusion_rule(self.network.fusion, "network.fusion")
+        for registry, name in self.plugins:
+            registry.check(name)
         if self.dynamics == "kinematic" and not self.wind.calm:
             raise ValueError('wind: moves no UAV of dynamics "kinematic"; allowed with "quadrotor"')
         for i, uav in enumerate(self.uavs):
@@ -104,6 +102,12 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
             )
 
     @property
+    def plugins(self) -> tuple[tuple[Registry, str], ...]:
+        """Registries, and the name or import string that the scenario takes from each."""
+        sensing = ((SENSOR_MODES, self.sensing.mode), (DETECTORS, self.sensing.detector))
+        return (*sensing, (MOTION_MODELS, self.tracking.motion), (FUSION_RULES, self.network.fusion))
+
+    @property
     def scan_times(self) -> list[float]:
         """Times of the scans, the first at zero [s]."""
         return [k / self.rates.sensing for k in range(int(self.duration * self.rates.sensing + 1e-9) + 1)]
@@ -132,3 +136,40 @@ def _check_multiple(key: str, value: float, rate: int, what: str) -> None:
 def resolved(scenario: Scenario) -> str:
     """The scenario as JSON with every default written out."""
     return msgspec.json.encode(scenario).decode()
+
+
+def check_workload(scenario: Scenario) -> None:
+    """ValueError if the product of some settings is too large; it names them."""
+    for settings, amount, things, most in _loads(scenario):
+        if amount > most:
+            raise ValueError(f"{settings} come to {amount:.6g} {things}; at most {most:g} are allowed")
+
+
+def _loads(scenario: Scenario) -> Iterator[tuple[str, float, str, float]]:
+    """Products of settings that no machine could fly beyond a limit: settings, product, unit and limit."""
+    uavs, rates, people = len(scenario.uavs), scenario.rates, scenario.people
+    scans = scenario.duration * rates.sensing
+    yield "duration, rates.physics and uavs", scenario.duration * rates.physics * uavs, "steps of a UAV", 1e9
+    yield "duration, rates.sensing and uavs", scans * uavs, "scans", 2e6
+    yield (
+        "duration, rates.sensing, network.rounds and uavs",
+        scans * scenario.network.rounds * uavs * uavs,
+        "messages",
+        1e9,
+    )
+    if scenario.sensing.renders:
+        pixels = scans * sum(uav.pixels * uav.pixels for uav in scenario.uavs)
+        yield "duration, rates.sensing, uavs and their pixels", pixels, "pixels", 1e12
+    area = scenario.area.width * scenario.area.height
+    yield "area and uavs, each of which keeps a map of it,", area * uavs, "m² of maps", 6e8
+    if not people.trajectories:
+        yield "duration and people.count", scenario.duration * people.count, "seconds of walking", MOST_WALKED
+        told = scans * uavs * people.count
+        yield "duration, rates.sensing, uavs and people.count", told, "looks for a person", 1e7
+        lengths = [_length(path) for path in people.paths]
+        yield "people.paths, each as long as the longest,", len(lengths) * max(lengths, default=0.0), "m", _MOST_PATHS
+
+
+def _length(path: Path) -> float:
+    """Length of a path [m]."""
+    return sum(math.sqrt((x - u) * (x - u) + (y - v) * (y - v)) for (x, y), (u, v) in pairwise(path))

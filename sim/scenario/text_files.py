@@ -1,7 +1,5 @@
 """Reading of text files, which must be plain files of a limited size."""
 
-from __future__ import annotations
-
 import re
 import stat
 import sys

@@ -1,7 +1,5 @@
 """Cameras of UAVs: optics, noise model and pose."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,13 +1,10 @@
 """Culling of bodies that cannot show in an image."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.trigonometry import cos, hypot, sin, tan
 
@@ -18,7 +15,7 @@ _PERSON = (0.5, 1.75)  # m: radius and height of an upright cylinder that holds 
 
 
 @compiled
-def in_frustum(centres: Array, radii: Array, position: Array, rotation: Array, fov: float) -> NDArray[np.bool_]:
+def in_frustum(centres: Array, radii: Array, position: Array, rotation: Array, fov: float) -> Flags:
     """Mask (B,) of spheres at centres (B, 3) m with radii (B,) m that a camera at position (3,) m may see; not at NaN.
 
     rotation (3, 3) from the camera to the world; fov in rad.
@@ -35,7 +32,7 @@ def in_frustum(centres: Array, radii: Array, position: Array, rotation: Array, f
 
 
 @compiled
-def trunks_hidden(trees: Array, position: Array, fov: float) -> NDArray[np.bool_]:
+def trunks_hidden(trees: Array, position: Array, fov: float) -> Flags:
     """Mask (T,) of trees (T, 6), in the order of `Tree`, that hide their own trunk from a camera at position (3,) m."""
     hidden = np.empty(len(trees), dtype=np.bool_)
     for k in range(len(trees)):
@@ -45,7 +42,7 @@ def trunks_hidden(trees: Array, position: Array, fov: float) -> NDArray[np.bool_
 
 
 @compiled
-def people_hidden(people: Array, trees: Array, position: Array, fov: float) -> NDArray[np.bool_]:
+def people_hidden(people: Array, trees: Array, position: Array, fov: float) -> Flags:
     """Mask (M,) of people at (M, 2) m whom one of the trees (T, 6) hides wholly from a camera at position (3,) m."""
     hidden = np.zeros(len(people), dtype=np.bool_)
     for i in range(len(people)):

@@ -1,41 +1,27 @@
 """Check of the detections that a plug-in returns."""
 
-from __future__ import annotations
+import math
 
 import numpy as np
 
 from tracking.detection.detector import Detections
-from tracking.numerics.arrays import Array
-from tracking.numerics.factorisation import eigen
 from tracking.plugins.containment import Unusable, numbers
+from tracking.plugins.results import check_positive_definite, checked_array
 
-# Farther ones mean nothing, and surer ones spoil the arithmetic.
-_FARTHEST, _SUREST = 1e6, 1e-12  # m, m²
+_SHAPES = {"pixels": (2,), "ground": (2,), "covariances": (2, 2)}  # of one detection
+_FARTHEST = 1e6  # m or pixels: farther ones mean nothing
 _MOST = 200  # detections of a plug-in in one frame: trackers take seconds over so many
 
 
 def usable_detections(found: Detections) -> Detections:
     """Detections that trackers can use, as arrays of floats; `Unusable` says what is wrong with them."""
-    pixels, ground = numbers("pixels", found.pixels, 2 * _MOST), numbers("ground", found.ground, 2 * _MOST)
-    R = numbers("covariances", found.covariances, 4 * _MOST)
-    count = len(ground) if ground.ndim else 0
-    for name, array, shape in (("pixels", pixels, (2,)), ("ground", ground, (2,)), ("covariances", R, (2, 2))):
-        if count or array.size:
-            _check_shape(name, array, (count, *shape))
-    if count == 0:
+    arrays = {name: numbers(name, getattr(found, name), _MOST * math.prod(each)) for name, each in _SHAPES.items()}
+    if not any(array.size for array in arrays.values()):
         return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
-    for name, array, unit in (("ground", ground, "m"), ("pixels", pixels, "pixels")):
-        if np.abs(array).max() > _FARTHEST:
+    count = len(arrays["ground"]) if arrays["ground"].ndim else 0
+    usable = {name: checked_array(name, array, (count, *_SHAPES[name])) for name, array in arrays.items()}
+    for name, unit in (("ground", "m"), ("pixels", "pixels")):
+        if np.abs(usable[name]).max(initial=0.0) > _FARTHEST:
             raise Unusable(f"{name} more than {_FARTHEST:g} {unit} away")
-    eigenvalues = eigen(R)[0]
-    symmetric = bool(np.all(np.abs(R - np.swapaxes(R, 1, 2)) <= 1e-8 + 1e-5 * np.abs(R)))
-    if not symmetric or eigenvalues.min() < _SUREST or eigenvalues.max() > _FARTHEST * _FARTHEST:
-        raise Unusable("covariances are not symmetric and positive definite, from 1e-12 to 1e12 m²")
-    return Detections(pixels, ground, R)
-
-
-def _check_shape(name: str, array: Array, shape: tuple[int, ...]) -> None:
-    if array.shape != shape:
-        raise Unusable(f"{name} of shape {array.shape}, not {shape}")
-    if not np.all(np.isfinite(array)):
-        raise Unusable(f"{name} are not finite")
+    check_positive_definite("covariances", usable["covariances"], " m²")
+    return Detections(**usable)

@@ -1,7 +1,5 @@
 """Faults of plug-ins, and breakdowns."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,33 +1,55 @@
-"""From the world to scans: cameras, images, detections and measurement noise."""
-
-from __future__ import annotations
+"""From the world to scans: a sensor mode's detections with measurement noise, misses and false alarms."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.scenario.perception import SENSOR_MODES, Sensing
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import noise_of, view_of
-from sim.sensing.clutter import Clutter
-from sim.sensing.detection_check import usable_detections
-from sim.sensing.detection_truth import matched_people, visible_pixels
-from sim.sensing.detectors import load_detector
 from sim.sensing.fault import Fault
-from sim.sensing.mask_detector import MaskDetector
-from sim.sensing.renderer import Rendered, Renderer
+from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
-from tracking.detection.detector import Detections, Frame
 from tracking.detection.ground_measurement import whole_covariances
-from tracking.geometry.camera import Pose
+from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.factorisation import cholesky
 from tracking.numerics.matrices import applied
 from tracking.numerics.normal import standard_normal
-from tracking.plugins.containment import ForeignError, contained
+from tracking.numerics.poisson import poisson
+from tracking.plugins.results import check_positive_definite, checked_array
 from tracking.tracker import Scan
+
+
+class Clutter:
+    """False alarms, Poisson in number and uniform over the image, and independent misses.
+
+    Each has its own stream, so that neither changes the other or the measurement noise.
+    """
+
+    def __init__(self, sensing: Sensing, rng: np.random.Generator) -> None:
+        self._expected = sensing.false_alarms
+        self._missed = sensing.miss_probability
+        self._alarms, self._misses, self._order = rng.spawn(3)
+
+    def kept(self, count: int) -> Flags:
+        """Mask (count,) of the detections in one frame that are not missed."""
+        return np.asarray(self._misses.random(count) >= self._missed)
+
+    def order(self, detections: int, alarms: int) -> NDArray[np.int64]:
+        """An order (detections + alarms,) of one frame's detections and then alarms that does not tell these apart."""
+        count = detections + alarms
+        return self._order.permutation(count) if alarms else np.arange(count)
+
+    def false_alarms(self, camera: Camera, pose: Pose) -> tuple[Array, Array]:
+        """Pixels (K, 2) and ground points (K, 2) m of one frame's false alarms; none above the horizon."""
+        count = poisson(self._alarms, self._expected)
+        pixels = self._alarms.uniform(0.0, camera.pixels, (count, 2))
+        falls = camera.rays(pose, pixels)[:, 2] * (TARGET_HEIGHT - pose.position[2]) > 0.0
+        return pixels[falls], camera.ground_points(pose, pixels[falls], TARGET_HEIGHT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,64 +57,40 @@ class Observation:
     """Observation of one UAV: its scan, and ground truth that only recordings and metrics may know."""
 
     scan: Scan
-    pixels: Array  # (N, 2) detections in the image
-    image: NDArray[np.uint8] | None  # (P, P, 3) RGB; None in ideal sensing
-    visible: NDArray[np.int64]  # (M,) pixels the renderer shows of each person; in ideal sensing 1 for seen
-    matched: NDArray[np.bool_]  # (M,) people detected
+    pixels: Array  # (N, 2) detections in the image, if there is one
+    image: NDArray[np.uint8] | None  # (P, P, 3) RGB; None without rendering
+    visible: Indices  # (M,) as `SensorOutput.visible`
+    matched: Flags  # (M,) people detected
     taken: bool = True  # False without a frame; the scan is then empty and no negative information
     faults: tuple[Fault, ...] = ()  # of the detector
 
 
 class Sensors:
-    """The cameras of a fleet in one world."""
+    """The sensors of a fleet in one world."""
 
     def __init__(
         self, scenario: Scenario, world: World, forest: Forest, *, rng: np.random.Generator, clock: Stopwatch
     ) -> None:
-        self._scenario = scenario
-        self._forest = forest
-        self._rng = rng
-        self._clock = clock
-        self._renderer = Renderer(world) if scenario.sensing.mode == "camera" else None
+        self._rng, self._clock = rng, clock
         self._clutter = Clutter(scenario.sensing, rng)
-        # Note: [Li22]'s noise is added to what a camera measures without a map.
-        calibrated = scenario.sensing.noise == "camera"
-        self._detector = load_detector(scenario.sensing.detector, Forest(forest.trees) if calibrated else None)
         self.cameras = [view_of(uav, scenario) for uav in scenario.uavs]
         self.noises = [noise_of(uav, scenario) for uav in scenario.uavs]
+        setup = SensorSetup(scenario, world, forest, self.cameras, clock)
+        self._name = scenario.sensing.mode
+        self._mode: SensorMode = SENSOR_MODES.make(self._name, setup)
 
     def look(self, uav: int, time: float, pose: Pose, people: Array) -> Observation:
         """Observation of one camera at `pose`; people (M, 2) m, NaN where absent, are those in the world now."""
-        if self._renderer is None:
-            return self._ideal(uav, time, pose, people)
-        with self._clock.measure("rendering"):
-            rendered = self._renderer.take(uav, time, self.cameras[uav], pose)
+        output = self._sensed(uav, time, pose, people)
         with self._clock.measure("detection"):
-            frame = Frame(uav, time, self.cameras[uav], pose, rendered.image)
-            found, faults = self._detected(frame, rendered)
-            if self._scenario.sensing.noise == "range_bearing":
-                scan = self._sampled(uav, time, pose, found.ground)
+            if output.covariances is None:
+                scan = self._sampled(uav, time, pose, output.ground)
             else:
-                scan = Scan(uav, time, pose, found.ground, found.covariances)
-            kept = self._clutter.kept(len(found.ground))
-            scan, pixels = self._cluttered(scan, found.pixels, kept, frame)
-        visible = visible_pixels(rendered.people, len(people))
-        matched = matched_people(found.pixels[kept], rendered.people, len(people))
-        return Observation(scan, pixels, rendered.image, visible, matched, faults=faults)
-
-    def _detected(self, frame: Frame, rendered: Rendered) -> tuple[Detections, tuple[Fault, ...]]:
-        """Detections, and faults of the detector; after a fault there are no detections."""
-        if isinstance(self._detector, MaskDetector):
-            return self._detector.detect(frame, rendered.people), ()
-        try:
-            with contained():
-                # A copy, so that a plug-in cannot change scans, recordings and videos.
-                pose = Pose(frame.pose.position.copy(), frame.pose.quaternion.copy())
-                given = replace(frame, camera=replace(frame.camera), pose=pose, image=frame.image.copy())
-                return usable_detections(self._detector.detect(given)), ()
-        except ForeignError as error:
-            nothing = Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
-            return nothing, (Fault(frame.time, frame.uav, f"detector: {error}", error.trace),)
+                scan = Scan(uav, time, pose, output.ground, output.covariances)
+            kept = self._clutter.kept(len(output.ground))
+            scan, pixels = self._cluttered(scan, output, kept)
+        image = output.frame.image if output.frame else None
+        return Observation(scan, pixels, image, output.visible, output.matched(kept), faults=output.faults)
 
     @staticmethod
     def rest(uav: int, time: float, pose: Pose, people: Array) -> Observation:
@@ -101,34 +99,34 @@ class Sensors:
         unseen = np.zeros(len(people), dtype=np.int64)
         return Observation(nothing, np.zeros((0, 2)), None, unseen, unseen > 0, taken=False)
 
-    def _ideal(self, uav: int, time: float, pose: Pose, people: Array) -> Observation:
-        """The paper's Assumption 1: exactly the people in view and not hidden, with the sampled noise."""
-        with self._clock.measure("detection"):
-            points = np.column_stack([people, np.full(len(people), TARGET_HEIGHT)])
-            present = ~np.isnan(people[:, 0])
-            points[~present] = 0.0
-            seen = present & self.cameras[uav].sees(pose, points) & self._forest.visible(pose.position, points)[0]
-            scan = self._sampled(uav, time, pose, people[seen])
-            kept = self._clutter.kept(len(scan.measurements))
-            scan, _ = self._cluttered(scan, np.zeros((len(kept), 2)), kept, None)
-        matched = seen.copy()
-        matched[seen] = kept
-        return Observation(scan, np.zeros((0, 2)), None, seen.astype(np.int64), matched)
+    def _sensed(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
+        """Output of the mode; InputError where one from outside fails, or gives what trackers cannot use."""
+        if self._name in SENSOR_MODES.built_in:
+            return self._mode.sense(uav, time, pose, people)
+        with SENSOR_MODES.errors(self._name, "sense"):
+            output = self._mode.sense(uav, time, pose, people.copy())
+            ground = checked_array("ground", output.ground, (len(output.ground), 2))
+            R = None
+            if output.covariances is not None:
+                R = checked_array("covariances", output.covariances, (len(ground), 2, 2))
+                check_positive_definite("covariances", R, " m²")
+            return replace(output, ground=ground, covariances=R)
 
-    def _cluttered(self, scan: Scan, pixels: Array, kept: NDArray[np.bool_], frame: Frame | None) -> tuple[Scan, Array]:
+    def _cluttered(self, scan: Scan, output: SensorOutput, kept: Flags) -> tuple[Scan, Array]:
         """The scan without missed detections and with false alarms, and its pixels (N, 2), in the same order.
 
         A false alarm has the covariance of a wholly visible person in the frame, or that of the noise model.
         """
         places, ground = self._clutter.false_alarms(self.cameras[scan.uav], scan.pose)
-        if frame is None or self._scenario.sensing.noise == "range_bearing":
+        if output.frame is None or output.covariances is None:
             alarms = self._covariances(scan.uav, scan.pose, ground)
         else:
-            alarms = whole_covariances(frame, ground)
+            alarms = whole_covariances(output.frame, ground)
         order = self._clutter.order(int(kept.sum()), len(ground))
         z = np.vstack([scan.measurements[kept], ground])[order]
         R = np.concatenate([scan.covariances[kept], alarms])[order]
-        return replace(scan, measurements=z, covariances=R), np.vstack([pixels[kept], places])[order]
+        pixels = np.zeros((0, 2)) if output.pixels is None else np.vstack([output.pixels[kept], places])[order]
+        return replace(scan, measurements=z, covariances=R), pixels
 
     def _sampled(self, uav: int, time: float, pose: Pose, ground: Array) -> Scan:
         """Ground points (N, 2) m with a sample of the UAV's noise model added, and its covariances.

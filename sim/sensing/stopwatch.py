@@ -1,7 +1,5 @@
 """Seconds spent per stage of a mission."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager

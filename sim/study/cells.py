@@ -1,7 +1,5 @@
 """Cells of a study: its scenarios by the levels of its factors by its planners."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from itertools import product

@@ -1,7 +1,5 @@
 """Flies trials on any executor, keeps each result as it comes, and gives what fails a second chance."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -89,10 +87,7 @@ def rows_of(tasks: Sequence[Task], backend: Backend, heard: Callable[[Row], obje
 
 
 def fly_all(
-    tasks: Sequence[Task],
-    backend: Backend,
-    keep: Callable[[Task, Flown], None],
-    options: Options = Options(),
+    tasks: Sequence[Task], backend: Backend, keep: Callable[[Task, Flown], None], options: Options = Options()
 ) -> None:
     """Fly tasks; `keep` hears of each that is complete, or has failed for the second time."""
     waiting = deque(_Flight(task, 1) for task in tasks)

@@ -1,7 +1,5 @@
 """Result of one trial of a study."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np
@@ -29,8 +27,3 @@ class Row(Struct, frozen=True, kw_only=True, eq=False):
     recording: str = ""  # SHA-256 of its file, wherever it was flown; empty if it failed
     machine: str = ""  # that flew it: processor and BLAS
     settings: dict[str, str]  # overrides: `understory run SCENARIO --set key=value ... --planner ... --seed ...`
-
-
-def is_timing(metric: str) -> bool:
-    """True if a metric depends on the machine and its load, and so differs from flight to flight of one trial."""
-    return metric.startswith("seconds.") or metric in ("wall_s", "real_time_factor", "planning_s_per_decision")

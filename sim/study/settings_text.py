@@ -1,7 +1,5 @@
 """Settings as text: what `--set` and `--planner` take."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The results of a study in one SQLite file: a row per trial, there once the trial is complete."""
 
-from __future__ import annotations
-
 import errno
 import math
 import sqlite3
@@ -37,12 +35,29 @@ _TABLES = (
 # Which version 1 lacks, and how they read there.
 _LATER = {"repeat": "INTEGER NOT NULL DEFAULT 0", "recording": "TEXT NOT NULL DEFAULT ''"}
 _LATER["machine"] = _LATER["recording"]
-_COLUMNS = (
-    "scenario, factors, settings, planner, seed, repeat, recording, machine, version, status, error, metrics, ospa,"
-    " scans_per_s"
-)
 
 
+class _Kept(msgspec.Struct, frozen=True):
+    """A trial as its row of the table has it."""
+
+    scenario: str
+    factors: str
+    settings: str
+    planner: str
+    seed: int | str | float  # as SQLite takes text that is a number of more than 64 bits
+    repeat: int
+    recording: str
+    machine: str
+    version: str
+    status: Literal["done", "failed"]
+    error: str
+    metrics: str
+    ospa: bytes
+    scans_per_s: float
+
+
+_COLUMNS = ", ".join(_Kept.__struct_fields__)
+_SAME = ("planner", "repeat", "recording", "machine", "version", "status", "error")  # of a row and in a store
 _DAMAGED = (sqlite3.Error, UnicodeDecodeError)  # of a file of other bytes, or a locked one
 
 
@@ -63,7 +78,7 @@ class Store:
 
     @staticmethod
     @contextmanager
-    def opened(folder: Path, study: str) -> Iterator[Store]:
+    def opened(folder: Path, study: str) -> Iterator["Store"]:
         """The store in a folder, made if it is not there; InputError where it is another study's, newer, or none."""
         path = folder / NAME
         try:
@@ -84,7 +99,7 @@ class Store:
         wanted = {task.key: task for task in tasks}
         rows = self._selected(f"SELECT key, {_COLUMNS} FROM trials WHERE status = 'done'")
         found = {key: _row(self.path, self.study, values) for key, *values in rows if key in wanted}
-        return {key: _placed(row, wanted[key]) for key, row in found.items()}
+        return {key: msgspec.structs.replace(row, **wanted[key].shared) for key, row in found.items()}
 
     def label(self, tasks: Sequence[Task]) -> None:
         """Give stored trials their place in the present study, which may call factors and levels otherwise."""
@@ -98,16 +113,10 @@ class Store:
 
     def add(self, task: Task, row: Row) -> None:
         """Keep a complete trial, in place of an earlier try; StoreError if that fails."""
-        place = ", ".join("?" * 15)
-        metrics = msgspec.json.encode(row.metrics).decode()
-        flown = (_integer(row.seed), row.repeat, row.recording, row.machine)
-        values = (row.planner, *flown, row.version, row.status, row.error, metrics)
-        rate = task.setting.rates.sensing
-        blob = row.ospa.astype("<f4").tobytes()
+        values = (task.key, *msgspec.structs.astuple(_kept(task, row)))
         with self._writing():
             self._connection.execute(
-                f"INSERT OR REPLACE INTO trials (key, {_COLUMNS}) VALUES ({place})",
-                (task.key, *_place(task), *values, blob, rate),
+                f"INSERT OR REPLACE INTO trials (key, {_COLUMNS}) VALUES ({', '.join('?' * len(values))})", values
             )
 
     def versions(self) -> dict[str, int]:
@@ -231,34 +240,27 @@ def _unusable(path: Path, error: Exception) -> Exception:
 
 
 def _place(task: Task) -> tuple[str, str, str]:
-    encoded = (msgspec.json.encode(value).decode() for value in (task.factors, task.settings))
-    return task.scenario, *encoded  # type: ignore[return-value]
+    """Scenario, factors and settings as a store has them."""
+    return task.scenario, _json(task.factors), _json(task.settings)
 
 
-def _placed(row: Row, task: Task) -> Row:
-    place = {name: getattr(task, name) for name in ("study", "scenario", "factors", "settings")}
-    return msgspec.structs.replace(
-        row, **place, planner=task.planner, seed=task.seed, repeat=task.repeat, version=task.version
+def _json(value: object) -> str:
+    return msgspec.json.encode(value).decode()
+
+
+def _kept(task: Task, row: Row) -> _Kept:
+    """A trial as a store has it."""
+    scenario, factors, settings = _place(task)
+    return _Kept(
+        scenario=scenario,
+        factors=factors,
+        settings=settings,
+        seed=row.seed if row.seed < 2**63 else str(row.seed),  # SQLite's integers have 64 bits
+        metrics=_json(row.metrics),
+        ospa=row.ospa.astype("<f4").tobytes(),
+        scans_per_s=task.setting.rates.sensing,
+        **{name: getattr(row, name) for name in _SAME},
     )
-
-
-class _Kept(msgspec.Struct, frozen=True):
-    """A trial as its row of the table has it."""
-
-    scenario: str
-    factors: str
-    settings: str
-    planner: str
-    seed: int | str | float  # as SQLite takes text that is a number of more than 64 bits
-    repeat: int
-    recording: str
-    machine: str
-    version: str
-    status: Literal["done", "failed"]
-    error: str
-    metrics: str
-    ospa: bytes
-    scans_per_s: float
 
 
 def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
@@ -273,23 +275,12 @@ def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
             study=study,
             scenario=kept.scenario,
             factors=msgspec.json.decode(kept.factors, type=tuple[tuple[str, str], ...]),
-            planner=kept.planner,
             seed=int(kept.seed),
-            repeat=kept.repeat,
-            recording=kept.recording,
-            machine=kept.machine,
-            version=kept.version,
-            status=kept.status,
-            error=kept.error,
             metrics={name: math.nan if value is None else value for name, value in numbers.items()},
             ospa=distances,
             times=np.arange(len(distances)) / kept.scans_per_s,
             settings=msgspec.json.decode(kept.settings, type=dict[str, str]),
+            **{name: getattr(kept, name) for name in _SAME},
         )
     except (ValueError, OverflowError, RecursionError) as error:  # msgspec's own are ValueErrors
         raise InputError(f"{path}: is a damaged store: a trial in it: {line(error)}; name another folder") from error
-
-
-def _integer(seed: int) -> int | str:
-    """A seed as SQLite has it: text beyond 64 bits."""
-    return seed if seed < 2**63 else str(seed)

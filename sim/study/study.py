@@ -1,7 +1,5 @@
 """Studies: scenarios by overrides by planners by seeds, from TOML or flags."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -64,7 +62,8 @@ def read(name: str) -> Study:
         raise InputError(f"{name}: {where or 'study'}: {text[0].lower()}{text[1:]}") from error
     if name in STUDIES:
         return study
-    return msgspec.structs.replace(study, scenarios=tuple(_anchored(s, path.parent) for s in study.scenarios))
+    anchored = (str(path.parent / s) if s.endswith(".toml") else s for s in study.scenarios)
+    return msgspec.structs.replace(study, scenarios=tuple(anchored))
 
 
 def adapted(
@@ -104,8 +103,3 @@ def check_keys(data: Mapping[str, Any], known: Sequence[str], where: str) -> Non
 def _overlap(one: str, other: str) -> bool:
     """True if one key is the other, or holds it."""
     return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")
-
-
-def _anchored(scenario: str, folder: Path) -> str:
-    """A scenario file's path relative to the study file's folder."""
-    return str(folder / scenario) if scenario.endswith(".toml") else scenario

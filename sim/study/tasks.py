@@ -1,13 +1,12 @@
 """Trials of a study as values that any process can be sent, each with the key under which its result is kept."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import inspect
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from msgspec import Struct
@@ -18,11 +17,9 @@ from sim.scenario.loading import load
 from sim.scenario.quantities import integers
 from sim.scenario.scenario import Scenario, resolved
 from sim.scenario.text_files import content
-from sim.sensing.detectors import DETECTORS, check_detector
-from sim.study.cells import Cell, cells
+from sim.study.cells import cells
 from sim.study.study import Study
 from sim.world.trajectories import MOST_BYTES
-from tracking.plugins.importing import imported
 
 _MOST_TRIALS = 1_000_000
 _OURS = ("planning", "sim", "tracking")
@@ -43,6 +40,12 @@ class Task(Struct, frozen=True, kw_only=True):
     settings: dict[str, str] = {}
     metrics: tuple[str, ...] = ()  # from outside, by import string
 
+    @property
+    def shared(self) -> dict[str, Any]:
+        """The fields that a row has from its task."""
+        names = ("study", "scenario", "factors", "settings", "planner", "seed", "repeat", "version")
+        return {name: getattr(self, name) for name in names}
+
 
 def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
     """All trials of a study, seed by seed and repeat by repeat, so that an interrupted one has pairs.
@@ -54,7 +57,10 @@ def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
     if (count := len(listed) * len(seeds) * study.repeats) > _MOST_TRIALS:
         text = f"{len(listed)} cells by {len(seeds)} seeds by {study.repeats} repeats are {count} trials"
         raise InputError(f"study: {study.name}: {text}; at most {_MOST_TRIALS} are allowed")
-    found, number = [(cell, *_prepared(cell)) for cell in listed], release()
+    found, number = [], release()
+    for cell in listed:
+        setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
+        found.append((cell, setting, _digest_of(setting, cell.spec)))
     made = [
         Task(
             key=_key(digest, seed, repeat),
@@ -92,14 +98,8 @@ def release() -> str:
     return f"{version('understory')}+{digest.hexdigest()[:8]}"
 
 
-def _prepared(cell: Cell) -> tuple[Scenario, str]:
-    """The resolved scenario of a cell, and a digest of all that decides its trials but seed and repeat."""
-    setting = load(cell.scenario, [f"{key}={value}" for key, value in cell.settings.items()])
-    check_detector(setting.sensing.detector)
-    return setting, _digest_of(setting, cell.spec)
-
-
 def _digest_of(setting: Scenario, planner: str) -> str:
+    """A digest of all that decides a trial but seed and repeat."""
     parts = [resolved(setting), planner, release(), *_contents(setting, planner)]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
@@ -107,8 +107,7 @@ def _digest_of(setting: Scenario, planner: str) -> str:
 def _contents(setting: Scenario, planner: str) -> list[str]:
     """Digests of files that a trial depends on and that change without a new version: paths of people, plug-ins."""
     kinds: list[type] = [type(load_planner(planner))]
-    if setting.sensing.detector not in DETECTORS:
-        kinds.append(imported(setting.sensing.detector))
+    kinds += [registry.find(name) for registry, name in setting.plugins if name not in registry.built_in]
     files = [inspect.getsourcefile(kind) for kind in kinds if kind.__module__.partition(".")[0] not in _OURS]
     people = setting.people.trajectories
     return [_digest(Path(file)) for file in [*files, people] if file]

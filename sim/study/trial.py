@@ -1,7 +1,5 @@
 """One trial, from values that can be pickled to a row."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 import time
@@ -16,8 +14,8 @@ from msgspec import Struct
 
 from sim.evaluation.machine import machine_line
 from sim.evaluation.metric import Outcome, evaluated
-from sim.mission.mission import Trial
 from sim.mission.snapshot import Snapshot
+from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
 from sim.recording.archive import digest, save
 from sim.recording.recording import Recording
@@ -100,17 +98,7 @@ def _metrics(outcome: Outcome, asked: Sequence[str]) -> dict[str, float]:
 
 
 def _row(task: Task, **results: Any) -> Row:  # noqa: ANN401 - the row's fields say
-    return Row(
-        study=task.study,
-        scenario=task.scenario,
-        factors=task.factors,
-        planner=task.planner,
-        seed=task.seed,
-        repeat=task.repeat,
-        version=task.version,
-        settings=task.settings,
-        **{"metrics": {}, **results},
-    )
+    return Row(**task.shared, **{"metrics": {}, **results})
 
 
 def _content(recording: Recording) -> bytes:

@@ -12,7 +12,6 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from planning.errors import PlannerError
 from sim.processes.isolation import IsolationError
 from sim.scenario.errors import InputError
 from sim.terminal.console import fail
@@ -73,7 +72,7 @@ def concluded(app: Callable[..., Any]) -> None:
     try:
         if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes other than zero
             fail("interrupted; nothing is kept", code=1)
-    except (InputError, PlannerError, IsolationError) as error:
+    except (InputError, IsolationError) as error:
         fail(str(error), code=1 if isinstance(error, IsolationError) else 2)
     except (KeyboardInterrupt, typer.Abort):
         fail("interrupted; nothing is kept", code=1)

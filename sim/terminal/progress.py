@@ -10,7 +10,7 @@ from statistics import fmean
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
-from sim.mission.progress import ScanProgress
+from sim.mission.trial import ScanProgress
 from sim.scenario.scenario import Scenario
 from sim.terminal.console import console
 

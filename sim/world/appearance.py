@@ -1,7 +1,5 @@
 """Random appearance of a mission: light, ground, leaves, clothes and camera, within the scenario's strengths."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -82,6 +80,7 @@ def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int,
     ambient = AMBIENT + strength["ambient"] * scene.uniform(-1, 1)
     tint = 1 + strength["ground_tint"] * scene.uniform(-1, 1, 3)
     place = strength["ground_moved"] * scene.uniform(-1, 1, 3) * [math.pi, _TILE / 2, _TILE / 2]
+    turn, east, north = place.tolist()
     light = _towards(zenith, azimuth) if strength["light_deg"] else LIGHT
     hue = strength["clothing_hue_deg"] * clothing.uniform(-1, 1, people)
     shade = 1 - strength["clothing_shade"] * clothing.random(people)
@@ -93,7 +92,7 @@ def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int,
         light=light,
         ambient=ambient,
         ground_tint=tint * _on_the_ground(light, ambient) / _on_the_ground(LIGHT, AMBIENT),
-        ground_place=_placed(*place.tolist()),
+        ground_place=np.array([[cos(turn), -sin(turn), east], [sin(turn), cos(turn), north]]),
         clothes=shade[:, None] * np.column_stack([np.ones(people), *[1 + hue / PERSON_HUE] * 2]),
         canopies=(1 + season) * (1 + each),
         gains=power_each(1 + strength["exposure"], cameras.uniform(-1, 1, len(scenario.uavs))),
@@ -119,9 +118,3 @@ def _towards(zenith: float, azimuth: float) -> tuple[float, float, float]:
 def _on_the_ground(light: tuple[float, float, float], ambient: float) -> float:
     """Brightness of a level surface."""
     return ambient + DIFFUSE * light[2] / float(length(np.array(light)))
-
-
-def _placed(turn: float, east: float, north: float) -> Array:
-    """Map (2, 3) that turns by an angle [rad], then shifts [m]."""
-    c, s = cos(turn), sin(turn)
-    return np.array([[c, -s, east], [s, c, north]])

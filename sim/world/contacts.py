@@ -1,7 +1,5 @@
 """Contacts of UAVs with other bodies."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 KINDS = ("uav", "canopy", "trunk", "person", "ground")

@@ -3,13 +3,12 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from sim.scenario.environment import Area, Trees
 from sim.scenario.errors import InputError
 from tracking.geometry.visibility import Forest, Tree
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.distances import length
 from tracking.numerics.poisson import poisson
 
@@ -72,7 +71,7 @@ def _place(count: int, trees: Trees, area: Area, rng: np.random.Generator, keep_
     return centres[:n]
 
 
-def _apart(points: Array, others: Array, distance: float) -> NDArray[np.bool_]:
+def _apart(points: Array, others: Array, distance: float) -> Flags:
     """Mask (n,) of points (n, 2) that keep a distance [m] from all others (m, 2)."""
     if len(others) == 0:
         return np.ones(len(points), dtype=np.bool_)

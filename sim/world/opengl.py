@@ -5,8 +5,6 @@ to standard output. With two clients open, one shows the other's bodies. Images 
 Bodies of one mesh share its transparency, so they cannot be hidden one by one, and the first one's scale.
 """
 
-from __future__ import annotations
-
 import functools
 import importlib.util
 import subprocess

@@ -1,7 +1,5 @@
 """Trajectories of people: positions at any time, and recorded ones from a CSV file."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Iterator
@@ -15,8 +13,8 @@ from scipy.interpolate import PchipInterpolator
 
 from sim.scenario.environment import Area
 from sim.scenario.errors import InputError
+from sim.scenario.scenario import MOST_WALKED
 from sim.scenario.text_files import text
-from sim.scenario.workload import MOST_WALKED
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.universal import arctan2_each

@@ -1,7 +1,5 @@
 """Walking people: Levy step lengths, waypoints, and ways round trunks and one another."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

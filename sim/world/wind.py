@@ -1,7 +1,5 @@
 """Wind: a mean velocity and seeded gusts, the same for the whole fleet."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

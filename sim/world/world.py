@@ -1,12 +1,9 @@
 """The physical world: one PyBullet client with ground, trees, people and quadrotors."""
 
-from __future__ import annotations
-
 import colorsys
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Literal
 
 import numpy as np
@@ -59,7 +56,7 @@ class World:
         repeat: int = 0,
     ) -> None:
         """`client` is the engine's client to build in, such as one with a window; without it a new one."""
-        self.opengl = client is None and scenario.sensing.mode == "camera" and scenario.sensing.renderer == "egl"
+        self.opengl = client is None and scenario.sensing.renders and scenario.sensing.renderer == "egl"
         self.style = sample_appearance(scenario, seed, trees=len(forest.trees), people=people, repeat=repeat)
         self._scenario = scenario
         self.trees = forest.trees
@@ -144,12 +141,10 @@ class World:
         if pybullet.isConnected(physicsClientId=self.client):
             (opengl.disconnect if self.opengl else pybullet.disconnect)(self.client)
 
-    def __enter__(self) -> World:
+    def __enter__(self) -> "World":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def _thrust(self, uav: int, target: Array, wind: Array | None) -> None:
@@ -189,10 +184,7 @@ class World:
 
     def _put(self, body: Body, position: tuple[float, float, float], yaw: float) -> None:
         pybullet.resetBasePositionAndOrientation(
-            body.id,
-            position,
-            (0.0, 0.0, sin(yaw / 2), cos(yaw / 2)),
-            physicsClientId=self.client,
+            body.id, position, (0.0, 0.0, sin(yaw / 2), cos(yaw / 2)), physicsClientId=self.client
         )
 
     def _mesh(self, name: str, scale: tuple[float, float, float]) -> int:

@@ -17,8 +17,8 @@ from sim.analysis.answers import answers
 from sim.analysis.cells import grouped
 from sim.analysis.distributions import ecdf
 from sim.analysis.metric_choice import available, chosen
+from sim.study.backends import Pool
 from sim.study.engine import complete
-from sim.study.pool import Pool
 from sim.study.store import Store, frame
 from sim.study.study import Study
 from sim.study.tasks import tasks

@@ -12,9 +12,8 @@ from typer.main import get_command
 import understory
 from planning.registry import PLANNERS
 from sim.__main__ import app
-from sim.scenario.fleet import Uav
+from sim.scenario.fleet import Cut, Uav
 from sim.scenario.loading import decode, load
-from sim.scenario.network import Cut
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import tomllib
 

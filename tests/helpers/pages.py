@@ -10,7 +10,7 @@ from pathlib import Path
 
 from helpers.commands import called
 from sim.running import isolated_run
-from sim.study import pool
+from sim.study import backends
 from sim.study.backends import Borrowed
 from sim.terminal import console
 
@@ -49,7 +49,7 @@ class Shell:
         self.folder, self._monkeypatch, self._capsys = folder, monkeypatch, capsys
         monkeypatch.chdir(folder)
         monkeypatch.setattr(sys, "path", [str(folder), *sys.path])
-        monkeypatch.setattr(pool, "Pool", Here)
+        monkeypatch.setattr(backends, "Pool", Here)
         monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))
         monkeypatch.setattr(console.console, "width", 200)
 

@@ -52,7 +52,8 @@ _FLY = """
 import hashlib, json, sys
 from planning.registry import DEFAULT_PLANNER
 from sim.scenario.loading import load
-from sim.mission.mission import Mission, Trial
+from sim.mission.mission import Mission
+from sim.mission.trial import Trial
 from sim.study.tasks import task_of
 from sim.study.trial import fly
 for seed, overrides in json.loads(sys.argv[1]):

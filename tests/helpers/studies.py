@@ -6,7 +6,6 @@ from concurrent.futures import Future
 import msgspec
 import numpy as np
 
-from sim.study.row import is_timing
 from sim.study.study import Study
 from sim.study.tasks import tasks
 from sim.study.trial import Flown, failed, fly
@@ -69,3 +68,8 @@ class Serial:
 
     def drop(self, future):
         self.dropped.append(future)
+
+
+def is_timing(metric):
+    """True if a metric depends on the machine and its load, and so differs from flight to flight of one trial."""
+    return metric.startswith("seconds.") or metric in ("wall_s", "real_time_factor", "planning_s_per_decision")

@@ -9,13 +9,11 @@ from helpers.nominal import knowing, nominal
 
 from planning.composition import Composition
 from planning.coordination.decision import expected_plans
-from planning.coordination.joint import Centralised, Decentralised
-from planning.coordination.parallel import Parallel
-from planning.coordination.sequential import Sequential
+from planning.coordination.schemes import Centralised, Decentralised, Parallel, Sequential
 from planning.objective.nbo import objective, team_cost
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
-from planning.optimizers.initial_plans import pursuits, turns
+from planning.optimizers.optimizer import pursuits, turns
 from planning.planner import Plan
 from planning.prediction.intent import BASE_RANGE, base_control, policy_of_intent
 from planning.prediction.propagation import MonteCarlo, nominal_positions

@@ -8,7 +8,7 @@ from helpers.nominal import knowing
 
 from planning.composition import Composition
 from planning.coordination.decision import expected_plans
-from planning.coordination.joint import Centralised
+from planning.coordination.schemes import Centralised
 from planning.loading import load_planner
 from planning.objective.nbo import team_cost
 from planning.optimizers.grid_search import GridSearch

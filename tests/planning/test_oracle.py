@@ -12,7 +12,8 @@ from planning.oracle import _UNKNOWN, Oracle, _TruePaths, true_tracks
 from planning.registry import PLANNERS
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.summary import results_table
-from sim.mission.mission import Mission, Trial
+from sim.mission.mission import Mission
+from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.report.terminal import show
 from sim.running import run as flights

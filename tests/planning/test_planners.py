@@ -7,7 +7,7 @@ import pytest
 
 from planning.baselines import Lawnmower
 from planning.composition import Composition
-from planning.coordination.sequential import Sequential
+from planning.coordination.schemes import Sequential
 from planning.errors import PlannerError
 from planning.loading import load_planner
 from planning.optimizers.cross_entropy import CrossEntropy

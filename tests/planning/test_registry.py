@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 from helpers.commands import called
 
-from planning.catalogue import catalogue
 from planning.loading import load_planner
-from planning.registry import PLANNERS, PlannerSpec, installed_planners
+from planning.registry import PLANNERS, PlannerSpec, catalogue, installed_planners
 from sim.running import isolated_run
 from sim.terminal import console
 from tracking.plugins.importing import imported

@@ -40,6 +40,17 @@ def test_a_plug_in_named_like_another_module_is_refused_in_one_line(folder, name
     assert f"'{name}' is a module of {owner}, which hides that of the current folder; rename yours" in line
 
 
+@pytest.mark.parametrize("name", ["sim.py", "tracking.py", "planning/__init__.py"])
+def test_the_python_interface_names_the_file_that_hides_a_package(tmp_path, name):
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text("")
+    done = python("-c", "import understory", cwd=tmp_path, **INSTALLED)
+    *_, line = done.stderr.strip().splitlines()
+    package = name.partition("/")[0]
+    hidden = package.removesuffix(".py")
+    assert line == f"ImportError: understory: {tmp_path / package} hides Understory's package {hidden!r}; rename it"
+
+
 def test_a_plug_in_that_imports_a_hidden_module_is_refused_in_one_line(folder):
     (folder / "mine.py").write_text("from assets import speed\n")
     done = python(*COMMANDS[1], "run", "--planner", "mine:Mine", cwd=folder, **INSTALLED)

@@ -10,7 +10,7 @@ import pytest
 from helpers.scenes import scan, tracker
 from scipy.stats import chi2
 
-from sim.mission.mission import Trial
+from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.replay.export import export
 from sim.running.run import run

@@ -1,14 +1,15 @@
-"""A motion model and a fusion rule from outside the packages are one file each."""
+"""A motion model, a fusion rule and a sensor mode from outside the packages are one file each."""
 
 import json
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from planning.registry import DEFAULT_PLANNER
-from sim.mission.mission import Trial
+from sim.mission.trial import Trial
 from sim.recording.archive import digest, load
 from sim.running.run import run
 from sim.scenario.errors import InputError
@@ -19,7 +20,7 @@ from tracking.filter.motion import motion_model
 from tracking.fusion.rule import fusion_rule
 
 PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "plugins.md").read_text(encoding="utf-8")
-(MODELS,) = re.findall(r"^```py\n(.*?)^```$", PAGE, flags=re.M | re.S)  # of the page
+MODELS, MODES = re.findall(r"^```py\n(.*?)^```$", PAGE, flags=re.M | re.S)  # of the page
 SHORT = ("duration=1", "sensing.mode=ideal")
 
 
@@ -28,10 +29,14 @@ def flown(*overrides):
     return fly(task_of(load_scenario("forest", [*SHORT, *overrides]), "hover", 0)).row.recording
 
 
-@pytest.mark.parametrize("override", ["tracking.motion=mymodels:Standing", "network.fusion=mymodels:EqualWeights"])
+@pytest.mark.parametrize(
+    "override",
+    ["tracking.motion=mymodels:Standing", "network.fusion=mymodels:EqualWeights", "sensing.mode=mymode:Radar"],
+)
 def test_one_file_from_outside_changes_the_tracks(tmp_path, monkeypatch, override):
     assert override in PAGE
     (tmp_path / "mymodels.py").write_text(MODELS)
+    (tmp_path / "mymode.py").write_text(MODES)
     monkeypatch.syspath_prepend(str(tmp_path))
     summary = run(Trial(load_scenario("forest", [*SHORT, override]), "hover", 0), tmp_path / "theirs", video=False)
     assert override.partition("=")[2] in json.dumps(summary["scenario"]) and summary["faults"] == []
@@ -47,6 +52,7 @@ def test_built_in_names_give_built_in_classes():
     ("override", "complaint"),
     [
         ("network.fusion=klaa", "network.fusion: 'klaa' is unknown; allowed are kla, hcmci; did you mean kla?"),
+        ("sensing.mode=idle", "sensing.mode: 'idle' is unknown; allowed are camera, ideal; did you mean ideal?"),
         ("tracking.motion=imm", "tracking.motion: 'imm' is unknown; allowed are ncv, bounded"),
     ],
 )
@@ -103,3 +109,52 @@ def test_the_average_of_a_lone_uav_is_its_own_belief():
     for name in ("kla", "hcmci"):
         averaged, summed, _ = fusion_rule(name).contribution(local)
         assert averaged[0, :4].tolist() == (mean[0] / 4).tolist() and not summed.any()
+
+
+NONSENSE = """
+import numpy as np
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.fusion.kla import KullbackLeiblerAverage
+
+
+class Model(NearlyConstantVelocity):
+    def __init__(self, dt, sigma_a, max_speed):
+        super().__init__(dt, sigma_a)
+
+    def predict_all(self, means, covariances):
+        means, covariances = super().predict_all(means, covariances)
+        {model}
+        return means, covariances
+
+
+class Rule(KullbackLeiblerAverage):
+    def contribution(self, local):
+        given = super().contribution(local)
+        {rule}
+        return given
+"""
+PREDICTS, CONTRIBUTES = "tracking.motion=nonsense:Model", "network.fusion=nonsense:Rule"
+
+
+@pytest.mark.parametrize(
+    ("override", "line", "complaint"),
+    [
+        (PREDICTS, "means[:] = np.nan", "cannot predict: means are not finite"),
+        (PREDICTS, "means = means[:-1]", "cannot predict: means of shape (3, 4), not (4, 4)"),
+        (PREDICTS, "covariances *= -1.0", "cannot predict: covariances are not symmetric and positive definite"),
+        (PREDICTS, "raise KeyError('table')", "cannot predict: KeyError: 'table' ("),
+        (CONTRIBUTES, "given.averaged[0] = np.inf", "cannot contribute: averaged are not finite"),
+        (CONTRIBUTES, "given = given._replace(weights=np.ones((4, 1)))", "cannot contribute: weights of shape (4, 1)"),
+        (CONTRIBUTES, "given.averaged[:, 4:] *= -1.0", "are not symmetric and positive definite"),
+        (CONTRIBUTES, "return None", "cannot contribute: "),
+    ],
+)
+def test_nonsense_in_flight_ends_the_run_in_one_line(tmp_path, monkeypatch, override, line, complaint):
+    code = NONSENSE.format(model=line if override == PREDICTS else "", rule=line if override == CONTRIBUTES else "")
+    (tmp_path / "nonsense.py").write_text(code)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "nonsense", raising=False)
+    with pytest.raises(InputError, match=re.escape(complaint)) as error:
+        run(Trial(load_scenario("forest", [*SHORT, override]), "hover", 0), tmp_path / "out", video=False)
+    assert str(error.value).startswith(override.replace("=", ": '") + "'") and "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()

@@ -1,15 +1,130 @@
-"""The default detector: people found by their colour, located with the map of trees."""
+"""The default detector: blobs of a colour, one for each person, located with the map of trees."""
 
-from __future__ import annotations
-
+import heapq
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
-from tracking.detection.blobs import blobs_of
+import numpy as np
+
+from tracking.detection.components import components as components_of
 from tracking.detection.detector import Detections, Frame
 from tracking.detection.ground_measurement import detections_of, split_covariances
 from tracking.detection.partial_visibility import locate
-from tracking.geometry.visibility import Forest
+from tracking.detection.person_size import sizes_at
+from tracking.geometry.lens import Lens, ground_point, image_point
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.compiled import compiled
+from tracking.numerics.distances import length
+from tracking.numerics.factorisation import eigen
+from tracking.numerics.matrices import applied, product
+
+# A component of more than this many mean silhouettes is more than one person.
+_CROWD = 1.5
+
+
+# Where the horizon is in view, rays that meet no ground give NaN: no person has such a size or such pixels.
+@np.errstate(divide="ignore", invalid="ignore")
+def blobs_of(frame: Frame) -> tuple[list[Array], Indices]:
+    """Pixels (K, 2) of each person in a frame, and the component that each is from (N,).
+
+    Fragments that one person can span are joined. A component too large for one person is split.
+    """
+    lens = frame.camera.lens(frame.pose)
+    blobs = components_of(frame.image)
+    whole, _ = _joined(frame, blobs, range(len(blobs)))
+    parts = [
+        (part, k)
+        for k, blob in enumerate(whole)
+        for part in ([blob] if _one_person(lens, blob) else _split(lens, blob))
+    ]
+    if len(parts) > len(whole):  # a foot that does not fit two people together may fit one of them
+        parts = list(zip(*_joined(frame, [blob for blob, _ in parts], [k for _, k in parts]), strict=True))
+    found = [(blob, k) for blob, k in parts if _meets_ground(lens, blob)]
+    return [blob for blob, _ in found], np.array([k for _, k in found], dtype=np.int64)
+
+
+@compiled
+def _one_person(lens: Lens, blob: Array) -> bool:
+    """Test if one person in the middle of a blob can span all its pixels (K, 2)."""
+    axes, extents, areas = sizes_at(lens, np.array([[_middle(blob[:, 0]), _middle(blob[:, 1])]]))
+    if not len(blob) <= _CROWD * areas[0] + 1.0:
+        return False
+    for k in range(2):
+        along = axes[0, 0, k] * blob[:, 0] + axes[0, 1, k] * blob[:, 1]
+        if not along.max() - along.min() <= extents[0, k]:
+            return False
+    return True
+
+
+@compiled
+def _middle(values: Array) -> float:
+    return float((values.min() + values.max()) / 2)
+
+
+def _joined(frame: Frame, blobs: list[Array], origins: Sequence[int]) -> tuple[list[Array], list[int]]:
+    """Join the nearest two blobs that one person can span until there are none; the larger one gives the origin."""
+    if len(blobs) < 2:
+        return blobs, list(origins)
+    blobs, origins, lens = list(blobs), list(origins), frame.camera.lens(frame.pose)
+    centres = np.array([blob.mean(axis=0) for blob in blobs])
+    reach = length(sizes_at(lens, centres)[1])
+    joins = [0] * len(blobs)  # of each blob so far; pairs found before the last join are out of date
+    pairs = [(distance, i, j, 0, 0) for k in range(len(blobs)) for distance, i, j in _near(centres, reach, k, k)]
+    heapq.heapify(pairs)
+    while pairs:
+        _, i, j, *then = heapq.heappop(pairs)
+        if then != [joins[i], joins[j]]:
+            continue
+        both = np.vstack([blobs[i], blobs[j]])
+        if not _one_person(lens, both):
+            continue
+        origins[i] = origins[max(i, j, key=lambda k: len(blobs[k]))]
+        blobs[i], centres[i], centres[j] = both, both.mean(axis=0), math.nan
+        reach[i] = length(sizes_at(lens, centres[i : i + 1])[1])[0]
+        joins[i], joins[j] = joins[i] + 1, -1
+        for distance, low, high in _near(centres, reach, i, len(blobs)):
+            heapq.heappush(pairs, (distance, low, high, joins[low], joins[high]))
+    left = [k for k in range(len(blobs)) if joins[k] >= 0]
+    return [blobs[k] for k in left], [origins[k] for k in left]
+
+
+@compiled
+def _near(centres: Array, reach: Array, k: int, stop: int) -> list[tuple[float, int, int]]:
+    """Pairs of blob k and one before `stop`, in reach of the later of both: distance, earlier and later index."""
+    pairs = []
+    for n in range(stop):
+        right, down = centres[n, 0] - centres[k, 0], centres[n, 1] - centres[k, 1]
+        distance = math.sqrt(right * right + down * down)
+        if n != k and distance < reach[max(n, k)]:
+            pairs.append((distance, min(n, k), max(n, k)))
+    return pairs
+
+
+def _split(lens: Lens, blob: Array) -> list[Array]:
+    """Parts of a blob, as many as its area has people's; k-means from evenly spread starts."""
+    middle = (blob.min(axis=0) + blob.max(axis=0))[None] / 2
+    area = float(sizes_at(lens, middle).areas[0])
+    if len(blob) == 1 or math.isnan(area):
+        return [blob]
+    people = min(max(2, round(len(blob) / area)), len(blob))
+    offset = blob - blob.mean(axis=0)
+    principal = eigen(product(offset.T, offset))[1][:, -1]
+    order = np.argsort(applied(principal[None], offset)[:, 0], kind="stable")
+    means = np.array([blob[part].mean(axis=0) for part in np.array_split(order, people)])
+    for _ in range(10):
+        nearest = np.argmin(length(blob[:, None] - means), axis=1)
+        parts = [blob[nearest == i] for i in range(len(means)) if np.any(nearest == i)]
+        means = np.array([part.mean(axis=0) for part in parts])
+    return parts
+
+
+@compiled
+def _meets_ground(lens: Lens, blob: Array) -> bool:
+    """Test if the ray through a blob's centroid meets the plane at people's mid-height in front of the camera."""
+    x, y = ground_point(lens, (blob[:, 0].mean(), blob[:, 1].mean()), TARGET_HEIGHT)
+    return image_point(lens, (x, y, TARGET_HEIGHT))[2] > 0.0
 
 
 class BlobDetector:

@@ -1,7 +1,5 @@
 """The plane at people's mid-height around a place, in coordinates of one camera's line of sight."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Connected components of a person's colour in an image."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

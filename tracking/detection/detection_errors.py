@@ -1,7 +1,5 @@
 """Covariance of a detection: error model of people seen whole, and of blobs that were split."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

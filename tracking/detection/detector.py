@@ -1,7 +1,5 @@
 """The interface of detectors: a camera's frame in, detections of people on the ground out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Protocol
 

@@ -1,6 +1,4 @@
-"""Ground measurements of people who show as blobs, and their covariances."""
-
-from __future__ import annotations
+"""Ground measurements of people from their blobs, and the covariances."""
 
 import math
 from typing import Any
@@ -11,7 +9,7 @@ from numpy.typing import NDArray
 
 from tracking.detection.detection_errors import SPLIT, WHOLE, covariances_along, pixel_footprints, sight_axes
 from tracking.detection.detector import Detections, Frame
-from tracking.detection.person_size import sizes
+from tracking.detection.person_size import sizes_at
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import length
@@ -70,7 +68,7 @@ def split_covariances(frame: Frame, pixels: Array, components: Indices | None) -
 @np.errstate(divide="ignore", invalid="ignore")
 def split_gaps(frame: Frame, pixels: Array, components: Indices) -> Array:
     """Distances (N,), in extents of a person, to the nearest detection of the same component; else infinite."""
-    size = sizes(frame, pixels)
+    size = sizes_at(frame.camera.lens(frame.pose), pixels)
     offsets = product(pixels[None] - pixels[:, None], size.axes) / size.extents[:, None]
     siblings = (components[:, None] == components) & ~np.eye(len(components), dtype=np.bool_)
     gaps = np.where(siblings, length(offsets), np.inf).min(axis=1)

@@ -1,7 +1,5 @@
 """Location of people hidden in part by trees or the image's edge: Bayes' rule over a grid of places."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,21 +1,17 @@
 """Size of a person in the image, by place."""
 
-from __future__ import annotations
-
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from tracking.detection.detector import Frame
 from tracking.geometry.lens import Lens, ground_point, image_point
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 
 
-@dataclass(frozen=True, eq=False)
-class Size:
+class Sizes(NamedTuple):
     """Size of one person in the image at each of N places."""
 
     axes: Array  # (N, 2, 2) unit vectors in columns: from foot to head, across
@@ -23,17 +19,12 @@ class Size:
     areas: Array  # (N,) the mean, pixels
 
 
-def sizes(frame: Frame, pixels: Array) -> Size:
+@compiled
+def sizes_at(lens: Lens, pixels: Array) -> Sizes:
     """Sizes of people whose mid-height is seen at pixels (N, 2).
 
     Fitted to renderings of a walking person at all headings, from nadir to 40 degrees off.
     """
-    return Size(*sizes_at(frame.camera.lens(frame.pose), pixels))
-
-
-@compiled
-def sizes_at(lens: Lens, pixels: Array) -> tuple[Array, Array, Array]:
-    """Axes (N, 2, 2), extents (N, 2) and areas (N,) at pixels (N, 2)."""
     axes, extents, areas = np.empty((len(pixels), 2, 2)), np.empty((len(pixels), 2)), np.empty(len(pixels))
     for k in range(len(pixels)):
         x, y = ground_point(lens, (pixels[k, 0], pixels[k, 1]), TARGET_HEIGHT)
@@ -48,4 +39,4 @@ def sizes_at(lens: Lens, pixels: Array) -> tuple[Array, Array, Array]:
         off = ((pixels[k, 1] - lens.pixels / 2) * cos - (pixels[k, 0] - lens.pixels / 2) * sin) / lens.focal
         extents[k, 1] *= math.sqrt(1.0 + off * off)
         areas[k] = scale * (0.2 * scale + 0.22 * height)
-    return axes, extents, areas
+    return Sizes(axes, extents, areas)

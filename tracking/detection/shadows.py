@@ -3,8 +3,6 @@
 A vertical cylinder hides the hull of two discs, the shadows of its ends.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A walking person's mean silhouette on the plane at people's mid-height, and its part outside shadows."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Motion model of nearly constant velocity with a bound on speed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Information form of Gaussian beliefs."""
 
-from __future__ import annotations
-
 from tracking.numerics.arrays import Array
 from tracking.numerics.factorisation import inverse
 from tracking.numerics.matrices import applied

@@ -1,7 +1,5 @@
 """Gaussian beliefs, the nearly constant velocity model, and the prediction and update of the Kalman filter."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from functools import cached_property

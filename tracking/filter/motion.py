@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from tracking.plugins.containment import ForeignError, contained
-from tracking.plugins.importing import imported
-from tracking.plugins.spelling import did_you_mean
+from tracking.plugins.registry import InputError, Registry
 
 if TYPE_CHECKING:  # checking a name needs no arithmetic
     from tracking.filter.kalman import Gaussian
     from tracking.numerics.arrays import Array
 
 # Each is called with dt [s], sigma_a [m/s²] and max_speed [m/s], the scenario's keys, whether or not it needs them all.
-MOTION_MODELS = {
-    "ncv": "tracking.filter.kalman:nearly_constant_velocity",
-    "bounded": "tracking.filter.bounded_speed:BoundedSpeed",
-}
+MOTION_MODELS = Registry(
+    "tracking.motion",
+    {
+        "ncv": "tracking.filter.kalman:nearly_constant_velocity",
+        "bounded": "tracking.filter.bounded_speed:BoundedSpeed",
+    },
+    ("predict(belief)", "predict_all(means, covariances)"),
+)
 
 
 class MotionModel(Protocol):
@@ -26,38 +29,50 @@ class MotionModel(Protocol):
     @property
     def dt(self) -> float:
         """Duration of a step [s]."""
-        ...
 
     def predict(self, belief: Gaussian) -> Gaussian:
         """Predict a belief one step ahead."""
-        ...
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
-        ...
-
-
-def check_motion_model(name: str, field: str = "motion") -> None:
-    """ValueError unless a model is built in or may be an import string, "package.module:Class"."""
-    if name not in MOTION_MODELS and ":" not in name:
-        raise ValueError(f"{field}: {name!r} is unknown; {did_you_mean(name, MOTION_MODELS)} (or package.module:Class)")
 
 
 def motion_model(name: str, dt: float, sigma_a: float, max_speed: float) -> MotionModel:
-    """The model of that name or import string; ValueError says what is wrong."""
-    check_motion_model(name)
-    try:
-        make = imported(MOTION_MODELS.get(name, name))
-        with contained():
-            model = make(dt, sigma_a, max_speed)
-            missing = [n for n in ("predict", "predict_all") if not callable(getattr(model, n, None))]
-            step = float(getattr(model, "dt", math.nan))
-    except ImportError as error:
-        raise ValueError(f"tracking.motion: {name!r} cannot be imported: {error}") from error
-    except ForeignError as error:
-        raise ValueError(f"tracking.motion: {name!r} cannot be made: {error.explained}") from error
-    if missing:
-        raise ValueError(f"tracking.motion: {name!r} has no method {missing[0]}")
+    """The model of that name or import string; InputError says what is wrong, also with what one from outside gives."""
+    model: MotionModel = MOTION_MODELS.make(name, dt, sigma_a, max_speed)
+    with MOTION_MODELS.errors(name, "be made"):
+        step = float(getattr(model, "dt", math.nan))
     if step != dt:
-        raise ValueError(f"tracking.motion: {name!r} must have the attribute dt = {dt:g}, has {step:g}")
-    return model  # type: ignore[no-any-return]
+        raise InputError(f"tracking.motion: {name!r} must have the attribute dt = {dt:g}, has {step:g}")
+    return model if name in MOTION_MODELS.built_in else _Checked(name, model, dt)
+
+
+@dataclass(frozen=True)
+class _Checked:
+    """A motion model from outside; InputError where a prediction fails or is no belief."""
+
+    name: str
+    model: MotionModel
+    dt: float
+
+    def predict(self, belief: Gaussian) -> Gaussian:
+        """As `MotionModel.predict`."""
+        with MOTION_MODELS.errors(self.name, "predict"):
+            given = self.model.predict(belief)
+            means, covariances = _beliefs([given.mean], [given.covariance], 1)
+        return type(belief)(means[0], covariances[0])
+
+    def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
+        """As `MotionModel.predict_all`."""
+        with MOTION_MODELS.errors(self.name, "predict"):
+            moved, spread = self.model.predict_all(means, covariances)
+            return _beliefs(moved, spread, len(means))
+
+
+def _beliefs(means: object, covariances: object, count: int) -> tuple[Array, Array]:
+    """Means (count, 4) and covariances (count, 4, 4) that a filter can use; `Unusable` says why others are not."""
+    from tracking.plugins.results import check_positive_definite, checked_array
+
+    found = checked_array("means", means, (count, 4)), checked_array("covariances", covariances, (count, 4, 4))
+    check_positive_definite("covariances", found[1])
+    return found

@@ -1,7 +1,5 @@
 """Negative information: the update of a belief by a scan that did not detect its person."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -47,7 +47,8 @@ class Message:
     def size(self) -> int:
         """Bytes of the message, eight for each number, with symmetric matrices as upper triangles.
 
-        Per track 25 numbers; 14 more for novel information, and 2 for each UAV with a share in it.
+        Four numbers, 25 per track and 2 per deleted track; 14 more for novel information, and 2 for each UAV with a
+        share in it.
         """
         per_track = 2 + (self.shares.shape[1] - _REDUNDANT) + (3 + 2) + 3  # ids, shares, history, sighting
         sources = self.novel[:, INFORMATION:] != 0.0

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from tracking.plugins.containment import ForeignError, contained
-from tracking.plugins.importing import imported
-from tracking.plugins.spelling import did_you_mean
+from tracking.plugins.registry import Registry
 
 if TYPE_CHECKING:  # checking a name needs no arithmetic
     from tracking.numerics.arrays import Array, Indices
 
-FUSION_RULES = {
-    "kla": "tracking.fusion.kla:KullbackLeiblerAverage",
-    "hcmci": "tracking.fusion.hcmci:HybridConsensus",
-}
+FUSION_RULES = Registry(
+    "network.fusion",
+    {"kla": "tracking.fusion.kla:KullbackLeiblerAverage", "hcmci": "tracking.fusion.hcmci:HybridConsensus"},
+    ("contribution(local)",),
+)
 
 
 class LocalBeliefs(NamedTuple):
@@ -46,24 +46,40 @@ class FusionRule(Protocol):
         ...
 
 
-def check_fusion_rule(name: str, field: str = "fusion") -> None:
-    """ValueError unless a rule is built in or may be an import string, "package.module:Class"."""
-    if name not in FUSION_RULES and ":" not in name:
-        raise ValueError(f"{field}: {name!r} is unknown; {did_you_mean(name, FUSION_RULES)} (or package.module:Class)")
-
-
 def fusion_rule(name: str) -> FusionRule:
-    """The rule of that name or import string; ValueError says what is wrong."""
-    check_fusion_rule(name)
-    try:
-        make = imported(FUSION_RULES.get(name, name))
-        with contained():
-            rule = make()
-            usable = callable(getattr(rule, "contribution", None))
-    except ImportError as error:
-        raise ValueError(f"network.fusion: {name!r} cannot be imported: {error}") from error
-    except ForeignError as error:
-        raise ValueError(f"network.fusion: {name!r} cannot be made: {error.explained}") from error
-    if not usable:
-        raise ValueError(f"network.fusion: {name!r} has no method contribution(local)")
-    return rule  # type: ignore[no-any-return]
+    """The rule of that name or import string; InputError says what is wrong, also with what one from outside gives."""
+    rule: FusionRule = FUSION_RULES.make(name)
+    return rule if name in FUSION_RULES.built_in else _Checked(name, rule)
+
+
+@dataclass(frozen=True)
+class _Checked:
+    """A fusion rule from outside; InputError where it fails, or where its part of consensus is no information."""
+
+    name: str
+    rule: FusionRule
+
+    def contribution(self, local: LocalBeliefs) -> Contribution:
+        """As `FusionRule.contribution`."""
+        with FUSION_RULES.errors(self.name, "contribute"):
+            return _usable(self.rule.contribution(local), len(local.means))
+
+
+def _usable(given: Contribution, count: int) -> Contribution:
+    """A contribution of so many tracks with arrays of floats; `Unusable` says why another is none."""
+    import numpy as np
+
+    from tracking.plugins.containment import Unusable
+    from tracking.plugins.results import check_positive_definite, checked_array
+
+    averaged, summed, weights = given
+    found = Contribution(
+        checked_array("averaged", averaged, (count, 20)),
+        checked_array("summed", summed, (count, *np.shape(summed)[-1:])),
+        checked_array("weights", weights, (count,)),
+    )
+    if not found.summed.size:  # else the sum may hold what the average lacks
+        check_positive_definite("matrices of averaged", found.averaged[:, 4:].reshape(-1, 4, 4))
+    if count and found.weights.min() < 0.0:
+        raise Unusable("weights are negative")
+    return found

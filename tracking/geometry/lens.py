@@ -1,7 +1,5 @@
 """A camera at a pose, as compiled code takes it: projection of single points."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Visibility of people among trees: the map of trees, lines of sight, and probabilities of detection."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,8 +9,7 @@ import numpy as np
 
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.lens import Lens, in_image
-from tracking.geometry.line_of_sight import blocked, unobstructed
-from tracking.geometry.tree_grid import Grid, gridded
+from tracking.geometry.line_of_sight import Grid, blocked, gridded, unobstructed
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.factorisation import cholesky

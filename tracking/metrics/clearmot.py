@@ -1,7 +1,5 @@
 """CLEAR MOT: correspondence of tracks and people from scan to scan, identity switches and fragmentations."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tracking.numerics.arrays import Array, Flags, Indices

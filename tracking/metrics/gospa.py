@@ -1,7 +1,5 @@
 """GOSPA distance between sets of estimated and true positions, with parts for missed and false ones."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Consistency of beliefs: normalised estimation error squared (NEES)."""
 
-from __future__ import annotations
-
 from scipy.stats import chi2
 
 from tracking.numerics.arrays import Array

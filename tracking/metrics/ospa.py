@@ -1,7 +1,5 @@
 """OSPA distance between sets of estimated and true positions, and OSPA(2) between sets of trajectories."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Assignment of rows to columns at the least cost."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 

@@ -3,8 +3,6 @@
 The method is that of `tracking.numerics.matrices`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tracking.numerics.arrays import Array

@@ -7,8 +7,6 @@ Each is within two units in the last place of the true value unless its docstrin
 (tests/tracking/numerics/test_elementary.py).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ BLAS and LAPACK choose their code by processor, and results differ in the last b
 that is written down. For matrices up to about 6 x 6, as Kalman filters have them; larger ones are right, but slow.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tracking.numerics.arrays import Array

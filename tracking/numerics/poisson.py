@@ -1,7 +1,5 @@
 """Poisson random numbers with the same bits on every processor."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stacks of vectors and matrices: leading axes that broadcast, joined into one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Elementary functions of arrays that broadcast, as universal functions of NumPy's."""
 
-from __future__ import annotations
-
 from tracking.numerics.compiled import elementwise
 from tracking.numerics.exponential import exp, power
 from tracking.numerics.trigonometry import arctan2, cos, sin

@@ -1,7 +1,5 @@
 """Findings of checks that a plug-in keeps its contract."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Import of plug-in classes by import string."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 import sys

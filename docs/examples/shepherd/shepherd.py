@@ -11,7 +11,7 @@ import numpy as np
 from planning.composition import Composition
 from planning.objective.nbo import costs
 from planning.optimizers.cross_entropy import CrossEntropy
-from planning.optimizers.initial_plans import pursuits
+from planning.optimizers.optimizer import pursuits
 from planning.planner import Plan, Situation
 from planning.prediction.field_of_view import aim_point
 from planning.prediction.propagation import nominal_positions

@@ -95,7 +95,7 @@ class Observer:
         )
 
     def _renders(self, k: int, uav: int) -> bool:
-        return self.scenario.sensing.mode == "camera" and self.scenario.has_frame(uav, k)
+        return self.scenario.sensing.renders and self.scenario.has_frame(uav, k)
 
     def _whole(self, k: int, uav: int, sighting: Sighting) -> int | None:
         """Pixels of the person in the same frame of the same world without its trees."""

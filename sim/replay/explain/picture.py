@@ -35,7 +35,7 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
     """The page (H, W, 3) RGB: the map, the frames of up to three UAVs that had the person nearest, and the words."""
     tiles = [("map", _map(observer, facts))]
     tiles += [(_heading(w), _frame(observer, facts, w)) for w in _nearest(facts)]
-    words = _words(groups, camera=observer.scenario.sensing.mode == "camera")
+    words = _words(groups, camera=observer.scenario.sensing.renders)
     columns = min(len(tiles), 2)
     rows = -(-len(tiles) // columns)
     height = max(rows * (_TILE + _HEAD + _GAP) + _GAP, words.shape[0] + 2 * _GAP)

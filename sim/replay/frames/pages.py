@@ -32,7 +32,7 @@ def draw(recording: Recording, again: Rerenderer, k: int, uav: int, *, size: int
     side = view.shape[0] + 2 * BORDER
     mount = {"gimbal": "camera on a gimbal", "body": "camera fixed to the body"}[again.scenario.uavs[uav].mount]
     notes = [titled(recording), f"scan {k} of {len(recording.times) - 1}, {mount}"]
-    if again.scenario.sensing.mode == "ideal":
+    if not again.scenario.sensing.renders:
         notes.append("ideal sensing: this image was not used")
     elif not again.scenario.has_frame(uav, k):
         notes.append("the camera took no image at this scan")

@@ -53,7 +53,7 @@ def draw_panel(sight: Sight, notes: list[str], *, height: int) -> Image:
         (heading, [line for text in texts for line in wrapped(text, WIDTH - 28, _TEXT)])
         for heading, texts in _sections(sight, notes)
     ]
-    marks = marks_of(sight.scenario.sensing.mode == "camera")
+    marks = marks_of(sight.scenario.sensing.renders)
     lines = sum(len(texts) for _, texts in sections)
     needed = 44 + lines * _LINE + len(sections) * (_LINE + _GAP) + len(marks) * MARK
     image = np.full((max(height, needed), WIDTH, 3), PANEL, dtype=np.uint8)
@@ -75,7 +75,7 @@ def draw_panel(sight: Sight, notes: list[str], *, height: int) -> Image:
 def _sections(sight: Sight, notes: list[str]) -> list[Section]:
     distance, localisation, cardinality = sight.snapshot.ospa[sight.uav]
     error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
-    ideal = sight.scenario.sensing.mode == "ideal"
+    ideal = not sight.scenario.sensing.renders
     tracks = [
         f"track {track.id}: ± {radius[0]:.2f} × {radius[1]:.2f} m"
         for track in sight.snapshot.tracks[sight.uav]

@@ -51,7 +51,7 @@ class Rerenderer:
         A UAV takes none when it has broken down, between those of a slow camera, and in ideal sensing.
         """
         taken: list[Image | None] = [None] * len(self.scenario.uavs)
-        if self.scenario.sensing.mode == "camera":
+        if self.scenario.sensing.renders:
             for i in uavs:
                 if self._recording.working[k, i] and self.scenario.has_frame(i, k):
                     taken[i] = self.image(k, i)

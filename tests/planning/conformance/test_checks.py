@@ -8,8 +8,7 @@ import pytest
 
 from planning.composition import Composition
 from planning.conformance.checks import CHECKS, check
-from planning.coordination.joint import Centralised
-from planning.coordination.sequential import Sequential
+from planning.coordination.schemes import Centralised, Sequential
 from planning.errors import PlannerError
 from planning.planner import Plan
 from planning.registry import PLANNERS

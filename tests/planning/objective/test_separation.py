@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planning.loading import load_planner
-from planning.objective.separation import Separation, _closest
+from planning.objective.terms import Separation, _closest
 from planning.prediction.intent import camera_paths
 
 

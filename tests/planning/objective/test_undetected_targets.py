@@ -9,8 +9,7 @@ from helpers.flights import fly
 
 from planning.coordination.decision import expected_plans
 from planning.loading import load_planner
-from planning.objective.separation import Separation
-from planning.objective.undetected_targets import Search
+from planning.objective.terms import Search, Separation
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.undetected import Intensity

@@ -12,8 +12,7 @@ from planning.loading import load_planner
 from planning.objective.nbo import costs
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
-from planning.optimizers.initial_plans import pursuits
-from planning.optimizers.optimizer import speed_limited
+from planning.optimizers.optimizer import pursuits, speed_limited
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.prediction.propagation import nominal_positions
 

@@ -10,8 +10,7 @@ from scipy.stats import chi2
 from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole
 from sim.calibration.nees import Bin, nees, nees_bins, pair_bins, tilt_bins
 from sim.calibration.scenes import people_in_forests, tilted
-from tracking.detection.blob_detector import located_detections
-from tracking.detection.blobs import blobs_of
+from tracking.detection.blob_detector import blobs_of, located_detections
 from tracking.detection.detection_errors import SPLIT, WHOLE, pixel_footprints, sight_axes
 from tracking.detection.detector import Frame
 from tracking.detection.ground_measurement import detections_of, split_covariances, whole_covariances

@@ -8,7 +8,7 @@ import pytest
 from helpers.commands import called
 
 from sim.conformance.detector import check
-from sim.sensing.detectors import DETECTORS
+from sim.scenario.perception import DETECTORS
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Detections
 

@@ -15,7 +15,7 @@ from helpers.hostile import DETECTED, DETECTOR, FLOWN, HEAD, PLANNER, REFUSED, U
 from helpers.processes import ROOT, python, started_with
 
 from sim.mission.plan_check import checked_plans
-from sim.sensing.sensors import Sensors
+from sim.sensing.rendered_mode import RenderedMode
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
 
@@ -119,7 +119,7 @@ def test_a_detector_that_does_wrong_finds_nothing(claim):
     names = {}
     exec(compile(HEAD + code, "hostile.py", "exec"), names)
     frame = Frame(0, 0.0, CAMERA, Pose.level(0.0, 0.0, 20.0), np.zeros((64, 64, 3), np.uint8))
-    sensors = SimpleNamespace(_detector=names["Mine"]())
-    found, faults = Sensors._detected(sensors, frame, None)
+    mode = SimpleNamespace(_detector=names["Mine"]())
+    found, faults = RenderedMode._detected(mode, frame, None)
     assert bool(faults) == bool(words) and all(words in fault.message for fault in faults)
     assert len(found.ground) == (0 if words else 1) and CAMERA.fov == 1.0 and frame.pose.position[2] == 20.0

@@ -170,7 +170,7 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize(("arguments", "words"), WRONG.values(), ids=WRONG)
 def test_wrong_input_is_one_line_exit_code_2_and_leaves_nothing(refused, folder, monkeypatch, arguments, words):
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("sim.study.cluster._CONNECT", 0.5)
+    monkeypatch.setattr("sim.study.backends._CONNECT", 0.5)
     before = {path: path.read_bytes() for path in folder.rglob("*.*")}
     told = refused(*arguments)
     for word in words:

@@ -15,7 +15,7 @@ from planning.registry import PLANNERS
 from sim.drawing.film import Film
 from sim.drawing.map_view import MapView
 from sim.drawing.palette import ALARM, FAINT, uav_colour
-from sim.mission.mission import Trial
+from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.replay.frames.pages import check_working
 from sim.replay.frames.rerender import scenario_of

@@ -8,8 +8,9 @@ from helpers.flights import IDEAL, fly, fly_ideal
 
 from planning.loading import load_planner
 from planning.planner import Plan
-from sim.mission.mission import Mission, Trial
+from sim.mission.mission import Mission
 from sim.mission.plan_check import checked_plans
+from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.running.run import run
 from sim.scenario.loading import load

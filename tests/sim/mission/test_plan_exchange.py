@@ -10,19 +10,16 @@ from helpers.summaries import shown
 
 from planning.composition import Composition
 from planning.coordination.decision import expected_plans
-from planning.coordination.joint import Decentralised
-from planning.coordination.parallel import Parallel
-from planning.coordination.sequential import Sequential
+from planning.coordination.schemes import Decentralised, Parallel, Sequential
 from planning.loading import load_planner
 from planning.planner import Exchange, Plan
 from planning.prediction.intent import policy_of_intent
-from sim.mission.mission import Trial
 from sim.mission.plan_check import checked_plans
-from sim.mission.plan_exchange import PlanExchange
-from sim.mission.radio import Links
+from sim.mission.plan_exchange import Links, PlanExchange
+from sim.mission.trial import Trial
 from sim.running.run import run
+from sim.scenario.fleet import Network
 from sim.scenario.loading import load
-from sim.scenario.network import Network
 from sim.scenario.random_streams import stream
 
 FIVE_STEPS = 8 * (5 + 2 * 5)  # bytes: sender, time, x, y, z, and five controls

@@ -12,11 +12,11 @@ from helpers.summaries import hand_made, shown, summary
 from scipy.sparse.csgraph import connected_components
 
 from sim.evaluation.fleet_facts import disagreement
-from sim.mission.radio import lost_messages, open_links
+from sim.mission.plan_exchange import lost_messages, open_links
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
+from sim.scenario.fleet import Cut, Network
 from sim.scenario.loading import load
-from sim.scenario.network import Cut, Network
 from sim.study.tasks import task_of
 from sim.study.trial import fly as fly_trial
 from tracking.filter.kalman import Gaussian

@@ -10,7 +10,8 @@ from helpers.flights import recorded
 from helpers.studies import invented, plain, short
 from helpers.trials import row
 
-from sim.mission.mission import Mission, Trial, forest_and_people
+from sim.mission.mission import Mission, forest_and_people
+from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.replay.events import links_of

@@ -9,7 +9,7 @@ from helpers.reproducibility import ROOT, SHORT, VARIANTS, hashes
 
 from planning.registry import DEFAULT_PLANNER
 from sim.evaluation.machine import machine, machine_line
-from sim.mission.mission import Trial
+from sim.mission.trial import Trial
 from sim.recording.archive import digest, load
 from sim.running.run import run
 from sim.scenario.loading import load as load_scenario

@@ -12,7 +12,7 @@ from planning.objective.nbo import team_cost
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, add_information, predicted_belief
 from planning.prediction.quadrangle import inside, shortest_move
-from sim.mission.mission import Trial
+from sim.mission.trial import Trial
 from sim.replay.export import export
 from sim.replay.frames.pages import write_frames
 from sim.replay.frames.rerender import find

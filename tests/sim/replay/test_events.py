@@ -16,7 +16,7 @@ from sim.replay.event import KINDS
 from sim.replay.events import events_of, links_of
 from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
-from sim.scenario.network import Cut, Network
+from sim.scenario.fleet import Cut, Network
 from sim.world.contacts import Contact
 from tracking.filter.kalman import Gaussian
 from tracking.tracker import Track

@@ -17,7 +17,7 @@ from helpers.recordings import record
 
 from sim.drawing.film import Film, Video
 from sim.drawing.layout import Box, view_of
-from sim.mission.mission import Trial
+from sim.mission.trial import Trial
 from sim.recording.archive import load, save
 from sim.recording.atomic_files import unused
 from sim.replay import redrawn_film as module

@@ -11,7 +11,7 @@ from helpers.films import frames_of
 from helpers.processes import python
 
 from planning.registry import DEFAULT_PLANNER
-from sim.mission.mission import Trial
+from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.recording.atomic_files import new_folder
 from sim.running import run as module

@@ -15,9 +15,8 @@ from sim.scenario.environment import People
 from sim.scenario.errors import InputError
 from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.quantities import integer, integers, seconds
-from sim.scenario.scenario import Scenario
+from sim.scenario.scenario import Scenario, check_workload
 from sim.scenario.text_files import MOST_BYTES, content, text, toml, toml_file, tomllib
-from sim.scenario.workload import check_workload
 from sim.world.trajectories import read
 
 

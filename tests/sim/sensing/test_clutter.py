@@ -12,7 +12,7 @@ from sim.scenario.environment import People, Trees
 from sim.scenario.fleet import Uav
 from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
-from sim.sensing.clutter import Clutter
+from sim.sensing.sensors import Clutter
 from tracking.detection.detector import Frame
 from tracking.detection.ground_measurement import whole_covariances
 from tracking.detection.noise import NoiseModel

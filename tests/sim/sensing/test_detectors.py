@@ -10,12 +10,10 @@ from sim.mission.mission import Mission
 from sim.scenario.environment import People, Trees
 from sim.scenario.errors import InputError
 from sim.scenario.fleet import Uav
-from sim.scenario.perception import Sensing
+from sim.scenario.perception import DETECTORS, Sensing
 from sim.scenario.scenario import Scenario
 from sim.sensing.detection_check import usable_detections
-from sim.sensing.detection_truth import matched_people
-from sim.sensing.detectors import DETECTORS, load_detector
-from sim.sensing.mask_detector import MaskDetector
+from sim.sensing.detection_truth import MaskDetector, matched_people
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
@@ -79,7 +77,7 @@ def fly(setting, seed=0):
     return mission, [(snapshot, mission.frames[0]) for snapshot in mission.fly()]
 
 
-@pytest.mark.parametrize("name", DETECTORS)
+@pytest.mark.parametrize("name", [*DETECTORS])
 def test_every_detector_has_a_name_that_flies(name):
     mission, flown = fly(scenario(name, noise="camera"))
     assert len(flown) == 5 and mission.faults == []
@@ -87,9 +85,9 @@ def test_every_detector_has_a_name_that_flies(name):
 
 def test_what_is_no_detector_is_refused_before_the_mission():
     with pytest.raises(InputError, match="cannot be made"):
-        load_detector(f"{__name__}:Unmakeable", None)
+        DETECTORS.make(f"{__name__}:Unmakeable")
     with pytest.raises(InputError, match=r"has no method detect\(frame\)"):
-        load_detector("builtins:dict", None)
+        DETECTORS.make("builtins:dict")
     with pytest.raises(InputError, match="did you mean segmentation"):
         Mission(scenario("segmentatoin"), load_planner("hover"), 0)
 

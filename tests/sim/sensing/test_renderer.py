@@ -10,7 +10,8 @@ import pytest
 from helpers.poses import tilted
 from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
-from sim.mission.mission import Mission, Trial
+from sim.mission.mission import Mission
+from sim.mission.trial import Trial
 from sim.scenario.fleet import DEFAULT_FLEET
 from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import FAR, NEAR, Renderer, capture

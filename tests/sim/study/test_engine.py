@@ -11,12 +11,12 @@ import pytest
 from helpers.processes import ended
 from helpers.studies import Serial, plain, short
 
-from sim.mission.mission import Mission, Trial
+from sim.mission.mission import Mission
+from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
-from sim.study import engine, pool
-from sim.study.backends import Borrowed
+from sim.study import backends, engine
+from sim.study.backends import Borrowed, Pool
 from sim.study.engine import Options, complete, rows_of
-from sim.study.pool import Pool
 from sim.study.store import Store, StoreError, read_rows
 from sim.study.trial import fly
 
@@ -63,7 +63,7 @@ def run(tmp_path, tasks, backend, *given, **named):
 
 def test_a_planner_that_interrupts_a_process_of_the_pool_is_a_failed_row(ailing):
     (task,) = short([ailing("Interrupts", once=False)], "0")
-    row = pool._fly(task, keep=False, timeout=None).row
+    row = backends._fly(task, keep=False, timeout=None).row
     assert (row.status, row.error) == ("failed", "KeyboardInterrupt: raised by a plug-in")
     with pytest.raises(KeyboardInterrupt):  # here it may be the user's
         fly(task)

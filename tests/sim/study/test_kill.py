@@ -12,7 +12,7 @@ from helpers.processes import python, started_with
 from helpers.studies import SHORT, plain, short
 
 from sim.scenario.errors import InputError
-from sim.study.cluster import connected
+from sim.study.backends import connected
 from sim.study.engine import complete
 from sim.study.store import NAME, Store, read_rows
 from sim.study.study import read
@@ -156,7 +156,7 @@ def test_a_worker_killed_in_mid_study_loses_no_trial_and_changes_no_row(tmp_path
 
 def test_an_address_that_does_not_answer_is_one_line(monkeypatch, capfd):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("sim.study.cluster._CONNECT", 0.5)
+    monkeypatch.setattr("sim.study.backends._CONNECT", 0.5)
     start = time.monotonic()
     for address in ("tcp://127.0.0.1:9", "nonsense", "nonsense://x", "127.0.0.1:notaport"):
         with pytest.raises(InputError, match=f"--dask: '{address}' does not answer") as raised, connected(address):

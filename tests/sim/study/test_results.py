@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from sim.mission.mission import Mission, Trial
+from sim.mission.mission import Mission
+from sim.mission.trial import Trial
 from sim.scenario.loading import load
+from sim.study.backends import Pool
 from sim.study.engine import rows_of
-from sim.study.pool import Pool
 from sim.study.tasks import task_of
 
 SEEDS = range(10)

@@ -9,10 +9,9 @@ from helpers.views import SCENARIO
 from sim.sensing.detection_truth import matched_people
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
-from tracking.detection.blob_detector import BlobDetector
-from tracking.detection.blobs import _joined, _one_person
+from tracking.detection.blob_detector import BlobDetector, _joined, _one_person
 from tracking.detection.detector import Frame
-from tracking.detection.person_size import sizes
+from tracking.detection.person_size import sizes_at
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 
@@ -32,7 +31,7 @@ def plainly_joined(frame, blobs, origins):
     lens = frame.camera.lens(frame.pose)
     while True:
         centres = np.array([blob.mean(axis=0) for blob in blobs])
-        reach = np.linalg.norm(sizes(frame, centres).extents, axis=1)
+        reach = np.linalg.norm(sizes_at(frame.camera.lens(frame.pose), centres).extents, axis=1)
         distances = np.linalg.norm(centres[:, None] - centres, axis=2)
         pairs = np.argwhere(np.triu(distances < reach, 1)).tolist()
         for i, j in sorted(pairs, key=lambda pair: (distances[tuple(pair)], pair)):
@@ -70,7 +69,7 @@ def test_eight_hundred_fragments_are_measured_little_more_than_once(monkeypatch)
     """Each join measures one blob anew and each pair is tried once."""
     tried = []
     monkeypatch.setattr(
-        "tracking.detection.blobs._one_person", lambda lens, blob: tried.append(1) or _one_person(lens, blob)
+        "tracking.detection.blob_detector._one_person", lambda lens, blob: tried.append(1) or _one_person(lens, blob)
     )
     blobs = [pixel[None] + 0.5 for pixel in np.random.default_rng(1).integers(0, 128, (800, 2)).astype(float)]
     found, _ = _joined(Frame(0, 0.0, CAMERA, tilted(0.0), IMAGE), blobs, range(800))

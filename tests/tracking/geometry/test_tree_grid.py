@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tracking.geometry.line_of_sight import blocked
-from tracking.geometry.tree_grid import gridded
+from tracking.geometry.line_of_sight import blocked, gridded
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.numerics.compiled import compiled
 

@@ -75,7 +75,8 @@ import gc
 from numba.core.dispatcher import Dispatcher
 from planning.registry import DEFAULT_PLANNER
 from sim.scenario.loading import load
-from sim.mission.mission import Mission, Trial
+from sim.mission.mission import Mission
+from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
 def signatures():
     compiled = [d for d in gc.get_objects() if issubclass(type(d), Dispatcher)]

@@ -16,7 +16,7 @@ from typer.main import get_command
 
 from sim.__main__ import app
 from sim.drawing.film import parts_of
-from sim.mission.mission import Trial
+from sim.mission.trial import Trial
 from sim.recording.fault_text import recorded
 from sim.replay.event import INCIDENTS
 from sim.replay.events import events_of

@@ -1,9 +1,7 @@
-"""Sequential multi-agent planning (SMA), [Li22] Algorithm 3."""
-
-from __future__ import annotations
+"""Coordination schemes: sequential (SMA), parallel (PMA), Dec-POMDP and centralised planning."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -63,3 +61,56 @@ def _largest_trace(situation: Situation) -> float:
         if length(t.belief.mean[:2] - situation.own.position[:2]) <= BASE_RANGE
     ]
     return max(near, default=0.0)
+
+
+@dataclass(frozen=True)
+class Parallel:
+    """All UAVs decide at once and then send their plans; each expects the others to follow their policy of intent."""
+
+    exchange = Exchange()
+
+    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """As `Coordination.plans`."""
+        return [Plan(decision.decide(s, expected_plans(s, decision.horizon), [own_row(s)], rng)[0]) for s in team]
+
+
+@dataclass(frozen=True)
+class Decentralised:
+    """Dec-POMDP as in [Li22] IV-E: each UAV optimises the joint plan on its own belief and flies its own share.
+
+    No decisions are sent. All search with the same random numbers, agreed beforehand: equal beliefs, equal plans.
+    A UAV takes the others' shares of its own joint plan for their intents.
+    """
+
+    exchange = Exchange(0)
+
+    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """As `Coordination.plans`."""
+        seed = int(rng.integers(2**63))
+        plans = []
+        for s in team:
+            shares = {v.id: plan for v, plan in zip(s.vehicles, _joint(s, decision, seed), strict=True)}
+            plans.append(Plan(shares.pop(s.own.id), shares))
+        return plans
+
+
+@dataclass(frozen=True)
+class Centralised:
+    """One optimisation of the joint plan of all UAVs, on the belief of the first; radio links do not matter."""
+
+    exchange = Exchange(centre=True)
+
+    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """As `Coordination.plans`."""
+        first = team[0]
+        intents = {i: plan for s in team for i, plan in s.intents.items() if i == s.own.id}
+        centre = replace(first, neighbours=tuple(s.own for s in team[1:]), intents=intents)
+        plans = _joint(centre, decision, int(rng.integers(2**63)))
+        rows = {vehicle.id: row for row, vehicle in enumerate(centre.vehicles)}
+        return [Plan(plans[rows[s.own.id]]) for s in team]
+
+
+def _joint(situation: Situation, decision: Decision, seed: int) -> Array:
+    """Joint plan (n, H, 2) m/s of all UAVs in a situation."""
+    plans = expected_plans(situation, decision.horizon)
+    return decision.decide(situation, plans, range(len(plans)), np.random.default_rng(seed))

@@ -1,6 +1,4 @@
-"""Search for undetected targets: the cost of people expected where no track is, compiled."""
-
-from __future__ import annotations
+"""Terms of the objective besides that of tracks: separation of UAVs, and search for undetected targets, compiled."""
 
 import math
 from collections.abc import Sequence
@@ -9,19 +7,59 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from planning.objective.objective import Objective
 from planning.planner import Situation, Vehicle
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from planning.prediction.intent import camera_paths
 from planning.prediction.quadrangle import inside
-from tracking.geometry.line_of_sight import unobstructed
-from tracking.geometry.tree_grid import Grid
+from planning.prediction.targets_in_reach import Objective
+from tracking.geometry.line_of_sight import Grid, unobstructed
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
+from tracking.numerics.distances import length
 from tracking.numerics.trigonometry import hypot
+
+_PRICE = 1e6  # m² per m and step, above any gain in knowledge
+
+
+@dataclass(frozen=True)
+class Separation:
+    """Penalty far above any gain in knowledge for plans that bring UAVs nearer than `distance` [m] in space.
+
+    UAVs fly straight between steps. If all plans come too near, the one that keeps the most distance costs least.
+    """
+
+    distance: float
+
+    def term(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Objective:
+        """As `planning.composition.Term.term`."""
+        now = np.array([v.position for v in situation.vehicles], dtype=float)
+        chosen = np.asarray(uavs, dtype=np.int64)
+        others = np.delete(
+            np.concatenate([now[:, None], camera_paths(now, controls, situation.step)], axis=1), chosen, axis=0
+        )
+
+        def cost(candidates: Array) -> Array:
+            ahead = camera_paths(now[chosen], candidates, situation.step)
+            start = np.broadcast_to(now[chosen, None], (*ahead.shape[:2], 1, 3))
+            own = np.concatenate([start, ahead], axis=2)
+            short = np.zeros(len(own))
+            for j in range(len(chosen)):
+                for other in [*(other[None] for other in others), *(own[:, i] for i in range(j))]:
+                    gap = _closest(own[:, j] - other)
+                    short += np.maximum(self.distance - gap, 0.0).sum(axis=1)
+            return _PRICE * short
+
+        return cost
+
+
+def _closest(relative: Array) -> Array:
+    """Least length (N, H) m of a vector that moves linearly from each of (N, H + 1, 3) m to the next."""
+    start, way = relative[:, :-1], np.diff(relative, axis=1)
+    along = -(start * way).sum(axis=-1) / np.maximum((way * way).sum(axis=-1), 1e-12)
+    return np.asarray(length(start + np.clip(along, 0.0, 1.0)[..., None] * way))
+
 
 _SPACING = 5.0  # m, between the places whose views are computed
 _DETECTION = 0.99  # probability that a person in plain view is found within a step
@@ -32,8 +70,8 @@ _QUARTERS = np.array([(a, b) for a in (-0.25, 0.25) for b in (-0.25, 0.25)])  # 
 class _Views(NamedTuple):
     """Visibility of C cells from V places, as a sparse matrix."""
 
-    starts: NDArray[np.int64]  # (V + 1,): index of each place's first cell
-    cells: NDArray[np.int64]  # (M,)
+    starts: Indices  # (V + 1,): index of each place's first cell
+    cells: Indices  # (M,)
     shares: Array  # (M,): share of the cell in view
 
 
@@ -41,8 +79,8 @@ class _Raster(NamedTuple):
     """Views of k UAVs from square rasters of places, one raster each; places are numbered through all UAVs."""
 
     low: Array  # (k, 2) m: the south-west place
-    side: NDArray[np.int64]  # (k,): places along each edge
-    first: NDArray[np.int64]  # (k,): number of the first place
+    side: Indices  # (k,): places along each edge
+    first: Indices  # (k,): number of the first place
     views: _Views
     onward: Array  # (V,): steps until the people left by others can be seen, summed, if the UAV ends there
 
@@ -192,7 +230,7 @@ def _costs(weight: float, to_come: Array, raster: _Raster, own: Array, step: flo
 
 
 @compiled
-def _found(views: _Views, places: NDArray[np.int64], to_come: Array, left: Array) -> float:
+def _found(views: _Views, places: Indices, to_come: Array, left: Array) -> float:
     """People detected from places (H, k), each times the steps from then on; left (C,) holds ones before and after."""
     total = 0.0
     for h in range(len(places)):

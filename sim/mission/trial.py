@@ -1,0 +1,25 @@
+"""A mission to fly and its progress, as values that can be sent to any process."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from sim.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Everything that determines a mission."""
+
+    scenario: Scenario
+    planner: str  # as `planning.loading.load_planner` takes it
+    seed: int
+    repeat: int = 0  # of sensors, network, wind and planner on the map of the seed
+
+
+class ScanProgress(NamedTuple):
+    """Progress at one scan."""
+
+    time: float  # s
+    scans: int  # so far
+    distances: list[float]  # OSPA [m] of each UAV that works
+    error: float  # their mean; NaN if none works

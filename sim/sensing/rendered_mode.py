@@ -1,0 +1,61 @@
+"""Sensor mode on pixels: frames are rendered, and a detector finds people in them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sim.scenario.perception import DETECTORS
+from sim.sensing.detection_check import usable_detections
+from sim.sensing.detection_truth import MaskDetector, matched_people, visible_pixels
+from sim.sensing.fault import Fault
+from sim.sensing.renderer import Rendered, Renderer
+from sim.sensing.sensor_mode import SensorOutput, SensorSetup
+from tracking.detection.detector import Detections, Frame
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Array
+from tracking.plugins.containment import ForeignError, contained
+
+
+class RenderedMode:
+    """Detections from rendered frames, with the detector's own covariances if `sensing.noise` is the camera's."""
+
+    def __init__(self, setup: SensorSetup) -> None:
+        self._setup = setup
+        self._renderer = Renderer(setup.world)
+        sensing = setup.scenario.sensing
+        # Note: [Li22]'s noise is added to what a camera measures without a map.
+        self._calibrated = sensing.noise == "camera"
+        self._detector = DETECTORS.make(sensing.detector, Forest(setup.forest.trees) if self._calibrated else None)
+
+    def sense(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
+        """As `SensorMode.sense`."""
+        camera, clock = self._setup.cameras[uav], self._setup.clock
+        with clock.measure("rendering"):
+            rendered = self._renderer.take(uav, time, camera, pose)
+        with clock.measure("detection"):
+            frame = Frame(uav, time, camera, pose, rendered.image)
+            found, faults = self._detected(frame, rendered)
+        return SensorOutput(
+            ground=found.ground,
+            matched=lambda kept: matched_people(found.pixels[kept], rendered.people, len(people)),
+            visible=visible_pixels(rendered.people, len(people)),
+            covariances=found.covariances if self._calibrated else None,
+            frame=frame,
+            pixels=found.pixels,
+            faults=faults,
+        )
+
+    def _detected(self, frame: Frame, rendered: Rendered) -> tuple[Detections, tuple[Fault, ...]]:
+        """Detections, and faults of the detector; after a fault there are no detections."""
+        if isinstance(self._detector, MaskDetector):
+            return self._detector.detect(frame, rendered.people), ()
+        try:
+            with contained():
+                # A copy, so that a plug-in cannot change scans, recordings and videos.
+                pose = Pose(frame.pose.position.copy(), frame.pose.quaternion.copy())
+                given = replace(frame, camera=replace(frame.camera), pose=pose, image=frame.image.copy())
+                return usable_detections(self._detector.detect(given)), ()
+        except ForeignError as error:
+            nothing = Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
+            return nothing, (Fault(frame.time, frame.uav, f"detector: {error}", error.trace),)
