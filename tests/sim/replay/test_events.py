@@ -11,7 +11,8 @@ from helpers import synthetic
 from helpers.flights import recorded as recorded_flight
 from helpers.recordings import record
 
-from sim.mission.mission import Mission
+from sim.mission import mission
+from sim.mission.plan_exchange import Links
 from sim.replay.event import KINDS
 from sim.replay.events import events_of, links_of
 from sim.replay.frames.rerender import scenario_of
@@ -138,8 +139,8 @@ def test_links_are_told_when_they_go_and_come():
 
 
 def test_links_and_lost_messages_are_those_of_the_mission(monkeypatch):
-    original, flown = Mission._links, []
-    monkeypatch.setattr(Mission, "_links", lambda *a: flown.append(original(*a)) or flown[-1])
+    flown = []
+    monkeypatch.setattr(mission, "Links", lambda *parts: flown.append(Links(*parts)) or flown[-1])
     options = ("sensing.mode=ideal", "network.loss=0.7", "network.rounds=2", "network.range=22", "uavs.1.fails_at=2.1")
     recording, scenario = recorded_flight(*options, seed=5, duration=4)
     again = links_of(recording, scenario)
