@@ -85,7 +85,9 @@ def test_the_film_is_the_one_flown_but_for_the_planners_name(replay, flown, tmp_
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["mission.npz", "replay.mp4"]
 
 
-@pytest.mark.parametrize("layout", ["map+cameras", "cameras", "map", "uav1"])
+@pytest.mark.parametrize(
+    "layout", ["map+cameras", "uav1", *(pytest.param(n, marks=pytest.mark.slow) for n in ("cameras", "map"))]
+)
 def test_a_part_shows_the_same_pictures_as_the_whole(flown, pictures, layout):
     recording = load(flown / "mission.npz")
     whole = pictures(recording, range(16), layout=layout)

@@ -64,6 +64,7 @@ def test_a_run_can_do_without_video(tmp_path):
     assert names(tmp_path / "out") == FILES[2:]
 
 
+@pytest.mark.slow  # recordings of two processes are compared in test_recording, and by hash in test_reproducibility
 def test_the_same_seed_gives_the_same_bytes_in_two_processes(tmp_path):
     words = ["-m", "sim", "run", "--duration", "1", "--seed", "7", "--no-video", "--out", tmp_path / "one"]
     assert python(*words, PYTHONHASHSEED="1").returncode == 0
