@@ -28,12 +28,11 @@ class TrackerParameters:
     delete: tuple[int, int] = (5, 5)  # m of n scans in which the person should have been seen
     expected: float = 0.9  # probability of being in plain view from which on a UAV should see the person
     seen: float = 0.1  # probability that a measurement is the person's from which on the person counts as detected
-    double: int = 15  # scans of only shared measurements after which a duplicate of another track is deleted
     absence_weight: float = 1.0  # exponent of the likelihood of no detection; 0: no negative information
     recovery_after: float = 1.0  # s without detection, after which a new track may re-acquire this one; inf: never
     max_variance: float = 400.0  # m², trace of the position's covariance beyond which a track is deleted
     max_speed: float = 3.0  # of people, m/s
-    life: str = "m_of_n"  # track management: `confirm` and `delete`, or the probability of "existence"
+    life: str = "existence"  # track management: `confirm` and `delete`, or the probability of "existence"
     survival: float = 0.999  # probability that a person in the area still is a second later
     birth_density: float = 1e-5  # of people detected for the first time, 1/m² and scan
     sure: float = 0.99  # probability of existence that confirms a track
@@ -66,8 +65,6 @@ class TrackerParameters:
 
     def _check_counts(self) -> None:
         """Raise ValueError if scans cannot be counted."""
-        if not (isinstance(self.double, int | np.integer) and self.double >= 1):
-            raise ValueError(f"double must be an integer, 1 or more, is {self.double}")
         for name in ("confirm", "delete"):
             m, n = getattr(self, name)
             whole = isinstance(m, int | np.integer) and isinstance(n, int | np.integer)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from tracking.management.deletion import DetectionHistory
 from tracking.numerics.arrays import Array, Flags, Indices
 
 
@@ -19,7 +18,8 @@ class TrackTable:
     covariances: Array  # (T, 4, 4)
     existence: Array  # (T,) probabilities
     weights: Array  # (T,) of beliefs in the fleet's average
-    history: DetectionHistory
+    times: Array  # (T, 2) s: last detection by the fleet, and last scan with the person in view of it
+    misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3) position [m] and time [s] at which the fleet last saw each
 
     def __len__(self) -> int:
@@ -29,10 +29,6 @@ class TrackTable:
         return TrackTable(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def __add__(self, other: TrackTable) -> TrackTable:
-        history = self.history + other.history
-        columns = {
-            field.name: np.concatenate([getattr(self, field.name), getattr(other, field.name)])
-            for field in fields(self)
-            if field.name != "history"
-        }
-        return TrackTable(**columns, history=history)
+        return TrackTable(
+            *(np.concatenate([getattr(self, field.name), getattr(other, field.name)]) for field in fields(self))
+        )

@@ -11,14 +11,13 @@ import numpy as np
 from tracking.association.jipda import log_odds
 from tracking.filter.kalman import Gaussian
 from tracking.filter.negative_information import Viewpoint, miss_likelihood
-from tracking.fusion.labels import FIRST_LABEL, UAVS, aliases_of, is_new_label, new_label
+from tracking.fusion.labels import FIRST_LABEL, UAVS, is_new_label, new_label
 from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, visible_samples
-from tracking.management.deletion import DetectionHistory, duplicates
-from tracking.management.initiation import Tentative
-from tracking.management.jipda_initiation import initiator
+from tracking.management.deletion import counted_misses, missed, shared_people
+from tracking.management.initiation import Initiator, Tentative
 from tracking.management.reacquisition import reacquisitions
 from tracking.management.validation import check_track, checked_scan
 from tracking.measurement_update import scan_prediction, scan_update
@@ -59,11 +58,13 @@ class Track:
 class Tracker:
     """Tracker of people from one UAV's scans; `consensus.fuse` ends each scan, alone or with other UAVs.
 
+    Tracks are Bernoulli components: a label, a probability of existence, and a belief; people without a track are a
+    Poisson process of constant density. Association probabilities are JPDA's. Source: [Williams15]; [Musicki04].
     `initial` tracks hold at the time of the first scan. Their ids are below one million.
 
-    Note: [Li22] uses JPDA with initiation and deletion. Added here, each with a parameter that turns it off: negative
-    information (`absence_weight`), re-acquisition of lost tracks (`recovery_after`), deletion of duplicate tracks
-    (`double`), and, as in the paper's code, deletion of tracks of very large covariance (`max_variance`).
+    Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `life` = "m_of_n" does. Added here, each
+    with a parameter that turns it off: negative information (`absence_weight`), re-acquisition of lost tracks
+    (`recovery_after`), and, as in the paper's code, deletion of tracks of very large covariance (`max_variance`).
     """
 
     def __init__(
@@ -84,17 +85,17 @@ class Tracker:
             check_track(t.id, t.belief, t.existence)
         self.uav, self._camera, self._forest, self.parameters = uav, camera, forest, parameters
         self._time = -math.inf
-        self._scans = self._steps = 0  # scans so far, and steps of motion since the first one
+        self.scans = self._steps = 0  # scans so far, and steps of motion since the first one
         self._first = 0.0  # s, the time of the first scan
         self._viewpoint: Viewpoint | None = None  # of the last frame
         self._rule = fusion_rule(parameters.fusion)
         self._table = _tabulated(known, weight=_NOT_VIEWED, seen=-math.inf, sighted=0.0)
         self._deleted: tuple[tuple[int, float], ...] = ()
-        self._partition = (0, -math.inf)  # at the start the fleet is one partition
+        self._partition = (0, -math.inf)  # leader, and the time [s] at which it was last heard
         self._predicted = _NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
         self._tentative: list[Tentative] = []
         self._waited = 0  # steps of motion since tentative tracks were last predicted
-        self._initiator = initiator(parameters)
+        self._initiator = Initiator(parameters)
 
     @property
     def tracks(self) -> tuple[Track, ...]:
@@ -102,11 +103,6 @@ class Tracker:
         table = self._table
         rows = zip(table.ids.tolist(), table.means, table.covariances, table.existence.tolist(), strict=True)
         return tuple(Track(id, Gaussian(mean.copy(), cov.copy()), r) for id, mean, cov, r in rows)
-
-    @property
-    def match_gate(self) -> float:
-        """Largest squared distance between tracks of different ids that are associated."""
-        return self.parameters.match_gate
 
     @property
     def max_speed(self) -> float:
@@ -136,31 +132,35 @@ class Tracker:
         before = scan_prediction(beliefs, table.existence, *likelihood, p)
         after = scan_update(before, z, R, p)
         self._predicted = *beliefs, z, after.gates
-        seen, expected = after.missed <= 1.0 - p.seen, before.visible >= p.expected
+        marks = np.column_stack([after.missed <= 1.0 - p.seen, before.visible >= p.expected])
         self._table = replace(
             table,
             means=after.means,
             covariances=after.covariances,
             existence=after.existence,
             weights=np.maximum(1.0 - after.missed, _NOT_VIEWED + _VIEWED * before.visible),
-            history=table.history.observed(scan.time, seen, after.own, expected),
+            times=np.where(marks, scan.time, table.times),
         )
         left = ~after.explained
         born, self._tentative = self._initiator.step(
             self._tentative, z[left], R[left], elapsed=elapsed, visible=visible_at
         )
-        self._append(born)
+        if born:
+            known = [Track(new_label(self.scans, self.uav, k), b.belief, b.existence) for k, b in enumerate(born)]
+            self._table += _tabulated(known, weight=1.0, seen=self._time, sighted=-math.inf)
 
     def coast(self, time: float) -> None:
         """Predict to the time of a scan without a frame of this UAV, which is neither a hit nor a miss."""
         if not time > self._time:
             raise ValueError(f"scan at {time} s is not after the last one at {self._time} s")
         # Steps since the first scan are rounded, not those since the last one, so that no drift adds up.
-        first = self._first if self._scans else time
+        first = self._first if self.scans else time
+        if not self.scans:
+            self._partition = (0, time)  # at the start the fleet is one partition
         steps = round((time - first) / self.parameters.motion.dt)
         elapsed = steps - self._steps
         self._time, self._first, self._steps = time, first, steps
-        self._scans += 1
+        self.scans += 1
         self._waited += elapsed
         means, covariances = self._table.means, self._table.covariances
         for _ in range(elapsed):
@@ -175,77 +175,60 @@ class Tracker:
         beliefs = table.means, table.covariances, table.weights
         prior, measured = self._predicted[:2], self._predicted[2:]
         averaged, novel, weights = self._rule.contribution(LocalBeliefs(self.uav, *beliefs, prior, *measured, seen))
-        columns = [np.ones((len(table), 1)), averaged]
-        if self.parameters.life == "existence":
-            columns.append(log_odds(table.existence)[:, None])
+        columns = np.ones((len(table), 1)), averaged, log_odds(table.existence)[:, None]
         shares = np.concatenate(columns, axis=1) * weights[:, None]
-        lost = np.flatnonzero(self._lost(table.sightings))
         leader, heard = self._partition
-        aliases = aliases_of(table.ids, lost, self._scans, leader)
-        alone = leader >= self.uav or self._time - heard > _IN_TOUCH
-        partition = (self.uav, self._time) if alone else self._partition
-        tracks = table.ids, shares, table.history, self._deleted, aliases, table.sightings, novel
-        return Message(self.uav, degree, *tracks, partition)
+        leads = leader >= self.uav or self._time - heard > _IN_TOUCH
+        partition = (self.uav, self._time) if leads else self._partition
+        return Message(
+            uav=self.uav,
+            degree=degree,
+            partition=partition,
+            ids=table.ids,
+            names=np.column_stack([np.full(len(table), partition[0]), table.ids]),
+            shares=shares,
+            times=table.times,
+            misses=table.misses,
+            sightings=table.sightings,
+            deleted=self._deleted,
+            novel=novel,
+        )
 
     def accept(self, message: Message) -> None:
         """Take over the fleet's tracks, count its scan, and delete tracks."""
         p = self.parameters
         means, covariances = message.beliefs()
-        history = message.history.counted(self._time, p.delete[1])
-        existence = message.existence()
-        deleted = existence < p.doubt if p.life == "existence" else history.missed(p.delete[0])
-        double = duplicates(means, covariances, history.shared >= p.double, p.match_gate)
-        double |= self._duplicates_of_reacquired(message, means, covariances)
-        deleted |= np.trace(covariances[:, :2, :2], axis1=1, axis2=2) > p.max_variance
-        keep = ~(deleted | double)
+        existence = message.existence() if p.life == "existence" else np.ones(len(means))
+        misses = counted_misses(message.misses, message.times, self._time, p.delete[1])
+        ends = existence < p.doubt if p.life == "existence" else missed(misses, p.delete[0])
+        ends |= np.trace(covariances[:, :2, :2], axis1=1, axis2=2) > p.max_variance
+        shared = np.zeros_like(ends)
+        for kept, other in shared_people(means, covariances, existence, p.match_gate):
+            if not shared[kept]:
+                existence[kept], shared[other] = min(existence[kept] + existence[other], 1.0), True
         # Deletions are forgotten in the end: a partition cut off for longer may bring a track back, deleted again then.
         ended = {id: until for id, until in message.deleted if self._time - until <= p.forget_after}
-        ended.update((id, self._time) for id in message.ids[deleted].tolist())
-        ended.update((id, self._time + p.forget_after) for id in message.ids[double].tolist())
+        ended.update((id, self._time) for id in message.ids[ends].tolist())
+        ended.update((id, self._time + p.forget_after) for id in message.ids[shared].tolist())
         self._deleted = tuple(sorted(ended.items()))
-        if message.met and self._partition[1] > -math.inf:
-            # Two tracks in one place may be one person's, one from each partition: the next scan must show two.
-            every = np.ones(len(means), dtype=np.bool_)
-            beside = duplicates(means[:, :2], covariances[:, :2, :2], every, p.measurement_gate)
-            history = history.suspected(beside, p.double)
         self._predicted, self._partition = _NOTHING, message.partition
         here = np.column_stack([means[:, :2], np.full(len(means), self._time)])
-        unseen = history.times[:, 0] < self._time
-        sightings = np.where(unseen[:, None], message.sightings, here)
+        sightings = np.where(message.times[:, :1] < self._time, message.sightings, here)
         weights = np.full(len(means), _NOT_VIEWED)
-        self._table = TrackTable(message.ids, means, covariances, existence, weights, history, sightings)[keep]
-        self._reacquire()
+        table = TrackTable(message.ids, means, covariances, existence, weights, message.times, misses, sightings)
+        self._table = self._with_reacquired(table[~(ends | shared)])
 
-    def _duplicates_of_reacquired(self, message: Message, means: Array, covariances: Array) -> Flags:
-        """Flags (T,) of new tracks that duplicate lost tracks which another UAV re-acquired in the same scan.
-
-        Also of tracks that got their alias as id in this scan, as beliefs differed for some UAV, and are duplicates.
-        """
-        new = is_new_label(message.ids, self._scans)
-        relabelled = (message.ids >= new_label(self._scans, 0, 0)) & ~new
-        found = duplicates(means, covariances, relabelled, self.parameters.match_gate)
-        reacquired = np.flatnonzero(self._lost(message.sightings) & (message.history.times[:, 0] >= self._time))
-        for i in np.flatnonzero(new).tolist() if len(reacquired) else ():
-            rows = [*reacquired.tolist(), i]
-            found[i] = duplicates(means[rows], covariances[rows], np.array(rows) == i, self.parameters.match_gate)[-1]
-        return found
-
-    def _lost(self, sightings: Array) -> Flags:
-        """Flags (T,) of lost tracks, from their last sightings (T, 3)."""
-        unseen = self._time - sightings[:, 2]
-        return np.asarray((unseen > 0.0) & (unseen >= self.parameters.recovery_after))
-
-    def _reacquire(self) -> None:
+    def _with_reacquired(self, table: TrackTable) -> TrackTable:
         """Give new tracks of this scan the ids of lost tracks that they continue.
 
         All UAVs do this after they agree on tracks and sightings, so that they decide alike.
         """
         p = self.parameters
-        table = self._table
-        born = np.flatnonzero(is_new_label(table.ids, self._scans))
-        lost = np.flatnonzero(self._lost(table.sightings))
+        unseen = self._time - table.sightings[:, 2]
+        born = np.flatnonzero(is_new_label(table.ids, self.scans))
+        lost = np.flatnonzero((unseen > 0.0) & (unseen >= p.recovery_after))
         if len(born) == 0 or len(lost) == 0:
-            return
+            return table
         pairs = reacquisitions(
             (table.means[born], table.covariances[born]),
             (table.means[lost], table.covariances[lost]),
@@ -258,23 +241,20 @@ class Tracker:
             ids[born[b]] = table.ids[lost[k]]
         left = np.setdiff1d(np.arange(len(ids)), [lost[k] for _, k in pairs])
         order = left[np.argsort(ids[left], kind="stable")]
-        self._table = replace(table, ids=ids)[order]
-
-    def _append(self, born: Sequence[Tentative]) -> None:
-        if born:
-            known = [Track(new_label(self._scans, self.uav, k), b.belief, b.existence) for k, b in enumerate(born)]
-            self._table += _tabulated(known, weight=1.0, seen=self._time, sighted=self._time)
+        return replace(table, ids=ids)[order]
 
 
 def _tabulated(tracks: Sequence[Track], *, weight: float, seen: float, sighted: float) -> TrackTable:
-    """Tracks as a table; the times [s] of their last detection and sighting are the same for all."""
+    """Tracks as a table; all have the same times [s] of their last detection and of the fleet's last sighting."""
+    count = len(tracks)
     means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
     return TrackTable(
         ids=np.array([t.id for t in tracks], dtype=np.int64),
         means=means,
         covariances=np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4),
         existence=np.array([t.existence for t in tracks], dtype=float),
-        weights=np.full(len(tracks), weight),
-        history=DetectionHistory.at(seen, len(tracks)),
-        sightings=np.column_stack([means[:, :2], np.full(len(tracks), sighted)]),
+        weights=np.full(count, weight),
+        times=np.full((count, 2), seen),
+        misses=np.zeros(count, dtype=np.int64),
+        sightings=np.column_stack([means[:, :2], np.full(count, sighted)]),
     )

@@ -5,9 +5,8 @@ import numpy as np
 from tracking.filter.information import information_form
 from tracking.fusion.consensus import combine
 from tracking.fusion.message import Message
-from tracking.management.deletion import DetectionHistory
 
-GATE = 13.28  # chi-square, four degrees of freedom, 0.99
+SCAN = 40  # number of the scan in which messages are exchanged
 
 
 def graph(kind: str, n: int) -> np.ndarray:
@@ -23,19 +22,28 @@ def metropolis(adjacency: np.ndarray) -> np.ndarray:
 
 
 def message(uav: int, ids, means, covariances, *, degree: int, weight=1.0, seen=0.0, deleted=(), **others) -> Message:
+    """Message on people who exist for certain, seen at these times [s] by the fleet."""
     q, omega = information_form(np.reshape(means, (-1, 4)), np.reshape(covariances, (-1, 4, 4)))
-    shares = np.concatenate([np.ones((len(q), 1)), q, omega.reshape(-1, 16)], axis=1)
-    shares *= np.broadcast_to(weight, len(q))[:, None]
-    ids = np.array(ids, np.int64)
-    sightings = np.column_stack([np.reshape(means, (-1, 4))[:, :2], np.full(len(q), seen)])
-    said = {"aliases": ids, "sightings": sightings, "novel": np.zeros((len(q), 0)), "partition": (0, 0.0), **others}
-    return Message(uav, degree, ids, shares, DetectionHistory.at(seen, len(q)), deleted, **said)
+    columns = np.ones((len(q), 1)), q, omega.reshape(-1, 16), np.full((len(q), 1), 20.0)
+    shares = np.concatenate(columns, axis=1) * np.broadcast_to(weight, len(q))[:, None]
+    seen = np.broadcast_to(np.asarray(seen, dtype=float), len(q))
+    partition = others.pop("partition", (0, 0.0))
+    said = {
+        "partition": partition,
+        "names": np.column_stack([np.full(len(q), partition[0]), np.array(ids, np.int64)]),
+        "times": np.column_stack([seen, seen]),
+        "misses": np.zeros(len(q), np.int64),
+        "sightings": np.column_stack([np.reshape(means, (-1, 4))[:, :2], seen]),
+        "novel": np.zeros((len(q), 0)),
+        **others,
+    }
+    return Message(uav, degree, ids=np.array(ids, np.int64), shares=shares, deleted=deleted, **said)
 
 
 def exchange(messages: list[Message], adjacency: np.ndarray, rounds: int) -> list[Message]:
     for _ in range(rounds):
         messages = [
-            combine(m, [messages[j] for j in np.flatnonzero(row)], GATE)
+            combine(m, [messages[j] for j in np.flatnonzero(row)], SCAN, 3.0)
             for m, row in zip(messages, adjacency, strict=True)
         ]
     return messages

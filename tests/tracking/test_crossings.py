@@ -27,9 +27,11 @@ CAMERA = Camera(math.radians(60), 128)
 POSE = Pose.level(-10.0, 0.0, 60.0)  # 10 m beside the crossing, sees 34 m each way
 NOISE = NoiseModel.range_bearing(0.1)
 # Association alone, as Stone Soup does it: no track begins or ends.
-HARD = TrackerParameters(MOTION, detection_probability=0.9, clutter_density=1e-4, confirm=(62, 62), delete=(62, 62))
+HARD = TrackerParameters(
+    MOTION, detection_probability=0.9, clutter_density=1e-4, confirm=(62, 62), delete=(62, 62), life="m_of_n"
+)
 # All of the tracker, and what the testbed's cameras give by default: hardly a miss, no false alarms.
-WHOLE = TrackerParameters(MOTION)
+WHOLE = TrackerParameters(MOTION, life="m_of_n")
 
 
 def track_deviation() -> float:

@@ -27,7 +27,6 @@ from tracking.tracker import Track, Tracker, TrackerParameters
         ("max_variance", 0.0, "positive"),
         ("max_variance", math.nan, "positive"),
         ("max_speed", -3.0, "positive"),
-        ("double", -5, "an integer, 1 or more"),
         ("clutter_density", math.inf, "finite"),
         ("birth_density", math.inf, "finite"),
         ("confirm", (1.5, 2.5), "integers"),

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
-from tracking.fusion.message import Message, alike, partitions_meet
+from tracking.fusion.message import Message, alike, joint_partition
 from tracking.fusion.track_association import associate_tracks
-from tracking.management.deletion import DetectionHistory
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 
@@ -19,8 +18,8 @@ class Member(Protocol):
     """Participant in consensus."""
 
     @property
-    def match_gate(self) -> float:
-        """Largest squared distance between tracks of different ids that are associated."""
+    def scans(self) -> int:
+        """Number of scans so far."""
         ...
 
     @property
@@ -37,10 +36,14 @@ class Member(Protocol):
         ...
 
 
-def combine(own: Message, received: Sequence[Message], gate: float, max_speed: float = 3.0) -> Message:
-    """Message of a UAV in the next round, from its own and its neighbours' in this one.
+def fuse(
+    members: Sequence[Member],
+    adjacency: Flags,
+    rounds: int,
+    lost: Flags | None = None,
+) -> Indices:
+    """Exchange rounds of messages over the undirected graph `adjacency` (n, n), its diagonal aside.
 
-    gate and max_speed are `Member.match_gate` and `Member.max_speed`.
     Each UAV hands a neighbour the share 1 / (1 + max(degrees)) of its information (Metropolis weights) and keeps the
     rest. So the fleet's sum is conserved, under any ids, where losses are mutual. In any case the ratio of weighted
     information to weight tends to a weighted average everywhere.
@@ -49,114 +52,6 @@ def combine(own: Message, received: Sequence[Message], gate: float, max_speed: f
     Note: the shares of all UAVs are mixed along, in place of the factor of their number that undoes the mixing of
     novel information. So nothing counts more than once where messages are lost, though some of it then counts less.
     UAVs without novel information do not dilute it.
-    """
-    if not received:
-        return own
-    return _Tables.of(associate_tracks(own, received, gate, max_speed)).next_message(0, np.arange(1, 1 + len(received)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Tables:
-    """Contents of N messages about the same T tracks, side by side."""
-
-    messages: Sequence[Message]
-    degrees: Array  # (N,)
-    shares: Array  # (N, T, W)
-    novel: Array  # (N, T, V)
-    times: Array  # (N, T, 3)
-    agree: bool  # on all other contents that a round may change
-
-    @staticmethod
-    def of(messages: Sequence[Message]) -> _Tables:
-        # Columns stand for UAVs; messages from UAVs that have not heard of the last ones lack theirs.
-        novel = np.zeros((len(messages), len(messages[0].ids), max(m.novel.shape[1] for m in messages)))
-        for row, m in zip(novel, messages, strict=True):
-            row[:, : m.novel.shape[1]] = m.novel
-        return _Tables(
-            messages,
-            np.array([m.degree for m in messages], dtype=float),
-            np.array([m.shares for m in messages]),
-            novel,
-            np.array([m.history.times for m in messages]),
-            len({(m.counts, m.sighting_times, m.partition, m.met) for m in messages}) == 1,
-        )
-
-    def next_message(self, own: int, heard: Indices) -> Message:
-        """Next message of one of the UAVs after it heard some of the others."""
-        first = self.messages[own]
-        divisors = 1.0 + np.maximum(self.degrees[own], self.degrees[heard])
-        times = np.maximum(self.times[own], self.times[heard].max(axis=0))
-        mixed = replace(
-            first,
-            shares=_mixed(self.shares, own, heard, divisors),
-            history=replace(first.history, times=times),
-            novel=_mixed(self.novel, own, heard, divisors) if self.novel.size else first.novel,
-        )
-        return mixed if self.agree else _settled(mixed, [first, *(self.messages[j] for j in heard.tolist())])
-
-
-@compiled
-def _mixed(table: Array, own: int, heard: Indices, divisors: Array) -> Array:
-    """Row `own` of a table (N, T, W) after each of the rows heard has handed over its share of the difference.
-
-    heard (H,): their rows; divisors (H,): one over these shares.
-    """
-    count, tracks, width = table.shape
-    rows = table.reshape(count, tracks * width)  # a plain row each, so that the innermost loop is vectorised
-    out: Array = rows[own].copy()
-    for k in range(len(heard)):
-        there, here, divisor = rows[heard[k]], rows[own], divisors[k]
-        for w in range(len(out)):
-            out[w] += (there[w] - here[w]) / divisor
-    return out.reshape(tracks, width)
-
-
-def _settled(mixed: Message, messages: Sequence[Message]) -> Message:
-    """The mixed message with the contents on which the messages of this round, the own first, differ."""
-    return replace(
-        mixed,
-        history=_agreed(mixed.history.times, messages),
-        sightings=_latest(messages),
-        partition=min((m.partition for m in messages), key=lambda partition: (partition[0], -partition[1])),
-        met=partitions_meet(messages),
-    )
-
-
-def _agreed(times: Array, messages: Sequence[Message]) -> DetectionHistory:
-    """History with the latest times (T, 3), and the counts of the message that saw each track last.
-
-    Where the fleet was split, misses do not count if UAVs of another partition saw the person in the meantime.
-    """
-    first = messages[0].history
-    if all(m.counts == messages[0].counts for m in messages):
-        return DetectionHistory(times, first.misses, first.shared)
-    misses, shared, seen, held = first.misses, first.shared, first.times[:, 0], messages[0].shares[:, 0] > 0.0
-    for message in messages[1:]:
-        its, holds = message.history, message.shares[:, 0] > 0.0
-        fewer = (its.misses < misses) | ((its.misses == misses) & (its.shared < shared))
-        better = holds & (~held | (its.times[:, 0] > seen) | ((its.times[:, 0] == seen) & fewer))
-        misses, shared = np.where(better, its.misses, misses), np.where(better, its.shared, shared)
-        seen, held = np.maximum(seen, its.times[:, 0]), held | holds
-    return DetectionHistory(times, misses, shared)
-
-
-def _latest(messages: Sequence[Message]) -> Array:
-    """Latest sighting (T, 3) of each track in any message."""
-    latest = messages[0].sightings
-    for message in messages:
-        if message.sighting_times != messages[0].sighting_times:
-            later = message.sightings[:, 2:] > latest[:, 2:]
-            latest = np.where(later, message.sightings, latest)
-    return latest
-
-
-def fuse(
-    members: Sequence[Member],
-    adjacency: Flags,
-    rounds: int,
-    lost: Flags | None = None,
-) -> Indices:
-    """Exchange rounds of messages over the undirected graph `adjacency` (n, n), its diagonal aside.
 
     lost (rounds, n, n): flags of the messages from UAV j that are lost on the way to UAV i, unknown beforehand.
     Every scan ends with this, also for one UAV: tracks are deleted here. Returns the bytes sent by each UAV (n,).
@@ -172,11 +67,93 @@ def fuse(
     sent = np.zeros(len(members), dtype=np.int64)
     for k in range(rounds):
         sent += [message.size if row.any() else 0 for message, row in zip(messages, linked, strict=True)]
-        heard = linked if lost is None else linked & ~lost[k]
-        messages = _after_a_round(members, messages, heard)
+        messages = _after_a_round(members, messages, linked if lost is None else linked & ~lost[k])
     for member, message in zip(members, messages, strict=True):
         member.accept(message)
     return sent
+
+
+def combine(own: Message, received: Sequence[Message], scan: int, max_speed: float) -> Message:
+    """Message of a UAV in the next round, from its own and its neighbours' in this one, in the scan of that number."""
+    if not received:
+        return own
+    same = associate_tracks(own, received, scan, max_speed)
+    return _mixed(same, np.arange(len(same))[None] > 0)[0]
+
+
+def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard: Flags) -> list[Message]:
+    """Messages of the next round; heard (n, n): row i has the UAVs that UAV i heard."""
+    if not heard.any():
+        return list(messages)
+    if alike(messages):  # one table serves all
+        return _mixed(messages, heard)
+    return [
+        combine(own, [messages[j] for j in np.flatnonzero(row).tolist()], member.scans, member.max_speed)
+        for own, member, row in zip(messages, members, heard, strict=True)
+    ]
+
+
+def _mixed(messages: Sequence[Message], heard: Flags) -> list[Message]:
+    """Messages of the first UAVs in the next round, from N messages about the same tracks in the same rows.
+
+    heard (M, N): row i has the UAVs that UAV i heard.
+    """
+    # Columns stand for UAVs; messages from UAVs that have not heard of the last ones lack theirs.
+    novel = np.zeros((len(messages), len(messages[0].ids), max(m.novel.shape[1] for m in messages)))
+    for row, m in zip(novel, messages, strict=True):
+        row[:, : m.novel.shape[1]] = m.novel
+    degrees = np.array([m.degree for m in messages], dtype=float)
+    shares = _averaged(np.array([m.shares for m in messages]), degrees, heard)
+    novel = _averaged(novel, degrees, heard) if novel.size else novel
+    times, misses, sightings = _latest(
+        np.array([m.times for m in messages]),
+        np.array([m.misses for m in messages]),
+        np.array([m.sightings for m in messages]),
+        heard,
+    )
+    return [
+        replace(
+            m,
+            partition=joint_partition([m, *(messages[j] for j in np.flatnonzero(heard[i]).tolist())]),
+            shares=shares[i],
+            times=times[i],
+            misses=misses[i],
+            sightings=sightings[i],
+            novel=novel[i],
+        )
+        for i, m in enumerate(messages[: len(heard)])
+    ]
+
+
+@compiled
+def _averaged(tables: Array, degrees: Array, heard: Flags) -> Array:
+    """Tables (M, T, W) after each UAV heard has handed over its share of the difference, from tables (N, T, W)."""
+    count, tracks, width = tables.shape
+    rows = tables.reshape(count, tracks * width)  # a plain row each, so that the innermost loop is vectorised
+    out = rows[: len(heard)].copy()
+    for i in range(len(heard)):
+        for j in range(count):
+            if heard[i, j]:
+                there, here, divisor = rows[j], rows[i], 1.0 + max(degrees[i], degrees[j])
+                for w in range(len(there)):
+                    out[i, w] += (there[w] - here[w]) / divisor
+    return out.reshape(len(heard), tracks, width)
+
+
+@compiled
+def _latest(times: Array, misses: Indices, sightings: Array, heard: Flags) -> tuple[Array, Indices, Array]:
+    """Latest times (M, T, 2) and sightings (M, T, 3) of those heard, and the misses (M, T) that all of them count."""
+    last, common, places = times[: len(heard)].copy(), misses[: len(heard)].copy(), sightings[: len(heard)].copy()
+    for i in range(len(heard)):
+        for j in range(len(times)):
+            if heard[i, j]:
+                for t in range(times.shape[1]):
+                    last[i, t, 0] = max(last[i, t, 0], times[j, t, 0])
+                    last[i, t, 1] = max(last[i, t, 1], times[j, t, 1])
+                    common[i, t] &= misses[j, t]
+                    if sightings[j, t, 2] > places[i, t, 2]:
+                        places[i, t] = sightings[j, t]
+    return last, common, places
 
 
 def _check(messages: Sequence[Message]) -> None:
@@ -184,27 +161,8 @@ def _check(messages: Sequence[Message]) -> None:
     uavs = [m.uav for m in messages]
     if len(set(uavs)) < len(uavs):
         raise ValueError(f"uav must differ among members, are {uavs}")
-    for setting, said in (
-        ("life", {m.shares.shape[1] for m in messages}),
-        ("fusion", {m.novel.shape[1] > 0 for m in messages}),
-    ):
-        if len(said) > 1:
-            raise ValueError(f"{setting} must be the same for all members, is not")
-
-
-def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard: Flags) -> list[Message]:
-    """Messages of the next round; heard (n, n): row i has the UAVs that UAV i heard."""
-    if not heard.any():
-        return list(messages)
-    rows = [np.flatnonzero(row) for row in heard]
-    if not alike(messages):
-        return [
-            combine(messages[i], [messages[j] for j in row.tolist()], m.match_gate, m.max_speed)
-            for i, (m, row) in enumerate(zip(members, rows, strict=True))
-        ]
-    # All messages are about the same tracks in the same rows, so one table serves for all of them.
-    tables = _Tables.of(messages)
-    return [tables.next_message(i, row) if len(row) else messages[i] for i, row in enumerate(rows)]
+    if len({m.novel.shape[1] > 0 for m in messages}) > 1:
+        raise ValueError("fusion must be the same for all members, is not")
 
 
 def _graph(adjacency: Flags, count: int) -> Flags:

@@ -2,58 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from tracking.association.jipda import from_log_odds
 from tracking.filter.information import moment_form
-from tracking.management.deletion import DetectionHistory
 from tracking.numerics.arrays import Array, Indices
 
 INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
+_COLUMNS = ("ids", "names", "shares", "times", "misses", "sightings", "novel")
+_PER_TRACK = 3 + (1 + INFORMATION - _REDUNDANT + 1) + 2 + 1 + 3  # id and name, shares, times, misses, sighting
 
 
 @dataclass(frozen=True, eq=False)
 class Message:
     """Message of a UAV to its neighbours in one round of consensus, about T tracks by ascending id.
 
-    The shares hold, in this order, a weight w, w q and w Ω: sums of them over UAVs, divided by the sum of the weights,
-    are a weighted average of the UAVs' beliefs. With existence probabilities one more column holds w times their
-    log-odds, and is averaged likewise.
-    Novel information adds up: q and Ω, then in column `INFORMATION` + u the share of UAV u's in it. With fusion by
-    averages alone it has no columns.
-    An alias is the id that a track takes if tracks of one id turn out to be two people. Alias 0 marks a lost track: if
-    another track of its id was seen lately, that one has the person. UAVs of one partition of the fleet give the same
-    track the same alias.
+    The shares hold, in this order, a weight w, w q, w Ω, and w times the log-odds of existence: sums of them over UAVs,
+    divided by the sum of the weights, are weighted averages. Novel information adds up: q and Ω, then in column
+    `INFORMATION` + u the share of UAV u's in it. With fusion by averages alone it has no columns.
+    UAVs of one partition of the fleet, those that hear of the same leader, agree on ids: the leader and the id at the
+    beginning of a scan name a track in all its rounds, while ids may change.
     """
 
     uav: int
     degree: int  # number of neighbours
-    ids: Indices  # (T,)
-    shares: Array  # (T, 1 + INFORMATION or more)
-    history: DetectionHistory
-    deleted: tuple[tuple[int, float], ...]  # ids, ascending, and the time [s] up to which sightings of them are void
-    aliases: Indices  # (T,)
-    sightings: Array  # (T, 3), position [m] and time [s] at which the fleet last saw each
-    novel: Array  # (T, 0) or (T, INFORMATION + U)
     partition: tuple[int, float]  # its leader, the smallest UAV heard of lately, and the time [s] of its last message
-    met: bool = False  # if UAVs of different partitions have heard one another in this scan
+    ids: Indices  # (T,)
+    names: Indices  # (T, 2)
+    shares: Array  # (T, 22)
+    times: Array  # (T, 2) s: last detection by the fleet, and last scan with the person in view of it
+    misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
+    sightings: Array  # (T, 3), position [m] and time [s] at which the fleet last saw each
+    deleted: tuple[tuple[int, float], ...]  # ids, ascending, and the time [s] up to which sightings of them are void
+    novel: Array  # (T, 0) or (T, INFORMATION + U)
 
     @property
     def size(self) -> int:
         """Bytes of the message, eight for each number, with symmetric matrices as upper triangles.
 
-        Four numbers, 25 per track and 2 per deleted track; 14 more for novel information, and 2 for each UAV with a
+        4 numbers, 25 for each track, 2 for each deleted id; 14 more for novel information, and 2 for each UAV with a
         share in it.
         """
-        per_track = 2 + (self.shares.shape[1] - _REDUNDANT) + (3 + 2) + 3  # ids, shares, history, sighting
         sources = self.novel[:, INFORMATION:] != 0.0
         novel = 2 * sources.sum() + (INFORMATION - _REDUNDANT) * sources.any(axis=1).sum()
-        return 8 * int(4 + per_track * len(self.ids) + novel + 2 * len(self.deleted))
+        return 8 * int(4 + _PER_TRACK * len(self.ids) + novel + 2 * len(self.deleted))
 
     def beliefs(self) -> tuple[Array, Array]:
         """Means (T, 4) and covariances (T, 4, 4) of the tracks."""
@@ -70,75 +68,43 @@ class Message:
         return moment_form(packed[:, :4], packed[:, 4:].reshape(-1, 4, 4))
 
     def existence(self) -> Array:
-        """Existence probabilities (T,); 1 where the message has none."""
-        if self.shares.shape[1] == 1 + INFORMATION:
-            return np.ones(len(self.ids))
+        """Existence probabilities (T,)."""
         return from_log_odds(self.shares[:, 1 + INFORMATION] / self.shares[:, 0])
-
-    @cached_property
-    def labels(self) -> bytes:
-        """Ids and aliases, quick to compare."""
-        return self.ids.tobytes() + self.aliases.tobytes()
-
-    @cached_property
-    def counts(self) -> bytes:
-        """Counts of the detection history, quick to compare."""
-        return self.history.misses.tobytes() + self.history.shared.tobytes()
-
-    @cached_property
-    def sighting_times(self) -> bytes:
-        """Times of the sightings, quick to compare."""
-        return self.sightings[:, 2].tobytes()
 
     def only(self, rows: Indices) -> Message:
         """The message about some of the tracks."""
-        return replace(
-            self,
-            ids=self.ids[rows],
-            shares=self.shares[rows],
-            history=self.history[rows],
-            aliases=self.aliases[rows],
-            sightings=self.sightings[rows],
-            novel=self.novel[rows],
-        )
+        columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in _COLUMNS}
+        return replace(self, **columns)
 
-    def at(self, slots: Indices, ids: Indices, aliases: Indices) -> Message:
-        """The message with its tracks moved to rows `slots` of a table with these ids; zero shares elsewhere."""
-        times, seen = np.full((len(ids), 3), -np.inf), np.full((len(ids), 3), -np.inf)
-        np.maximum.at(times, slots, self.history.times)
-        by_time = np.argsort(self.sightings[:, 2], kind="stable")  # where two tracks become one, the last sighting
-        seen[slots[by_time]] = self.sightings[by_time]
-        misses, shared = np.zeros(len(ids), np.int64), np.zeros(len(ids), np.int64)
-        misses[slots], shared[slots] = self.history.misses, self.history.shared
-        return replace(
-            self,
-            ids=ids,
-            shares=_placed(self.shares, slots, len(ids)),
-            history=DetectionHistory(times, misses, shared),
-            aliases=aliases,
-            sightings=seen,
-            novel=_placed(self.novel, slots, len(ids)),
-        )
-
-
-def _placed(values: Array, slots: Indices, count: int) -> Array:
-    """Rows added up in a table of `count` rows."""
-    table = np.zeros((count, values.shape[1]))
-    np.add.at(table, slots, values)
-    return table
+    def at(self, rows: Indices, ids: Indices, names: Indices) -> Message:
+        """The message with its tracks moved to rows of a table of these ids and names; elsewhere it says nothing."""
+        empty = {"times": -np.inf, "sightings": -np.inf, "misses": -1}  # -1 has all bits
+        columns: dict[str, Any] = {}
+        for name in _COLUMNS:
+            column = getattr(self, name)
+            columns[name] = np.full((len(ids), *column.shape[1:]), empty.get(name, 0), column.dtype)
+            columns[name][rows] = column
+        return replace(self, **{**columns, "ids": ids, "names": names})
 
 
 def alike(messages: Sequence[Message]) -> bool:
-    """Test if messages are about the same tracks in the same rows.
-
-    Where partitions meet, tracks of one id without alias need not be the same.
-    """
+    """Test if messages are about the same tracks in the same rows, last seen at the same times but for this scan."""
     first = messages[0]
-    if any(m.labels != first.labels or m.deleted != first.deleted for m in messages):
-        return False
-    return not ((first.aliases == 0).any() and partitions_meet(messages))
+    return all(
+        m.partition[0] == first.partition[0]
+        and m.deleted == first.deleted
+        and np.array_equal(m.ids, first.ids)
+        and np.array_equal(m.names, first.names)
+        and np.array_equal(m.sightings[:, 2], first.sightings[:, 2])
+        for m in messages
+    )
 
 
-def partitions_meet(messages: Sequence[Message]) -> bool:
-    """Test if UAVs of different partitions hear one another, by the messages of one round, the own included."""
-    return any(m.met or m.partition[0] != messages[0].partition[0] for m in messages)
+def last_seen(message: Message) -> Array:
+    """Times (T,) [s] at which the fleet, as far as this UAV has heard, last saw each person."""
+    return np.maximum(message.times[:, 0], message.sightings[:, 2])
+
+
+def joint_partition(messages: Iterable[Message]) -> tuple[int, float]:
+    """The smallest leader of the messages' partitions, and the time of its last message."""
+    return min((m.partition for m in messages), key=lambda partition: (partition[0], -partition[1]))

@@ -1,64 +1,170 @@
-"""Track-to-track association: tracks of different UAVs matched, and their labels agreed without a server."""
+"""Track-to-track association: tracks of different UAVs that are of one person, and the id that each keeps."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from tracking.fusion.message import Message, alike, partitions_meet
-from tracking.fusion.track_matching import crossed_labels, match_beliefs
-from tracking.management.reacquisition import reacquisitions
+from tracking.fusion.labels import LABELS_PER_SCAN, new_label
+from tracking.fusion.message import Message, alike, last_seen
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.assignment import most_pairs
-from tracking.numerics.distances import pair_distances
+from tracking.numerics.assignment import pairs_within
+from tracking.numerics.distances import length, pair_distances
+from tracking.numerics.exponential import log
+from tracking.numerics.universal import log_each
 
-_NONE = -1  # row of a track that is left out
-_LABELLED = 3.0  # weight of a common label, in twice a log-likelihood: it is right about four times as often as not
+_LABELLED = 1.5  # log-likelihood ratio of a common id: partitions give it to one person rather than to two
+_UNKNOWN = 1e-5  # 1/m², density of people that only one of two UAVs has a track of
+_TURNED = 0.05  # probability that an unseen person is anywhere within reach, rather than where the belief is
+_MARGIN = 1.0  # m, of reach: errors of the last measurement and of the present one
 
 
-def associate_tracks(own: Message, received: Sequence[Message], gate: float, max_speed: float) -> list[Message]:
+class People(NamedTuple):
+    """Tracks of G people as the UAV that saw each last has them."""
+
+    means: Array  # (G, 4)
+    covariances: Array  # (G, 4, 4)
+    seen: Array  # (G,) s, last detection
+    places: Array  # (G, 2) m, at the last detection
+
+
+def associate_tracks(own: Message, received: Sequence[Message], scan: int, max_speed: float) -> list[Message]:
     """Associate the tracks of messages: the messages, own first, with the same tracks in the same rows.
 
-    Tracks of one label, an id and an alias, are the same. Where partitions of the fleet meet, this holds only for
-    tracks that were last seen at the same time. All others are matched by their beliefs, one assignment per neighbour,
-    in squared distance up to `gate`; a common id or alias adds to the likelihood of a pair.
-    A track that has a common id or alias with another and agrees with it, but was seen earlier than the match of that
-    other, is deleted: it has strayed. A lost track matches one seen lately if its person can have moved there at
-    `max_speed` m/s. Lost tracks with a common label elsewhere match others last, as each partition may have taken one
-    person for another. Among lost tracks of one person, the one last seen gives the position.
-    A track without a match is taken over without any share of the own beliefs, so that nothing counts twice.
-    The smallest id stays. Where two people would have it, as when a split network heals, the track of the smaller alias
-    keeps it. The other track takes its alias as id; if it is lost, it is deleted. All this depends on the labels, not
-    on the UAV, so that all UAVs decide alike.
+    Tracks of one id are of one person within a partition of the fleet. All others are joined by the ratio of two
+    likelihoods, that both are of one person and that they are of two, the likeliest pair first, and never two tracks
+    of one UAV. A track without a match is taken over without any share of the own beliefs. The order of messages has
+    no influence. `scan` counts scans, and `max_speed` [m/s] is that of people.
     """
-    if alike([own, *received]):
-        return [own, *received]
-    deleted = _deletions([own, *received])
-    messages = [_surviving(m, deleted) for m in (own, *received)]
-    # UAVs that hear the same messages match them in the same order.
-    first, *others = sorted(range(len(messages)), key=lambda k: messages[k].uav)
-    met = partitions_meet(messages)
-    table = _AssociationTable(messages[first], gate, max_speed, met)
-    slots = {first: np.arange(len(messages[first].ids)), **{k: table.add(messages[k]) for k in others}}
-    ids, aliases = table.labels()
-    order = np.argsort(ids, kind="stable")
-    order = order[np.searchsorted(ids[order], 0) :]
-    row = np.full(len(ids) + 1, _NONE)  # the last for tracks left out before
-    row[order] = np.arange(len(order))
-    out, last = [], np.full(len(ids) + 1, -np.inf)  # s, the latest sighting of each row
-    for k, message in enumerate(messages):
-        np.maximum.at(last, slots[k], message.sightings[:, 2])
-    for k, message in enumerate(messages):
-        slot = slots[k]
-        older = met & (message.sightings[:, 2] < last[slot])
-        outdated = (message.aliases == 0) & (older | np.isin(slot, table.reacquired))
-        rows = np.where(outdated, _NONE, row[slot])
-        kept = np.flatnonzero(rows != _NONE)
-        left = message if len(kept) == len(rows) else message.only(kept)
-        out.append(left.at(rows[kept], ids[order], aliases[order]))
+    messages = [own, *received]
+    if alike(messages):
+        return messages
+    deleted = _deletions(messages)
+    messages = [_surviving(m, deleted) for m in messages]
+    names, rows = np.unique(np.concatenate([m.names for m in messages]), axis=0, return_inverse=True)
+    tracks = np.split(rows.reshape(-1), np.cumsum([len(m.names) for m in messages])[:-1])
+    order = sorted(range(len(messages)), key=lambda k: messages[k].uav)
+    people = _last_seen([messages[k] for k in order], [tracks[k] for k in order], len(names))
+    holders = np.array([np.isin(np.arange(len(names)), tracks[k]) for k in order]).T
+    claims = _claims(messages, tracks, len(names))
+    group, ends = _joined(people, claims, holders, max_speed)
+    ids = _ids(names, claims, group, ends, scan)
+    kept, first = np.unique(ids, return_index=True)
+    kept, first = kept[kept >= 0], first[kept >= 0]
+    latest = np.full(len(names), -np.inf)
+    for m, of in zip(messages, tracks, strict=True):
+        np.maximum.at(latest, group[of], m.sightings[:, 2])
+    out = []
+    for m, of in zip(messages, tracks, strict=True):
+        # Where UAVs differ in when a person was last seen before this scan, the last one tells.
+        left = np.flatnonzero((ids[of] >= 0) & (m.sightings[:, 2] >= latest[group[of]]))
+        out.append(m.only(left).at(np.searchsorted(kept, ids[of[left]]), kept, names[first]))
     return out
+
+
+def likelihood_ratios(people: People, max_speed: float) -> Array:
+    """Logarithms (G, G) of the likelihood that two tracks are of one person, over that of two people.
+
+    Of one person the states are equal: the density is that of the difference of the beliefs. A person who was out of
+    sight may have turned: with a small probability the place is anywhere within reach of the last detection. Of two
+    people, one is unknown to a UAV that has the other track, at any place and of any velocity.
+    """
+    _, cost = pair_distances(people[:2], people[:2])
+    elsewhere = log(_UNKNOWN / (math.pi * max_speed * max_speed))
+    ratios = -0.5 * cost - 2.0 * log(2.0 * math.pi) - elsewhere
+    reach, within = _reach(people, max_speed)
+    turned = np.where(within, log_each(_TURNED / (math.pi * reach * reach * _UNKNOWN)), -np.inf)
+    return np.maximum(ratios, np.maximum(turned, turned.T))
+
+
+def _reach(people: People, max_speed: float) -> tuple[Array, Flags]:
+    """Distances (G, G) [m] that each can have moved from its last detection to that of another, flags if it can have.
+
+    Flags are set only where the other was seen later.
+    """
+    unseen = people.seen - people.seen[:, None]
+    reach = max_speed * np.maximum(unseen, 0.0) + _MARGIN
+    gap = length(people.places[:, None] - people.means[:, :2])
+    return reach, (unseen > 0.0) & (gap <= reach)
+
+
+def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> People:
+    """Each track as the message has it that tells of its last detection, the first of such."""
+    people = People(np.zeros((count, 4)), np.zeros((count, 4, 4)), np.full(count, -np.inf), np.zeros((count, 2)))
+    known = np.zeros(count, dtype=np.bool_)
+    for message, rows in zip(messages, tracks, strict=True):
+        seen = last_seen(message)
+        later = ~known[rows] | (seen > people.seen[rows])
+        means, covariances = message.beliefs()
+        now = seen > message.sightings[:, 2]
+        places = np.where(now[:, None], means[:, :2], message.sightings[:, :2])
+        for column, told in zip(people, (means, covariances, seen, places), strict=True):
+            column[rows[later]] = told[later]
+        known[rows] = True
+    return people
+
+
+def _claims(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> list[set[int]]:
+    """Ids that messages give to each track."""
+    claims: list[set[int]] = [set() for _ in range(count)]
+    for message, rows in zip(messages, tracks, strict=True):
+        for row, id in zip(rows.tolist(), message.ids.tolist(), strict=True):
+            claims[row].add(id)
+    return claims
+
+
+def _joined(people: People, claims: Sequence[set[int]], holders: Flags, max_speed: float) -> tuple[Indices, Flags]:
+    """Group (G,) of each track, named by its first one, and flags (G,) of tracks that end.
+
+    claims: ids of each track; holders (G, N): flags of the UAVs that hold each.
+    UAV by UAV one assignment joins the tracks that the UAVs before do not hold to groups of others. A group out of
+    sight ends if its person was seen later, within reach, as another track of its only id.
+    """
+    common = np.array([[not one.isdisjoint(other) for other in claims] for one in claims], dtype=np.bool_)
+    common = common.reshape(len(claims), len(claims))
+    together = people.seen[:, None] == people.seen
+    ratios = likelihood_ratios(people, max_speed) + _LABELLED * (common & together)
+    every = np.arange(len(claims))
+    group, known = every.copy(), np.zeros(len(claims), dtype=np.bool_)
+    for k in range(holders.shape[1]):
+        new, old = np.flatnonzero(holders[:, k] & ~known), np.flatnonzero(known & (group == every))
+        cost = np.full((len(new), len(old)), np.inf)
+        for b, members in enumerate([np.flatnonzero(group == g) for g in old]):
+            last = members[people.seen[members] == people.seen[members].max()]
+            free = ~np.any(holders[new] & holders[members].any(axis=0), axis=1)
+            cost[free, b] = -ratios[np.ix_(new[free], last)].max(axis=1, initial=-np.inf)
+        for a, b in pairs_within(cost, 0.0):
+            group[new[a]] = old[b]
+        known[new] = True
+    later = np.any(common & _reach(people, max_speed)[1] & (group[:, None] != group), axis=1)
+    later &= people.seen < people.seen.max(initial=-np.inf)
+    ends = np.zeros(len(claims), dtype=np.bool_)
+    for members in [np.flatnonzero(group == g).tolist() for g in np.unique(group)]:
+        ends[members] = later[members].all() and len(set.union(*(claims[k] for k in members))) == 1
+    return group, ends
+
+
+def _ids(names: Indices, claims: Sequence[set[int]], group: Indices, ends: Flags, scan: int) -> Indices:
+    """Id of each track, the same within a group; -1 for tracks that end.
+
+    The partition of the smallest UAV keeps its ids. A track of another that finds its id taken gets a new one, the
+    same for all UAVs of its partition.
+    """
+    owners: dict[int, int] = {}  # the group of each id
+    for k in np.flatnonzero(~ends).tolist():
+        for id in claims[k]:
+            owners.setdefault(id, int(group[k]))
+    ids = np.full(len(names), -1)
+    for g in np.unique(group[~ends]).tolist():
+        partition, id = names[np.flatnonzero(group == g)[0]].tolist()
+        rank = int(np.sum((names[:, 0] == partition) & (names[:, 1] < id)))
+        fresh = new_label(scan, partition, LABELS_PER_SCAN - 1 - rank)
+        ids[group == g] = min((id for id, owner in owners.items() if owner == g), default=fresh)
+    return ids
 
 
 def _deletions(messages: Sequence[Message]) -> tuple[tuple[int, float], ...]:
@@ -75,222 +181,6 @@ def _surviving(message: Message, deleted: tuple[tuple[int, float], ...]) -> Mess
     if message.deleted == deleted:
         return message
     deletions = dict(deleted)
-    last_seen = message.history.times[:, 0].tolist()
-    pairs = zip(message.ids.tolist(), last_seen, strict=True)
+    pairs = zip(message.ids.tolist(), message.times[:, 0].tolist(), strict=True)
     keep = np.array([seen >= deletions.get(id, -np.inf) for id, seen in pairs], dtype=np.bool_)
     return replace(message.only(np.flatnonzero(keep)), deleted=deleted)
-
-
-class _AssociationTable:
-    """Table of tracks, one per row, to which the tracks of each neighbour are added."""
-
-    def __init__(self, own: Message, gate: float, max_speed: float, met: bool) -> None:
-        self.met = met  # if UAVs of different partitions hear one another
-        self.gate, self.max_speed = gate, max_speed
-        self.reacquired: list[int] = []  # rows of tracks that are lost for some UAVs; those that see the person decide
-        self.mislabelled: list[int] = []  # rows of lost tracks with labels that may be those of other people
-        self.deleted: list[int] = []  # rows of tracks with their person in another row
-        every = np.arange(len(own.ids))
-        self.means, self.covariances = (a[every] for a in own.beliefs())
-        self.seen, self.sightings, self.lost = own.history.times[every, 0], own.sightings[every], own.aliases == 0
-        # The row of each label, and the rows of each id and of each alias.
-        self.slot: dict[tuple[int, int], int] = {}
-        self.by_id: dict[int, dict[int, tuple[bool, int]]] = {}  # for each row the alias, 0 last
-        self.by_alias: dict[int, dict[int, tuple[bool, int]]] = {}
-        for k, label in enumerate(_labels(own)):
-            self._enter(label, k)
-
-    def add(self, message: Message) -> Indices:
-        """Add a neighbour's tracks and return their rows (T,)."""
-        labels = _labels(message)
-        means, covariances = message.beliefs()
-        slots = np.array([self.slot.get(pair, _NONE) for pair in labels], dtype=np.int64)
-        # A lost track does not match a row that was seen lately: another track of the neighbour may be that person.
-        slots[(message.aliases == 0) & ~np.append(self.lost, True)[slots]] = _NONE
-        labelled = slots.copy()
-        if self.met:
-            # Tracks last seen at different times may be of two people by now, as a partition may have reused the label
-            # on less information. So may tracks without alias, which does not tell the UAV that began the track.
-            elsewhen = message.history.times[:, 0] != np.append(self.seen, np.nan)[slots]
-            slots[elsewhen | (message.aliases == 0)] = _NONE
-        unknown = slots == _NONE
-        stale = self._match_labelled(message, slots)
-        free = np.setdiff1d(np.arange(len(self.means)), [*slots.tolist(), *self.deleted])
-        new = np.array(
-            [k for k in np.flatnonzero(slots == _NONE) if k not in stale and not self._outdated(labels[k])],
-            dtype=np.int64,
-        )
-        pairs = match_beliefs((self.means[free], self.covariances[free]), (means[new], covariances[new]), self.gate)
-        for a, b in pairs:
-            slots[new[b]] = free[a]
-        new = np.setdiff1d(new, self._match_by_label(message, slots, labelled, stale))
-        self._update(message, np.flatnonzero(unknown & (slots != _NONE)), slots)
-        self._reacquire(message, slots, np.setdiff1d(free, slots), new[slots[new] == _NONE])
-        new = np.array([*new[slots[new] == _NONE], *stale], dtype=np.int64)
-        slots[new] = len(self.means) + np.arange(len(new))
-        self.deleted += slots[stale].tolist()  # with rows, so that other messages of their partition find them
-        self.means = np.concatenate([self.means, means[new]])
-        self.covariances = np.concatenate([self.covariances, covariances[new]])
-        self.seen = np.concatenate([self.seen, message.history.times[new, 0]])
-        self.sightings = np.concatenate([self.sightings, message.sightings[new]])
-        self.lost = np.concatenate([self.lost, message.aliases[new] == 0])
-        for pair, slot in zip(labels, slots.tolist(), strict=True):
-            if slot != _NONE:
-                self._enter(pair, slot)
-        return slots
-
-    def _match_by_label(self, message: Message, slots: Indices, labelled: Indices, stale: list[int]) -> list[int]:
-        """Fill in the rows `labelled` of tracks without a match; return those with a row that matches a later one."""
-        outdated, seen = [], message.history.times[:, 0]
-        for k in np.flatnonzero((slots == _NONE) & (labelled != _NONE)).tolist():
-            taker = np.flatnonzero(slots == labelled[k])
-            if len(taker) == 0 and k not in stale:
-                slots[k] = labelled[k]
-            elif len(taker) and seen[k] < seen[taker[0]]:
-                outdated.append(k)
-        return outdated
-
-    def _update(self, message: Message, tracks: Indices, slots: Indices) -> None:
-        """Replace the belief of rows that these tracks continue, where the person was seen later."""
-        for k in tracks[message.history.times[tracks, 0] > self.seen[slots[tracks]]].tolist():
-            self._replace(int(slots[k]), message, k)
-
-    def _replace(self, row: int, message: Message, track: int) -> None:
-        """Replace the belief of a row by that of a neighbour's track."""
-        means, covariances = message.beliefs()
-        self.means[row], self.covariances[row] = means[track], covariances[track]
-        self.seen[row], self.sightings[row] = message.history.times[track, 0], message.sightings[track]
-        self.lost[row] = message.aliases[track] == 0
-
-    def _reacquire(self, message: Message, slots: Indices, free: Indices, new: Indices) -> None:
-        """Match lost tracks of one side with those seen lately of the other: own rows `free`, received tracks `new`."""
-        means, covariances = message.beliefs()
-        lost = message.aliases[new] == 0
-        ours, theirs = free[self.lost[free]], new[~lost]
-        found = means[theirs], covariances[theirs], message.sightings[theirs]
-        for b, k in self._reacquisitions(found, (self.means[ours], self.covariances[ours], self.sightings[ours])):
-            row, track = int(ours[k]), int(theirs[b])
-            slots[track] = row
-            self.reacquired.append(row)
-            self._replace(row, message, track)
-        ours, theirs = np.setdiff1d(free[~self.lost[free]], slots), new[lost]
-        found = self.means[ours], self.covariances[ours], self.sightings[ours]
-        for b, k in self._reacquisitions(found, (means[theirs], covariances[theirs], message.sightings[theirs])):
-            slots[theirs[k]] = ours[b]
-            self.reacquired.append(int(ours[b]))
-
-    def _reacquisitions(
-        self, seen: tuple[Array, Array, Array], lost: tuple[Array, Array, Array]
-    ) -> list[tuple[int, int]]:
-        """Pairs of a track seen lately and a lost one that it may continue, from beliefs and sightings."""
-        if len(seen[0]) == 0 or len(lost[0]) == 0:
-            return []
-        now = float(seen[2][:, 2].max())
-        return reacquisitions(seen[:2], lost[:2], lost[2], now=now, max_speed=self.max_speed)
-
-    def labels(self) -> tuple[Indices, Indices]:
-        """Id and alias of each row (T,); both -1 for rows that are left out.
-
-        Each id, the smallest first, goes to one row without an id: to that with the smallest alias, and to one of
-        alias 0 only without others. Lost tracks with different ids in two partitions take one that is left.
-        """
-        ids, aliases = np.full((2, len(self.means)), _NONE)
-        for id, claims in sorted(self.by_id.items()):
-            free = [(alias, row) for row, (_, alias) in claims.items() if row not in self.deleted]
-            late = [(alias, row) for alias, row in free if alias] or free
-            unlabelled = [(alias, row) for alias, row in late if ids[row] == _NONE]
-            if unlabelled:
-                alias, row = min(unlabelled)
-                ids[row], aliases[row] = id, alias or self._alias(row)
-        taken = set(ids.tolist())
-        for alias, claims in sorted(self.by_alias.items()):
-            for row in claims:
-                if alias not in {0, *taken} and ids[row] == _NONE and row not in self.deleted:
-                    ids[row] = aliases[row] = alias
-                    taken.add(alias)
-        for row in self.mislabelled:
-            unused = [id for id, claims in sorted(self.by_id.items()) if row in claims and id not in taken]
-            if unused and ids[row] == _NONE and row not in self.deleted:
-                ids[row], aliases[row] = unused[0], 0
-                taken.add(unused[0])
-        return ids, aliases
-
-    def _alias(self, row: int) -> int:
-        """Smallest alias of a row, 0 if it has none."""
-        return min((alias for alias, claims in self.by_alias.items() if alias and row in claims), default=0)
-
-    def _enter(self, label: tuple[int, int], slot: int) -> None:
-        id, alias = label
-        self.slot[label] = slot
-        for claims in (self.by_id.setdefault(id, {}), self.by_alias.setdefault(alias, {})):
-            claims[slot] = min(claims.get(slot, (True, 0)), (alias == 0, alias))
-
-    def _match_labelled(self, message: Message, slots: Indices) -> list[int]:
-        """Match tracks by beliefs and by common ids or aliases, in one assignment; return those that have strayed.
-
-        Tracks of one label in two partitions of a fleet need not be one person: in one partition the track may have
-        strayed and the person may have got a new track. So a label adds to the likelihood of the beliefs.
-        """
-        new = np.flatnonzero(slots == _NONE)
-        free = np.setdiff1d(np.arange(len(self.means)), [*slots.tolist(), *self.deleted])
-        labels = _labels(message)
-        common = np.array([np.isin(free, self._known(*labels[k])) for k in new], dtype=np.bool_)
-        if not common.any():
-            return []
-        means, covariances = message.beliefs()
-        ours, theirs = (self.means[free], self.covariances[free]), (means[new], covariances[new])
-        distance, cost = pair_distances(theirs, ours)
-        near = distance <= self.gate
-        # Labels exclude a pair if one of the two is lost and the other side sees the person of its label, or if both
-        # are lost and have their label in common with others.
-        lost = message.aliases[new] == 0
-        both = lost[:, None] & self.lost[free]
-        outdated = np.array([self._outdated(labels[k]) for k in new])[:, None] | self._overtaken(free, labels)
-        shared = np.any(common, axis=1)[:, None] | np.any(common, axis=0)
-        excluded = ~common & (outdated | both & shared)
-        # Where one side has lost a person that the other sees, the label is no better than a new track there.
-        likelier = common & (lost[:, None] == self.lost[free]) | crossed_labels(common, near)
-        cost -= _LABELLED * likelier
-        for a, b in most_pairs(near & ~excluded, cost):
-            slots[new[a]] = free[b]
-        # Each side may have taken one person for another and then lost both: only beliefs can match these.
-        rest = excluded & both & (slots[new] == _NONE)[:, None] & ~np.isin(free, slots)
-        for a, b in most_pairs(near & rest, cost):
-            slots[new[a]] = free[b]
-            self.mislabelled.append(int(free[b]))
-        return self._strayed(message, slots, new, free, common & near)
-
-    def _strayed(self, message: Message, slots: Indices, new: Indices, free: Indices, same: Flags) -> list[int]:
-        """Tracks of the neighbour, and own rows (added to `deleted`), with a match that has a later sighting.
-
-        same (new, free): flags of pairs with a common id or alias and beliefs that agree.
-        """
-        stale, taker = [], {int(slot): k for k, slot in enumerate(slots.tolist()) if slot != _NONE}
-        theirs = message.history.times[:, 0]
-        for a, b in np.argwhere(same).tolist():
-            track, row = int(new[a]), int(free[b])
-            other = taker.get(row)
-            if slots[track] == _NONE and other is not None and theirs[track] < theirs[other]:
-                stale.append(track)
-            elif other is None and slots[track] != _NONE and self.seen[row] < self.seen[slots[track]]:
-                self.deleted.append(row)
-        return stale
-
-    def _known(self, id: int, alias: int) -> list[int]:
-        """Rows with an id or alias."""
-        return [*self.by_id.get(id, ()), *(self.by_alias.get(alias, ()) if alias else ())]
-
-    def _outdated(self, label: tuple[int, int]) -> bool:
-        """Test if a track is lost, but a row of its id is not."""
-        id, alias = label
-        return alias == 0 and not all(self.lost[row] for row in self.by_id.get(id, ()))
-
-    def _overtaken(self, rows: Indices, labels: list[tuple[int, int]]) -> Flags:
-        """Flags of lost rows (R,) with the id of a label that has an alias, so is not lost."""
-        known = [row for id, alias in labels if alias for row in self.by_id.get(id, ())]
-        return np.asarray(self.lost[rows] & np.isin(rows, known))
-
-
-def _labels(message: Message) -> list[tuple[int, int]]:
-    """Ids and aliases of a message's tracks."""
-    return list(zip(message.ids.tolist(), message.aliases.tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""Track initiation by m of n: from measurements that no track explains to confirmed tracks."""
+"""Track initiation: from measurements that no track explains to confirmed tracks."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracking.filter.kalman import Gaussian, innovation, update
-from tracking.filter.motion import MotionModel
+from tracking.association.jipda import existence_association
+from tracking.association.jpda import gated_likelihood, mixture_update
+from tracking.filter.kalman import Gaussian
 from tracking.numerics.arrays import Array, Flags
-from tracking.numerics.assignment import pairs_within
-from tracking.numerics.distances import squared_distance
+from tracking.numerics.exponential import power
+from tracking.parameters import TrackerParameters
 
 # Flags (T, K) of visible samples of beliefs, means (T, 4) and covariances (T, 4, 4).
 VisibleSamples = Callable[[Array, Array], Flags]
+_PATIENCE = 1.0  # s without a measurement after which a tentative track ends: later ones could be another person's
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,72 +24,87 @@ class Tentative:
     """Tentative track; its first measurement counts as a hit."""
 
     belief: Gaussian
+    existence: float = 1.0  # probability
     hits: int = 1
     scans: int = 1
-    existence: float = 1.0  # probability
-
-    def verdict(self, confirm: tuple[int, int]) -> bool | None:
-        """True once it has m hits, False once it cannot reach them within its first n scans."""
-        m, n = confirm
-        if self.hits >= m:
-            return True
-        return False if self.hits + n - self.scans < m else None
+    unseen: int = 0  # steps of motion since its last measurement
 
 
 @dataclass(frozen=True)
 class Initiator:
-    """Initiator that confirms a track with m measurements within its first n scans."""
+    """Initiator by probability of existence, or by m of n where `life` says so.
 
-    motion: MotionModel
-    confirm: tuple[int, int]  # m of n
-    gate: float  # largest squared distance between measurement and tentative track
-    max_speed: float  # m/s
+    A measurement that no track explains is of a new person or clutter: a track starts with the probability
+    birth_density / (birth_density + clutter_density). It is confirmed at `sure`, and ends below `doubt` times its
+    start. By m of n, it needs so many measurements within its first n scans. Source: [Musicki04], [Williams15].
+    """
+
+    parameters: TrackerParameters
 
     def step(
         self, tentative: list[Tentative], z: Array, R: Array, *, elapsed: int, visible: VisibleSamples
     ) -> tuple[list[Tentative], list[Tentative]]:
         """Confirmed and remaining tentative tracks after a scan, `elapsed` steps of motion later.
 
-        z (N, 2) m, R (N, 2, 2) m². Every scan counts, so `visible` is not used.
+        z (N, 2) m, R (N, 2, 2) m²; visible: flags of the samples of each belief in view.
         """
-        predicted = [coasted(self.motion, t.belief, elapsed) for t in tentative]
-        taken = self._assign(predicted, z, R)
-        grown = []
-        for k, (old, belief) in enumerate(zip(tentative, predicted, strict=True)):
-            j = taken.get(k)
-            updated = belief if j is None else update(belief, z[j], R[j])
-            grown.append(Tentative(updated, old.hits + (j is not None), old.scans + 1))
-        used = set(taken.values())
-        grown += [tentative_track(z[j], R[j], self.max_speed) for j in range(len(z)) if j not in used]
-        verdicts = [t.verdict(self.confirm) for t in grown]
+        grown, known = self._updated([self._predicted(t, elapsed) for t in tentative], z, R, visible)
+        grown += [self._started(z[j], R[j]) for j in np.flatnonzero(~known).tolist()]
+        verdicts = [self._verdict(t) for t in grown]
         confirmed = [t for t, verdict in zip(grown, verdicts, strict=True) if verdict]
         return confirmed, [t for t, verdict in zip(grown, verdicts, strict=True) if verdict is None]
 
-    def _assign(self, predicted: list[Gaussian], z: Array, R: Array) -> dict[int, int]:
-        """Index of the measurement of each tentative track that gets one."""
-        if not predicted or len(z) == 0:
-            return {}
-        means = np.array([belief.mean for belief in predicted])[:, None]
-        covariances = np.array([belief.covariance for belief in predicted])[:, None]
-        nu = innovation(Gaussian(means, covariances), z, R)
-        distance = squared_distance(nu.mean, nu.covariance)
-        return dict(pairs_within(distance, self.gate))
+    def _start(self) -> float:
+        p = self.parameters
+        return p.birth_density / (p.birth_density + p.clutter_density)
 
+    def _started(self, z: Array, R: Array) -> Tentative:
+        """Track at a measurement z (2,) m with covariance R (2, 2) m².
 
-def coasted(motion: MotionModel, belief: Gaussian, steps: int) -> Gaussian:
-    """Predict a belief over several steps of motion."""
-    for _ in range(steps):
-        belief = motion.predict(belief)
-    return belief
+        Its velocity is zero with the variance of velocities spread evenly up to `max_speed` m/s in all directions, a
+        quarter of its square along each axis.
+        """
+        covariance = np.zeros((4, 4))
+        covariance[:2, :2] = R
+        covariance[2, 2] = covariance[3, 3] = self.parameters.max_speed * self.parameters.max_speed / 4
+        belief = Gaussian(np.array([z[0], z[1], 0.0, 0.0]), covariance)
+        return Tentative(belief, 1.0 if self.parameters.life == "m_of_n" else self._start())
 
+    def _verdict(self, track: Tentative) -> bool | None:
+        """True if the track is confirmed, False if it ends."""
+        p = self.parameters
+        if p.life == "m_of_n":
+            m, n = p.confirm
+            if track.hits >= m:
+                return True
+            return False if track.hits + n - track.scans < m else None
+        if track.existence >= p.sure:
+            return True
+        late = track.unseen > round(_PATIENCE / p.motion.dt)
+        return False if late or track.existence < p.doubt * self._start() else None
 
-def tentative_track(z: Array, R: Array, max_speed: float) -> Tentative:
-    """Tentative track that starts at a measurement z (2,) m with covariance R (2, 2) m².
+    def _predicted(self, track: Tentative, elapsed: int) -> Tentative:
+        """The track at the time of the scan."""
+        p, belief = self.parameters, track.belief
+        for _ in range(elapsed):
+            belief = p.motion.predict(belief)
+        existence = track.existence * power(p.step_survival, elapsed)
+        return Tentative(belief, existence, track.hits, track.scans + 1, track.unseen + elapsed)
 
-    Its velocity is zero with the variance of velocities spread evenly up to `max_speed` m/s in all directions, a
-    quarter of its square along each axis.
-    """
-    covariance = np.zeros((4, 4))
-    covariance[:2, :2] = R
-    covariance[2, 2] = covariance[3, 3] = max_speed * max_speed / 4
-    return Tentative(Gaussian(np.array([z[0], z[1], 0.0, 0.0]), covariance))
+    def _updated(
+        self, tentative: list[Tentative], z: Array, R: Array, visible: VisibleSamples
+    ) -> tuple[list[Tentative], Flags]:
+        """Tentative tracks after a scan, and flags (N,) of the measurements that they explain."""
+        p = self.parameters
+        means = np.array([t.belief.mean for t in tentative]).reshape(-1, 4)
+        covariances = np.array([t.belief.covariance for t in tentative]).reshape(-1, 4, 4)
+        likelihood = gated_likelihood(means, covariances, z, R, p.gate_probability)
+        detection = p.detection(visible(means, covariances).mean(axis=1), len(z))
+        before = np.array([t.existence for t in tentative], dtype=float)
+        beta, given, after = existence_association(likelihood, detection, p.clutter_density, before)
+        updated = mixture_update((means, covariances), (means, covariances), z, R, given)
+        grown = [
+            Tentative(Gaussian(mean, covariance), r, t.hits + seen, t.scans, 0 if seen else t.unseen)
+            for t, mean, covariance, seen, r in zip(tentative, *updated, beta[:, 0] < 0.5, after.tolist(), strict=True)
+        ]
+        return grown, np.asarray(np.any(p.detection_probability * likelihood > p.clutter_density, axis=0))

@@ -143,7 +143,7 @@ def true_posterior(
 def believed(radius: float, speed: float, every: int = 1, **settings) -> tuple[np.ndarray, np.ndarray]:
     """The same of a tracker that has a frame in some of the scans."""
     known, tree = track(3, *start(radius, speed), variance=0.05), Forest((Tree(0.0, 0.0, radius),))
-    subject, out = tracker(known, forest=tree, delete=(60, 60), **settings), []
+    subject, out = tracker(known, forest=tree, delete=(60, 60), life="m_of_n", **settings), []
     for k in range(INSTANTS[-1] + 1):
         if k % every == 0:
             play(subject, [scan(k)])

@@ -148,7 +148,7 @@ def refound(*companions: tuple[float, float]) -> list[int]:
     """Ids in the end where one UAV takes a person for new in the scan in which another takes up their lost track."""
     trackers = fleet(2, track(3, 0, 0, 0, 0))
     sharp, coarse = ([(3.0, 0.0), *companions], 0.01), ([(3.0, 0.0)], 0.2)
-    for k in range(12):
+    for k in range(16):  # a second and more from when both see the person
         poses = [ABOVE if k >= 9 else AWAY, ABOVE if k >= 10 else AWAY]
         for u, (t, (points, variance)) in enumerate(zip(trackers, (sharp, coarse), strict=True)):
             seen = scan(k, *(points if poses[u] is ABOVE else []), uav=u, pose=poses[u])

@@ -21,14 +21,14 @@ def met(first, second, kind: str) -> list[dict[int, float]]:
 
 
 KINDS = pytest.mark.parametrize("kind", ["complete", "line"])
-KEPT = [0.0], [0.05], [3], [901], [NOW]
+KEPT = [0.0], [0.05], [3], [NOW]
 
 
 @KINDS
 @pytest.mark.parametrize("swapped", [False, True])
 def test_a_strayed_track_is_deleted_and_its_persons_new_track_takes_the_id(kind, swapped):
     """One partition followed a person; the other lost the person half a second ago and has a new track."""
-    strayed = [1.5, 0.2], [0.3, 0.05], [3, 50], [903, 904], [NOW - 0.6, NOW]
+    strayed = [1.5, 0.2], [0.3, 0.05], [3, 50], [NOW - 0.6, NOW]
     sides = (strayed, KEPT) if swapped else (KEPT, strayed)
     for held in met(*sides, kind):
         assert list(held) == [3]
@@ -37,7 +37,7 @@ def test_a_strayed_track_is_deleted_and_its_persons_new_track_takes_the_id(kind,
 
 @KINDS
 def test_two_people_stay_two_where_one_partition_knows_only_one(kind):
-    both = [1.5, 0.2], [0.3, 0.05], [3, 50], [903, 904], [NOW, NOW]
+    both = [1.5, 0.2], [0.3, 0.05], [3, 50], [NOW, NOW]
     for held in met(KEPT, both, kind):
         assert len(held) == 2 and 3 in held
         np.testing.assert_allclose(sorted(held.values()), [0.1, 1.5], atol=0.15)
@@ -45,8 +45,8 @@ def test_two_people_stay_two_where_one_partition_knows_only_one(kind):
 
 @KINDS
 def test_a_common_id_decides_between_tracks_of_about_equal_distance(kind):
-    pair = [-0.3, 0.3], [0.05, 0.05], [3, 4], [903, 904], [NOW, NOW]
-    other = [0.05, 0.55], [0.05, 0.05], [3, 4], [901, 902], [NOW, NOW]
+    pair = [-0.3, 0.3], [0.05, 0.05], [3, 4], [NOW, NOW]
+    other = [0.05, 0.55], [0.05, 0.05], [3, 4], [NOW, NOW]
     for held in met(pair, other, kind):
         assert held == pytest.approx({3: -0.125, 4: 0.425}, abs=0.1)
 
@@ -64,9 +64,13 @@ def meeting(known, people, scans: int) -> list[list[int]]:
     return counts
 
 
-def test_two_tracks_of_one_person_with_different_velocities_become_one():
-    known = track(3, 0, 0, 1.5, 0, variance=0.1), track(4, 0, 0, -1.5, 0, variance=0.1)
-    assert meeting(known, [[(0, 0)], [(0, 0)]], 6) == [[1, 1], [1, 1], [2, 2], [1, 1], [1, 1], [1, 1]]
+@pytest.mark.parametrize("speed", [0.8, 2.5])
+def test_two_tracks_of_one_person_become_one_within_a_second(speed):
+    """Tracks of opposite velocities, of which the faster ones do not agree when the two partitions meet."""
+    known = track(3, 0, 0, speed, 0, variance=0.05), track(4, 0, 0, -speed, 0, variance=0.05)
+    counts = meeting(known, [[(0, 0)], [(0, 0)]], 12)
+    assert counts[:3] == [[1, 1]] * 2 + [[1 + (speed > 2)] * 2]
+    assert counts[7:] == [[1, 1]] * 5
 
 
 def test_two_people_side_by_side_known_to_one_partition_each_stay_two():
@@ -77,8 +81,8 @@ def test_two_people_side_by_side_known_to_one_partition_each_stay_two():
 @pytest.mark.parametrize("swapped", [False, True])
 def test_a_lost_track_is_deleted_if_its_id_is_seen_elsewhere(swapped):
     """One partition follows 3 and has lost 5; its person 3 is the other partition's 5."""
-    sees = [0.0], [0.05], [5], [901], [NOW]
-    lost = [0.1, 20.0], [0.05, 1.0], [3, 5], [903, 0], [NOW, NOW - 3.0]
+    sees = [0.0], [0.05], [5], [NOW]
+    lost = [0.1, 8.0], [0.05, 1.0], [3, 5], [NOW, NOW - 3.0]
     for held in met(*((lost, sees) if swapped else (sees, lost)), "complete"):
         assert held == pytest.approx({3: 0.05}, abs=0.02)
 
@@ -87,36 +91,35 @@ def test_a_lost_track_is_deleted_if_its_id_is_seen_elsewhere(swapped):
 @pytest.mark.parametrize("swapped", [False, True])
 def test_of_two_people_with_exchanged_ids_the_lost_one_is_kept(kind, swapped):
     """One partition's 5 is the other's 3, and each has lost its other track, also of one person."""
-    first = [0.0, 20.5], [0.05, 1.0], [3, 5], [901, 0], [NOW, NOW - 3.0]
-    second = [20.0, 0.2], [1.0, 0.05], [3, 5], [0, 903], [NOW - 2.0, NOW]
+    first = [0.0, 20.5], [0.05, 1.0], [3, 5], [NOW, NOW - 3.0]
+    second = [20.0, 0.2], [1.0, 0.05], [3, 5], [NOW - 2.0, NOW]
     for held in met(*((second, first) if swapped else (first, second)), kind):
-        assert held == pytest.approx({3: 0.1, 5: 20.25}, abs=0.15)
+        assert sorted(held) == [3, 5]
+        np.testing.assert_allclose(sorted(held.values()), [0.1, 20.0], atol=0.1)  # lost: as the last one saw it
 
 
 @pytest.mark.parametrize("swapped", [False, True])
-def test_crossed_ids_weigh_as_much_as_common_ones(swapped):
-    """As above, but both parts' 5 agree, too, and are the likelier pair by 2 in twice a log-likelihood."""
-    first = [0.0, 2.0], [0.05, 1.0], [3, 5], [901, 0], [NOW, NOW - 3.0]
-    second = [4.0, 1.1], [1.0, 0.05], [3, 5], [0, 903], [NOW - 2.0, NOW]
+def test_all_pairs_of_two_partitions_are_weighed_together(swapped):
+    """As above, but both parts' 5 agree, too, and are the likeliest pair of all."""
+    first = [0.0, 2.0], [0.05, 1.0], [3, 5], [NOW, NOW - 3.0]
+    second = [4.0, 1.1], [1.0, 0.05], [3, 5], [NOW - 2.0, NOW]
     for held in met(*((second, first) if swapped else (first, second)), "complete"):
-        assert held == pytest.approx({3: 0.55, 5: 3.0}, abs=0.6)
+        np.testing.assert_allclose(sorted(held.values()), [0.55, 4.0], atol=0.1)
 
 
 @KINDS
 @pytest.mark.parametrize("swapped", [False, True])
 def test_a_track_in_view_elsewhere_does_not_match_a_lost_one(kind, swapped):
     """One partition sees 5. At the other's belief of 5 it has lost 7, which the other has lost nearby."""
-    first = [0.0, 20.0, 26.0], [0.05, 1.0, 1.0], [5, 7, 8], [901, 0, 0], [NOW, NOW - 3.0, NOW - 3.0]
-    second = [18.0, 22.5], [1.0, 1.0], [5, 7], [0, 0], [NOW - 2.0, NOW - 2.0]
+    first = [0.0, 6.5, 16.0], [0.05, 1.0, 1.0], [5, 7, 8], [NOW, NOW - 3.0, NOW - 3.0]
+    second = [6.0, 8.0], [1.0, 1.0], [5, 7], [NOW - 2.0, NOW - 2.0]
     for held in met(*((second, first) if swapped else (first, second)), kind):
-        assert held == pytest.approx({5: 0.0, 7: 21.25, 8: 26.0}, abs=0.7)
+        assert held == pytest.approx({5: 0.0, 7: 8.0, 8: 16.0}, abs=0.1)
 
 
 @KINDS
 def test_two_lost_people_with_exchanged_ids_stay_two(kind):
-    held = met(
-        ([0.0, 20.0], [1.0, 1.0], [3, 5], [0, 0], [NOW] * 2), ([20.0, 0.0], [1.0, 1.0], [3, 5], [0, 0], [NOW] * 2), kind
-    )
+    held = met(([0.0, 20.0], [1.0, 1.0], [3, 5], [NOW] * 2), ([20.0, 0.0], [1.0, 1.0], [3, 5], [NOW] * 2), kind)
     for places in held:
         np.testing.assert_allclose(sorted(places.values()), [0.0, 20.0], atol=1e-6)
 
@@ -125,7 +128,7 @@ def test_two_lost_people_with_exchanged_ids_stay_two(kind):
 @pytest.mark.parametrize("swapped", [False, True])
 def test_the_last_detection_decides_on_a_person_lost_by_all(kind, swapped):
     """However much the others weigh: they have looked where the person is not, and know no better for it."""
-    last, before = ([2.0], [0.3], [3], [0], [NOW - 1.2]), ([0.0], [4.0], [3], [0], [NOW - 4.0])
+    last, before = ([2.0], [0.3], [3], [NOW - 1.2]), ([0.0], [4.0], [3], [NOW - 4.0])
     adjacency, said = graph(kind, 4), []
     for u in range(4):
         part = last if (u < 2) ^ swapped else before
@@ -141,18 +144,18 @@ def test_the_last_detection_decides_on_a_person_lost_by_all(kind, swapped):
 @pytest.mark.parametrize("swapped", [False, True])
 def test_a_lost_common_id_keeps_no_track_from_its_match(kind, swapped):
     """Both have lost 5, one of them hardly knows where. Where the other lost it, the first sees 3."""
-    first = [0.0, 90.0], [0.05, 100.0], [3, 5], [901, 0], [NOW, NOW - 3.0]
-    second = [40.0, 0.5], [1.0, 1.0], [3, 5], [0, 0], [NOW - 3.0, NOW - 2.0]
+    first = [0.0, 90.0], [0.05, 100.0], [3, 5], [NOW, NOW - 3.0]
+    second = [40.0, 0.5], [1.0, 1.0], [3, 5], [NOW - 3.0, NOW - 2.0]
     for held in met(*((second, first) if swapped else (first, second)), kind):
         assert [place for place in held.values() if abs(place) < 5.0] == pytest.approx([0.25], abs=0.25)
 
 
 def test_a_common_id_without_alias_does_not_match_across_partitions():
     """UAVs 0 and 2 have 3 and 4 exchanged, and 2 has just re-acquired a person."""
-    lost = [0.0, 20.0], [1.0, 1.0], [3, 4], [0, 0], [NOW, NOW]
-    sees = [0.1, 20.1], [0.05, 0.05], [3, 4], [901, 902], [NOW, NOW]
-    other = [20.2, 0.2], [0.05, 0.05], [3, 4], [903, 0], [NOW, NOW]
-    said = [replace(told(u, *part), degree=2, partition=(u, NOW)) for u, part in enumerate([lost, sees, other])]
+    lost = [0.0, 20.0], [1.0, 1.0], [3, 4], [NOW, NOW]
+    sees = [0.1, 20.1], [0.05, 0.05], [3, 4], [NOW, NOW]
+    other = [20.2, 0.2], [0.05, 0.05], [3, 4], [NOW, NOW]
+    said = [replace(told(u, *part, partition=(u, NOW)), degree=2) for u, part in enumerate([lost, sees, other])]
     for m in exchange(said, graph("complete", 3), 5):
         assert m.ids.tolist() == [3, 4]
         np.testing.assert_allclose(m.beliefs()[0][:, 0], [0.1, 20.1], atol=0.1)
@@ -162,7 +165,7 @@ def test_a_common_id_without_alias_does_not_match_across_partitions():
 @pytest.mark.parametrize("swapped", [False, True])
 def test_a_lost_tracks_id_does_not_outweigh_a_nearer_new_track(kind, swapped):
     """The newcomer is likelier by 1.9 in twice a log-likelihood, which is less than a common name is worth."""
-    again = [0.0, 0.3], [0.15, 0.05], [3, 50], [0, 904], [NOW - 3.0, NOW]
+    again = [0.0, 0.3], [0.15, 0.05], [3, 50], [NOW - 3.0, NOW]
     for held in met(*((again, KEPT) if swapped else (KEPT, again)), kind):
         assert held == pytest.approx({3: 0.15}, abs=0.1)
 
@@ -176,22 +179,22 @@ def test_uavs_that_hear_the_same_decide_the_same():
             ids = np.sort(rng.choice(6, 3, replace=False))
             late = rng.random(3) < 0.7
             seen = np.where(late, NOW, NOW - 3.0)
-            part = rng.normal(scale=1.5, size=3), rng.uniform(0.05, 1.0, 3), ids, late * (900 + 10 * u + ids), seen
-            said.append(replace(told(u, *part), degree=3, partition=(u, NOW)))
-        assert len({m.labels for m in exchange(said, adjacency, 1)}) == 1
+            part = rng.normal(scale=1.5, size=3), rng.uniform(0.05, 1.0, 3), ids, seen
+            said.append(replace(told(u, *part, partition=(u, NOW)), degree=3))
+        assert len({m.ids.tobytes() for m in exchange(said, adjacency, 1)}) == 1
 
 
 @pytest.mark.parametrize("first", [0, 1])
 def test_a_lost_track_does_not_separate_two_tracks_in_view(first):
     """UAVs 1 and 2 lost the person; 0 never did, and 3 has met them again as a newcomer."""
-    sees = [0.0], [0.05], [3], [901], [NOW]
-    lost = [20.0], [1.0], [3], [0], [NOW - 3.0]
-    again = [20.0, 0.2], [1.0, 0.05], [3, 50], [0, 904], [NOW - 3.0, NOW]
+    sees = [0.0], [0.05], [3], [NOW]
+    lost = [20.0], [1.0], [3], [NOW - 3.0]
+    again = [20.0, 0.2], [1.0, 0.05], [3, 50], [NOW - 3.0, NOW]
     parts = [sees, lost, lost, again] if first == 0 else [lost, again, lost, sees]
     said = []
     for u, part in enumerate(parts):
         sightings = np.array([(0.0, 0.0, seen) for seen in part[-1]])
-        said.append(replace(told(u, *part), degree=3, partition=(u, NOW), sightings=sightings))
+        said.append(replace(told(u, *part, partition=(u, NOW), sightings=sightings), degree=3))
     for m in exchange(said, graph("complete", 4), 5):
         assert m.ids.tolist() == [3]
         assert 0.0 < m.beliefs()[0][0, 0] < 0.2
@@ -199,6 +202,6 @@ def test_a_lost_track_does_not_separate_two_tracks_in_view(first):
 
 def test_of_two_tracks_in_reach_the_likelier_matches_not_the_wider():
     """The wide one is nearer in its own standard deviations, the other is the likelier."""
-    vague = [4.0, 0.6], [9.0, 0.05], [60, 61], [0, 905], [NOW - 3.0, NOW]
-    for m in met(([0.0], [0.05], [40], [901], [NOW]), vague, "complete"):
+    vague = [4.0, 0.6], [9.0, 0.05], [60, 61], [NOW - 3.0, NOW]
+    for m in met(([0.0], [0.05], [40], [NOW]), vague, "complete"):
         assert len(m) == 2 and m[40] == pytest.approx(0.3, abs=0.05)

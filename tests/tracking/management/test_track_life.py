@@ -111,7 +111,7 @@ def test_scans_without_a_frame_count_neither_way():
 
 
 def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
-    trackers = [tracker(track(3, 0, 0, 0, 0), uav=u) for u in range(2)]
+    trackers = [tracker(track(3, 0, 0, 0, 0), uav=u, life="m_of_n") for u in range(2)]
     for k in range(10):
         for u, t in enumerate(trackers):
             t.step(scan(k, *([(0, 0)] if (u, k) == (1, 4) else []), uav=u))
@@ -121,8 +121,8 @@ def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
 
 def test_the_motion_of_a_scenario_is_what_it_says():
     assert tracker_parameters(Scenario()).motion == NearlyConstantVelocity(0.2, 0.5)
-    bounded = Scenario(tracking=Tracking(motion="bounded", sigma_a=0.7, max_speed=2.0))
-    assert tracker_parameters(bounded).motion == BoundedSpeed(0.2, 0.7, 2.0)
+    bounded = Scenario(tracking=Tracking(motion="bounded", sigma_a=0.6, max_speed=2.0))
+    assert tracker_parameters(bounded).motion == BoundedSpeed(0.2, 0.6, 2.0)
 
 
 @pytest.mark.parametrize(
