@@ -18,7 +18,7 @@ class TrackTable:
     covariances: Array  # (T, 4, 4)
     existence: Array  # (T,) probabilities
     weights: Array  # (T,) of beliefs in the fleet's average
-    times: Array  # (T, 2) s: last detection by the fleet, and last scan with the person in view of it
+    times: Array  # (T, 3) s: last detection by the fleet, last scan with the person in view, and last sure detection
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3) position [m] and time [s] at which the fleet last saw each
 

@@ -31,6 +31,9 @@ __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 # Weights in the average of a UAV with the belief in view but without a detection, and of one without it in view. The
 # first matters only if no UAV detected the person, the second only if none had the belief in view.
 _VIEWED, _NOT_VIEWED = 1e-4, 1e-9
+# Probability of a detection from which on it is a sighting. Of two tracks that share one person's measurements, one is
+# lost: it may be of a person who turns up elsewhere.
+_SURE = 0.99
 _NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
 
@@ -132,13 +135,14 @@ class Tracker:
         before = scan_prediction(beliefs, table.existence, *likelihood, p)
         after = scan_update(before, z, R, p)
         self._predicted = *beliefs, z, after.gates
-        marks = np.column_stack([after.missed <= 1.0 - p.seen, before.visible >= p.expected])
+        detected = 1.0 - after.missed
+        marks = np.column_stack([detected >= p.seen, before.visible >= p.expected, detected >= _SURE])
         self._table = replace(
             table,
             means=after.means,
             covariances=after.covariances,
             existence=after.existence,
-            weights=np.maximum(1.0 - after.missed, _NOT_VIEWED + _VIEWED * before.visible),
+            weights=np.maximum(detected, _NOT_VIEWED + _VIEWED * before.visible),
             times=np.where(marks, scan.time, table.times),
         )
         left = ~after.explained
@@ -213,7 +217,7 @@ class Tracker:
         self._deleted = tuple(sorted(ended.items()))
         self._predicted, self._partition = _NOTHING, message.partition
         here = np.column_stack([means[:, :2], np.full(len(means), self._time)])
-        sightings = np.where(message.times[:, :1] < self._time, message.sightings, here)
+        sightings = np.where(message.times[:, 2:] < self._time, message.sightings, here)
         weights = np.full(len(means), _NOT_VIEWED)
         table = TrackTable(message.ids, means, covariances, existence, weights, message.times, misses, sightings)
         self._table = self._with_reacquired(table[~(ends | shared)])
@@ -254,7 +258,7 @@ def _tabulated(tracks: Sequence[Track], *, weight: float, seen: float, sighted: 
         covariances=np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4),
         existence=np.array([t.existence for t in tracks], dtype=float),
         weights=np.full(count, weight),
-        times=np.full((count, 2), seen),
+        times=np.full((count, 3), seen),
         misses=np.zeros(count, dtype=np.int64),
         sightings=np.column_stack([means[:, :2], np.full(count, sighted)]),
     )

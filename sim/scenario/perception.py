@@ -84,7 +84,7 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # exponent of the likelihood of negative information; 0: a place seen empty says nothing of where people are
     absence_weight: Weight = 1.0
     # s, after which an unseen person's track may be re-acquired by a detection within that person's reach
-    recovery_after: Time = 1.0
+    recovery_after: Time = 0.2
     max_variance: Variance = 400.0  # m², trace of the position's covariance beyond which a track ends
     max_speed: Speed = 3.0  # m/s, of people, for re-acquisition and for `motion = "bounded"`
     # initiation and deletion of tracks: `"existence"`: each track has a probability of existence, `sure` and `doubt`,

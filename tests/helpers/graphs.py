@@ -31,7 +31,7 @@ def message(uav: int, ids, means, covariances, *, degree: int, weight=1.0, seen=
     said = {
         "partition": partition,
         "names": np.column_stack([np.full(len(q), partition[0]), np.array(ids, np.int64)]),
-        "times": np.column_stack([seen, seen]),
+        "times": np.column_stack([seen, seen, seen]),
         "misses": np.zeros(len(q), np.int64),
         "sightings": np.column_stack([np.reshape(means, (-1, 4))[:, :2], seen]),
         "novel": np.zeros((len(q), 0)),

@@ -142,14 +142,14 @@ def _averaged(tables: Array, degrees: Array, heard: Flags) -> Array:
 
 @compiled
 def _latest(times: Array, misses: Indices, sightings: Array, heard: Flags) -> tuple[Array, Indices, Array]:
-    """Latest times (M, T, 2) and sightings (M, T, 3) of those heard, and the misses (M, T) that all of them count."""
+    """Latest times (M, T, 3) and sightings (M, T, 3) of those heard, and the misses (M, T) that all of them count."""
     last, common, places = times[: len(heard)].copy(), misses[: len(heard)].copy(), sightings[: len(heard)].copy()
     for i in range(len(heard)):
         for j in range(len(times)):
             if heard[i, j]:
                 for t in range(times.shape[1]):
-                    last[i, t, 0] = max(last[i, t, 0], times[j, t, 0])
-                    last[i, t, 1] = max(last[i, t, 1], times[j, t, 1])
+                    for c in range(times.shape[2]):
+                        last[i, t, c] = max(last[i, t, c], times[j, t, c])
                     common[i, t] &= misses[j, t]
                     if sightings[j, t, 2] > places[i, t, 2]:
                         places[i, t] = sightings[j, t]

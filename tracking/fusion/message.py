@@ -16,7 +16,7 @@ from tracking.numerics.arrays import Array, Indices
 INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
 _COLUMNS = ("ids", "names", "shares", "times", "misses", "sightings", "novel")
-_PER_TRACK = 3 + (1 + INFORMATION - _REDUNDANT + 1) + 2 + 1 + 3  # id and name, shares, times, misses, sighting
+_PER_TRACK = 3 + (1 + INFORMATION - _REDUNDANT + 1) + 3 + 1 + 3  # id and name, shares, times, misses, sighting
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Message:
     ids: Indices  # (T,)
     names: Indices  # (T, 2)
     shares: Array  # (T, 22)
-    times: Array  # (T, 2) s: last detection by the fleet, and last scan with the person in view of it
+    times: Array  # (T, 3) s: last detection by the fleet, last scan with the person in view, and last sure detection
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3), position [m] and time [s] at which the fleet last saw each
     deleted: tuple[tuple[int, float], ...]  # ids, ascending, and the time [s] up to which sightings of them are void
@@ -46,7 +46,7 @@ class Message:
     def size(self) -> int:
         """Bytes of the message, eight for each number, with symmetric matrices as upper triangles.
 
-        4 numbers, 25 for each track, 2 for each deleted id; 14 more for novel information, and 2 for each UAV with a
+        4 numbers, 26 for each track, 2 for each deleted id; 14 more for novel information, and 2 for each UAV with a
         share in it.
         """
         sources = self.novel[:, INFORMATION:] != 0.0

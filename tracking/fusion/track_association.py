@@ -88,7 +88,7 @@ def _reach(people: People, max_speed: float) -> tuple[Array, Flags]:
     """
     unseen = people.seen - people.seen[:, None]
     reach = max_speed * np.maximum(unseen, 0.0) + _MARGIN
-    gap = length(people.places[:, None] - people.means[:, :2])
+    gap = length(people.places[:, None] - people.places)
     return reach, (unseen > 0.0) & (gap <= reach)
 
 
@@ -144,7 +144,7 @@ def _joined(people: People, claims: Sequence[set[int]], holders: Flags, max_spee
     later &= people.seen < people.seen.max(initial=-np.inf)
     ends = np.zeros(len(claims), dtype=np.bool_)
     for members in [np.flatnonzero(group == g).tolist() for g in np.unique(group)]:
-        ends[members] = later[members].all() and len(set.union(*(claims[k] for k in members))) == 1
+        ends[members] = later[members].all() and len({id for k in members for id in claims[k]}) == 1
     return group, ends
 
 

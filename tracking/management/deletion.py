@@ -11,12 +11,12 @@ _ONE = 1.5  # sum of two existence probabilities below which they are rather of 
 
 
 def counted_misses(misses: Indices, times: Array, now: float, window: int) -> Indices:
-    """Bits (T,) of the misses with the scan at `now` counted, once the fleet agrees on the times (T, 2).
+    """Bits (T,) of the misses with the scan at `now` counted, once the fleet agrees on the times (T, 3).
 
     A scan is a hit if any UAV detected the person, and a miss if none did although one had the person in view.
     Otherwise it does not count.
     """
-    seen, expected = (times >= now).T
+    seen, expected, _ = (times >= now).T
     shifted = ((misses << 1) | ~seen) & ((1 << window) - 1)
     return np.where(seen | expected, shifted, misses)
 

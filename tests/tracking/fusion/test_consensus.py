@@ -43,7 +43,7 @@ def like_named(rng: np.random.Generator, uavs: int) -> list[Message]:
     for u in range(uavs):
         said = {
             "partition": (0, float(rng.integers(0, 3))),
-            "times": rng.integers(0, 3, (5, 2)) / 5.0,
+            "times": rng.integers(0, 3, (5, 3)) / 5.0,
             "misses": rng.integers(0, 4, 5),
             "sightings": np.column_stack([rng.normal(size=(5, 2)), np.arange(5.0)]),
             "novel": rng.normal(size=(5, 20 + u + 1)) * (rng.random((5, 1)) < 0.5),
@@ -79,7 +79,7 @@ def test_a_fleet_without_tracks_agrees_on_that(columns):
     said = [m.only(np.array([], dtype=np.int64)) for m in like_named(rng, 3)]
     members = [Heard(replace(m, novel=np.zeros((0, columns)))) for m in said]
     fuse(members, graph("complete", 3), 2)
-    assert [(m.left.shares.shape, m.left.times.shape) for m in members] == [((0, 22), (0, 2))] * 3
+    assert [(m.left.shares.shape, m.left.times.shape) for m in members] == [((0, 22), (0, 3))] * 3
 
 
 def team(means, covariances, adjacency: np.ndarray, weights=None) -> list[Message]:

@@ -224,7 +224,7 @@ def test_the_bytes_of_a_message_are_those_of_its_numbers():
         trackers[0].step(scan(0, (0.0, 0.0)))
         sizes[fusion] = trackers[0].message(2).size
     # UAV, degree and partition; two tracks; of the one that was seen, novel q and Ω, and one UAV with its share.
-    assert sizes == {"kla": 8 * (4 + 2 * 25), "hcmci": 8 * (4 + 2 * 25 + 14 + 2)}
+    assert sizes == {"kla": 8 * (4 + 2 * 26), "hcmci": 8 * (4 + 2 * 26 + 14 + 2)}
 
 
 def test_an_unknown_fusion_is_refused():
