@@ -143,8 +143,8 @@ def _joined(people: People, claims: Sequence[set[int]], holders: Flags, max_spee
     later = np.any(common & _reach(people, max_speed)[1] & (group[:, None] != group), axis=1)
     later &= people.seen < people.seen.max(initial=-np.inf)
     ends = np.zeros(len(claims), dtype=np.bool_)
-    for members in [np.flatnonzero(group == g).tolist() for g in np.unique(group)]:
-        ends[members] = later[members].all() and len({id for k in members for id in claims[k]}) == 1
+    for rows in [np.flatnonzero(group == g).tolist() for g in np.unique(group)]:
+        ends[rows] = later[rows].all() and len({id for k in rows for id in claims[k]}) == 1
     return group, ends
 
 
