@@ -9,14 +9,13 @@ import numpy as np
 from tracking.association.clusters import gating_clusters
 from tracking.association.jipda import existence_association
 from tracking.association.jpda import gated_likelihood, mixture_update
+from tracking.association.resolution import unresolved
 from tracking.filter.negative_information import negative_information_update
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.universal import exp_each, power_each
+from tracking.numerics.universal import power_each
 from tracking.parameters import TrackerParameters
 
 _AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating clusters pay
-# Probability that two people in one place give one measurement, and the distance [m] over which it falls.
-_UNRESOLVED, _RESOLUTION = 0.12, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,20 +95,6 @@ def associate(before: ScanPrediction, z: Array, R: Array, p: TrackerParameters) 
     likelihood = gated_likelihood(before.means, before.covariances, z, R, p.gate_probability)
     detection = p.detection(before.detectable, len(z))
     return likelihood, *existence_association(likelihood, detection, p.clutter_density, before.existence)
-
-
-def unresolved(means: Array, existence: Array) -> Array:
-    """Probability (T,) that another person is so near that both give one measurement; means (T, 4), existence (T,).
-
-    Without it, a person who passes another is taken for nobody. Source: [Koch97], for the nearest person.
-    Note: in one place it is not 1 but an eighth, as people keep apart: two tracks that stay in one place are of one.
-    """
-    if len(means) < 2:
-        return np.zeros(len(means))
-    squared = np.sum(np.square(means[:, None, :2] - means[:, :2]), axis=2)
-    near = existence * exp_each(-0.5 / (_RESOLUTION * _RESOLUTION) * squared)
-    np.fill_diagonal(near, 0.0)
-    return np.asarray(_UNRESOLVED * near.max(axis=1))
 
 
 def _at_once(before: ScanPrediction, z: Array, R: Array, p: TrackerParameters) -> ScanUpdate:

@@ -32,7 +32,7 @@ __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 # first matters only if no UAV detected the person, the second only if none had the belief in view.
 _VIEWED, _NOT_VIEWED = 1e-4, 1e-9
 # Probability of a detection from which on it is a sighting. Of two tracks that share one person's measurements, one is
-# lost: it may be of a person who turns up elsewhere.
+# lost: its person may turn up elsewhere.
 _SURE = 0.99
 _NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader

@@ -43,8 +43,7 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     # or yours, `"package.module:Class"`, with a method `detect(frame)`
     detector: str = "blob"
     # expected number of false detections per frame, anywhere in the image. Set `tracking.clutter_density` to it over
-    # the field of view in m², and `tracking.life` to `"existence"`: two of three false alarms that happen to fit make a
-    # track otherwise
+    # the field of view in m²; with `tracking.life = "m_of_n"` two of three false alarms that happen to fit make a track
     false_alarms: Annotated[float, Meta(ge=0, le=1000)] = 0.0
     # probability that a detection is lost; set `tracking.detection_probability` to its complement
     miss_probability: Probability = 0.0

@@ -69,7 +69,7 @@ def associate_tracks(own: Message, received: Sequence[Message], scan: int, max_s
 def likelihood_ratios(people: People, max_speed: float) -> Array:
     """Logarithms (G, G) of the likelihood that two tracks are of one person, over that of two people.
 
-    Of one person the states are equal: the density is that of the difference of the beliefs. A person who was out of
+    Of one person the states are equal: the density is that of the difference of the beliefs. A person out of
     sight may have turned: with a small probability the place is anywhere within reach of the last detection. Of two
     people, one is unknown to a UAV that has the other track, at any place and of any velocity.
     """

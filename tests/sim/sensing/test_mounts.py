@@ -119,7 +119,8 @@ def test_a_slow_camera_alone_needs_two_of_its_own_frames_for_a_track():
 def test_scans_without_a_frame_are_neither_hits_nor_misses():
     """Over an empty place in plain view a track dies of five misses; scans without a frame do it no harm."""
     nothing = (np.zeros((0, 2)), np.zeros((0, 2, 2)))
-    looking, resting = (Tracker(0, CAMERA, OPEN, TrackerParameters(MOTION), [track(0, 0, 0, 0, 0)]) for _ in range(2))
+    counting = TrackerParameters(MOTION, life="m_of_n")
+    looking, resting = (Tracker(0, CAMERA, OPEN, counting, [track(0, 0, 0, 0, 0)]) for _ in range(2))
     for k in range(60):
         looking.step(Scan(0, 0.2 * k, Pose.level(0, 0, 19), *nothing))
         if k % 15:

@@ -277,7 +277,10 @@ def test_each_step_of_the_walk_takes_back_what_it_is_called():
         {"sensing.occlusion"},
         {"dynamics"},
         {"sensing.mode", "uavs"},
-        {f"tracking.{k}" for k in ("detection_probability", "gate_probability", "absence_weight", "recovery_after")},
+        {
+            f"tracking.{k}"
+            for k in ("life", "detection_probability", "gate_probability", "absence_weight", "recovery_after")
+        },
         {"tracking.sigma_a"},
         set(),
         set(),

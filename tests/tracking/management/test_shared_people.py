@@ -1,0 +1,74 @@
+"""Tracks that share one person: one of them ends within a second and a half, and a lost one turns up elsewhere."""
+
+import numpy as np
+from helpers.fleets import fleet, ids
+from helpers.scenes import AWAY, MOTION, play, scan, track, tracker
+
+from tracking.association.resolution import unresolved
+from tracking.fusion.consensus import fuse
+from tracking.geometry.visibility import Forest, Tree
+from tracking.management.deletion import shared_people
+
+PAIR = np.ones((2, 2), bool)
+
+
+def test_pairs_that_share_a_person_are_near_and_add_up_to_one():
+    means = np.zeros((4, 4))
+    means[3, 0] = 9.0
+    covariances = np.tile(0.1 * np.eye(4), (4, 1, 1))
+    assert shared_people(means, covariances, np.array([0.6, 0.95, 0.7, 0.5]), 20.0) == [(0, 2)]
+    assert shared_people(means, covariances, np.ones(4), 20.0) == []
+
+
+def test_people_within_a_metre_may_give_one_measurement():
+    means = np.array([[0.0, 0, 0, 0], [1.0, 0, 0, 0], [9.0, 0, 0, 0]])
+    near = 0.12 * np.exp(-0.5)
+    np.testing.assert_allclose(unresolved(means, np.array([1.0, 0.5, 1.0])), [near / 2, near, 0.0], atol=1e-12)
+    assert unresolved(means[:1], np.ones(1)).tolist() == [0.0]
+
+
+def fed_apart(**settings) -> list[tuple[int, ...]]:
+    """Ids over four seconds, in which each of two UAVs measures one person nearer to another of two tracks."""
+    trackers = fleet(2, track(3, 0, 0.1, 1, 0), track(4, 0, -0.1, 1, 0), **settings)
+    held = []
+    for k in range(20):
+        for t, side in zip(trackers, (0.08, -0.08), strict=True):
+            t.step(scan(k, (0.2 * k, side), uav=t.uav))
+        fuse(trackers, PAIR, 5)
+        assert len(set(ids(trackers))) == 1
+        held.append(ids(trackers)[0])
+    return held
+
+
+def test_two_uavs_do_not_feed_a_track_each_of_one_person():
+    assert fed_apart()[7:] == [(3,)] * 13
+    assert fed_apart(life="m_of_n")[-1] == (3, 4)  # by counting scans both go on being seen
+
+
+def test_a_lost_track_that_takes_a_neighbours_measurements_starves_nobody():
+    """Person 3 goes under a tree and stands; person 4 passes it. Both come out as themselves."""
+    subject = tracker(
+        track(3, -3.0, 0, 1.0, 0), track(4, -3.0, -2.6, 1.0, 0), forest=Forest((Tree(0, 0, 2.0),)), recovery_after=0.2
+    )
+    rng, held = np.random.default_rng(5), []
+    for k in range(60):
+        first = min(-3.0 + 0.2 * k, 0.0) + max(0.0, 0.2 * (k - 40))
+        people = np.array([[first, 0.0], [-3.0 + 0.2 * k, -2.6]])
+        seen = people[np.linalg.norm(people, axis=1) > 2.3]
+        held += play(subject, [scan(k, *(seen + rng.normal(0, 0.1, seen.shape)))])
+    assert set(held) == {(3, 4)}
+    np.testing.assert_allclose([t.belief.mean[:2] for t in subject.tracks], people, atol=0.4)
+
+
+def test_of_two_tracks_on_one_person_the_lost_one_takes_its_own_person_up_again():
+    """Tracks 3 and 4 are where one person is; the other turns up some metres away."""
+    subject = tracker(track(3, 0, 0, 0, 0), track(4, 0.2, 0, 0, 0))
+    scans = [scan(k, (0.1, 0), *([(3.0, 2.0)] if k > 3 else [])) for k in range(12)]
+    assert play(subject, scans) == [(3, 4)] * 12
+    assert sorted(t.belief.mean[0].round() for t in subject.tracks) == [0.0, 3.0]
+
+
+def test_a_track_out_of_sight_loses_its_existence_by_survival_alone():
+    subject = tracker(track(3, 0, 0, 0, 0), survival=0.9)
+    play(subject, [scan(k, pose=AWAY) for k in range(26)])
+    assert abs(subject.tracks[0].existence - 0.9 ** (25 * MOTION.dt)) < 1e-6
