@@ -13,9 +13,9 @@ from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.fusion.message import Message, alike, last_seen
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
+from tracking.numerics.compiled import elementwise
 from tracking.numerics.distances import length, pair_distances
 from tracking.numerics.exponential import log
-from tracking.numerics.universal import log_each
 
 _LABELLED = 1.5  # log-likelihood ratio of a common id: partitions give it to one person rather than to two
 _UNKNOWN = 1e-5  # 1/m², density of people that only one of two UAVs has a track of
@@ -77,8 +77,14 @@ def likelihood_ratios(people: People, max_speed: float) -> Array:
     elsewhere = log(_UNKNOWN / (math.pi * max_speed * max_speed))
     ratios = -0.5 * cost - 2.0 * log(2.0 * math.pi) - elsewhere
     reach, within = _reach(people, max_speed)
-    turned = np.where(within, log_each(_TURNED / (math.pi * reach * reach * _UNKNOWN)), -np.inf)
+    turned = np.where(within, _turned(reach), -np.inf)
     return np.maximum(ratios, np.maximum(turned, turned.T))
+
+
+@elementwise
+def _turned(reach: float) -> float:
+    """Logarithm of the likelihood ratio of a person who turned, and is anywhere within reach [m]."""
+    return log(_TURNED / (math.pi * reach * reach * _UNKNOWN))
 
 
 def _reach(people: People, max_speed: float) -> tuple[Array, Flags]:

@@ -1,7 +1,7 @@
 """Elementary functions of arrays that broadcast, as universal functions of NumPy's."""
 
 from tracking.numerics.compiled import elementwise
-from tracking.numerics.exponential import exp, log, power
+from tracking.numerics.exponential import exp, power
 from tracking.numerics.trigonometry import arctan2, cos, sin
 
 
@@ -9,12 +9,6 @@ from tracking.numerics.trigonometry import arctan2, cos, sin
 def exp_each(x: float) -> float:
     """`exp` of each element."""
     return exp(x)
-
-
-@elementwise
-def log_each(x: float) -> float:
-    """`log` of each element."""
-    return log(x)
 
 
 @elementwise
