@@ -60,7 +60,7 @@ def test_a_lost_track_that_takes_a_neighbours_measurements_starves_nobody():
     np.testing.assert_allclose([t.belief.mean[:2] for t in subject.tracks], people, atol=0.4)
 
 
-def test_of_two_tracks_on_one_person_the_lost_one_takes_its_own_person_up_again():
+def test_the_lost_one_of_two_tracks_on_one_person_takes_its_own_up_again():
     """Tracks 3 and 4 are where one person is; the other turns up some metres away."""
     subject = tracker(track(3, 0, 0, 0, 0), track(4, 0.2, 0, 0, 0))
     scans = [scan(k, (0.1, 0), *([(3.0, 2.0)] if k > 3 else [])) for k in range(12)]
