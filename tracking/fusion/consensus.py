@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from tracking.fusion.message import Message, alike, joint_partition
+from tracking.fusion.message import Message, alike, joint_partition, message_size
 from tracking.fusion.track_association import associate_tracks
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
@@ -65,9 +65,14 @@ def fuse(
     messages = [m.message(int(row.sum())) for m, row in zip(members, linked, strict=True)]
     _check(messages)
     sent = np.zeros(len(members), dtype=np.int64)
-    for k in range(rounds):
-        sent += [message.size if row.any() else 0 for message, row in zip(messages, linked, strict=True)]
-        messages = _after_a_round(members, messages, linked if lost is None else linked & ~lost[k])
+    heard = [linked if lost is None else linked & ~lost[k] for k in range(rounds)]
+    sends = linked.any(axis=1)
+    while heard and not alike(messages):
+        sent += sends * np.array([message.size for message in messages])
+        messages = _after_a_round(members, messages, heard.pop(0))
+    if heard and sends.any():  # one table serves all UAVs and rounds
+        messages, sizes = _mixed(messages, heard)
+        sent += sends * sizes
     for member, message in zip(members, messages, strict=True):
         member.accept(message)
     return sent
@@ -78,51 +83,48 @@ def combine(own: Message, received: Sequence[Message], scan: int, max_speed: flo
     if not received:
         return own
     same = associate_tracks(own, received, scan, max_speed)
-    return _mixed(same, np.arange(len(same))[None] > 0)[0]
+    return _mixed(same, [np.arange(len(same))[None] > 0])[0][0]
 
 
 def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard: Flags) -> list[Message]:
     """Messages of the next round; heard (n, n): row i has the UAVs that UAV i heard."""
-    if not heard.any():
-        return list(messages)
-    if alike(messages):  # one table serves all
-        return _mixed(messages, heard)
     return [
         combine(own, [messages[j] for j in np.flatnonzero(row).tolist()], member.scans, member.max_speed)
         for own, member, row in zip(messages, members, heard, strict=True)
     ]
 
 
-def _mixed(messages: Sequence[Message], heard: Flags) -> list[Message]:
-    """Messages of the first UAVs in the next round, from N messages about the same tracks in the same rows.
+def _mixed(messages: Sequence[Message], rounds: Sequence[Flags]) -> tuple[list[Message], Indices]:
+    """Messages after rounds, from N messages about the same tracks in the same rows, and the bytes of each UAV's (M,).
 
-    heard (M, N): row i has the UAVs that UAV i heard.
+    rounds: for each the UAVs heard by the first M UAVs (M, N), row i those that UAV i heard. Where M is less than N
+    there is one round.
     """
     # Columns stand for UAVs; messages from UAVs that have not heard of the last ones lack theirs.
     novel = np.zeros((len(messages), len(messages[0].ids), max(m.novel.shape[1] for m in messages)))
     for row, m in zip(novel, messages, strict=True):
         row[:, : m.novel.shape[1]] = m.novel
     degrees = np.array([m.degree for m in messages], dtype=float)
-    shares = _averaged(np.array([m.shares for m in messages]), degrees, heard)
-    novel = _averaged(novel, degrees, heard) if novel.size else novel
-    times, misses, sightings = _latest(
+    shares = np.array([m.shares for m in messages])
+    told = (
         np.array([m.times for m in messages]),
         np.array([m.misses for m in messages]),
         np.array([m.sightings for m in messages]),
-        heard,
     )
-    return [
-        replace(
-            m,
-            partition=joint_partition([m, *(messages[j] for j in np.flatnonzero(heard[i]).tolist())]),
-            shares=shares[i],
-            times=times[i],
-            misses=misses[i],
-            sightings=sightings[i],
-            novel=novel[i],
-        )
-        for i, m in enumerate(messages[: len(heard)])
-    ]
+    partitions = [m.partition for m in messages]
+    sent = np.zeros(len(rounds[0]), dtype=np.int64)
+    for heard in rounds:
+        sent += [message_size(row, m.deleted) for row, m in zip(novel, messages[: len(heard)], strict=False)]
+        shares = _averaged(shares, degrees, heard)
+        novel = _averaged(novel, degrees, heard) if novel.size else novel
+        told = _latest(*told, heard)
+        partitions = [
+            joint_partition([partitions[i], *(partitions[j] for j in np.flatnonzero(row).tolist())])
+            for i, row in enumerate(heard)
+        ]
+    names = ("shares", "novel", "times", "misses", "sightings", "partition")
+    columns = zip(shares, novel, *told, partitions, strict=False)
+    return [replace(m, **dict(zip(names, row, strict=True))) for m, row in zip(messages, columns, strict=False)], sent
 
 
 @compiled

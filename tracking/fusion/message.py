@@ -44,14 +44,8 @@ class Message:
 
     @property
     def size(self) -> int:
-        """Bytes of the message, eight for each number, with symmetric matrices as upper triangles.
-
-        4 numbers, 26 for each track, 2 for each deleted id; 14 more for novel information, and 2 for each UAV with a
-        share in it.
-        """
-        sources = self.novel[:, INFORMATION:] != 0.0
-        novel = 2 * sources.sum() + (INFORMATION - _REDUNDANT) * sources.any(axis=1).sum()
-        return 8 * int(4 + _PER_TRACK * len(self.ids) + novel + 2 * len(self.deleted))
+        """Bytes of the message."""
+        return message_size(self.novel, self.deleted)
 
     def beliefs(self) -> tuple[Array, Array]:
         """Means (T, 4) and covariances (T, 4, 4) of the tracks."""
@@ -105,6 +99,19 @@ def last_seen(message: Message) -> Array:
     return np.maximum(message.times[:, 0], message.sightings[:, 2])
 
 
-def joint_partition(messages: Iterable[Message]) -> tuple[int, float]:
-    """The smallest leader of the messages' partitions, and the time of its last message."""
-    return min((m.partition for m in messages), key=lambda partition: (partition[0], -partition[1]))
+def joint_partition(partitions: Iterable[tuple[int, float]]) -> tuple[int, float]:
+    """The smallest leader of partitions, and the time of its last message."""
+    return min(partitions, key=lambda partition: (partition[0], -partition[1]))
+
+
+def message_size(novel: Array, deleted: tuple[tuple[int, float], ...]) -> int:
+    """Bytes of a message, eight for each number, with symmetric matrices as upper triangles.
+
+    4 numbers, 26 for each track, 2 for each deleted id; 14 more for novel information, and 2 for each UAV with a
+    share in it.
+    """
+    numbers = 4 + _PER_TRACK * len(novel) + 2 * len(deleted)
+    if novel.shape[1] > INFORMATION:
+        sources = novel[:, INFORMATION:] != 0.0
+        numbers += 2 * int(sources.sum()) + (INFORMATION - _REDUNDANT) * int(sources.any(axis=1).sum())
+    return 8 * numbers

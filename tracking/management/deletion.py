@@ -33,7 +33,7 @@ def shared_people(means: Array, covariances: Array, existence: Array, gate: floa
     for one person's measurements, their probabilities of existence add up to one. One track with the sum of them, and
     none, is the multi-Bernoulli density nearest to this. Source: [Williams15].
     """
-    if not (existence < 1.0).any():
+    if np.sort(existence)[:2].sum() >= _ONE or len(existence) < 2:
         return []
     near = np.triu(existence[:, None] + existence < _ONE, 1)
     rows = np.flatnonzero(near.any(axis=0) | near.any(axis=1))
