@@ -20,7 +20,7 @@ class TrackTable:
     weights: Array  # (T,) of beliefs in the fleet's average
     times: Array  # (T, 3) s: last detection by the fleet, last scan with the person in view, and last sure detection
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
-    sightings: Array  # (T, 3) position [m] and time [s] at which the fleet last saw each
+    sightings: Array  # (T, 3) position [m] and time [s] of the fleet's last sure detection of each
 
     def __len__(self) -> int:
         return len(self.ids)

@@ -34,6 +34,7 @@ _VIEWED, _NOT_VIEWED = 1e-4, 1e-9
 # Probability of a detection from which on it is a sighting. Of two tracks that share one person's measurements, one is
 # lost: its person may turn up elsewhere.
 _SURE = 0.99
+_BORN = 1.0  # s for which a new track takes the id of one whose person it shares
 _NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
 
@@ -88,7 +89,7 @@ class Tracker:
             check_track(t.id, t.belief, t.existence)
         self.uav, self._camera, self._forest, self.parameters = uav, camera, forest, parameters
         self._time = -math.inf
-        self.scans = self._steps = 0  # scans so far, and steps of motion since the first one
+        self._scans = self._steps = 0  # scans so far, and steps of motion since the first one
         self._first = 0.0  # s, the time of the first scan
         self._viewpoint: Viewpoint | None = None  # of the last frame
         self._rule = fusion_rule(parameters.fusion)
@@ -150,7 +151,7 @@ class Tracker:
             self._tentative, z[left], R[left], elapsed=elapsed, visible=visible_at
         )
         if born:
-            known = [Track(new_label(self.scans, self.uav, k), b.belief, b.existence) for k, b in enumerate(born)]
+            known = [Track(new_label(self._scans, self.uav, k), b.belief, b.existence) for k, b in enumerate(born)]
             self._table += _tabulated(known, weight=1.0, seen=self._time, sighted=-math.inf)
 
     def coast(self, time: float) -> None:
@@ -158,13 +159,13 @@ class Tracker:
         if not time > self._time:
             raise ValueError(f"scan at {time} s is not after the last one at {self._time} s")
         # Steps since the first scan are rounded, not those since the last one, so that no drift adds up.
-        first = self._first if self.scans else time
-        if not self.scans:
+        first = self._first if self._scans else time
+        if not self._scans:
             self._partition = (0, time)  # at the start the fleet is one partition
         steps = round((time - first) / self.parameters.motion.dt)
         elapsed = steps - self._steps
         self._time, self._first, self._steps = time, first, steps
-        self.scans += 1
+        self._scans += 1
         self._waited += elapsed
         means, covariances = self._table.means, self._table.covariances
         for _ in range(elapsed):
@@ -187,6 +188,8 @@ class Tracker:
         return Message(
             uav=self.uav,
             degree=degree,
+            scan=self._scans,
+            time=self._time,
             partition=partition,
             ids=table.ids,
             names=np.column_stack([np.full(len(table), partition[0]), table.ids]),
@@ -206,21 +209,24 @@ class Tracker:
         misses = counted_misses(message.misses, message.times, self._time, p.delete[1])
         ends = existence < p.doubt if p.life == "existence" else missed(misses, p.delete[0])
         ends |= np.trace(covariances[:, :2, :2], axis1=1, axis2=2) > p.max_variance
-        shared = np.zeros_like(ends)
-        for kept, other in shared_people(means, covariances, existence, p.match_gate):
-            if not shared[kept]:
-                existence[kept], shared[other] = min(existence[kept] + existence[other], 1.0), True
+        ids, shared, alive = message.ids.copy(), np.zeros_like(ends), np.flatnonzero(~ends)
+        for a, b in shared_people(means[alive], covariances[alive], existence[alive], p.match_gate):
+            kept, other = alive[a], alive[b]
+            existence[kept], shared[other] = min(existence[kept] + existence[other], 1.0), True
+            if ids[kept] >= new_label(max(self._scans - round(_BORN / p.motion.dt), 1), 0, 0):
+                ids[[kept, other]] = np.sort(ids[[kept, other]])
         # Deletions are forgotten in the end: a partition cut off for longer may bring a track back, deleted again then.
         ended = {id: until for id, until in message.deleted if self._time - until <= p.forget_after}
-        ended.update((id, self._time) for id in message.ids[ends].tolist())
-        ended.update((id, self._time + p.forget_after) for id in message.ids[shared].tolist())
+        ended.update((id, self._time) for id in ids[ends].tolist())
+        ended.update((id, self._time + p.forget_after) for id in ids[shared].tolist())
         self._deleted = tuple(sorted(ended.items()))
         self._predicted, self._partition = _NOTHING, message.partition
         here = np.column_stack([means[:, :2], np.full(len(means), self._time)])
         sightings = np.where(message.times[:, 2:] < self._time, message.sightings, here)
         weights = np.full(len(means), _NOT_VIEWED)
-        table = TrackTable(message.ids, means, covariances, existence, weights, message.times, misses, sightings)
-        self._table = self._with_reacquired(table[~(ends | shared)])
+        table = TrackTable(ids, means, covariances, existence, weights, message.times, misses, sightings)
+        table = table[~(ends | shared)]
+        self._table = self._with_reacquired(table[np.argsort(table.ids, kind="stable")])
 
     def _with_reacquired(self, table: TrackTable) -> TrackTable:
         """Give new tracks of this scan the ids of lost tracks that they continue.
@@ -229,8 +235,8 @@ class Tracker:
         """
         p = self.parameters
         unseen = self._time - table.sightings[:, 2]
-        born = np.flatnonzero(is_new_label(table.ids, self.scans))
-        lost = np.flatnonzero((unseen > 0.0) & (unseen >= p.recovery_after))
+        born = np.flatnonzero(is_new_label(table.ids, self._scans))
+        lost = np.flatnonzero((unseen > 0.0) & (unseen > p.recovery_after - p.motion.dt / 2))  # but for rounding
         if len(born) == 0 or len(lost) == 0:
             return table
         pairs = reacquisitions(

@@ -35,6 +35,8 @@ def message(uav: int, ids, means, covariances, *, degree: int, weight=1.0, seen=
         "misses": np.zeros(len(q), np.int64),
         "sightings": np.column_stack([np.reshape(means, (-1, 4))[:, :2], seen]),
         "novel": np.zeros((len(q), 0)),
+        "scan": SCAN,
+        "time": float(seen.max(initial=0.0)),
         **others,
     }
     return Message(uav, degree, ids=np.array(ids, np.int64), shares=shares, deleted=deleted, **said)
@@ -43,7 +45,7 @@ def message(uav: int, ids, means, covariances, *, degree: int, weight=1.0, seen=
 def exchange(messages: list[Message], adjacency: np.ndarray, rounds: int) -> list[Message]:
     for _ in range(rounds):
         messages = [
-            combine(m, [messages[j] for j in np.flatnonzero(row)], SCAN, 3.0)
+            combine(m, [messages[j] for j in np.flatnonzero(row)], 3.0)
             for m, row in zip(messages, adjacency, strict=True)
         ]
     return messages

@@ -18,11 +18,6 @@ class Member(Protocol):
     """Participant in consensus."""
 
     @property
-    def scans(self) -> int:
-        """Number of scans so far."""
-        ...
-
-    @property
     def max_speed(self) -> float:
         """Largest speed of people, m/s."""
         ...
@@ -78,18 +73,18 @@ def fuse(
     return sent
 
 
-def combine(own: Message, received: Sequence[Message], scan: int, max_speed: float) -> Message:
-    """Message of a UAV in the next round, from its own and its neighbours' in this one, in the scan of that number."""
+def combine(own: Message, received: Sequence[Message], max_speed: float) -> Message:
+    """Message of a UAV in the next round, from its own and its neighbours' in this one."""
     if not received:
         return own
-    same = associate_tracks(own, received, scan, max_speed)
+    same = associate_tracks(own, received, max_speed)
     return _mixed(same, [np.arange(len(same))[None] > 0])[0][0]
 
 
 def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard: Flags) -> list[Message]:
     """Messages of the next round; heard (n, n): row i has the UAVs that UAV i heard."""
     return [
-        combine(own, [messages[j] for j in np.flatnonzero(row).tolist()], member.scans, member.max_speed)
+        combine(own, [messages[j] for j in np.flatnonzero(row).tolist()], member.max_speed)
         for own, member, row in zip(messages, members, heard, strict=True)
     ]
 

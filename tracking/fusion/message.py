@@ -32,13 +32,15 @@ class Message:
 
     uav: int
     degree: int  # number of neighbours
+    scan: int  # number of scans so far, this one included
+    time: float  # s, of this scan
     partition: tuple[int, float]  # its leader, the smallest UAV heard of lately, and the time [s] of its last message
     ids: Indices  # (T,)
     names: Indices  # (T, 2)
     shares: Array  # (T, 22)
     times: Array  # (T, 3) s: last detection by the fleet, last scan with the person in view, and last sure detection
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
-    sightings: Array  # (T, 3), position [m] and time [s] at which the fleet last saw each
+    sightings: Array  # (T, 3), position [m] and time [s] of the fleet's last sure detection before this scan
     deleted: tuple[tuple[int, float], ...]  # ids, ascending, and the time [s] up to which sightings of them are void
     novel: Array  # (T, 0) or (T, INFORMATION + U)
 
@@ -94,9 +96,14 @@ def alike(messages: Sequence[Message]) -> bool:
     )
 
 
-def last_seen(message: Message) -> Array:
-    """Times (T,) [s] at which the fleet, as far as this UAV has heard, last saw each person."""
-    return np.maximum(message.times[:, 0], message.sightings[:, 2])
+def last_seen(message: Message) -> tuple[Array, Array]:
+    """Times (T,) [s] and places (T, 2) [m] of the last detections: in this scan, or else the last sure one."""
+    now = message.times[:, 0] >= message.time
+    means, _ = message.beliefs()
+    return (
+        np.where(now, message.time, message.sightings[:, 2]),
+        np.where(now[:, None], means[:, :2], message.sightings[:, :2]),
+    )
 
 
 def joint_partition(partitions: Iterable[tuple[int, float]]) -> tuple[int, float]:
@@ -107,10 +114,10 @@ def joint_partition(partitions: Iterable[tuple[int, float]]) -> tuple[int, float
 def message_size(novel: Array, deleted: tuple[tuple[int, float], ...]) -> int:
     """Bytes of a message, eight for each number, with symmetric matrices as upper triangles.
 
-    4 numbers, 26 for each track, 2 for each deleted id; 14 more for novel information, and 2 for each UAV with a
+    6 numbers, 26 for each track, 2 for each deleted id; 14 more for novel information, and 2 for each UAV with a
     share in it.
     """
-    numbers = 4 + _PER_TRACK * len(novel) + 2 * len(deleted)
+    numbers = 6 + _PER_TRACK * len(novel) + 2 * len(deleted)
     if novel.shape[1] > INFORMATION:
         sources = novel[:, INFORMATION:] != 0.0
         numbers += 2 * int(sources.sum()) + (INFORMATION - _REDUNDANT) * int(sources.any(axis=1).sum())

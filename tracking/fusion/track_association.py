@@ -32,13 +32,13 @@ class People(NamedTuple):
     places: Array  # (G, 2) m, at the last detection
 
 
-def associate_tracks(own: Message, received: Sequence[Message], scan: int, max_speed: float) -> list[Message]:
+def associate_tracks(own: Message, received: Sequence[Message], max_speed: float) -> list[Message]:
     """Associate the tracks of messages: the messages, own first, with the same tracks in the same rows.
 
     Tracks of one id are of one person within a partition of the fleet. All others are joined by the ratio of two
     likelihoods, that both are of one person and that they are of two, the likeliest pair first, and never two tracks
     of one UAV. A track without a match is taken over without any share of the own beliefs. The order of messages has
-    no influence. `scan` counts scans, and `max_speed` [m/s] is that of people.
+    no influence. `max_speed` [m/s] is that of people.
     """
     messages = [own, *received]
     if alike(messages):
@@ -52,18 +52,25 @@ def associate_tracks(own: Message, received: Sequence[Message], scan: int, max_s
     holders = np.array([np.isin(np.arange(len(names)), tracks[k]) for k in order]).T
     claims = _claims(messages, tracks, len(names))
     group, ends = _joined(people, claims, holders, max_speed)
-    ids = _ids(names, claims, group, ends, scan)
+    ids = _ids(names, claims, group, ends, own.scan)
     kept, first = np.unique(ids, return_index=True)
     kept, first = kept[kept >= 0], first[kept >= 0]
-    latest = np.full(len(names), -np.inf)
-    for m, of in zip(messages, tracks, strict=True):
-        np.maximum.at(latest, group[of], m.sightings[:, 2])
+    told = _latest(tracks, [m.sightings[:, 2] for m in messages], len(names))
+    current = people.seen >= _latest([group], [people.seen], len(names))[group]
     out = []
     for m, of in zip(messages, tracks, strict=True):
-        # Where UAVs differ in when a person was last seen before this scan, the last one tells.
-        left = np.flatnonzero((ids[of] >= 0) & (m.sightings[:, 2] >= latest[group[of]]))
+        # Where UAVs differ in when a person was last seen, the last one tells.
+        left = np.flatnonzero((ids[of] >= 0) & current[of] & (m.sightings[:, 2] >= told[of]))
         out.append(m.only(left).at(np.searchsorted(kept, ids[of[left]]), kept, names[first]))
     return out
+
+
+def _latest(rows: Sequence[Indices], times: Sequence[Array], count: int) -> Array:
+    """Latest of the times given for each row of a table (count,)."""
+    latest = np.full(count, -np.inf)
+    for of, given in zip(rows, times, strict=True):
+        np.maximum.at(latest, of, given)
+    return latest
 
 
 def likelihood_ratios(people: People, max_speed: float) -> Array:
@@ -72,6 +79,7 @@ def likelihood_ratios(people: People, max_speed: float) -> Array:
     Of one person the states are equal: the density is that of the difference of the beliefs. A person out of
     sight may have turned: with a small probability the place is anywhere within reach of the last detection. Of two
     people, one is unknown to a UAV that has the other track, at any place and of any velocity.
+    Note: of the two densities of one person the larger counts, rather than their weighted sum.
     """
     _, cost = pair_distances(people[:2], people[:2])
     elsewhere = log(_UNKNOWN / (math.pi * max_speed * max_speed))
@@ -103,12 +111,9 @@ def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: in
     people = People(np.zeros((count, 4)), np.zeros((count, 4, 4)), np.full(count, -np.inf), np.zeros((count, 2)))
     known = np.zeros(count, dtype=np.bool_)
     for message, rows in zip(messages, tracks, strict=True):
-        seen = last_seen(message)
+        seen, places = last_seen(message)
         later = ~known[rows] | (seen > people.seen[rows])
-        means, covariances = message.beliefs()
-        now = seen > message.sightings[:, 2]
-        places = np.where(now[:, None], means[:, :2], message.sightings[:, :2])
-        for column, told in zip(people, (means, covariances, seen, places), strict=True):
+        for column, told in zip(people, (*message.beliefs(), seen, places), strict=True):
             column[rows[later]] = told[later]
         known[rows] = True
     return people
@@ -147,7 +152,6 @@ def _joined(people: People, claims: Sequence[set[int]], holders: Flags, max_spee
             group[new[a]] = old[b]
         known[new] = True
     later = np.any(common & _reach(people, max_speed)[1] & (group[:, None] != group), axis=1)
-    later &= people.seen < people.seen.max(initial=-np.inf)
     ends = np.zeros(len(claims), dtype=np.bool_)
     for rows in [np.flatnonzero(group == g).tolist() for g in np.unique(group)]:
         ends[rows] = later[rows].all() and len({id for k in rows for id in claims[k]}) == 1
@@ -157,19 +161,22 @@ def _joined(people: People, claims: Sequence[set[int]], holders: Flags, max_spee
 def _ids(names: Indices, claims: Sequence[set[int]], group: Indices, ends: Flags, scan: int) -> Indices:
     """Id of each track, the same within a group; -1 for tracks that end.
 
-    The partition of the smallest UAV keeps its ids. A track of another that finds its id taken gets a new one, the
-    same for all UAVs of its partition.
+    The smallest id stays. Where two people would have it, the partition of the smaller UAV keeps it; the other track
+    takes another id that it has, or gets a new one, the same for all UAVs of its partition.
     """
     owners: dict[int, int] = {}  # the group of each id
     for k in np.flatnonzero(~ends).tolist():
-        for id in claims[k]:
+        for id in sorted(claims[k]):
             owners.setdefault(id, int(group[k]))
     ids = np.full(len(names), -1)
     for g in np.unique(group[~ends]).tolist():
         partition, id = names[np.flatnonzero(group == g)[0]].tolist()
         rank = int(np.sum((names[:, 0] == partition) & (names[:, 1] < id)))
         fresh = new_label(scan, partition, LABELS_PER_SCAN - 1 - rank)
-        ids[group == g] = min((id for id, owner in owners.items() if owner == g), default=fresh)
+        while fresh in owners:
+            fresh -= 1
+        ids[group == g] = own = min((id for id, owner in owners.items() if owner == g), default=fresh)
+        owners[own] = g
     return ids
 
 

@@ -8,6 +8,7 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.distances import pair_distances
 
 _ONE = 1.5  # sum of two existence probabilities below which they are rather of one person than of two
+_LIKELIER = 3.0  # ratio of two existence probabilities from which on the larger decides which track is kept
 
 
 def counted_misses(misses: Indices, times: Array, now: float, window: int) -> Indices:
@@ -27,15 +28,22 @@ def missed(misses: Indices, m: int) -> Flags:
 
 
 def shared_people(means: Array, covariances: Array, existence: Array, gate: float) -> list[tuple[int, int]]:
-    """Pairs (i, j), i < j, of tracks that are of one person between them.
+    """Pairs (kept, other) of tracks that are of one person between them, the nearest pairs first, each track in one.
 
     means (T, 4), covariances (T, 4, 4), existence (T,); gate is the squared distance allowed. Where two tracks compete
     for one person's measurements, their probabilities of existence add up to one. One track with the sum of them, and
-    none, is the multi-Bernoulli density nearest to this. Source: [Williams15].
+    none, is the multi-Bernoulli density nearest to this. The first is kept of two that are about as likely, else the
+    likelier. Source: [Williams15].
     """
-    if np.sort(existence)[:2].sum() >= _ONE or len(existence) < 2:
+    if len(existence) < 2 or np.sort(existence)[:2].sum() >= _ONE:
         return []
-    near = np.triu(existence[:, None] + existence < _ONE, 1)
-    rows = np.flatnonzero(near.any(axis=0) | near.any(axis=1))
+    rows = np.flatnonzero(existence < _ONE - existence.min())  # others have no rival
     distance, _ = pair_distances(*[(means[rows], covariances[rows])] * 2)
-    return [(int(rows[a]), int(rows[b])) for a, b in np.argwhere(near[np.ix_(rows, rows)] & (distance <= gate))]
+    near = np.triu((distance <= gate) & (existence[rows][:, None] + existence[rows] < _ONE), 1)
+    pairs: list[tuple[int, int]] = []
+    for a, b in sorted(np.argwhere(near).tolist(), key=lambda pair: distance[pair[0], pair[1]]):
+        first, second = int(rows[a]), int(rows[b])
+        if not any({first, second} & {*pair} for pair in pairs):
+            likelier = existence[second] > _LIKELIER * existence[first]
+            pairs.append((second, first) if likelier else (first, second))
+    return pairs

@@ -36,7 +36,8 @@ class Initiator:
 
     A measurement that no track explains is of a new person or clutter: a track starts with the probability
     birth_density / (birth_density + clutter_density). It is confirmed at `sure`, and ends below `doubt` times its
-    start. By m of n, it needs so many measurements within its first n scans. Source: [Musicki04], [Williams15].
+    start. By m of n, it needs so many measurements within its first n scans; one counts that is the track's with a
+    probability above one half. Source: [Musicki04], [Williams15].
     """
 
     parameters: TrackerParameters

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.graphs import SCAN, exchange, graph, message, metropolis
+from helpers.graphs import exchange, graph, message, metropolis
 from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
@@ -25,7 +25,7 @@ def beliefs(rng: np.random.Generator, count: int, centre=(0, 0, 0, 0)) -> tuple[
 class Heard:
     """A member that says a given message and keeps what it is left with."""
 
-    scans, max_speed = SCAN, 3.0
+    max_speed = 3.0
 
     def __init__(self, said: Message) -> None:
         self.said = said
@@ -277,4 +277,4 @@ def test_labels_of_new_tracks_are_unique_and_ascend_with_time():
 
 def test_a_uav_without_neighbours_keeps_what_it_has():
     own = message(0, [3], *beliefs(np.random.default_rng(12), 1), degree=0)
-    assert combine(own, [], SCAN, 3.0) is own
+    assert combine(own, [], 3.0) is own

@@ -150,7 +150,7 @@ def test_a_lost_common_id_keeps_no_track_from_its_match(kind, swapped):
         assert [place for place in held.values() if abs(place) < 5.0] == pytest.approx([0.25], abs=0.25)
 
 
-def test_a_common_id_without_alias_does_not_match_across_partitions():
+def test_exchanged_ids_of_three_partitions_match_by_beliefs():
     """UAVs 0 and 2 have 3 and 4 exchanged, and 2 has just re-acquired a person."""
     lost = [0.0, 20.0], [1.0, 1.0], [3, 4], [NOW, NOW]
     sees = [0.1, 20.1], [0.05, 0.05], [3, 4], [NOW, NOW]

@@ -1,13 +1,16 @@
 """Tracks that share one person: one of them ends within a second and a half, and a lost one turns up elsewhere."""
 
 import numpy as np
+import pytest
 from helpers.fleets import fleet, ids
 from helpers.scenes import AWAY, MOTION, play, scan, track, tracker
 
 from tracking.association.resolution import unresolved
+from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.deletion import shared_people
+from tracking.tracker import Track
 
 PAIR = np.ones((2, 2), bool)
 
@@ -18,6 +21,19 @@ def test_pairs_that_share_a_person_are_near_and_add_up_to_one():
     covariances = np.tile(0.1 * np.eye(4), (4, 1, 1))
     assert shared_people(means, covariances, np.array([0.6, 0.95, 0.7, 0.5]), 20.0) == [(0, 2)]
     assert shared_people(means, covariances, np.ones(4), 20.0) == []
+    # The likelier by far is kept; a track is in one pair, with the nearest.
+    assert shared_people(means, covariances, np.array([0.2, 1.0, 1.0, 0.2]), 20.0) == [(1, 0)]
+    means[1, 0], means[2, 0] = 0.3, 0.5
+    assert shared_people(means, covariances, np.array([0.6, 0.7, 0.7, 0.5]), 20.0) == [(1, 2)]
+
+
+@pytest.mark.parametrize("faint", [0.3, 0.002])
+def test_a_faint_track_beside_a_certain_one_takes_neither_its_id_nor_its_belief(faint):
+    vague = Track(3, Gaussian(np.array([0.5, 0, 0, 0]), np.diag([30.0, 30, 1, 1])), faint)
+    subject = tracker(vague, track(4, 0, 0, 0, 0))
+    assert all(4 in ids for ids in play(subject, [scan(k, (0, 0)) for k in range(8)]))
+    assert [t.id for t in subject.tracks] == [4]
+    assert np.trace(subject.tracks[0].belief.covariance) < 1.0
 
 
 def test_people_within_a_metre_may_give_one_measurement():
