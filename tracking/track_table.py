@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -26,9 +27,10 @@ class TrackTable:
         return len(self.ids)
 
     def __getitem__(self, rows: Indices | Flags) -> TrackTable:
-        return TrackTable(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return TrackTable(*(column[rows] for column in _COLUMNS(self)))
 
     def __add__(self, other: TrackTable) -> TrackTable:
-        return TrackTable(
-            *(np.concatenate([getattr(self, field.name), getattr(other, field.name)]) for field in fields(self))
-        )
+        return TrackTable(*map(np.concatenate, zip(_COLUMNS(self), _COLUMNS(other), strict=True)))
+
+
+_COLUMNS = attrgetter(*TrackTable.__dataclass_fields__)

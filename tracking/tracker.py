@@ -225,8 +225,8 @@ class Tracker:
         sightings = np.where(message.times[:, 2:] < self._time, message.sightings, here)
         weights = np.full(len(means), _NOT_VIEWED)
         table = TrackTable(ids, means, covariances, existence, weights, message.times, misses, sightings)
-        table = table[~(ends | shared)]
-        self._table = self._with_reacquired(table[np.argsort(table.ids, kind="stable")])
+        order = np.argsort(ids, kind="stable")
+        self._table = self._with_reacquired(table[order[~(ends | shared)[order]]])
 
     def _with_reacquired(self, table: TrackTable) -> TrackTable:
         """Give new tracks of this scan the ids of lost tracks that they continue.
@@ -234,11 +234,11 @@ class Tracker:
         All UAVs do this after they agree on tracks and sightings, so that they decide alike.
         """
         p = self.parameters
-        unseen = self._time - table.sightings[:, 2]
         born = np.flatnonzero(is_new_label(table.ids, self._scans))
-        lost = np.flatnonzero((unseen > 0.0) & (unseen > p.recovery_after - p.motion.dt / 2))  # but for rounding
-        if len(born) == 0 or len(lost) == 0:
+        if len(born) == 0:
             return table
+        unseen = self._time - table.sightings[:, 2]
+        lost = np.flatnonzero((unseen > 0.0) & (unseen > p.recovery_after - p.motion.dt / 2))  # but for rounding
         pairs = reacquisitions(
             (table.means[born], table.covariances[born]),
             (table.means[lost], table.covariances[lost]),

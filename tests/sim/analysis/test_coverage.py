@@ -5,6 +5,7 @@
 """
 
 import csv
+import math
 import re
 from pathlib import Path
 
@@ -69,6 +70,25 @@ def test_intervals_of_shares_hold_the_mean_and_mean_difference(maps):
 def test_intervals_of_mean_errors_hold_as_often_as_tables_say(metric, maps):
     found = [100 * share for share in held(metric, maps).values()]
     assert (np.median(found), min(found)) == pytest.approx(ERRORS[metric][maps], abs=2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("maps", "least"), [(8, 91), (10, 91), (20, 93), (50, 94)])
+def test_wider_intervals_of_shares_hold_the_mean_of_as_many_other_maps(maps, least):
+    rng = np.random.default_rng(maps)
+    found = []
+    for values in pools("ospa.share_under_1m").values():
+        here, there = values[rng.integers(0, len(values), (2, maps, SAMPLES))]
+        other = there.mean(axis=0)
+        found.append(np.mean([widened(e, x) for e, x in zip(means(here), other, strict=True)]))
+    assert 100 * min(found) == pytest.approx(least, abs=1)
+    assert np.median(found) == pytest.approx(0.95, abs=0.01)
+
+
+def widened(estimate, other):
+    """Test if another mean lies within the square root of two times the interval's width about the value."""
+    reach = math.sqrt(2) * (estimate.high - estimate.value if other > estimate.value else estimate.value - estimate.low)
+    return abs(other - estimate.value) <= reach + 1e-12
 
 
 @pytest.mark.slow

@@ -96,10 +96,10 @@ def test_losses_change_neither_forest_nor_people_nor_noise():
 
 
 def test_bytes_sent_count_all_rounds_to_linked_uavs():
-    # Four tracks: 4 + 4 * 26 numbers of 8 bytes in each of five rounds; UAV 2 has no link.
+    # Four tracks: 6 + 4 * 26 numbers of 8 bytes in each of five rounds; UAV 2 has no link.
     _, snapshots = fly_ideal("network.links=[[0, 1]]", duration=1)
     for s in snapshots:
-        np.testing.assert_array_equal(s.bytes_sent, [5 * 8 * 108, 5 * 8 * 108, 0])
+        np.testing.assert_array_equal(s.bytes_sent, [5 * 8 * 110, 5 * 8 * 110, 0])
 
 
 def test_a_split_fleet_disagrees_and_agrees_again_in_the_scan_it_heals():

@@ -73,6 +73,26 @@ def test_averages_are_mixed_by_metropolis_weights_and_the_latest_of_all_else_is_
         assert left.partition == (0, max(m.partition[1] for m in told))
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_table_of_all_rounds_equals_the_updates_of_single_uavs(seed):
+    """Bit by bit, with losses; three rounds do not reach all UAVs."""
+    rng = np.random.default_rng(seed)
+    adjacency, lost = graph(("line", "ring")[seed % 2], 8), rng.random((3, 8, 8)) < 0.4
+    members = [Heard(said) for said in like_named(rng, 8)]
+    expected = [m.message(int(row.sum())) for m, row in zip(members, adjacency, strict=True)]
+    for k in range(3):
+        expected = exchange(expected, adjacency & ~lost[k], 1)
+    fuse(members, adjacency, 3, lost)
+    assert len({m.times.tobytes() for m in expected}) > 1
+    for ours, theirs in zip([m.left for m in members], expected, strict=True):
+        assert (ours.partition, ours.deleted) == (theirs.partition, theirs.deleted)
+        for name in ("ids", "names", "shares", "times", "misses", "sightings"):
+            np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
+        width = theirs.novel.shape[1]  # columns of UAVs that it has not heard of are empty
+        np.testing.assert_array_equal(ours.novel[:, :width], theirs.novel)
+        assert not ours.novel[:, width:].any()
+
+
 @pytest.mark.parametrize("columns", [0, 21])
 def test_a_fleet_without_tracks_agrees_on_that(columns):
     rng = np.random.default_rng(0)
