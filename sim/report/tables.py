@@ -16,9 +16,7 @@ from sim.analysis.significance import MOST_MAPS, POWER
 from sim.evaluation.metric import UNKNOWN, Metric
 
 _OF_PAIRS = ("won, tied, lost", "maps needed")
-_NOTE = (
-    "In brackets: 95 % intervals over the maps (seeds); expect the mean of as many others within 1.4 times the width."
-)
+_NOTE = "In brackets: 95 % intervals over the maps (seeds); expect means of as many others within 1.4 times the width."
 _COMPARED = (
     "Differences are means over the maps that both flew; won, tied, lost counts these maps. Maps needed: so many find "
     f"a difference as large with a probability of {100 * POWER:.0f} %."

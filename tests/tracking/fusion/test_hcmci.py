@@ -223,7 +223,7 @@ def test_the_bytes_of_a_message_are_those_of_its_numbers():
         trackers = [tracker(START, track(4, 0, 5, 0, 0), uav=u, fusion=fusion) for u in range(3)]
         trackers[0].step(scan(0, (0.0, 0.0)))
         sizes[fusion] = trackers[0].message(2).size
-    # UAV, degree, scan, time, partition; two tracks; of the one that was seen, novel q and Ω, and one UAV with its share.
+    # UAV, degree, scan, time, partition; two tracks; of the one seen, novel q and Ω, and one UAV with its share.
     assert sizes == {"kla": 8 * (6 + 2 * 26), "hcmci": 8 * (6 + 2 * 26 + 14 + 2)}
 
 
