@@ -16,8 +16,8 @@ from sim.scenario.loading import load as load_scenario
 
 # Of the short mission and of images, on any machine: what `python tests/helpers/reproducibility.py --short` prints.
 EXPECTED = [
-    "855a914d0af80a10f5d52d5a83eceb9cd01ed93a0f3f4b6a49661c95d348485a",
-    "d4e4ee7800deac8f7e05a038fad58b68cc577d1d42367f477c158b7cc07309f3",
+    "048736fc42f42a5a52aee1ffb2a1f3fe28619fe9ca3b7cf6c363d9855422e6ec",
+    "e499a2c1d8b15bbf14ab868856e00dfd320e51063ea2a586609902aa8c3d0af2",
 ]
 # At once, as each alone flies the mission again.
 EVERYTHING = {
