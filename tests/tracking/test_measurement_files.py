@@ -144,7 +144,7 @@ def mission(tmp_path_factory):
 
 def test_the_tracker_alone_repeats_the_tracks_of_the_mission(mission):
     recording, out = mission
-    forest, parameters = read_forest(out / "csv" / "trees.csv"), TrackerParameters(NearlyConstantVelocity(0.2, 0.5))
+    forest, parameters = read_forest(out / "csv" / "trees.csv"), TrackerParameters(NearlyConstantVelocity(0.2, 0.6))
     cameras = read_cameras(out / "csv" / "cameras.csv")
     fleet = [Tracker(uav, camera, forest, parameters) for uav, camera in cameras.items()]
     held = 0

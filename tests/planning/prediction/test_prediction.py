@@ -80,8 +80,8 @@ def test_a_mission_tells_planners_how_its_trackers_predict():
     planner = Watched()
     list(Mission(scenario, planner, 0).fly())
     motions = {s.motion for team in planner.seen for s in team}
-    assert motions == {NearlyConstantVelocity(1.0, 0.5, scans=5)}
-    assert tracker_parameters(scenario).motion == NearlyConstantVelocity(0.2, 0.5)
+    assert motions == {NearlyConstantVelocity(1.0, 0.6, scans=5)}
+    assert tracker_parameters(scenario).motion == NearlyConstantVelocity(0.2, 0.6)
 
 
 def test_monte_carlo_trajectories_spread_as_trackers_coast(random_team):

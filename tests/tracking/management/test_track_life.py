@@ -120,7 +120,7 @@ def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
 
 
 def test_the_motion_of_a_scenario_is_what_it_says():
-    assert tracker_parameters(Scenario()).motion == NearlyConstantVelocity(0.2, 0.5)
+    assert tracker_parameters(Scenario()).motion == NearlyConstantVelocity(0.2, 0.6)
     bounded = Scenario(tracking=Tracking(motion="bounded", sigma_a=0.6, max_speed=2.0))
     assert tracker_parameters(bounded).motion == BoundedSpeed(0.2, 0.6, 2.0)
 
