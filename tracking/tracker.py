@@ -16,7 +16,7 @@ from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, visible_samples
-from tracking.management.deletion import counted_misses, missed, shared_people
+from tracking.management.deletion import counted_misses, missed, shared_people, without_measurement
 from tracking.management.initiation import Initiator, Tentative
 from tracking.management.reacquisition import reacquisitions
 from tracking.management.validation import check_track, checked_scan
@@ -137,7 +137,10 @@ class Tracker:
         after = scan_update(before, z, R, p)
         self._predicted = *beliefs, z, after.gates
         detected = 1.0 - after.missed
-        marks = np.column_stack([detected >= p.seen, before.visible >= p.expected, detected >= _SURE])
+        hits = detected >= p.seen
+        if p.life == "m_of_n":
+            hits &= ~without_measurement(after.gates, detected)
+        marks = np.column_stack([hits, before.visible >= p.expected, detected >= _SURE])
         self._table = replace(
             table,
             means=after.means,

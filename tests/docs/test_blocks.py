@@ -94,7 +94,12 @@ def test_the_recording_of_the_lost_person_is_of_its_scenario():
 
     recording = load(DOCS / "examples" / "grove" / "mission.npz")
     grove = str(DOCS / "examples" / "grove" / "grove.toml")
-    settings = "tracking.absence_weight=0.3", "tracking.life=m_of_n", "tracking.recovery_after=1", "tracking.sigma_a=0.5"
+    settings = (
+        "tracking.absence_weight=0.3",
+        "tracking.life=m_of_n",
+        "tracking.recovery_after=1",
+        "tracking.sigma_a=0.5",
+    )
     assert scenario_of(recording) == load_scenario(grove, settings)  # as the page says
     assert recording.seed == 7 and len(recording.trees) == 12 and len(recording.times) == 151
 

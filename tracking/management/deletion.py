@@ -7,8 +7,9 @@ import numpy as np
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.distances import pair_distances
 
-_ONE = 1.5  # sum of two existence probabilities below which they are rather of one person than of two
-_LIKELIER = 3.0  # ratio of two existence probabilities from which on the larger decides which track is kept
+# Sum of two probabilities, of existence or of a detection, below which they are rather of one person than of two.
+_ONE = 1.5
+_LIKELIER = 3.0  # ratio of two probabilities from which on the larger decides which track is kept
 
 
 def counted_misses(misses: Indices, times: Array, now: float, window: int) -> Indices:
@@ -25,6 +26,20 @@ def counted_misses(misses: Indices, times: Array, now: float, window: int) -> In
 def missed(misses: Indices, m: int) -> Flags:
     """Flags (T,) of tracks with m misses among the last scans."""
     return np.array([bin(bits).count("1") >= m for bits in misses.tolist()], dtype=np.bool_)
+
+
+def without_measurement(gates: Indices, detected: Array) -> Flags:
+    """Flags (T,) of tracks whose measurements are rather those of another track, which counts the hit.
+
+    gates (G, 2): pairs of a track and a measurement in its gate; detected (T,): probabilities that one of them is the
+    person's. Those of two tracks that compete for one measurement add up to one: the first has it if they are about
+    as likely, else the likelier. So by m of n scans, too, one of two tracks of one person ends.
+    """
+    inside = np.zeros((len(detected), 1 + gates[:, 1].max(initial=-1)), dtype=np.bool_)
+    inside[gates[:, 0], gates[:, 1]] = True
+    common = np.triu((inside[:, None] & inside).any(axis=2), 1) & (detected[:, None] + detected < _ONE)
+    second = detected > _LIKELIER * detected[:, None]  # is the likelier by far
+    return np.asarray((common & ~second).any(axis=0) | (common & second).any(axis=1))
 
 
 def shared_people(means: Array, covariances: Array, existence: Array, gate: float) -> list[tuple[int, int]]:

@@ -9,7 +9,7 @@ from tracking.association.resolution import unresolved
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.geometry.visibility import Forest, Tree
-from tracking.management.deletion import shared_people
+from tracking.management.deletion import shared_people, without_measurement
 from tracking.tracker import Track
 
 PAIR = np.ones((2, 2), bool)
@@ -58,7 +58,14 @@ def fed_apart(**settings) -> list[tuple[int, ...]]:
 
 def test_two_uavs_do_not_feed_a_track_each_of_one_person():
     assert fed_apart()[7:] == [(3,)] * 13
-    assert fed_apart(life="m_of_n")[-1] == (3, 4)  # by counting scans both go on being seen
+    assert fed_apart(life="m_of_n")[7:] == [(3,)] * 13
+
+
+def test_a_measurement_is_a_hit_of_one_track():
+    gates = np.array([[0, 0], [1, 0], [2, 1], [3, 1], [4, 2], [5, 3], [5, 4], [6, 4], [6, 3]])
+    detected = np.array([0.5, 0.5, 0.1, 0.8, 0.99, 0.97, 0.96, 0.0])
+    assert without_measurement(gates, detected).tolist() == [False, True, True] + [False] * 5
+    assert without_measurement(np.zeros((0, 2), dtype=int), np.zeros(2)).tolist() == [False, False]
 
 
 def test_a_lost_track_that_takes_a_neighbours_measurements_starves_nobody():
