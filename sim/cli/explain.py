@@ -31,11 +31,17 @@ def explain(
     recorded: Recorded,
     time: Annotated[str | None, typer.Option(metavar="T", help="The scan nearest to T; without, all of them.")] = None,
     target: Annotated[str | None, typer.Option(metavar="N", help="Which person, from 0; without --time, all.")] = None,
+    track: Annotated[str | None, typer.Option(metavar="N", help="The story of one track, by its number.")] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="New file for the picture. Default: one in DIR.")
     ] = None,
 ) -> None:
-    """Say why a person was seen, hidden, held or lost: at one time, with a picture, or over the whole mission."""
+    """Say why a person was seen, hidden, held or lost: at one time, with a picture, or over the whole mission.
+
+    With --track: say how a track was born, which measurements fed it, why it was kept, and how it ended.
+    """
+    if track is not None:
+        _check_alone({"--time": time, "--target": target, "--out": out})
     moment = None if time is None else _moment(time)
     if moment is not None and target is None:
         raise InputError("--target: missing; --time asks about one person, so say which, from 0")
@@ -53,6 +59,9 @@ def explain(
     scenario = scenario_of(recording)
     history = History.of(recording, scenario)
     events = events_of(recording, scenario, history)
+    if track is not None:
+        _track_of(recording, events, _number(recording, track))
+        return
     if scan is None:
         _whole(recording, (history, events), person, out or folder / "timeline.png", recorded)
         return
@@ -66,6 +75,20 @@ def _moment(text: str) -> float:
     if end is not None:
         raise InputError(f"--time: {text!r} is not allowed; expected one time such as 12.4")
     return start
+
+
+def _check_alone(others: dict[str, str | Path | None]) -> None:
+    """InputError if an option is given that says nothing of a track's whole story."""
+    for name, value in others.items():
+        if value is not None:
+            raise InputError(f"{name}: {str(value)!r} is not allowed with --track, which tells a whole story in words")
+
+
+def _number(recording: Recording, text: str) -> int:
+    count = len(recording.track_numbers)
+    if not count:
+        raise InputError(f"--track: {text!r} is not allowed; this mission had no track")
+    return integer(text, "--track", least=0, most=count - 1)
 
 
 def _person(recording: Recording, text: str) -> int:
@@ -94,6 +117,17 @@ def _moment_of(recording: Recording, story: Story, asked: tuple[int, int], path:
     console.print(f"Picture: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 
 
+def _track_of(recording: Recording, events: tuple[Event, ...], number: int) -> None:
+    """Print the story of one track."""
+    from sim.replay.explain.observation import Observer
+    from sim.replay.explain.track import TrackFacts
+    from sim.replay.explain.track_story import track_story
+    from sim.replay.frames.rerender import scenario_of
+
+    with Observer(recording, scenario_of(recording)) as observer:
+        _print(track_story(TrackFacts.of(observer, number), recording, events))
+
+
 def _print(groups: list[Group]) -> None:
     for heading, facts in groups:
         console.print(f"[bold]{escape(heading)}[/bold]")
@@ -105,7 +139,7 @@ def _whole(recording: Recording, story: Story, person: int | None, path: Path, r
     """Print the whole mission of one person or all, and draw its timeline unless it is there."""
     history, events = story
     from sim.drawing.plots import save
-    from sim.replay.event import INCIDENTS, UNHELD, UNMATCHED
+    from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED
     from sim.replay.explain.explanation import stretches
     from sim.replay.timeline import timeline_figure
 
@@ -123,13 +157,22 @@ def _whole(recording: Recording, story: Story, person: int | None, path: Path, r
         console.print(table)
     if not people:
         console.print("No person walked in this mission.")
-    others = [event for event in events if event.kind in (*UNMATCHED, *INCIDENTS)] if person is None else []
+    kinds = (*UNMATCHED, *IDENTITIES, *INCIDENTS) if person is None else ()
+    others = [event for event in events if event.kind in kinds]
     _print([("events", [f"{event.when}: {event.sentence}" for event in others])] if others else [])
     if not path.exists():
         save(timeline_figure(history, recording.ospa, events), path)
     console.print(f"Timeline: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
-    unheld = [event for event in events if event.kind in UNHELD and event.person in people]
-    if unheld:
-        longest = max(unheld, key=lambda event: event.last - event.first)
-        asked = f"understory explain {shlex.quote(str(recorded))} --target {longest.person}"
-        console.print(f"The longest loss: [bold]{escape(asked)} --time {longest.time:.1f}[/bold]", soft_wrap=True)
+    asked = f"understory explain {shlex.quote(str(recorded))}"
+    false = _longest([event for event in others if event.kind in UNMATCHED])
+    if false:
+        told = f"{asked} --track {false.track}"
+        console.print(f"The longest {false.kind}: [bold]{escape(told)}[/bold]", soft_wrap=True)
+    loss = _longest([event for event in events if event.kind in UNHELD and event.person in people])
+    if loss:
+        told = f"{asked} --target {loss.person} --time {loss.time:.1f}"
+        console.print(f"The longest loss: [bold]{escape(told)}[/bold]", soft_wrap=True)
+
+
+def _longest(events: list[Event]) -> Event | None:
+    return max(events, key=lambda event: event.last - event.first, default=None)

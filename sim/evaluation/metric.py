@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from sim.evaluation.fleet_facts import bytes_sent, contacts, disagreement, plan_bytes
 from sim.evaluation.score import FAR, Score, score
+from sim.evaluation.unmatched import Unmatched, unmatched_tracks
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.scenario.errors import InputError
@@ -44,6 +45,11 @@ class Outcome:
     def scores(self) -> list[Score]:
         """The score of each UAV."""
         return [score(self.recording, i) for i in range(self.recording.poses.shape[1])]
+
+    @cached_property
+    def unmatched(self) -> list[Unmatched]:
+        """Tracks that stand for no person."""
+        return list(unmatched_tracks(self.recording))
 
     @property
     def flown(self) -> list[Score]:
@@ -145,6 +151,24 @@ def _gospa(column: int, *, counted: bool = False) -> Of:
     return of
 
 
+def _unmatched(what: str, *, duplicate: bool) -> dict[str, Metric]:
+    """Number of false tracks or duplicates, and the share of pairs of a scan and a UAV that works with one."""
+
+    def count(outcome: Outcome) -> float:
+        return sum(track.duplicate == duplicate for track in outcome.unmatched)
+
+    def share(outcome: Outcome) -> float | None:
+        on = outcome.recording.working
+        found = np.zeros_like(on)
+        for track in outcome.unmatched:
+            if track.duplicate == duplicate:
+                found[track.first : track.last + 1] |= track.alone
+        return mean(found[on])
+
+    shown = Metric(f"scans with a {what} track", share, "%", "lower", 100.0, digits=1, most=1.0)
+    return {f"tracks.{what}": Metric(f"{what} tracks", count, digits=0), f"tracks.{what}_share": shown}
+
+
 def _over_uavs(value: Callable[[Score], float]) -> Of:
     """Mean over the UAVs; one that breaks down counts until then."""
     return lambda outcome: mean([value(score) for score in outcome.flown])
@@ -229,6 +253,8 @@ METRICS = {
         "gospa.localisation_m": Metric("GOSPA, localisation", _gospa(1), "m"),
         "gospa.missed": Metric("people missed per scan", _gospa(2, counted=True)),
         "gospa.false": Metric("false tracks per scan", _gospa(3, counted=True)),
+        **_unmatched("false", duplicate=False),
+        **_unmatched("duplicate", duplicate=True),
         "ospa2_m": Metric("OSPA(2)", _over_uavs(lambda s: s.ospa2), "m"),
         "identity_switches": Metric("identity switches", _over_uavs(lambda s: s.switches), key="identity.switches"),
         "fragmentations": Metric(

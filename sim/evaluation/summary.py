@@ -154,7 +154,7 @@ def results_table(summary: Mapping[str, Any]) -> Table:
         value = math.nan if told["value"] is None else told["value"]
         table.add_row(told["label"] or name, _text(Metric("", unit=told["unit"]), value))
     table.add_section()
-    for row in _sent(summary["network"]):
+    for row in (*_unmatched(summary["tracks"]), *_sent(summary["network"])):
         table.add_row(*row)
     table.add_section()
     factor = METRICS["real_time_factor"]
@@ -168,6 +168,13 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     for contact in touched[:3]:
         table.add_row(f"  at {contact['time']:.1f} s", f"UAV {contact['uav']}, {contact['kind']} {contact['other']}")
     return table
+
+
+def _unmatched(tracks: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
+    """Rows about tracks that stand for no person: their number, and in how many scans."""
+    for what in ("false", "duplicate"):
+        share = METRICS[f"tracks.{what}_share"].text(tracks[f"{what}_share"] or 0.0)
+        yield METRICS[f"tracks.{what}"].label, f"{tracks[what]}, {share} % of scans" if tracks[what] else "none"
 
 
 def _sent(network: Mapping[str, Any]) -> Iterable[tuple[str, str]]:

@@ -17,7 +17,8 @@ KINDS = (
     "track taken up",
     "track dropped",
     "track deleted",
-    "identity changed",
+    "identity switch",  # a person has another track than before, as CLEAR MOT counts
+    "identity transfer",  # a track passes to a person that had none before
     "person not found yet",
     "person lost",
     "person found",
@@ -26,6 +27,7 @@ KINDS = (
 )
 UNHELD = ("person not found yet", "person lost")  # people
 UNMATCHED = ("false track", "duplicate track")  # tracks
+IDENTITIES = ("identity switch", "identity transfer")
 INCIDENTS = ("breakdown", "fault", "contact")
 
 
@@ -41,6 +43,7 @@ class Event:
     until: float  # s, of the last scan; infinite for an event that lasts to the end of the mission
     why: str = ""
     person: int | None = None
+    former: int | None = None  # the person for whom the track stood before
     track: int | None = None  # number
     uavs: tuple[int, ...] = ()  # the one with the most telling frames comes first
 

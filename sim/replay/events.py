@@ -15,7 +15,7 @@ from sim.recording.fault_text import read
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event
 from sim.replay.history import History
-from sim.replay.losses import unheld_people, unmatched_tracks
+from sim.replay.losses import unheld_people, unmatched_events
 from sim.replay.views import fleet_text
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
@@ -34,7 +34,7 @@ def events_of(recording: Recording, scenario: Scenario, history: History | None 
         *_lives(recording),
         *_identities(recording, history),
         *unheld_people(recording, history),
-        *unmatched_tracks(recording, history),
+        *unmatched_events(recording),
     ]
     return tuple(sorted(found, key=lambda event: (event.time, KINDS.index(event.kind))))
 
@@ -125,30 +125,36 @@ def _holders(sets: Iterable[set[int]], recording: Recording) -> list[tuple[int, 
 
 
 def _identities(recording: Recording, history: History) -> Iterator[Event]:
-    """Changes of the track that stands for a person, each with the UAVs that have it."""
+    """Changes of the track that stands for a person, and of the person for whom it does, each with its UAVs."""
     fleet = defaultdict(list)
     for i in range(history.tracks.shape[1]):
         for change in _changes(history.tracks[:, i], recording.track_numbers):
             fleet[change].append(i)
-    for (k, person, track, text), uavs in fleet.items():
-        text = f"{text} to {fleet_text(uavs)}"
-        yield _at(recording, k, "identity changed", text, person=person, track=track, uavs=tuple(uavs))
+    for (k, kind, person, former, track, text), uavs in fleet.items():
+        text = f"{text} for {fleet_text(uavs)}"
+        yield _at(recording, k, kind, text, person=person, former=former, track=track, uavs=tuple(uavs))
 
 
-def _changes(tracks: Ints, numbers: dict[int, int]) -> Iterator[tuple[int, int, int, str]]:
-    """Scan, person, number of the new track and words of each change in the tracks (K, M) of one UAV."""
+def _changes(tracks: Ints, numbers: dict[int, int]) -> Iterator[tuple[int, str, int, int | None, int, str]]:
+    """Scan, kind, person, former person, number of the track and words of each change in the tracks (K, M) of one UAV.
+
+    Switches are those that `tracking.metrics.clearmot.switches` counts.
+    """
     last: dict[int, int] = {}  # by person
     owner: dict[int, int] = {}  # by track
     for k, row in enumerate(tracks):
         people = np.flatnonzero(row >= 0).tolist()
         for m in people:
             id_ = int(row[m])
-            if last.get(m, id_) != id_:
-                was, now = numbers[last[m]], numbers[id_]
-                if owner.get(id_, m) == m:
-                    yield k, m, now, f"person {m} handed over from track {was} to track {now}"
-                else:
-                    yield k, m, now, f"person {m} swapped track {was} for track {now}, that of person {owner[id_]},"
+            before, former, now = last.get(m, id_), owner.get(id_, m), numbers[id_]
+            if before == id_ and former != m:
+                yield k, "identity transfer", m, former, now, f"track {now} passed from person {former} to person {m}"
+            elif before != id_ and former == m:
+                text = f"person {m} handed over from track {numbers[before]} to track {now}"
+                yield k, "identity switch", m, None, now, text
+            elif before != id_:
+                text = f"person {m} swapped track {numbers[before]} for track {now}, that of person {former},"
+                yield k, "identity switch", m, former, now, text
         for m in people:
             last[m], owner[int(row[m])] = int(row[m]), m
 

@@ -4,38 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
+from sim.evaluation.episodes import episodes
 from sim.evaluation.holding import HOLDS, hold_states
-from sim.evaluation.score import HELD, held_by
+from sim.evaluation.score import held_by
+from sim.evaluation.unmatched import standing
 from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.metrics.clearmot import correspondence
 from tracking.numerics.arrays import Array
 
 STATES = ("absent", "out of view", "hidden", "missed", "seen")
 BROKEN = -1  # stands for a UAV that has broken down where others have a state
-
-
-class Episode(NamedTuple):
-    """A value that is the same from one scan to another, both included."""
-
-    first: int
-    last: int
-    value: int
-
-
-def episodes(values: Ints) -> list[Episode]:
-    """Episodes of equal values (K,), in order."""
-    edges = np.flatnonzero(np.diff(values)).tolist()
-    firsts, lasts = [0, *(k + 1 for k in edges)], [*edges, len(values) - 1]
-    return [Episode(a, b, int(values[a])) for a, b in zip(firsts, lasts, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -83,7 +68,7 @@ class History:
             hidden_by=hidden_by,
             shown=(recording.visible > 0) & looked[:, :, None],
             detected=recording.matched & looked[:, :, None],
-            tracks=np.stack([_holders(recording, i) for i in range(uavs)], axis=1),
+            tracks=np.stack([standing(held_by(recording, i), recording.people) for i in range(uavs)], axis=1),
         )
 
     @cached_property
@@ -155,10 +140,3 @@ def _view(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Bo
         return inside, np.full(len(people), -1)
     hiding = forest.hiding(pose.position, points) & inside[:, None]
     return inside, np.where(hiding.any(axis=1), hiding.argmax(axis=1), -1)
-
-
-def _holders(recording: Recording, uav: int) -> Ints:
-    """Ids of the tracks of one UAV that stand for each person (K, M); -1 for none."""
-    believed = held_by(recording, uav)
-    columns = correspondence(believed.means[:, :, :2], recording.people, HELD)
-    return np.where(columns >= 0, np.append(believed.ids, -1)[columns], -1)

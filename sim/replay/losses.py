@@ -7,14 +7,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sim.evaluation.score import FAR, HELD, Held, held_by
-from sim.mission.snapshot import Bools, Ints
+from sim.evaluation.score import HELD
+from sim.evaluation.unmatched import unmatched_tracks
 from sim.recording.recording import Recording
 from sim.replay.event import Event
-from sim.replay.history import STATES, History, Loss, episodes
+from sim.replay.history import STATES, History, Loss
 from sim.replay.views import fleet_text, view_text, views_at
-from tracking.metrics.clearmot import correspondence
-from tracking.numerics.arrays import Array
 
 _MOST_CAUSES = 3
 
@@ -88,63 +86,24 @@ def _nearest(recording: Recording, history: History, loss: Loss) -> int:
     return int(np.where(history.working[loss.first], gap, np.inf).argmin())
 
 
-def unmatched_tracks(recording: Recording, history: History) -> Iterator[Event]:
-    """False tracks and duplicates: those that stand for no person, nor are within `FAR` m of a lost one.
-
-    They are what GOSPA counts as false. One within `HELD` m of a person, that another track stands for, is a duplicate.
-    """
-    uavs = history.working.shape[1]
-    alone: defaultdict[int, Bools] = defaultdict(lambda: np.zeros(history.working.shape, dtype=np.bool_))
-    for i in range(uavs):
-        held = held_by(recording, i)
-        free = _unmatched_by(held, history.tracks[:, i], recording.people) & history.working[:, i, None]
-        for column in np.flatnonzero(free.any(axis=0)).tolist():
-            alone[int(held.ids[column])][:, i] = free[:, column]
-    for id_, table in alone.items():
-        for first, last, value in episodes(np.asarray(table.any(axis=1), dtype=np.int64)):
-            if value:
-                yield _unmatched(recording, id_, table, (first, last))
-
-
-def _unmatched_by(held: Held, standing: Ints, people: Array) -> Bools:
-    """Tracks (K, A) of one UAV that stand for no person; standing (K, M): ids of those that do, -1 for none."""
-    stands = (held.ids == standing[:, :, None]).any(axis=1)
-    places = np.where(stands[:, :, None], np.nan, held.means[:, :, :2])
-    lost = np.where((standing >= 0)[:, :, None], np.nan, people)
-    free = ~np.isnan(places[:, :, 0])
-    matched = correspondence(places, lost, FAR)
-    k, m = np.nonzero(matched >= 0)
-    free[k, matched[k, m]] = False
-    return free
-
-
-def _unmatched(recording: Recording, id_: int, alone: Bools, span: tuple[int, int]) -> Event:
-    """The event of one track that stands for no person; alone (K, n): by scan and UAV."""
-    first, last = span
-    number, times = recording.track_numbers[id_], recording.times
-    uavs = tuple(np.flatnonzero(alone[first : last + 1].any(axis=0)).tolist())
-    gaps = np.array([_gaps(recording, k, int(alone[k].argmax()), id_) for k in range(first, last + 1)])
-    nearest = np.median(gaps, axis=0) if gaps.size else np.array([np.inf])
-    person = int(np.argmin(nearest))
-    double = nearest[person] <= HELD
-    near = f", {nearest[person]:.1f} m from person {person}" if np.isfinite(nearest[person]) else ""
-    cost = np.nanmax(recording.ospa[first : last + 1, uavs, 2])
-    return Event(
-        kind="duplicate track" if double else "false track",
-        text=f"track {number} " + (f"is a second one of person {person}" if double else "stands for no person"),
-        first=first,
-        last=last,
-        time=float(times[first]),
-        until=np.inf if last == len(times) - 1 and last > first else float(times[last]),
-        why=f"held by {fleet_text(uavs)}{near}; OSPA's cardinality part is up to {cost:.1f} m",
-        person=person if double else None,
-        track=number,
-        uavs=uavs,
-    )
-
-
-def _gaps(recording: Recording, k: int, uav: int, id_: int) -> list[float]:
-    """Distances [m] (M,) of one track of a UAV from all people at scan k; infinite from absent ones."""
-    (track,) = (t for t in recording.tracks_at(k, uav) if t.id == id_)
-    gaps = np.hypot(*(recording.people[k] - track.belief.mean[:2]).T)
-    return [float(gap) for gap in np.where(np.isnan(gaps), np.inf, gaps)]
+def unmatched_events(recording: Recording) -> Iterator[Event]:
+    """False tracks and duplicates, as `sim.evaluation.unmatched` finds them."""
+    for found in unmatched_tracks(recording):
+        first, last = found.first, found.last
+        number, times = recording.track_numbers[found.id], recording.times
+        uavs = tuple(np.flatnonzero(found.alone.any(axis=0)).tolist())
+        near = "" if found.nearest is None else f", {found.gap:.1f} m from person {found.nearest}"
+        cost = np.nanmax(recording.ospa[first : last + 1, uavs, 2])
+        stands = f"is a second one of person {found.nearest}" if found.duplicate else "stands for no person"
+        yield Event(
+            kind="duplicate track" if found.duplicate else "false track",
+            text=f"track {number} {stands}",
+            first=first,
+            last=last,
+            time=float(times[first]),
+            until=np.inf if last == len(times) - 1 and last > first else float(times[last]),
+            why=f"held by {fleet_text(uavs)}{near}; OSPA's cardinality part is up to {cost:.1f} m",
+            person=found.nearest if found.duplicate else None,
+            track=number,
+            uavs=uavs,
+        )

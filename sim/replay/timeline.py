@@ -15,11 +15,12 @@ from matplotlib.patches import Patch
 from sim.drawing import palette
 from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, PANEL, UAV_COLOURS, mixed, uav_colour
 from sim.drawing.plots import draw_mean, new_figure, rgb
+from sim.evaluation.episodes import episodes
 from sim.evaluation.holding import HOLDS
 from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
-from sim.replay.event import UNMATCHED, Event
-from sim.replay.history import BROKEN, STATES, History, episodes
+from sim.replay.event import IDENTITIES, UNMATCHED, Event
+from sim.replay.history import BROKEN, STATES, History
 from tracking.numerics.arrays import Array
 
 _WIDTH = 11.0  # inches
@@ -80,7 +81,7 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event]) -> None:
             top, ends = event.person * pitch, _ends(times, event.first, event.last)
             boxes += [((*ends, top - 0.15, uavs + _BAR + 0.3), _VEIL)] * (event.kind == "person lost")
             boxes.append(_box(times, event, top + uavs))
-        elif event.kind == "identity changed" and event.person is not None:
+        elif event.kind in IDENTITIES and event.person is not None:
             axes.plot([times[event.first]], [event.person * pitch + uavs + _BAR / 2], **_SWITCHED)
     for m in range(people):
         boxes += _bar(times, history.hold_states[:, m], m * pitch + uavs)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sim.evaluation.episodes import episodes
 from sim.evaluation.holding import HOLDS
 from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
@@ -14,7 +15,7 @@ from sim.recording.recording import Recording
 from sim.replay.event import UNHELD, UNMATCHED, Event
 from sim.replay.explain.observation import GatedMeasurement, Observation, PersonMeasurement
 from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
-from sim.replay.history import History, episodes
+from sim.replay.history import History
 from sim.replay.views import fleet_text, view_texts
 from tracking.numerics.arrays import Array
 
@@ -33,7 +34,7 @@ def explanation(facts: PersonFacts, recording: Recording, events: Sequence[Event
     if facts.holder:
         groups.append((f"track {facts.holder.number}", _track(facts.holder, facts, recording)))
     now = [event for event in events if event.first <= facts.k <= event.last]
-    now = [event for event in now if event.person == facts.person or event.kind in UNMATCHED]
+    now = [event for event in now if facts.person in (event.person, event.former) or event.kind in UNMATCHED]
     if now:
         groups.append(("events", [f"{event.when}: {event.sentence}" for event in now]))
     groups.append(("intents", _intents(facts)))
@@ -43,7 +44,7 @@ def explanation(facts: PersonFacts, recording: Recording, events: Sequence[Event
 def _person(facts: PersonFacts, recording: Recording, events: Sequence[Event]) -> list[str]:
     if np.isnan(facts.place[0]):
         return ["is not there at this time"]
-    lines = [f"is at {_at(facts.place)}{_motion(facts.velocity)}"]
+    lines = [f"is at {place_text(facts.place)}{_motion(facts.velocity)}"]
     return [*lines, *_holding(facts, events), _seen(facts)]
 
 
@@ -115,12 +116,12 @@ def _view(w: Observation, recording: Recording) -> list[str]:
 def _detection(w: Observation, found: PersonMeasurement) -> list[str]:
     """The detection of the person, and the tracks that may have taken it for theirs."""
     at = "measured" if found.pixel is None else f"detected at pixel ({found.pixel[0]:.1f}, {found.pixel[1]:.1f})"
-    lines = [f"{at}: {_at(found.place)}, an error of {found.error:.2f} m, {found.sigmas:.1f} σ"]
+    lines = [f"{at}: {place_text(found.place)}, an error of {found.error:.2f} m, {found.sigmas:.1f} σ"]
     gates = [weight for weight in w.weights if weight.measurement == found.measurement]
     if not gates:
         return [*lines, "in the gate of no track"]
     return lines + [
-        f"in the gate of track {weight.track} at {weight.sigmas:.1f} σ, weight {_percent(weight.probability)}"
+        f"in the gate of track {weight.track} at {weight.sigmas:.1f} σ, weight {percent_text(weight.probability)}"
         for weight in _by_weight(gates)
     ]
 
@@ -129,14 +130,14 @@ def _association(w: Observation, holder: HoldingTrack | None) -> list[str]:
     """The scan as the person's track expected it, and other measurements that it may have taken for its own."""
     if holder is None or holder.number not in w.visible:
         return []
-    lines = [f"expected track {holder.number} in plain view with {_percent(w.visible[holder.number])}"]
+    lines = [f"expected track {holder.number} in plain view with {percent_text(w.visible[holder.number])}"]
     mine = w.found.measurement if w.found else -1
     for weight in _by_weight([x for x in w.weights if x.track == holder.number and x.measurement != mine]):
         if weight.probability >= _LEAST:
             owner = int(w.owners[weight.measurement])
             source = f"of person {owner}" if owner >= 0 else "of a false alarm"
-            place = _at(w.measurements[weight.measurement])
-            weighs = f"weight {_percent(weight.probability)}"
+            place = place_text(w.measurements[weight.measurement])
+            weighs = f"weight {percent_text(weight.probability)}"
             lines.append(f"the measurement {source} at {place} was in the gate of track {weight.track} too, {weighs}")
     return lines
 
@@ -150,7 +151,7 @@ def _track(holder: HoldingTrack, facts: PersonFacts, recording: Recording) -> li
     error, square = holder.error(facts.place)
     major, minor = holder.axes.tolist()
     speed = math.hypot(*holder.belief.mean[2:])
-    lines.append(f"believed at {_at(holder.belief.mean[:2])}, {speed:.1f} m/s")
+    lines.append(f"believed at {place_text(holder.belief.mean[:2])}, {speed:.1f} m/s")
     lines.append(f"error {error:.2f} m, {math.sqrt(square):.1f} σ (NEES {square:.1f}, 2 expected)")
     lines.append(f"standard deviations {major:.2f} × {minor:.2f} m")
     if not math.isnan(holder.existence):
@@ -199,11 +200,12 @@ def _by_weight(weights: list[GatedMeasurement]) -> list[GatedMeasurement]:
     return sorted(weights, key=lambda w: -w.probability)
 
 
-def _at(place: Array) -> str:
+def place_text(place: Array) -> str:
+    """A place (2,) m in words."""
     return f"({place[0]:.1f}, {place[1]:.1f}) m"
 
 
-def _percent(probability: float) -> str:
+def percent_text(probability: float) -> str:
     """A probability in per cent; rounding makes none certain."""
     if 0.0 < probability < 0.001:
         return "under 0.1 %"

@@ -94,6 +94,10 @@ class Observer:
             else {},
         )
 
+    def owners(self, k: int, uav: int) -> Ints:
+        """The person of each measurement (N,) of one UAV at scan k; -1 for a false alarm."""
+        return _owners(self._measured(k, uav), len(self.recording.measurements_at(k, uav)))
+
     def _renders(self, k: int, uav: int) -> bool:
         return self.scenario.sensing.renders and self.scenario.has_frame(uav, k)
 

@@ -16,7 +16,7 @@ from sim.drawing.layout import View
 from sim.drawing.map_view import ELLIPSE, MARGIN, TRAIL, looks_down
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
-from sim.replay.event import UNMATCHED, Event
+from sim.replay.event import IDENTITIES, UNMATCHED, Event
 from sim.replay.history import STATES, History
 from sim.replay.views import view_texts
 from sim.scenario.scenario import Scenario
@@ -57,7 +57,7 @@ def page_data(
         "events": [
             [event.kind, event.first, event.last, event.person, event.track]
             for event in events
-            if event.kind in (*UNMATCHED, "identity changed")
+            if event.kind in (*UNMATCHED, *IDENTITIES)
         ],
         "plans": _plans(recording, scenario),
         "colours": _colours(),

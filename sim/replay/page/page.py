@@ -22,7 +22,7 @@ from sim.drawing.palette import ALARM, BLUE, FAINT, INK, LINE, PANEL, PAPER, Col
 from sim.evaluation.summary import titled
 from sim.recording.atomic_files import whole
 from sim.recording.recording import Recording
-from sim.replay.event import INCIDENTS, UNHELD, UNMATCHED, Event
+from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
 from sim.replay.events import events_of
 from sim.replay.history import History
 from sim.replay.page.data import css, page_data
@@ -56,7 +56,7 @@ def page(recording: Recording, scenario: Scenario, *, video: bytes | Path | None
     events = events_of(recording, scenario, history)
     data = page_data(recording, scenario, history, events, None if film is None else parts_of(scenario))
     data["colours"]["soft"] = css(SOFT)
-    lost = [event for event in events if event.kind in (*UNHELD, *UNMATCHED)]
+    lost = [event for event in events if event.kind in (*UNHELD, *UNMATCHED, *IDENTITIES)]
     incidents = [event for event in events if event.kind in INCIDENTS]
     style, script = _style(), _script()
     policy = f"default-src 'none'; img-src data:; media-src data:; style-src {_hash(style)}; script-src {_hash(script)}"
@@ -178,6 +178,8 @@ def _item(event: Event, recording: Recording, place: str) -> str:
 
 def _commands(event: Event, recording: Recording, place: str) -> Iterable[str]:
     time, folder = f"{recording.times[event.first]:.1f}", shlex.quote(place)
+    if event.track is not None:
+        yield f"understory explain {folder} --track {event.track}"
     if event.person is not None:
         yield f"understory explain {folder} --time {time} --target {event.person}"
     if event.uavs and recording.working[event.first, event.uavs[0]]:

@@ -38,7 +38,7 @@ function drawTimeline() {
   const last = 4 + Math.max(people, 1) * rowHeight;
   if (unmatched) write(ctx, "no person", GUTTER - 8, last + BAR / 2, colours.ink, "right");
   for (const [kind, first, until, person] of data.events) {
-    if (kind === "identity changed") diamond(ctx, xOf(first - 0.5), 4 + person * rowHeight + fleet * lane + 1 + BAR / 2);
+    if (kind.startsWith("identity")) diamond(ctx, xOf(first - 0.5), 4 + person * rowHeight + fleet * lane + 1 + BAR / 2);
     else span(ctx, first, until, last, BAR, kind === "false track" ? colours.false : pale(colours.false));
   }
 }

@@ -13,7 +13,7 @@ from sim.drawing import palette
 from sim.drawing.palette import Colour, mixed, on_dark, track_colour, uav_colour
 from sim.evaluation.holding import HOLDS
 from sim.recording.recording import Recording
-from sim.replay.event import UNMATCHED, Event
+from sim.replay.event import IDENTITIES, UNMATCHED, Event
 from sim.replay.history import STATES, History
 from sim.replay.rerun.scene import gaps_at
 from tracking.numerics.arrays import Array
@@ -29,9 +29,11 @@ _STATES = dict(
 _HOLDS = dict(
     zip(HOLDS, (palette.FAINT, palette.NOT_FOUND_YET, palette.LOST, palette.HELD_BY_SOME, palette.HELD), strict=True)
 )
+_PALE = mixed(palette.FALSE, palette.PANEL, 0.45)
+_UNMATCHED = {"none": palette.PANEL, "false": palette.FALSE, "duplicate": _PALE, "false and duplicate": palette.FALSE}
 _LEVELS = {
     **dict.fromkeys(("breakdown", "fault"), "ERROR"),
-    **dict.fromkeys(("contact", "link lost", "person lost", "identity changed", *UNMATCHED), "WARN"),
+    **dict.fromkeys(("contact", "link lost", "person lost", *IDENTITIES, *UNMATCHED), "WARN"),
     **dict.fromkeys(("messages lost", "messages heard"), "DEBUG"),  # there may be hundreds
 }
 
@@ -114,19 +116,29 @@ def _log(stream: rr.RecordingStream, series: Series, times: Array, scans: NDArra
     stream.send_columns(path, indexes=indexes, columns=rr.Scalars.columns(scalars=series.values))
 
 
-def log_states(stream: rr.RecordingStream, history: History) -> None:
-    """Log the states of each person to the cameras and to the tracks."""
+def log_states(stream: rr.RecordingStream, history: History, events: Sequence[Event]) -> None:
+    """Log the states of each person to the cameras and to the tracks, and tracks that stand for no person."""
     for m in range(history.present.shape[1]):
         for name, values, colours in (
             ("cameras", np.array(STATES)[history.states[:, m]], _STATES),
             ("tracks", np.array(HOLDS)[history.hold_states[:, m]], _HOLDS),
         ):
-            path = f"people/{m}/{name}"
-            changes = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
-            indexes = [rr.TimeColumn("time", duration=history.times[changes]), rr.TimeColumn("scan", sequence=changes)]
-            shown = rr.StateConfiguration(values=list(colours), labels=list(colours), colors=list(colours.values()))
-            stream.log(path, shown, static=True)
-            stream.send_columns(path, indexes=indexes, columns=rr.StateChange.columns(state=values[changes].tolist()))
+            _log_states(stream, f"people/{m}/{name}", history.times, values, colours)
+    kinds = np.zeros(len(history.times), dtype=np.int64)
+    for event in events:
+        if event.kind in UNMATCHED:
+            kinds[event.first : event.last + 1] |= 1 + UNMATCHED.index(event.kind)
+    _log_states(stream, "people/none/tracks", history.times, np.array(list(_UNMATCHED))[kinds], _UNMATCHED)
+
+
+def _log_states(
+    stream: rr.RecordingStream, path: str, times: Array, values: NDArray[np.str_], colours: dict[str, Colour]
+) -> None:
+    changes = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
+    indexes = [rr.TimeColumn("time", duration=times[changes]), rr.TimeColumn("scan", sequence=changes)]
+    shown = rr.StateConfiguration(values=list(colours), labels=list(colours), colors=list(colours.values()))
+    stream.log(path, shown, static=True)
+    stream.send_columns(path, indexes=indexes, columns=rr.StateChange.columns(state=values[changes].tolist()))
 
 
 def log_events(stream: rr.RecordingStream, recording: Recording, events: Sequence[Event]) -> None:

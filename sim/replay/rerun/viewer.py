@@ -116,8 +116,9 @@ def _fill(
     history = History.of(recording, scenario)
     log_ground(stream, recording, scenario)
     log_series(stream, recording, planning_s if known else ())
-    log_states(stream, history)
-    log_events(stream, recording, events_of(recording, scenario, history))
+    events = events_of(recording, scenario, history)
+    log_states(stream, history, events)
+    log_events(stream, recording, events)
     with Rerenderer(recording) as again:
         scene, cameras = Scene(stream, recording, scenario, history.held), Cameras(stream, recording, scenario, again)
         for k, time in enumerate(recording.times.tolist()):

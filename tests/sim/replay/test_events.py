@@ -102,10 +102,10 @@ def test_tracks_that_stand_for_no_person_are_told_as_false_or_duplicates():
 def test_another_track_of_its_own_is_handed_over_and_that_of_another_is_swapped():
     straight, crossed, fresh = held((1, 0.0), (2, 20.0)), held((2, 0.0), (1, 20.0)), held((2, 0.0), (5, 20.0))
     found = told(recorded([(straight, straight), (crossed, straight), (crossed, straight), (fresh, straight)]))
-    assert [e[::2] for e in found if e[1] == "identity changed"] == [
-        (0.2, "person 0 swapped track 0 for track 1, that of person 1, to UAV 0"),
-        (0.2, "person 1 swapped track 1 for track 0, that of person 0, to UAV 0"),
-        (0.6, "person 1 handed over from track 0 to track 2 to UAV 0"),
+    assert [e[::2] for e in found if e[1] == "identity switch"] == [
+        (0.2, "person 0 swapped track 0 for track 1, that of person 1, for UAV 0"),
+        (0.2, "person 1 swapped track 1 for track 0, that of person 0, for UAV 0"),
+        (0.6, "person 1 handed over from track 0 to track 2 for UAV 0"),
     ]
 
 

@@ -10,11 +10,12 @@ from matplotlib.collections import PolyCollection
 
 from sim.drawing.palette import FALSE, HIDDEN, LOST, UAV_COLOURS, uav_colour
 from sim.drawing.plots import rgb
+from sim.evaluation.episodes import Episode, episodes
 from sim.evaluation.holding import HOLDS
 from sim.replay.event import Event
 from sim.replay.events import events_of
 from sim.replay.frames.rerender import scenario_of
-from sim.replay.history import BROKEN, STATES, Episode, History, episodes
+from sim.replay.history import BROKEN, STATES, History
 from sim.replay.timeline import timeline_figure
 
 
@@ -74,7 +75,7 @@ def test_switches_are_those_that_the_summary_counts():
     switched = replace(recording, track_ids=ids)
     counted = sum(row["switches"] for row in summary(switched)["uavs"])
     events = events_of(switched, scenario_of(recording))
-    assert counted == sum(len(event.uavs) for event in events if event.kind == "identity changed") > 0
+    assert counted == sum(len(event.uavs) for event in events if event.kind == "identity switch") > 0
 
 
 def shades(figure):

@@ -1,7 +1,6 @@
 """A short mission, written for the Rerun viewer and read back: all that must be there is, and is the recording's."""
 
 import os
-from collections import defaultdict
 
 import cv2
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 rr = pytest.importorskip("rerun")
 
 from helpers.flights import recorded  # noqa: E402
+from helpers.rerun_files import tables  # noqa: E402
 from rerun.chunk import RrdReader  # noqa: E402
 
 from sim.replay.events import events_of  # noqa: E402
@@ -42,22 +42,6 @@ def written(recording, tmp_path_factory):
 @pytest.fixture(scope="module")
 def entities(written):
     return tables(RrdReader(written).stream())
-
-
-def tables(stream):
-    """The rows of each entity: its components, and `time` [s] and `scan` where they are not static."""
-    found = defaultdict(list)
-    for chunk in stream.to_chunks():
-        batch = chunk.to_record_batch()
-        names = [name.split(":")[-1] for name in batch.schema.names]
-        for row in range(batch.num_rows):
-            cells = {name: batch.column(i)[row].as_py() for i, name in enumerate(names)}
-            if chunk.is_static:
-                cells["static"] = True
-            elif "time" in cells and cells["time"] is not None:
-                cells["time"] = cells["time"].total_seconds()
-            found[str(chunk.entity_path)].append(cells)
-    return found
 
 
 def rows(entities, path, component):

@@ -1,0 +1,88 @@
+"""Tracks that stand for no person: false tracks and duplicates, as metrics count them and events tell them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.evaluation.episodes import episodes
+from sim.evaluation.score import FAR, HELD, Held, held_by
+from sim.mission.snapshot import Bools, Ints
+from sim.recording.recording import Recording
+from tracking.metrics.clearmot import correspondence
+from tracking.numerics.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Unmatched:
+    """A track that stands for no person from one scan to another, both included."""
+
+    id: int
+    first: int
+    last: int
+    nearest: int | None  # person, over these scans
+    gap: float  # m to them, the median; infinite without people
+    alone: Bools  # (last - first + 1, n), the UAVs for which it stands for no person
+
+    @property
+    def duplicate(self) -> bool:
+        """True for a second track of the nearest person, False for a false track."""
+        return self.gap <= HELD
+
+
+def standing(held: Held, people: Array) -> Ints:
+    """Ids (K, M) of the tracks of one UAV that stand for people (K, M, 2) m, by CLEAR MOT; -1 for none."""
+    columns = correspondence(held.means[:, :, :2], people, HELD)
+    return np.where(columns >= 0, np.append(held.ids, -1)[columns], -1)
+
+
+def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
+    """Tracks that stand for no person, nor are within `FAR` m of a lost one, as GOSPA counts false tracks.
+
+    One within `HELD` m of a person, that another track stands for, is a duplicate.
+    """
+    people, working = recording.people, recording.working
+    alone: defaultdict[int, Bools] = defaultdict(lambda: np.zeros(working.shape, dtype=np.bool_))
+    places: defaultdict[int, Array] = defaultdict(lambda: np.full((*working.shape, 2), np.nan))
+    for i in range(working.shape[1]):
+        held = held_by(recording, i)
+        free = _unmatched_by(held, standing(held, people), people) & working[:, i, None]
+        for column in np.flatnonzero(free.any(axis=0)).tolist():
+            id_ = int(held.ids[column])
+            alone[id_][:, i], places[id_][:, i] = free[:, column], held.means[:, column, :2]
+    for id_, table in alone.items():
+        # Where UAVs differ, the first for which the track stands for no person tells where it is.
+        gaps = _gaps(places[id_][np.arange(len(table)), table.argmax(axis=1)], people)
+        for first, last, value in episodes(np.asarray(table.any(axis=1), dtype=np.int64)):
+            if value:
+                span = slice(first, last + 1)
+                yield Unmatched(id_, first, last, *_nearest(gaps[span]), table[span])
+
+
+def _unmatched_by(held: Held, standing: Ints, people: Array) -> Bools:
+    """Tracks (K, A) of one UAV that stand for no person; standing (K, M): ids of those that do, -1 for none."""
+    stands = (held.ids == standing[:, :, None]).any(axis=1)
+    places = np.where(stands[:, :, None], np.nan, held.means[:, :, :2])
+    lost = np.where((standing >= 0)[:, :, None], np.nan, people)
+    free = ~np.isnan(places[:, :, 0])
+    matched = correspondence(places, lost, FAR)
+    k, m = np.nonzero(matched >= 0)
+    free[k, matched[k, m]] = False
+    return free
+
+
+def _gaps(places: Array, people: Array) -> Array:
+    """Distances (K, M) m of places (K, 2) m from people (K, M, 2) m; infinite from absent ones."""
+    gaps = np.hypot(*np.moveaxis(people - places[:, None], 2, 0))
+    return np.where(np.isnan(gaps), np.inf, gaps)
+
+
+def _nearest(gaps: Array) -> tuple[int | None, float]:
+    """The person who is nearest by the median of the distances (K, M), and that distance."""
+    median = np.median(gaps, axis=0)
+    if not np.isfinite(median).any():
+        return None, float("inf")
+    return int(median.argmin()), float(median.min())

@@ -1,0 +1,90 @@
+"""False tracks and duplicates: by hand, against CLEAR MOT and GOSPA, and as metrics count them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers.identities import DUPLICATE, FALSE, SCANS, at_random, standing_still, swapping
+from helpers.summaries import shown, summary
+
+from sim.evaluation.score import FAR, HELD, held_by
+from sim.evaluation.unmatched import standing, unmatched_tracks
+from sim.replay.events import events_of
+from sim.replay.frames.rerender import scenario_of
+from tracking.metrics.clearmot import correspondence
+from tracking.metrics.gospa import gospa
+
+
+def alone(recording):
+    """Number of tracks (K, n) that stand for no person."""
+    found = np.zeros(recording.working.shape, dtype=int)
+    for track in unmatched_tracks(recording):
+        found[track.first : track.last + 1] += track.alone
+    return found
+
+
+def test_false_tracks_and_duplicates_are_those_made_by_hand():
+    found = {track.id: track for track in unmatched_tracks(swapping())}
+    assert sorted(found) == [90, 95]
+    assert (found[90].first, found[90].last, found[90].duplicate, found[90].nearest) == (*FALSE, False, 0)
+    assert found[90].gap == 50.0
+    assert (found[95].first, found[95].last, found[95].duplicate, found[95].nearest) == (*DUPLICATE, True, 1)
+    assert found[95].gap == pytest.approx(0.6) and found[95].alone.all()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_tracks_are_of_a_person_near_a_lost_one_or_unmatched(seed):
+    recording = at_random(seed)
+    counts = alone(recording)
+    for i in range(2):
+        held = held_by(recording, i)
+        stand = standing(held, recording.people)
+        matched = correspondence(held.means[:, :, :2], recording.people, HELD)
+        np.testing.assert_array_equal(stand >= 0, matched >= 0)
+        rest = held.means[:, :, :2].copy()
+        rest[(held.ids == stand[:, :, None]).any(axis=1)] = np.nan
+        near = correspondence(rest, np.where((stand >= 0)[:, :, None], np.nan, recording.people), FAR)
+        there = np.count_nonzero(~np.isnan(held.means[:, :, 0]), axis=1)
+        np.testing.assert_array_equal(there, (stand >= 0).sum(axis=1) + (near >= 0).sum(axis=1) + counts[:, i])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_gospa_counts_the_same_false_tracks_where_people_are_far_apart(seed):
+    recording = at_random(seed)
+    counts = alone(recording)
+    for k, i in np.ndindex(counts.shape):
+        tracks = np.array([t.belief.mean[:2] for t in recording.tracks_at(k, i)]).reshape(-1, 2)
+        people = recording.people[k][~np.isnan(recording.people[k, :, 0])]
+        assert counts[k, i] == round(gospa(tracks, people, FAR)[3] ** 2 / (FAR**2 / 2))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_events_have_as_many_identity_switches_as_clear_mot(seed):
+    recording = at_random(seed)
+    found = [event for event in events_of(recording, scenario_of(recording)) if event.kind == "identity switch"]
+    for i, row in enumerate(summary(recording)["uavs"]):
+        assert row["switches"] == sum(i in event.uavs for event in found)
+    assert found
+
+
+def test_metrics_count_the_events_and_the_share_of_scans():
+    result = summary(swapping())
+    shares = (15 / SCANS, 10 / SCANS)
+    assert result["tracks"] == {
+        "false": 1,
+        "false_share": pytest.approx(shares[0]),
+        "duplicate": 1,
+        "duplicate_share": pytest.approx(shares[1]),
+    }
+    text = " ".join(shown(result).split())
+    assert "false tracks │ 1, 48.4 % of scans" in text and "duplicate tracks │ 1, 32.3 % of scans" in text
+    assert result["identity"]["switches"] == 2
+
+
+def test_a_share_counts_pairs_of_a_scan_and_a_uav_that_works():
+    ospa = np.ones((SCANS, 3, 3))
+    ospa[FALSE[0] :, 0] = np.nan  # broken down before the false track begins
+    result = summary(swapping(ospa=ospa))["tracks"]
+    assert result["false_share"] == pytest.approx(2 * 15 / (2 * SCANS + FALSE[0]))
+    none = summary(dataclasses.replace(standing_still([[{}]]), ospa=np.full((1, 1, 3), np.nan)))["tracks"]
+    assert none == {"false": 0, "false_share": None, "duplicate": 0, "duplicate_share": None}

@@ -1,0 +1,105 @@
+"""The story of a track: against the trackers' own tentative tracks, the association, and a mission made by hand."""
+
+import numpy as np
+import pytest
+from helpers.flights import IDEAL, recorded
+from helpers.identities import FALSE, swapping
+
+from sim.recording.archive import save
+from sim.replay.events import events_of
+from sim.replay.explain.association import Association
+from sim.replay.explain.observation import Observer
+from sim.replay.explain.track import TrackFacts
+from sim.replay.explain.track_story import track_story
+from sim.replay.frames.rerender import scenario_of
+
+
+@pytest.fixture(scope="module")
+def mission():
+    """A recording in which false alarms become tracks, its scenario, an observer, and tentative tracks in flight."""
+    tentative = []
+
+    def see(mission):
+        # Scans so far and place of each tentative track of each UAV.
+        fleet = mission._trackers
+        tentative.append([[(t.scans, t.belief.mean[:2]) for t in tracker._tentative] for tracker in fleet])
+
+    options = ("sensing.false_alarms=0.3", "tracking.initial_tracks=none", "trees.density=45")
+    recording, scenario = recorded(*IDEAL, *options, seed=3, duration=20, see=see)
+    with Observer(recording, scenario) as observer:
+        yield recording, scenario, observer, tentative
+
+
+def test_tracks_are_born_from_the_measurements_that_their_trackers_had(mission):
+    recording, _, observer, tentative = mission
+    false = 0
+    for id_, number in recording.track_numbers.items():
+        facts = TrackFacts.of(observer, number)
+        k, (uav,) = facts.scans[0], facts.makers
+        (track,) = (t for t in recording.tracks_at(k, uav) if t.id == id_)
+        scans, _ = min(tentative[k - 1][uav], key=lambda t: np.hypot(*(t[1] - track.belief.mean[:2])))
+        first, last = facts.origins[0], facts.origins[-1]
+        assert (first.k, last.k) == (k - scans, k)
+        for origin in facts.origins:
+            np.testing.assert_array_equal(origin.place, recording.measurements_at(origin.k, uav)[origin.measurement])
+            assert observer.owners(origin.k, uav)[origin.measurement] == origin.person
+        false += first.person < 0
+    assert len(recording.track_numbers) >= 6 and false >= 2
+
+
+def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
+    recording, scenario, observer, _ = mission
+    id_ = next(iter(recording.track_numbers))
+    facts, count = TrackFacts.of(observer, 0), 0
+    for feed in facts.feeds:
+        a = Association.of(recording, scenario, feed.k, feed.uav)
+        weights = a.beta[a.ids.tolist().index(id_), 1:]
+        assert feed.weight in weights[weights >= facts.parameters.seen]
+        assert feed.person < 0 or recording.matched[feed.k, feed.uav, feed.person]
+        count += feed.person >= 0
+    assert count > 10 and len(facts.looks) > len(facts.feeds)
+
+
+def test_the_story_of_a_false_track_has_birth_feeds_reason_and_end(mission):
+    recording, scenario, observer, _ = mission
+    every = (TrackFacts.of(observer, number) for number in recording.track_numbers.values())
+    facts = next(facts for facts in every if all(origin.person < 0 for origin in facts.origins))
+    groups, begun = dict(track_story(facts, recording, events_of(recording, scenario))), facts.origins[0]
+    assert list(groups)[1:] == ["born", "fed by", "kept", "ended"]
+    assert f"track {facts.number} stands for no person" in groups[f"track {facts.number}"][1]
+    x, y = begun.place
+    place, time = f"({x:.1f}, {y:.1f}) m", f"{recording.times[begun.k]:.1f} s"
+    assert groups["born"][0] == f"at {time} from a false alarm at {place}, measured by UAV {begun.uav}"
+    confirmed = f"{recording.times[facts.scans[0]]:.1f} s by UAV {begun.uav}"
+    assert groups["born"][-1] == f"confirmed at {confirmed}"
+    assert "that should have shown it; existence " in groups["kept"][0]
+
+
+def test_the_end_of_a_track_stands_beside_the_limits_of_its_tracker(mission):
+    recording, scenario, observer, _ = mission
+    events = events_of(recording, scenario)
+    ended = [event for event in events if event.kind == "track deleted"]
+    for event in ended:
+        facts = TrackFacts.of(observer, event.track)
+        lines = dict(track_story(facts, recording, events))["ended"]
+        existence, variance = (float(line.split()[1]) for line in lines[1:3])
+        assert lines[0] == f"deleted at {event.time:.1f} s"
+        assert "a track ends below 0.001" in lines[1] and "a track ends beyond 400 m²" in lines[2]
+        assert existence < 0.1 or variance > 390.0
+    assert len(ended) >= 2
+
+
+def test_a_mission_without_measurements_has_stories_too(tmp_path, call, refused):
+    recording = swapping()
+    with Observer(recording, scenario_of(recording)) as observer:
+        false = TrackFacts.of(observer, 2)
+        assert (false.scans, false.known, false.makers) == (FALSE, False, (0, 1, 2))
+        assert TrackFacts.of(observer, 0).known
+    save(recording, tmp_path / "mission.npz")
+    code, out, _ = call("explain", "mission.npz", "--track", "0")
+    assert code == 0 and "  known at the start\n" in out and "still there at the end of the mission" in out
+    assert "--track: '4' is not allowed" in refused("explain", "mission.npz", "--track", "4")
+    for other in (("--time", "1"), ("--target", "0"), ("--out", "a.png")):
+        assert f"{other[0]}: '{other[1]}' is not allowed with --track" in refused(
+            "explain", "mission.npz", "--track", "0", *other
+        )
