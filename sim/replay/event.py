@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 KINDS = (
@@ -60,3 +61,14 @@ class Event:
         if math.isinf(self.until):
             return f"from {self.time:.1f} s to the end"
         return f"{self.time:.1f} to {self.until:.1f} s"
+
+
+def lanes(events: Sequence[Event]) -> list[int]:
+    """A lane for each of some events in order of time, the first that is free, so that none covers another."""
+    ends: list[int] = []
+    found = []
+    for event in events:
+        lane = next((n for n, end in enumerate(ends) if end < event.first), len(ends))
+        ends[lane : lane + 1] = [event.last]
+        found.append(lane)
+    return found

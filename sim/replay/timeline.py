@@ -19,7 +19,7 @@ from sim.evaluation.episodes import episodes
 from sim.evaluation.holding import HOLDS
 from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
-from sim.replay.event import IDENTITIES, UNMATCHED, Event
+from sim.replay.event import IDENTITIES, UNHELD, UNMATCHED, Event, lanes
 from sim.replay.history import BROKEN, STATES, History
 from tracking.numerics.arrays import Array
 
@@ -50,11 +50,12 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
     """The timeline: for each person a lane for each UAV and a bar for the fleet's tracks, and beneath them mean OSPA.
 
     ospa (K, n, 3) m, as recorded. Lanes tell the state to each camera, bars that to the tracks. The last row has the
-    tracks that stand for no person, if there are any.
+    tracks that stand for no person, if there are any, those at one time beneath one another.
     """
     uavs, people = history.tracks.shape[1:]
     unmatched = [event for event in events if event.kind in UNMATCHED]
-    rows = max(people, 1) * (uavs + _BAR + _GAP) + (_BAR + _GAP) * bool(unmatched)
+    deep = 1 + max(lanes(unmatched), default=-1)
+    rows = max(people, 1) * (uavs + _BAR + _GAP) + (deep * _BAR + _GAP) * bool(deep)
     lane = float(np.clip(0.5 / (uavs + 1), 0.06, 0.12)) * (1.0 if people <= 8 else 0.75)  # inches
     height = rows * lane
     with new_figure(_WIDTH, height + 3.1, letters=10) as figure:
@@ -74,10 +75,11 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event]) -> None:
     uavs, people = history.tracks.shape[1:]
     pitch, times = uavs + _BAR + _GAP, history.times
     boxes: list[tuple[Box, Shade]] = []
+    unmatched = [event for event in events if event.kind in UNMATCHED]
+    for event, lane in zip(unmatched, lanes(unmatched), strict=True):
+        boxes.append(_box(times, event, max(people, 1) * pitch + lane * _BAR))
     for event in events:
-        if event.kind in UNMATCHED:
-            boxes.append(_box(times, event, max(people, 1) * pitch))
-        elif event.kind in _EVENTS and event.person is not None:
+        if event.kind in UNHELD and event.person is not None:
             top, ends = event.person * pitch, _ends(times, event.first, event.last)
             boxes += [((*ends, top - 0.15, uavs + _BAR + 0.3), _VEIL)] * (event.kind == "person lost")
             boxes.append(_box(times, event, top + uavs))
@@ -89,16 +91,17 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event]) -> None:
             boxes += _lane(times, history.camera_states[:, i, m], m * pitch + i, i)
     corners = [[(a, y), (b, y), (b, y + h), (a, y + h)] for (a, b, y, h), _ in boxes]
     axes.add_collection(PolyCollection(corners, facecolors=[shade for _, shade in boxes], lw=0))
-    _name_rows(axes, history, events, pitch)
+    _name_rows(axes, history, unmatched, pitch)
 
 
-def _name_rows(axes: Axes, history: History, events: Sequence[Event], pitch: float) -> None:
+def _name_rows(axes: Axes, history: History, unmatched: Sequence[Event], pitch: float) -> None:
     people = history.tracks.shape[2]
     middles = [m * pitch + (pitch - _GAP) / 2 for m in range(people)]
     names, shares = [f"person {m}" for m in range(people)], [_share(history, m) for m in range(people)]
-    count = sum(event.kind in UNMATCHED for event in events)
-    if count:
-        middles, names, shares = [*middles, max(people, 1) * pitch + _BAR / 2], [*names, "no person"], [*shares, ""]
+    if unmatched:
+        middles.append(max(people, 1) * pitch + (1 + max(lanes(unmatched))) * _BAR / 2)
+        names.append("no person")
+        shares.append(f"{len(unmatched)} track{'s' * (len(unmatched) > 1)}")
     axes.set_yticks(middles, names)
     axes.tick_params(axis="both", length=0, labelbottom=False)
     right = axes.secondary_yaxis("right")

@@ -16,7 +16,7 @@ from sim.drawing.layout import View
 from sim.drawing.map_view import ELLIPSE, MARGIN, TRAIL, looks_down
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
-from sim.replay.event import IDENTITIES, UNMATCHED, Event
+from sim.replay.event import IDENTITIES, UNMATCHED, Event, lanes
 from sim.replay.history import STATES, History
 from sim.replay.views import view_texts
 from sim.scenario.scenario import Scenario
@@ -54,11 +54,8 @@ def page_data(
         "holders": recording.numbers_of(history.tracks.ravel()).reshape(history.tracks.shape).tolist(),
         "works": history.working.astype(int).tolist(),
         "ospa": [[None if math.isnan(v) else round(v, 3) for v in row] for row in recording.ospa[:, :, 0].tolist()],
-        "events": [
-            [event.kind, event.first, event.last, event.person, event.track]
-            for event in events
-            if event.kind in (*UNMATCHED, *IDENTITIES)
-        ],
+        "unmatched": _unmatched([event for event in events if event.kind in UNMATCHED]),
+        "switches": [[event.first, event.person] for event in events if event.kind in IDENTITIES],
         "plans": _plans(recording, scenario),
         "colours": _colours(),
         "film": None
@@ -98,6 +95,11 @@ def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
     uavs, offsets = recording.poses.shape[1], recording.track_offsets.tolist()
     cells = [rows[a:b] for a, b in pairwise(offsets)]
     return [cells[k : k + uavs] for k in range(0, len(cells), uavs)]
+
+
+def _unmatched(events: Sequence[Event]) -> list[list[str | int]]:
+    """Kind, first and last scan, and lane of the tracks that stand for no person."""
+    return [[event.kind, event.first, event.last, lane] for event, lane in zip(events, lanes(events), strict=True)]
 
 
 def _plans(recording: Recording, scenario: Scenario) -> dict[str, Any]:

@@ -3,8 +3,8 @@
 const GUTTER = 100, RIGHT = 14, BAR = 4;
 const people = data.people[0].length;
 const fleet = data.uavs[0].length;
-const has = (kind) => data.events.some((event) => event[0] === kind);
-const unmatched = has("false track") || has("duplicate track");
+const has = (kind) => data.unmatched.some((event) => event[0] === kind);
+const deep = (BAR + 2) * (1 + Math.max(-1, ...data.unmatched.map((event) => event[3]))); // of tracks of no person
 const lane = Math.max(2, Math.min(10, Math.floor(260 / (Math.max(people, 1) * (fleet + 1)))));
 const rowHeight = fleet * lane + BAR + 8;
 const charts = { timeline: $("timeline"), ospa: $("ospa"), height: 125 };
@@ -16,7 +16,7 @@ const scanAt = (x) => clamp(Math.floor(((x - GUTTER) / plotWidth()) * scans));
 
 function sizeCharts() {
   const width = $("charts").clientWidth;
-  fit(charts.timeline, width, Math.max(people * rowHeight, 16) + 8 + (unmatched ? BAR + 8 : 0));
+  fit(charts.timeline, width, Math.max(people * rowHeight, 16) + 8 + (deep && deep + 6));
   fit(charts.ospa, width, charts.height);
   const [from, to] = [xOf(0), xOf(scans - 1)];
   $("slider").style.left = `${from - 8}px`; // half a thumb
@@ -36,11 +36,11 @@ function drawTimeline() {
     drawBar(ctx, m, top + fleet * lane + 1);
   }
   const last = 4 + Math.max(people, 1) * rowHeight;
-  if (unmatched) write(ctx, "no person", GUTTER - 8, last + BAR / 2, colours.ink, "right");
-  for (const [kind, first, until, person] of data.events) {
-    if (kind.startsWith("identity")) diamond(ctx, xOf(first - 0.5), 4 + person * rowHeight + fleet * lane + 1 + BAR / 2);
-    else span(ctx, first, until, last, BAR, kind === "false track" ? colours.false : pale(colours.false));
+  if (deep) write(ctx, "no person", GUTTER - 8, last + deep / 2 - 1, colours.ink, "right");
+  for (const [kind, first, until, row] of data.unmatched) {
+    span(ctx, first, until, last + row * (BAR + 2), BAR, kind === "false track" ? colours.false : pale(colours.false));
   }
+  for (const [k, person] of data.switches) diamond(ctx, xOf(k - 0.5), 4 + person * rowHeight + fleet * lane + 1 + BAR / 2);
 }
 
 // Fills what stands for some scans, both included.

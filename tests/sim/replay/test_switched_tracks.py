@@ -13,7 +13,7 @@ from matplotlib.collections import PolyCollection
 from sim.drawing.palette import FALSE
 from sim.drawing.plots import rgb
 from sim.recording.archive import save
-from sim.replay.event import IDENTITIES, UNMATCHED
+from sim.replay.event import IDENTITIES, UNMATCHED, Event, lanes
 from sim.replay.events import events_of
 from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
@@ -84,12 +84,15 @@ def test_the_page_lists_and_marks_them(mission):
     assert "track 3 is a second one of person 1 1.0 to 2.8 s" in buttons
     assert "understory explain runs/one --track 2" in [shown for _, shown in sheet.of("code")]
     ((_, data),) = sheet.of("script", type="application/json")
-    assert json.loads(data)["events"] == [
-        ["false track", 2, 16, None, 2],
-        ["duplicate track", 5, 14, 1, 3],
-        ["identity switch", 20, 20, 0, 1],
-        ["identity switch", 20, 20, 1, 0],
-    ]
+    data = json.loads(data)
+    assert data["unmatched"] == [["false track", 2, 16, 0], ["duplicate track", 5, 14, 1]]
+    assert data["switches"] == [[20, 0], [20, 1]]
+
+
+def test_tracks_of_one_time_lie_in_lanes_of_their_own():
+    spans = ((0, 5), (2, 3), (4, 9), (6, 7), (8, 8))
+    events = [Event("false track", "", first, last, first, last) for first, last in spans]
+    assert lanes(events) == [0, 1, 1, 0, 0]
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
