@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,11 @@ from sim.mission.snapshot import Snapshot
 from tracking.numerics.arrays import Array
 from tracking.tracker import Track
 
-_SIDES = ((1.0, 0.5), (-1.0, 0.5), (0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
+Side = tuple[float, float]
+_BESIDE: tuple[Side, ...] = ((1.0, 0.5), (-1.0, 0.5), (0.0, 1.0), (0.0, -1.0))
+_SIDES = (*_BESIDE, (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
+# Of the top left corner of a view, so that no edge of the view runs through the name.
+OUTSIDE: tuple[Side, ...] = ((1.0, 1.0), (0.0, 1.0), (-1.0, 1.0), (-1.0, 0.5), (-1.0, -1.0))
 _VEIL = 0.65  # opacity of what lies behind a name
 _GAP, _FARTHER = 14.0, (16.0, 36.0, 61.0)  # pixels from the mark, and more where it is crowded
 
@@ -38,11 +43,16 @@ class Labels:
         """Keep names off a square round a mark at a pixel (2,)."""
         self._taken.append(np.concatenate([centre - reach, centre + reach]))
 
-    def put(self, text: str, anchor: Array, style: TextStyle, *, gap: float = _GAP) -> None:
-        """Write a name where it covers least, with a line to its mark if that is not beside it, `gap` pixels away."""
+    def put(
+        self, text: str, anchor: Array, style: TextStyle, *, gap: float = _GAP, sides: Sequence[Side] = _SIDES
+    ) -> None:
+        """Write a name where it covers least, with a line to its mark if that is not beside it, `gap` pixels away.
+
+        sides: those of the mark where it may stand, rightwards and upwards; upwards 0.5 is the middle.
+        """
         size = np.array([width(text, style), style.size + 4.0])
         away = [gap, *(gap + more for more in _FARTHER)]
-        choices = [(distance, _box(anchor, size, distance, side)) for distance in away for side in _SIDES]
+        choices = [(distance, _box(anchor, size, distance, side)) for distance in away for side in sides]
         distance, box = min(choices, key=lambda choice: 10.0 * self._covered(choice[1]) + choice[0])
         if distance > gap:
             self._lead(anchor, np.clip(anchor, box[:2], box[2:]), style)
@@ -71,7 +81,7 @@ class Labels:
         return 3.0 * beyond + sum(_overlap(box, other) for other in self._taken)
 
 
-def _box(anchor: Array, size: Array, gap: float, side: tuple[float, float]) -> Array:
+def _box(anchor: Array, size: Array, gap: float, side: Side) -> Array:
     """Left, top, right, bottom of a text of a size (2,) on one side of its mark."""
     sideways, upright = side
     shift = np.array([sideways * (gap + size[0] / 2), 0.0 if upright == 0.5 else -upright * (gap + size[1] / 2)])

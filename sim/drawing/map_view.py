@@ -11,7 +11,7 @@ import numpy as np
 
 from planning.planner import Plan
 from sim.drawing import palette
-from sim.drawing.labels import Labels
+from sim.drawing.labels import OUTSIDE, Labels
 from sim.drawing.lettering import Image, TextStyle
 from sim.drawing.marks import broken, cross, person, quadrotor
 from sim.drawing.palette import INK, PANEL, Colour, mixed, track_colour, uav_colour
@@ -201,7 +201,7 @@ class MapView:
                 labels.put(f"UAV {i}: broken down", at, TextStyle(13, INK, True, PANEL), gap=18.0)
             elif not self._unlimited and looks_down(camera, pose):
                 corner = self._pixels(camera.footprint(pose)).min(axis=0)
-                labels.put(f"UAV {i}", corner, style, gap=1.0)
+                labels.put(f"UAV {i}", corner, style, gap=1.0, sides=OUTSIDE)
             else:
                 labels.put(f"UAV {i}", at, style)
 

@@ -1,0 +1,20 @@
+"""Names in an image."""
+
+import numpy as np
+import pytest
+
+from sim.drawing.labels import OUTSIDE, Labels
+from sim.drawing.lettering import TextStyle
+from sim.drawing.palette import INK, PANEL
+
+
+@pytest.mark.parametrize("crowd", [0, 5, 40])
+def test_the_name_of_a_view_lies_above_or_left_of_its_corner(crowd):
+    image = np.zeros((200, 400, 3), np.uint8)
+    labels, corner, rng = Labels(image, veil=False), np.array([200.0, 100.0]), np.random.default_rng(crowd)
+    for place in rng.uniform([150, 50], [260, 130], (crowd, 2)):
+        labels.reserve(place, 8.0)
+    labels.put("UAV 0", corner, TextStyle(13, INK, True, PANEL), gap=1.0, sides=OUTSIDE)
+    rows, columns = np.nonzero(image.any(axis=2))
+    assert len(rows) > 50
+    assert not np.any((rows > corner[1] + 1) & (columns > corner[0] + 1))
