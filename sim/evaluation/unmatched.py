@@ -68,9 +68,10 @@ def _unmatched_by(held: Held, standing: Ints, people: Array) -> Bools:
     places = np.where(stands[:, :, None], np.nan, held.means[:, :, :2])
     lost = np.where((standing >= 0)[:, :, None], np.nan, people)
     free = ~np.isnan(places[:, :, 0])
-    matched = correspondence(places, lost, FAR)
+    scans = np.flatnonzero(free.any(axis=1))  # others change no correspondence
+    matched = correspondence(places[scans], lost[scans], FAR)
     k, m = np.nonzero(matched >= 0)
-    free[k, matched[k, m]] = False
+    free[scans[k], matched[k, m]] = False
     return free
 
 
