@@ -94,7 +94,7 @@ def unmatched_events(recording: Recording) -> Iterator[Event]:
         uavs = tuple(np.flatnonzero(found.alone.any(axis=0)).tolist())
         near = "" if found.nearest is None else f", {found.gap:.1f} m from person {found.nearest}"
         cost = np.nanmax(recording.ospa[first : last + 1, uavs, 2])
-        stands = f"is a second one of person {found.nearest}" if found.duplicate else "stands for no person"
+        stands = f"is person {found.nearest}'s second one" if found.duplicate else "stands for no person"
         yield Event(
             kind="duplicate track" if found.duplicate else "false track",
             text=f"track {number} {stands}",

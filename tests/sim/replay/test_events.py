@@ -92,7 +92,7 @@ def test_tracks_that_stand_for_no_person_are_told_as_false_or_duplicates():
     recording = recorded([(plain, plain), (double, plain), (double, double), (plain, false), (drifted, drifted)])
     found = [e for e in events_of(recording, SETTING) if e.kind in ("false track", "duplicate track")]
     assert [(e.kind, e.text, e.when, e.uavs, e.person) for e in found] == [
-        ("duplicate track", "track 2 is a second one of person 0", "0.2 to 0.4 s", (0, 1), 0),
+        ("duplicate track", "track 2 is person 0's second one", "0.2 to 0.4 s", (0, 1), 0),
         ("false track", "track 3 stands for no person", "at 0.6 s", (1,), None),
     ]
     cost = recording.ospa[3, 1, 2]
