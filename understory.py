@@ -1,4 +1,4 @@
-"""Understory in Python: fly missions, compare planners, look into recordings, write planners and detectors.
+"""Understory in Python: fly missions, compare planners, look into recordings, write planners, detectors and trackers.
 
 Example:
     ```python
@@ -26,18 +26,26 @@ if TYPE_CHECKING:
     from planning.conformance.checks import check as check_planner
     from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
     from sim.conformance.detector import check as check_detector
+    from sim.conformance.tracker import check as check_tracker
     from sim.mission.mission import Mission
     from sim.recording.recording import Recording
     from sim.replay.notebook import Flight, load
     from sim.scenario.scenario import Scenario
     from tracking.detection.detector import Detections, Detector, Frame
+    from tracking.filter.kalman import Gaussian
+    from tracking.fusion.exchange import TrackExchange
+    from tracking.fusion.member import Member
+    from tracking.fusion.message import Message
     from tracking.geometry.camera import Camera, Pose
+    from tracking.geometry.visibility import Forest
+    from tracking.parameters import TrackerParameters
     from tracking.plugins.registry import InputError
-    from tracking.tracker import Track
+    from tracking.track import Scan, Track
 
 # Import string of each name that stands for one of the packages.
 _HOMES = {
     "check_detector": "sim.conformance.detector:check",
+    "check_tracker": "sim.conformance.tracker:check",
     "check_planner": "planning.conformance.checks:check",
     **dict.fromkeys(("Exchange", "Plan", "Planner", "Situation", "Vehicle"), "planning.planner"),
     "Mission": "sim.mission.mission",
@@ -46,8 +54,14 @@ _HOMES = {
     "Scenario": "sim.scenario.scenario",
     **dict.fromkeys(("Detections", "Detector", "Frame"), "tracking.detection.detector"),
     **dict.fromkeys(("Camera", "Pose"), "tracking.geometry.camera"),
+    "Forest": "tracking.geometry.visibility",
+    "Gaussian": "tracking.filter.kalman",
     "InputError": "tracking.plugins.registry",
-    "Track": "tracking.tracker",
+    "Member": "tracking.fusion.member",
+    "Message": "tracking.fusion.message",
+    **dict.fromkeys(("Scan", "Track"), "tracking.track"),
+    "TrackExchange": "tracking.fusion.exchange",
+    "TrackerParameters": "tracking.parameters",
 }
 __all__ = [
     "Camera",
@@ -55,19 +69,27 @@ __all__ = [
     "Detector",
     "Exchange",
     "Flight",
+    "Forest",
     "Frame",
+    "Gaussian",
     "InputError",
+    "Member",
+    "Message",
     "Mission",
     "Plan",
     "Planner",
     "Pose",
     "Recording",
+    "Scan",
     "Scenario",
     "Situation",
     "Track",
+    "TrackExchange",
+    "TrackerParameters",
     "Vehicle",
     "check_detector",
     "check_planner",
+    "check_tracker",
     "compare",
     "load",
     "run",

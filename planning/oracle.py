@@ -15,7 +15,7 @@ from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import length
-from tracking.tracker import Track
+from tracking.track import Track
 
 # Of a person without a track: position as uncertain as a track may get before deletion, walking speed.
 _UNKNOWN = np.diag([200.0, 200.0, 2.25, 2.25])

@@ -11,7 +11,7 @@ from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
-from tracking.tracker import Track
+from tracking.track import Track
 from tracking.undetected import Intensity
 
 LONGEST_PLAN = 1000  # steps; recordings hold them all

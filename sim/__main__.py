@@ -11,7 +11,7 @@ from sim.installation import ROOT, is_current_folder
 sys.path.append(str(ROOT))
 sys.path.sort(key=is_current_folder)
 
-from sim.cli.catalogues import check_detector, check_planner, planners, scenarios, studies
+from sim.cli.catalogues import check_detector, check_planner, check_tracker, planners, scenarios, studies
 from sim.cli.compare import compare
 from sim.cli.explain import explain
 from sim.cli.export import export
@@ -24,7 +24,8 @@ from sim.terminal.commands import Command, concluded, new_app
 app = new_app()
 app.callback(invoke_without_command=True)(start)
 COMMANDS: tuple[Callable[..., None], ...] = (
-    *(run, compare, frames, replay, explain, export, planners, scenarios, studies, check_planner, check_detector),
+    *(run, compare, frames, replay, explain, export, planners, scenarios, studies),
+    *(check_planner, check_detector, check_tracker),
 )
 for command in COMMANDS:
     app.command(cls=Command)(command)

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from tracking.fusion.consensus import fuse
+from tracking.fusion.member import Member
 from tracking.numerics.arrays import Flags
-from tracking.tracker import Scan, Tracker
+from tracking.track import Scan
 
 
-def step(fleet: Sequence[Tracker], scans: Sequence[Scan], adjacency: Flags | None = None, *, rounds: int = 5) -> None:
+def step(fleet: Sequence[Member], scans: Sequence[Scan], adjacency: Flags | None = None, *, rounds: int = 5) -> None:
     """Update the trackers with a scan each, predict the others to its time, and fuse their tracks.
 
     The scans, one or more, are of one time and of different UAVs. adjacency (n, n): the graph of

@@ -15,7 +15,7 @@ from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.validation import QUATERNION_TOLERANCE
 from tracking.numerics.distances import length
-from tracking.tracker import Scan
+from tracking.track import Scan
 
 MEASUREMENT = ("x", "y", "xx", "xy", "yy")  # m, m²; empty in the row of a scan that measured nothing
 POSE = ("camera_x", "camera_y", "camera_z", "camera_qx", "camera_qy", "camera_qz", "camera_qw")

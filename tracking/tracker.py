@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from tracking.filter.negative_information import Viewpoint, miss_likelihood
 from tracking.fusion.labels import FIRST_LABEL, UAVS, is_new_label, new_label
 from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest, visible_samples
 from tracking.management.deletion import counted_misses, missed, shared_people, without_measurement
 from tracking.management.initiation import Initiator, Tentative
@@ -24,6 +24,7 @@ from tracking.measurement_update import scan_prediction, scan_update
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
+from tracking.track import Scan, Track
 from tracking.track_table import TrackTable
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
@@ -37,26 +38,6 @@ _SURE = 0.99
 _BORN = 1.0  # s for which a new track takes the id of one whose person it shares
 _NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
-
-
-@dataclass(frozen=True, eq=False)
-class Scan:
-    """Measurements of one UAV at one instant."""
-
-    uav: int
-    time: float  # s
-    pose: Pose  # of the camera
-    measurements: Array  # (N, 2) m, on the ground
-    covariances: Array  # (N, 2, 2) m²
-
-
-@dataclass(frozen=True, eq=False)
-class Track:
-    """Track of a person; its id is the same on all UAVs that agree on the track."""
-
-    id: int
-    belief: Gaussian
-    existence: float = 1.0  # probability; 1 where life is m_of_n
 
 
 class Tracker:

@@ -16,7 +16,7 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
 from tracking.numerics.exponential import exp
 from tracking.numerics.normal import normal_cdf_each
-from tracking.tracker import Track
+from tracking.track import Track
 
 _CELL = 5.0  # m, about
 _SAME = 3.0  # m: a track that ends within this distance of another one was its duplicate

@@ -9,7 +9,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
@@ -20,6 +20,7 @@ import numpy as np
 from planning.loading import load_planner
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
 from tracking.numerics.arrays import Array
+from tracking.plugins.changes import change, contents
 from tracking.plugins.containment import ForeignError, contained, numbers
 
 _CHILD = """
@@ -54,7 +55,7 @@ def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watc
     `world` seeds the global random numbers; only if `watched`, changes of the situations are found.
     """
     situations = copy.deepcopy(list(team))
-    before = _state(situations) if watched else {}
+    before = contents(situations, "team") if watched else {}
     rng, plans, reason = np.random.default_rng(0), [], ""
     with _global_chance(world) as drew:
         start = perf_counter()
@@ -68,7 +69,7 @@ def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watc
         reason = f"{len(plans) if len(plans) < len(team) else f'more than {len(team)}'} plans for {len(team)} UAVs"
     controls, problems = _controls(plans)
     defects = {"plans": reason or problems} if reason or problems else _defects(controls, team)
-    touched = _changed(before, _state(situations)) if watched else ""
+    touched = change(before, contents(situations, "team")) if watched else ""
     return Attempt(plans, controls, defects, touched, " and ".join(drew), seconds)
 
 
@@ -156,29 +157,3 @@ def _global_chance(seed: int) -> Iterator[list[str]]:
 def _global_states() -> dict[str, Any]:
     numpy: Any = np.random.get_state(legacy=True)  # noqa: NPY002
     return {"random": random.getstate(), "numpy.random": (numpy[0], numpy[1].tolist(), *numpy[2:])}
-
-
-def _state(value: Any, path: str = "team") -> dict[str, object]:  # noqa: ANN401 - whatever a situation holds
-    """Everything in a value by its path: fields, entries and arrays, with their flag for writing."""
-    if isinstance(value, np.ndarray):
-        return {path: (value.dtype.str, value.shape, value.tobytes()), f"writing to {path}": value.flags.writeable}
-    if is_dataclass(value):
-        parts = {f"{path}.{f.name}": getattr(value, f.name) for f in fields(value)}
-    elif isinstance(value, Mapping):
-        parts = {f"{path}[{key!r}]": entry for key, entry in value.items()}
-    elif isinstance(value, list | tuple):
-        parts = {f"{path}[{k}]": entry for k, entry in enumerate(value)}
-    else:
-        return {path: value}
-    found: dict[str, object] = {f"{path}, what it holds": tuple(parts)}
-    for name, part in parts.items():
-        found |= _state(part, name)
-    return found
-
-
-def _changed(before: Mapping[str, object], after: Mapping[str, object]) -> str:
-    """The first difference, in words; empty: none."""
-    for path, value in before.items():
-        if path not in after or after[path] != value:
-            return f"{path} is changed"
-    return ""

@@ -11,7 +11,7 @@ from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array
-from tracking.tracker import Track
+from tracking.track import Track
 from tracking.undetected import Intensity
 
 

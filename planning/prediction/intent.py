@@ -10,7 +10,7 @@ from planning.prediction.field_of_view import aim_point
 from planning.prediction.propagation import beliefs
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.tracker import Track
+from tracking.track import Track
 
 BASE_RANGE = 40.0  # m: the base policy looks no further
 

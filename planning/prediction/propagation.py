@@ -15,7 +15,7 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.factorisation import cholesky, eigen
 from tracking.numerics.matrices import applied
 from tracking.numerics.normal import standard_normal
-from tracking.tracker import Track
+from tracking.track import Track
 
 # Where a standard normal's mass of a third each has its mean: equally probable points along an axis.
 _THIRDS = np.array([0.0, -1.0907993154, 1.0907993154])

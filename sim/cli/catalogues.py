@@ -1,4 +1,4 @@
-"""`understory planners`, `scenarios`, `studies`, `check-planner` and `check-detector`: what there is, and checks."""
+"""Commands that list what there is, such as `understory planners`, and that check plug-ins."""
 
 from typing import Annotated
 
@@ -12,6 +12,7 @@ from sim.study.study import STUDIES, read
 from sim.terminal.console import say
 from sim.terminal.progress import starting
 from sim.terminal.results import show_findings, show_groups, show_list
+from tracking.fusion.member import TRACKERS
 
 
 def planners() -> None:
@@ -64,4 +65,17 @@ def check_detector(
 
     with starting(), announced(say):
         findings = check(detector)
+    show_findings(findings)
+
+
+def check_tracker(
+    tracker: Annotated[str, typer.Argument(metavar="TRACKER", help="Name, or yours, module:Class.")],
+) -> None:
+    """Check that a tracker keeps to what trackers must, on scans scripted for that; exit code 1 if it does not."""
+    TRACKERS.find(tracker)
+    from sim.conformance.tracker import check
+    from sim.mission.warmup import announced
+
+    with starting(), announced(say):
+        findings = check(tracker)
     show_findings(findings)

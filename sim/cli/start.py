@@ -35,6 +35,7 @@ See what there is; yours are --planner module:Class and a file.toml:
   [bold]understory scenarios[/bold]
   [bold]understory check-planner module:Class[/bold]
   [bold]understory check-detector module:Class[/bold]
+  [bold]understory check-tracker module:Class[/bold]
 
 All options of a command:
   [bold]understory run --help[/bold]"""

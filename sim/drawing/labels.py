@@ -12,7 +12,7 @@ from sim.drawing.palette import INK, Colour
 from sim.drawing.strokes import stroke
 from sim.mission.snapshot import Snapshot
 from tracking.numerics.arrays import Array
-from tracking.tracker import Track
+from tracking.track import Track
 
 Side = tuple[float, float]
 _BESIDE: tuple[Side, ...] = ((1.0, 0.5), (-1.0, 0.5), (0.0, 1.0), (0.0, -1.0))

@@ -23,7 +23,7 @@ from sim.sensing.cameras import camera_of, view_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
-from tracking.tracker import Track
+from tracking.track import Track
 
 MARGIN = 4.0  # m shown beyond the area
 TRAIL = 3.0  # s of the past that trails show

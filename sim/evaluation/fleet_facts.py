@@ -12,7 +12,7 @@ from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.world.contacts import KINDS
 from tracking.metrics.ospa import ospa
-from tracking.tracker import Track
+from tracking.track import Track
 
 
 def contacts(recording: Recording) -> list[dict[str, Any]]:

@@ -31,11 +31,12 @@ from sim.world.walkers import walk
 from sim.world.wind import Air
 from sim.world.world import World
 from tracking.fusion.consensus import fuse
+from tracking.fusion.member import Member, tracker
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array
-from tracking.tracker import Track, Tracker
+from tracking.track import Track
 from tracking.undetected import UndetectedIntensity
 
 
@@ -232,11 +233,12 @@ class Mission:
             for i in self._working
         ]
 
-    def _tracker(self, uav: int) -> Tracker:
+    def _tracker(self, uav: int) -> Member:
         scenario, (here, _) = self.scenario, self.people.at(0.0)
         there, _ = self.people.at(1 / scenario.rates.sensing)
         known = initial_tracks(scenario, here, there)
-        return Tracker(uav, self._sensors.cameras[uav], self.forest, tracker_parameters(scenario), known)
+        camera, parameters = self._sensors.cameras[uav], tracker_parameters(scenario)
+        return tracker(scenario.tracking.tracker, uav, camera, self.forest, parameters, known)
 
     def _initial_intensity(self) -> UndetectedIntensity:
         """Intensity of undetected targets before the first observation."""

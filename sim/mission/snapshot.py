@@ -11,7 +11,7 @@ from sim.sensing.fault import Fault
 from sim.world.contacts import Contact
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
-from tracking.tracker import Scan, Track
+from tracking.track import Scan, Track
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]

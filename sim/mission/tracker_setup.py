@@ -10,7 +10,8 @@ from sim.scenario.scenario import Scenario
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.filter.motion import motion_model
 from tracking.numerics.arrays import Array
-from tracking.tracker import Track, TrackerParameters
+from tracking.parameters import TrackerParameters
+from tracking.track import Track
 
 
 def tracker_parameters(scenario: Scenario) -> TrackerParameters:

@@ -21,7 +21,7 @@ from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array
-from tracking.tracker import Scan, Track
+from tracking.track import Scan, Track
 
 VERSION = 1
 # Tables with a row for each scan, which snapshots hold under the same name.

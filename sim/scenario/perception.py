@@ -103,6 +103,9 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners look ahead with NCV in any case, scan by scan
     # as trackers with `"ncv"` do
     motion: str = "ncv"
+    # `"jpda"`: Bernoulli tracks with joint probabilistic data association; `"module:Class"`: yours
+    # ([how](../how-to/trackers.md)), which takes of these keys what it can use
+    tracker: str = "jpda"
     # people expected anywhere in the area where `initial_tracks` is `"none"`; UAVs then search for them
     unseen: Expected = 4.0
 

@@ -13,6 +13,7 @@ from sim.scenario.environment import Appearance, Area, People, Trees, Wind
 from sim.scenario.fleet import DEFAULT_FLEET, Network, Uav
 from sim.scenario.perception import DETECTORS, SENSOR_MODES, Sensing, Tracking
 from tracking.filter.motion import MOTION_MODELS
+from tracking.fusion.member import TRACKERS
 from tracking.fusion.rule import FUSION_RULES
 from tracking.plugins.registry import Registry
 
@@ -105,7 +106,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
     def plugins(self) -> tuple[tuple[Registry, str], ...]:
         """Registries, and the name or import string that the scenario takes from each."""
         sensing = ((SENSOR_MODES, self.sensing.mode), (DETECTORS, self.sensing.detector))
-        return (*sensing, (MOTION_MODELS, self.tracking.motion), (FUSION_RULES, self.network.fusion))
+        tracking = ((TRACKERS, self.tracking.tracker), (MOTION_MODELS, self.tracking.motion))
+        return (*sensing, *tracking, (FUSION_RULES, self.network.fusion))
 
     @property
     def scan_times(self) -> list[float]:
@@ -134,8 +136,14 @@ def _check_multiple(key: str, value: float, rate: int, what: str) -> None:
 
 
 def resolved(scenario: Scenario) -> str:
-    """The scenario as JSON with every default written out."""
-    return msgspec.json.encode(scenario).decode()
+    """The scenario as JSON with every default written out.
+
+    The built-in tracker goes unsaid, so that its recordings keep their bytes.
+    """
+    settings = msgspec.to_builtins(scenario)
+    if scenario.tracking.tracker == Tracking().tracker:
+        del settings["tracking"]["tracker"]
+    return msgspec.json.encode(settings).decode()
 
 
 def check_workload(scenario: Scenario) -> None:

@@ -21,7 +21,7 @@ from tracking.numerics.matrices import applied
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.poisson import poisson
 from tracking.plugins.results import check_positive_definite, checked_array
-from tracking.tracker import Scan
+from tracking.track import Scan
 
 
 class Clutter:

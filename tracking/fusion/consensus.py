@@ -4,31 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
+from tracking.fusion.member import Member
 from tracking.fusion.message import Message, alike, joint_partition, message_size
 from tracking.fusion.track_association import associate_tracks
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
-
-
-class Member(Protocol):
-    """Participant in consensus."""
-
-    @property
-    def max_speed(self) -> float:
-        """Largest speed of people, m/s."""
-        ...
-
-    def message(self, degree: int) -> Message:
-        """Message for the first round, to so many neighbours."""
-        ...
-
-    def accept(self, message: Message) -> None:
-        """Take over the result of the last round."""
-        ...
 
 
 def fuse(

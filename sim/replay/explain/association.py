@@ -16,7 +16,7 @@ from tracking.geometry.visibility import Forest
 from tracking.measurement_update import ScanPrediction, associate, scan_prediction
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
-from tracking.tracker import Track
+from tracking.track import Track
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
-from tracking.tracker import Track
+from tracking.track import Track
 
 _ARM = 0.6  # m, of the drawn quadrotor: twice its size, to be seen from afar
 _TURN = np.linspace(0.0, 2 * math.pi, 25)

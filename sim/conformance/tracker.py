@@ -1,0 +1,254 @@
+"""Conformance of a tracker to `tracking.fusion.member.Member`, checked on scripted scans of two UAVs."""
+
+import math
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from dataclasses import replace
+from functools import cached_property, partial
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from tracking.filter.kalman import Gaussian
+from tracking.filter.motion import motion_model
+from tracking.fusion.checked_tracker import CheckedTracker, track_beliefs, track_ids
+from tracking.fusion.consensus import fuse
+from tracking.fusion.member import TRACKERS
+from tracking.fusion.message import Message
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Array
+from tracking.numerics.distances import length
+from tracking.parameters import TrackerParameters
+from tracking.plugins.changes import change, contents
+from tracking.plugins.containment import ForeignError, Unusable, contained
+from tracking.plugins.findings import Finding, Unfit, Untried, finding
+from tracking.plugins.registry import InputError
+from tracking.plugins.results import check_positive_definite
+from tracking.track import Scan, Track
+
+_SCANS, _STEP = 25, 0.2  # and s between them
+_UAVS = 2
+_HERE, _AWAY = Pose.level(0.0, 0.0, 25.0), Pose.level(80.0, 0.0, 25.0)
+_PEOPLE = np.array([(-6.0, 2.0, 0.8, 0.3), (5.0, 4.0, -0.5, 0.5), (3.0, -6.0, 0.0, 0.9)])  # known at the start
+_STRANGER = np.array([[-2.0, -7.0, 0.3, 0.6]])  # nobody knows of
+_CLUTTER = np.array([[10.0, 10.0]])
+_FAR = 3.0  # m from all people: a track of nobody
+_PAST = Scan(0, 0.0, _HERE, np.zeros((0, 2)), np.zeros((0, 2, 2)))  # of a time that has passed
+
+
+def check(tracker: str) -> list[Finding]:
+    """Findings of all checks of a tracker; it conforms if none has `passed` False.
+
+    tracker: a name, or an import string. InputError where there is no such tracker, or it cannot be made.
+    """
+    subject = _Subject(tracker)
+    return [finding(name, partial(ask, subject)) for name, ask in _CHECKS.items()]
+
+
+def _people(k: int) -> Array:
+    """Places (4, 2) m of the people at a scan, the stranger last."""
+    everybody = np.concatenate([_PEOPLE, _STRANGER])
+    return everybody[:, :2] + _STEP * k * everybody[:, 2:]
+
+
+def _scan(k: int, uav: int) -> Scan | None:
+    """The script: scan k of a UAV, whose camera looks elsewhere for a while; None where it takes no frame."""
+    if (uav == 1 and k % 2) or (uav == 0 and k == 15):
+        return None
+    away = uav == 0 and 10 <= k < 13
+    missed = [0] if k == 7 else []  # though in view
+    rng = np.random.default_rng([k, uav])
+    seen = np.delete(_people(k), missed, axis=0) + rng.normal(scale=0.2, size=(4 - len(missed), 2))
+    alarms = _CLUTTER if k == 9 else _CLUTTER[:0]
+    z = np.concatenate([seen, alarms])[: 0 if away else None]
+    return Scan(uav, _STEP * k, _AWAY if away else _HERE, z, np.tile(0.05 * np.eye(2), (len(z), 1, 1)))
+
+
+class _Watched:
+    """A tracker whose arguments are compared before and after each call, and whose tracks are looked at."""
+
+    def __init__(self, name: str, uav: int) -> None:
+        parameters = TrackerParameters(motion_model("ncv", _STEP, 0.5, 3.0))
+        initial = [Track(i, Gaussian(state, 0.25 * np.eye(4))) for i, state in enumerate(_PEOPLE.copy())]
+        self.given = (uav, Camera(math.radians(60), 128), Forest(()), parameters, initial)
+        before = contents(self.given, "arguments")
+        self._made = TRACKERS.make(name, *self.given)
+        self.touched = change(before, contents(self.given, "arguments"))
+        self.defects: dict[str, str] = {}
+        self.seconds = 0.0
+
+    @property
+    def tracks(self) -> list[Any]:
+        tracks = [*self._made.tracks]
+        for kind, look in _LOOKS.items():
+            try:
+                look(tracks)
+            except Unusable as error:
+                self.defects[kind] = str(error)
+                raise
+        return tracks
+
+    def step(self, scan: Scan) -> None:
+        self._call("the scan", self._made.step, scan)
+
+    def coast(self, time: float) -> None:
+        self._call("the time", self._made.coast, time)
+
+    def message(self, degree: int) -> Message:
+        start = perf_counter()
+        sent: Message = self._made.message(degree)
+        self.seconds += perf_counter() - start
+        return sent
+
+    def accept(self, message: Message) -> None:
+        self._call("the message", self._made.accept, message)
+
+    def _call(self, name: str, call: Callable[[Any], None], given: object) -> None:
+        before, start = contents(given, name), perf_counter()
+        call(given)
+        self.seconds += perf_counter() - start
+        self.touched = self.touched or change(before, contents(given, name))
+        _ = self.tracks
+
+
+_LOOKS: dict[str, Callable[[Sequence[Any]], object]] = {
+    "ids": track_ids,
+    "finite": track_beliefs,
+    "positive definite": lambda tracks: check_positive_definite("covariances of tracks", track_beliefs(tracks)[1]),
+}
+
+
+class _Flight:
+    """The script, flown by a tracker on each of two UAVs that hear one another."""
+
+    def __init__(self, name: str) -> None:
+        self.watched = [_Watched(name, uav) for uav in range(_UAVS)]
+        self.tracks: list[list[tuple[Track, ...]]] = []  # of each UAV after each scan
+        self.seconds: list[float] = []
+        self.defects: dict[str, str] = {}
+        try:
+            self._fly([CheckedTracker(name, made, uav, 3.0) for uav, made in enumerate(self.watched)])
+        except InputError as error:
+            known = {kind: text for made in self.watched for kind, text in made.defects.items()}
+            self.defects = known or {"scans": str(error).partition("' ")[2]}
+
+    def _fly(self, fleet: list[CheckedTracker]) -> None:
+        self.tracks.append([deepcopy(member.tracks) for member in fleet])
+        for k in range(_SCANS):
+            for uav, member in enumerate(fleet):
+                scan = _scan(k, uav)
+                member.coast(_STEP * k) if scan is None else member.step(scan)
+            fuse(fleet, ~np.eye(_UAVS, dtype=np.bool_), 5)
+            self.tracks.append([deepcopy(member.tracks) for member in fleet])
+            self.seconds.append(sum(made.seconds for made in self.watched) / _UAVS - sum(self.seconds))
+
+    def ids(self, k: int) -> list[list[int]]:
+        """Ids of each UAV's tracks after scan k; -1 for those at the start."""
+        return [[track.id for track in tracks] for tracks in self.tracks[k + 1]]
+
+    def numbers(self) -> bytes:
+        """All tracks after all scans as bytes."""
+        rows = [t for fleet in self.tracks for tracks in fleet for t in tracks]
+        beliefs = b"".join(t.belief.mean.tobytes() + t.belief.covariance.tobytes() for t in rows)
+        return str([(t.id, t.existence) for t in rows]).encode() + beliefs
+
+
+class _Subject:
+    """A tracker under test, and its first flight."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.first = name, _Flight(name)
+
+    @cached_property
+    def repeated(self) -> _Flight:
+        """Another flight, of other instances."""
+        return _Flight(self.name)
+
+    def flown(self) -> _Flight:
+        """The first flight, if it was whole."""
+        if self.first.defects:
+            raise Untried("it does not fly all scans")
+        return self.first
+
+
+def _defects(kind: str, subject: _Subject) -> str:
+    if kind in subject.first.defects:
+        raise Unfit(subject.first.defects[kind])
+    if kind == "scans":
+        return f"{len(subject.first.seconds)} of two UAVs: detections, misses, clutter, a look elsewhere, no frame"
+    subject.flown()
+    return {"ids": "all different", "finite": "all numbers are"}.get(kind, "all covariances are")
+
+
+def _known(subject: _Subject) -> str:
+    if not subject.first.tracks:
+        raise Untried("it does not fly all scans")
+    if subject.first.ids(-1)[0] != [0, 1, 2]:
+        raise Unfit(f"of initial tracks 0, 1, 2 it has {subject.first.ids(-1)[0]}")
+    return "initial tracks are held before the first scan"
+
+
+def _people_found(subject: _Subject) -> str:
+    places = np.array([t.belief.mean[:2] for t in subject.flown().tracks[-1][0]]).reshape(-1, 2)
+    gaps = length(places[:, None] - _people(_SCANS - 1))
+    held, false = int(np.sum((gaps < _FAR).any(axis=0))), int(np.sum((gaps >= _FAR).all(axis=1)))
+    seen = f"{held} of 4 have a track at the end, one of them unknown at the start; {false} tracks of nobody"
+    if 2 * held < len(_PEOPLE) or false > len(_PEOPLE):
+        raise Unfit(seen)
+    return seen
+
+
+def _agreement(subject: _Subject) -> str:
+    flight = subject.flown()
+    for k in range(_SCANS):
+        own, other = flight.ids(k)
+        if own != other:
+            raise Unfit(f"at {_STEP * k:.1f} s UAV 0 has ids {own}, UAV 1, which hears it, {other}")
+    return "two UAVs that hear one another have the same ids"
+
+
+def _repeatable(subject: _Subject) -> str:
+    if subject.flown().numbers() != subject.repeated.numbers():
+        raise Unfit("other instances have other tracks after the same scans")
+    return "equal bit for bit, on other instances"
+
+
+def _inputs(subject: _Subject) -> str:
+    for made in subject.flown().watched:
+        if made.touched:
+            raise Unfit(made.touched)
+    return "arguments, scans and messages are as they were"
+
+
+def _times(subject: _Subject) -> str:
+    subject.flown()
+    for uav, what in enumerate(("a scan", "a time to coast to")):
+        late, scan = subject.repeated.watched[uav], replace(_PAST, uav=uav)
+        try:
+            with contained():
+                late.coast(scan.time) if uav else late.step(scan)
+        except ForeignError:
+            continue
+        raise Unfit(f"takes {what} of {scan.time:.1f} s after {_STEP * (_SCANS - 1):.1f} s")
+    return "a scan and a time to coast to before the last scan are refused"
+
+
+def _time(subject: _Subject) -> str:
+    took = subject.flown().seconds[1:]
+    late = "; longer than the time between scans" if median(took) > _STEP else ""
+    return f"{1e3 * median(took):.3g} ms a scan of 4 people, at most {1e3 * max(took):.3g} ms{late}"
+
+
+_CHECKS: dict[str, Callable[[_Subject], str]] = {
+    "known tracks": _known,
+    **{kind: partial(_defects, kind) for kind in ("scans", *_LOOKS)},
+    "people": _people_found,
+    "neighbours agree": _agreement,
+    "same scans, same tracks": _repeatable,
+    "inputs untouched": _inputs,
+    "times that go back": _times,
+    "time": _time,
+}

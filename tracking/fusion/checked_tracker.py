@@ -1,0 +1,142 @@
+"""Trackers from outside: what they give is checked before the fleet uses it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tracking.filter.kalman import Gaussian
+from tracking.fusion.member import TRACKERS
+from tracking.fusion.message import INFORMATION, Message
+from tracking.numerics.arrays import Array, Indices
+from tracking.plugins.containment import Unusable, numbers
+from tracking.plugins.results import check_positive_definite, checked_array
+from tracking.track import Scan, Track
+
+_MOST = 10_000  # tracks of one UAV
+_LARGEST_ID = 2**62
+
+
+class CheckedTracker:
+    """A tracker from outside; InputError where it fails, or where what it gives is no tracks or no message."""
+
+    def __init__(self, name: str, made: Any, uav: int, max_speed: float) -> None:  # noqa: ANN401 - not ours
+        self.uav, self.max_speed = uav, max_speed
+        self._name, self._made = name, made
+        self._read: tuple[Track, ...] | None = None
+        _ = self.tracks
+
+    @property
+    def tracks(self) -> tuple[Track, ...]:
+        """As `Member.tracks`, by ascending id."""
+        if self._read is None:
+            with self._errors("give its tracks"):
+                self._read = checked_tracks(self._made.tracks)
+        return self._read
+
+    def step(self, scan: Scan) -> None:
+        """As `Member.step`."""
+        self._read = None
+        with self._errors("take a scan"):
+            self._made.step(deepcopy(scan))
+
+    def coast(self, time: float) -> None:
+        """As `Member.coast`."""
+        self._read = None
+        with self._errors("coast"):
+            self._made.coast(time)
+
+    def message(self, degree: int) -> Message:
+        """As `Member.message`."""
+        with self._errors("give a message"):
+            return replace(checked_message(self._made.message(degree)), uav=self.uav, degree=degree)
+
+    def accept(self, message: Message) -> None:
+        """As `Member.accept`."""
+        self._read = None
+        with self._errors("accept a message"):
+            self._made.accept(deepcopy(message))
+        _ = self.tracks
+
+    def _errors(self, what: str) -> AbstractContextManager[None]:
+        return TRACKERS.errors(self._name, what)
+
+
+def checked_tracks(given: Iterable[Any]) -> tuple[Track, ...]:
+    """Tracks from outside by ascending id; `Unusable` says why others are none."""
+    tracks = sorted(given, key=lambda track: int(track.id))
+    ids = track_ids(tracks)
+    means, covariances, existence = track_beliefs(tracks)
+    check_positive_definite("covariances of tracks", covariances)
+    rows = zip(ids.tolist(), means, covariances, existence.tolist(), strict=True)
+    return tuple(Track(id, Gaussian(mean, covariance), r) for id, mean, covariance, r in rows)
+
+
+def track_ids(tracks: Sequence[Any]) -> Indices:
+    """Ids (T,) of tracks; `Unusable` unless they are different whole numbers of at least 0."""
+    if len(tracks) > _MOST:
+        raise Unusable(f"{len(tracks)} tracks are more than {_MOST}")
+    ids = [track.id for track in tracks]
+    if not all(isinstance(id, int | np.integer) and 0 <= id < _LARGEST_ID for id in ids):
+        raise Unusable(f"ids of tracks are not whole numbers of at least 0: {ids[:10]}")
+    twice = sorted({int(id) for id in ids if ids.count(id) > 1})
+    if twice:
+        raise Unusable(f"ids of tracks are there twice: {twice[:10]}")
+    return np.array(ids, dtype=np.int64)
+
+
+def track_beliefs(tracks: Sequence[Any]) -> tuple[Array, Array, Array]:
+    """Means (T, 4), covariances (T, 4, 4) and existence (T,) of tracks; `Unusable` unless they are finite numbers."""
+    count = len(tracks)
+    means = checked_array("means of tracks", [t.belief.mean for t in tracks] or np.zeros((0, 4)), (count, 4))
+    spreads = [t.belief.covariance for t in tracks] or np.zeros((0, 4, 4))
+    covariances = checked_array("covariances of tracks", spreads, (count, 4, 4))
+    existence = checked_array("existence of tracks", [t.existence for t in tracks], (count,))
+    if not np.all((existence > 0.0) & (existence <= 1.0)):
+        raise Unusable("existence of tracks is not in (0, 1]")
+    return means, covariances, existence
+
+
+def checked_message(given: object) -> Message:
+    """A message from outside with arrays of the right shapes; `Unusable` says why another is none."""
+    if not isinstance(given, Message):
+        raise Unusable(f"it is no tracking.fusion.message.Message but {type(given).__name__}")
+    count = len(given.ids)
+    sent = replace(
+        given,
+        ids=_whole("ids", given.ids, (count,)),
+        names=_whole("names", given.names, (count, 2)),
+        shares=checked_array("shares", given.shares, (count, INFORMATION + 2)),
+        times=_instants("times", given.times, (count, 3)),
+        misses=_whole("misses", given.misses, (count,)),
+        sightings=_instants("sightings", given.sightings, (count, 3)),
+        novel=checked_array("novel", given.novel, (count, *np.shape(given.novel)[-1:])),
+    )
+    if np.any(np.diff(sent.ids) <= 0):
+        raise Unusable("ids are not ascending")
+    if count and sent.shares[:, 0].min() <= 0.0:
+        raise Unusable("weights, the first column of shares, are not positive")
+    means, covariances = sent.beliefs()
+    checked_array("beliefs", means, (count, 4))
+    check_positive_definite("covariances of beliefs", covariances)
+    return sent
+
+
+def _whole(name: str, given: object, shape: tuple[int, ...]) -> Indices:
+    found = np.asarray(given)
+    if found.shape != shape or found.dtype.kind not in "iu":
+        raise Unusable(f"{name} are no table {shape} of whole numbers")
+    return found.astype(np.int64)
+
+
+def _instants(name: str, given: object, shape: tuple[int, ...]) -> Array:
+    """Times, or places and times, of which those that never were are -inf."""
+    found = numbers(name, given, 3 * _MOST)
+    if found.shape != shape or np.isnan(found).any() or np.any(found == np.inf):
+        raise Unusable(f"{name} are no table {shape} of numbers")
+    return found

@@ -1,0 +1,122 @@
+"""Exchange of tracks with the fleet, for trackers that know beliefs and no messages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from tracking.association.jipda import log_odds
+from tracking.filter.kalman import Gaussian
+from tracking.fusion.labels import LABELS_PER_SCAN, new_label
+from tracking.fusion.message import Message
+from tracking.fusion.rule import LocalBeliefs, fusion_rule
+from tracking.numerics.arrays import Array
+from tracking.parameters import TrackerParameters
+from tracking.track import Track
+
+_UNSEEN = 1e-9  # weight in the fleet's average of a track without a detection
+_SURE = 0.99  # probability of a detection from which on it is a sighting
+_IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
+_CERTAIN = 1.0 - 2e-9  # existence from which on it is 1, as log-odds are kept finite
+_NEVER = np.full(6, -np.inf)
+
+
+class TrackExchange:
+    """Tracks of one UAV in its fleet: their ids, which all UAVs share, and messages from and to tracks.
+
+    The rest is the fleet's: association of tracks between UAVs, fusion, and ids that stay the same.
+    Note: all information is averaged. Novel information, which `network.fusion` = "hcmci" adds up, needs the
+    measurements behind it.
+    """
+
+    def __init__(self, uav: int, parameters: TrackerParameters, initial: Sequence[Track] = ()) -> None:
+        """`initial` tracks are the same on all UAVs."""
+        self._uav, self._parameters = uav, parameters
+        self._rule = fusion_rule(parameters.fusion)
+        self._scans, self._time, self._born = 0, -math.inf, 0
+        self._partition = (0, -math.inf)  # leader, and the time [s] at which it was last heard
+        self._deleted: tuple[tuple[int, float], ...] = ()
+        # Of each track that the fleet knows or that is new: its times and its sighting, as in a message.
+        self._known = {t.id: np.concatenate([_NEVER[:3], t.belief.mean[:2], [0.0]]) for t in initial}
+
+    def new_id(self) -> int:
+        """An id for a track that begins in this scan."""
+        if self._born == LABELS_PER_SCAN // 2:
+            raise ValueError(f"at most {self._born} tracks may begin in a scan")
+        id = new_label(self._scans + 1, self._uav, self._born)
+        self._born += 1
+        self._known[id] = _NEVER
+        return id
+
+    def message(self, degree: int, time: float, tracks: Sequence[Track], detected: Mapping[int, float]) -> Message:
+        """Message about the tracks after the scan at `time` [s], to so many neighbours; call it once a scan.
+
+        detected: by id, the probability that this UAV detected the person in this scan, which is the weight of its
+        belief in the fleet's average; tracks that are not in it were not detected. A track that is left out ends, on
+        all UAVs but for those that detect it in this scan.
+        """
+        held = sorted(tracks, key=lambda track: track.id)
+        ids = [track.id for track in held]
+        self._check(time, ids)
+        self._partition = (0, time) if self._scans == 0 else self._partition
+        self._scans, self._time = self._scans + 1, time
+        ended = {id: time for id, last in self._known.items() if id not in ids and last is not _NEVER}
+        self._deleted = tuple(sorted((dict(self._deleted) | ended).items()))
+        means = np.array([t.belief.mean for t in held], dtype=float).reshape(-1, 4)
+        covariances = np.array([t.belief.covariance for t in held], dtype=float).reshape(-1, 4, 4)
+        weights = np.array([max(detected.get(id, 0.0), _UNSEEN) for id in ids])
+        nothing = (means[:0], covariances[:0]), np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
+        averaged, novel, weights = self._rule.contribution(
+            LocalBeliefs(self._uav, means, covariances, weights, *nothing)
+        )
+        odds = log_odds(np.array([t.existence for t in held], dtype=float))[:, None]
+        history = np.array([self._known[id] for id in ids], dtype=float).reshape(-1, 6)
+        chances = np.array([detected.get(id, 0.0) for id in ids])
+        marks = np.column_stack([chances >= self._parameters.seen, chances >= self._parameters.seen, chances >= _SURE])
+        leader, heard = self._partition
+        leads = leader >= self._uav or time - heard > _IN_TOUCH
+        partition = (self._uav, time) if leads else self._partition
+        return Message(
+            uav=self._uav,
+            degree=degree,
+            scan=self._scans,
+            time=time,
+            partition=partition,
+            ids=np.array(ids, dtype=np.int64),
+            names=np.column_stack([np.full(len(ids), partition[0]), np.array(ids, dtype=np.int64)]),
+            shares=np.concatenate([np.ones((len(ids), 1)), averaged, odds], axis=1) * weights[:, None],
+            times=np.where(marks, time, history[:, :3]),
+            misses=np.zeros(len(ids), dtype=np.int64),
+            sightings=history[:, 3:],
+            deleted=self._deleted,
+            novel=novel,
+        )
+
+    def accept(self, message: Message) -> tuple[Track, ...]:
+        """The fleet's tracks by ascending id, in place of the own: some have new ids, some are new, some have ended."""
+        means, covariances = message.beliefs()
+        existence = message.existence()
+        existence[existence >= _CERTAIN] = 1.0
+        sightings = np.where(message.times[:, 2:] < self._time, message.sightings, self._here(means))
+        kept = self._time - self._parameters.forget_after
+        self._deleted = tuple((id, until) for id, until in message.deleted if until >= kept)
+        self._partition, self._born = message.partition, 0
+        ids = message.ids.tolist()
+        self._known = dict(zip(ids, np.concatenate([message.times, sightings], axis=1), strict=True))
+        rows = zip(ids, means, covariances, existence.tolist(), strict=True)
+        return tuple(Track(id, Gaussian(mean.copy(), covariance.copy()), r) for id, mean, covariance, r in rows)
+
+    def _here(self, means: Array) -> Array:
+        return np.column_stack([means[:, :2], np.full(len(means), self._time)])
+
+    def _check(self, time: float, ids: Sequence[int]) -> None:
+        """ValueError for a time that is not after the last one, and for ids that the fleet cannot know."""
+        if not time > self._time:
+            raise ValueError(f"scan at {time} s is not after the last one at {self._time} s")
+        if len(set(ids)) < len(ids):
+            raise ValueError(f"ids of tracks are there twice: {ids}")
+        foreign = [id for id in ids if id not in self._known]
+        if foreign:
+            raise ValueError(f"ids {foreign} are not of the fleet; take those of new tracks from new_id()")

@@ -1,0 +1,77 @@
+"""Trackers as members of a fleet: their interface, and the trackers by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import deepcopy
+from typing import TYPE_CHECKING, Protocol
+
+from tracking.plugins.registry import Registry
+
+if TYPE_CHECKING:  # checking a name needs no arithmetic
+    from tracking.fusion.message import Message
+    from tracking.geometry.camera import Camera
+    from tracking.geometry.visibility import Forest
+    from tracking.parameters import TrackerParameters
+    from tracking.track import Scan, Track
+
+# Each is called with uav, camera, forest, parameters and initial tracks, as `tracking.tracker.Tracker` is.
+TRACKERS = Registry(
+    "tracking.tracker",
+    {"jpda": "tracking.tracker:Tracker"},
+    ("step(scan)", "coast(time)", "message(degree)", "accept(message)"),
+)
+
+
+class Member(Protocol):
+    """Tracker of one UAV in a fleet; a scan is `step` or `coast`, then `message`, then `accept`.
+
+    `tracking.fusion.exchange.TrackExchange` makes messages of tracks, and tracks of messages.
+    """
+
+    @property
+    def uav(self) -> int:
+        """The UAV; the testbed knows it of trackers from outside."""
+        ...
+
+    @property
+    def max_speed(self) -> float:
+        """Largest speed of people, m/s; the testbed knows it of trackers from outside."""
+        ...
+
+    @property
+    def tracks(self) -> tuple[Track, ...]:
+        """Tracks after the last call, each of another id; of trackers from outside any sequence of tracks."""
+        ...
+
+    def step(self, scan: Scan) -> None:
+        """Predict to the time of a scan, and update; an empty scan is a frame without a detection."""
+        ...
+
+    def coast(self, time: float) -> None:
+        """Predict to the time of a scan for which this UAV's camera took no frame."""
+        ...
+
+    def message(self, degree: int) -> Message:
+        """Message for the first round of consensus, to so many neighbours."""
+        ...
+
+    def accept(self, message: Message) -> None:
+        """Take over the tracks of the fleet, the result of the last round; without neighbours the own message."""
+        ...
+
+
+def tracker(
+    name: str, uav: int, camera: Camera, forest: Forest, parameters: TrackerParameters, initial: Sequence[Track] = ()
+) -> Member:
+    """The tracker of that name or import string; InputError says what is wrong, also with what one from outside gives.
+
+    One from outside gets copies of camera and forest, so that what it changes has no effect on others.
+    """
+    if name in TRACKERS.built_in:
+        ours: Member = TRACKERS.make(name, uav, camera, forest, parameters, initial)
+        return ours
+    from tracking.fusion.checked_tracker import CheckedTracker
+
+    made = TRACKERS.make(name, uav, *deepcopy((camera, forest)), parameters, initial)
+    return CheckedTracker(name, made, uav, parameters.max_speed)
