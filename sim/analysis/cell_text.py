@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from sim.study.cells import TRACKER
 from sim.study.row import Row
 from sim.study.tasks import Task
 
@@ -15,9 +16,10 @@ Placed = Row | Task  # or a trial that is yet to be flown
 
 
 def cells_of(rows: Sequence[Placed]) -> list[Cell]:
-    """The cell of each row; scenario and version count as factors where the rows differ in them."""
+    """The cell of each row; scenario and version count as factors where the rows differ in them, trackers never do."""
     differing = [name for name in ("scenario", "version") if len({getattr(row, name) for row in rows}) > 1]
-    return [(*((name, getattr(row, name)) for name in differing), *row.factors) for row in rows]
+    found = [(*((name, getattr(row, name)) for name in differing), *row.factors) for row in rows]
+    return [tuple(factor for factor in cell if factor[0] != TRACKER) for cell in found]
 
 
 def cell_text(cell: Cell | None) -> str:

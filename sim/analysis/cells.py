@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.analysis.cell_text import Cell, cell_text, cells_of, natural, natural_cell
-from sim.analysis.planner_labels import baseline_of, planner_labels
+from sim.analysis.planner_labels import baseline_of, entrant, planner_labels
 from sim.evaluation.metric import Metric
 from sim.scenario.random_streams import numbered
 from sim.study.row import Row
@@ -72,11 +72,11 @@ def grouped(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str
     first = None if baseline is None else baseline_of(rows, baseline, given)
     found: dict[tuple[Cell, str], dict[tuple[int, int], Row]] = defaultdict(dict)
     for row, cell in zip(rows, cells, strict=True):
-        group = found[cell, labels[row.planner]]
+        group = found[cell, labels[entrant(row)]]
         flight = row.seed, row.repeat
         if flight in group:
             place = f" in {cell_text(cell)}" if cell else ""
-            raise ValueError(f"{row.planner}, {numbered(*flight)} is there twice{place}")
+            raise ValueError(f"{entrant(row)}, {numbered(*flight)} is there twice{place}")
         group[flight] = row
     order = sorted(found, key=lambda key: (natural_cell(key[0]), key[1] != first, natural(key[1])))
     return [_group(*key, found[key]) for key in order]

@@ -1,4 +1,4 @@
-"""Labels of a study's planners: their text, what their texts share, or a name that the user gives."""
+"""Labels of what a study compares, planners and trackers: their text, what texts share, or the user's name."""
 
 from __future__ import annotations
 
@@ -8,34 +8,51 @@ from collections.abc import Mapping, Sequence
 
 from sim.analysis.cell_text import Cell, Placed, cells_of
 from sim.scenario.errors import InputError
+from sim.study.cells import TRACKER, with_options
 from sim.study.row import Row
 from tracking.plugins.spelling import did_you_mean
 
 BOUND = ", upper bound"  # follows the label of a planner that sees the truth
+Key = tuple[str, str]
 _NOTHING: Mapping[str, str] = {}
+
+
+def entrant(row: Placed) -> str:
+    """Text of what a trial enters in a comparison: its planner, and its tracker where the study compares trackers."""
+    return with_options(row.planner, _tracker(row))
 
 
 def planner_labels(
     rows: Sequence[Placed], cells: Sequence[Cell], given: Mapping[str, str] = _NOTHING
 ) -> dict[str, str]:
-    """The label of each planner's text: the text, or what its texts share if each cell has just one of them.
+    """The label of each entrant: its text, or what the texts of its planner share if each cell has just one of them.
 
     given: labels that replace these, as from `labels_of`.
     """
-    specs: dict[str, dict[str, None]] = defaultdict(dict)
-    by_cell: dict[tuple[Cell, str], set[str]] = defaultdict(set)
+    specs: dict[Key, dict[str, None]] = defaultdict(dict)
+    by_cell: dict[tuple[Cell, Key], set[str]] = defaultdict(set)
     for row, cell in zip(rows, cells, strict=True):
-        name = _parts(row.planner)[0]
-        specs[name][row.planner] = None
-        by_cell[cell, name].add(row.planner)
-    ambiguous = {name for (_, name), texts in by_cell.items() if len(texts) > 1}
-    bounds = {row.planner for row in rows if isinstance(row, Row) and row.metrics.get("sees_truth")}
-    labels = {
-        text: text if name in ambiguous or len(texts) == 1 else _shared(name, list(texts))
-        for name, texts in specs.items()
-        for text in texts
-    }
+        specs[_key(row)][row.planner] = None
+        by_cell[cell, _key(row)].add(row.planner)
+    ambiguous = {key for (_, key), texts in by_cell.items() if len(texts) > 1}
+    bounds = {entrant(row) for row in rows if isinstance(row, Row) and row.metrics.get("sees_truth")}
+    labels = {}
+    for row in rows:
+        key = _key(row)
+        plain = key in ambiguous or len(specs[key]) == 1
+        text = row.planner if plain else _shared(key[0], list(specs[key]))
+        labels[entrant(row)] = with_options(text, _tracker(row))
     return {text: given.get(label, label) + BOUND * (text in bounds) for text, label in labels.items()}
+
+
+def _tracker(row: Placed) -> dict[str, str]:
+    """The tracker as an option of the planner; empty unless the study compares trackers."""
+    return {name: level for name, level in row.factors if name == TRACKER}
+
+
+def _key(row: Placed) -> Key:
+    """Name of the planner, and tracker."""
+    return _parts(row.planner)[0], _tracker(row).get(TRACKER, "")
 
 
 def _parts(planner: str) -> tuple[str, list[str]]:
@@ -52,14 +69,14 @@ def _shared(name: str, planners: Sequence[str]) -> str:
 
 
 def baseline_of(rows: Sequence[Placed], baseline: str | None, given: Mapping[str, str] = _NOTHING) -> str:
-    """The label of the baseline, named by label, by text or by name; of the first row's planner if None.
+    """The label of the baseline, named by label, by text, or name of planner or tracker; of the first row if None.
 
     InputError where there is none such. Trials that are yet to be flown serve as well as rows.
     """
     if not rows:
         raise InputError("study: it has no trials to compare")
     labels = planner_labels(rows, cells_of(rows), given)
-    return labels[rows[0].planner] if baseline is None else _named(labels, baseline, "--baseline")
+    return labels[entrant(rows[0])] if baseline is None else _named(labels, baseline, "--baseline")
 
 
 def labels_of(rows: Sequence[Placed], asked: Sequence[str]) -> dict[str, str]:
@@ -80,7 +97,8 @@ def labels_of(rows: Sequence[Placed], asked: Sequence[str]) -> dict[str, str]:
 
 def _named(labels: dict[str, str], baseline: str, option: str) -> str:
     known = list(dict.fromkeys(labels.values()))
-    named = [label for label in known if _parts(label.removesuffix(BOUND))[0] == baseline]
+    parts = {label: _parts(label.removesuffix(BOUND)) for label in known}
+    named = [label for label, (name, own) in parts.items() if name == baseline or f"{TRACKER}={baseline}" in own]
     if baseline in known:
         return baseline
     if baseline in labels:
@@ -99,8 +117,14 @@ def short_labels(labels: Sequence[str]) -> dict[str, str]:
     shorts = {}
     for label, (name, own) in options.items():
         alike = [other for base, other in options.values() if base == name]
-        telling = [option for option in own if not all(option in other for other in alike)]
+        telling = [_without_module(option) for option in own if not all(option in other for other in alike)]
         last = name.rpartition(":")[2]
         shorts[label] = (f"{last}({', '.join(telling)})" if telling else last) + BOUND * label.endswith(BOUND)
     found = list(shorts.values())
     return {label: short if found.count(short) == 1 else label for label, short in shorts.items()}
+
+
+def _without_module(option: str) -> str:
+    """The option; a tracker without its module."""
+    key, _, value = option.partition("=")
+    return f"{key}={value.rpartition(':')[2]}" if key == TRACKER else option

@@ -18,9 +18,11 @@ from sim.scenario.errors import InputError
 from sim.scenario.loading import SCENARIOS, remarks
 from sim.scenario.perception import SENSOR_MODES
 from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers, seconds
+from sim.study.cells import with_trackers
 from sim.study.study import STUDIES, Study, adapted, is_study, read
 from sim.terminal.console import console, fail, remark
 from sim.terminal.options import Duration, Overrides, with_duration
+from tracking.fusion.member import TRACKERS
 from tracking.plugins.spelling import did_you_mean
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
@@ -34,6 +36,10 @@ StudyName = Annotated[
 Planners = Annotated[
     list[str] | None,
     typer.Option(metavar="NAME", help="A planner; repeat for each. Default: the study's, or two of the paper's."),
+]
+Trackers = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME", help="A tracker, each with each planner; repeat for each. Default: the scenario's."),
 ]
 Seeds = Annotated[
     str | None, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. [default: 0-9]")
@@ -72,6 +78,7 @@ _MOST_WORKERS = 1024
 def compare(
     study: StudyName = "forest",
     planner: Planners = None,
+    tracker: Trackers = None,
     seeds: Seeds = None,
     maps: Maps = None,
     repeats: Repeats = None,
@@ -88,12 +95,13 @@ def compare(
     keep: Keep = None,
     redo: Redo = False,
 ) -> None:
-    """Fly planners on the same forests, people and seeds; show the results side by side. Goes on where it stopped."""
+    """Fly planners or trackers on the same forests, people and seeds; compare them. Goes on where it stopped."""
     changes = [*_sensing(sensing), *with_duration(overrides, duration)]
     number = None if repeats is None else integer(repeats, "--repeats", least=1, most=REPEATS)
-    chosen = adapted(
-        _study(study), planners=planner or (), seeds=_seeds(seeds, maps), repeats=number, overrides=changes
-    )
+    for name in tracker or ():
+        replace(TRACKERS, field="--tracker").check(name)
+    begun = with_trackers(_study(study), tracker or ())
+    chosen = adapted(begun, planners=planner or (), seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
     processes = integer(workers, "--workers", least=1, most=_MOST_WORKERS) if workers else os.cpu_count() or 1
     limit = None if timeout is None else seconds(timeout, "--timeout")
     if keep not in (None, "recordings"):
@@ -144,6 +152,7 @@ def _sensing(mode: str | None) -> list[str]:
 
 def _show(rows: Sequence[Row], folder: Path, about: About) -> None:
     """Print tables and write the report; exit with code 1 if that cannot be done or trials have failed."""
+    from sim.analysis.planner_labels import entrant
     from sim.scenario.random_streams import numbered
 
     _report(rows, folder, about)
@@ -152,7 +161,7 @@ def _show(rows: Sequence[Row], folder: Path, about: About) -> None:
     console.print(f"Results in [bold]{escape(str(folder))}[/bold] (report.html){missing}.", soft_wrap=True)
     if failures:
         first = failures[0]
-        place = f"{first.planner}, {numbered(first.seed, first.repeat)}"
+        place = f"{entrant(first)}, {numbered(first.seed, first.repeat)}"
         fail(f"{len(failures)} of {len(rows)} trials failed, {place}: {first.error}", code=1)
 
 

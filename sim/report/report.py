@@ -17,7 +17,7 @@ from sim.analysis.cell_text import cell_text
 from sim.analysis.cells import Group, constant, grouped, trimmed, varying
 from sim.analysis.coverage import COVERED
 from sim.analysis.metric_choice import RUNTIME, available, chosen, metric_shown
-from sim.analysis.planner_labels import baseline_of
+from sim.analysis.planner_labels import baseline_of, entrant
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import whole
 from sim.report.figures.pictures import pictures, runtime_pictures
@@ -148,7 +148,7 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
     failed, repeats = sum(row.status == "failed" for row in rows), len({row.repeat for row in rows})
     versions = {**about.versions, "understory": ", ".join(sorted({row.version for row in rows}))}
     settings = set.intersection(*({f"{key} = {value}" for key, value in row.settings.items()} for row in rows))
-    planners = dict.fromkeys(row.planner for group in every for row in (*group.done, *group.failed))
+    planners = dict.fromkeys(entrant(row) for group in every for row in (*group.done, *group.failed))
     text = facts(
         [
             ("scenario", ", ".join(sorted({row.scenario for row in rows}))),

@@ -8,8 +8,9 @@ import shlex
 from collections.abc import Sequence
 from html import escape
 
-from sim.analysis.cell_text import Cell, cell_text
+from sim.analysis.cell_text import Cell, cell_text, cells_of
 from sim.analysis.cells import Group
+from sim.analysis.planner_labels import entrant
 from sim.evaluation.metric import Metric
 from sim.report.page_elements import commanded, table
 from sim.scenario.random_streams import numbered
@@ -36,7 +37,7 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
         cells = []
         for k, (what, row) in enumerate(zip(("best", "worst"), ends, strict=True)):
             value, flown = metric.text(row.metrics[metric.name]), numbered(row.seed, row.repeat)
-            name = f"map-{2 * number + k}-" + re.sub(r"[^a-z0-9]+", "-", f"{row.planner} {flown}".lower()).strip("-")
+            name = f"map-{2 * number + k}-" + re.sub(r"[^a-z0-9]+", "-", f"{entrant(row)} {flown}".lower()).strip("-")
             cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">{flown}</a></td>')
             text = f"{_label(group.cell, row)}: {what}, {value} {metric.unit}".rstrip()
             places.append(f'<div class="map" id="{name}">{escape(text)}{commanded(command(row))}</div>')
@@ -62,11 +63,11 @@ def _extremes(groups: Sequence[Group], metric: Metric) -> list[tuple[Group, Row,
 def failures(rows: Sequence[Row]) -> str:
     """Every trial that failed, with its error and command."""
     return "\n".join(
-        f'<div class="map failed" id="failure-{number}">{escape(_label(row.factors, row))}: '
+        f'<div class="map failed" id="failure-{number}">{escape(_label(cells_of([row])[0], row))}: '
         f"<strong>{escape(row.error or 'no error')}</strong>{commanded(command(row))}</div>"
         for number, row in enumerate(rows, start=1)
     )
 
 
 def _label(cell: Cell, row: Row) -> str:
-    return ", ".join(filter(None, [cell_text(cell), row.planner, numbered(row.seed, row.repeat)]))
+    return ", ".join(filter(None, [cell_text(cell), entrant(row), numbered(row.seed, row.repeat)]))

@@ -1,10 +1,11 @@
 """Cells of a study: its scenarios by the levels of its factors by its planners."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
 
+import msgspec
 from msgspec import Struct
 
 from sim.scenario.errors import InputError
@@ -13,6 +14,7 @@ from sim.study.settings_text import flat, option, toml
 from sim.study.study import Study, check_keys
 from tracking.plugins.spelling import did_you_mean
 
+TRACKER = "tracker"  # the factor whose levels are compared as planners are
 _MOST_CELLS = 10_000
 _OTHER = ("planner", "scenario")  # what trials are left out by, beside factors
 
@@ -29,12 +31,17 @@ class Cell(Struct, frozen=True):
     @property
     def spec(self) -> str:
         """The planner with the options of the cell."""
-        given = ", ".join(f"{name}={value}" for name, value in self.options.items())
-        if not given:
-            return self.planner
-        head, bracket, rest = self.planner.strip().partition("(")
-        inner = rest.removesuffix(")").strip()
-        return f"{head}({inner}, {given})" if bracket and inner else f"{head}({given})"
+        return with_options(self.planner, self.options)
+
+
+def with_options(planner: str, options: Mapping[str, str]) -> str:
+    """The text of a planner with further options."""
+    given = ", ".join(f"{name}={value}" for name, value in options.items())
+    if not given:
+        return planner
+    head, bracket, rest = planner.strip().partition("(")
+    inner = rest.removesuffix(")").strip()
+    return f"{head}({inner}, {given})" if bracket and inner else f"{head}({given})"
 
 
 def cells(study: Study) -> list[Cell]:
@@ -59,6 +66,16 @@ def cells(study: Study) -> list[Cell]:
     if not found or not integers(study.seeds, "seeds"):
         raise InputError(f"study: {study.name} has no trial: no planner, no seed, no level, or all is excluded")
     return found
+
+
+def with_trackers(study: Study, trackers: Sequence[str]) -> Study:
+    """The study with trackers as a factor, if there are any; InputError where another factor varies them."""
+    others = {name: levels for name, levels in study.factors.items() if name != TRACKER}
+    for factor, levels in others.items() if trackers else ():
+        if any("tracking.tracker" in flat(level) for level in levels.values()):
+            raise InputError(f"--tracker: tracking.tracker is what factor {factor!r} of study {study.name} varies")
+    own = {name: {"tracking": {"tracker": name}} for name in trackers}
+    return msgspec.structs.replace(study, factors={**others, TRACKER: own}) if trackers else study
 
 
 def _matches(rule: Mapping[str, str | list[str]], place: Mapping[str, str]) -> bool:

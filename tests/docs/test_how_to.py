@@ -1,4 +1,4 @@
-"""docs/how-to/plugins.md and studies.md: planners, models, study file, SQL, Python and tables are as they say."""
+"""docs/how-to/plugins.md, trackers.md and studies.md: plug-ins, study files, SQL, Python and tables are as they say."""
 
 import re
 import sqlite3
@@ -11,9 +11,11 @@ from helpers.studies import invented, short
 from planning.conformance.checks import CHECKS
 from planning.planner import Plan
 from sim.conformance.detector import check as check_detector
+from sim.conformance.tracker import check as check_tracker
 from sim.mission.mission import Mission
 from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
+from sim.study.cells import cells
 from sim.study.store import NAME, Store
 from sim.study.study import STUDIES, adapted, read
 from sim.study.tasks import tasks
@@ -21,6 +23,7 @@ from sim.study.trial import fly
 
 PAGE = (DOCS / "how-to" / "plugins.md").read_text(encoding="utf-8")
 STUDIES_PAGE = (DOCS / "how-to" / "studies.md").read_text(encoding="utf-8")
+TRACKERS_PAGE = (DOCS / "how-to" / "trackers.md").read_text(encoding="utf-8")
 PLANNER, KNOWN, TEST = (content for language, content in blocks(PAGE) if language == "python")
 
 
@@ -66,8 +69,24 @@ def test_every_check_of_a_detector_is_listed_in_its_order():
     assert [name for row in rows for name in re.findall(r"`(.*?)`", row)] == [f.check for f in check_detector("blob")]
 
 
+def test_every_check_of_a_tracker_is_listed_in_its_order():
+    rows = re.findall(
+        r"^\| (`.*?`) \|", TRACKERS_PAGE.partition("| check of a tracker |")[2].partition("\n\n")[0], flags=re.M
+    )
+    assert [name for row in rows for name in re.findall(r"`(.*?)`", row)] == [f.check for f in check_tracker("jpda")]
+
+
+def test_the_study_of_trackers_on_their_page_is_one(tmp_path):
+    path = tmp_path / "trackers.toml"
+    path.write_text(next(content for language, content in blocks(TRACKERS_PAGE) if language == "toml"))
+    assert [cell.settings for cell in cells(read(str(path)))] == [
+        {"tracking.tracker": "jpda"}, {"tracking.life": "m_of_n"}, {"tracking.tracker": "mytracker:Nearest"}
+    ]  # fmt: skip
+
+
 def test_links_lead_somewhere():
-    for page in (DOCS / "how-to" / "plugins.md", DOCS / "examples" / "shepherd" / "README.md"):
+    for name in ("how-to/plugins.md", "how-to/trackers.md", "examples/shepherd/README.md", "examples/soup/README.md"):
+        page = DOCS / name
         for target in re.findall(r"\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
             file, _, heading = target.partition("#")
             assert (page.parent / file).is_file() or not file, target

@@ -1,0 +1,107 @@
+"""`understory compare --tracker`: trackers are compared as planners are, by planner and map."""
+
+import pytest
+from helpers.commands import called
+from helpers.trials import row
+
+from sim.analysis.answers import answers
+from sim.analysis.cells import grouped
+from sim.analysis.metric_choice import metric_shown
+from sim.analysis.planner_labels import baseline_of, labels_of, short_labels
+from sim.scenario.errors import InputError
+from sim.study.cells import cells, with_trackers
+from sim.study.study import Study
+from sim.terminal import console
+
+MINE = "mine:Mine"
+MEAN = metric_shown("ospa.mean_m")
+
+
+def rows(planners=("greedy",), trackers=("jpda", MINE), levels=(("L", "3"), ("L", "5"))):
+    """Two maps of each planner, tracker and level; OSPA is 1 m for the first tracker, less for the second."""
+    return [
+        row(p, seed, (level, ("tracker", t)), {"ospa.mean_m": 1.0 - 0.25 * (seed + 1) * (t == MINE)})
+        for p in planners
+        for level in levels
+        for t in trackers
+        for seed in (0, 1)
+    ]
+
+
+def test_differences_of_trackers_are_paired_by_map():
+    baseline = baseline_of(rows(), "jpda")
+    found = answers(grouped(rows(), baseline), [MEAN], baseline)
+    assert baseline == "greedy(tracker=jpda)"
+    assert [(a.cell, a.planner) for a in found] == [
+        ((("L", "3"),), "greedy(tracker=jpda)"),
+        ((("L", "3"),), "greedy(tracker=mine:Mine)"),
+        ((("L", "5"),), "greedy(tracker=jpda)"),
+        ((("L", "5"),), "greedy(tracker=mine:Mine)"),
+        (None, "greedy(tracker=mine:Mine)"),
+    ]
+    for answer in found[1::2]:
+        gap = answer.difference
+        assert (gap.mean.value, gap.pairs, gap.won) == (-0.375, 2, 2)
+
+
+def test_with_planners_every_pair_is_compared():
+    every = rows(("greedy", "sma-nbo(horizon=3)"))
+    labels = {g.planner for g in grouped(every)}
+    assert labels == {f"{p}tracker={t})" for p in ("greedy(", "sma-nbo(horizon=3, ") for t in ("jpda", MINE)}
+    assert short_labels(sorted(labels))["sma-nbo(horizon=3, tracker=mine:Mine)"] == "sma-nbo(tracker=Mine)"
+    with pytest.raises(InputError, match="--baseline: 'jpda' is none of the study's planners"):
+        baseline_of(every, "jpda")
+    assert baseline_of(every, "sma-nbo(horizon=3, tracker=jpda)") == "sma-nbo(horizon=3, tracker=jpda)"
+
+
+def test_planners_that_follow_the_cell_go_by_what_stays_for_each_tracker():
+    varied = [
+        row(f"sma-nbo(horizon={h})", 0, (("H", h), ("tracker", t)), {"ospa.mean_m": 1.0})
+        for h in "13"
+        for t in ("jpda", MINE)
+    ]
+    assert {g.planner for g in grouped(varied)} == {"sma-nbo(tracker=jpda)", "sma-nbo(tracker=mine:Mine)"}
+
+
+def test_a_tracker_has_a_label_by_its_name():
+    given = labels_of(rows(), ["theirs=mine:Mine", "ours = greedy(tracker=jpda)"])
+    assert {g.planner for g in grouped(rows(), None, given)} == {"theirs", "ours"}
+
+
+def test_trackers_are_a_factor_of_the_study_in_place_of_its_own():
+    study = with_trackers(Study("tried", ("hover", "greedy"), factors={"L": {"3": {}, "5": {}}}), ["jpda", MINE])
+    found = cells(study)
+    assert [(c.planner, dict(c.factors)["tracker"]) for c in found[:4]] == [
+        ("hover", "jpda"), ("greedy", "jpda"), ("hover", MINE), ("greedy", MINE)
+    ]  # fmt: skip
+    assert [c.settings for c in found[:4:2]] == [{"tracking.tracker": "jpda"}, {"tracking.tracker": MINE}]
+    assert cells(with_trackers(study, ["jpda"]))[0].settings == {"tracking.tracker": "jpda"}
+    assert with_trackers(study, ()) is study
+    varied = Study("tried", ("hover",), factors={"way": {"a": {"tracking": {"tracker": "jpda"}}}})
+    with pytest.raises(InputError, match=r"^--tracker: tracking\.tracker is what factor 'way' of study tried varies$"):
+        with_trackers(varied, ["jpda"])
+
+
+FLAGS = ["--duration", "1", "--sensing", "ideal", "--seeds", "0,1", "--workers", "1", "--metric", "ospa.mean_m"]
+SAME = "from tracking.tracker import Tracker\n\n\nclass Same(Tracker):\n    pass\n"
+
+
+def test_the_command_shows_trackers_side_by_side(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sametracker.py").write_text(SAME)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(console.console, "width", 160)
+    options = ["--planner", "hover", "--tracker", "jpda", "--tracker", "sametracker:Same"]
+    code, out, err = called(["compare", *options, *FLAGS], monkeypatch, capsys)
+    assert (code, err) == (0, ""), err
+    lines = [line.split() for line in out.splitlines() if line.strip().startswith("hover(")]
+    assert [line[0] for line in lines[:2]] == ["hover(tracker=jpda)", "hover(tracker=Same)"]
+    assert "0, 2, 0" in " ".join(lines[1])  # won, tied, lost: the same tracker under another name
+    page = (tmp_path / "runs" / "compare" / "report.html").read_text()
+    assert "hover(tracker=sametracker:Same)" in page and "--set tracking.tracker=sametracker:Same" in page
+    code, _, err = called(["compare", "--tracker", "jdpa", *FLAGS], monkeypatch, capsys)
+    assert code == 2 and err == (
+        "understory: --tracker: 'jdpa' is unknown; allowed are jpda; did you mean jpda? (or package.module:Class)\n"
+    )
+    code, _, err = called(["compare", *options, "--set", "tracking.tracker=jpda", *FLAGS], monkeypatch, capsys)
+    assert code == 2 and "--set: tracking.tracker is what factor 'tracker' of study compare varies" in err
