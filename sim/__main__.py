@@ -11,7 +11,8 @@ from sim.installation import ROOT, is_current_folder
 sys.path.append(str(ROOT))
 sys.path.sort(key=is_current_folder)
 
-from sim.cli.catalogues import check_detector, check_planner, check_tracker, planners, scenarios, studies
+from sim.cli.catalogues import planners, scenarios, studies
+from sim.cli.checks import check_detector, check_planner, check_tracker
 from sim.cli.compare import compare
 from sim.cli.explain import explain
 from sim.cli.export import export

@@ -51,6 +51,7 @@ PLANNING = {
     "sim/terminal/commands.py",
     "sim/cli/run.py",
     "sim/cli/catalogues.py",
+    "sim/cli/checks.py",
     "sim/cli/compare.py",
     "sim/replay/rerun/mwtp_matches.py",
     "sim/study/tasks.py",

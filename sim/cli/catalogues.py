@@ -1,18 +1,9 @@
-"""Commands that list what there is, such as `understory planners`, and that check plug-ins."""
+"""`understory planners`, `scenarios` and `studies`: what there is."""
 
-from typing import Annotated
-
-import typer
-
-from planning.loading import load_planner
 from planning.registry import catalogue
 from sim.scenario.loading import SCENARIOS
-from sim.scenario.perception import DETECTORS
 from sim.study.study import STUDIES, read
-from sim.terminal.console import say
-from sim.terminal.progress import starting
-from sim.terminal.results import show_findings, show_groups, show_list
-from tracking.fusion.member import TRACKERS
+from sim.terminal.results import show_groups, show_list
 
 
 def planners() -> None:
@@ -38,44 +29,3 @@ def studies() -> None:
         {name: read(name).description for name in STUDIES},
         "Fly one: understory compare NAME --maps 10. Yours: a .toml file, see docs/how-to/studies.md.",
     )
-
-
-def check_planner(
-    planner: Annotated[
-        str, typer.Argument(metavar="PLANNER", help="Name, with options or not, or yours, module:Class.")
-    ],
-) -> None:
-    """Check that a planner keeps to what planners must, on situations made for that; exit code 1 if it does not."""
-    load_planner(planner)
-    from planning.conformance.checks import check
-    from sim.mission.warmup import announced
-
-    with starting(), announced(say):
-        findings = check(planner)
-    show_findings(findings)
-
-
-def check_detector(
-    detector: Annotated[str, typer.Argument(metavar="DETECTOR", help="Name, or yours, module:Class.")],
-) -> None:
-    """Check that a detector keeps to what detectors must, on frames rendered for that; exit code 1 if it does not."""
-    DETECTORS.make(detector)
-    from sim.conformance.detector import check
-    from sim.mission.warmup import announced
-
-    with starting(), announced(say):
-        findings = check(detector)
-    show_findings(findings)
-
-
-def check_tracker(
-    tracker: Annotated[str, typer.Argument(metavar="TRACKER", help="Name, or yours, module:Class.")],
-) -> None:
-    """Check that a tracker keeps to what trackers must, on scans scripted for that; exit code 1 if it does not."""
-    TRACKERS.find(tracker)
-    from sim.conformance.tracker import check
-    from sim.mission.warmup import announced
-
-    with starting(), announced(say):
-        findings = check(tracker)
-    show_findings(findings)

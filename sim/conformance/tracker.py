@@ -33,9 +33,9 @@ _SCANS, _STEP = 25, 0.2  # and s between them
 _UAVS = 2
 _HERE, _AWAY = Pose.level(0.0, 0.0, 25.0), Pose.level(80.0, 0.0, 25.0)
 _PEOPLE = np.array([(-6.0, 2.0, 0.8, 0.3), (5.0, 4.0, -0.5, 0.5), (3.0, -6.0, 0.0, 0.9)])  # known at the start
-_STRANGER = np.array([[-2.0, -7.0, 0.3, 0.6]])  # nobody knows of
+_STRANGER = np.array([[-2.0, -7.0, 0.3, 0.6]])  # unknown at the start
 _CLUTTER = np.array([[10.0, 10.0]])
-_FAR = 3.0  # m from all people: a track of nobody
+_FAR = 3.0  # m from all people: a false track
 _PAST = Scan(0, 0.0, _HERE, np.zeros((0, 2)), np.zeros((0, 2, 2)))  # of a time that has passed
 
 
@@ -49,13 +49,13 @@ def check(tracker: str) -> list[Finding]:
 
 
 def _people(k: int) -> Array:
-    """Places (4, 2) m of the people at a scan, the stranger last."""
-    everybody = np.concatenate([_PEOPLE, _STRANGER])
-    return everybody[:, :2] + _STEP * k * everybody[:, 2:]
+    """Places (4, 2) m of the people at a scan, the unknown one last."""
+    states = np.concatenate([_PEOPLE, _STRANGER])
+    return states[:, :2] + _STEP * k * states[:, 2:]
 
 
 def _scan(k: int, uav: int) -> Scan | None:
-    """The script: scan k of a UAV, whose camera looks elsewhere for a while; None where it takes no frame."""
+    """The script: scan k of a UAV, with its camera elsewhere for a while; None where it takes no frame."""
     if (uav == 1 and k % 2) or (uav == 0 and k == 15):
         return None
     away = uav == 0 and 10 <= k < 13
@@ -68,7 +68,7 @@ def _scan(k: int, uav: int) -> Scan | None:
 
 
 class _Watched:
-    """A tracker whose arguments are compared before and after each call, and whose tracks are looked at."""
+    """A tracker with its arguments compared before and after each call, and its tracks looked at."""
 
     def __init__(self, name: str, uav: int) -> None:
         parameters = TrackerParameters(motion_model("ncv", _STEP, 0.5, 3.0))
@@ -195,7 +195,7 @@ def _people_found(subject: _Subject) -> str:
     places = np.array([t.belief.mean[:2] for t in subject.flown().tracks[-1][0]]).reshape(-1, 2)
     gaps = length(places[:, None] - _people(_SCANS - 1))
     held, false = int(np.sum((gaps < _FAR).any(axis=0))), int(np.sum((gaps >= _FAR).all(axis=1)))
-    seen = f"{held} of 4 have a track at the end, one of them unknown at the start; {false} tracks of nobody"
+    seen = f"{held} of 4 have a track at the end, one of them unknown at the start; {false} false tracks"
     if 2 * held < len(_PEOPLE) or false > len(_PEOPLE):
         raise Unfit(seen)
     return seen

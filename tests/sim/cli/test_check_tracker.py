@@ -127,7 +127,7 @@ def test_good_trackers_conform(name, monkeypatch):
     findings = check(name)
     assert [str(f) for f in findings if not f.passed] == []
     held = {f.check: f.seen for f in findings}["people"]
-    assert held.startswith("3 of 4" if "Nearest" in name else "4 of 4") and held.endswith("0 tracks of nobody")
+    assert held.startswith("3 of 4" if "Nearest" in name else "4 of 4") and held.endswith("0 false tracks")
 
 
 @pytest.mark.parametrize("kind", BROKEN)

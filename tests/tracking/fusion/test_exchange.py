@@ -16,7 +16,7 @@ LINKED = ~np.eye(2, dtype=bool)
 
 
 class Scripted:
-    """A tracker whose tracks and detections are set by hand."""
+    """A tracker with tracks and detections that a test sets."""
 
     max_speed = 3.0
 
@@ -130,7 +130,7 @@ def test_the_built_in_tracker_is_made_unchecked():
 
 
 class Kalman(Scripted):
-    """One person, whose measurements are the first of each scan."""
+    """A filter of one person by the first measurement of each scan."""
 
     def __init__(self, uav, camera, forest, parameters, initial):
         super().__init__(uav, initial)

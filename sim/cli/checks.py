@@ -1,0 +1,53 @@
+"""`understory check-planner`, `check-detector` and `check-tracker`: what a plug-in must keep to."""
+
+from typing import Annotated
+
+import typer
+
+from planning.loading import load_planner
+from sim.scenario.perception import DETECTORS
+from sim.terminal.console import say
+from sim.terminal.progress import starting
+from sim.terminal.results import show_findings
+from tracking.fusion.member import TRACKERS
+
+
+def check_planner(
+    planner: Annotated[
+        str, typer.Argument(metavar="PLANNER", help="Name, with options or not, or yours, module:Class.")
+    ],
+) -> None:
+    """Check that a planner keeps to what planners must, on situations made for that; exit code 1 if it does not."""
+    load_planner(planner)
+    from planning.conformance.checks import check
+    from sim.mission.warmup import announced
+
+    with starting(), announced(say):
+        findings = check(planner)
+    show_findings(findings)
+
+
+def check_detector(
+    detector: Annotated[str, typer.Argument(metavar="DETECTOR", help="Name, or yours, module:Class.")],
+) -> None:
+    """Check that a detector keeps to what detectors must, on frames rendered for that; exit code 1 if it does not."""
+    DETECTORS.make(detector)
+    from sim.conformance.detector import check
+    from sim.mission.warmup import announced
+
+    with starting(), announced(say):
+        findings = check(detector)
+    show_findings(findings)
+
+
+def check_tracker(
+    tracker: Annotated[str, typer.Argument(metavar="TRACKER", help="Name, or yours, module:Class.")],
+) -> None:
+    """Check that a tracker keeps to what trackers must, on scans scripted for that; exit code 1 if it does not."""
+    TRACKERS.find(tracker)
+    from sim.conformance.tracker import check
+    from sim.mission.warmup import announced
+
+    with starting(), announced(say):
+        findings = check(tracker)
+    show_findings(findings)
