@@ -111,20 +111,28 @@ def _named(labels: dict[str, str], baseline: str, option: str) -> str:
 def short_labels(labels: Sequence[str]) -> dict[str, str]:
     """Labels for a narrow table: without options that all planners of one name share, and without modules.
 
-    A label stays as it is where two would look alike.
+    Trackers of a single planner go by their own names. A label stays as it is where two would look alike.
     """
     options = {label: _parts(label.removesuffix(BOUND)) for label in labels}
+    single = len({(name, *filter(_is_other, own)) for name, own in options.values()}) == 1
     shorts = {}
     for label, (name, own) in options.items():
         alike = [other for base, other in options.values() if base == name]
         telling = [_without_module(option) for option in own if not all(option in other for other in alike)]
         last = name.rpartition(":")[2]
-        shorts[label] = (f"{last}({', '.join(telling)})" if telling else last) + BOUND * label.endswith(BOUND)
+        short = f"{last}({', '.join(telling)})" if telling else last
+        alone = single and telling and not _is_other(telling[-1])
+        shorts[label] = (telling[-1].partition("=")[2] if alone else short) + BOUND * label.endswith(BOUND)
     found = list(shorts.values())
     return {label: short if found.count(short) == 1 else label for label, short in shorts.items()}
+
+
+def _is_other(option: str) -> bool:
+    """True if an option is no tracker."""
+    return option.partition("=")[0] != TRACKER
 
 
 def _without_module(option: str) -> str:
     """The option; a tracker without its module."""
     key, _, value = option.partition("=")
-    return f"{key}={value.rpartition(':')[2]}" if key == TRACKER else option
+    return option if _is_other(option) else f"{key}={value.rpartition(':')[2]}"
