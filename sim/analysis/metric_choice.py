@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Sequence
 
 from sim.evaluation.metric import METRICS, Metric, metric
-from sim.scenario.errors import InputError
 from sim.study.row import Row
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 DEFAULT = ("ospa.share_under_1m", "ospa.mean_m", "ospa.median_m")

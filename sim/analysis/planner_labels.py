@@ -7,9 +7,9 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
 from sim.analysis.cell_text import Cell, Placed, cells_of
-from sim.scenario.errors import InputError
 from sim.study.cells import TRACKER, with_options
 from sim.study.row import Row
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 BOUND = ", upper bound"  # follows the label of a planner that sees the truth

@@ -14,7 +14,6 @@ import typer
 from rich.markup import escape
 
 from planning.registry import COMPARED
-from sim.scenario.errors import InputError
 from sim.scenario.loading import SCENARIOS, remarks
 from sim.scenario.perception import SENSOR_MODES
 from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers, seconds
@@ -23,6 +22,7 @@ from sim.study.study import STUDIES, Study, adapted, is_study, read
 from sim.terminal.console import console, fail, remark
 from sim.terminal.options import Duration, Overrides, with_duration
 from tracking.fusion.member import TRACKERS
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import

@@ -11,10 +11,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from sim.recording.atomic_files import check_new, unused, whole
-from sim.scenario.errors import InputError
 from sim.scenario.quantities import integer, interval
 from sim.terminal.console import console
 from sim.terminal.options import Recorded
+from tracking.plugins.registry import InputError
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.recording.recording import Recording

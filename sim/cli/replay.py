@@ -10,11 +10,11 @@ import typer
 from rich.markup import escape
 
 from sim.recording.atomic_files import check_new, unused
-from sim.scenario.errors import InputError
 from sim.scenario.quantities import interval
 from sim.terminal.console import console, say
 from sim.terminal.options import Recorded
 from sim.terminal.progress import trial_progress
+from tracking.plugins.registry import InputError
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.recording.recording import Recording

@@ -19,12 +19,12 @@ from sim.evaluation.score import FAR, Score, score
 from sim.evaluation.unmatched import Unmatched, unmatched_tracks
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
-from sim.scenario.errors import InputError
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
 from tracking.numerics.arrays import Array
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.importing import imported
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 Better = Literal["lower", "higher", "neither"]

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from sim.scenario.errors import InputError
+from tracking.plugins.registry import InputError
 
 
 def unfinished(path: Path) -> Path:

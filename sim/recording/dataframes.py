@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from sim.scenario.errors import InputError
+from tracking.plugins.registry import InputError
 
 
 def dataframe(columns: Mapping[str, Any]) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from sim.recording.fault_text import LONGEST, MOST, read
 from sim.recording.recording import Recording
-from sim.scenario.errors import InputError
 from sim.scenario.quantities import REPEATS
 from sim.scenario.scenario import Scenario
 from sim.world.contacts import KINDS
 from tracking.numerics.arrays import Array
+from tracking.plugins.registry import InputError
 
 FARTHEST = 1e6  # m, m/s, m²: beyond what anything in a mission can be, and short of what drawing overflows at
 Finding = tuple[str, bool, str]  # field, whether it is wrong, and what it has to be

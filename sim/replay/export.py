@@ -12,10 +12,10 @@ from sim.evaluation.score import velocities
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import scenario_of
-from sim.scenario.errors import InputError
 from sim.sensing.cameras import view_of
 from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
 from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 Row = Sequence[float | int | str]

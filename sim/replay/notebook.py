@@ -33,8 +33,8 @@ from sim.replay.frames.rerender import Rerenderer, find, scenario_of
 from sim.replay.history import History
 from sim.replay.tables import TABLES, arrays, columns
 from sim.replay.timeline import timeline_figure
-from sim.scenario.errors import InputError
 from sim.scenario.scenario import Scenario
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 _MAP = 900  # pixels, width of the map

@@ -13,8 +13,8 @@ from sim.drawing.lettering import Image
 from sim.evaluation.summary import marked
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import Rerenderer, scenario_of
-from sim.scenario.errors import InputError
 from sim.scenario.scenario import Scenario
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 AS_FLOWN = "map+cameras"

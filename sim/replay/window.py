@@ -15,13 +15,13 @@ import numpy as np
 from sim.drawing.palette import uav_colour
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import scenario_of
-from sim.scenario.errors import InputError
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from sim.world.engine import pybullet, quiet, silenced
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.arrays import Array
+from tracking.plugins.registry import InputError
 
 _SIZE = (1280, 800)
 _GRASS = (0.46, 0.51, 0.36, 1.0)

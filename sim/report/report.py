@@ -27,8 +27,8 @@ from sim.report.page_elements import commanded, facts, listed, paragraph
 from sim.report.page_tables import result_tables, runtime_tables, verdict
 from sim.report.single_trials import failures, maps
 from sim.report.tables import notes, shortfalls
-from sim.scenario.errors import InputError
 from sim.study.row import Row
+from tracking.plugins.registry import InputError
 
 _FIGURES = r"(ecdf|time|maps|runtime)(-[a-z0-9-]+)?\.(svg|png)"  # what a report calls them
 HOW_TO_READ = (

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from sim.mission.trial import ScanProgress, Trial
 from sim.processes.isolation import IsolationError, run_isolated
 from sim.recording.atomic_files import new_folder
-from sim.scenario.errors import InputError
+from tracking.plugins.registry import InputError
 
 
 class Results(NamedTuple):

@@ -11,10 +11,10 @@ import msgspec
 
 from sim.installation import ASSETS
 from sim.scenario.environment import People
-from sim.scenario.errors import InputError
 from sim.scenario.fleet import Cut, Uav
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import toml, toml_file
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 # Settings beside the scenario, and the options that give them.

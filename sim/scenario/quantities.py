@@ -3,7 +3,7 @@
 import math
 import re
 
-from sim.scenario.errors import InputError
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 MOST_SEED = 2**128 - 1

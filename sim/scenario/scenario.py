@@ -136,14 +136,8 @@ def _check_multiple(key: str, value: float, rate: int, what: str) -> None:
 
 
 def resolved(scenario: Scenario) -> str:
-    """The scenario as JSON with every default written out.
-
-    The built-in tracker goes unsaid, so that its recordings keep their bytes.
-    """
-    settings = msgspec.to_builtins(scenario)
-    if scenario.tracking.tracker == Tracking().tracker:
-        del settings["tracking"]["tracker"]
-    return msgspec.json.encode(settings).decode()
+    """The scenario as JSON with every default written out."""
+    return msgspec.json.encode(scenario).decode()
 
 
 def check_workload(scenario: Scenario) -> None:

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from sim.scenario.errors import InputError
+from tracking.plugins.registry import InputError
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -11,9 +11,9 @@ from multiprocessing.process import BaseProcess
 from typing import Any, Protocol, cast
 
 from sim.processes.isolation import kill_session, lead_session
-from sim.scenario.errors import InputError
 from sim.study.tasks import Task
 from sim.study.trial import Flown, failed, fly, warm
+from tracking.plugins.registry import InputError
 
 
 class Backend(Protocol):

@@ -8,10 +8,10 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from sim.scenario.errors import InputError
 from sim.scenario.quantities import integers
 from sim.study.settings_text import flat, option, toml
 from sim.study.study import Study, check_keys
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 TRACKER = "tracker"  # the factor whose levels are compared as planners are

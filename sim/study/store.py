@@ -13,9 +13,9 @@ import numpy as np
 
 from sim.recording.dataframes import dataframe
 from sim.recording.npz import line
-from sim.scenario.errors import InputError
 from sim.study.row import Row
 from sim.study.tasks import Task
+from tracking.plugins.registry import InputError
 
 SCHEMA = 2  # in the file's user_version; docs/how-to/studies.md describes it
 NAME = "study.sqlite"

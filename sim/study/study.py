@@ -8,10 +8,10 @@ import msgspec
 from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
-from sim.scenario.errors import InputError
 from sim.scenario.quantities import REPEATS
 from sim.scenario.text_files import toml_file
 from sim.study.settings_text import flat, toml
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}

@@ -12,7 +12,6 @@ import msgspec
 from msgspec import Struct
 
 from planning.loading import load_planner
-from sim.scenario.errors import InputError
 from sim.scenario.loading import load
 from sim.scenario.quantities import integers
 from sim.scenario.scenario import Scenario, resolved
@@ -20,6 +19,7 @@ from sim.scenario.text_files import content
 from sim.study.cells import cells
 from sim.study.study import Study
 from sim.world.trajectories import MOST_BYTES
+from tracking.plugins.registry import InputError
 
 _MOST_TRIALS = 1_000_000
 _OURS = ("planning", "sim", "tracking")

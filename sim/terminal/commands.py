@@ -13,8 +13,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from sim.processes.isolation import IsolationError
-from sim.scenario.errors import InputError
 from sim.terminal.console import fail
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a full disk, or one that fails

@@ -10,8 +10,8 @@ import importlib.util
 import subprocess
 import sys
 
-from sim.scenario.errors import InputError
 from sim.world.engine import pybullet, quiet
+from tracking.plugins.registry import InputError
 
 MOST_PIXELS = 768  # along an edge: the height of the plug-in's window
 _PLUGIN = "_eglRendererPlugin"

@@ -12,12 +12,12 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from sim.scenario.environment import Area
-from sim.scenario.errors import InputError
 from sim.scenario.scenario import MOST_WALKED
 from sim.scenario.text_files import text
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.universal import arctan2_each
+from tracking.plugins.registry import InputError
 
 SAMPLES_PER_SECOND = 60
 COLUMNS = ("t", "id", "x", "y")

@@ -6,7 +6,6 @@ import numpy as np
 
 from sim.scenario.bounds import Point
 from sim.scenario.environment import Area, People
-from sim.scenario.errors import InputError
 from sim.world.pedestrian_steering import SEPARATION, simulate
 from sim.world.trajectories import SAMPLES_PER_SECOND, Trajectories
 from tracking.geometry.visibility import Forest
@@ -17,6 +16,7 @@ from tracking.numerics.exponential import power
 from tracking.numerics.normal import normal_cdf_each, standard_normal
 from tracking.numerics.trigonometry import arctan2
 from tracking.numerics.universal import exp_each, power_each
+from tracking.plugins.registry import InputError
 
 TRUNK_CLEARANCE = 0.4  # m, from a trunk's bark to a person's axis
 MARGIN = 1.0  # m, from the border

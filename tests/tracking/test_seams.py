@@ -12,12 +12,12 @@ from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
 from sim.recording.archive import digest, load
 from sim.running.run import run
-from sim.scenario.errors import InputError
 from sim.scenario.loading import load as load_scenario
 from sim.study.tasks import task_of
 from sim.study.trial import fly
 from tracking.filter.motion import motion_model
 from tracking.fusion.rule import fusion_rule
+from tracking.plugins.registry import InputError
 
 PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "plugins.md").read_text(encoding="utf-8")
 MODELS, MODES = re.findall(r"^```py\n(.*?)^```$", PAGE, flags=re.M | re.S)  # of the page

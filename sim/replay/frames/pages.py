@@ -19,7 +19,7 @@ from sim.replay.frames.annotation import annotated
 from sim.replay.frames.panel import WIDTH, draw_panel
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.frames.sightings import Sight
-from sim.scenario.errors import InputError
+from tracking.plugins.registry import InputError
 
 _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6]  # less than half the size of OpenCV's default
 _SLACK = 1e-6  # s, for times that were typed

@@ -11,12 +11,12 @@ from sim.recording.archive import load
 from sim.recording.npz import line
 from sim.recording.recording import Recording
 from sim.recording.validation import check_scenario
-from sim.scenario.errors import InputError
 from sim.scenario.loading import decode
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from sim.sensing.renderer import Rendered, Renderer
 from sim.world.world import World
+from tracking.plugins.registry import InputError
 
 
 class Rerenderer:

@@ -26,8 +26,8 @@ from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
 from sim.replay.events import events_of
 from sim.replay.history import History
 from sim.replay.page.data import css, page_data
-from sim.scenario.errors import InputError
 from sim.scenario.scenario import Scenario
+from tracking.plugins.registry import InputError
 
 SOFT: Colour = (102, 97, 90)  # of text that steps back: FAINT is too light to read
 _SHOWN = 3  # faults at the top, of different kinds

@@ -22,9 +22,9 @@ from sim.replay.history import History
 from sim.replay.rerun.images import Cameras
 from sim.replay.rerun.scene import Scene, log_ground
 from sim.replay.rerun.series import log_events, log_series, log_states
-from sim.scenario.errors import InputError
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import content
+from tracking.plugins.registry import InputError
 
 Progress = Callable[[object], None]
 _CURVES = {

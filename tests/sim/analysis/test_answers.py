@@ -12,7 +12,7 @@ from sim.analysis.intervals import means, medians
 from sim.analysis.metric_choice import available, chosen, from_outside, metric_shown
 from sim.analysis.planner_labels import baseline_of
 from sim.analysis.significance import chances, holm, maps_needed
-from sim.scenario.errors import InputError
+from tracking.plugins.registry import InputError
 
 MEAN, SHARE, NEES = metric_shown("ospa.mean_m"), metric_shown("ospa.share_under_1m"), metric_shown("nees.position")
 

@@ -8,10 +8,10 @@ from sim.analysis.answers import answers
 from sim.analysis.cells import grouped
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of, labels_of, short_labels
-from sim.scenario.errors import InputError
 from sim.study.cells import cells, with_trackers
 from sim.study.study import Study
 from sim.terminal import console
+from tracking.plugins.registry import InputError
 
 MINE = "mine:Mine"
 MEAN = metric_shown("ospa.mean_m")

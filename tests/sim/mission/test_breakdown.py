@@ -20,12 +20,12 @@ from sim.recording.archive import load as load_recording
 from sim.replay.frames.pages import check_working
 from sim.replay.frames.rerender import scenario_of
 from sim.running.run import run
-from sim.scenario.errors import InputError
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault
 from sim.study.tasks import task_of
 from sim.study.trial import fly as fly_trial
 from tracking.geometry.visibility import Forest
+from tracking.plugins.registry import InputError
 
 BROKEN = "broke down, hovers from now on"
 

@@ -13,11 +13,11 @@ from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
 from sim.recording.archive import load
 from sim.running.run import run
-from sim.scenario.errors import InputError
 from sim.scenario.loading import load as load_scenario
 from sim.scenario.scenario import resolved
 from sim.study.tasks import task_of
 from sim.study.trial import fly
+from tracking.plugins.registry import InputError
 
 PAGE = (DOCS / "how-to" / "trackers.md").read_text(encoding="utf-8")
 NEAREST = next(content for language, content in blocks(PAGE) if language == "python")

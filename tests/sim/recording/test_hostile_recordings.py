@@ -25,8 +25,8 @@ from sim.replay.export import export
 from sim.replay.frames.pages import write_frames
 from sim.replay.frames.rerender import find, scenario_of
 from sim.replay.history import History
-from sim.scenario.errors import InputError
 from sim.scenario.scenario import resolved
+from tracking.plugins.registry import InputError
 
 ROOT = Path(__file__).parents[3]
 OLD = ROOT / "tests" / "data" / "mission-plans.npz"

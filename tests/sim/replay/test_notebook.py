@@ -21,8 +21,8 @@ from sim.replay.frames.pages import draw
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.notebook import Flight, load
 from sim.replay.tables import TABLES
-from sim.scenario.errors import InputError
 from sim.sensing.fault import Fault
+from tracking.plugins.registry import InputError
 
 TEXT = (Path(__file__).parents[3] / "docs" / "how-to" / "notebooks.md").read_text(encoding="utf-8")
 

@@ -20,8 +20,8 @@ from sim.analysis.metric_choice import metric_shown
 from sim.analysis.significance import chances, maps_needed
 from sim.report.page_tables import verdict
 from sim.report.report import About, duration, made, ranges, write
-from sim.scenario.errors import InputError
 from sim.scenario.loading import load
+from tracking.plugins.registry import InputError
 
 EVIL = "<script>alert('x')</script> & \"quoted\" --rm"
 ABOUT = About(

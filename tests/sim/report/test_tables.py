@@ -17,7 +17,7 @@ from sim.analysis.coverage import ERRORS, SHARES
 from sim.analysis.metric_choice import metric_shown
 from sim.report.formats import comma_separated, markdown
 from sim.report.terminal import show
-from sim.scenario.errors import InputError
+from tracking.plugins.registry import InputError
 
 MEAN = metric_shown("ospa.mean_m")
 

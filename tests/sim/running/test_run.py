@@ -16,8 +16,8 @@ from sim.recording.archive import load as load_recording
 from sim.recording.atomic_files import new_folder
 from sim.running import run as module
 from sim.running.run import run
-from sim.scenario.errors import InputError
 from sim.scenario.loading import load
+from tracking.plugins.registry import InputError
 
 pytestmark = pytest.mark.usefixtures("heard")
 FILES = ["mission.html", "mission.mp4", "mission.npz", "ospa.png", "summary.json", "timeline.png"]

@@ -12,12 +12,12 @@ from helpers.pages import generator
 from msgspec import inspect
 
 from sim.scenario.environment import People
-from sim.scenario.errors import InputError
 from sim.scenario.loading import SCENARIOS, load
 from sim.scenario.quantities import integer, integers, seconds
 from sim.scenario.scenario import Scenario, check_workload
 from sim.scenario.text_files import MOST_BYTES, content, text, toml, toml_file, tomllib
 from sim.world.trajectories import read
+from tracking.plugins.registry import InputError
 
 
 def test_the_default_scenario_is_what_an_empty_file_gives(tmp_path):

@@ -8,7 +8,6 @@ import pytest
 from planning.loading import load_planner
 from sim.mission.mission import Mission
 from sim.scenario.environment import People, Trees
-from sim.scenario.errors import InputError
 from sim.scenario.fleet import Uav
 from sim.scenario.perception import DETECTORS, Sensing
 from sim.scenario.scenario import Scenario
@@ -20,6 +19,7 @@ from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Detections, Frame
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, Tree
+from tracking.plugins.registry import InputError
 
 CAMERA = Camera(math.radians(60), 128)
 POSE = Pose.level(0.0, 0.0, 19.0)

@@ -11,7 +11,6 @@ from helpers.views import CAMERA, SCENARIO
 
 from sim.recording.archive import save
 from sim.replay.frames.rerender import Rerenderer
-from sim.scenario.errors import InputError
 from sim.scenario.loading import load, remarks
 from sim.scenario.perception import Sensing
 from sim.sensing.renderer import Renderer
@@ -20,6 +19,7 @@ from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
+from tracking.plugins.registry import InputError
 
 EGL = msgspec.structs.replace(SCENARIO, sensing=Sensing(renderer="egl"))
 OPEN = Forest(())

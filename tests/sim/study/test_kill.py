@@ -11,13 +11,13 @@ import pytest
 from helpers.processes import python, started_with
 from helpers.studies import SHORT, plain, short
 
-from sim.scenario.errors import InputError
 from sim.study.backends import connected
 from sim.study.engine import complete
 from sim.study.store import NAME, Store, read_rows
 from sim.study.study import read
 from sim.study.tasks import tasks
 from sim.study.trial import fly
+from tracking.plugins.registry import InputError
 
 FILE = "[study]\nplanners = ['hover', 'greedy']\nseeds = '{seeds}'\n[set]\n" + "\n".join(
     f"{key} = {value if value.isdigit() else repr(value)}" for key, value in SHORT.items()

@@ -11,7 +11,6 @@ import pytest
 from planning.errors import PlannerError
 from planning.loading import load_planner
 from planning.registry import DEFAULT_PLANNER
-from sim.scenario.errors import InputError
 from sim.scenario.loading import _value, load
 from sim.scenario.scenario import Scenario
 from sim.study.cells import cells
@@ -19,6 +18,7 @@ from sim.study.settings_text import flat, option, toml
 from sim.study.study import STUDIES, Study, adapted, read
 from sim.study.tasks import tasks
 from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.plugins.registry import InputError
 
 FILE = """
 [study]

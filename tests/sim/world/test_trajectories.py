@@ -7,9 +7,9 @@ from numpy.testing import assert_allclose
 from scipy.interpolate import PchipInterpolator
 
 from sim.scenario.environment import Area
-from sim.scenario.errors import InputError
 from sim.scenario.text_files import MOST_BYTES
 from sim.world.trajectories import Trajectories, read
+from tracking.plugins.registry import InputError
 
 AREA = Area()
 

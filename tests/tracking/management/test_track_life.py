@@ -7,7 +7,6 @@ import pytest
 from helpers.scenes import ABOVE, ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
 
 from sim.mission.tracker_setup import tracker_parameters
-from sim.scenario.errors import InputError
 from sim.scenario.loading import load
 from sim.scenario.perception import Tracking
 from sim.scenario.scenario import Scenario
@@ -18,6 +17,7 @@ from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.parameters import TrackerParameters
+from tracking.plugins.registry import InputError
 from tracking.tracker import Tracker
 
 BOTH = pytest.mark.parametrize("life", ["m_of_n", "existence"])

@@ -21,11 +21,11 @@ from sim.replay.frames.pages import scans_between, write_frames
 from sim.replay.frames.panel import draw_panel, field_of_view
 from sim.replay.frames.rerender import Rerenderer, scenario_of
 from sim.replay.frames.sightings import Sight
-from sim.scenario.errors import InputError
 from sim.world.world import World
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.plugins.registry import InputError
 from tracking.tracker import Track
 
 

@@ -25,9 +25,9 @@ from sim.replay.history import History
 from sim.replay.page.data import HIDDEN, OUT, SEEN, codes, page_data
 from sim.replay.page.page import page, write_page
 from sim.running.run import run
-from sim.scenario.errors import InputError
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault
+from tracking.plugins.registry import InputError
 
 OPTIONS = {"explain": ({"--time", "--target"}, {"--track"}), "frames": ({"--time", "--uav"},)}
 

@@ -18,7 +18,7 @@ from sim.replay.frames.rerender import Rerenderer, scenario_of  # noqa: E402
 from sim.replay.rerun import viewer as rerun_view  # noqa: E402
 from sim.replay.rerun.mwtp_matches import matches_at  # noqa: E402
 from sim.replay.rerun.scene import gaps_at  # noqa: E402
-from sim.scenario.errors import InputError  # noqa: E402
+from tracking.plugins.registry import InputError  # noqa: E402
 
 BROKEN_AT = 8  # the scan, of UAV 2
 OVERRIDES = ("trees.density=75", "uavs.2.fails_at=1.5", "uavs.1.rate=1", "network.loss=0.6", "network.rounds=1")
