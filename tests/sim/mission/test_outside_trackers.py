@@ -14,7 +14,6 @@ from sim.mission.trial import Trial
 from sim.recording.archive import load
 from sim.running.run import run
 from sim.scenario.loading import load as load_scenario
-from sim.scenario.scenario import resolved
 from sim.study.tasks import task_of
 from sim.study.trial import fly
 from tracking.plugins.registry import InputError
@@ -60,10 +59,6 @@ def test_stone_soups_tracks_of_unknown_people_are_found(tmp_path, monkeypatch):
     recording, _ = flown(tmp_path / "out", *OPEN, name, unknown, "sensing.field_of_view=unlimited", planner="hover")
     assert len(set(recording.track_ids.tolist())) == 4
     assert recording.ospa[10:, :, 0].max() < 1.5
-
-
-def test_the_built_in_tracker_goes_unsaid_in_recordings():
-    assert "tracker" not in re.findall(r'"(\w+)":', resolved(load_scenario("forest", ["tracking.tracker=jpda"])))
 
 
 LACKING = """
