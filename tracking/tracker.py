@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracking.association.jipda import log_odds
 from tracking.filter.kalman import Gaussian
 from tracking.filter.negative_information import Viewpoint, miss_likelihood
+from tracking.fusion.exchange import SURE, UNSEEN, partition_of, shares_of
 from tracking.fusion.labels import FIRST_LABEL, UAVS, is_new_label, new_label
 from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
@@ -29,15 +29,9 @@ from tracking.track_table import TrackTable
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 
-# Weights in the average of a UAV with the belief in view but without a detection, and of one without it in view. The
-# first matters only if no UAV detected the person, the second only if none had the belief in view.
-_VIEWED, _NOT_VIEWED = 1e-4, 1e-9
-# Probability of a detection from which on it is a sighting. Of two tracks that share one person's measurements, one is
-# lost: its person may turn up elsewhere.
-_SURE = 0.99
+_VIEWED = 1e-4  # weight in the average of a belief in view without a detection: matters only if no UAV detected it
 _BORN = 1.0  # s for which a new track takes the id of one whose person it shares
 _NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
-_IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
 
 
 class Tracker:
@@ -74,7 +68,7 @@ class Tracker:
         self._first = 0.0  # s, the time of the first scan
         self._viewpoint: Viewpoint | None = None  # of the last frame
         self._rule = fusion_rule(parameters.fusion)
-        self._table = _tabulated(known, weight=_NOT_VIEWED, seen=-math.inf, sighted=0.0)
+        self._table = _tabulated(known, weight=UNSEEN, seen=-math.inf, sighted=0.0)
         self._deleted: tuple[tuple[int, float], ...] = ()
         self._partition = (0, -math.inf)  # leader, and the time [s] at which it was last heard
         self._predicted = _NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
@@ -121,13 +115,13 @@ class Tracker:
         hits = detected >= p.seen
         if p.life == "m_of_n":
             hits &= ~without_measurement(after.gates, detected)
-        marks = np.column_stack([hits, before.visible >= p.expected, detected >= _SURE])
+        marks = np.column_stack([hits, before.visible >= p.expected, detected >= SURE])
         self._table = replace(
             table,
             means=after.means,
             covariances=after.covariances,
             existence=after.existence,
-            weights=np.maximum(detected, _NOT_VIEWED + _VIEWED * before.visible),
+            weights=np.maximum(detected, UNSEEN + _VIEWED * before.visible),
             times=np.where(marks, scan.time, table.times),
         )
         left = ~after.explained
@@ -164,11 +158,7 @@ class Tracker:
         beliefs = table.means, table.covariances, table.weights
         prior, measured = self._predicted[:2], self._predicted[2:]
         averaged, novel, weights = self._rule.contribution(LocalBeliefs(self.uav, *beliefs, prior, *measured, seen))
-        columns = np.ones((len(table), 1)), averaged, log_odds(table.existence)[:, None]
-        shares = np.concatenate(columns, axis=1) * weights[:, None]
-        leader, heard = self._partition
-        leads = leader >= self.uav or self._time - heard > _IN_TOUCH
-        partition = (self.uav, self._time) if leads else self._partition
+        partition = partition_of(self.uav, self._partition, self._time)
         return Message(
             uav=self.uav,
             degree=degree,
@@ -177,7 +167,7 @@ class Tracker:
             partition=partition,
             ids=table.ids,
             names=np.column_stack([np.full(len(table), partition[0]), table.ids]),
-            shares=shares,
+            shares=shares_of(averaged, weights, table.existence),
             times=table.times,
             misses=table.misses,
             sightings=table.sightings,
@@ -207,7 +197,7 @@ class Tracker:
         self._predicted, self._partition = _NOTHING, message.partition
         here = np.column_stack([means[:, :2], np.full(len(means), self._time)])
         sightings = np.where(message.times[:, 2:] < self._time, message.sightings, here)
-        weights = np.full(len(means), _NOT_VIEWED)
+        weights = np.full(len(means), UNSEEN)
         table = TrackTable(ids, means, covariances, existence, weights, message.times, misses, sightings)
         order = np.argsort(ids, kind="stable")
         self._table = self._with_reacquired(table[order[~(ends | shared)[order]]])

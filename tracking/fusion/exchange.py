@@ -1,4 +1,4 @@
-"""Exchange of tracks with the fleet, for trackers that know beliefs and no messages."""
+"""Exchange of tracks with the fleet: the message of a scan, and ids for trackers that know beliefs and no messages."""
 
 from __future__ import annotations
 
@@ -16,11 +16,27 @@ from tracking.numerics.arrays import Array
 from tracking.parameters import TrackerParameters
 from tracking.track import Track
 
-_UNSEEN = 1e-9  # weight in the fleet's average of a track without a detection
-_SURE = 0.99  # probability of a detection from which on it is a sighting
+UNSEEN = 1e-9  # least weight of a belief in the fleet's average: it matters only if no UAV had the person in view
+# Probability of a detection from which on it is a sighting. Of two tracks that share one person's measurements, one is
+# lost: its person may turn up elsewhere.
+SURE = 0.99
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
 _CERTAIN = 1.0 - 2e-9  # existence from which on it is 1, as log-odds are kept finite
 _NEVER = np.full(6, -np.inf)
+
+
+def shares_of(averaged: Array, weights: Array, existence: Array) -> Array:
+    """Shares (T, 22) as in a message, of information (T, 20) to average, its weights (T,) and existence (T,)."""
+    columns = np.ones((len(weights), 1)), averaged, log_odds(existence)[:, None]
+    return np.asarray(np.concatenate(columns, axis=1) * weights[:, None])
+
+
+def partition_of(uav: int, heard: tuple[int, float], time: float) -> tuple[int, float]:
+    """Leader of the UAV's partition, and the time [s] of its last message; heard: those before the scan at `time` s.
+
+    A UAV leads where its number is the smallest, or where it has not heard of another leader lately.
+    """
+    return (uav, time) if heard[0] >= uav or time - heard[1] > _IN_TOUCH else heard
 
 
 class TrackExchange:
@@ -66,27 +82,25 @@ class TrackExchange:
         self._deleted = tuple(sorted((dict(self._deleted) | ended).items()))
         means = np.array([t.belief.mean for t in held], dtype=float).reshape(-1, 4)
         covariances = np.array([t.belief.covariance for t in held], dtype=float).reshape(-1, 4, 4)
-        weights = np.array([max(detected.get(id, 0.0), _UNSEEN) for id in ids])
         nothing = (means[:0], covariances[:0]), np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
+        chances = np.array([detected.get(id, 0.0) for id in ids])
+        weights = np.maximum(chances, UNSEEN)
+        marks = np.column_stack([chances >= self._parameters.seen] * 2 + [chances >= SURE])
+        history = np.array([self._known[id] for id in ids], dtype=float).reshape(-1, 6)
         averaged, novel, weights = self._rule.contribution(
             LocalBeliefs(self._uav, means, covariances, weights, *nothing)
         )
-        odds = log_odds(np.array([t.existence for t in held], dtype=float))[:, None]
-        history = np.array([self._known[id] for id in ids], dtype=float).reshape(-1, 6)
-        chances = np.array([detected.get(id, 0.0) for id in ids])
-        marks = np.column_stack([chances >= self._parameters.seen, chances >= self._parameters.seen, chances >= _SURE])
-        leader, heard = self._partition
-        leads = leader >= self._uav or time - heard > _IN_TOUCH
-        partition = (self._uav, time) if leads else self._partition
+        existence = np.array([t.existence for t in held], dtype=float)
+        partition, labels = partition_of(self._uav, self._partition, time), np.array(ids, dtype=np.int64)
         return Message(
             uav=self._uav,
             degree=degree,
             scan=self._scans,
             time=time,
             partition=partition,
-            ids=np.array(ids, dtype=np.int64),
-            names=np.column_stack([np.full(len(ids), partition[0]), np.array(ids, dtype=np.int64)]),
-            shares=np.concatenate([np.ones((len(ids), 1)), averaged, odds], axis=1) * weights[:, None],
+            ids=labels,
+            names=np.column_stack([np.full(len(ids), partition[0]), labels]),
+            shares=shares_of(averaged, weights, existence),
             times=np.where(marks, time, history[:, :3]),
             misses=np.zeros(len(ids), dtype=np.int64),
             sightings=history[:, 3:],
