@@ -30,6 +30,7 @@ from tracking.track_table import TrackTable
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 
 _VIEWED = 1e-4  # weight in the average of a belief in view without a detection: matters only if no UAV detected it
+_LATELY = 1.0  # s since the last detection of each of two tracks that share one person
 _BORN = 1.0  # s for which a new track takes the id of one whose person it shares
 _NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
 
@@ -42,7 +43,7 @@ class Tracker:
     `initial` tracks hold at the time of the first scan. Their ids are below one million.
 
     Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `life` = "m_of_n" does. Added here, each
-    with a parameter that turns it off: negative information (`absence_weight`), re-acquisition of lost tracks
+    with a parameter that turns it off, are negative information (`absence_weight`), re-acquisition of lost tracks
     (`recovery_after`), and, as in the paper's code, deletion of tracks of very large covariance (`max_variance`).
     """
 
@@ -68,7 +69,7 @@ class Tracker:
         self._first = 0.0  # s, the time of the first scan
         self._viewpoint: Viewpoint | None = None  # of the last frame
         self._rule = fusion_rule(parameters.fusion)
-        self._table = _tabulated(known, weight=UNSEEN, seen=-math.inf, sighted=0.0)
+        self._table = _tabulated(known, weight=UNSEEN, seen=-math.inf, sighted=-math.inf)
         self._deleted: tuple[tuple[int, float], ...] = ()
         self._partition = (0, -math.inf)  # leader, and the time [s] at which it was last heard
         self._predicted = _NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
@@ -139,7 +140,9 @@ class Tracker:
         # Steps since the first scan are rounded, not those since the last one, so that no drift adds up.
         first = self._first if self._scans else time
         if not self._scans:
-            self._partition = (0, time)  # at the start the fleet is one partition
+            self._partition = (0, time)  # at the start the fleet is one partition, and knows where people are
+            sightings = np.column_stack([self._table.means[:, :2], np.full(len(self._table), time)])
+            self._table = replace(self._table, sightings=sightings)
         steps = round((time - first) / self.parameters.motion.dt)
         elapsed = steps - self._steps
         self._time, self._first, self._steps = time, first, steps
@@ -183,7 +186,9 @@ class Tracker:
         misses = counted_misses(message.misses, message.times, self._time, p.delete[1])
         ends = existence < p.doubt if p.life == "existence" else missed(misses, p.delete[0])
         ends |= np.trace(covariances[:, :2, :2], axis1=1, axis2=2) > p.max_variance
-        ids, shared, alive = message.ids.copy(), np.zeros_like(ends), np.flatnonzero(~ends)
+        # Those of hidden people may agree without a measurement for which they compete.
+        lately = message.times[:, 0] > self._time - _LATELY
+        ids, shared, alive = message.ids.copy(), np.zeros_like(ends), np.flatnonzero(~ends & lately)
         for a, b in shared_people(means[alive], covariances[alive], existence[alive], p.match_gate):
             kept, other = alive[a], alive[b]
             existence[kept], shared[other] = min(existence[kept] + existence[other], 1.0), True

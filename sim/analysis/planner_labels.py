@@ -105,6 +105,8 @@ def _named(labels: dict[str, str], baseline: str, option: str) -> str:
         return labels[baseline]
     if len(named) == 1:
         return named[0]
+    if named:
+        raise InputError(f"{option}: {baseline!r} is several of the study's planners: {', '.join(named)}")
     raise InputError(f"{option}: {baseline!r} is none of the study's planners; {did_you_mean(baseline, known)}")
 
 

@@ -17,7 +17,7 @@ def unresolved(means: Array, existence: Array) -> Array:
     """Probability (T,) that another person is so near that both give one measurement; means (T, 4), existence (T,).
 
     Without it, of two people that pass each other one is taken for a ghost. Source: [Koch97], for the nearest person.
-    Note: in one place it is not 1 but an eighth, as people keep apart: two tracks that stay in one place are of one.
+    Note: in one place it is not 1 but 0.12, as people keep apart: two tracks that stay in one place are of one.
     """
     nearest = np.zeros(len(means))
     for a in range(len(means)):

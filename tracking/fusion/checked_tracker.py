@@ -107,6 +107,10 @@ def checked_message(given: object) -> Message:
     if not isinstance(given, Message):
         raise Unusable(f"it is no tracking.fusion.message.Message but {type(given).__name__}")
     count = len(given.ids)
+    _whole("scan", given.scan, ())
+    _instants("time", given.time, ())
+    _instants("partition", given.partition, (2,))
+    _instants("deleted", given.deleted or np.zeros((0, 2)), (len(given.deleted), 2))
     sent = replace(
         given,
         ids=_whole("ids", given.ids, (count,)),

@@ -22,7 +22,8 @@ UNSEEN = 1e-9  # least weight of a belief in the fleet's average: it matters onl
 SURE = 0.99
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
 _CERTAIN = 1.0 - 2e-9  # existence from which on it is 1, as log-odds are kept finite
-_NEVER = np.full(6, -np.inf)
+# Of a track that is new and of one known at the start, which count as sighted in their first scan.
+_NEW, _UNKNOWN = np.full(6, -np.inf), np.full(6, -np.inf)
 
 
 def shares_of(averaged: Array, weights: Array, existence: Array) -> Array:
@@ -55,7 +56,7 @@ class TrackExchange:
         self._partition = (0, -math.inf)  # leader, and the time [s] at which it was last heard
         self._deleted: tuple[tuple[int, float], ...] = ()
         # Of each track that the fleet knows or that is new: its times and its sighting, as in a message.
-        self._known = {t.id: np.concatenate([_NEVER[:3], t.belief.mean[:2], [0.0]]) for t in initial}
+        self._known = {t.id: _UNKNOWN for t in initial}
 
     def new_id(self) -> int:
         """An id for a track that begins in this scan."""
@@ -63,7 +64,7 @@ class TrackExchange:
             raise ValueError(f"at most {self._born} tracks may begin in a scan")
         id = new_label(self._scans + 1, self._uav, self._born)
         self._born += 1
-        self._known[id] = _NEVER
+        self._known[id] = _NEW
         return id
 
     def message(self, degree: int, time: float, tracks: Sequence[Track], detected: Mapping[int, float]) -> Message:
@@ -75,10 +76,10 @@ class TrackExchange:
         """
         held = sorted(tracks, key=lambda track: track.id)
         ids = [track.id for track in held]
-        self._check(time, ids)
+        self._check(time, ids, detected)
         self._partition = (0, time) if self._scans == 0 else self._partition
         self._scans, self._time = self._scans + 1, time
-        ended = {id: time for id, last in self._known.items() if id not in ids and last is not _NEVER}
+        ended = {id: time for id, last in self._known.items() if id not in ids and last is not _NEW}
         self._deleted = tuple(sorted((dict(self._deleted) | ended).items()))
         means = np.array([t.belief.mean for t in held], dtype=float).reshape(-1, 4)
         covariances = np.array([t.belief.covariance for t in held], dtype=float).reshape(-1, 4, 4)
@@ -87,6 +88,7 @@ class TrackExchange:
         weights = np.maximum(chances, UNSEEN)
         marks = np.column_stack([chances >= self._parameters.seen] * 2 + [chances >= SURE])
         history = np.array([self._known[id] for id in ids], dtype=float).reshape(-1, 6)
+        history[:, 3:] = np.where(history[:, 5:] > -math.inf, history[:, 3:], self._here(means))
         averaged, novel, weights = self._rule.contribution(
             LocalBeliefs(self._uav, means, covariances, weights, *nothing)
         )
@@ -125,8 +127,8 @@ class TrackExchange:
     def _here(self, means: Array) -> Array:
         return np.column_stack([means[:, :2], np.full(len(means), self._time)])
 
-    def _check(self, time: float, ids: Sequence[int]) -> None:
-        """ValueError for a time that is not after the last one, and for ids that the fleet cannot know."""
+    def _check(self, time: float, ids: Sequence[int], detected: Mapping[int, float]) -> None:
+        """ValueError for a time not after the last one, ids that the fleet cannot know, or no probabilities."""
         if not time > self._time:
             raise ValueError(f"scan at {time} s is not after the last one at {self._time} s")
         if len(set(ids)) < len(ids):
@@ -134,3 +136,6 @@ class TrackExchange:
         foreign = [id for id in ids if id not in self._known]
         if foreign:
             raise ValueError(f"ids {foreign} are not of the fleet; take those of new tracks from new_id()")
+        wrong = {id: chance for id, chance in detected.items() if id not in ids or not 0.0 <= chance <= 1.0}
+        if wrong:
+            raise ValueError(f"detected must have a probability for ids of tracks, has {wrong}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -35,11 +37,14 @@ def without_measurement(gates: Indices, detected: Array) -> Flags:
     person's. Those of two tracks that compete for one measurement add up to one: the first has it if they are about
     as likely, else the likelier. So by m of n scans, too, one of two tracks of one person ends.
     """
-    inside = np.zeros((len(detected), 1 + gates[:, 1].max(initial=-1)), dtype=np.bool_)
-    inside[gates[:, 0], gates[:, 1]] = True
-    common = np.triu((inside[:, None] & inside).any(axis=2), 1) & (detected[:, None] + detected < _ONE)
-    second = detected > _LIKELIER * detected[:, None]  # is the likelier by far
-    return np.asarray((common & ~second).any(axis=0) | (common & second).any(axis=1))
+    inside: dict[int, list[int]] = {}
+    for track, measurement in sorted(gates.tolist()):
+        inside.setdefault(measurement, []).append(track)
+    without = np.zeros(len(detected), dtype=np.bool_)
+    for a, b in sorted({pair for tracks in inside.values() for pair in combinations(tracks, 2)}):
+        if not without[[a, b]].any() and detected[a] + detected[b] < _ONE:
+            without[a if detected[b] > _LIKELIER * detected[a] else b] = True
+    return without
 
 
 def shared_people(means: Array, covariances: Array, existence: Array, gate: float) -> list[tuple[int, int]]:
@@ -47,8 +52,8 @@ def shared_people(means: Array, covariances: Array, existence: Array, gate: floa
 
     means (T, 4), covariances (T, 4, 4), existence (T,); gate is the squared distance allowed. Where two tracks compete
     for one person's measurements, their probabilities of existence add up to one. One track with the sum of them, and
-    none, is the multi-Bernoulli density nearest to this. The first is kept of two that are about as likely, else the
-    likelier. Source: [Williams15].
+    none, is nearer to this than two halves. The first is kept of two that are about as likely, else the likelier.
+    Note: this is ours; [Williams15] approximates by tracks in their order, and lets two halves be.
     """
     if len(existence) < 2 or np.sort(existence)[:2].sum() >= _ONE:
         return []

@@ -114,7 +114,7 @@ class _Life:
         self.first, self.last = int(own[0]), int(own[-1])
         uavs = range(recording.poses.shape[1])
         holders = tuple(i for i in uavs if id_ in recording.track_ids_at(self.first, i))
-        confirmed = tuple(i for i in holders if 0 <= id_ - new_label(self.first + 1, i, 0) < LABELS_PER_SCAN)
+        confirmed = tuple(i for i in holders if 0 <= id_ - new_label(self.first + 1, i, 0) < LABELS_PER_SCAN // 2)
         self.makers = confirmed or holders
 
     @cached_property

@@ -124,6 +124,9 @@ MEAN, COVARIANCE = "t.belief.mean", "t.belief.covariance"
         ("message", "return replace(given, shares=given.shares[1:])", "shares of shape (3, 22), not (4, 22)"),
         ("message", "return replace(given, shares=0 * given.shares)", "are not positive"),
         ("message", "return replace(given, misses=given.misses / 2)", "misses are no table (4,) of whole numbers"),
+        ("message", "return replace(given, partition=None)", "cannot give a message: partition are no"),
+        ("message", "return replace(given, scan=None)", "scan are no table () of whole numbers"),
+        ("message", "return replace(given, deleted=((1,),))", "deleted are no table (1, 2) of numbers"),
         ("message", "return replace(given, times=given.times + np.nan)", "times are no table (4, 3) of numbers"),
     ],
 )

@@ -66,6 +66,24 @@ def test_a_measurement_is_a_hit_of_one_track():
     detected = np.array([0.5, 0.5, 0.1, 0.8, 0.99, 0.97, 0.96, 0.0])
     assert without_measurement(gates, detected).tolist() == [False, True, True] + [False] * 5
     assert without_measurement(np.zeros((0, 2), dtype=int), np.zeros(2)).tolist() == [False, False]
+    # Of three tracks and two measurements one goes without.
+    gates, detected = np.array([[0, 0], [1, 0], [1, 1], [2, 1]]), np.array([0.55, 0.7, 0.7])
+    assert without_measurement(gates, detected).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("radius", [1.5, 3.0])
+def test_two_people_under_one_canopy_stay_two(radius):
+    """Their beliefs agree and their existence falls, but there is no measurement for which they compete."""
+    hidden = track(3, -0.3, 0, 0, 0), track(4, 0.3, 0, 0, 0)
+    subject = tracker(*hidden, forest=Forest((Tree(0, 0, radius),)))
+    assert play(subject, [scan(k) for k in range(100)]) == [(3, 4)] * 100
+    assert sum(t.existence for t in subject.tracks) < 1.5
+
+
+def test_a_known_person_is_not_lost_before_the_first_scan():
+    subject = tracker(track(3, 0, 0, 0, 0, variance=0.01), forest=Forest((Tree(0, 0, 3.0),)))
+    play(subject, [scan(5000 + k, (7.5, 0)) for k in range(4)])
+    assert len(subject.tracks) == 2 and subject.tracks[0].id == 3
 
 
 def test_a_lost_track_that_takes_a_neighbours_measurements_starves_nobody():
