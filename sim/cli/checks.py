@@ -1,5 +1,6 @@
 """`understory check-planner`, `check-detector` and `check-tracker`: what a plug-in must keep to."""
 
+from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import typer
@@ -10,6 +11,7 @@ from sim.terminal.console import say
 from sim.terminal.progress import starting
 from sim.terminal.results import show_findings
 from tracking.fusion.member import TRACKERS
+from tracking.plugins.findings import Finding
 
 
 def check_planner(
@@ -20,11 +22,8 @@ def check_planner(
     """Check that a planner keeps to what planners must, on situations made for that; exit code 1 if it does not."""
     load_planner(planner)
     from planning.conformance.checks import check
-    from sim.mission.warmup import announced
 
-    with starting(), announced(say):
-        findings = check(planner)
-    show_findings(findings)
+    _show(check, planner)
 
 
 def check_detector(
@@ -33,11 +32,8 @@ def check_detector(
     """Check that a detector keeps to what detectors must, on frames rendered for that; exit code 1 if it does not."""
     DETECTORS.make(detector)
     from sim.conformance.detector import check
-    from sim.mission.warmup import announced
 
-    with starting(), announced(say):
-        findings = check(detector)
-    show_findings(findings)
+    _show(check, detector)
 
 
 def check_tracker(
@@ -46,8 +42,14 @@ def check_tracker(
     """Check that a tracker keeps to what trackers must, on scans scripted for that; exit code 1 if it does not."""
     TRACKERS.find(tracker)
     from sim.conformance.tracker import check
+
+    _show(check, tracker)
+
+
+def _show(check: Callable[[str], Sequence[Finding]], plugin: str) -> None:
+    """Print the findings of a check on a plug-in; exit code 1 for a defect."""
     from sim.mission.warmup import announced
 
     with starting(), announced(say):
-        findings = check(tracker)
+        findings = check(plugin)
     show_findings(findings)

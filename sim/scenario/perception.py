@@ -86,8 +86,8 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     recovery_after: Time = 0.2
     max_variance: Variance = 400.0  # m², trace of the position's covariance beyond which a track ends
     max_speed: Speed = 3.0  # m/s, of people, for re-acquisition and for `motion = "bounded"`
-    # initiation and deletion of tracks: `"existence"`: each track has a probability of existence, `sure` and `doubt`,
-    # and of two tracks that share a person one ends; `"m_of_n"` counts scans, `confirm` and `delete`, as the paper does
+    # initiation and deletion of tracks: `"existence"`: each track has a probability of existence, `sure` and `doubt`;
+    # `"m_of_n"` counts scans, `confirm` and `delete`, as the paper does
     life: Literal["m_of_n", "existence"] = "existence"
     # with `"existence"`: probability of a person to be there still a second later
     survival: Annotated[float, Meta(gt=0, le=1)] = 0.999

@@ -16,7 +16,7 @@ from tracking.parameters import TrackerParameters
 
 # Flags (T, K) of visible samples of beliefs, means (T, 4) and covariances (T, 4, 4).
 VisibleSamples = Callable[[Array, Array], Flags]
-_PATIENCE = 1.0  # s without a measurement after which a tentative track ends: later ones could be another person's
+PATIENCE = 1.0  # s without a measurement after which a tentative track ends: later ones could be another person's
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class Initiator:
             return False if track.hits + n - track.scans < m else None
         if track.existence >= p.sure:
             return True
-        late = track.unseen > round(_PATIENCE / p.motion.dt)
+        late = track.unseen > round(PATIENCE / p.motion.dt)
         return False if late or track.existence < p.doubt * self._start() else None
 
     def _predicted(self, track: Tentative, elapsed: int) -> Tentative:

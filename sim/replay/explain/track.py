@@ -18,11 +18,10 @@ from sim.replay.explain.association import Association
 from sim.replay.explain.observation import Observer
 from sim.scenario.scenario import Scenario
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
+from tracking.management.initiation import PATIENCE
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
 from tracking.parameters import TrackerParameters
-
-_PATIENCE = 1.0  # s without a measurement after which a track that is not confirmed ends
 
 
 class Origin(NamedTuple):
@@ -146,7 +145,7 @@ class _Life:
         odds = p.birth_density / p.clutter_density  # of a person against false alarms
         for k in range(self.first, -1, -1):
             away = float(recording.times[now] - recording.times[k])
-            apart = away > _PATIENCE + p.motion.dt + 1e-6
+            apart = away > PATIENCE + p.motion.dt + 1e-6
             if apart or self._enough(len(found), odds) or (k < self.first and not found):
                 break
             scan = recording.scan_at(k, uav)
