@@ -25,6 +25,7 @@ _HAZE = 0.02  # slope of a downward ray below which the ground is lost in the sk
 # A texel's colours stand in one word, far enough apart for sums of weights that add up to 1024.
 _GREEN, _BLUE, _COLOUR = np.uint64(21), np.uint64(42), np.uint64(255)
 _HALF = np.uint64(512 | 512 << 21 | 512 << 42)
+_NEXT = np.uint64(1)
 _FARTHEST = 1e9  # a texture's coordinate beyond which it no longer matters which texel it is
 
 
@@ -35,7 +36,8 @@ class Ground:
         """Read the texture; tint (3,) multiplies its red, green and blue."""
         texture = np.asarray(cv2.imread(str(ASSETS / "meshes" / "ground.png")), dtype=np.uint8)[..., ::-1]
         red, green, blue = np.moveaxis(np.clip(np.rint(texture * tint), 0, 255).astype(np.uint64), -1, 0)
-        self._texels = red | green << _GREEN | blue << _BLUE
+        # The first row and column once more at the end: every texel has neighbours below and beside.
+        self._texels = np.pad(red | green << _GREEN | blue << _BLUE, (0, 1), mode="wrap")
         self._place = place
 
     def draw(self, image: NDArray[np.uint8], bodies: NDArray[np.int32], camera: Camera, pose: Pose) -> None:
@@ -49,7 +51,7 @@ class Ground:
         )
         plane[:2] = _TEXELS * (product(self._place[:, :2], plane[:2]) + np.outer(self._place[:, 2], plane[2]))
         # Shift by whole tiles until the camera stands over the first: most texels are then found without a division.
-        tile, over = len(self._texels), applied(self._place[:, :2], position[:2]) + self._place[:, 2]
+        tile, over = len(self._texels) - 1, applied(self._place[:, :2], position[:2]) + self._place[:, 2]
         plane[:2] -= np.outer(tile * np.floor(over * _TEXELS / tile), plane[2])
         _draw(image, bodies, self._texels, plane)
 
@@ -57,7 +59,7 @@ class Ground:
 @compiled
 def _draw(image: NDArray[np.uint8], bodies: NDArray[np.int32], texels: NDArray[np.uint64], plane: Array) -> None:
     """Interpolate bilinearly with whole weights out of 32 x 32; plane (3, 3) maps pixels to texels, homogeneously."""
-    tile = len(texels)
+    tile = len(texels) - 1
     for row in range(image.shape[0]):
         for column in range(image.shape[1]):
             if bodies[row, column] >= 0:
@@ -71,15 +73,20 @@ def _draw(image: NDArray[np.uint8], bodies: NDArray[np.int32], texels: NDArray[n
             i = int(np.floor(min(max(down, -_FARTHEST), _FARTHEST)))
             j = int(np.floor(min(max(right, -_FARTHEST), _FARTHEST)))
             a, b = np.uint64(i & 31), np.uint64(j & 31)
-            i, j = (i >> 5) % tile, (j >> 5) % tile
-            below, beside = (i + 1) % tile, (j + 1) % tile
+            i, j = _wrapped(i >> 5, tile), _wrapped(j >> 5, tile)
             # Words wrap round where a difference is negative; the sum is right all the same.
-            upper = texels[i, j] * np.uint64(32) + b * (texels[i, beside] - texels[i, j])
-            lower = texels[below, j] * np.uint64(32) + b * (texels[below, beside] - texels[below, j])
+            upper = texels[i, j] * np.uint64(32) + b * (texels[i, j + _NEXT] - texels[i, j])
+            lower = texels[i + _NEXT, j] * np.uint64(32) + b * (texels[i + _NEXT, j + _NEXT] - texels[i + _NEXT, j])
             colour = upper * np.uint64(32) + a * (lower - upper) + _HALF
             image[row, column, 0] = colour >> np.uint64(10) & _COLOUR
             image[row, column, 1] = colour >> _GREEN + np.uint64(10) & _COLOUR
             image[row, column, 2] = colour >> _BLUE + np.uint64(10) & _COLOUR
+
+
+@compiled
+def _wrapped(index: int, tile: int) -> np.uint64:
+    """Index modulo tile, without a division where it already is; unsigned, which NumPy need not wrap round."""
+    return np.uint64(index if 0 <= index < tile else index % tile)
 
 
 _LIGHT: dict[str, Any] = {

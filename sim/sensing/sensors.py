@@ -47,6 +47,8 @@ class Clutter:
     def false_alarms(self, camera: Camera, pose: Pose) -> tuple[Array, Array]:
         """Pixels (K, 2) and ground points (K, 2) m of one frame's false alarms; none above the horizon."""
         count = poisson(self._alarms, self._expected)
+        if not count:
+            return np.zeros((0, 2)), np.zeros((0, 2))
         pixels = self._alarms.uniform(0.0, camera.pixels, (count, 2))
         falls = camera.rays(pose, pixels)[:, 2] * (TARGET_HEIGHT - pose.position[2]) > 0.0
         return pixels[falls], camera.ground_points(pose, pixels[falls], TARGET_HEIGHT)

@@ -70,7 +70,8 @@ class World:
         ground = self._add_ground()
         trees = self._add_trees(forest.trees)
         self._people = self._add_people(people)
-        self._uavs = [self._add_uav(*uav.start, uav.altitude) for uav in scenario.uavs]
+        self._altitudes = [uav.altitude for uav in scenario.uavs]
+        self._uavs = [self._add_uav(*uav.start, z) for uav, z in zip(scenario.uavs, self._altitudes, strict=True)]
         self.bodies: tuple[Body, ...] = (*trees, *self._people, *self._uavs)
         centres = [(t.x, t.y, (t.canopy_base + t.canopy_top) / 2) for t in forest.trees]
         centres += [(t.x, t.y, t.canopy_base / 2) for t in forest.trees]
@@ -127,7 +128,7 @@ class World:
             self._touch()
             return
         for k, (east, north) in enumerate(commands.tolist()):
-            self._thrust(k, np.array([east, north, self._scenario.uavs[k].altitude]), wind)
+            self._thrust(k, np.array([east, north, self._altitudes[k]]), wind)
         pybullet.stepSimulation(physicsClientId=self.client)
         self._touch()
 
