@@ -9,7 +9,7 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import log
 from tracking.numerics.factorisation import cholesky_factors
-from tracking.numerics.stacks import mapped_over_stack, stacked
+from tracking.numerics.stacks import common_lead, mapped_over_stack, stacked
 
 
 def length(vectors: Array) -> Array:
@@ -23,7 +23,7 @@ def squared_distance(differences: Array, covariances: Array) -> Array:
     NaN where P is not positive definite.
     """
     differences, covariances = np.asarray(differences, dtype=float), np.asarray(covariances, dtype=float)
-    lead = np.broadcast_shapes(differences.shape[:-1], covariances.shape[:-2])
+    lead = common_lead(differences.shape[:-1], covariances.shape[:-2])
     return _squared_distances(stacked(differences, lead, 1), stacked(covariances, lead, 2)).reshape(lead)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.stacks import mapped_over_stack, stacked
+from tracking.numerics.stacks import common_lead, mapped_over_stack, stacked
 
 _SWEEPS = 30  # of Jacobi's method, at most; matrices of 4 x 4 take four to six
 
@@ -25,7 +25,7 @@ def cholesky(matrices: Array) -> Array:
 def forward_substitution(roots: Array, right: Array) -> Array:
     """Solution X (..., n, m) of L X = B, L (..., n, n) lower triangular, B (..., n, m); leading axes broadcast."""
     roots, right = np.asarray(roots, dtype=float), np.asarray(right, dtype=float)
-    lead = np.broadcast_shapes(roots.shape[:-2], right.shape[:-2])
+    lead = common_lead(roots.shape[:-2], right.shape[:-2])
     return _forward(stacked(roots, lead, 2), stacked(right, lead, 2)).reshape(*lead, *right.shape[-2:])
 
 

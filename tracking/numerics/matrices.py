@@ -8,13 +8,13 @@ import numpy as np
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.stacks import stacked
+from tracking.numerics.stacks import common_lead, stacked
 
 
 def product(left: Array, right: Array) -> Array:
     """Matrix products (..., n, m) of stacks (..., n, k) and (..., k, m); leading axes broadcast."""
     left, right = np.asarray(left, dtype=float), np.asarray(right, dtype=float)
-    lead = np.broadcast_shapes(left.shape[:-2], right.shape[:-2])
+    lead = common_lead(left.shape[:-2], right.shape[:-2])
     out = _products(stacked(left, lead, 2), stacked(right, lead, 2))
     return out.reshape(*lead, *out.shape[1:])
 
