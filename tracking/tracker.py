@@ -204,8 +204,10 @@ class Tracker:
         sightings = np.where(message.times[:, 2:] < self._time, message.sightings, here)
         weights = np.full(len(means), UNSEEN)
         table = TrackTable(ids, means, covariances, existence, weights, message.times, misses, sightings)
-        order = np.argsort(ids, kind="stable")
-        self._table = self._with_reacquired(table[order[~(ends | shared)[order]]])
+        if (gone := ends | shared).any():
+            order = np.argsort(ids, kind="stable")
+            table = table[order[~gone[order]]]
+        self._table = self._with_reacquired(table)
 
     def _with_reacquired(self, table: TrackTable) -> TrackTable:
         """Give new tracks of this scan the ids of lost tracks that they continue.

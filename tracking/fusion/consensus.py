@@ -96,13 +96,18 @@ def _mixed(messages: Sequence[Message], rounds: Sequence[Flags]) -> tuple[list[M
         shares = _averaged(shares, degrees, heard)
         novel = _averaged(novel, degrees, heard) if novel.size else novel
         told = _latest(*told, heard)
-        partitions = [
-            joint_partition([partitions[i], *(partitions[j] for j in np.flatnonzero(row).tolist())])
-            for i, row in enumerate(heard)
-        ]
+        if len(set(partitions)) > 1:
+            partitions = _joint_partitions(partitions, heard)
     names = ("shares", "novel", "times", "misses", "sightings", "partition")
     columns = zip(shares, novel, *told, partitions, strict=False)
     return [replace(m, **dict(zip(names, row, strict=True))) for m, row in zip(messages, columns, strict=False)], sent
+
+
+def _joint_partitions(partitions: Sequence[tuple[int, float]], heard: Flags) -> list[tuple[int, float]]:
+    return [
+        joint_partition([partitions[i], *(partitions[j] for j in np.flatnonzero(row).tolist())])
+        for i, row in enumerate(heard)
+    ]
 
 
 @compiled
