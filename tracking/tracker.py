@@ -196,8 +196,7 @@ class Tracker:
                 ids[[kept, other]] = np.sort(ids[[kept, other]])
         # Deletions are forgotten in the end: a partition cut off for longer may bring a track back, deleted again then.
         ended = {id: until for id, until in message.deleted if self._time - until <= p.forget_after}
-        ended.update((id, self._time) for id in ids[ends].tolist())
-        ended.update((id, self._time + p.forget_after) for id in ids[shared].tolist())
+        ended.update((id, self._time) for id in ids[ends | shared].tolist())
         self._deleted = tuple(sorted(ended.items()))
         self._predicted, self._partition = _NOTHING, message.partition
         here = np.column_stack([means[:, :2], np.full(len(means), self._time)])
