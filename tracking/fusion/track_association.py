@@ -49,17 +49,18 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     tracks = np.split(rows.reshape(-1), np.cumsum([len(m.names) for m in messages])[:-1])
     order = sorted(range(len(messages)), key=lambda k: messages[k].uav)
     people = _last_seen([messages[k] for k in order], [tracks[k] for k in order], len(names))
-    holders = np.array([np.isin(np.arange(len(names)), tracks[k]) for k in order]).T
+    told = _latest(tracks, [m.sightings[:, 2] for m in messages], len(names))
+    # Where UAVs differ in when a person was last seen, the last one tells.
+    valid = [of[m.sightings[:, 2] >= told[of]] for m, of in zip(messages, tracks, strict=True)]
+    holders = np.array([np.isin(np.arange(len(names)), valid[k]) for k in order]).T
     claims = _claims(messages, tracks, len(names))
     group, ends = _joined(people, claims, holders, max_speed)
     ids = _ids(names, claims, group, ends, own.scan)
     kept, first = np.unique(ids, return_index=True)
     kept, first = kept[kept >= 0], first[kept >= 0]
-    told = _latest(tracks, [m.sightings[:, 2] for m in messages], len(names))
     current = people.seen >= _latest([group], [people.seen], len(names))[group]
     out = []
     for m, of in zip(messages, tracks, strict=True):
-        # Where UAVs differ in when a person was last seen, the last one tells.
         left = np.flatnonzero((ids[of] >= 0) & current[of] & (m.sightings[:, 2] >= told[of]))
         out.append(m.only(left).at(np.searchsorted(kept, ids[of[left]]), kept, names[first]))
     return out
