@@ -70,10 +70,10 @@ def _draw(image: NDArray[np.uint8], bodies: NDArray[np.int32], texels: NDArray[n
                 continue
             right = (plane[0, 0] * column + plane[0, 1] * row + plane[0, 2]) * (32.0 / slope) + 0.5
             down = (plane[1, 0] * column + plane[1, 1] * row + plane[1, 2]) * (32.0 / slope) + 0.5
-            i = int(np.floor(min(max(down, -_FARTHEST), _FARTHEST)))
-            j = int(np.floor(min(max(right, -_FARTHEST), _FARTHEST)))
-            a, b = np.uint64(i & 31), np.uint64(j & 31)
-            i, j = _wrapped(i >> 5, tile), _wrapped(j >> 5, tile)
+            y = int(np.floor(min(max(down, -_FARTHEST), _FARTHEST)))
+            x = int(np.floor(min(max(right, -_FARTHEST), _FARTHEST)))
+            a, b = np.uint64(y & 31), np.uint64(x & 31)
+            i, j = _wrapped(y >> 5, tile), _wrapped(x >> 5, tile)
             # Words wrap round where a difference is negative; the sum is right all the same.
             upper = texels[i, j] * np.uint64(32) + b * (texels[i, j + _NEXT] - texels[i, j])
             lower = texels[i + _NEXT, j] * np.uint64(32) + b * (texels[i + _NEXT, j + _NEXT] - texels[i + _NEXT, j])
