@@ -238,6 +238,19 @@ def test_tracks_are_of_one_person_if_that_is_likelier_than_two_people():
         assert [len(m.ids) for m in exchange(pair, graph("line", 2), 3)] == [count, count]
 
 
+def test_a_void_version_of_a_track_does_not_keep_it_from_a_new_one():
+    """UAV 1 last had person 3 elsewhere, and starts a track where UAV 0 has found 3 again."""
+    covariances = np.stack([0.1 * np.eye(4), 4.0 * np.eye(4)])
+    pair = [
+        message(0, [3], np.zeros(4), covariances[0], degree=1, seen=5.0),
+        message(1, [7, 3], [[0.1, 0, 0, 0], [9.0, 9, 0, 0]], covariances, degree=1, seen=[5.0, 1.0]),
+    ]
+    pair[1] = pair[1].only(np.array([1, 0]))
+    for m in exchange(pair, graph("line", 2), 1):
+        np.testing.assert_array_equal(m.ids, [3])
+        np.testing.assert_allclose(m.beliefs()[0][0, :2], [0.05, 0.0])
+
+
 def test_a_match_needs_velocities_that_agree():
     covariance = 0.1 * np.eye(4)
     pair = [
