@@ -28,7 +28,8 @@ class TrackerParameters:
     delete: tuple[int, int] = (5, 5)  # m of n scans in which the person should have been seen
     expected: float = 0.9  # probability of being in plain view from which on a UAV should see the person
     seen: float = 0.1  # probability that a measurement is the person's from which on the person counts as detected
-    absence_weight: float = 1.0  # exponent of the likelihood of no detection; 0: no negative information
+    # exponent of the likelihood of no detection in beliefs, not in association; 0: no negative information
+    absence_weight: float = 1.0
     recovery_after: float = 0.2  # s without a sure detection, after which a new track may take the id; inf: never
     max_variance: float = 400.0  # m², trace of the position's covariance beyond which a track is deleted
     max_speed: float = 3.0  # of people, m/s

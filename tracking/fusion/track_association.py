@@ -11,6 +11,7 @@ import numpy as np
 
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.fusion.message import Message, alike, last_seen
+from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.compiled import elementwise
@@ -20,7 +21,6 @@ from tracking.numerics.exponential import log
 _LABELLED = 1.5  # log-likelihood ratio of a common id: partitions give it to one person rather than to two
 _UNKNOWN = 1e-5  # 1/m², density of people that only one of two UAVs has a track of
 _TURNED = 0.05  # probability that an unseen person is anywhere within reach, rather than where the belief is
-_MARGIN = 1.0  # m, of reach: errors of the last measurement and of the present one
 
 
 class People(NamedTuple):
@@ -102,7 +102,7 @@ def _reach(people: People, max_speed: float) -> tuple[Array, Flags]:
     Flags are set only where the other was seen later.
     """
     unseen = people.seen - people.seen[:, None]
-    reach = max_speed * np.maximum(unseen, 0.0) + _MARGIN
+    reach = farthest(np.maximum(unseen, 0.0), max_speed)
     gap = length(people.places[:, None] - people.places)
     return reach, (unseen > 0.0) & (gap <= reach)
 

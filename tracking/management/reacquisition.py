@@ -10,6 +10,11 @@ from tracking.numerics.distances import length, pair_distances
 _MARGIN = 1.0
 
 
+def farthest(unseen: Array, max_speed: float) -> Array:
+    """Distances (...) [m] from its last detection that a person can have moved in `unseen` (...) s."""
+    return max_speed * unseen + _MARGIN
+
+
 def reacquisitions(
     born: tuple[Array, Array], lost: tuple[Array, Array], seen: Array, *, now: float, max_speed: float
 ) -> list[tuple[int, int]]:
@@ -22,5 +27,5 @@ def reacquisitions(
     """
     positions = ((means[:, :2], covariances[:, :2, :2]) for means, covariances in (born, lost))
     _, cost = pair_distances(*positions)
-    reach = max_speed * (now - seen[:, 2]) + _MARGIN
-    return most_pairs(length(seen[None, :, :2] - born[0][:, None, :2]) <= reach, cost)
+    gaps = length(seen[None, :, :2] - born[0][:, None, :2])
+    return most_pairs(gaps <= farthest(now - seen[:, 2], max_speed), cost)

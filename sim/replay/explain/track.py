@@ -18,6 +18,7 @@ from sim.replay.explain.association import Association
 from sim.replay.explain.observation import Observer
 from sim.scenario.scenario import Scenario
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
+from tracking.fusion.member import TRACKERS
 from tracking.management.initiation import PATIENCE
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
@@ -74,6 +75,7 @@ class TrackFacts:
     looks: tuple[Look, ...]
     feeds: tuple[Feed, ...]
     parameters: TrackerParameters
+    foreign: str  # the name of a tracker from outside, of which recordings tell no associations, births and limits
 
     @staticmethod
     def of(observer: Observer, number: int) -> TrackFacts:
@@ -99,6 +101,7 @@ class TrackFacts:
             looks=tuple(look for look, _ in life.looks),
             feeds=tuple(feeds),
             parameters=life.parameters,
+            foreign="" if scenario.tracking.tracker in TRACKERS.built_in else scenario.tracking.tracker,
         )
 
 

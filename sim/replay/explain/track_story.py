@@ -14,11 +14,14 @@ from sim.replay.explain.explanation import Group, percent_text, place_text
 from sim.replay.explain.track import Feed, Origin, TrackFacts
 from sim.replay.views import fleet_text
 
+_NOTE = "{} does not tell its associations: those below are the built-in tracker's, for the same beliefs and frames"
+
 
 def track_story(facts: TrackFacts, recording: Recording, events: Sequence[Event]) -> list[Group]:
     """Groups of sentences on one track over the whole mission."""
     own = [event for event in events if event.track == facts.number]
     groups = [
+        ("note", [_NOTE.format(facts.foreign)] if facts.foreign else []),
         (f"track {facts.number}", [f"{event.when}: {event.text}" for event in own]),
         ("born", list(_birth(facts, recording))),
         ("fed by", list(_fed(facts, recording))),
@@ -98,11 +101,12 @@ def _end(facts: TrackFacts, recording: Recording) -> Iterator[str]:
     tracks = {recording.track_numbers[t.id]: t.belief for t in recording.tracks_at(last, uav)}
     own = tracks.pop(facts.number)
     yield f"deleted at {times[last + 1]:.1f} s"
-    if not math.isnan(existence):
-        yield f"existence {existence:.4f} before; a track ends below {p.doubt:g}"
-    else:
-        yield f"a track ends after {p.delete[0]} misses in {p.delete[1]} scans that should have shown it"
-    yield f"variance {np.trace(own.covariance[:2, :2]):.1f} m² before; a track ends beyond {p.max_variance:g} m²"
+    if not facts.foreign:
+        if math.isnan(existence):
+            yield f"a track ends after {p.delete[0]} misses in {p.delete[1]} scans that should have shown it"
+        else:
+            yield f"existence {existence:.4f} before; a track ends below {p.doubt:g}"
+        yield f"variance {np.trace(own.covariance[:2, :2]):.1f} m² before; a track ends beyond {p.max_variance:g} m²"
     gaps = {number: math.dist(other.mean[:2], own.mean[:2]) for number, other in tracks.items()}
     if gaps:
         near = min(gaps, key=lambda number: gaps[number])

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.graphs import exchange, graph, message, metropolis
+from helpers.graphs import SCAN, exchange, graph, message, metropolis
 from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
 from tracking.filter.information import information_form
 from tracking.fusion.consensus import combine, fuse
-from tracking.fusion.labels import new_label
+from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.fusion.message import Message
 
 
@@ -249,6 +249,19 @@ def test_a_void_version_of_a_track_does_not_keep_it_from_a_new_one():
     for m in exchange(pair, graph("line", 2), 1):
         np.testing.assert_array_equal(m.ids, [3])
         np.testing.assert_allclose(m.beliefs()[0][0, :2], [0.05, 0.0])
+
+
+def test_a_new_id_of_a_contested_track_is_not_one_that_another_track_has():
+    """UAV 1's partition gave its other track, in a round before, the id that comes first for a track without one."""
+    taken = new_label(SCAN, 1, LABELS_PER_SCAN - 1)
+    far = np.array([[-20.0, 0, 0, 0], [20.0, 0, 0, 0]])
+    pair = [
+        message(0, [5], np.zeros(4), 0.1 * np.eye(4), degree=1),
+        message(1, [5, taken], far, [0.1 * np.eye(4)] * 2, degree=1, partition=(1, 0.0)),
+    ]
+    for m in exchange(pair, graph("line", 2), 1):
+        np.testing.assert_array_equal(m.ids, [5, taken - 1, taken])
+        np.testing.assert_allclose(m.beliefs()[0][:, 0], [0.0, -20.0, 20.0], atol=1e-9)
 
 
 def test_a_match_needs_velocities_that_agree():

@@ -25,7 +25,9 @@ class Team:
         self.rng = rng = np.random.default_rng([17, seed])
         self.uavs, self.people = int(rng.integers(2, 7)), int(rng.integers(2, 7))
         self.graph = graph(str(rng.choice(["complete", "ring", "line"])), self.uavs)
-        self.sides = rng.integers(0, int(rng.integers(2, 4)), self.uavs)
+        self.sides = np.zeros(self.uavs)
+        while len(set(self.sides)) == 1:
+            self.sides = rng.integers(0, int(rng.integers(2, 4)), self.uavs)
         self.split, self.healed = sorted(rng.choice(np.arange(5, 90), 2, replace=False).tolist())
         self.forest = Forest(tuple(Tree(*rng.uniform(-12, 12, 2), rng.uniform(1, 4)) for _ in range(rng.integers(13))))
         self.states = np.column_stack([rng.uniform(-7, 7, (self.people, 2)), rng.normal(0, 0.9, (self.people, 2))])

@@ -43,6 +43,13 @@ def test_a_person_that_turns_under_a_canopy_keeps_the_id(life):
     np.testing.assert_allclose(subject.tracks[0].belief.mean[:2], [0.0, 6.6], atol=0.3)
 
 
+@pytest.mark.parametrize(("apart", "confirmed"), [(6, True), (7, False)])
+def test_a_tentative_track_ends_after_a_second_without_a_measurement(apart, confirmed):
+    subject = tracker()
+    ids = play(subject, [scan(0, (0, 0)), *(scan(k, pose=AWAY) for k in range(1, apart)), scan(apart, (0, 0))])
+    assert bool(ids[-1]) == confirmed
+
+
 @BOTH
 def test_a_new_person_out_of_a_lost_persons_reach_gets_a_new_id(life):
     subject = tracker(track(3, -4, 0, 1.5, 0, variance=0.01), forest=Forest((Tree(0, 0, 5.0),)), life=life)

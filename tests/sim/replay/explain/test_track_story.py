@@ -1,5 +1,7 @@
 """The story of a track: against the trackers' own tentative tracks, the association, and a mission made by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.flights import IDEAL, recorded
@@ -87,6 +89,16 @@ def test_the_end_of_a_track_stands_beside_the_limits_of_its_tracker(mission):
         assert "a track ends below 0.001" in lines[1] and "a track ends beyond 400 m²" in lines[2]
         assert existence < 0.1 or variance > 390.0
     assert len(ended) >= 2
+
+
+def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(mission):
+    recording, scenario, observer, _ = mission
+    events = events_of(recording, scenario)
+    ended = next(event for event in events if event.kind == "track deleted")
+    facts = replace(TrackFacts.of(observer, ended.track), foreign="soup:Jpda")
+    groups = dict(track_story(facts, recording, events))
+    assert groups["note"][0].startswith("soup:Jpda does not tell its associations")
+    assert not any("a track ends" in line for line in groups["ended"])
 
 
 def test_a_mission_without_measurements_has_stories_too(tmp_path, call, refused):
