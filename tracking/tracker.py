@@ -44,8 +44,8 @@ class Tracker:
 
     Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `life` = "m_of_n" does. Added here are
     negative information (`absence_weight`), re-acquisition of lost tracks (`recovery_after`), and, as in the paper's
-    code, deletion of tracks of very large covariance (`max_variance`), each with a parameter that turns it off. Tracks of
-    one person always become one, and probabilities of detection depend on the view.
+    code, deletion of tracks of very large covariance (`max_variance`), each with a parameter that turns it off. Always,
+    tracks of one person become one, and probabilities of detection depend on the view.
     """
 
     def __init__(

@@ -37,8 +37,8 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
 
     Tracks of one id are of one person within a partition of the fleet. All others are joined by the ratio of two
     likelihoods, that both are of one person and that they are of two, the likeliest pair first, and never two tracks
-    of one UAV. A track without a match is taken over without any share of the own beliefs. The order of messages has
-    no influence. `max_speed` [m/s] is that of people.
+    of which one UAV tells the last detection. A track without a match is taken over without any share of the own
+    beliefs. The order of messages has no influence. `max_speed` [m/s] is that of people.
     """
     messages = [own, *received]
     if alike(messages):
@@ -147,7 +147,7 @@ def _joined(people: People, claims: Sequence[set[int]], holders: Flags, max_spee
         cost = np.full((len(new), len(old)), np.inf)
         for b, members in enumerate([np.flatnonzero(group == g) for g in old]):
             last = members[people.seen[members] == people.seen[members].max()]
-            free = ~np.any(holders[new] & holders[members].any(axis=0), axis=1)
+            free = ~np.any(holders[new] & holders[last].any(axis=0), axis=1)
             cost[free, b] = -ratios[np.ix_(new[free], last)].max(axis=1, initial=-np.inf)
         for a, b in pairs_within(cost, 0.0):
             group[new[a]] = old[b]

@@ -264,6 +264,19 @@ def test_a_new_id_of_a_contested_track_is_not_one_that_another_track_has():
         np.testing.assert_allclose(m.beliefs()[0][:, 0], [0.0, -20.0, 20.0], atol=1e-9)
 
 
+def test_a_lost_track_of_a_uav_does_not_keep_its_new_one_apart():
+    """UAV 1 lost person 3 elsewhere and starts a track of the person whom UAV 0's partition has found again."""
+    covariances = np.stack([4.0 * np.eye(4), 0.1 * np.eye(4)])
+    lost, found, other = [7.0, 7.0, 0, 0], [0.1, 0, 0, 0], {"partition": (1, 5.0), "time": 5.0}
+    three = [
+        message(0, [3], np.zeros(4), covariances[1], degree=1, seen=5.0),
+        message(1, [3], lost, covariances[0], degree=2, seen=1.0, **other),
+        message(2, [3, 7], [lost, found], covariances, degree=1, seen=[1.0, 5.0], **other),
+    ]
+    for m in exchange(three, graph("line", 3), 2):
+        np.testing.assert_array_equal(m.ids, [3])
+
+
 def test_a_match_needs_velocities_that_agree():
     covariance = 0.1 * np.eye(4)
     pair = [
