@@ -1,7 +1,5 @@
 """Entry of the command line: `understory COMMAND`, whose commands are the modules of `sim.cli`."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 

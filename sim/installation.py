@@ -1,7 +1,5 @@
 """The installation of Understory: its folder, its data files, and its place on the import path."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

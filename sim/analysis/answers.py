@@ -1,7 +1,5 @@
 """Answers of a study on each metric: every cell and planner by itself, and against a baseline on the same maps."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Cells of a study: a name and a value for each factor, their text and their order."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

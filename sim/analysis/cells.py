@@ -1,7 +1,5 @@
 """The trials of a study by cell and planner."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Coverage of intervals over few maps, the share that holds the true mean: counted on trials that were flown."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from sim.evaluation.metric import Metric

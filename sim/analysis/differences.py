@@ -1,7 +1,5 @@
 """Differences between a planner and a baseline, paired by map and repeat."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Spreads of values between and within maps, their empirical distributions, and quartiles over time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Maps are what is sampled: a map's value is the mean over its repeats. Intervals 
 comparisons, one is expected to miss.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Choice of the metrics that a study's tables show."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 

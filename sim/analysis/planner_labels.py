@@ -1,7 +1,5 @@
 """Labels of what a study compares, planners and trackers: their text, what texts share, or the user's name."""
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Tests of differences over maps, and the number of maps that a test needs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

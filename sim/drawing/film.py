@@ -1,7 +1,5 @@
 """A mission as a film: the map, and each camera's frame with its detections."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Sequence
@@ -164,7 +162,7 @@ class Video:
         with suppress(OSError):
             self._part.unlink()
 
-    def __enter__(self) -> Video:
+    def __enter__(self) -> "Video":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:

@@ -1,7 +1,5 @@
 """Names in an image that keep clear of one another and of the marks they name."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Layout of a video frame: the map and camera tiles."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The legend below the map, and the running error above it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

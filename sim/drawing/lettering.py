@@ -1,7 +1,5 @@
 """Smooth text in images, with the font that comes with matplotlib."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The map of a mission, drawn from above, north up."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Sequence

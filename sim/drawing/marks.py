@@ -1,7 +1,5 @@
 """Marks of tracks, UAVs and people in images."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Colours (RGB) of videos and figures; those that tell things apart are safe for colour-blind viewers (Okabe-Ito)."""
 
-from __future__ import annotations
-
 Colour = tuple[int, int, int]
 
 PAPER: Colour = (248, 245, 237)

@@ -1,7 +1,5 @@
 """Figures of a mission."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """One camera's frame with what was detected and what is believed."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Episodes: spans of scans with one value."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

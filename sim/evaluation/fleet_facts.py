@@ -1,7 +1,5 @@
 """Facts of a fleet that no single UAV has: contacts, bytes sent, and disagreement on tracks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 from typing import Any

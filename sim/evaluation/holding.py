@@ -1,7 +1,5 @@
 """States of people to the tracks of a fleet, scan by scan: held, lost, or not found yet."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from sim.evaluation.score import HELD

@@ -1,7 +1,5 @@
 """The machine that computed a mission, so that a difference between machines can be seen."""
 
-from __future__ import annotations
-
 import platform
 from functools import cache
 from importlib.metadata import version

@@ -3,8 +3,6 @@
 A metric from outside is a `Metric` in any module, named by its import string: `--metric package.module:NAME`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

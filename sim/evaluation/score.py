@@ -1,7 +1,5 @@
 """Score of each UAV: its tracks against the people of a recording, scan by scan."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The summary of a mission: numbers for summary.json, and a table for the terminal."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence

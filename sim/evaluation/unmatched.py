@@ -1,7 +1,5 @@
 """Tracks that stand for no person: false tracks and duplicates, as metrics count them and events tell them."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass

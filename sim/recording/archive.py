@@ -1,7 +1,5 @@
 """A recording on disk: npz, never pickled, the same bytes for the same mission."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os

@@ -1,7 +1,5 @@
 """Columns as a data frame of whichever library there is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Faults as a recording keeps them: JSON text that is the same for the same mission."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Arrays of an npz file that may be anything: none is unpickled, and none is read before its size is known to fit."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

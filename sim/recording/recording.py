@@ -1,7 +1,5 @@
 """One mission as plain arrays: what was true, seen, believed and commanded at each scan."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """Validation of a recording that was read: shapes, order of times, poses, covariances."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import msgspec

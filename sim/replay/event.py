@@ -1,7 +1,5 @@
 """One event of a mission: its kind, times and text, and the person, track and UAVs that it concerns."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

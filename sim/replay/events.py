@@ -1,7 +1,5 @@
 """Events of a recorded mission, told once for the page, the timeline, `understory explain` and Rerun."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """A recording in the formats of other tools: scans, tracks and truth as text, every number to its last digit."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """History of each person, scan by scan: in view of a camera, hidden by a tree, detected, and held by a track."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -48,7 +46,7 @@ class History:
     tracks: Ints  # (K, n, M), id of the track within `HELD` m that stands for the person; -1 for none
 
     @staticmethod
-    def of(recording: Recording, scenario: Scenario) -> History:
+    def of(recording: Recording, scenario: Scenario) -> "History":
         """The history of a recording that was flown in a scenario."""
         scans, uavs = recording.poses.shape[:2]
         working = recording.working

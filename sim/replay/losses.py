@@ -1,7 +1,5 @@
 """Events of tracks against the truth: people that no UAV holds, and tracks that stand for no person."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator
 

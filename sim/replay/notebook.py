@@ -1,7 +1,5 @@
 """A recorded mission in a notebook: arrays and tables with units, figures, and a summary that shows itself."""
 
-from __future__ import annotations
-
 import base64
 import html
 import io
@@ -41,7 +39,7 @@ _MAP = 900  # pixels, width of the map
 _CELL = "text-align:left;padding:1px 12px 1px 0;border:0"
 
 
-def load(run: str | Path) -> Flight:
+def load(run: str | Path) -> "Flight":
     """The mission in a run's folder, or a `mission.npz`; InputError if there is none that can be read."""
     _show_figures()
     return Flight(find(Path(run)))

@@ -1,7 +1,5 @@
 """The film of a recorded mission, drawn again from its recording alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """A recording as arrays and tables, with units in their names."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

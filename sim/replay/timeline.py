@@ -1,7 +1,5 @@
 """The timeline of a mission: each person as seen by each UAV and held by tracks, over the error of the fleet."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """States of a person to the cameras of a fleet, in words."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """A recorded mission in PyBullet's own window, to look at from any side."""
 
-from __future__ import annotations
-
 import math
 import os
 import subprocess

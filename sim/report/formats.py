@@ -1,7 +1,5 @@
 """The answers of a study as Markdown and as CSV."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

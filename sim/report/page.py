@@ -1,7 +1,5 @@
 """`report.html`: a study on one page that needs nothing else, written for readers that did not run it."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Sequence
 from html import escape

@@ -1,7 +1,5 @@
 """Elements of the report's page in HTML: facts, lists, paragraphs, commands and tables."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from html import escape

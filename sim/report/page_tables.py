@@ -1,7 +1,5 @@
 """Tables of results and run times on the report's page, and the verdict on a planner in one sentence."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from html import escape

@@ -1,7 +1,5 @@
 """Report of a study: `report.html`, tables and figures."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import platform

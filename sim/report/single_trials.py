@@ -1,7 +1,5 @@
 """Single trials on the report's page: best and worst maps, those that failed, and the commands that fly them again."""
 
-from __future__ import annotations
-
 import math
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The answers of a study as tables, in the terminal and as text for other forms."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import partial

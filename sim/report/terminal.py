@@ -1,7 +1,5 @@
 """The answers of a study as tables in the terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby

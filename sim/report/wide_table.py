@@ -3,8 +3,6 @@
 `python -m sim.report.wide_table DIR` prints it as Markdown; docs/results/paper.md has such tables.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """Commands of a terminal: their help, their complaints and their exit codes."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

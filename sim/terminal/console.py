@@ -1,7 +1,5 @@
 """The terminal: messages of one line."""
 
-from __future__ import annotations
-
 import sys
 from typing import NoReturn
 

@@ -1,7 +1,5 @@
 """Progress bars while something flies or is drawn."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

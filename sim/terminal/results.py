@@ -1,7 +1,5 @@
 """Results in the terminal: of missions, of checks, and lists of names."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 from collections.abc import Mapping, Sequence

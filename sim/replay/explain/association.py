@@ -1,7 +1,5 @@
 """Data association of one UAV at one scan, computed again from the recording as its tracker did."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +37,7 @@ class Association:
         return self.beta[:, 0]
 
     @staticmethod
-    def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> Association | None:
+    def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> "Association | None":
         """The association of one UAV at scan k; None where its camera took no frame or the UAV had broken down.
 
         Beliefs are those that the fleet agreed on at scan k - 1, predicted by the scenario's motion model. At the

@@ -1,7 +1,5 @@
 """Explanation of one person at one scan, and of a whole mission, in words."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """One person to one UAV at one scan: the view, the pixels, the detection, and its data association."""
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -66,7 +64,7 @@ class Observer:
         self.again = self._open.enter_context(Rerenderer(recording))
         self._bare: Rerenderer | None = None
 
-    def __enter__(self) -> Observer:
+    def __enter__(self) -> "Observer":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -1,7 +1,5 @@
 """Facts of one person at one scan of a recording, and of what the last plans of UAVs would show of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,7 +130,7 @@ class PersonFacts:
     history: History
 
     @staticmethod
-    def of(observer: Observer, history: History, k: int, person: int) -> PersonFacts:
+    def of(observer: Observer, history: History, k: int, person: int) -> "PersonFacts":
         """The facts of a person at scan k."""
         recording, scenario = observer.recording, observer.scenario
         uavs = range(recording.poses.shape[1])

@@ -1,7 +1,5 @@
 """The picture of an explanation: the map and the frames round a person, and beside them the words."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

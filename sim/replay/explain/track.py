@@ -1,7 +1,5 @@
 """Facts of one track over a whole recording: its birth, the measurements that fed it, and its last scans."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -78,7 +76,7 @@ class TrackFacts:
     foreign: str  # the name of a tracker from outside, of which recordings tell no associations, births and limits
 
     @staticmethod
-    def of(observer: Observer, number: int) -> TrackFacts:
+    def of(observer: Observer, number: int) -> "TrackFacts":
         """Facts of the track of that number."""
         recording, scenario = observer.recording, observer.scenario
         life = _Life(recording, scenario, list(recording.track_numbers)[number])

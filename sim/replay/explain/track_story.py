@@ -1,7 +1,5 @@
 """The story of one track in words: its birth, the measurements that fed it, why it was kept, and its end."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """One camera's frame, enlarged, with what was detected, what is believed and what is true drawn over it."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

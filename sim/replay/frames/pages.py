@@ -1,7 +1,5 @@
 """Annotated frames of a recording with their panels, of scans that a user asks for by time, as PNG files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

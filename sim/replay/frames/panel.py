@@ -1,7 +1,5 @@
 """The panel beside an annotated frame: time and UAV, field of view, people, tracks, and the meaning of marks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

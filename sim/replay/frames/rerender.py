@@ -1,7 +1,5 @@
 """Frames for the eye: images of a recorded mission, rendered again from its poses and annotated."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -57,7 +55,7 @@ class Rerenderer:
                     taken[i] = self.image(k, i)
         return taken
 
-    def __enter__(self) -> Rerenderer:
+    def __enter__(self) -> "Rerenderer":
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -1,7 +1,5 @@
 """One camera at one scan of a recording: people shown, the trees that hide people, and the outline of hidden ground."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -67,7 +65,7 @@ class Sight:
         return self.snapshot.cameras[self.uav]
 
     @staticmethod
-    def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> Sight:
+    def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> "Sight":
         """The view of one UAV at scan k."""
         snapshot = with_numbers(recording.snapshot(k), recording.track_numbers)
         people = sightings(recording, scenario, k, uav, camera_of(scenario.uavs[uav]))

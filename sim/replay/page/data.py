@@ -1,7 +1,5 @@
 """Data that the script of a mission's page draws: plain numbers, rounded to centimetres, scan by scan."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

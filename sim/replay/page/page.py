@@ -1,7 +1,5 @@
 """`mission.html`: a mission on one page that needs nothing else."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import io

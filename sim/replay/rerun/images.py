@@ -1,7 +1,5 @@
 """Each camera's image for the Rerun viewer: detections, projected tracks, and their data association."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import rerun as rr

@@ -1,7 +1,5 @@
 """Matches of UAVs and unseen tracks at the end of the plans of a recording, as the MWTP makes them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The world for the Rerun viewer, in 3-D: forest, people, UAVs and their cameras, what they intend and believe."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Sequence

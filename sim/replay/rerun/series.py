@@ -1,7 +1,5 @@
 """Numbers over time, states and events for the Rerun viewer."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A recorded mission for the Rerun viewer, as a file or in the viewer itself, and the layout of its views."""
 
-from __future__ import annotations
-
 import errno
 import os
 import sys

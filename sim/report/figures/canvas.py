@@ -1,7 +1,5 @@
 """Look of a study's figures: size, legend, curves, and the bytes of their files."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager

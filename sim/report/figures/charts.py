@@ -1,7 +1,5 @@
 """The figures of a study: OSPA over scans and over time, run times by planner, and maps against maps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Layout of a study's figures: the curves of each panel, and their colours and dashes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The figures of a report with what is said of each."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
