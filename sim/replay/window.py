@@ -15,7 +15,7 @@ from sim.recording.recording import Recording
 from sim.replay.frames.rerender import scenario_of
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
-from sim.world.engine import pybullet, quiet, silenced
+from sim.world.engine import Engine, pybullet, quiet, silenced
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.arrays import Array
@@ -55,14 +55,14 @@ def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say:
         raise InputError(f"--gui: no window can be opened here ({reason}); --video makes a film instead")
     scenario = scenario_of(recording)
     with _world(recording, scenario) as world:
-        cones = [_cone(world.client, camera_of(uav), uav.altitude, i) for i, uav in enumerate(scenario.uavs)]
-        _set_scene(world.client, scenario)
+        cones = [_cone(world.engine, camera_of(uav), uav.altitude, i) for i, uav in enumerate(scenario.uavs)]
+        _set_scene(world.engine, scenario)
         say("Q or Esc ends it, the space bar stops and goes on; the mouse turns the view with Ctrl held, or zooms.")
         try:
-            for moment in _moments(world.client, recording.times[list(scans)], speed):
+            for moment in _moments(world.engine, recording.times[list(scans)], speed):
                 _place(world, cones, recording, moment)
         except pybullet.error:
-            if pybullet.isConnected(physicsClientId=world.client):
+            if world.engine.isConnected():
                 raise  # else the window was closed
 
 
@@ -75,7 +75,7 @@ def _world(recording: Recording, scenario: Scenario) -> Iterator[World]:
         pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, 0, physicsClientId=client)
         people, chance = recording.people.shape[1], recording.repeat
         world = World(scenario, recording.forest, people, recording.seed, client, repeat=chance)
-        pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, 1, physicsClientId=client)
+        world.engine.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, 1)
     try:
         yield world
     finally:
@@ -83,41 +83,39 @@ def _world(recording: Recording, scenario: Scenario) -> Iterator[World]:
             world.close()
 
 
-def _set_scene(client: int, scenario: Scenario) -> None:
+def _set_scene(engine: Engine, scenario: Scenario) -> None:
     """Lay the ground and look at all of it from the south."""
     width, height = scenario.area.width, scenario.area.height
-    ground = pybullet.createVisualShape(
-        pybullet.GEOM_BOX, halfExtents=(width / 2, height / 2, 0.05), rgbaColor=_GRASS, physicsClientId=client
-    )
-    pybullet.createMultiBody(0.0, -1, ground, (0.0, 0.0, -0.05), physicsClientId=client)
+    half = (width / 2, height / 2, 0.05)
+    ground = engine.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=_GRASS)
+    engine.createMultiBody(0.0, -1, ground, (0.0, 0.0, -0.05))
     for option in (pybullet.COV_ENABLE_GUI, pybullet.COV_ENABLE_SHADOWS, pybullet.COV_ENABLE_KEYBOARD_SHORTCUTS):
-        pybullet.configureDebugVisualizer(option, 0, physicsClientId=client)
+        engine.configureDebugVisualizer(option, 0)
     distance = 0.47 * max(width, height * _SIZE[0] / _SIZE[1])
-    pybullet.resetDebugVisualizerCamera(distance, 0.0, -50.0, (0.0, -0.05 * height, 0.0), physicsClientId=client)
+    engine.resetDebugVisualizerCamera(distance, 0.0, -50.0, (0.0, -0.05 * height, 0.0))
 
 
-def _cone(client: int, camera: Camera, length: float, uav: int) -> int:
+def _cone(engine: Engine, camera: Camera, length: float, uav: int) -> int:
     """A pyramid of coloured glass as a camera at the origin, looking down, sees it; its id."""
     half = length * math.tan(camera.fov / 2)
     corners = [[x * half, y * half, -length] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
     sides = [index for k in range(4) for index in (0, 1 + k, 1 + (k + 1) % 4)]
-    shape = pybullet.createVisualShape(
+    shape = engine.createVisualShape(
         pybullet.GEOM_MESH,
         vertices=[[0.0, 0.0, 0.0], *corners],
         indices=sides,
         rgbaColor=(*(tone / 255 for tone in uav_colour(uav)), _GLASS),
-        physicsClientId=client,
     )
-    return int(pybullet.createMultiBody(0.0, -1, shape, physicsClientId=client))
+    return int(engine.createMultiBody(0.0, -1, shape))
 
 
-def _moments(client: int, times: Array, speed: float) -> Iterator[float]:
+def _moments(engine: Engine, times: Array, speed: float) -> Iterator[float]:
     """The times [s] to show from the first to the last, at the pace of the clock, until a key ends it."""
     now, before, runs = float(times[0]), time.monotonic(), True
     yield now
     while now < times[-1]:
         time.sleep(0.01)
-        pressed = {key for key, state in pybullet.getKeyboardEvents(physicsClientId=client).items() if state & 2}
+        pressed = {key for key, state in engine.getKeyboardEvents().items() if state & 2}
         if pressed.intersection(_ENDS):
             return
         runs ^= ord(" ") in pressed
@@ -139,9 +137,7 @@ def _place(world: World, cones: Sequence[int], recording: Recording, moment: flo
     world.place_uavs(_poses(recording.poses[k], recording.poses[after], share))
     for i, pose in enumerate(_poses(recording.cameras[k], recording.cameras[after], share)):
         place = pose.position if recording.working[k, i] else np.array([0.0, 0.0, -1000.0])
-        pybullet.resetBasePositionAndOrientation(
-            cones[i], place.tolist(), pose.quaternion.tolist(), physicsClientId=world.client
-        )
+        world.engine.resetBasePositionAndOrientation(cones[i], place.tolist(), pose.quaternion.tolist())
 
 
 def _poses(rows: Array, following: Array, share: float) -> list[Pose]:

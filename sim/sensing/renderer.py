@@ -156,7 +156,7 @@ class Renderer:
         for k in np.flatnonzero(wanted != self._shown).tolist():
             body = self._world.bodies[k]
             colour = (*body.tint, float(wanted[k]))
-            pybullet.changeVisualShape(body.id, -1, rgbaColor=colour, physicsClientId=self._world.client)
+            self._world.engine.changeVisualShape(body.id, -1, rgbaColor=colour)
         self._shown = wanted
 
 

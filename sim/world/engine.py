@@ -4,6 +4,8 @@ import ctypes
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
+from typing import Any
 
 
 @contextmanager
@@ -34,4 +36,16 @@ def quiet() -> Iterator[None]:
 with silenced(2):
     import pybullet
 
-__all__ = ["pybullet", "quiet", "silenced"]
+__all__ = ["Engine", "pybullet", "quiet", "silenced"]
+
+
+class Engine:
+    """PyBullet's functions for one of its clients, whose number none of the calls then names."""
+
+    def __init__(self, client: int) -> None:
+        self._client = client
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - PyBullet has no types
+        call = partial(getattr(pybullet, name), physicsClientId=self._client)
+        setattr(self, name, call)
+        return call

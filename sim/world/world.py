@@ -13,7 +13,7 @@ from sim.scenario.scenario import Scenario
 from sim.world import opengl
 from sim.world.appearance import sample_appearance
 from sim.world.contacts import Contact
-from sim.world.engine import pybullet
+from sim.world.engine import Engine, pybullet
 from sim.world.quadrotor import GRAVITY, ROTORS, drag, rotor_thrusts, steady_thrusts
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
@@ -64,9 +64,10 @@ class World:
         if client is None:
             client = opengl.connect(largest) if self.opengl else pybullet.connect(pybullet.DIRECT)
         self.client: int = client
-        pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self.client)
-        pybullet.setTimeStep(1.0 / scenario.rates.physics, physicsClientId=self.client)
-        pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=self.client)
+        self.engine = Engine(client)
+        self.engine.setGravity(0.0, 0.0, -GRAVITY)
+        self.engine.setTimeStep(1.0 / scenario.rates.physics)
+        self.engine.setPhysicsEngineParameter(deterministicOverlappingPairs=1)
         ground = self._add_ground()
         trees = self._add_trees(forest.trees)
         self._people = self._add_people(people)
@@ -101,20 +102,15 @@ class World:
     def place_uavs(self, poses: Sequence[Pose]) -> None:
         """Put each UAV at a recorded pose of its body; its velocity stays."""
         for body, pose in zip(self._uavs, poses, strict=True):
-            pybullet.resetBasePositionAndOrientation(
-                body.id, pose.position.tolist(), pose.quaternion.tolist(), physicsClientId=self.client
-            )
+            self.engine.resetBasePositionAndOrientation(body.id, pose.position.tolist(), pose.quaternion.tolist())
 
     def poses(self) -> list[Pose]:
         """Poses of the UAVs' bodies: x forward, which is east at yaw 0, y left, z up."""
-        return [
-            Pose(*map(np.array, pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)))
-            for body in self._uavs
-        ]
+        return [Pose(*map(np.array, self.engine.getBasePositionAndOrientation(body.id))) for body in self._uavs]
 
     def velocities(self) -> Array:
         """Velocities of the UAVs (n, 3) m/s."""
-        return np.array([pybullet.getBaseVelocity(b.id, physicsClientId=self.client)[0] for b in self._uavs])
+        return np.array([self.engine.getBaseVelocity(b.id)[0] for b in self._uavs])
 
     def step(self, commands: Array, wind: Array | None = None) -> None:
         """Advance by one physics step under velocity commands (n, 2) m/s, east and north.
@@ -124,12 +120,12 @@ class World:
         if self._scenario.dynamics == "kinematic":
             for body, (east, north) in zip(self._uavs, commands.tolist(), strict=True):
                 self._glide(body, east, north)
-            pybullet.performCollisionDetection(physicsClientId=self.client)
+            self.engine.performCollisionDetection()
             self._touch()
             return
         for k, (east, north) in enumerate(commands.tolist()):
             self._thrust(k, np.array([east, north, self._altitudes[k]]), wind)
-        pybullet.stepSimulation(physicsClientId=self.client)
+        self.engine.stepSimulation()
         self._touch()
 
     def take_contacts(self) -> tuple[Contact, ...]:
@@ -139,7 +135,7 @@ class World:
 
     def close(self) -> None:
         """Free the client."""
-        if pybullet.isConnected(physicsClientId=self.client):
+        if self.engine.isConnected():
             (opengl.disconnect if self.opengl else pybullet.disconnect)(self.client)
 
     def __enter__(self) -> "World":
@@ -151,8 +147,8 @@ class World:
     def _thrust(self, uav: int, target: Array, wind: Array | None) -> None:
         """Apply what rotors, towards a target (3,): velocity east and north m/s, altitude m, and the wind give."""
         body = self._uavs[uav]
-        position, quaternion = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
-        velocity, spin = pybullet.getBaseVelocity(body.id, physicsClientId=self.client)
+        position, quaternion = self.engine.getBasePositionAndOrientation(body.id)
+        velocity, spin = self.engine.getBaseVelocity(body.id)
         state = np.array(position + quaternion + velocity + spin)
         if wind is None:
             given = rotor_thrusts(state, target, _CALM)
@@ -161,63 +157,51 @@ class World:
                 state, target, self._memories[uav], 1.0 / self._scenario.rates.physics
             )
             force = drag(state[7:10], wind).tolist()
-            pybullet.applyExternalForce(body.id, -1, force, position, pybullet.WORLD_FRAME, physicsClientId=self.client)
+            self.engine.applyExternalForce(body.id, -1, force, position, pybullet.WORLD_FRAME)
         *thrusts, yaw = given.tolist()
         for thrust, rotor in zip(thrusts, _ROTORS, strict=True):
-            pybullet.applyExternalForce(
-                body.id, -1, (0.0, 0.0, thrust), rotor, pybullet.LINK_FRAME, physicsClientId=self.client
-            )
-        pybullet.applyExternalTorque(body.id, -1, (0.0, 0.0, yaw), pybullet.LINK_FRAME, physicsClientId=self.client)
+            self.engine.applyExternalForce(body.id, -1, (0.0, 0.0, thrust), rotor, pybullet.LINK_FRAME)
+        self.engine.applyExternalTorque(body.id, -1, (0.0, 0.0, yaw), pybullet.LINK_FRAME)
 
     def _touch(self) -> None:
         """Note the contacts that the engine found, with its margin of 2 cm."""
-        for _, a, b, *_ in pybullet.getContactPoints(physicsClientId=self.client):
+        for _, a, b, *_ in self.engine.getContactPoints():
             pair = sorted((self._names[a], self._names[b]), key=lambda name: (name[0] != "uav", name[1]))
             self._touched.add(Contact(pair[0][1], *pair[1]))
 
     def _glide(self, body: Body, east: float, north: float) -> None:
         """Move one UAV by [Li22] eq. (5); at zero velocity the heading is kept."""
         dt = 1.0 / self._scenario.rates.physics
-        (x, y, z), (_, _, s, c) = pybullet.getBasePositionAndOrientation(body.id, physicsClientId=self.client)
+        (x, y, z), (_, _, s, c) = self.engine.getBasePositionAndOrientation(body.id)
         yaw = arctan2(north, east) if east or north else 2 * arctan2(s, c)
         self._put(body, (x + east * dt, y + north * dt, z), yaw)
-        pybullet.resetBaseVelocity(body.id, (east, north, 0.0), (0.0, 0.0, 0.0), physicsClientId=self.client)
+        self.engine.resetBaseVelocity(body.id, (east, north, 0.0), (0.0, 0.0, 0.0))
 
     def _put(self, body: Body, position: tuple[float, float, float], yaw: float) -> None:
-        pybullet.resetBasePositionAndOrientation(
-            body.id, position, (0.0, 0.0, sin(yaw / 2), cos(yaw / 2)), physicsClientId=self.client
-        )
+        self.engine.resetBasePositionAndOrientation(body.id, position, (0.0, 0.0, sin(yaw / 2), cos(yaw / 2)))
 
     def _mesh(self, name: str, scale: tuple[float, float, float]) -> int:
         path = str(ASSETS / "meshes" / f"{name}.obj")
-        return int(
-            pybullet.createVisualShape(pybullet.GEOM_MESH, fileName=path, meshScale=scale, physicsClientId=self.client)
-        )
+        return int(self.engine.createVisualShape(pybullet.GEOM_MESH, fileName=path, meshScale=scale))
 
     def _cylinder(self, radius: float, height: float) -> int:
         """Solid cylinder that stands on its origin."""
-        return int(
-            pybullet.createCollisionShape(
-                pybullet.GEOM_CYLINDER,
-                radius=radius,
-                height=height,
-                collisionFramePosition=(0.0, 0.0, height / 2),
-                physicsClientId=self.client,
-            )
-        )
+        place = (0.0, 0.0, height / 2)
+        solid = self.engine.createCollisionShape
+        return int(solid(pybullet.GEOM_CYLINDER, radius=radius, height=height, collisionFramePosition=place))
 
     def _fixed(self, solid: int, mesh: int, position: tuple[float, float, float]) -> int:
-        return int(pybullet.createMultiBody(0.0, solid, mesh, position, physicsClientId=self.client))
+        return int(self.engine.createMultiBody(0.0, solid, mesh, position))
 
     def _paint(self, body: Body) -> Body:
-        pybullet.changeVisualShape(body.id, -1, rgbaColor=(*body.tint, 1.0), physicsClientId=self.client)
+        self.engine.changeVisualShape(body.id, -1, rgbaColor=(*body.tint, 1.0))
         return body
 
     def _add_ground(self) -> int:
-        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
+        plane = self.engine.createCollisionShape(pybullet.GEOM_PLANE)
         # A plane without a visual shape is given a chequered one, which OpenGL fails at: there, a speck far below.
         ground = self._fixed(plane, opengl.speck(self.client, _AWAY) if self.opengl else -1, (0.0, 0.0, 0.0))
-        pybullet.changeVisualShape(ground, -1, rgbaColor=(0.0, 0.0, 0.0, 0.0), physicsClientId=self.client)
+        self.engine.changeVisualShape(ground, -1, rgbaColor=(0.0, 0.0, 0.0, 0.0))
         return ground
 
     def _add_trees(self, trees: tuple[Tree, ...]) -> list[Body]:
@@ -254,13 +238,9 @@ class World:
         ]
 
     def _add_uav(self, x: float, y: float, z: float) -> Body:
-        id_ = pybullet.loadURDF(
-            str(ASSETS / "quadrotor.urdf"),
-            (x, y, z),
-            flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
-            physicsClientId=self.client,
-        )
-        pybullet.changeDynamics(id_, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=self.client)
+        flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+        id_ = self.engine.loadURDF(str(ASSETS / "quadrotor.urdf"), (x, y, z), flags=flags)
+        self.engine.changeDynamics(id_, -1, linearDamping=0.0, angularDamping=0.0)
         return self._paint(Body(id_, "uav", _WHITE, 0.45))
 
 
