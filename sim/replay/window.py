@@ -2,7 +2,6 @@
 
 import math
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -15,7 +14,7 @@ from sim.recording.recording import Recording
 from sim.replay.frames.rerender import scenario_of
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
-from sim.world.engine import Engine, pybullet, quiet, silenced
+from sim.world.engine import Engine, pybullet, quiet, refusal_of, silenced
 from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
 from tracking.numerics.arrays import Array
@@ -29,19 +28,10 @@ _TRIAL = "import pybullet; assert pybullet.connect(pybullet.GUI) >= 0; pybullet.
 
 
 def refusal() -> str:
-    """The reason that no window can be opened here; empty where one can.
-
-    Where it cannot, the engine ends the process, hence the trial in another one.
-    """
+    """The reason that no window can be opened here; empty where one can."""
     if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         return "DISPLAY is not set"
-    command = [sys.executable, "-c", _TRIAL]
-    try:
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
-    except subprocess.TimeoutExpired:
-        return "no answer from the display in 60 s"
-    lines = [line for line in done.stderr.splitlines() if line.strip()] or [f"it ends with {done.returncode}"]
-    return lines[-1].strip(" .\t") if done.returncode else ""
+    return refusal_of("the display", _TRIAL)
 
 
 def show(recording: Recording, scans: Sequence[int], *, speed: float = 1.0, say: Callable[[str], None]) -> None:
@@ -127,7 +117,6 @@ def _moments(engine: Engine, times: Array, speed: float) -> Iterator[float]:
 
 
 def _place(world: World, cones: Sequence[int], recording: Recording, moment: float) -> None:
-    """Put all as it was at a time [s] of the recording."""
     k = min(int(np.searchsorted(recording.times, moment, side="right")) - 1, len(recording.times) - 1)
     after = min(k + 1, len(recording.times) - 1)
     share = (moment - recording.times[k]) / (recording.times[after] - recording.times[k]) if after > k else 0.0

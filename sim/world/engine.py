@@ -2,6 +2,8 @@
 
 import ctypes
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -36,7 +38,22 @@ def quiet() -> Iterator[None]:
 with silenced(2):
     import pybullet
 
-__all__ = ["Engine", "pybullet", "quiet", "silenced"]
+__all__ = ["Engine", "pybullet", "quiet", "refusal_of", "silenced"]
+
+
+def refusal_of(what: str, trial: str, *arguments: str) -> str:
+    """The reason why a trial of the engine fails, a script with arguments; empty if it does not.
+
+    It runs in a process of its own, because the engine may end that. what: the engine tries it.
+    """
+    command = [sys.executable, "-c", trial, *arguments]
+    try:
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+    except subprocess.TimeoutExpired:
+        return f"no answer from {what} in 60 s"
+    lines = [line for line in done.stderr.splitlines() if line.strip()]
+    told = lines[-1].strip(" .\t") if lines else f"{what} ends the process with {done.returncode}"
+    return told if done.returncode else ""
 
 
 class Engine:

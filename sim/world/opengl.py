@@ -7,10 +7,8 @@ Bodies of one mesh share its transparency, so they cannot be hidden one by one, 
 
 import functools
 import importlib.util
-import subprocess
-import sys
 
-from sim.world.engine import pybullet, quiet
+from sim.world.engine import pybullet, quiet, refusal_of
 from tracking.plugins.registry import InputError
 
 MOST_PIXELS = 768  # along an edge: the height of the plug-in's window
@@ -66,16 +64,9 @@ def refusal() -> str:
     plugin = _plugin()
     if not plugin:
         return "this PyBullet has no plug-in eglRenderer"
-    command = [sys.executable, "-c", _TRIAL, plugin]
-    try:
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
-    except subprocess.TimeoutExpired:
-        return "no answer from OpenGL in 60 s"
-    lines = done.stderr.strip().splitlines() or [f"OpenGL ends the process with {done.returncode}"]
-    return lines[-1].strip(" .") if done.returncode else ""
+    return refusal_of("OpenGL", _TRIAL, plugin)
 
 
 def _plugin() -> str:
-    """The plug-in's file, if there is one."""
     found = importlib.util.find_spec("eglRenderer")
     return (found.origin or "") if found else ""
