@@ -4,22 +4,17 @@ import csv
 import io
 import math
 from collections.abc import Sequence
-from itertools import groupby
 
 from sim.analysis.answers import Answer
 from sim.analysis.cell_text import Cell
-from sim.analysis.differences import Difference
 from sim.analysis.distributions import NO_SPREAD
 from sim.analysis.intervals import NO_ESTIMATE
-from sim.report.tables import Layout, layouts, notes, shortfalls
+from sim.report.tables import Layout, notes, shortfalls, tables
 
 
 def markdown(found: Sequence[Answer], baseline: str) -> str:
     """One table per metric."""
-    parts = []
-    for _, group in groupby(found, lambda answer: answer.metric):
-        lines = list(group)
-        parts += [_markdown_table(layout, lines) for layout in layouts(lines, baseline)]
+    parts = [_markdown_table(layout, lines) for layout, lines in tables(found, baseline)]
     said = "\n".join(f"- {_plain(line)}" for line in (*notes(found), *shortfalls(found)))
     return "\n\n".join([*parts, said]) + "\n"
 
@@ -29,7 +24,8 @@ def _markdown_table(layout: Layout, found: Sequence[Answer]) -> str:
     head = [*names, *layout.heads]
     rows = [[*_levels(answer.cell, names), *layout.texts(answer)] for answer in found]
     rule = ["---"] * (len(names) + 1) + ["---:"] * (len(head) - len(names) - 1)
-    return "\n".join([f"**{layout.title}**", "", *(_markdown_line(line) for line in (head, rule, *rows))])
+    lines = (f"| {' | '.join(map(_plain, line))} |" for line in (head, rule, *rows))
+    return "\n".join([f"**{layout.title}**", "", *lines])
 
 
 def _levels(cell: Cell | None, names: Sequence[str]) -> list[str]:
@@ -38,10 +34,6 @@ def _levels(cell: Cell | None, names: Sequence[str]) -> list[str]:
 
 def _plain(text: str) -> str:
     return text.replace("\\", "\\\\").replace("*", "\\*").replace("|", "\\|").replace("<", "&lt;").replace("\n", " ")
-
-
-def _markdown_line(texts: Sequence[str]) -> str:
-    return f"| {' | '.join(_plain(text) for text in texts)} |"
 
 
 def comma_separated(found: Sequence[Answer], baseline: str) -> str:
@@ -58,7 +50,11 @@ def comma_separated(found: Sequence[Answer], baseline: str) -> str:
         numbers = [_number(value) for e in estimates for value in (e.value, e.low, e.high)]
         numbers += [_number(value) for s in spreads for value in (s.between, s.within)]
         place = [*_levels(answer.cell, names), answer.planner, answer.metric.name]
-        writer.writerow([*place, *own, *numbers, *([""] * 9 if gap is None else _of_pairs(baseline, gap))])
+        pairs: list[object] = [""] * 9
+        if gap is not None:
+            counts = (gap.pairs, gap.unpaired, gap.won, gap.tied, gap.lost)
+            pairs = [baseline, *counts, _number(gap.chance), int(gap.survives), _number(gap.needed)]
+        writer.writerow([*place, *own, *numbers, *pairs])
     return text.getvalue()
 
 
@@ -68,12 +64,6 @@ _CSV = (
     *("between_maps", "within_maps", "difference_between_maps", "difference_within_maps"),
     *("baseline", "pairs", "unpaired", "won", "tied", "lost", "p", "holm", "maps_needed"),
 )
-
-
-def _of_pairs(baseline: str, gap: Difference) -> list[str | int]:
-    """The columns of a difference that are counts, or follow from its values."""
-    counts = (gap.pairs, gap.unpaired, gap.won, gap.tied, gap.lost)
-    return [baseline, *counts, _number(gap.chance), int(gap.survives), _number(gap.needed)]
 
 
 def _number(value: float) -> str:

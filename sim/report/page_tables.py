@@ -10,16 +10,12 @@ from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.differences import Difference
 from sim.evaluation.metric import Metric
 from sim.report.page_elements import table
-from sim.report.tables import Layout, layouts, texts_of
+from sim.report.tables import Layout, tables, texts_of
 
 
 def result_tables(found: Sequence[Answer], baseline: str) -> str:
     """The tables of each metric."""
-    parts = []
-    for _, group in groupby(found, lambda answer: answer.metric):
-        lines = list(group)
-        parts += [_table(layout, lines) for layout in layouts(lines, baseline)]
-    return "\n".join(parts)
+    return "\n".join(_table(layout, lines) for layout, lines in tables(found, baseline))
 
 
 def _table(layout: Layout, found: Sequence[Answer]) -> str:
@@ -79,7 +75,6 @@ def verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, sho
 
 
 def _remark(gap: Difference, shown: int) -> str:
-    """Remark that a reader of a verdict needs."""
     if gap.told:
         lone = gap.survives or shown == 1
         return "" if lone else f"This does not survive Holm's correction for all {shown} differences."

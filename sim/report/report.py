@@ -114,7 +114,6 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
 
 
 def _trials(groups: Sequence[Group], every: Sequence[Group], metrics: Sequence[Metric]) -> list[tuple[str, str]]:
-    """The sections about single trials: best and worst, failed, and the commands."""
     table, places = maps(groups, metrics[0])
     failed = [row for group in every for row in group.failed]
     hint = "A click selects a command for the shell. It leaves film and recording under runs/."

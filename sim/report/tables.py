@@ -1,8 +1,9 @@
 """The answers of a study as tables, in the terminal and as text for other forms."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import groupby
 from typing import NamedTuple
 
 from sim.analysis.answers import Answer
@@ -35,7 +36,15 @@ class Layout(NamedTuple):
         return "mean" in self.heads
 
 
-def layouts(found: Sequence[Answer], baseline: str) -> list[Layout]:
+def tables(found: Sequence[Answer], baseline: str) -> Iterator[tuple[Layout, list[Answer]]]:
+    """The tables of each metric, with the answers in them."""
+    for _, group in groupby(found, lambda answer: answer.metric):
+        lines = list(group)
+        for layout in _layouts(lines, baseline):
+            yield layout, lines
+
+
+def _layouts(found: Sequence[Answer], baseline: str) -> list[Layout]:
     """The tables of the answers of one metric: the results and, where maps were repeated, the spreads."""
     metric, compared = found[0].metric, any(answer.difference for answer in found)
     columns = ["planner", "maps", "mean", "median", *([f"minus {baseline}", *_OF_PAIRS] if compared else [])]
@@ -48,7 +57,6 @@ def layouts(found: Sequence[Answer], baseline: str) -> list[Layout]:
 
 
 def _repeated(found: Sequence[Answer]) -> bool:
-    """True if a map was flown more than once."""
     return any(answer.trials + answer.failed > answer.flown for answer in found)
 
 
@@ -104,14 +112,12 @@ def _compared(metric: Metric, difference: Difference | None) -> list[str]:
 
 
 def _needed(difference: Difference) -> str:
-    """Number of maps that tell the difference apart."""
     if math.isinf(difference.needed):
         return f"> {MOST_MAPS}" if difference.mean.value else UNKNOWN
     return UNKNOWN if math.isnan(difference.needed) else str(round(difference.needed))
 
 
 def _spread_texts(answer: Answer, *, compared: bool) -> list[str]:
-    """Entries under the headings of the spreads."""
     metric, gap = answer.metric, answer.difference
     texts = [answer.planner, *(["", ""] if answer.cell is None else answer.spread.texts(metric))]
     if compared:

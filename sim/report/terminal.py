@@ -14,7 +14,7 @@ from sim.analysis.cell_text import cell_text
 from sim.analysis.cells import constant, grouped, trimmed
 from sim.analysis.metric_choice import chosen
 from sim.analysis.planner_labels import baseline_of, short_labels
-from sim.report.tables import Layout, layouts, notes, shortfalls
+from sim.report.tables import Layout, notes, shortfalls, tables
 from sim.study.row import Row
 from sim.terminal.console import console
 
@@ -43,10 +43,8 @@ def show(
     found = [replace(answer, planner=shorts[answer.planner]) for answer in full]
     if constant(groups):
         on.print(f"Everywhere: {escape(cell_text(constant(groups)))}")
-    for _, group in groupby(found, lambda answer: answer.metric):
-        lines = list(group)
-        for layout in layouts(lines, shorts[first]):
-            on.print(_terminal_table(layout, lines, on.width >= WIDE))
+    for layout, lines in tables(found, shorts[first]):
+        on.print(_terminal_table(layout, lines, on.width >= WIDE))
     for label, short in shorts.items():
         if short != label:
             on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)

@@ -78,7 +78,6 @@ def _place(group: Group, columns: str, down: Sequence[str]) -> tuple[tuple[str, 
 
 
 def _entry(group: Group | None, base: Group | None, metric: Metric) -> str:
-    """Mean of a group with its interval, or with its difference to another's."""
     if group is None:
         return "-"
     mean = answers([group], [metric], group.planner)[0].mean

@@ -141,7 +141,8 @@ def scatter_figure(groups: Sequence[Group], baseline: str, metric: Metric) -> Fi
             if log:
                 axes.set(xscale="log", yscale="log")
             axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")
-            axes.set_title(_wrapped(other), fontsize=10, loc="left", fontweight="bold")
+            title = other.replace("(", "(\n", 1) if len(other) > 34 else other
+            axes.set_title(title, fontsize=10, loc="left", fontweight="bold")
             axes.grid(lw=0.5, alpha=0.4)
         figure.supxlabel(f"{baseline}: {metric.title}{', logarithmic' * log}", fontsize=10)
         figure.supylabel(f"planner: {metric.title}", fontsize=10)
@@ -158,8 +159,3 @@ def _limits(points: Array) -> tuple[float, float, bool]:
         return low / 1.15, high * 1.15, True
     margin = 0.05 * (high - low) or 0.5
     return low - margin, high + margin, False
-
-
-def _wrapped(text: str) -> str:
-    """A long planner's text on several lines."""
-    return text.replace("(", "(\n", 1) if len(text) > 34 else text

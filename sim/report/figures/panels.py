@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import cycle, product
 
 from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.cells import Group, varying
@@ -62,12 +63,9 @@ def sheets(groups: Sequence[Group]) -> list[Sheet]:
     if len(planners) == 1:
         return [_of_one_planner(groups)]
     order = list(dict.fromkeys(group.planner for group in groups))  # the baseline first
-    styles = {planner: _style(i) for i, planner in enumerate(order)}
+    looks = product(DASHES, COLOURS)  # which differ in colour first
+    styles = {planner: Style(colour, dash) for planner, (dash, colour) in zip(order, cycle(looks), strict=False)}
     return [_sheet(shared, part, styles) for shared, part in _split((), groups)]
-
-
-def _style(index: int) -> Style:
-    return Style(COLOURS[index % len(COLOURS)], DASHES[index // len(COLOURS) % len(DASHES)])
 
 
 def _split(shared: Cell, groups: Sequence[Group]) -> Iterator[tuple[Cell, list[Group]]]:
