@@ -198,7 +198,6 @@ def _ratio(part: np.generic, whole: np.generic) -> float | None:
 
 
 def _disagreement(outcome: Outcome) -> float | None:
-    """Mean distance [m] between the UAVs' tracks."""
     r = outcome.recording
     tracks = ([r.tracks_at(k, i) for i in np.flatnonzero(row).tolist()] for k, row in enumerate(r.working))
     return float(np.mean([disagreement(held) for held in tracks]))
@@ -207,7 +206,6 @@ def _disagreement(outcome: Outcome) -> float | None:
 def _sent(
     label: str, sent: Callable[[Recording], Ints | None], reduced: Callable[[Ints], np.generic], unit: str, key: str
 ) -> Metric:
-    """Bytes of messages or plans; None where they were not recorded."""
 
     def of(outcome: Outcome) -> float | None:
         found = sent(outcome.recording)

@@ -120,7 +120,6 @@ def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _value(summary: Mapping[str, Any], known: Metric) -> float:
-    """A metric of a summary; NaN where it has null."""
     found: Any = summary
     for name in (known.key or known.name).split("."):
         found = found[name]
@@ -176,7 +175,6 @@ def _unmatched(tracks: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
 
 
 def _sent(network: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
-    """Rows about what UAVs sent, if they did."""
     if network["bytes_per_scan_mean"]:
         yield "sent by a UAV per scan", f"{network['bytes_per_scan_mean'] / 1000:.1f} kB"
     plans = network["plans"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.evaluation.episodes import episodes
+from sim.evaluation.holding import episodes
 from sim.evaluation.score import FAR, HELD, Held, held_by
 from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording

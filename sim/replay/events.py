@@ -1,5 +1,6 @@
 """Events of a recorded mission, told once for the page, the timeline, `understory explain` and Rerun."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -7,14 +8,15 @@ from typing import Any
 import numpy as np
 
 from sim.evaluation.fleet_facts import contacts
+from sim.evaluation.score import HELD
+from sim.evaluation.unmatched import unmatched_tracks
 from sim.mission.plan_exchange import Links, lost_messages, open_links
 from sim.mission.snapshot import Ints
 from sim.recording.fault_text import read
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event
-from sim.replay.history import History
-from sim.replay.losses import unheld_people, unmatched_events
-from sim.replay.views import fleet_text
+from sim.replay.history import STATES, History, Loss
+from sim.replay.views import fleet_text, view_text, views_at
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
 
@@ -31,16 +33,21 @@ def events_of(recording: Recording, scenario: Scenario, history: History | None 
         *_links(recording, scenario),
         *_lives(recording),
         *_identities(recording, history),
-        *unheld_people(recording, history),
-        *unmatched_events(recording),
+        *_unheld(recording, history),
+        *_unmatched(recording),
     ]
     return tuple(sorted(found, key=lambda event: (event.time, KINDS.index(event.kind))))
 
 
 def _at(recording: Recording, k: int, kind: str, text: str, **concerned: Any) -> Event:  # noqa: ANN401 - fields of Event
-    """An event of one scan."""
-    time = float(recording.times[k])
-    return Event(kind, text, k, k, time, time, **concerned)
+    return _during(recording, (k, k), kind, text, **concerned)
+
+
+def _during(recording: Recording, span: tuple[int, int], kind: str, text: str, **concerned: Any) -> Event:  # noqa: ANN401
+    """An event from one scan to another; one that goes on at the last has no end."""
+    (first, last), times = span, recording.times
+    goes_on = last == len(times) - 1 and last > first
+    return Event(kind, text, *span, float(times[first]), math.inf if goes_on else float(times[last]), **concerned)
 
 
 def _breakdowns(recording: Recording, scenario: Scenario) -> Iterator[Event]:
@@ -165,3 +172,80 @@ def links_of(recording: Recording, scenario: Scenario) -> list[Links]:
         up = open_links(scenario.network, time, poses[:, :3]) & working[:, None] & working
         found.append(Links(np.asarray(up), lost_messages(scenario.network, uavs, rng)))
     return found
+
+
+_MOST_CAUSES = 3
+
+
+def _unheld(recording: Recording, history: History) -> Iterator[Event]:
+    """People lost or not found yet, with what cameras had of them meanwhile, and people found."""
+    times = history.times
+    for loss in history.losses:
+        end, what = loss.last + 1, "lost" if loss.found else "not found yet"
+        why = _causes(history, loss) + (_track(recording, history, loss) if loss.found else "")
+        concerned = {"why": why, "person": loss.person, "uavs": (_nearest(recording, history, loss),)}
+        text = f"person {loss.person} {what}"
+        yield _during(recording, (loss.first, loss.last), f"person {what}", text, **concerned)
+        if end < len(times) and history.held[end, loss.person]:
+            uavs = tuple(np.flatnonzero(history.tracks[end, :, loss.person] >= 0).tolist())
+            again, after = " again" * loss.found, times[end] - times[loss.first]
+            text = f"person {loss.person} found{again} by {fleet_text(uavs)} after {after:.1f} s"
+            yield _at(recording, end, "person found", text, person=loss.person, uavs=uavs)
+
+
+def _causes(history: History, loss: Loss) -> str:
+    """The best states that cameras had of a lost person, in order of time, with how long each lasted."""
+    scans: dict[tuple[str, tuple[int, ...]], int] = {}
+    uavs: defaultdict[tuple[str, int], set[int]] = defaultdict(set)  # by state and tree
+    for k in range(loss.first, loss.last + 1):
+        states, trees = (t[k, :, loss.person] for t in (history.camera_states, history.hiding_trees))
+        state, having = views_at(states, trees)[0]
+        key = (state, tuple(sorted(having)))
+        scans[key] = scans.get(key, 0) + 1
+        for tree, fleet in having.items():
+            uavs[state, tree].update(fleet)
+    most = sorted(scans, key=lambda key: -scans[key])[:_MOST_CAUSES]
+    step = float(history.times[1] - history.times[0]) if len(history.times) > 1 else 0.0
+    parts = []
+    for state, between in (key for key in scans if key in most):
+        text = view_text(state, {tree: sorted(uavs[state, tree]) for tree in between})
+        text += f", but no track within {HELD:g} m" if state == "seen" else ""
+        parts.append(text + (f" ({scans[state, between] * step:.1f} s)" if len(scans) > 1 else ""))
+    return "; ".join(parts)
+
+
+def _track(recording: Recording, history: History, loss: Loss) -> str:
+    column = history.tracks[loss.first - 1, :, loss.person]
+    uav = int(np.argmax(column >= 0))
+    number = recording.track_numbers.get(int(column[uav]))
+    if number is None:
+        return ""
+    for track in recording.tracks_at(loss.first, uav):
+        if track.id == column[uav]:
+            gap = np.hypot(*(track.belief.mean[:2] - recording.people[loss.first, loss.person]))
+            return f"; track {number} is {gap:.1f} m off"
+    return f"; track {number} is gone"
+
+
+def _nearest(recording: Recording, history: History, loss: Loss) -> int:
+    """The UAV with the most telling frames of a loss: the person is inside most of them, or else it is the nearest."""
+    states = history.camera_states[loss.first : loss.last + 1, :, loss.person]
+    inside = np.count_nonzero(states >= STATES.index("hidden"), axis=0)
+    if inside.any():
+        return int(inside.argmax())
+    gap = np.linalg.norm(recording.poses[loss.first, :, :2] - recording.people[loss.first, loss.person], axis=1)
+    return int(np.where(history.working[loss.first], gap, np.inf).argmin())
+
+
+def _unmatched(recording: Recording) -> Iterator[Event]:
+    """False tracks and duplicates, as `sim.evaluation.unmatched` finds them."""
+    for found in unmatched_tracks(recording):
+        number, span = recording.track_numbers[found.id], (found.first, found.last)
+        uavs = tuple(np.flatnonzero(found.alone.any(axis=0)).tolist())
+        near = "" if found.nearest is None else f", {found.gap:.1f} m from person {found.nearest}"
+        cost = np.nanmax(recording.ospa[found.first : found.last + 1, uavs, 2])
+        why = f"held by {fleet_text(uavs)}{near}; OSPA's cardinality part is up to {cost:.1f} m"
+        person = found.nearest if found.duplicate else None
+        stands = f"is person {found.nearest}'s second one" if found.duplicate else "stands for no person"
+        kind, text = "duplicate track" if found.duplicate else "false track", f"track {number} {stands}"
+        yield _during(recording, span, kind, text, why=why, person=person, track=number, uavs=uavs)

@@ -5,8 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sim.evaluation.episodes import episodes
-from sim.evaluation.holding import HOLDS, hold_states
+from sim.evaluation.holding import HOLDS, episodes, hold_states
 from sim.evaluation.score import held_by
 from sim.evaluation.unmatched import standing
 from sim.mission.snapshot import Bools, Ints

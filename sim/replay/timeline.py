@@ -13,8 +13,7 @@ from matplotlib.patches import Patch
 from sim.drawing import palette
 from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, PANEL, UAV_COLOURS, mixed, uav_colour
 from sim.drawing.plots import draw_mean, new_figure, rgb
-from sim.evaluation.episodes import episodes
-from sim.evaluation.holding import HOLDS
+from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
 from sim.replay.event import IDENTITIES, UNHELD, UNMATCHED, Event, lanes
@@ -116,7 +115,6 @@ def _box(times: Array, event: Event, top: float) -> tuple[Box, Shade]:
 
 
 def _lane(times: Array, states: Ints, top: float, uav: int) -> list[tuple[Box, Shade]]:
-    """The states of one person to one camera (K,)."""
     colour, boxes = uav_colour(uav), []
     shades = {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": mixed(colour, PANEL, _TINT), "seen": colour}
     for first, last, value in episodes(states):
@@ -127,7 +125,6 @@ def _lane(times: Array, states: Ints, top: float, uav: int) -> list[tuple[Box, S
 
 
 def _bar(times: Array, states: Ints, top: float) -> list[tuple[Box, Shade]]:
-    """The spans in which tracks hold one person, of the states (K,)."""
     return [
         ((*_ends(times, first, last), top + 0.2, _BAR - 0.2), rgb(_BARS[HOLDS[value]]))
         for first, last, value in episodes(states)
@@ -146,7 +143,6 @@ def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, n
 
 
 def _legend(uavs: int, unmatched: Sequence[Event]) -> list[Patch | Line2D]:
-    """The meaning of each mark."""
     if uavs <= len(UAV_COLOURS):
         seen = [Patch(color=rgb(uav_colour(i)), label=f"seen by UAV {i}") for i in range(uavs)]
     else:
@@ -164,22 +160,18 @@ def _legend(uavs: int, unmatched: Sequence[Event]) -> list[Patch | Line2D]:
 
 
 def _title(history: History) -> str:
-    """The share of time in which people were held, and the longest loss."""
     present = np.count_nonzero(history.present)
     if not present:
         return "No people"
     share = np.count_nonzero(history.held[history.present]) / present
     lost = [loss for loss in history.losses if loss.found]
-    text = f"People held {100 * share:.0f} % of the time, {_times(len(lost))}"
+    times = {0: "never lost", 1: "lost once", 2: "lost twice"}.get(len(lost), f"lost {len(lost)} times")
+    text = f"People held {100 * share:.0f} % of the time, {times}"
     if lost:
         worst = max(lost, key=lambda loss: loss.last - loss.first)
         start, end = _ends(history.times, worst.first, worst.last)
         text += f", longest: person {worst.person} for {end - start:.1f} s from {history.times[worst.first]:.1f} s"
     return text
-
-
-def _times(count: int) -> str:
-    return {0: "never lost", 1: "lost once", 2: "lost twice"}.get(count, f"lost {count} times")
 
 
 def _share(history: History, person: int) -> str:

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.evaluation.episodes import episodes
-from sim.evaluation.holding import HOLDS
+from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
@@ -70,7 +69,6 @@ def _holding(facts: PersonFacts, events: Sequence[Event]) -> list[str]:
 
 
 def _seen(facts: PersonFacts) -> str:
-    """The last detection of the person."""
     seen = facts.history.detected[: facts.k + 1, :, facts.person]
     scans = np.flatnonzero(seen.any(axis=1))
     if len(scans) == 0:
@@ -99,7 +97,6 @@ def _observation(w: Observation, facts: PersonFacts, recording: Recording) -> li
 
 
 def _view(w: Observation, recording: Recording) -> list[str]:
-    """The view of the person, and the trees that hide them."""
     sighting = w.sighting
     lines = [f"{sighting.status}, {w.away:.1f} m from below the camera"]
     for tree in sighting.hidden_by:

@@ -10,8 +10,7 @@ from matplotlib.collections import PolyCollection
 
 from sim.drawing.palette import FALSE, HIDDEN, LOST, UAV_COLOURS, uav_colour
 from sim.drawing.plots import rgb
-from sim.evaluation.episodes import Episode, episodes
-from sim.evaluation.holding import HOLDS
+from sim.evaluation.holding import HOLDS, Episode, episodes
 from sim.replay.event import Event
 from sim.replay.events import events_of
 from sim.replay.frames.rerender import scenario_of
