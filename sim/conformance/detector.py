@@ -15,8 +15,8 @@ from sim.scenario.fleet import Uav
 from sim.scenario.perception import DETECTORS
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_pose
-from sim.sensing.detection_check import usable_detections
 from sim.sensing.detection_truth import MaskDetector, matched_detections
+from sim.sensing.rendered_mode import usable_detections
 from sim.sensing.renderer import Rendered, Renderer
 from sim.world.world import World
 from tracking.detection.detector import Detections, Frame
@@ -95,7 +95,6 @@ class _Subject:
             self.defect = str(error)
 
     def make(self) -> Callable[[View], Detections]:
-        """Another instance, as a function of a view."""
         made = DETECTORS.make(self._name, FOREST)
 
         def detect(view: View) -> Detections:
@@ -111,11 +110,9 @@ class _Subject:
         return detect
 
     def detect(self, view: View) -> Detections:
-        """Detections of a new instance."""
         return self.make()(view)
 
     def found(self) -> Detections:
-        """The detections in the ordinary frame, if there are any."""
         if self.first is None:
             raise Untried("it does not detect")
         return self.first
@@ -145,7 +142,6 @@ def _people(subject: _Subject) -> str:
 
 
 def _covariances(subject: _Subject) -> str:
-    """Errors against the covariances that the detector gives."""
     found, view = subject.found(), views()["ordinary"]
     of_people, _ = _matched(view, found)
     hit = of_people >= 0

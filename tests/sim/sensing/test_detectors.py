@@ -11,8 +11,8 @@ from sim.scenario.environment import People, Trees
 from sim.scenario.fleet import Uav
 from sim.scenario.perception import DETECTORS, Sensing
 from sim.scenario.scenario import Scenario
-from sim.sensing.detection_check import usable_detections
 from sim.sensing.detection_truth import MaskDetector, matched_people
+from sim.sensing.rendered_mode import usable_detections
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
