@@ -125,7 +125,6 @@ def _controls(plans: Sequence[Any]) -> tuple[tuple[Array, ...], str]:
 
 
 def _defects(controls: Sequence[Array], team: Sequence[Situation]) -> dict[str, str]:
-    """Defects of plans of the right shape."""
     defects: dict[str, str] = {}
     for s, plan in zip(team, controls, strict=True):
         fastest = float(np.max(np.nan_to_num(np.linalg.norm(plan, axis=1), posinf=0.0)))

@@ -1,6 +1,6 @@
 """Changed copies of a team: fewer UAVs, lost contact, lost plans, other knowledge."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import reduce
 
@@ -10,13 +10,19 @@ from planning.conformance.situations import displaced, ordinary_team
 from planning.planner import Plan, Situation, Vehicle
 from tracking.geometry.visibility import Forest
 
-KNOWLEDGE = (
-    "tracks",
-    "received intents",
-    "own measured position",
-    "neighbours' positions",
-    "people not found",
-)  # kinds that `with_other_knowledge` can change
+_ASIDE = np.array([2.0, -1.0, 0.0])  # m
+# Kinds of knowledge, and how each is changed.
+KNOWLEDGE: dict[str, Callable[[Situation], Situation]] = {
+    "tracks": lambda s: replace(s, tracks=tuple(displaced(t, np.array([3.0, -2.0, 0.5, 0.3]), 4.0) for t in s.tracks)),
+    "received intents": lambda s: replace(s, intents={i: Plan(-plan.controls) for i, plan in s.intents.items()}),
+    "own measured position": lambda s: replace(s, own=replace(s.own, position=s.own.position + _ASIDE)),
+    "neighbours' positions": lambda s: replace(
+        s, neighbours=tuple(replace(v, position=v.position - _ASIDE) for v in s.neighbours)
+    ),
+    "people not found": lambda s: replace(
+        s, unseen=s.unseen and replace(s.unseen, people=s.unseen.people[::-1].copy())
+    ),
+}
 
 
 def subteam(team: Sequence[Situation], ids: Collection[int]) -> list[Situation]:
@@ -58,20 +64,8 @@ def plan_not_received(team: Sequence[Situation], uav: int, rounds: int) -> list[
 
 def with_other_knowledge(team: Sequence[Situation], uavs: Collection[int], kinds: Collection[str]) -> list[Situation]:
     """The team if UAVs `uavs` have other knowledge of some kinds of `KNOWLEDGE`; as many tracks as before."""
-    return [reduce(_other, kinds, s) if s.own.id in uavs else s for s in team]
-
-
-def _other(s: Situation, kind: str) -> Situation:
-    aside = np.array([2.0, -1.0, 0.0])
-    if kind == "tracks":
-        return replace(s, tracks=tuple(displaced(t, np.array([3.0, -2.0, 0.5, 0.3]), 4.0) for t in s.tracks))
-    if kind == "received intents":
-        return replace(s, intents={i: Plan(-plan.controls) for i, plan in s.intents.items()})
-    if kind == "people not found":
-        return s if s.unseen is None else replace(s, unseen=replace(s.unseen, people=s.unseen.people[::-1].copy()))
-    if kind == "own measured position":
-        return replace(s, own=replace(s.own, position=s.own.position + aside))
-    return replace(s, neighbours=tuple(replace(v, position=v.position - aside) for v in s.neighbours))
+    changes = [KNOWLEDGE[kind] for kind in kinds]
+    return [reduce(lambda known, change: change(known), changes, s) if s.own.id in uavs else s for s in team]
 
 
 def _in_contact(s: Situation, ids: Collection[int]) -> Situation:
@@ -83,7 +77,6 @@ def _in_contact(s: Situation, ids: Collection[int]) -> Situation:
 
 
 def _situations() -> dict[str, list[Situation]]:
-    """Special situations that a mission may bring, by name."""
     team = ordinary_team()
     return {
         "one UAV": subteam(team, {0}),
