@@ -1,8 +1,7 @@
 """Planners put together from pieces: coordination, belief propagation, cost-to-go, optimiser and occlusion model."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Literal, Protocol
 
 import numpy as np
@@ -15,13 +14,7 @@ from planning.optimizers.optimizer import Optimizer, pursuits, turns
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import Nominal, Propagation, nominal_positions
-from planning.prediction.targets_in_reach import (
-    Hints,
-    Objective,
-    RelaxableObjective,
-    after_first_step,
-    targets_in_reach,
-)
+from planning.prediction.targets_in_reach import Hints, Objective, after_first_step, targets_in_reach
 from tracking.geometry.visibility import Forest, Occlusion
 from tracking.numerics.arrays import Array
 
@@ -68,20 +61,24 @@ class Composition:
             belief = belief._replace(weights=np.tile([t.existence for t in situation.tracks], samples).astype(float))
         speeds = np.array([situation.vehicles[i].max_speed for i in uavs])
         starts = self._starts(situation, controls, uavs)
-        value: RelaxableObjective = objective(belief, controls, uavs, self.beta, samples)
+        of_tracks = objective(belief, controls, uavs, self.beta, samples)
         extra = [term for term in (t.term(situation, controls, uavs) for t in self.terms) if term is not None]
-        if extra:
-            value = partial(_sum, value, extra)
-        hints = Hints(value, targets_in_reach(belief, uavs, speeds))
+
+        def value(candidates: Array, ease: Array | None = None) -> Array:
+            """Sum of all terms, of which only that of tracks can be relaxed."""
+            found = of_tracks(candidates, ease)
+            return np.asarray(found + sum(term(candidates) for term in extra)) if extra else found
+
+        in_reach = targets_in_reach(belief, uavs, speeds)
         if self.actions == "all":
-            return self.optimizer.minimise(value, starts, speeds, rng, hints).plans
-        complete = partial(self._completed, situation, uavs)
-        value = partial(_completed_costs, value, complete)
-        first = self.optimizer.minimise(
-            value, starts, speeds, rng, Hints(value, after_first_step(hints.in_reach))
-        ).plans
-        whole: Array = complete(first[None])[0]
-        return whole
+            return self.optimizer.minimise(value, starts, speeds, rng, Hints(value, in_reach)).plans
+
+        def value_of_first(candidates: Array, ease: Array | None = None) -> Array:
+            return value(self._completed(situation, uavs, candidates), ease)
+
+        hints = Hints(value_of_first, after_first_step(in_reach))
+        first = self.optimizer.minimise(value_of_first, starts, speeds, rng, hints).plans
+        return np.asarray(self._completed(situation, uavs, first[None])[0])
 
     def _completed(self, situation: Situation, uavs: Sequence[int], firsts: Array) -> Array:
         """Plans (N, k, H, 2) m/s of the UAVs in rows `uavs`: first controls (N, k, 1, 2), then the base policy."""
@@ -115,15 +112,3 @@ class Composition:
         if self.prediction == "step":
             situation = replace(situation, motion=replace(situation.motion, scans=1))
         return situation
-
-
-def _completed_costs(
-    value: RelaxableObjective, complete: Callable[[Array], Array], firsts: Array, ease: Array | None = None
-) -> Array:
-    """Costs of plans completed from their first controls."""
-    return value(complete(firsts), ease)
-
-
-def _sum(first: RelaxableObjective, terms: Sequence[Objective], candidates: Array, ease: Array | None = None) -> Array:
-    """Sum of an objective and other terms; only the objective can be relaxed."""
-    return np.asarray(first(candidates, ease) + sum(term(candidates) for term in terms))

@@ -54,7 +54,6 @@ class Sequential:
 
 
 def _largest_trace(situation: Situation) -> float:
-    """Largest trace of a position's covariance [m²] among the tracks within the range of the base policy."""
     near = [
         float(np.trace(t.belief.covariance[:2, :2]))
         for t in situation.tracks

@@ -162,19 +162,16 @@ def _move(work: Workspace, m: int, i: int, views: Array) -> None:
 
 @compiled
 def _beyond(point: Pair, side: Triple) -> bool:
-    """True if a point lies outside a half-plane."""
     return not (side[0] * point[0] + side[1] * point[1] <= side[2])
 
 
 @compiled
 def _from(point: Pair, other: Pair) -> Pair:
-    """Displacement to a point from another."""
     return point[0] - other[0], point[1] - other[1]
 
 
 @compiled
 def _less(one: Pair, other: Pair) -> Pair:
-    """The shorter of two displacements; the first if they are equal."""
     closer = other[0] * other[0] + other[1] * other[1] < one[0] * one[0] + one[1] * one[1]
     return other[0] if closer else one[0], other[1] if closer else one[1]
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.objective.mwtp import mark_in_view
+from planning.objective.mwtp import Match, mark_in_view, matches
 from planning.objective.mwtp_lanes import Workspace, mark_in_view_lanes, penalties, workspace
 from planning.prediction.predicted_belief import (
     LANES,
@@ -59,21 +59,12 @@ def _relaxed(belief: PredictedBelief, uavs: Sequence[int], ease: Array) -> Predi
     return belief._replace(views=views)
 
 
-class TerminalState(NamedTuple):
-    """State at the end of the horizon, as the MWTP takes it."""
-
-    targets: Array  # (T, 3) m
-    traces: Array  # (T,) m² of position, times the target's weight
-    seen: Flags  # (T,): in a field of view, hidden or not
-    sensors: Array  # (n, 3): x, y [m] and D_i, which is 0
-
-
-def terminal_state(belief: PredictedBelief, controls: Array) -> TerminalState:
-    """Terminal state of a joint plan (n, H, 2) m/s, with one sample of targets."""
+def terminal_matches(belief: PredictedBelief, controls: Array) -> tuple[Array, tuple[Match, ...]]:
+    """Targets (T, 3) m at the end of a joint plan (n, H, 2) m/s, of one sample, and how the MWTP matches them."""
     others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), np.empty(0, dtype=np.int64))
-    count = len(belief.weights)
-    traces = belief.weights * others.traces[len(others.traces) - count :]
-    return TerminalState(np.ascontiguousarray(belief.points[-1, :, 0]), traces, others.seen, others.ends)
+    targets = np.ascontiguousarray(belief.points[-1, :, 0])
+    traces = belief.weights * others.traces[len(others.traces) - len(targets) :]
+    return targets, matches(targets, traces, others.seen, others.ends, belief.views)
 
 
 class _Others(NamedTuple):
@@ -165,7 +156,6 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
 
 @compiled
 def _add(trace: Array, weight: float, total: Array) -> None:
-    """Weigh traces (LANES,) and add them to the total."""
     for lane in range(LANES):
         trace[lane] *= weight
         total[lane] += trace[lane]

@@ -165,7 +165,6 @@ def _viewed(vehicle: Vehicle, places: Array, points: Array, forest: Forest) -> _
 
 
 def _joined(rasters: Sequence[_Raster]) -> _Raster:
-    """The rasters of several UAVs as one."""
     counts = [len(r.onward) for r in rasters]
     members = np.cumsum([0, *(len(r.views.cells) for r in rasters)])
     starts = [r.views.starts[:-1] + begin for r, begin in zip(rasters, members, strict=False)]

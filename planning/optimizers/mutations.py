@@ -66,9 +66,9 @@ def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, in_
             pick, all_later = divmod(pick, 2)
             s = pick % len(in_reach.which) if kind == _SIGHT and len(in_reach.which) else _NONE
             j, step = (in_reach.which[s, 0], in_reach.which[s, 1]) if s != _NONE else (pick % k, pick // k % H)
-            _follow(out, c, j, path)
+            _follow(path, 0, out, c, j)
             if kind == _JOIN:
-                _cross(path, step, parents, mate, j)
+                _follow(path, step, parents, mate, j)
                 step = 0
             elif s == _NONE or not _show(path, in_reach, s):
                 size *= max_speeds[j]
@@ -108,15 +108,6 @@ def _shake(plans: Array, c: int, noise: Array, i: int, size: float, max_speeds: 
 
 
 @compiled
-def _follow(plans: Array, c: int, j: int, path: Array) -> None:
-    """Set the path of a plan."""
-    x = y = 0.0
-    for h in range(len(path)):
-        x, y = x + plans[c, j, h, 0], y + plans[c, j, h, 1]
-        path[h, 0], path[h, 1] = x, y
-
-
-@compiled
 def _fly(path: Array, plans: Array, c: int, j: int) -> None:
     """Set the plan along a path."""
     x = y = 0.0
@@ -127,15 +118,14 @@ def _fly(path: Array, plans: Array, c: int, j: int) -> None:
 
 @compiled
 def _shift(path: Array, first: int, last: int, dx: float, dy: float) -> None:
-    """Displace some steps of a path."""
     for h in range(first, last):
         path[h, 0] += dx
         path[h, 1] += dy
 
 
 @compiled
-def _cross(path: Array, step: int, plans: Array, c: int, j: int) -> None:
-    """Replace a path from a step on by that of a candidate's plan."""
+def _follow(path: Array, step: int, plans: Array, c: int, j: int) -> None:
+    """Set a path, from a step on, to that of a candidate's plan."""
     x = y = 0.0
     for h in range(len(path)):
         x, y = x + plans[c, j, h, 0], y + plans[c, j, h, 1]

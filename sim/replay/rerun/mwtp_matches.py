@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planning.objective.mwtp import matches
-from planning.objective.nbo import terminal_state
+from planning.objective.nbo import terminal_matches
 from planning.planner import Situation, Vehicle
 from planning.prediction.propagation import Nominal
 from sim.mission.tracker_setup import planned_motion
@@ -39,16 +38,17 @@ def matches_at(recording: Recording, scenario: Scenario, k: int, believer: int) 
     if not controls.shape[1]:
         return ()
     view = Nominal().predict(situation, controls.shape[1], np.random.default_rng(0))  # draws nothing
-    last = terminal_state(view._replace(weights=np.array([t.existence for t in situation.tracks])), controls)
+    view = view._replace(weights=np.array([t.existence for t in situation.tracks]))
+    targets, found = terminal_matches(view, controls)
     return tuple(
         TrackMatch(
             uav=situation.vehicles[m.uav].id,
             track=situation.tracks[m.target].id,
-            end=(float(last.targets[m.target, 0]), float(last.targets[m.target, 1])),
+            end=(float(targets[m.target, 0]), float(targets[m.target, 1])),
             distance=m.distance,
             penalty=m.penalty,
         )
-        for m in matches(last.targets, last.traces, last.seen, last.sensors, view.views)
+        for m in found
     )
 
 
