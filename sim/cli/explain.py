@@ -20,9 +20,7 @@ if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.recording.recording import Recording
     from sim.replay.event import Event
     from sim.replay.explain.explanation import Group
-    from sim.replay.history import History
-
-    Story = tuple[History, tuple[Event, ...]]
+    from sim.replay.notebook import Flight
 
 _STYLES = {"lost": "red", "not found yet": "red", "held by some": "yellow"}
 
@@ -47,27 +45,21 @@ def explain(
         raise InputError("--target: missing; --time asks about one person, so say which, from 0")
     if out is not None:
         check_new(out, ".png", "--out")
-    from sim.replay.events import events_of
     from sim.replay.frames.pages import scans_between
-    from sim.replay.frames.rerender import find, scenario_of
-    from sim.replay.history import History
+    from sim.replay.notebook import load
 
-    recording = find(recorded)
+    flight = load(recorded)
+    recording = flight.recording
     scan = None if moment is None else scans_between(recording, moment, None)[0]
     person = None if target is None else _person(recording, target)
     folder = recorded if recorded.is_dir() else recorded.parent
-    scenario = scenario_of(recording)
-    history = History.of(recording, scenario)
-    events = events_of(recording, scenario, history)
     if track is not None:
-        _track_of(recording, events, _number(recording, track))
-        return
-    if scan is None:
-        _whole(recording, (history, events), person, out or folder / "timeline.png", recorded)
-        return
-    assert person is not None
-    name = f"explain-target{person}-{recording.times[scan]:.1f}s"
-    _moment_of(recording, (history, events), (scan, person), out or unused(folder / name, ".png"))
+        _track_of(flight, _number(recording, track))
+    elif scan is None or person is None:
+        _whole(flight, person, out or folder / "timeline.png", recorded)
+    else:
+        name = f"explain-target{person}-{recording.times[scan]:.1f}s"
+        _moment_of(flight, scan, person, out or unused(folder / name, ".png"))
 
 
 def _moment(text: str) -> float:
@@ -78,7 +70,6 @@ def _moment(text: str) -> float:
 
 
 def _check_alone(others: dict[str, str | Path | None]) -> None:
-    """InputError if an option is given that says nothing of a track's whole story."""
     for name, value in others.items():
         if value is not None:
             raise InputError(f"{name}: {str(value)!r} is not allowed with --track, which tells a whole story in words")
@@ -98,18 +89,16 @@ def _person(recording: Recording, text: str) -> int:
     return integer(text, "--target", least=0, most=count - 1)
 
 
-def _moment_of(recording: Recording, story: Story, asked: tuple[int, int], path: Path) -> None:
-    """Print and draw one person at one scan."""
+def _moment_of(flight: Flight, scan: int, person: int, path: Path) -> None:
     from sim.replay.explain.explanation import explanation
     from sim.replay.explain.observation import Observer
     from sim.replay.explain.person import PersonFacts
     from sim.replay.explain.picture import draw_explanation
     from sim.replay.frames.pages import png
-    from sim.replay.frames.rerender import scenario_of
 
-    with Observer(recording, scenario_of(recording)) as observer:
-        facts = PersonFacts.of(observer, story[0], *asked)
-        groups = explanation(facts, recording, story[1])
+    with Observer(flight.recording, flight.scenario) as observer:
+        facts = PersonFacts.of(observer, flight.history, scan, person)
+        groups = explanation(facts, flight.recording, flight.events)
         page = draw_explanation(observer, facts, groups)
     with whole(path) as part:
         part.write_bytes(png(page))
@@ -117,15 +106,13 @@ def _moment_of(recording: Recording, story: Story, asked: tuple[int, int], path:
     console.print(f"Picture: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 
 
-def _track_of(recording: Recording, events: tuple[Event, ...], number: int) -> None:
-    """Print the story of one track."""
+def _track_of(flight: Flight, number: int) -> None:
     from sim.replay.explain.observation import Observer
     from sim.replay.explain.track import TrackFacts
     from sim.replay.explain.track_story import track_story
-    from sim.replay.frames.rerender import scenario_of
 
-    with Observer(recording, scenario_of(recording)) as observer:
-        _print(track_story(TrackFacts.of(observer, number), recording, events))
+    with Observer(flight.recording, flight.scenario) as observer:
+        _print(track_story(TrackFacts(observer, number), flight.recording, flight.events))
 
 
 def _print(groups: list[Group]) -> None:
@@ -135,19 +122,16 @@ def _print(groups: list[Group]) -> None:
             console.print(f"  {escape(fact)}", soft_wrap=True)
 
 
-def _whole(recording: Recording, story: Story, person: int | None, path: Path, recorded: Path) -> None:
-    """Print the whole mission of one person or all, and draw its timeline unless it is there."""
-    history, events = story
+def _whole(flight: Flight, person: int | None, path: Path, recorded: Path) -> None:
     from sim.drawing.plots import save
     from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED
     from sim.replay.explain.explanation import stretches
-    from sim.replay.timeline import timeline_figure
 
-    people = range(recording.people.shape[1]) if person is None else [person]
+    people = range(flight.recording.people.shape[1]) if person is None else [person]
     for m in people:
         console.print(f"[bold]person {m}[/bold]")
         table = Table.grid(padding=(0, 2))
-        for first, last, held, seen in stretches(history, m):
+        for first, last, held, seen in stretches(flight.history, m):
             style = _STYLES.get(held, "")
             table.add_row(
                 f"  {first:.1f} s" if first == last else f"  {first:.1f} to {last:.1f} s",
@@ -158,17 +142,17 @@ def _whole(recording: Recording, story: Story, person: int | None, path: Path, r
     if not people:
         console.print("No person walked in this mission.")
     kinds = (*UNMATCHED, *IDENTITIES, *INCIDENTS) if person is None else ()
-    others = [event for event in events if event.kind in kinds]
+    others = [event for event in flight.events if event.kind in kinds]
     _print([("events", [f"{event.when}: {event.sentence}" for event in others])] if others else [])
     if not path.exists():
-        save(timeline_figure(history, recording.ospa, events), path)
+        save(flight.timeline_figure(), path)
     console.print(f"Timeline: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
     asked = f"understory explain {shlex.quote(str(recorded))}"
     false = _longest([event for event in others if event.kind in UNMATCHED])
     if false:
         told = f"{asked} --track {false.track}"
         console.print(f"The longest {false.kind}: [bold]{escape(told)}[/bold]", soft_wrap=True)
-    loss = _longest([event for event in events if event.kind in UNHELD and event.person in people])
+    loss = _longest([event for event in flight.events if event.kind in UNHELD and event.person in people])
     if loss:
         told = f"{asked} --target {loss.person} --time {loss.time:.1f}"
         console.print(f"The longest loss: [bold]{escape(told)}[/bold]", soft_wrap=True)

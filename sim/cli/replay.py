@@ -18,6 +18,7 @@ from tracking.plugins.registry import InputError
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.recording.recording import Recording
+    from sim.scenario.scenario import Scenario
 
 _SPEEDS = (0.05, 20.0)  # slowest and fastest
 
@@ -51,15 +52,16 @@ def replay(
     if out is not None:
         check_new(out, ".html" if page else ".mp4", "--out")
     from sim.replay.frames.pages import scans_between
-    from sim.replay.frames.rerender import find
+    from sim.replay.frames.rerender import find, scenario_of
 
     recording = find(recorded)
+    scenario = scenario_of(recording)
     folder = recorded if recorded.is_dir() else recorded.parent
     if rerun is not None:
-        _rerun(recording, rerun, folder / "summary.json")
+        _rerun(recording, scenario, rerun, folder / "summary.json")
         return
     if page:
-        _page(recording, folder, out or unused(folder / "mission", ".html"))
+        _page(recording, scenario, folder, out or unused(folder / "mission", ".html"))
         return
     scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
     if way == "--gui":
@@ -67,10 +69,9 @@ def replay(
 
         show(recording, scans, speed=factor, say=say)
         return
-    from sim.replay.frames.rerender import scenario_of
     from sim.replay.redrawn_film import AS_FLOWN, check_layout, write_film
 
-    check_layout(layout or AS_FLOWN, scenario_of(recording))
+    check_layout(layout or AS_FLOWN, scenario)
     path = out or unused(folder / "replay", ".mp4")
     with trial_progress(len(scans), "scans") as progress:
         write_film(recording, scans, path, layout=layout or AS_FLOWN, speed=factor, progress=progress)
@@ -110,9 +111,7 @@ def _window(text: str) -> tuple[float, float]:
     return start, end
 
 
-def _page(recording: Recording, folder: Path, path: Path) -> None:
-    """Write the page of a recording that lies in a folder to a new file."""
-    from sim.replay.frames.rerender import scenario_of
+def _page(recording: Recording, scenario: Scenario, folder: Path, path: Path) -> None:
     from sim.replay.page.page import write_page
     from sim.replay.redrawn_film import drawn
 
@@ -121,14 +120,11 @@ def _page(recording: Recording, folder: Path, path: Path) -> None:
     if not beside.is_file():
         with trial_progress(len(recording.times), "scans") as progress:
             film = drawn(recording, progress=progress)
-    write_page(recording, scenario_of(recording), path, video=film, place=str(folder))
+    write_page(recording, scenario, path, video=film, place=str(folder))
     console.print(f"Page: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 
 
-def _rerun(recording: Recording, target: str, summary: Path) -> None:
-    """Write the recording for the Rerun viewer to a new file, or open it in the viewer."""
-    from sim.replay.frames.rerender import scenario_of
-
+def _rerun(recording: Recording, scenario: Scenario, target: str, summary: Path) -> None:
     path = Path(target)
     if target != "spawn":
         check_new(path, ".rrd", "--rerun", also=", or spawn")
@@ -141,7 +137,7 @@ def _rerun(recording: Recording, target: str, summary: Path) -> None:
     took = planning_times(summary)
     with trial_progress(len(recording.times), "scans") as progress:
         if target == "spawn":
-            spawn(recording, scenario_of(recording), progress=progress, planning_s=took)
+            spawn(recording, scenario, progress=progress, planning_s=took)
             return
-        write(recording, scenario_of(recording), path, progress=progress, planning_s=took)
+        write(recording, scenario, path, progress=progress, planning_s=took)
     console.print(f"Open it: [bold]rerun {escape(target)}[/bold]", soft_wrap=True)

@@ -8,7 +8,6 @@ from threading import Event
 from typing import Any
 
 from sim.drawing.film import Film, Video
-from sim.drawing.plots import ospa_figure
 from sim.drawing.plots import save as save_figure
 from sim.evaluation.machine import versions
 from sim.evaluation.summary import marked, summarise
@@ -20,11 +19,8 @@ from sim.processes.interrupt import stop_request
 from sim.recording.archive import save
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
-from sim.replay.events import events_of
-from sim.replay.frames.rerender import scenario_of
-from sim.replay.history import History
+from sim.replay.notebook import Flight
 from sim.replay.page.page import write_page
-from sim.replay.timeline import timeline_figure
 from sim.running.flight import fly as flown
 from sim.running.isolated_run import Results
 
@@ -116,8 +112,6 @@ def write_results(folder: Path, recording: Recording, summary: dict[str, Any]) -
     """The files of a mission, its video aside."""
     save(recording, folder / "mission.npz")
     (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    save_figure(ospa_figure(recording.times, recording.ospa), folder / "ospa.png")
-    scenario = scenario_of(recording)
-    history = History.of(recording, scenario)
-    events = events_of(recording, scenario, history)
-    save_figure(timeline_figure(history, recording.ospa, events), folder / "timeline.png")
+    flight = Flight(recording)
+    save_figure(flight.ospa_figure(), folder / "ospa.png")
+    save_figure(flight.timeline_figure(), folder / "timeline.png")

@@ -1,9 +1,8 @@
 """Facts of one track over a whole recording: its birth, the measurements that fed it, and its last scans."""
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -11,16 +10,13 @@ import numpy as np
 from sim.evaluation.score import FAR
 from sim.mission.snapshot import Bools
 from sim.mission.tracker_setup import tracker_parameters
-from sim.recording.recording import Recording
 from sim.replay.explain.association import Association
 from sim.replay.explain.observation import Observer
-from sim.scenario.scenario import Scenario
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.fusion.member import TRACKERS
 from tracking.management.initiation import PATIENCE
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
-from tracking.parameters import TrackerParameters
 
 
 class Origin(NamedTuple):
@@ -60,94 +56,75 @@ class Feed(NamedTuple):
     weight: float
 
 
-@dataclass(frozen=True, eq=False)
 class TrackFacts:
     """One track of a recording."""
 
-    number: int
-    scans: tuple[int, int]  # the first and the last at which any UAV had it
-    known: bool  # given to the trackers at the start
-    makers: tuple[int, ...]  # UAVs that had it first; the one that confirmed it, if its label tells
-    origins: tuple[Origin, ...]  # by time; none if they cannot be told
-    rival: Rival | None
-    looks: tuple[Look, ...]
-    feeds: tuple[Feed, ...]
-    parameters: TrackerParameters
-    foreign: str  # the name of a tracker from outside, of which recordings tell no associations, births and limits
-
-    @staticmethod
-    def of(observer: Observer, number: int) -> "TrackFacts":
-        """Facts of the track of that number."""
-        recording, scenario = observer.recording, observer.scenario
-        life = _Life(recording, scenario, list(recording.track_numbers)[number])
-        known = life.first == 0 and scenario.tracking.initial_tracks == "known"
-        origins = () if known else life.origins(observer)
-        seen = life.parameters.seen
-        feeds = (
-            Feed(look.k, look.uav, int(observer.owners(look.k, look.uav)[j]), float(weights[j]))
-            for look, weights in life.looks
-            if look.weight >= seen
-            for j in np.flatnonzero(weights >= seen).tolist()
-        )
-        return TrackFacts(
-            number=number,
-            scans=(life.first, life.last),
-            known=known,
-            makers=life.makers,
-            origins=origins,
-            rival=life.rival(origins[0]) if origins else None,
-            looks=tuple(look for look, _ in life.looks),
-            feeds=tuple(feeds),
-            parameters=life.parameters,
-            foreign="" if scenario.tracking.tracker in TRACKERS.built_in else scenario.tracking.tracker,
-        )
-
-
-class _Life:
-    """A track in its recording."""
-
-    def __init__(self, recording: Recording, scenario: Scenario, id_: int) -> None:
-        self._recording, self._scenario, self._id = recording, scenario, id_
-        self.parameters = tracker_parameters(scenario)
+    def __init__(self, observer: Observer, number: int) -> None:
+        """Facts of the track of that number; the observer has to stay open."""
+        self._observer, self._recording, self._scenario = observer, observer.recording, observer.scenario
+        recording, self.number = self._recording, number
+        self._id = list(recording.track_numbers)[number]
+        self.parameters, name = tracker_parameters(self._scenario), self._scenario.tracking.tracker
+        # The name of a tracker from outside, of which recordings tell no associations, births and limits.
+        self.foreign = "" if name in TRACKERS.built_in else name
         scans, _ = recording.cells(recording.track_offsets)
-        own = scans[recording.track_ids == id_]
-        self.first, self.last = int(own[0]), int(own[-1])
+        own = scans[recording.track_ids == self._id]
+        first, last = int(own[0]), int(own[-1])
+        self.scans = (first, last)  # the first and the last at which any UAV had it
+        self.known = first == 0 and self._scenario.tracking.initial_tracks == "known"  # given at the start
         uavs = range(recording.poses.shape[1])
-        holders = tuple(i for i in uavs if id_ in recording.track_ids_at(self.first, i))
-        confirmed = tuple(i for i in holders if 0 <= id_ - new_label(self.first + 1, i, 0) < LABELS_PER_SCAN // 2)
+        holders = tuple(i for i in uavs if self._id in recording.track_ids_at(first, i))
+        confirmed = tuple(i for i in holders if 0 <= self._id - new_label(first + 1, i, 0) < LABELS_PER_SCAN // 2)
+        # UAVs that had it first; the one that confirmed it, if its label tells.
         self.makers = confirmed or holders
 
     @cached_property
-    def looks(self) -> list[tuple[Look, Array]]:
+    def _frames(self) -> list[tuple[Look, Array]]:
         """The frames of UAVs that had the track before them, with the weight of each of its measurements."""
-        return list(self._looks())
+        found = []
+        for k, i in product(range(self.scans[0], self.scans[1] + 1), range(self._recording.poses.shape[1])):
+            a = Association.of(self._recording, self._scenario, k, i)
+            if a is not None and self._id in a.ids:
+                t = a.ids.tolist().index(self._id)
+                found.append((Look(k, i, float(1.0 - a.missed[t]), float(a.before.visible[t])), a.beta[t, 1:]))
+        return found
 
-    def _looks(self) -> Iterator[tuple[Look, Array]]:
-        for k in range(self.first, self.last + 1):
-            for i in range(self._recording.poses.shape[1]):
-                a = Association.of(self._recording, self._scenario, k, i)
-                if a is not None and self._id in a.ids:
-                    t = a.ids.tolist().index(self._id)
-                    yield Look(k, i, float(1.0 - a.missed[t]), float(a.before.visible[t])), a.beta[t, 1:]
+    @property
+    def looks(self) -> list[Look]:
+        """The frames as the track expected them."""
+        return [look for look, _ in self._frames]
 
-    def origins(self, observer: Observer) -> tuple[Origin, ...]:
+    @cached_property
+    def feeds(self) -> list[Feed]:
+        """The measurements that count as detections of its person."""
+        seen = self.parameters.seen
+        return [
+            Feed(look.k, look.uav, int(self._observer.owners(look.k, look.uav)[j]), float(weights[j]))
+            for look, weights in self._frames
+            if look.weight >= seen
+            for j in np.flatnonzero(weights >= seen).tolist()
+        ]
+
+    @cached_property
+    def origins(self) -> list[Origin]:
         """The measurements of the UAV that confirmed the track, back from its first scan: each in reach of the next.
 
         A person may have gone anywhere up to the largest speed between two. Those that another track explains are left
-        out. They end where they suffice to confirm a track, or where there is none for a second.
+        out. They end where they suffice to confirm a track, or where there is none for a second. Of a track that was
+        known at the start, none.
         """
-        return max((self._chain(observer, uav) for uav in self.makers), key=len)
+        return [] if self.known else max(map(self._chain, self.makers), key=len)
 
-    def _chain(self, observer: Observer, uav: int) -> tuple[Origin, ...]:
-        recording, p = self._recording, self.parameters
-        (track,) = (t for t in recording.tracks_at(self.first, uav) if t.id == self._id)
-        place, spread, now = track.belief.mean[:2], track.belief.covariance[:2, :2], self.first
+    def _chain(self, uav: int) -> list[Origin]:
+        recording, p, begun = self._recording, self.parameters, self.scans[0]
+        (track,) = (t for t in recording.tracks_at(begun, uav) if t.id == self._id)
+        place, spread, now = track.belief.mean[:2], track.belief.covariance[:2, :2], begun
         found: list[Origin] = []
         odds = p.birth_density / p.clutter_density  # of a person against false alarms
-        for k in range(self.first, -1, -1):
+        for k in range(begun, -1, -1):
             away = float(recording.times[now] - recording.times[k])
             apart = away > PATIENCE + p.motion.dt + 1e-6
-            if apart or self._enough(len(found), odds) or (k < self.first and not found):
+            if apart or self._enough(len(found), odds) or (k < begun and not found):
                 break
             scan = recording.scan_at(k, uav)
             S = scan.covariances + spread + np.eye(2) * (p.max_speed * away / 2) ** 2
@@ -157,8 +134,8 @@ class _Life:
                 likelihood = math.exp(-off[j] / 2) / (2 * math.pi * math.sqrt(np.linalg.det(S[j])))
                 odds *= p.detection_probability * likelihood / p.clutter_density if found else 1.0
                 place, spread, now = scan.measurements[j], scan.covariances[j], k
-                found.append(Origin(k, uav, j, int(observer.owners(k, uav)[j]), place))
-        return tuple(reversed(found))
+                found.append(Origin(k, uav, j, int(self._observer.owners(k, uav)[j]), place))
+        return found[::-1]
 
     def _enough(self, count: int, odds: float) -> bool:
         """True if so many measurements with these odds confirm a track."""
@@ -178,8 +155,12 @@ class _Life:
                 found |= squared_distance(off, scan.covariances + spread) <= self.parameters.measurement_gate
         return found
 
-    def rival(self, origin: Origin) -> Rival | None:
-        """The track that was nearest to a person when the person's measurement began another; None beyond `FAR` m."""
+    @cached_property
+    def rival(self) -> Rival | None:
+        """The track that was nearest to the person whose measurement began this one; None beyond `FAR` m."""
+        if not self.origins:
+            return None
+        origin = self.origins[0]
         a = Association.of(self._recording, self._scenario, origin.k, origin.uav)
         if a is None or origin.person < 0 or len(a.ids) == 0:
             return None

@@ -1,7 +1,5 @@
 """The story of a track: against the trackers' own tentative tracks, the association, and a mission made by hand."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from helpers.flights import IDEAL, recorded
@@ -36,7 +34,7 @@ def test_tracks_are_born_from_the_measurements_that_their_trackers_had(mission):
     recording, _, observer, tentative = mission
     false = 0
     for id_, number in recording.track_numbers.items():
-        facts = TrackFacts.of(observer, number)
+        facts = TrackFacts(observer, number)
         k, (uav,) = facts.scans[0], facts.makers
         (track,) = (t for t in recording.tracks_at(k, uav) if t.id == id_)
         scans, _ = min(tentative[k - 1][uav], key=lambda t: np.hypot(*(t[1] - track.belief.mean[:2])))
@@ -52,7 +50,7 @@ def test_tracks_are_born_from_the_measurements_that_their_trackers_had(mission):
 def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
     recording, scenario, observer, _ = mission
     id_ = next(iter(recording.track_numbers))
-    facts, count = TrackFacts.of(observer, 0), 0
+    facts, count = TrackFacts(observer, 0), 0
     for feed in facts.feeds:
         a = Association.of(recording, scenario, feed.k, feed.uav)
         weights = a.beta[a.ids.tolist().index(id_), 1:]
@@ -64,7 +62,7 @@ def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
 
 def test_the_story_of_a_false_track_has_birth_feeds_reason_and_end(mission):
     recording, scenario, observer, _ = mission
-    every = (TrackFacts.of(observer, number) for number in recording.track_numbers.values())
+    every = (TrackFacts(observer, number) for number in recording.track_numbers.values())
     facts = next(facts for facts in every if all(origin.person < 0 for origin in facts.origins))
     groups, begun = dict(track_story(facts, recording, events_of(recording, scenario))), facts.origins[0]
     assert list(groups)[1:] == ["born", "fed by", "kept", "ended"]
@@ -82,7 +80,7 @@ def test_the_end_of_a_track_stands_beside_the_limits_of_its_tracker(mission):
     events = events_of(recording, scenario)
     ended = [event for event in events if event.kind == "track deleted"]
     for event in ended:
-        facts = TrackFacts.of(observer, event.track)
+        facts = TrackFacts(observer, event.track)
         lines = dict(track_story(facts, recording, events))["ended"]
         existence, variance = (float(line.split()[1]) for line in lines[1:3])
         assert lines[0] == f"deleted at {event.time:.1f} s"
@@ -95,7 +93,8 @@ def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(missio
     recording, scenario, observer, _ = mission
     events = events_of(recording, scenario)
     ended = next(event for event in events if event.kind == "track deleted")
-    facts = replace(TrackFacts.of(observer, ended.track), foreign="soup:Jpda")
+    facts = TrackFacts(observer, ended.track)
+    facts.foreign = "soup:Jpda"
     groups = dict(track_story(facts, recording, events))
     assert groups["note"][0].startswith("soup:Jpda does not tell its associations")
     assert not any("a track ends" in line for line in groups["ended"])
@@ -104,9 +103,9 @@ def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(missio
 def test_a_mission_without_measurements_has_stories_too(tmp_path, call, refused):
     recording = swapping()
     with Observer(recording, scenario_of(recording)) as observer:
-        false = TrackFacts.of(observer, 2)
+        false = TrackFacts(observer, 2)
         assert (false.scans, false.known, false.makers) == (FALSE, False, (0, 1, 2))
-        assert TrackFacts.of(observer, 0).known
+        assert TrackFacts(observer, 0).known
     save(recording, tmp_path / "mission.npz")
     code, out, _ = call("explain", "mission.npz", "--track", "0")
     assert code == 0 and "  known at the start\n" in out and "still there at the end of the mission" in out
