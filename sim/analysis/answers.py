@@ -51,7 +51,6 @@ def answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: str) -
 
 
 def _judged(found: Sequence[Answer]) -> list[Answer]:
-    """The answers, their differences judged together."""
     compared = [a.difference for a in found if a.difference is not None]
     kept = iter(holm([difference.chance for difference in compared]))
     return [
@@ -60,7 +59,6 @@ def _judged(found: Sequence[Answer]) -> list[Answer]:
 
 
 def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
-    """Answers of a group, metric by metric."""
     flights, values = group.flights, group.table(metrics)
     of_maps = map_values(flights, values)
     bounds = [(metric.least, metric.most) for metric in metrics]

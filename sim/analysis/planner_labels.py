@@ -49,12 +49,10 @@ def _tracker(row: Placed) -> dict[str, str]:
 
 
 def _key(row: Placed) -> Key:
-    """Name of the planner, and tracker."""
     return _parts(row.planner)[0], _tracker(row).get(TRACKER, "")
 
 
 def _parts(planner: str) -> tuple[str, list[str]]:
-    """Name and options of a planner's text."""
     name, _, rest = planner.partition("(")
     inside = rest.strip().removesuffix(")")
     return name.strip(), [part.strip() for part in re.split(r",(?![^(\[{]*[)\]}])", inside) if part.strip()]
@@ -128,7 +126,6 @@ def short_labels(labels: Sequence[str]) -> dict[str, str]:
 
 
 def _is_other(option: str) -> bool:
-    """True if an option is no tracker."""
     return option.partition("=")[0] != TRACKER
 
 

@@ -1,5 +1,6 @@
 """Tests of differences over maps, and the number of maps that a test needs."""
 
+from bisect import bisect_left
 from collections.abc import Sequence
 
 import numpy as np
@@ -67,13 +68,9 @@ def _needed(values: Array) -> float:
     if centre == 0:
         return np.inf
     effect = abs(centre) / (error * np.sqrt(len(values))) if error else np.inf
-    low, high = 5, MOST_MAPS
-    if not _found(effect, high):
-        return np.inf
-    while high - low > 1:  # `high` maps are enough, `low` are not
-        middle = (low + high) // 2
-        low, high = (low, middle) if _found(effect, middle) else (middle, high)
-    return float(high)
+    numbers = range(6, MOST_MAPS + 1)
+    first = bisect_left(numbers, True, key=lambda maps: _found(effect, maps))
+    return float(numbers[first]) if first < len(numbers) else np.inf
 
 
 def _found(effect: float, maps: int) -> bool:

@@ -123,7 +123,6 @@ def _people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: Forest
 
 
 def _forests(seed: int) -> Iterator[Forest]:
-    """Forests of slender, middling and broad trees."""
     for k, (density, radius) in enumerate(((60.0, 1.5), (40.0, 2.5), (15.0, 5.0), (15.0, 5.0))):
         trees = Trees(density=density, canopy_radius=radius)
         yield Forest(grow(trees, Area(80.0, 80.0), np.random.default_rng([seed, k])).trees)

@@ -47,7 +47,6 @@ def check_tracker(
 
 
 def _show(check: Callable[[str], Sequence[Finding]], plugin: str) -> None:
-    """Print the findings of a check on a plug-in; exit code 1 for a defect."""
     from sim.mission.warmup import announced
 
     with starting(), announced(say):

@@ -69,7 +69,6 @@ def run(
 
 
 def _name(scenario: str, trial: Trial) -> str:
-    """Name of a run's folder."""
     planner = re.sub(r"[^\w.=-]+", "-", trial.planner.replace(":", ".")).strip("-")  # which no shell minds
     name = f"{Path(scenario).stem}-{planner}-seed{trial.seed}"
     return f"{name}-repeat{trial.repeat}" if trial.repeat else name

@@ -150,7 +150,6 @@ class _Flight:
         return [[track.id for track in tracks] for tracks in self.tracks[k + 1]]
 
     def numbers(self) -> bytes:
-        """All tracks after all scans as bytes."""
         rows = [t for fleet in self.tracks for tracks in fleet for t in tracks]
         beliefs = b"".join(t.belief.mean.tobytes() + t.belief.covariance.tobytes() for t in rows)
         return str([(t.id, t.existence) for t in rows]).encode() + beliefs
@@ -164,11 +163,9 @@ class _Subject:
 
     @cached_property
     def repeated(self) -> _Flight:
-        """Another flight, of other instances."""
         return _Flight(self.name)
 
     def flown(self) -> _Flight:
-        """The first flight, if it was whole."""
         if self.first.defects:
             raise Untried("it does not fly all scans")
         return self.first

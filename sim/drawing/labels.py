@@ -60,14 +60,12 @@ class Labels:
         self._taken.append(box)
 
     def _lead(self, mark: Array, end: Array, style: TextStyle) -> None:
-        """A line from beside a mark to its name."""
         away = (end - mark) / np.hypot(*(end - mark))
         line = np.array([mark + 0.7 * _GAP * away, end])
         stroke(self._image, line, style.halo or INK, thickness=3)
         stroke(self._image, line, style.colour)
 
     def _shade(self, box: Array, colour: Colour) -> None:
-        """Lay a veil of a colour over a box, that letters be legible on it."""
         left, top, right, bottom = np.round(box).clip(0).astype(int).tolist()
         part = self._image[top:bottom, max(left - 3, 0) : right + 3]
         part[:] = part * np.float32(1 - _VEIL) + np.array(colour, dtype=np.float32) * np.float32(_VEIL) + 0.5

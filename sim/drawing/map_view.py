@@ -104,7 +104,6 @@ class MapView:
         self._draw_people(image, snapshot, holds)
 
     def _pixels(self, points: Array) -> Array:
-        """Pixels (N, 2) of world points (N, 2) m."""
         centre = np.array(self._size) / 2
         return centre + self.scale * np.asarray(points, dtype=float) * [1.0, -1.0]
 

@@ -103,7 +103,6 @@ def _scale_errors(axes: Axes, largest: float) -> None:
 
 
 def _mark_end(axes: Axes, times: Array, distance: Array, colour: tuple[float, float, float]) -> None:
-    """A cross where the curve of a UAV that breaks down ends."""
     held = np.flatnonzero(~np.isnan(distance))
     if 0 < len(held) < len(times):
         axes.scatter(times[held[-1]], distance[held[-1]], marker="x", s=50, color=colour, lw=2.0, zorder=3)

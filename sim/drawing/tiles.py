@@ -52,7 +52,6 @@ def _name(image: Image, uav: int, colour: Colour) -> None:
 
 
 def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, camera: Camera) -> None:
-    """Mark and name each track in the frame of one UAV."""
     pose, tracks = snapshot.cameras[uav], snapshot.tracks[uav]
     points = np.array([[*track.belief.mean[:2], TARGET_HEIGHT] for track in tracks]).reshape(-1, 3)
     pixels = view.shape[0] / camera.pixels * camera.project(pose, points)[0]

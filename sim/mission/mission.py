@@ -108,7 +108,6 @@ class Mission:
         return commands
 
     def _break_down(self, time: float) -> None:
-        """Note the UAVs that have broken down since the last scan."""
         for i in self._working:
             if not self.scenario.works(i, time):
                 self.faults.append(Fault(self.scenario.uavs[i].fails_at or 0.0, i, "broke down, hovers from now on"))
@@ -241,7 +240,6 @@ class Mission:
         return tracker(scenario.tracking.tracker, uav, camera, self.forest, parameters, known)
 
     def _initial_intensity(self) -> UndetectedIntensity:
-        """Intensity of undetected targets before the first observation."""
         area, settings = self.scenario.area, self.scenario.tracking
         people = settings.unseen if settings.initial_tracks == "none" else 0.0
         return UndetectedIntensity(

@@ -104,7 +104,6 @@ class _Interruption:
         self.listens, self.passed = False, 0
 
     def note(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal."""
         self.asked.append(time.monotonic())
 
     def heed(self, process: SpawnProcess) -> None:

@@ -81,7 +81,8 @@ def _loaded(archive: Npz) -> Recording:
     values: dict[str, Any] = {}
     for name, (kind, dtype, shape) in FIELDS.items():
         if name in lacking:
-            values[name] = kind() if kind in (bool, str, int) else _unknown(dtype, shape, sizes)
+            size = [_size(symbol, 0, sizes) for symbol in shape.split()]
+            values[name] = kind() if kind in (bool, str, int) else np.full(size, -1, dtype)  # no rows, or -1 everywhere
             continue
         with _about(name):
             array = archive.read(name)
@@ -110,11 +111,6 @@ def _lacking(archive: Npz) -> set[str]:
     """Fields that the recording is too old to have; none if it holds something unknown, so that damage is noticed."""
     names = set(archive.names)
     return _LATER - names if archive.plain and names <= set(FIELDS) else set()
-
-
-def _unknown(dtype: str, shape: str, sizes: dict[str, int]) -> NDArray[Any]:
-    """Values of a field that an old recording lacks: no rows, or -1 everywhere."""
-    return np.full([_size(symbol, 0, sizes) for symbol in shape.split()], -1, dtype)
 
 
 def _check(found: str, size: tuple[int, ...], dtype: str, shape: str, sizes: dict[str, int]) -> None:

@@ -63,7 +63,7 @@ def new_folder(out: Path) -> Iterator[Path]:
             if out.exists() and not (out.is_dir() and not any(out.iterdir())):
                 what = "already holds a run" if (out / "summary.json").exists() else "exists and is not an empty folder"
                 raise InputError(f"--out: {out} {what}; name a new folder")
-            made = _missing(out.parent)
+            made = [folder for folder in out.parents if not folder.exists()]  # innermost first
             part.mkdir(parents=True)
         except OSError as error:
             raise InputError(f"--out: {out} cannot be written: {error.strerror}") from error
@@ -75,8 +75,3 @@ def new_folder(out: Path) -> Iterator[Path]:
             with suppress(OSError):  # never made, or in use by another process meanwhile
                 folder.rmdir()
         raise
-
-
-def _missing(folder: Path) -> list[Path]:
-    """The folders that would have to be made for `folder` to exist, innermost first."""
-    return [f for f in (folder, *folder.parents) if not f.exists()]

@@ -169,7 +169,6 @@ def _picture(image: Image) -> Figure:
 
 
 def _curve(recording: Recording) -> Figure:
-    """The fleet's OSPA over time, small."""
     with new_figure(4.6, 2.2, letters=9) as figure:
         draw_mean(figure.add_subplot(), recording.times, recording.ospa, width=1.2)
     return figure

@@ -77,14 +77,12 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
                 raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {_CLEARANCE:g} m from uavs.{i}")
 
     def _check_times(self) -> None:
-        """ValueError if a time falls between scans or decisions, or after the end."""
         if self.first_decision > self.duration:
             raise ValueError(f"first_decision: {self.first_decision:g} s is after the duration of {self.duration:g} s")
         _check_multiple("network.plan_delay", self.network.plan_delay, self.rates.sensing, "scans")
         _check_multiple("first_decision", self.first_decision, self.rates.planning, "decisions")
 
     def _check_uav(self, i: int, uav: Uav) -> None:
-        """ValueError if a UAV contradicts the rest of the scenario."""
         if uav.altitude <= self.trees.canopy_top:
             raise ValueError(
                 f"uavs.{i}: footprint {uav.footprint:g} m means an altitude of {uav.altitude:.1f} m, "
@@ -173,5 +171,4 @@ def _loads(scenario: Scenario) -> Iterator[tuple[str, float, str, float]]:
 
 
 def _length(path: Path) -> float:
-    """Length of a path [m]."""
     return sum(math.sqrt((x - u) * (x - u) + (y - v) * (y - v)) for (x, y), (u, v) in pairwise(path))

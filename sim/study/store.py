@@ -240,7 +240,6 @@ def _unusable(path: Path, error: Exception) -> Exception:
 
 
 def _place(task: Task) -> tuple[str, str, str]:
-    """Scenario, factors and settings as a store has them."""
     return task.scenario, _json(task.factors), _json(task.settings)
 
 
@@ -249,7 +248,6 @@ def _json(value: object) -> str:
 
 
 def _kept(task: Task, row: Row) -> _Kept:
-    """A trial as a store has it."""
     scenario, factors, settings = _place(task)
     return _Kept(
         scenario=scenario,

@@ -101,5 +101,4 @@ def check_keys(data: Mapping[str, Any], known: Sequence[str], where: str) -> Non
 
 
 def _overlap(one: str, other: str) -> bool:
-    """True if one key is the other, or holds it."""
     return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")

@@ -27,7 +27,6 @@ def show_run(summary: Mapping[str, Any], folder: Path) -> None:
 
 
 def _show_faults(faults: Sequence[Mapping[str, Any]]) -> None:
-    """Print the first few faults, those of one kind once."""
     if not faults:
         return
     alike: dict[tuple[object, str], list[Mapping[str, Any]]] = {}

@@ -185,7 +185,6 @@ class World:
         return int(self.engine.createVisualShape(pybullet.GEOM_MESH, fileName=path, meshScale=scale))
 
     def _cylinder(self, radius: float, height: float) -> int:
-        """Solid cylinder that stands on its origin."""
         place = (0.0, 0.0, height / 2)
         solid = self.engine.createCollisionShape
         return int(solid(pybullet.GEOM_CYLINDER, radius=radius, height=height, collisionFramePosition=place))
@@ -226,7 +225,6 @@ class World:
         return bodies
 
     def _add_people(self, count: int) -> list[Body]:
-        """People, none of them there yet."""
         if count == 0:
             return []
         mesh = self._mesh("person", (1.0, 1.0, 1.0))

@@ -14,7 +14,6 @@ from tracking.geometry.visibility import Forest
 from tracking.measurement_update import ScanPrediction, associate, scan_prediction
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
-from tracking.track import Track
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +48,8 @@ class Association:
         if not (recording.working[k, uav] and scenario.has_frame(uav, k)):
             return None
         p = tracker_parameters(scenario)
-        tracks = recording.tracks_at(k - 1, uav) if k else _first_tracks(recording, scenario)
+        here, there = recording.people[[0, min(1, len(recording.people) - 1)]]
+        tracks = recording.tracks_at(k - 1, uav) if k else initial_tracks(scenario, here, there)
         means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
         covariances = np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4)
         existence = np.array([t.existence for t in tracks], dtype=float)
@@ -69,11 +69,6 @@ class Association:
         off, spread = z[None] - before.means[:, None, :2], before.covariances[:, None, :2, :2] + R[None]
         distances = squared_distance(off, spread)
         return Association(ids, recording.numbers_of(ids), before, z, R, distances, likelihood > 0.0, beta, after)
-
-
-def _first_tracks(recording: Recording, scenario: Scenario) -> list[Track]:
-    people = recording.people
-    return initial_tracks(scenario, people[0], people[min(1, len(people) - 1)])
 
 
 def _last(recording: Recording, scenario: Scenario, k: int, uav: int) -> Viewpoint | None:

@@ -51,12 +51,8 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
 def _nearest(facts: PersonFacts) -> list[Observation]:
     """The UAVs with frames to show: first those with the person inside, then the nearest."""
     working = [w for w in facts.observations if w.works]
-    return sorted(working, key=lambda w: (not _shows(w), np.nan_to_num(w.away)))[:_FRAMES]
-
-
-def _shows(w: Observation) -> bool:
-    """True if the person, or the place where trees hide them, is in the frame."""
-    return w.sighting.inside or w.sighting.pixels > 0
+    outside = {w.uav: not (w.sighting.inside or w.sighting.pixels) for w in working}
+    return sorted(working, key=lambda w: (outside[w.uav], np.nan_to_num(w.away)))[:_FRAMES]
 
 
 def _heading(w: Observation) -> str:
@@ -139,7 +135,6 @@ def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) ->
 
 
 def _words(groups: Sequence[Group], *, camera: bool) -> Image:
-    """The facts as a panel, and beneath them the meaning of marks in the frames."""
     room = _WORDS - 2 * _GAP
     lines = [
         [

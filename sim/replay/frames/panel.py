@@ -75,9 +75,9 @@ def _sections(sight: Sight, notes: list[str]) -> list[Section]:
     error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
     ideal = not sight.scenario.sensing.renders
     tracks = [
-        f"track {track.id}: ± {radius[0]:.2f} × {radius[1]:.2f} m"
+        f"track {track.id}: ± {ring.max():.2f} × {ring.min():.2f} m"
         for track in sight.snapshot.tracks[sight.uav]
-        for radius in [_radii(track.belief.covariance[:2, :2])]
+        for ring in [np.hypot(*ellipse(np.zeros(2), track.belief.covariance[:2, :2]).T)]
     ]
     return [
         ("mission", [*notes, *error]),
@@ -106,12 +106,6 @@ def _described(sighting: Sighting, ideal: bool) -> str:
     if sighting.detected:
         return text + (", measured" if ideal else ", detected")
     return text + (", missed" if sighting.pixels else "")
-
-
-def _radii(covariance: Array) -> Array:
-    """Half axes of the 95 % ellipse (2,) m, the larger first."""
-    ring = np.hypot(*ellipse(np.zeros(2), covariance).T)
-    return np.array([ring.max(), ring.min()])
 
 
 def _shortened(lines: list[str]) -> list[str]:

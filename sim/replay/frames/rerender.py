@@ -89,7 +89,6 @@ def find(folder: Path) -> Recording:
 
 
 def _holds(folder: Path) -> str:
-    """The kind of a folder without a recording."""
     if (folder / "study.sqlite").exists():
         return "is a study's; its report.html has the commands that fly trials again, `--keep recordings` keeps them"
     return "holds no mission.npz"

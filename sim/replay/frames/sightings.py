@@ -81,22 +81,20 @@ def sightings(recording: Recording, scenario: Scenario, k: int, uav: int, camera
     points = np.column_stack([people, np.full(len(people), TARGET_HEIGHT)])
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
     hiding = forest.hiding(pose.position, np.nan_to_num(points)) & inside[:, None]
-    found = tuple(
+    # Without a frame, geometry tells what it would have shown.
+    pixels = recording.visible[k, uav] if looked else inside & ~hiding.any(axis=1)
+    return tuple(
         Sighting(
             person=m,
             place=(float(people[m, 0]), float(people[m, 1])),
             inside=bool(inside[m]),
             hidden_by=tuple(np.flatnonzero(hiding[m]).tolist()),
-            pixels=int(recording.visible[k, uav, m]),
+            pixels=int(pixels[m]),
             detected=bool(recording.matched[k, uav, m]),
             looked=looked,
         )
         for m in range(len(people))
     )
-    if looked:
-        return found
-    # No frame was taken; geometry tells what it would have shown.
-    return tuple(replace(p, pixels=int(p.inside and not p.hidden_by)) for p in found)
 
 
 def hidden_outlines(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:

@@ -32,6 +32,7 @@ def page_data(
     Lists run over scans, then UAVs, then people or tracks; null stands for what is absent or does not work.
     """
     told = [view_texts(history, m) for m in range(recording.people.shape[1])]
+    false = [event for event in events if event.kind in UNMATCHED]
     texts = {text: n for n, text in enumerate(dict.fromkeys(text for column in told for text in column))}
     return {
         "area": [scenario.area.width, scenario.area.height],
@@ -52,7 +53,7 @@ def page_data(
         "holders": recording.numbers_of(history.tracks.ravel()).reshape(history.tracks.shape).tolist(),
         "works": history.working.astype(int).tolist(),
         "ospa": [[None if math.isnan(v) else round(v, 3) for v in row] for row in recording.ospa[:, :, 0].tolist()],
-        "unmatched": _unmatched([event for event in events if event.kind in UNMATCHED]),
+        "unmatched": [[e.kind, e.first, e.last, lane] for e, lane in zip(false, lanes(false), strict=True)],
         "switches": [[event.first, event.person] for event in events if event.kind in IDENTITIES],
         "plans": _plans(recording, scenario),
         "colours": _colours(),
@@ -93,11 +94,6 @@ def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
     uavs, offsets = recording.poses.shape[1], recording.track_offsets.tolist()
     cells = [rows[a:b] for a, b in pairwise(offsets)]
     return [cells[k : k + uavs] for k in range(0, len(cells), uavs)]
-
-
-def _unmatched(events: Sequence[Event]) -> list[list[str | int]]:
-    """Kind, first and last scan, and lane of the tracks that stand for no person."""
-    return [[event.kind, event.first, event.last, lane] for event, lane in zip(events, lanes(events), strict=True)]
 
 
 def _plans(recording: Recording, scenario: Scenario) -> dict[str, Any]:

@@ -235,7 +235,6 @@ def _at(points: Array, height: float) -> Array:
 
 
 def _quadrotor() -> list[Array]:
-    """Two arms and four rotors, as lines in the body's frame [m]."""
     hubs = _ARM * np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) / math.sqrt(2)
     ring = 0.6 * _ARM * np.column_stack([np.cos(_TURN), np.sin(_TURN)])
     return [_at(hubs[[0, 2]], 0.0), _at(hubs[[1, 3]], 0.0), *(_at(hub + ring, 0.05) for hub in hubs)]

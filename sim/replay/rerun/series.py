@@ -45,11 +45,6 @@ class Series(NamedTuple):
     values: Array  # (K,)
 
 
-def series_of(recording: Recording) -> list[Series]:
-    """OSPA, trace of covariance, disagreement, bytes sent and visibility at each scan."""
-    return [*_ospa(recording), *_tracks(recording), *_bytes(recording), *_visible(recording)]
-
-
 def _ospa(recording: Recording) -> list[Series]:
     errors, on = recording.ospa[:, :, 0], recording.working
     mean = np.where(on.any(axis=1), np.nansum(errors, axis=1) / np.maximum(on.sum(axis=1), 1), np.nan)
@@ -97,9 +92,12 @@ def _visible(recording: Recording) -> list[Series]:
 
 
 def log_series(stream: rr.RecordingStream, recording: Recording, planning_s: Sequence[float]) -> None:
-    """Log all curves, and the time of each decision where it is known."""
+    """Log OSPA, trace of covariance, disagreement, bytes sent and visibility at each scan.
+
+    The time of each decision follows where it is known.
+    """
     times, scans = recording.times, np.arange(len(recording.times))
-    for series in series_of(recording):
+    for series in (*_ospa(recording), *_tracks(recording), *_bytes(recording), *_visible(recording)):
         _log(stream, series, times, scans)
     made = recording.plan_times
     if len(planning_s) and len(planning_s) == len(made):
