@@ -19,12 +19,11 @@ from tracking.tracker import Scan, Track
 
 
 def scenario(uavs=3, people=4, mode="camera", area=(150.0, 100.0)):
-    fleet = tuple(
+    fleet = [
         Uav(start=(1.0 * (i // 3), 0.0), footprint=20.0 + 3.0 * (i % 3), alpha=0.1, pixels=128) for i in range(uavs)
-    )
-    return Scenario(
-        area=Area(*area), people=People(count=people), uavs=fleet, rates=Rates(), sensing=Sensing(mode=mode)
-    )
+    ]
+    shape = {"area": Area(*area), "people": People(count=people), "uavs": tuple(fleet)}
+    return Scenario(**shape, rates=Rates(), sensing=Sensing(mode=mode))
 
 
 def forest(setting, count=45, seed=0):
@@ -103,9 +102,8 @@ def _camera_pose(setting, i, people, time):
 def _tracks(people, headings, doubt, rng):
     tracks = []
     for j in range(len(people)):
-        mean = np.concatenate(
-            [people[j] + rng.normal(0, 0.3, 2), 2 * np.array([np.cos(headings[j]), np.sin(headings[j])])]
-        )
+        heading = np.array([np.cos(headings[j]), np.sin(headings[j])])
+        mean = np.concatenate([people[j] + rng.normal(0, 0.3, 2), 2 * heading])
         spread = np.diag([1.0, 0.4, 0.5, 0.5]) * doubt[j] ** 2
         turn = np.array([[np.cos(headings[j]), -np.sin(headings[j])], [np.sin(headings[j]), np.cos(headings[j])]])
         spread[:2, :2] = turn @ spread[:2, :2] @ turn.T

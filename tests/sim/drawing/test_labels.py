@@ -16,5 +16,4 @@ def test_the_name_of_a_view_lies_above_or_left_of_its_corner(crowd):
         labels.reserve(place, 8.0)
     labels.put("UAV 0", corner, TextStyle(13, INK, True, PANEL), gap=1.0, sides=OUTSIDE)
     rows, columns = np.nonzero(image.any(axis=2))
-    assert len(rows) > 50
-    assert not np.any((rows > corner[1] + 1) & (columns > corner[0] + 1))
+    assert len(rows) > 50 and not np.any((rows > corner[1] + 1) & (columns > corner[0] + 1))

@@ -45,7 +45,7 @@ def told(recording, setting=SETTING, without=("link lost", "link restored")):
     return [(round(e.time, 6), e.kind, e.sentence) for e in events_of(recording, setting) if e.kind not in without]
 
 
-def test_tracks_are_born_taken_up_dropped_and_deleted_under_their_numbers():
+def test_tracks_are_born_taken_up_handed_over_swapped_and_deleted_by_number():
     one, none = held((70, 0.0), (30, 20.0)), held((30, 20.0))
     found = told(recorded([(one, none), (one, one), (none, one), (none, none)]))
     assert [e for e in found if e[1].startswith("track")] == [
@@ -54,6 +54,13 @@ def test_tracks_are_born_taken_up_dropped_and_deleted_under_their_numbers():
         (0.2, "track taken up", "track 0 taken up by UAV 1"),
         (0.4, "track dropped", "track 0 dropped by UAV 0"),
         (0.6, "track deleted", "track 0 deleted by UAV 1"),
+    ]
+    straight, crossed, fresh = held((1, 0.0), (2, 20.0)), held((2, 0.0), (1, 20.0)), held((2, 0.0), (5, 20.0))
+    found = told(recorded([(straight, straight), (crossed, straight), (crossed, straight), (fresh, straight)]))
+    assert [e[::2] for e in found if e[1] == "identity switch"] == [
+        (0.2, "person 0 swapped track 0 for track 1, that of person 1, for UAV 0"),
+        (0.2, "person 1 swapped track 1 for track 0, that of person 0, for UAV 0"),
+        (0.6, "person 1 handed over from track 0 to track 2 for UAV 0"),
     ]
 
 
@@ -99,17 +106,7 @@ def test_tracks_that_stand_for_no_person_are_told_as_false_or_duplicates():
     assert found[1].why == f"held by UAV 1, 30.0 m from person 1; OSPA's cardinality part is up to {cost:.1f} m"
 
 
-def test_another_track_of_its_own_is_handed_over_and_that_of_another_is_swapped():
-    straight, crossed, fresh = held((1, 0.0), (2, 20.0)), held((2, 0.0), (1, 20.0)), held((2, 0.0), (5, 20.0))
-    found = told(recorded([(straight, straight), (crossed, straight), (crossed, straight), (fresh, straight)]))
-    assert [e[::2] for e in found if e[1] == "identity switch"] == [
-        (0.2, "person 0 swapped track 0 for track 1, that of person 1, for UAV 0"),
-        (0.2, "person 1 swapped track 1 for track 0, that of person 0, for UAV 0"),
-        (0.6, "person 1 handed over from track 0 to track 2 for UAV 0"),
-    ]
-
-
-def test_breakdowns_faults_and_contacts_are_told_once():
+def test_breakdowns_faults_contacts_and_links_are_told_once():
     first, second = SETTING.uavs
     setting = msgspec.structs.replace(SETTING, uavs=(first, msgspec.structs.replace(second, fails_at=0.3)))
     on = held((1, 0.0), (2, 20.0))
@@ -126,9 +123,6 @@ def test_breakdowns_faults_and_contacts_are_told_once():
         (0.6, "contact", "UAV 1 touched the ground"),
     ]
     assert Contact(0, "canopy", 4) in recording.contacts_at(1)
-
-
-def test_links_are_told_when_they_go_and_come():
     cut = Network(cuts=(Cut(links=((0, 1),), start=0.3, end=0.5),))
     setting = msgspec.structs.replace(SETTING, network=cut)
     on = held((1, 0.0), (2, 20.0))

@@ -41,7 +41,7 @@ def rows(path):
         return [[float(text) if text else None for text in row] for row in csv.reader(file) if row[0][0] not in "tux"]
 
 
-def test_scans_come_back_bit_for_bit(recording, folders):
+def test_csv_files_hold_scans_cameras_trees_and_tracks_bit_for_bit(recording, folders):
     found = list(read_scans(folders / "csv" / "scans.csv"))
     assert len(found) == 21
     measured = 0
@@ -57,17 +57,10 @@ def test_scans_come_back_bit_for_bit(recording, folders):
             measured += len(scan.measurements)
     assert measured == len(recording.measurements) > 20
     assert any(len(scan.measurements) == 0 for scans in found for scan in scans)
-
-
-def test_cameras_and_trees_come_back_bit_for_bit(recording, folders):
     assert read_forest(folders / "csv" / "trees.csv").trees == recording.forest.trees
     cameras = read_cameras(folders / "csv" / "cameras.csv")
-    assert {i: (camera.fov, camera.pixels) for i, camera in cameras.items()} == {
-        i: (np.radians(60), 128) for i in range(3)
-    }
-
-
-def test_tracks_have_every_digit_of_state_and_covariance(recording, folders):
+    found = {i: (camera.fov, camera.pixels) for i, camera in cameras.items()}
+    assert found == {i: (np.radians(60), 128) for i in range(3)}
     table = rows(folders / "csv" / "tracks.csv")
     assert len(table) == len(recording.track_ids) == 21 * 3 * 4
     expected = [
@@ -79,12 +72,16 @@ def test_tracks_have_every_digit_of_state_and_covariance(recording, folders):
     np.testing.assert_array_equal(table, expected)
 
 
-def test_the_truth_can_be_flown_again(recording, folders):
+def test_the_truth_can_be_flown_again_also_without_people(recording, folders, tmp_path):
     again = read(folders / "csv" / "truth.csv", Area(), duration=4.0)
     for k, time in enumerate(recording.times):
         np.testing.assert_allclose(again.at(time)[0], recording.people[k], rtol=0, atol=1e-12)
     truth = [row[2:] for row in rows(folders / "csv" / "truth.csv")]
     np.testing.assert_array_equal(truth, recording.people[~np.isnan(recording.people[..., 0])])
+    for target in module.TARGETS:
+        export(record(people=0), target, tmp_path / target)
+    assert (tmp_path / "csv" / "truth.csv").read_text() == "t,id,x,y\n"
+    assert (tmp_path / "mot" / "uav0" / "det" / "det.txt").read_text() == ""
 
 
 def test_without_a_frame_or_after_a_breakdown_there_is_no_row(tmp_path):
@@ -115,9 +112,8 @@ def test_stone_soup_reads_detections_truth_tracks_and_sensors(recording, folders
         seen += len(found)
     assert seen == sum(len(recording.measurements_at(k, 1)) for k in range(21)) > 0
 
-    truth = CSVGroundTruthReader(
-        str(folder / "groundtruth.csv"), state_vector_fields=STATE, path_id_field="id", **SECONDS
-    )
+    path = str(folder / "groundtruth.csv")
+    truth = CSVGroundTruthReader(path, state_vector_fields=STATE, path_id_field="id", **SECONDS)
     paths = {path.id: path for _, updated in truth for path in updated}
     states = np.concatenate([recording.people, velocities(recording)], axis=2)
     for m in range(4):
@@ -140,9 +136,8 @@ def test_stone_soup_reads_detections_truth_tracks_and_sensors(recording, folders
             np.testing.assert_array_equal(tracks[str(track.id)][k].mean.ravel(), track.belief.mean)
             np.testing.assert_array_equal(np.triu(tracks[str(track.id)][k].covar), np.triu(track.belief.covariance))
 
-    sensors = CSVGroundTruthReader(
-        str(folder / "sensors.csv"), state_vector_fields=("x", "y", "z"), path_id_field="uav", **SECONDS
-    )
+    path, axes = str(folder / "sensors.csv"), ("x", "y", "z")
+    sensors = CSVGroundTruthReader(path, state_vector_fields=axes, path_id_field="uav", **SECONDS)
     flights = {path.id: path for _, updated in sensors for path in updated}
     for i in range(3):
         positions = [s.state_vector.ravel() for s in flights[str(i)]]
@@ -172,14 +167,7 @@ def test_mot_sequences_hold_truth_detections_and_tracks(recording, folders):
         assert dict(facts["Sequence"])["seqlength"] == "21" and dict(facts["Sequence"])["framerate"] == "5"
 
 
-def test_a_mission_without_people_exports_too(tmp_path):
-    for target in module.TARGETS:
-        export(record(people=0), target, tmp_path / target)
-    assert (tmp_path / "csv" / "truth.csv").read_text() == "t,id,x,y\n"
-    assert (tmp_path / "mot" / "uav0" / "det" / "det.txt").read_text() == ""
-
-
-def test_an_export_that_fails_leaves_nothing(recording, tmp_path, monkeypatch):
+def test_failed_and_refused_exports_leave_nothing_and_say_why(recording, tmp_path, monkeypatch):
     def broken(*arguments):
         raise OSError("disk full")
 
@@ -188,9 +176,6 @@ def test_an_export_that_fails_leaves_nothing(recording, tmp_path, monkeypatch):
         with pytest.raises(OSError, match="disk full"):
             export(recording, target, tmp_path / "new" / target)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_wrong_targets_and_folders_are_one_line(recording, tmp_path):
     with pytest.raises(InputError, match=r"^--to: 'stonesop' is unknown; .*did you mean stonesoup\?$"):
         export(recording, "stonesop", tmp_path / "out")
     assert list(tmp_path.iterdir()) == []

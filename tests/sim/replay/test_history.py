@@ -19,7 +19,7 @@ def recorded():
     return recording, scenario_of(recording)
 
 
-def test_views_are_those_of_each_camera(recorded):
+def test_views_and_holders_are_those_of_each_camera_and_track(recorded):
     recording, scenario = recorded
     history = History.of(recording, scenario)
     hidden = 0
@@ -30,6 +30,17 @@ def test_views_are_those_of_each_camera(recorded):
                 assert history.hidden_by[k, i, m] == min(person.hidden_by, default=-1)
                 hidden += bool(person.hidden_by)
     assert hidden > 5 and history.inside.any() and not history.inside.all()
+    count = 0
+    for k, i, m in np.argwhere(history.tracks >= 0).tolist():
+        (track,) = (t for t in recording.tracks_at(k, i) if t.id == history.tracks[k, i, m])
+        assert np.hypot(*(track.belief.mean[:2] - recording.people[k, m])) <= 1.0
+        count += 1
+    assert count > 100
+    ospa = recording.ospa.copy()
+    ospa[10:, 1] = np.nan  # broken down
+    history = History.of(replace(recording, ospa=ospa), scenario)
+    assert not history.looked[10:, 1].any() and not history.inside[10:, 1].any() and not history.detected[10:, 1].any()
+    assert history.looked[:, [0, 2]].all()
 
 
 def test_each_tree_hides_by_itself():
@@ -39,8 +50,7 @@ def test_each_tree_hides_by_itself():
     points = np.column_stack([rng.uniform(-25, 25, (200, 2)), np.full(200, 0.85)])
     alone = np.stack([~Forest((tree,)).visible(camera, points)[0] for tree in trees], axis=1)
     np.testing.assert_array_equal(Forest(trees).hiding(camera, points), alone)
-    assert alone.any() and not alone.all()
-    assert Forest(()).hiding(camera, points).shape == (200, 0)
+    assert alone.any() and not alone.all() and Forest(()).hiding(camera, points).shape == (200, 0)
 
 
 def test_states_losses_and_holders_are_those_counted_by_hand(recorded):
@@ -59,26 +69,6 @@ def test_states_losses_and_holders_are_those_counted_by_hand(recorded):
     assert [(loss.person, loss.first, loss.last, loss.found) for loss in few.losses] == [(0, 2, 3, True)]
     never = replace(few, tracks=np.full((6, 2, 1), -1))
     assert [(loss.first, loss.last, loss.found) for loss in never.losses] == [(0, 4, False)]
-
-
-def test_a_track_holds_a_person_within_a_metre(recorded):
-    recording, scenario = recorded
-    history = History.of(recording, scenario)
-    count = 0
-    for k, i, m in np.argwhere(history.tracks >= 0).tolist():
-        (track,) = (t for t in recording.tracks_at(k, i) if t.id == history.tracks[k, i, m])
-        assert np.hypot(*(track.belief.mean[:2] - recording.people[k, m])) <= 1.0
-        count += 1
-    assert count > 100
-
-
-def test_nothing_is_inside_a_frame_that_was_not_taken(recorded):
-    recording, scenario = recorded
-    ospa = recording.ospa.copy()
-    ospa[10:, 1] = np.nan  # broken down
-    history = History.of(replace(recording, ospa=ospa), scenario)
-    assert not history.looked[10:, 1].any() and not history.inside[10:, 1].any() and not history.detected[10:, 1].any()
-    assert history.looked[:, [0, 2]].all()
 
 
 def test_states_scan_by_scan_are_those_of_the_whole_history():

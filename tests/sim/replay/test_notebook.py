@@ -93,16 +93,13 @@ def test_every_table_and_figure_stands_small_missions(options):
     assert "hover" in repr(flight) and "<table" in flight._repr_html_()
 
 
-def test_arrays_are_the_recordings_and_cannot_be_changed(flight):
+def test_arrays_cannot_be_changed_and_tables_take_pandas_or_polars(flight, monkeypatch):
     for name, array in flight.arrays.items():
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0
         assert not array.flags.writeable, name
     np.testing.assert_array_equal(flight.arrays["person_m"], flight.recording.people)
     assert flight.recording.people.flags.writeable
-
-
-def test_tables_take_pandas_or_polars_or_say_what_is_missing(flight, monkeypatch):
     assert type(flight.table("trees")).__module__.startswith("pandas")
     monkeypatch.setitem(sys.modules, "pandas", None)
     monkeypatch.setitem(sys.modules, "polars", types.SimpleNamespace(DataFrame=lambda columns: ("polars", columns)))
@@ -113,7 +110,7 @@ def test_tables_take_pandas_or_polars_or_say_what_is_missing(flight, monkeypatch
         flight.table("trees")
 
 
-def test_the_map_is_that_of_a_film_from_the_start(flight):
+def test_map_and_frame_are_those_of_a_film_and_the_annotated_one(flight):
     figure = flight.map_figure(3.63)  # nearest to scan 18
     shown = figure.axes[0].get_images()[0].get_array()
     view = MapView(flight.scenario, flight.recording.forest, shown.shape[1::-1])
@@ -121,9 +118,6 @@ def test_the_map_is_that_of_a_film_from_the_start(flight):
     for k in range(19):
         view.draw(image, with_numbers(flight.recording.snapshot(k), flight.recording.track_numbers))
     np.testing.assert_array_equal(shown, image)
-
-
-def test_a_frame_is_the_annotated_one(flight):
     shown = flight.frame_figure(3.0, uav=2).axes[0].get_images()[0].get_array()
     with Rerenderer(flight.recording) as again:
         np.testing.assert_array_equal(shown, draw(flight.recording, again, 15, 2, size=640))
@@ -175,7 +169,16 @@ def test_loading_in_a_notebook_lets_it_show_figures(tmp_path, monkeypatch, fligh
     assert shown.type_printers[Figure](figure).startswith(b"\x89PNG")
 
 
-def test_its_page_runs_block_by_block(tmp_path, monkeypatch, capsys, flight):
+def test_its_page_lists_every_array_and_column_and_runs_block_by_block(flight, tmp_path, monkeypatch, capsys):
+    r = flight.recording
+    sizes = {"K": 21, "n": 3, "M": 4, "T": len(r.trees), "D": len(r.measurements), "S": len(r.track_ids)}
+    sizes |= {"E": len(r.plan_times), "H": r.plans.shape[2]}
+    rows = re.findall(r"^\| `(\w+)` \| ([\w, ]+) \| [^`]*\|$", TEXT, flags=re.M)
+    told = {name: tuple(int(sizes.get(s, s)) for s in shape.split(", ")) for name, shape in rows if shape[0] in sizes}
+    assert told == {name: array.shape for name, array in flight.arrays.items()}
+    tables = dict(re.findall(r"^\| `(\w+)` \| [^|`]+ \| (`time_s`.*|`tree`.*|`person`.*) \|$", TEXT, flags=re.M))
+    columns = {name: list(flight.columns(name)) for name in TABLES}
+    assert {name: re.findall(r"`(\w+)`", text) for name, text in tables.items()} == columns
     folder = tmp_path / "runs" / "forest-sma-nbo-mwtp-seed0"
     folder.mkdir(parents=True)
     save(flight.recording, folder / "mission.npz")
@@ -187,16 +190,3 @@ def test_its_page_runs_block_by_block(tmp_path, monkeypatch, capsys, flight):
         exec(compile(block, "notebooks.md", "exec"), names)
     assert (tmp_path / "loss.png").exists() and isinstance(names["figure"], Figure)
     assert "nearest UAV to each person: [" in capsys.readouterr().out
-
-
-def test_its_page_lists_every_array_and_column(flight):
-    r = flight.recording
-    sizes = {"K": 21, "n": 3, "M": 4, "T": len(r.trees), "D": len(r.measurements), "S": len(r.track_ids)}
-    sizes |= {"E": len(r.plan_times), "H": r.plans.shape[2]}
-    rows = re.findall(r"^\| `(\w+)` \| ([\w, ]+) \| [^`]*\|$", TEXT, flags=re.M)
-    told = {name: tuple(int(sizes.get(s, s)) for s in shape.split(", ")) for name, shape in rows if shape[0] in sizes}
-    assert told == {name: array.shape for name, array in flight.arrays.items()}
-    tables = dict(re.findall(r"^\| `(\w+)` \| [^|`]+ \| (`time_s`.*|`tree`.*|`person`.*) \|$", TEXT, flags=re.M))
-    assert {name: re.findall("`(\\w+)`", text) for name, text in tables.items()} == {
-        name: list(flight.columns(name)) for name in TABLES
-    }

@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from helpers.browser import CHROMIUM, Browser
 from helpers.html_pages import Page
 from helpers.identities import standing_still, swapping
 from matplotlib.collections import PolyCollection
@@ -17,14 +16,10 @@ from sim.replay.event import IDENTITIES, UNMATCHED, Event, lanes
 from sim.replay.events import events_of
 from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
-from sim.replay.page.page import page, write_page
+from sim.replay.page.page import page
 from sim.replay.timeline import timeline_figure
 
 ALL = (0, 1, 2)
-
-
-class Sheet(Page):
-    VOID = (*Page.VOID, "input")
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +32,7 @@ def found(recording, kinds=(*UNMATCHED, *IDENTITIES)):
     return [event for event in events_of(recording, scenario_of(recording)) if event.kind in kinds]
 
 
-def test_events_are_exactly_those_made_by_hand(mission):
+def test_events_and_their_lanes_are_exactly_those_made_by_hand(mission):
     rows = [(e.kind, e.text, e.when, e.first, e.last, e.track, e.person, e.former, e.uavs) for e in found(mission[0])]
     both = "for UAVs 0, 1 and 2"
     west = f"person 0 swapped track 0 for track 1, that of person 1, {both}"
@@ -48,9 +43,6 @@ def test_events_are_exactly_those_made_by_hand(mission):
         ("identity switch", west, "at 4.0 s", 20, 20, 1, 0, 1, ALL),
         ("identity switch", east, "at 4.0 s", 20, 20, 0, 1, 0, ALL),
     ]
-
-
-def test_a_track_that_passes_to_a_person_without_one_is_a_transfer():
     west, east = {7: (0.0, 0.0)}, {7: (20.0, 0.0)}
     recording = standing_still([[west] * 3, [west] * 3, [west, east, east], [east] * 3])
     rows = [(e.kind, e.text, e.first, e.person, e.former, e.uavs) for e in found(recording, IDENTITIES)]
@@ -59,6 +51,12 @@ def test_a_track_that_passes_to_a_person_without_one_is_a_transfer():
         ("identity transfer", f"{passed} UAVs 1 and 2", 2, 1, 0, (1, 2)),
         ("identity transfer", f"{passed} UAV 0", 3, 1, 0, (0,)),
     ]
+    one, two = {1: (0.0, 0.0)}, {1: (0.0, 0.0), 2: (0.5, 0.0)}
+    (event,) = found(standing_still([[one], [two], [two], [two]], np.zeros((1, 2))))
+    assert (event.kind, event.when, math.isinf(event.until)) == ("duplicate track", "from 0.2 s to the end", True)
+    spans = ((0, 5), (2, 3), (4, 9), (6, 7), (8, 8))
+    events = [Event("false track", "", first, last, first, last) for first, last in spans]
+    assert lanes(events) == [0, 1, 1, 0, 0]
 
 
 def test_the_timeline_has_boxes_of_false_tracks_and_marks_of_switches(mission):
@@ -76,7 +74,7 @@ def test_the_timeline_has_boxes_of_false_tracks_and_marks_of_switches(mission):
 
 def test_the_page_lists_and_marks_them(mission):
     text = page(*mission, place="runs/one")
-    sheet = Sheet(text)
+    sheet = Page(text)
     items = [(given["data-first"], given["data-last"]) for given, _ in sheet.of("li") if "data-first" in given]
     assert items == [("2", "16"), ("5", "14"), ("20", "20"), ("20", "20")]
     buttons = [shown for _, shown in sheet.of("button")]
@@ -89,30 +87,12 @@ def test_the_page_lists_and_marks_them(mission):
     assert data["switches"] == [[20, 0], [20, 1]]
 
 
-def test_tracks_of_one_time_lie_in_lanes_of_their_own():
-    spans = ((0, 5), (2, 3), (4, 9), (6, 7), (8, 8))
-    events = [Event("false track", "", first, last, first, last) for first, last in spans]
-    assert lanes(events) == [0, 1, 1, 0, 0]
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
-def test_a_click_on_a_false_or_switched_track_goes_to_its_time(mission, tmp_path):
-    write_page(*mission, tmp_path / "mission.html")
-    with Browser(tmp_path / "profile") as browser:
-        browser.open(tmp_path / "mission.html")
-        for n, time in enumerate(("0.4 s", "1.0 s", "4.0 s", "4.0 s")):
-            browser.run(f"document.querySelectorAll('#losses button')[{n}].click()")
-            assert browser.run("document.getElementById('now').value") == time
-        assert browser.complaints == []
-
-
 def test_explain_tells_them_and_where_to_read_on(mission, tmp_path, call):
     save(mission[0], tmp_path / "mission.npz")
     code, out, _ = call("explain", "mission.npz")
     assert code == 0
     assert "  0.4 to 3.2 s: track 2 stands for no person: held by UAVs 0, 1 and 2, 50.0 m from person 0; " in out
-    assert "  1.0 to 2.8 s: track 3 is person 1's second one: " in out
-    assert out.count("  at 4.0 s: person ") == 2
+    assert "  1.0 to 2.8 s: track 3 is person 1's second one: " in out and out.count("  at 4.0 s: person ") == 2
     assert "The longest false track: understory explain mission.npz --track 2" in out.splitlines()
     out = call("explain", "mission.npz", "--target", "1", "--time", "4", "--out", "a.png")[1]
     assert out.count("swapped") == 2  # that of the person, and where the person's track went
@@ -132,9 +112,3 @@ def test_rerun_logs_them_as_warnings_and_as_states(mission, tmp_path):
         assert told[f"{event.time:.1f} s: {event.sentence}"] == "WARN"
     states = [(round(row["time"], 6), row["state"][0]) for row in entities["/people/none/tracks"] if "time" in row]
     assert states == [(0.0, "none"), (0.4, "false"), (1.0, "false and duplicate"), (3.0, "false"), (3.4, "none")]
-
-
-def test_an_event_of_the_last_scans_lasts_to_the_end():
-    one, two = {1: (0.0, 0.0)}, {1: (0.0, 0.0), 2: (0.5, 0.0)}
-    (event,) = found(standing_still([[one], [two], [two], [two]], np.zeros((1, 2))))
-    assert (event.kind, event.when, math.isinf(event.until)) == ("duplicate track", "from 0.2 s to the end", True)

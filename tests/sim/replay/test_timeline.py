@@ -34,12 +34,9 @@ def history(inside, shown, detected, tracks, **other):
     return History(**{**plain, **tables, "tracks": held, **other})
 
 
-def test_stretches_cover_all_scans():
+def test_stretches_states_and_holds_are_those_counted_by_hand():
     assert episodes(np.array([3])) == [Episode(0, 0, 3)]
     assert episodes(np.array([1, 1, 0, 2, 2])) == [Episode(0, 1, 1), Episode(2, 2, 0), Episode(3, 4, 2)]
-
-
-def test_states_to_cameras_and_tracks_are_those_counted_by_hand():
     working = np.ones((6, 2), bool)
     working[4:, 1] = False
     present = np.array([[True]] * 5 + [[False]])
@@ -59,9 +56,6 @@ def test_states_to_cameras_and_tracks_are_those_counted_by_hand():
     assert made.last_frames[:, 1].tolist() == [0, 0, 2, 2, 4, 4]
     held = [HOLDS[s] for s in made.hold_states[:, 0]]
     assert held == ["not found yet", "held", "lost", "held by some", "lost", "absent"]
-
-
-def test_a_uav_that_alone_works_holds_for_all():
     working = np.array([[True, True], [True, False], [False, False]])
     made = history(["---", "---"], ["---", "---"], ["---", "---"], [[1, 1, -1], [-1, -1, -1]], working=working)
     assert [HOLDS[s] for s in made.hold_states[:, 0]] == ["held by some", "held", "lost"]
@@ -89,16 +83,21 @@ def event(kind, first, last, **concerned):
     return Event(kind, "", first, last, 0.2 * first, 0.2 * last, **concerned)
 
 
-def test_the_figure_shows_each_stretch_at_its_time():
+def test_the_figure_shows_each_stretch_at_its_time_and_sums_up_losses():
     made = history(["--xx", "xx--"], ["----", "xx--"], ["----", "xx--"], [[1, -1, -1, 1], [1, -1, -1, 1]])
     events = [event("person lost", 1, 2, person=0), event("false track", 0, 2, track=3)]
     found = shades(timeline_figure(made, np.ones((4, 2, 3)), events))
     spans = {colour: [edge[:2] for shade, edge in found if shade == pytest.approx(rgb(colour))]
              for colour in (LOST, HIDDEN, FALSE, uav_colour(0), uav_colour(1))}  # fmt: skip
-    assert spans[LOST] == [pytest.approx((0.2, 0.6))]
-    assert spans[HIDDEN] == [pytest.approx((0.4, 0.8))]
+    assert spans[LOST] == [pytest.approx((0.2, 0.6))] and spans[HIDDEN] == [pytest.approx((0.4, 0.8))]
     assert spans[FALSE] == [pytest.approx((0.0, 0.6))]
     assert spans[uav_colour(0)] == [] and spans[uav_colour(1)] == [pytest.approx((0.0, 0.4))]
+    calm = history(["xx"], ["xx"], ["xx"], [[1, 1]])
+    title = timeline_figure(calm, np.ones((2, 1, 3)), ()).axes[0].get_title("left")
+    assert title.endswith("100 % of the time, never lost")
+    lost = history(["x---"], ["x---"], ["x---"], [[1, -1, -1, 1]])
+    title = timeline_figure(lost, np.ones((4, 1, 3)), ()).axes[0].get_title("left")
+    assert title == "People held 50 % of the time, lost once, longest: person 0 for 0.4 s from 0.2 s"
 
 
 @pytest.mark.parametrize(("uavs", "people", "scans"), [(3, 20, 21), (5, 2, 6), (8, 2, 6), (1, 0, 6), (2, 1, 1)])
@@ -116,12 +115,3 @@ def test_any_fleet_and_any_number_of_people_can_be_shown(uavs, people, scans):
     assert uavs > len(UAV_COLOURS) or {f"seen by UAV {i}" for i in range(uavs)} <= set(words)
     assert (scans > 1) == any("UAV 0 broke down" in text.get_text() for text in figure.axes[1].texts)
     figure.draw_without_rendering()
-
-
-def test_a_timeline_says_how_often_people_were_lost():
-    calm = history(["xx"], ["xx"], ["xx"], [[1, 1]])
-    title = timeline_figure(calm, np.ones((2, 1, 3)), ()).axes[0].get_title("left")
-    assert title.endswith("100 % of the time, never lost")
-    lost = history(["x---"], ["x---"], ["x---"], [[1, -1, -1, 1]])
-    title = timeline_figure(lost, np.ones((4, 1, 3)), ()).axes[0].get_title("left")
-    assert title == "People held 50 % of the time, lost once, longest: person 0 for 0.4 s from 0.2 s"

@@ -17,7 +17,6 @@ from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.history import History
-from sim.sensing.detection_truth import matched_detections, matched_people
 
 
 @pytest.fixture(scope="module")
@@ -76,25 +75,26 @@ def test_detections_are_found_where_they_were_with_the_error_that_they_had(missi
     assert count > 15
 
 
-def test_people_are_matched_where_a_detection_is_theirs():
-    people = np.full((20, 20), -1, dtype=np.int32)
-    people[2:4, 2:4], people[10:13, 10:13] = 1, 0
-    pixels = np.array([[11.5, 11.0], [19.0, 1.0], [3.0, 5.0]])
-    assert matched_detections(pixels, people, 3).tolist() == [0, 2, -1]
-    assert matched_people(pixels, people, 3).tolist() == [True, True, False]
-
-
-def test_in_ideal_sensing_a_measurement_is_the_nearest_persons():
+def test_in_ideal_sensing_measurements_are_the_nearest_persons_who_are_in_view():
     recording, scenario = recorded("sensing.mode=ideal", "sensing.false_alarms=2", duration=2)
     count = 0
     with Observer(recording, scenario) as observer:
         for k, i, m in np.argwhere(recording.matched).tolist():
             w = observer.observe(k, i, m)
             gaps = np.hypot(*(w.measurements - recording.people[k, m]).T)
-            assert w.whole is None and w.found.pixel is None
-            assert w.found.error == pytest.approx(gaps.min())
+            assert w.whole is None and w.found.pixel is None and w.found.error == pytest.approx(gaps.min())
             count += len(w.measurements) > 1
     assert count > 5
+    recording, scenario = recorded("sensing.mode=ideal", "sensing.field_of_view=unlimited", duration=1)
+    far = 0
+    with Observer(recording, scenario) as observer:
+        for k, i, m in np.ndindex(*recording.matched.shape):
+            w = observer.observe(k, i, m)
+            assert w.sighting.status.startswith("in view" if recording.matched[k, i, m] else "hidden by tree")
+            far += w.found is not None and w.away > scenario.uavs[i].footprint
+        page = PersonFacts.of(observer, History.of(recording, scenario), 0, 0)
+        assert draw_explanation(observer, page, explanation(page, recording, events_of(recording, scenario))).std() > 10
+    assert far > 5
 
 
 def test_weights_and_views_are_those_of_the_association(mission, all_facts):
@@ -156,7 +156,7 @@ def test_the_words_say_what_is_known(mission, all_facts):
     assert seen == {"in the gate of track", "not detected", "too, weight"}
 
 
-def test_a_missions_stretches_are_without_gaps_and_name_uavs_that_saw_the_person(mission):
+def test_stretches_have_no_gaps_differ_in_words_and_name_uavs_and_trees(mission):
     recording, _, history, _ = mission
     for m in range(4):
         rows = stretches(history, m)
@@ -169,6 +169,28 @@ def test_a_missions_stretches_are_without_gaps_and_name_uavs_that_saw_the_person
                 trees = {int(tree) for tree in re.findall(r"tree (\d+)", seen)}
                 blind = ~history.shown[k, :, m] & ~history.detected[k, :, m]
                 assert trees == set(history.hidden_by[k, blind, m].tolist()) - {-1}
+    recording, scenario = mission[:2]
+    ospa = recording.ospa.copy()
+    ospa[20:, 1] = np.nan  # UAV 1 breaks down
+    history = History.of(replace(recording, ospa=ospa), scenario)
+    for m in range(history.present.shape[1]):
+        rows = stretches(history, m)
+        assert all(one[2:] != other[2:] for one, other in pairwise(rows))
+        assert (rows[0][0], rows[-1][1]) == (history.times[0], history.times[-1])
+    no, yes = np.zeros((4, 1, 1), dtype=bool), np.ones((4, 1, 1), dtype=bool)
+    first = np.array([True, False, False, False])[:, None]
+    history = History(
+        times=np.arange(4) / 5,
+        present=yes[:, 0],
+        working=yes[:, 0],
+        looked=first,
+        inside=first[:, :, None],
+        hidden_by=np.where(first, 7, -1)[:, :, None],
+        shown=no,
+        detected=no,
+        tracks=np.full((4, 1, 1), 3),
+    )
+    assert stretches(history, 0) == [(0.0, pytest.approx(0.6), "held", "hidden by tree 7 from UAV 0")]
 
 
 @pytest.mark.parametrize(
@@ -209,47 +231,6 @@ def test_the_page_shows_the_frame_and_the_pixels_round_the_person(mission, all_f
     part = inset[10 * (v - 2) : 10 * (v + 3), 10 * (u - 2) : 10 * (u + 3)]
     tiles = np.ascontiguousarray(page[:, :1060])  # the words aside
     assert cv2.matchTemplate(tiles, part, cv2.TM_SQDIFF).min() < 1.0
-
-
-def test_a_camera_without_limits_has_in_view_the_people_it_measured():
-    recording, scenario = recorded("sensing.mode=ideal", "sensing.field_of_view=unlimited", duration=1)
-    far = 0
-    with Observer(recording, scenario) as observer:
-        for k, i, m in np.ndindex(*recording.matched.shape):
-            w = observer.observe(k, i, m)
-            assert w.sighting.status.startswith("in view" if recording.matched[k, i, m] else "hidden by tree")
-            far += w.found is not None and w.away > scenario.uavs[i].footprint
-        page = PersonFacts.of(observer, History.of(recording, scenario), 0, 0)
-        assert draw_explanation(observer, page, explanation(page, recording, events_of(recording, scenario))).std() > 10
-    assert far > 5
-
-
-def test_between_the_frames_of_a_slow_camera_the_tree_of_the_last_hides():
-    no, yes = np.zeros((4, 1, 1), dtype=bool), np.ones((4, 1, 1), dtype=bool)
-    first = np.array([True, False, False, False])[:, None]
-    history = History(
-        times=np.arange(4) / 5,
-        present=yes[:, 0],
-        working=yes[:, 0],
-        looked=first,
-        inside=first[:, :, None],
-        hidden_by=np.where(first, 7, -1)[:, :, None],
-        shown=no,
-        detected=no,
-        tracks=np.full((4, 1, 1), 3),
-    )
-    assert stretches(history, 0) == [(0.0, pytest.approx(0.6), "held", "hidden by tree 7 from UAV 0")]
-
-
-def test_stretches_differ_from_those_before_them_in_words(mission):
-    recording, scenario = mission[:2]
-    ospa = recording.ospa.copy()
-    ospa[20:, 1] = np.nan  # UAV 1 breaks down
-    history = History.of(replace(recording, ospa=ospa), scenario)
-    for m in range(history.present.shape[1]):
-        rows = stretches(history, m)
-        assert all(one[2:] != other[2:] for one, other in pairwise(rows))
-        assert (rows[0][0], rows[-1][1]) == (history.times[0], history.times[-1])
 
 
 def test_a_lost_track_is_told_of_as_long_as_any_uav_has_it(mission):

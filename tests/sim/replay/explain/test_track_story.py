@@ -111,6 +111,5 @@ def test_a_mission_without_measurements_has_stories_too(tmp_path, call, refused)
     assert code == 0 and "  known at the start\n" in out and "still there at the end of the mission" in out
     assert "--track: '4' is not allowed" in refused("explain", "mission.npz", "--track", "4")
     for other in (("--time", "1"), ("--target", "0"), ("--out", "a.png")):
-        assert f"{other[0]}: '{other[1]}' is not allowed with --track" in refused(
-            "explain", "mission.npz", "--track", "0", *other
-        )
+        told = refused("explain", "mission.npz", "--track", "0", *other)
+        assert f"{other[0]}: '{other[1]}' is not allowed with --track" in told

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from helpers import synthetic
+from helpers.poses import tilted
 
 from sim.recording.recording import Recorder
 from sim.replay.frames.sightings import Sight, hidden_outlines, silhouette
@@ -18,28 +19,13 @@ from tracking.tracker import Track
 CAMERA = Camera(math.radians(60), 128)
 
 
-def oblique(rng, tilt):
-    """A camera above all canopies, turned at random and tilted by `tilt` rad."""
-    yaw, axis = rng.uniform(-math.pi, math.pi, 2)
-    turn = np.array([0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)])
-    tip = np.array([math.sin(tilt / 2) * math.cos(axis), math.sin(tilt / 2) * math.sin(axis), 0.0, math.cos(tilt / 2)])
-    (x1, y1, z1, w1), (x2, y2, z2, w2) = turn, tip
-    product = [
-        w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
-        w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
-        w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
-        w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
-    ]
-    return Pose(np.array([*rng.uniform(-20, 20, 2), rng.uniform(8, 25)]), np.array(product))
-
-
 @pytest.mark.parametrize("tilt", [0.0, 0.5, 1.2])
 def test_outlines_hold_just_the_pixels_of_hidden_ground(tilt):
     rng = np.random.default_rng(0)
     shares = []
     for _ in range(15):
         trees = [Tree(*rng.uniform(-30, 30, 2), rng.uniform(0.5, 5), 3.0, rng.uniform(4, 7), 0.4) for _ in range(30)]
-        forest, pose = Forest(tuple(trees)), oblique(rng, tilt)
+        forest, pose = Forest(tuple(trees)), tilted(rng, (*rng.uniform(-20, 20, 2), rng.uniform(8, 25)), tilt)
         uv = rng.uniform(0, 128, (300, 2))
         uv = uv[CAMERA.rays(pose, uv)[:, 2] < -0.01]
         ground = CAMERA.ground_points(pose, uv, TARGET_HEIGHT)
@@ -55,13 +41,10 @@ def test_outlines_hold_just_the_pixels_of_hidden_ground(tilt):
     assert 0.1 < np.mean(shares) < 0.9
 
 
-def test_a_cylinder_behind_the_camera_has_no_outline():
+def test_what_is_behind_the_camera_or_below_the_target_has_no_outline():
     upwards = Pose(np.array([0.0, 0.0, 20.0]), np.array([1.0, 0.0, 0.0, 0.0]))
     assert silhouette(CAMERA, upwards, np.array([0.0, 0.0, 2.0, 3.0, 6.0])).shape == (0, 2)
     assert hidden_outlines(CAMERA, upwards, Forest((Tree(0.0, 0.0),))) == [[]]
-
-
-def test_a_tree_lower_than_the_target_hides_nothing():
     forest = Forest((Tree(0.0, 0.0, 2.0, 0.3, 0.8),))
     assert hidden_outlines(CAMERA, Pose.level(0, 0, 20), forest) == [[]]
 
@@ -85,7 +68,7 @@ def sight(people, trees, *, visible, tracks=((),)):
     return Sight.of(recording, setting, len(tracks) - 1, 0)
 
 
-def test_every_person_is_named_with_the_trees_that_hide_them():
+def test_every_person_and_track_is_named_with_trees_that_hide_people():
     # From 17.3 m above the origin: the line to (8, 0, 0.85) passes over x = 6.2 at a height of 4.5 m.
     trees = [Tree(40.0, 0.0), Tree(6.2, 0.0, 1.0), Tree(0.0, 3.0, 0.5), Tree(0.0, 7.0, 0.5), Tree(-6.0, 0.0, 1.0)]
     people = [(8.0, 0.0), (3.0, 0.0), (np.nan, np.nan), (10.2, 0.0), (20.0, 0.0), (0.0, 7.1), (-6.0, 0.0), (1.0, -5.0)]
@@ -101,14 +84,8 @@ def test_every_person_is_named_with_the_trees_that_hide_them():
         "covered by another person",
     ]
     assert [person.detected for person in seen.people] == [False, True, False, True, False, False, False, False]
-
-
-def test_two_trees_in_one_line_are_both_named():
     # The line to (0, 8, 0.85) passes y = 5.2 at 6.6 m, y = 5.6 at 5.8 m and y = 6.7 at 3.5 m.
     trees = [Tree(0.0, 5.5, 0.5), Tree(0.0, 6.6, 0.5)]
     assert sight([(0.0, 8.0)], trees, visible=[0]).people[0].hidden_by == (0, 1)
-
-
-def test_tracks_are_numbered_as_in_the_film_by_first_appearance():
     seen = sight([(0.0, 0.0)], [], visible=[9], tracks=[(70, 90), (70, 80, 90), (5, 80)])
     assert [track.id for track in seen.snapshot.tracks[0]] == [3, 2]

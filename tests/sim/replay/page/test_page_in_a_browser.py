@@ -26,9 +26,8 @@ STILL = (
 def now(browser):
     """The state of the page: scan, time, and people with marked losses."""
     browser.until(STILL)
-    marked = (
-        "[...document.querySelectorAll('#losses li[aria-current][data-person]')].map(li => Number(li.dataset.person))"
-    )
+    rows = "[...document.querySelectorAll('#losses li[aria-current][data-person]')]"
+    marked = f"{rows}.map(li => Number(li.dataset.person))"
     return browser.run(f"[Number(slider.value), document.getElementById('now').value, {marked}]")
 
 
@@ -81,18 +80,15 @@ def _follows_keys(browser):
         return now(browser)
 
     assert after("ArrowRight", "ArrowRight", "ArrowLeft") == [1, "0.2 s", []]
-    assert after("n") == [5, "1.0 s", [2]]
-    assert after("n") == [8, "1.6 s", [2, 1]]
-    assert after("n", "n") == [15, "3.0 s", [0]]
-    assert after("p") == [8, "1.6 s", [2, 1]]
+    assert after("n") == [5, "1.0 s", [2]] and after("n") == [8, "1.6 s", [2, 1]]
+    assert after("n", "n") == [15, "3.0 s", [0]] and after("p") == [8, "1.6 s", [2, 1]]
     assert after("End")[0] == 20 and after("ArrowRight")[0] == 20 and after("Home")[0] == 0
     # By tabs alone to the slider, which then moves a scan at a time.
     for _ in range(40):
         browser.press("Tab")
         if browser.run("document.activeElement.id") == "slider":
             break
-    assert browser.run("getComputedStyle(slider).outlineStyle") == "solid"
-    assert after("ArrowRight")[0] == 1
+    assert browser.run("getComputedStyle(slider).outlineStyle") == "solid" and after("ArrowRight")[0] == 1
 
 
 def _follows_clicks(browser):
@@ -104,6 +100,9 @@ def _follows_clicks(browser):
     browser.point(x, y, click=True)
     assert now(browser) == [15, "3.0 s", [0]]
     assert browser.run("document.querySelector('#losses li[data-person=\"0\"] details').open")
+    # A false track leads to its time as a loss does.
+    browser.run("document.querySelector('#losses li:not([data-person]) button').click()")
+    assert now(browser)[1] == "0.0 s"
     for chart in ("timeline", "ospa"):
         for k in (4, 17):
             x, y = browser.run(

@@ -50,16 +50,13 @@ def rows(entities, path, component):
     return {row["scan"]: row[component] for row in held}
 
 
-def test_forest_and_lenses_stand_still(recording, entities):
+def test_forest_lenses_bodies_and_frusta_are_where_they_were_at_every_scan(recording, entities):
     for name in ("canopies", "trunks"):
         (cylinders,) = entities[f"/world/forest/{name}"]
         np.testing.assert_allclose(np.array(cylinders["centers"])[:, :2], recording.trees[:, :2], atol=1e-5)
     for i in range(3):
         (lens,) = (row for row in entities[f"/world/camera/{i}"] if row.get("resolution"))
         assert lens["resolution"] == [[128.0, 128.0]] and lens["static"]
-
-
-def test_bodies_and_frusta_are_where_they_were_at_every_scan(recording, entities):
     for kind, poses in (("uav", recording.poses), ("camera", recording.cameras)):
         for i in range(3):
             places = rows(entities, f"/world/{kind}/{i}", "translation")
@@ -139,15 +136,12 @@ def test_curves_have_a_value_at_every_scan(recording, entities):
     np.testing.assert_allclose(rows(entities, "/plots/planning", "scalars")[15], [20.0])
 
 
-def test_events_are_logged_at_their_times(recording, entities):
+def test_events_are_logged_at_their_times_and_it_opens_well_laid_out(recording, entities, written):
     told = sorted((round(row["time"], 6), row["text"][0]) for row in entities["/events"])
     events = events_of(recording, scenario_of(recording))
     assert told == sorted((round(e.time, 6), f"{e.time:.1f} s: {e.sentence}") for e in events)
     assert {e.kind for e in events} >= {"track born", "breakdown", "messages lost"}
     assert entities["/people/0/tracks"]
-
-
-def test_it_opens_well_laid_out(written):
     reader = RrdReader(written)
     (blueprint,) = reader.blueprints()
     views = [row["class_identifier"][0] for table in tables(reader.stream(store=blueprint)).values()
@@ -158,7 +152,7 @@ def test_it_opens_well_laid_out(written):
     assert only.application_id == "understory"
 
 
-def test_what_fails_leaves_nothing(recording, tmp_path):
+def test_what_fails_or_is_not_written_to_its_end_leaves_nothing(recording, tmp_path, monkeypatch):
     def fail(k):
         raise KeyboardInterrupt
 
@@ -168,8 +162,6 @@ def test_what_fails_leaves_nothing(recording, tmp_path):
     with pytest.raises(InputError, match=r"--rerun: .*nowhere.*: No such file"):
         rerun_view.write(recording, scenario_of(recording), tmp_path / "nowhere" / "a.rrd", progress=fail)
 
-
-def test_a_file_that_was_not_written_to_its_end_does_not_appear(recording, tmp_path, monkeypatch):
     def full(stream):
         raise RuntimeError("File-writer thread shut down prematurely")  # what a full disk comes to
 
