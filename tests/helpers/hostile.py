@@ -148,7 +148,7 @@ DETECTED = {
     "20 000 detections": (detector("return one(ground=np.zeros((20_000, 2)))"), "ground are more than 400 numbers"),
     "a trillion detections": (
         detector("return one(ground=np.broadcast_to(0.0, (10**12, 2)))"),
-        "ground are more than 400 numbers",
+        "more than 400 numbers",
     ),
     "detections at 10**400": (detector("return one(ground=[[10**400, 0]])"), "ground are not finite"),
     "complex covariances": (detector("return one(covariances=np.ones((1, 2, 2)) * 1j)"), "covariances are not numbers"),

@@ -120,14 +120,8 @@ def file(rng, text, suffix):
     name = f"given{suffix}"
     if rng.random() < 0.85:
         return name, {name: text.encode("utf-8", "surrogatepass")}
-    odd = [
-        b"",
-        text.encode("utf-16"),
-        b"\xff\xfe" + rng.randbytes(200),
-        rng.randbytes(20) * 300_000,
-        os.mkfifo,
-        Path.mkdir,
-    ]
+    odd = [b"", text.encode("utf-16"), b"\xff\xfe" + rng.randbytes(200), rng.randbytes(20) * 300_000, os.mkfifo]
+    odd.append(Path.mkdir)
     odd += [partial(Path.symlink_to, target=t) for t in ("/dev/zero", "/dev/full", "/dev/random", name)]
     odd += [partial(sparse, size=40 * 2**30), partial(sparse, size=10**7)]
     return name, {name: rng.choice(odd)}

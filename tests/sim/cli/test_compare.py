@@ -8,22 +8,24 @@ from helpers.studies import Serial
 
 from sim.cli import study_flight as flight
 from sim.study.store import NAME, Store, StoreError, read_rows
-from sim.study.study import STUDIES
 from sim.terminal import console
 from sim.terminal.progress import pace
 
 FLAGS = ["--duration", "1", "--sensing", "ideal"]
+INVENTED = {"no planner": []}  # nothing is flown, rows are drawn by chance
 FILE = """
 study = { name = "mine", planners = ["hover", "greedy"], seeds = "0" }
 factors.L.3.trees.density = 3
 factors.L.5.trees.density = 5
 """
+LONG = ("sma-nbo(horizon=3, evaluations=640, beta=0.2)", "sma-nbo(horizon=5, evaluations=640, beta=0.2)")
 
 
 @pytest.fixture
 def call(call, monkeypatch):
     """Calls `understory compare` in a folder of its own with one backend: exit code, output and complaint."""
     monkeypatch.setattr(console.console, "width", 100)
+    monkeypatch.setattr("sim.report.figures.pictures.content", lambda figure, kind: b"")  # drawn in a second
 
     def run(*arguments, backend=None):
         monkeypatch.setattr(flight, "_backend", lambda workers, dask: nullcontext(backend or Serial()))
@@ -34,16 +36,16 @@ def call(call, monkeypatch):
 
 def test_a_study_file_is_flown_once_and_shown_by_cell(call, tmp_path):
     (tmp_path / "mine.toml").write_text(FILE)
-    code, out, err = call("compare", "mine.toml", *FLAGS, "--maps", "2")
+    code, out, err = call("compare", "mine.toml", *FLAGS, "--maps", "2", backend=Serial(INVENTED))
     assert (code, err) == (0, "") and "8/8 trials" in out
     table = out[: out.index("OSPA mean")].splitlines()
     cells = [line.split()[:2] for line in table if line.split()[:1] in (["hover"], ["greedy"], ["L"])]
     assert cells == [["L", "="], ["hover", "2"], ["greedy", "2"]] * 2 + [["greedy", "2"]]
     assert "Results in runs/mine" in out and len(read_rows(tmp_path / "runs" / "mine")) == 8
-    backend = Serial()
+    backend = Serial(INVENTED)
     assert call("compare", "mine.toml", *FLAGS, "--maps", "3", backend=backend)[0] == 0
     assert backend.flown == [("hover", 2), ("greedy", 2)] * 2
-    backend = Serial()
+    backend = Serial(INVENTED)
     call("compare", "mine.toml", *FLAGS, "--redo", backend=backend)
     assert len(backend.flown) == 4
 
@@ -63,13 +65,9 @@ def test_more_repeats_are_flown_on_the_same_maps_and_shown(call, tmp_path):
     assert "--repeat 1 --set" in page and "greedy and hover cannot be told apart" in page
 
 
-LONG = ("sma-nbo(horizon=3, evaluations=640, beta=0.2)", "sma-nbo(horizon=5, evaluations=640, beta=0.2)")
-
-
 def test_long_planners_are_told_apart_by_what_differs_or_by_labels(call, tmp_path):
     options = ["compare", "--planner", LONG[0], "--planner", LONG[1], "--maps", "2", *FLAGS]
-    invented = Serial({"no planner": []})
-    code, out, _ = call(*options, backend=invented)
+    code, out, _ = call(*options, backend=Serial(INVENTED))
     assert code == 0 and f"sma-nbo(horizon=5) is {LONG[1]}\n" in out
     table = out[: out.index("OSPA mean")].splitlines()
     assert [line.split()[0] for line in table if " 2 " in line] == ["sma-nbo(horizon=3)", "sma-nbo(horizon=5)"]
@@ -91,16 +89,13 @@ def test_a_scenario_name_or_file_is_compared_by_flags(call, tmp_path):
     assert len(list((tmp_path / "runs" / "compare" / "recordings").glob("*.npz"))) == 1
 
 
-def test_failures_are_shown_and_told_by_the_exit_code(call, tmp_path):
+def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(call, tmp_path):
     backend = Serial({"hover": ["ValueError: no"] * 4})
     options = ["--planner", "hover", "--planner", "greedy", "--seeds", "0-1"]
     code, out, err = call("compare", *options, *FLAGS, backend=backend)
     assert code == 1 and "4/4 trials" in out and "2 failed" in out
     assert err == "understory: 2 of 4 trials failed, hover, seed 0: ValueError: no\n"
     assert sorted(row.status for row in read_rows(tmp_path / "runs" / "compare")) == ["done"] * 2 + ["failed"] * 2
-
-
-def test_ctrl_c_keeps_what_is_complete_and_says_how_to_go_on(call, tmp_path):
     backend = Serial({"hover": [None] * 9})
     submit = backend.submit
 
@@ -126,7 +121,7 @@ def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(call, tmp_path, 
         add(store, task, row)
 
     monkeypatch.setattr(Store, "add", added)
-    code, _, err = call(*options)
+    code, _, err = call(*options, backend=Serial(INVENTED))
     end = "full; 3 of 4 trials are kept in full[x], the same command flies the rest\n"
     assert (code, err) == (1, f"understory: study.sqlite: database or disk is {end}")
     monkeypatch.setattr(Store, "add", add)
@@ -136,12 +131,10 @@ def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(call, tmp_path, 
 
     with monkeypatch.context() as patch:
         patch.setattr("pathlib.Path.write_bytes", failing)
-        backend = Serial()
+        backend = Serial(INVENTED)
         code, _, err = call(*options, backend=backend)
-    told = (
-        "report: full[x] cannot be written: No space left on device; all 4 trials are kept in full[x], the same command"
-    )
-    assert (code, err) == (1, f"understory: {told} writes the report\n") and len(backend.flown) == 1
+    told = "report: full[x] cannot be written: No space left on device; all 4 trials are kept in full[x]"
+    assert (code, err) == (1, f"understory: {told}, the same command writes the report\n") and len(backend.flown) == 1
     backend = Serial()
     code, out, err = call(*options, backend=backend)
     assert (code, err, backend.flown) == (0, "", []) and "Results in full[x] (report.html)." in out
@@ -157,15 +150,12 @@ def test_a_disk_that_is_full_at_once_is_one_line(call, tmp_path, monkeypatch):
     assert (code, err) == (1, told)
 
 
-def test_recordings_asked_for_later_are_flown_again(call, tmp_path):
+def test_what_was_flown_otherwise_is_flown_again_or_kept_apart(call, tmp_path):
     options = ["compare", "--planner", "hover", "--seeds", "0", *FLAGS, "--out", "s"]
     for extra, flown in (([], 1), (["--keep", "recordings"], 1), (["--keep", "recordings"], 0)):
         backend = Serial()
         assert call(*options, *extra, backend=backend)[0] == 0 and len(backend.flown) == flown
     assert len(list((tmp_path / "s" / "recordings").iterdir())) == len(read_rows(tmp_path / "s")) == 1
-
-
-def test_results_of_another_version_are_said_to_be_apart(call, tmp_path):
     options = ["compare", "--planner", "hover", "--seeds", "0", *FLAGS]
     call(*options)
     sql = sqlite3.connect(tmp_path / "runs" / "compare" / NAME)
@@ -178,13 +168,7 @@ def test_results_of_another_version_are_said_to_be_apart(call, tmp_path):
     assert err.endswith("trials of another version are kept apart, not shown: 1 of version 0.0.9\n")
 
 
-def test_studies_are_listed_with_their_meaning(call):
-    code, out, _ = call("studies")
-    assert code == 0 and all(name in out for name in STUDIES)
-
-
 def test_the_pace_of_a_study_in_words():
-    assert pace(0, 10, 0, 3.0) == ""
-    assert pace(2, 10, 1, 20.0) == ", 6.0 a minute, 1:40 left, 1 failed"
+    assert pace(0, 10, 0, 3.0) == "" and pace(2, 10, 1, 20.0) == ", 6.0 a minute, 1:40 left, 1 failed"
     assert pace(1, 100, 0, 100.0) == ", 0.6 a minute, 2:46:40 left"
     assert pace(10, 0, 0, 20.0) == ", 30.0 a minute"

@@ -15,6 +15,8 @@ from tracking.plugins.registry import InputError
 
 MINE = "mine:Mine"
 MEAN = metric_shown("ospa.mean_m")
+FLAGS = ["--duration", "1", "--sensing", "ideal", "--seeds", "0,1", "--workers", "1", "--metric", "ospa.mean_m"]
+SAME = "from tracking.tracker import Tracker\n\n\nclass Same(Tracker):\n    pass\n"
 
 
 def rows(planners=("greedy",), trackers=("jpda", MINE), levels=(("L", "3"), ("L", "5"))):
@@ -44,7 +46,7 @@ def test_differences_of_trackers_are_paired_by_map():
         assert (gap.mean.value, gap.pairs, gap.won) == (-0.375, 2, 2)
 
 
-def test_with_planners_every_pair_is_compared():
+def test_labels_of_planners_and_trackers_say_what_differs():
     every = rows(("greedy", "sma-nbo(horizon=3)"))
     labels = {g.planner for g in grouped(every)}
     assert labels == {f"{p}tracker={t})" for p in ("greedy(", "sma-nbo(horizon=3, ") for t in ("jpda", MINE)}
@@ -52,18 +54,9 @@ def test_with_planners_every_pair_is_compared():
     with pytest.raises(InputError, match="--baseline: 'jpda' is several of the study's planners: greedy"):
         baseline_of(every, "jpda")
     assert baseline_of(every, "sma-nbo(horizon=3, tracker=jpda)") == "sma-nbo(horizon=3, tracker=jpda)"
-
-
-def test_planners_that_follow_the_cell_go_by_what_stays_for_each_tracker():
-    varied = [
-        row(f"sma-nbo(horizon={h})", 0, (("H", h), ("tracker", t)), {"ospa.mean_m": 1.0})
-        for h in "13"
-        for t in ("jpda", MINE)
-    ]
+    levels = [(("H", h), ("tracker", t)) for h in "13" for t in ("jpda", MINE)]
+    varied = [row(f"sma-nbo(horizon={level[0][1]})", 0, level, {"ospa.mean_m": 1.0}) for level in levels]
     assert {g.planner for g in grouped(varied)} == {"sma-nbo(tracker=jpda)", "sma-nbo(tracker=mine:Mine)"}
-
-
-def test_a_tracker_has_a_label_by_its_name():
     given = labels_of(rows(), ["theirs=mine:Mine", "ours = greedy(tracker=jpda)"])
     assert {g.planner for g in grouped(rows(), None, given)} == {"theirs", "ours"}
 
@@ -80,10 +73,6 @@ def test_trackers_are_a_factor_of_the_study_in_place_of_its_own():
     varied = Study("tried", ("hover",), factors={"way": {"a": {"tracking": {"tracker": "jpda"}}}})
     with pytest.raises(InputError, match=r"^--tracker: tracking\.tracker is what factor 'way' of study tried varies$"):
         with_trackers(varied, ["jpda"])
-
-
-FLAGS = ["--duration", "1", "--sensing", "ideal", "--seeds", "0,1", "--workers", "1", "--metric", "ospa.mean_m"]
-SAME = "from tracking.tracker import Tracker\n\n\nclass Same(Tracker):\n    pass\n"
 
 
 def test_the_command_shows_trackers_side_by_side(tmp_path, monkeypatch, capsys):

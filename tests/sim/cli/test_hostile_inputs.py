@@ -26,7 +26,7 @@ REMARKS = (
     "no multiple of the",
     "tracks will follow",
     "weighs them",
-    "another version",
+    "another vers",
 )
 ENVIRONMENT = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 ENVIRONMENT["PYTHONPATH"] = os.pathsep.join([str(TESTS.parent), str(TESTS)])

@@ -13,12 +13,19 @@ from helpers.processes import python
 
 from planning.registry import PLANNERS
 from sim.__main__ import COMMANDS
+from sim.running import isolated_run
 from sim.scenario.loading import SCENARIOS
+from sim.study.study import STUDIES
 
 PLANNER = """
 class Wrong:
     def __init__(self):
         raise ValueError("a fault of the program, not of its user")
+"""
+AILING = """
+class Ailing:
+    def plan(self, team, rng):
+        raise RuntimeError("[bold]lost")
 """
 
 
@@ -41,8 +48,7 @@ def test_the_bare_command_shows_how_to_start_within_80_columns(call):
 @pytest.mark.parametrize("command", [None, *COMMANDS], ids=lambda command: command and command.__name__)
 def test_every_command_has_help_without_types_of_python(call, command):
     code, out, err = call(*([] if command is None else [command.__name__.replace("_", "-")]), "--help")
-    assert (code, err) == (0, "")
-    assert "Usage: " in out and "--help" in out
+    assert (code, err) == (0, "") and "Usage: " in out and "--help" in out
     assert not re.search("<|BOOLEAN|TEXT|PATH", out)
 
 
@@ -57,90 +63,54 @@ def test_modules_that_are_commands_have_help_and_complain_in_a_line(module, call
     with pytest.raises(SystemExit, match=r"^2$"):
         runpy.run_module(module, run_name="__main__")
     err = capsys.readouterr().err
-    assert err.startswith("understory: ") and err.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
+    assert err.startswith("understory: ") and err.count("\n") == 1 and list(tmp_path.iterdir()) == []
 
 
-def test_the_version_is_that_of_the_package(call):
+def test_version_planners_scenarios_and_studies_are_told_with_their_meaning(call):
     assert call("--version") == (0, f"understory {version('understory')}\n", "")
-
-
-def test_planners_and_scenarios_are_listed_with_their_meaning(call):
     _, out, _ = call("planners")
     for name, spec in PLANNERS.items():
         assert name in out and spec.summary in out
     assert out.count("(default)") == 1
     _, out, _ = call("scenarios")
-    assert all(name in out for name in SCENARIOS)
+    assert all(name in out for name in SCENARIOS) and all(name in call("studies")[1] for name in STUDIES)
 
 
-AILING = """
-class Ailing:
-    def plan(self, team, rng):
-        raise RuntimeError("[bold]lost")
-"""
-
-
-def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path):
+def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path, monkeypatch):
     (tmp_path / "ailing.py").write_text(AILING)
     (tmp_path / "runs" / "forest-ailing.Ailing-seed0").mkdir(parents=True)
     options = ["--planner", "ailing:Ailing", "--duration", "4s", "--set", "sensing.mode=ideal", "--no-video"]
+    monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))
     code, out, err = call("run", *options)
-    assert (code, err) == (0, "")
-    assert "4.0 of 4 s, OSPA " in out and "ailing:Ailing, seed 0, 4.0 s" in out
+    assert (code, err) == (0, "") and "4.0 of 4 s, OSPA " in out and "ailing:Ailing, seed 0, 4.0 s" in out
     before, _, after = out.partition("┏")
     assert "fault at 0.0 s, 5 times until 4.0 s, team: RuntimeError: [bold]lost\n" in before and "fault" not in after
     assert f"{tmp_path / 'ailing.py'}:4, in plan: raise RuntimeError" in before and "All 5 faults" in before
     assert "Files in runs/forest-ailing.Ailing-seed0-2:\n  mission.npz, ospa.png, summary.json, timeline.png\n" in out
 
 
-def test_a_comparison_shows_one_row_per_planner(call):
-    options = ["--planner", "hover", "--planner", "greedy", "--seeds", "0,1", "--duration", "1", "--workers", "1"]
-    code, out, err = call("compare", *options, "--set", "sensing.mode=ideal")
-    assert (code, err) == (0, "")
-    assert "4/4 trials" in out
-    lines = [line.split() for line in out.splitlines()]
-    assert [line[:2] for line in lines if line[:1] in (["hover"], ["greedy"])] == [["hover", "2"], ["greedy", "2"]] * 3
-    assert max(map(len, out.splitlines())) <= 80
-
-
-def test_commands_that_fly_nothing_import_no_engine_and_no_compiler():
+def test_commands_that_fly_nothing_import_no_engine_which_says_nothing():
     call = "sim.__main__.app(['planners'], standalone_mode=False)"
     heavy = "{'numpy', 'numba', 'pybullet', 'scipy', 'cv2', 'av', 'matplotlib'} & set(sys.modules)"
-    done = python("-c", f"import sys, sim.__main__; {call}; print({heavy})")
-    assert done.stdout.splitlines()[-1] == "set()"
+    done = python("-c", f"import sys, sim.__main__; {call}; print({heavy}); import sim.world.world; print('end')")
+    assert done.stdout.splitlines()[-2:] == ["set()", "end"] and (done.returncode, done.stderr) == (0, "")
 
 
-def test_importing_the_engine_says_nothing():
-    done = python("-c", "import sim.world.world")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-
-
-def test_an_error_is_the_only_output_of_a_real_process(tmp_path):
+def test_a_long_refusal_keeps_its_ends_and_is_a_real_process_only_output(tmp_path, call):
     done = python("-m", "sim", "run", "--set", "trees.density=9000", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith("understory: trees.density = 9000") and done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_full_disk_is_one_line_and_other_errors_of_files_are_not_hidden(call, monkeypatch):
-    def full(number):
-        def save(recording, path):
-            raise OSError(number, os.strerror(number), "mission.npz")
-
-        return save
-
-    monkeypatch.setattr("sim.running.run.save", full(errno.ENOSPC))
-    words = ["run", "--duration", "1", "--no-video", "--planner", "hover", "--set", "sensing.mode=ideal", "--out", "r"]
-    code, _, err = call(*words)
-    assert (code, err) == (1, "understory: mission.npz: No space left on device; nothing is kept\n")
-    assert not list(Path().iterdir())
-    monkeypatch.setattr("sim.running.run.save", full(errno.ENOENT))
-    with pytest.raises(FileNotFoundError):
-        call(*words)
-
-
-def test_a_long_refusal_keeps_its_ends_and_prints_only_what_is_printable(call):
     code, _, err = call("run", "--seed", "\x1b[2J" + "9" * 100_000)
     assert code == 2 and err.startswith("understory: --seed: ") and len(err) < 2100
     assert "\x1b" not in err and err.endswith("expected an integer, 0 to 340282366920938463463374607431768211455\n")
+
+
+def test_errors_of_files_other_than_a_full_disk_are_not_hidden(call, monkeypatch):
+    def save(recording, path):
+        raise OSError(errno.ENOENT, os.strerror(errno.ENOENT), "mission.npz")
+
+    monkeypatch.setattr("sim.running.run.save", save)
+    with pytest.raises(FileNotFoundError):
+        call("run", "--duration", "1", "--no-video", "--planner", "hover", "--set", "sensing.mode=ideal", "--out", "r")
+    assert not list(Path().iterdir())

@@ -61,9 +61,7 @@ COMMANDS = {
     "export of no run": (["export", "full", "--to", "csv"], ["DIR", "full", "holds no mission.npz"]),
 }
 SETTINGS = {
-    "trees.densty=3": ["trees.densty", "did you mean density?"],
     "trees.density": ["--set", "'trees.density'", "key=value"],
-    "trees.density=-3": ["trees.density", "-3", ">= 0"],
     "trees.density=9000": ["trees.density", "9000", "no more than 203"],
     "trees.density=160": ["trees.density", "160", "fit into 150 x 100 m"],
     "people.trajectories=no.csv": ["people.trajectories", "no.csv"],

@@ -43,11 +43,8 @@ def flown():
 def test_faults_are_recorded_and_come_back_at_their_scans(tmp_path):
     mission, recording = flown()
     bad = "ValueError: bad [31mday <object object at 0x...>"
-    assert read(recording.faults) == (
-        Fault(0.0, None, bad),
-        Fault(1.1, 1, "broke down, hovers from now on"),
-        Fault(2.0, None, bad),
-    )
+    broke = Fault(1.1, 1, "broke down, hovers from now on")
+    assert read(recording.faults) == (Fault(0.0, None, bad), broke, Fault(2.0, None, bad))
     assert [f.time for f in mission.faults] == [0.0, 1.1, 2.0]
     at = {k: [f.time for f in recording.faults_at(k)] for k in range(len(recording.times))}
     assert {k: times for k, times in at.items() if times} == {0: [0.0], 6: [1.1], 10: [2.0]}

@@ -16,6 +16,8 @@ COMMANDS = {
     "mission": ["run", "--duration", "0.4", "--set", "sensing.mode=ideal", "--out", "new/out"],
 }
 SUFFIXES = {"film": ".mp4", "page": ".html", "picture": ".png"}
+PLACES = [(c, place + s, "there is no folder") for c, s in SUFFIXES.items() for place in ("file/new", "no/new")]
+PLACES += [(command, "file/new", "Not a directory") for command in ("frames", "export", "mission")]
 
 
 @contextmanager
@@ -44,17 +46,9 @@ def test_a_full_disk_is_told_in_one_line_and_nothing_is_kept(refused, tmp_path, 
     assert "File too large; nothing is kept" in err
 
 
-@pytest.mark.parametrize("place", ["file/new", "no/new"])
-@pytest.mark.parametrize("command", SUFFIXES)
-def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_drawn(refused, command, place):
-    err = refused(*COMMANDS[command], "--out", place + SUFFIXES[command])
-    assert f"--out: {place}{SUFFIXES[command]} cannot be written: there is no folder" in err
-
-
-@pytest.mark.parametrize("command", ["frames", "export", "mission"])
-def test_a_folder_below_a_file_cannot_be_made(refused, command):
-    err = refused(*COMMANDS[command], "--out", "file/new")
-    assert "--out: file/new cannot be written: Not a directory" in err
+@pytest.mark.parametrize(("command", "place", "reason"), PLACES)
+def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_drawn(refused, command, place, reason):
+    assert f"--out: {place} cannot be written: {reason}" in refused(*COMMANDS[command], "--out", place)
 
 
 def test_the_default_place_for_a_picture_may_not_be_there_any_more(refused, tmp_path, monkeypatch):

@@ -19,7 +19,7 @@ from sim.recording.archive import load, save
 from sim.recording.recording import Recorder, Recording
 from sim.replay.export import export
 from sim.replay.frames.pages import write_frames
-from sim.replay.frames.rerender import find, scenario_of
+from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
 from tracking.geometry.visibility import Forest
 from tracking.tracker import Scan
@@ -40,16 +40,13 @@ def test_a_recording_survives_the_disk_bit_for_bit(tmp_path, options):
     assert os.listdir(tmp_path) == ["mission.npz"]
 
 
-def test_snapshots_of_a_recording_record_to_the_same_recording():
+def test_snapshots_and_accessors_give_back_what_was_recorded():
     recording = record()
     recorder = Recorder()
     for k in range(len(recording.times)):
         recorder.add(recording.snapshot(k))
     again = recorder.recording(scenario=recording.scenario, planner="hover", seed=2**70, forest=recording.forest)
     assert_same(again, recording)
-
-
-def test_accessors_give_back_each_uavs_own_rows():
     setting = synthetic.scenario()
     trees = synthetic.forest(setting)
     given = list(synthetic.snapshots(setting, trees, 11))
@@ -82,7 +79,7 @@ def test_plans_of_different_horizons_come_back_at_the_scans_that_made_them():
         np.testing.assert_array_equal(plan.controls, expected.controls)
 
 
-def test_a_recorder_keeps_values_that_the_mission_overwrites_later():
+def test_a_recorder_keeps_values_and_refuses_nothing_and_unmatched_detections():
     setting = synthetic.scenario()
     snapshot = next(synthetic.snapshots(setting, Forest(()), 1))
     recorder = Recorder()
@@ -91,9 +88,6 @@ def test_a_recorder_keeps_values_that_the_mission_overwrites_later():
     snapshot.people[:] = -1.0
     recording = recorder.recording(scenario="{}", planner="p", seed=0, forest=Forest(()))
     np.testing.assert_array_equal(recording.people[0], before)
-
-
-def test_a_recorder_refuses_an_empty_mission_and_unmatched_detections():
     recorder = Recorder()
     assert len(recorder) == 0
     with pytest.raises(ValueError, match="no scan"):
@@ -105,7 +99,15 @@ def test_a_recorder_refuses_an_empty_mission_and_unmatched_detections():
     assert len(recorder) == 0
 
 
-def test_equal_missions_are_equal_bytes_in_two_processes(tmp_path):
+def test_files_are_whole_or_not_there_and_equal_bytes_of_equal_missions(tmp_path):
+    path = tmp_path / "mission.npz"
+    recording = record(scans=1)
+    save(recording, path)
+    before = path.read_bytes()
+    broken = dataclasses.replace(recording, people=np.array(["not", "a", "number"]))
+    with pytest.raises(ValueError):
+        save(broken, path)
+    assert path.read_bytes() == before and os.listdir(tmp_path) == ["mission.npz"]
     code = (
         "import sys; sys.path[:0] = sys.argv[2:]; from helpers.recordings import record; "
         "from sim.recording.archive import save; save(record(), sys.argv[1])"
@@ -118,27 +120,11 @@ def test_equal_missions_are_equal_bytes_in_two_processes(tmp_path):
     assert (tmp_path / "a.npz").read_bytes() != (tmp_path / "c.npz").read_bytes()
 
 
-def test_a_default_mission_takes_less_than_two_megabytes(tmp_path):
+def test_a_recording_is_small_and_needs_no_pickles(tmp_path, saved):
     save(record(scans=201), tmp_path / "mission.npz")
     assert (tmp_path / "mission.npz").stat().st_size < 2e6
-
-
-def test_numpy_reads_a_recording_without_pickles(saved):
     with np.load(saved, allow_pickle=False) as archive:
-        assert archive["people"].shape == (11, 4, 2)
-        assert int(str(archive["seed"])) == 2**70
-
-
-def test_a_failed_save_leaves_the_old_file_and_nothing_else(tmp_path):
-    path = tmp_path / "mission.npz"
-    recording = record(scans=1)
-    save(recording, path)
-    before = path.read_bytes()
-    broken = dataclasses.replace(recording, people=np.array(["not", "a", "number"]))
-    with pytest.raises(ValueError):
-        save(broken, path)
-    assert path.read_bytes() == before
-    assert os.listdir(tmp_path) == ["mission.npz"]
+        assert archive["people"].shape == (11, 4, 2) and int(str(archive["seed"])) == 2**70
 
 
 def test_truncated_and_flipped_bytes_never_pass_or_crash(saved, tmp_path):
@@ -175,7 +161,7 @@ LACKED = {
 
 
 @pytest.mark.parametrize("form", LACKED)
-def test_an_older_form_loads_with_defaults_for_what_it_lacks(form):
+def test_an_older_form_loads_with_defaults_for_what_it_lacks_renders_and_exports(form, tmp_path):
     with np.load(DATA / f"mission-{form}.npz") as archive:
         assert {field.name for field in fields(Recording)} - set(archive) == LACKED[form]
     recording = load(DATA / f"mission-{form}.npz")
@@ -193,11 +179,6 @@ def test_an_older_form_loads_with_defaults_for_what_it_lacks(form):
     assert recording.snapshot(4).bytes_sent.tolist() == recording.bytes_sent[4].tolist()
     assert recording.faults_at(0) == recording.snapshot(3).faults == ()
     assert len(History.of(recording, scenario_of(recording)).losses) == 0
-
-
-@pytest.mark.parametrize("form", LACKED)
-def test_an_older_form_renders_and_exports(form, tmp_path):
-    recording = find(DATA / f"mission-{form}.npz")
     write_frames(recording, [5], 1, tmp_path / "frames", size=256, progress=lambda k: None)
     assert [p.name for p in (tmp_path / "frames").iterdir()] == ["uav1-scan0005-1.0s.png"]
     for target in ("csv", "stonesoup", "mot"):
@@ -218,7 +199,7 @@ def exported(recording, folder) -> list[float]:
         return [float(row["existence"]) for row in csv.DictReader(file)]
 
 
-def test_existence_comes_back_to_the_last_bit(tmp_path):
+def test_existence_comes_back_to_the_last_bit_where_it_is_estimated(tmp_path):
     recording, given = lived("existence")
     assert given and all(0.0 < r < 1.0 for r in given) and len(set(given)) > 5
     save(recording, tmp_path / "mission.npz")
@@ -226,13 +207,9 @@ def test_existence_comes_back_to_the_last_bit(tmp_path):
     cells = [(k, i) for k in range(11) for i in range(3)]
     assert [track.existence for k, i in cells for track in again.tracks_at(k, i)] == given
     assert exported(again, tmp_path / "csv") == given
-
-
-def test_counting_scans_and_old_recordings_have_none(tmp_path):
     counted, given = lived("m_of_n")
     assert set(given) == {1.0} and np.all(np.isnan(counted.track_existence))
-    save(lived("existence")[0], tmp_path / "new.npz")
-    old = load(rewritten(tmp_path / "new.npz", tmp_path / "old.npz", track_existence=None))
+    old = load(rewritten(tmp_path / "mission.npz", tmp_path / "old.npz", track_existence=None))
     assert np.all(old.track_existence == -1.0)
     for number, recording in enumerate((counted, old)):
         assert {track.existence for track in recording.tracks_at(10, 0)} == {1.0}

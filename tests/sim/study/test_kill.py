@@ -104,7 +104,7 @@ def test_killed_while_it_flies(killed):
             time.sleep(0.02)
         time.sleep(rng.uniform(0.0, 0.2))
 
-    kept, total = killed(THREAD, ["{file}", "{folder}"], "0-4", [after_some])
+    kept, total = killed(THREAD, ["{file}", "{folder}"], "0-2", [after_some])
     assert 1 <= kept < total
 
 
@@ -120,8 +120,7 @@ def test_ctrl_c_in_a_terminal_ends_all_processes_in_one_line(tmp_path):
     _, err = started.communicate(timeout=30)
     kept = len(stored(tmp_path / "out"))
     told = f"{kept} of 200 trials are kept in {tmp_path / 'out'}, the same command flies the rest"
-    assert (started.returncode, err) == (1, f"understory: interrupted; {told}\n") and 3 <= kept < 200
-    assert gone()
+    assert (started.returncode, err) == (1, f"understory: interrupted; {told}\n") and 3 <= kept < 200 and gone()
 
 
 @pytest.mark.slow
@@ -149,8 +148,7 @@ def test_a_worker_killed_in_mid_study_loses_no_trial_and_changes_no_row(tmp_path
 
         with Store.opened(tmp_path, "short") as store:
             rows = complete(tasks, store, cluster, heard=kill)
-    assert killed
-    assert list(map(plain, rows)) == [plain(fly(task).row) for task in tasks]
+    assert killed and list(map(plain, rows)) == [plain(fly(task).row) for task in tasks]
     assert len(read_rows(tmp_path)) == len(tasks)
 
 

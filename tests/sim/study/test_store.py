@@ -25,7 +25,7 @@ def filled(tmp_path):
     return tmp_path, tasks, rows
 
 
-def test_rows_come_back_as_they_were(filled):
+def test_rows_come_back_as_they_were_whatever_their_seed(filled, tmp_path):
     folder, tasks, rows = filled
     with Store.opened(folder, "short") as store:
         found = store.done(tasks)
@@ -33,9 +33,6 @@ def test_rows_come_back_as_they_were(filled):
     assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))
     assert sorted(map(str, map(plain, read_rows(folder)))) == sorted(map(str, map(plain, rows)))
     assert found[tasks[0].key].metrics["wall_s"] == rows[0].metrics["wall_s"]
-
-
-def test_seeds_of_any_size_come_back(tmp_path):
     tasks = short(["hover"], f"{2**63 - 1},{2**63},{2**80}")
     with Store.opened(tmp_path, "short") as store:
         for task in tasks:
@@ -43,15 +40,17 @@ def test_seeds_of_any_size_come_back(tmp_path):
         assert [store.done(tasks)[task.key].seed for task in tasks] == [2**63 - 1, 2**63, 2**80]
 
 
-def test_a_trial_added_again_replaces_the_first(filled):
+def test_trials_are_what_their_keys_say_and_added_again_replace_the_first(filled):
     folder, tasks, rows = filled
-    with Store.opened(folder, "short") as store:
+    with Store.opened(changed(folder, "UPDATE trials SET seed = 3, planner = 'other'"), "short") as store:
+        found = store.done(tasks)
+        assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))
         store.add(tasks[0], msgspec.structs.replace(rows[0], metrics={"ospa.mean_m": -1.0}))
         assert store.done(tasks)[tasks[0].key].metrics == {"ospa.mean_m": -1.0}
     assert len(read_rows(folder)) == len(tasks)
 
 
-def test_plain_sql_reads_it(filled):
+def test_plain_sql_reads_it_and_one_call_makes_a_frame(filled):
     folder, _, rows = filled
     with sqlite3.connect(folder / NAME) as sql:
         means = dict(
@@ -65,16 +64,11 @@ def test_plain_sql_reads_it(filled):
     expected = [r.metrics["ospa.mean_m"] for r in rows if r.factors == (("lambda", "3"),) and r.planner == "hover"]
     assert means["hover"] == pytest.approx(np.mean(expected)) and set(means) == {"hover", "greedy"}
     assert undefined == [(None,)]
-
-
-def test_one_call_makes_a_frame(filled):
-    folder, _, rows = filled
     table = frame(folder)
     assert len(table) == len(rows) and {"planner", "seed", "factor.lambda", "ospa.mean_m"} <= set(table.columns)
     mean = table[table["planner"] == "greedy"].groupby("factor.lambda")["recall"].mean()["5"]
     expected = [r.metrics["recall"] for r in rows if (r.planner, r.factors) == ("greedy", (("lambda", "5"),))]
-    assert len(expected) == 3 and mean == pytest.approx(np.mean(expected))
-    assert table["precision"].isna().all()
+    assert len(expected) == 3 and mean == pytest.approx(np.mean(expected)) and table["precision"].isna().all()
 
 
 def test_another_version_is_kept_apart(tmp_path):
@@ -93,8 +87,7 @@ def test_levels_may_be_renamed(filled):
     with Store.opened(folder, "short") as store:
         backend = Serial()
         rows = complete(renamed, store, backend)
-    assert backend.flown == []
-    assert {row.factors for row in rows} == {(("density", "few"),)}
+    assert backend.flown == [] and {row.factors for row in rows} == {(("density", "few"),)}
     shown = [row.factors for row in read_rows(folder)]
     assert shown.count((("density", "few"),)) == 6 and shown.count((("lambda", "5"),)) == 6
 
@@ -112,8 +105,7 @@ def test_a_full_disk_loses_nothing_and_the_study_goes_on_once_there_is_room(tmp_
         backend = Serial({"hover": [None] * 40})
         rows = complete(tasks, store, backend)
     assert len(backend.flown) == 40 - kept
-    assert list(map(plain, rows)) == [plain(invented(task)) for task in tasks]
-    assert intact(tmp_path)
+    assert list(map(plain, rows)) == [plain(invented(task)) for task in tasks] and intact(tmp_path)
 
 
 def intact(folder):
@@ -123,22 +115,27 @@ def intact(folder):
     return answer == ("ok",)
 
 
+def changed(folder, *statements):
+    """The store after statements of SQL, by its folder."""
+    sql = sqlite3.connect(folder / NAME)
+    with sql:
+        for statement in statements:
+            sql.execute(statement)
+    sql.close()
+    return folder
+
+
 def broken(tmp_path, kind):
-    path = tmp_path / NAME
     if kind == "text":
-        path.write_text("this is no database, however long it may be\n" * 200)
+        (tmp_path / NAME).write_text("this is no database, however long it may be\n" * 200)
     elif kind == "newer":
         with Store.opened(tmp_path, "short"):
             pass
-        sql = sqlite3.connect(path)
-        sql.execute(f"PRAGMA user_version = {SCHEMA + 1}")
-        sql.close()
+        changed(tmp_path, f"PRAGMA user_version = {SCHEMA + 1}")
     elif kind == "other":
-        sql = sqlite3.connect(path)
-        sql.execute("CREATE TABLE mine (x)")
-        sql.close()
-    elif kind == "folder":
-        path.mkdir()
+        changed(tmp_path, "CREATE TABLE mine (x)")
+    else:
+        (tmp_path / NAME).mkdir()
     return tmp_path
 
 
@@ -174,14 +171,11 @@ def test_a_damaged_store_is_one_line(filled):
         store.done(tasks)
 
 
-def test_a_folder_of_another_study_is_refused(filled):
+def test_folders_of_another_study_or_that_cannot_be_written_are_refused(filled, tmp_path):
     folder, tasks, _ = filled
     with pytest.raises(InputError, match="holds study 'short', not 'long'"), Store.opened(folder, "long"):
         pass
     assert len(read_rows(folder)) == len(tasks)
-
-
-def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     for folder in (tmp_path / "file" / "study", "/proc/study", "/proc/full"):
         with pytest.raises(InputError, match=r"--out: .* cannot be used"), Store.opened(tmp_path / folder, "short"):
@@ -228,10 +222,7 @@ def test_failed_trials_are_flown_again_and_done_ones_only_on_demand(tmp_path):
 )
 def test_a_store_of_which_something_was_changed_is_one_line(filled, statement, message):
     folder, tasks, _ = filled
-    sql = sqlite3.connect(folder / NAME)
-    with sql:
-        sql.execute(statement)
-    sql.close()
+    changed(folder, statement)
     with pytest.raises(InputError, match=message) as raised:
         read_rows(folder)
     assert "\n" not in str(raised.value) and str(folder) in str(raised.value)
@@ -240,23 +231,6 @@ def test_a_store_of_which_something_was_changed_is_one_line(filled, statement, m
 
 
 def test_a_view_in_place_of_a_table_is_refused_as_it_may_never_end(filled):
-    folder, *_ = filled
-    sql = sqlite3.connect(folder / NAME)
-    with sql:
-        sql.execute("DROP TABLE study")
-        endless = "WITH RECURSIVE n(name) AS (SELECT 'x' UNION ALL SELECT 'x' FROM n) SELECT count(name) AS name FROM n"
-        sql.execute(f"CREATE VIEW study AS {endless}")
-    sql.close()
+    endless = "WITH RECURSIVE n(name) AS (SELECT 'x' UNION ALL SELECT 'x' FROM n) SELECT count(name) AS name FROM n"
     with pytest.raises(InputError, match="it names no study"):
-        read_rows(folder)
-
-
-def test_a_stored_trial_is_what_its_key_says(filled):
-    folder, tasks, rows = filled
-    sql = sqlite3.connect(folder / NAME)
-    with sql:
-        sql.execute("UPDATE trials SET seed = 3, planner = 'other'")
-    sql.close()
-    with Store.opened(folder, "short") as store:
-        found = store.done(tasks)
-    assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))
+        read_rows(changed(filled[0], "DROP TABLE study", f"CREATE VIEW study AS {endless}"))

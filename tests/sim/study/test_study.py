@@ -41,6 +41,12 @@ sensing.mode = "ideal"
 planner = "dec-pomdp"
 H = ["1"]
 """
+WALK = adapted(read("paper-to-default"), seeds="0")
+ORIGINAL = adapted(read("paper-original"), seeds="0")
+STEPS = (
+    "1-paper", "2-tracks-known", "3-line-of-sight", "4-quadrotors", "5-pixels",
+    "6-tracker", "7-process-noise", "8-optimizer", "9-default",
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -83,7 +89,7 @@ def test_the_key_is_that_of_scenario_planner_seed_and_version_however_they_are_s
     assert len({first, *others}) == 4
 
 
-def test_a_changed_plug_in_or_trajectory_file_is_another_trial(tmp_path, monkeypatch):
+def test_a_changed_plug_in_or_trajectory_file_however_large_is_another_trial(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     planner, people = tmp_path / "keyed.py", tmp_path / "people.csv"
     study = Study(name="x", planners=("keyed:Keyed",), seeds="0", settings={"people.trajectories": f'"{people}"'})
@@ -95,10 +101,6 @@ def test_a_changed_plug_in_or_trajectory_file_is_another_trial(tmp_path, monkeyp
     second = tasks(study)[0].key
     planner.write_text("class Keyed:\n    def plan(self, team, rng): return 1\n")
     assert len({first, second, tasks(study)[0].key}) == 3
-
-
-def test_a_trajectory_file_as_large_as_is_allowed_counts_to_its_end(tmp_path):
-    people = tmp_path / "people.csv"
     study = Study(name="x", planners=("hover",), seeds="0", settings={"people.trajectories": f'"{people}"'})
     keys = set()
     for last in b"12":
@@ -109,12 +111,10 @@ def test_a_trajectory_file_as_large_as_is_allowed_counts_to_its_end(tmp_path):
     assert len(keys) == 2
 
 
-def test_packaged_studies_are_what_the_paper_flies():
+def test_the_paper_flies_its_own_setting_as_packaged_studies_say():
     sizes = {name: len(tasks(read(name))) for name in STUDIES}
-    assert sizes["paper-horizon"] == 3 * 2 * 3 * 2 * 50
-    assert sizes["paper-planners"] == (3 * 3 * 3 + 2 * 2) * 50
-    assert sizes["paper-runtime"] == (3 * 3 * 3 + 2 * 2) * 10
-    assert sizes["message-losses"] == 11 * 2 * 8
+    assert sizes["paper-horizon"] == 3 * 2 * 3 * 2 * 50 and sizes["paper-planners"] == (3 * 3 * 3 + 2 * 2) * 50
+    assert sizes["paper-runtime"] == (3 * 3 * 3 + 2 * 2) * 10 and sizes["message-losses"] == 11 * 2 * 8
     assert {"pixels-vs-ideal", "line-of-sight-vs-disc", "faults"} < set(STUDIES)
     for name in STUDIES:
         assert read(name).name == name and read(name).description
@@ -123,6 +123,27 @@ def test_packaged_studies_are_what_the_paper_flies():
     assert {task.setting.sensing.mode for task in paper} == {"camera"}
     dec = Counter((dict(t.factors)["lambda"], dict(t.factors)["H"]) for t in paper if t.planner.startswith("dec"))
     assert dec == {(x, h): 1 for x in ("15", "75") for h in ("3", "5")}
+    found = cells(ORIGINAL)
+    assert len(found) == 3 * 3 * 3 + 2 * 2  # Dec-POMDP where the paper has it
+    for task in tasks(ORIGINAL):
+        s = task.setting
+        assert (s.sensing.mode, s.sensing.occlusion, s.sensing.noise) == ("ideal", "disc", "range_bearing")
+        assert (s.dynamics, s.first_decision, s.duration) == ("kinematic", 1.0, 40.0)
+        assert (s.tracking.initial_tracks, s.tracking.sigma_a) == ("none", 1.0)
+        assert (s.tracking.confirm, s.tracking.delete, s.tracking.life) == ((2, 3), (5, 5), "m_of_n")
+        assert (s.network.fusion, s.network.rounds, s.network.links, s.network.loss) == ("kla", 5, (), 0.0)
+        assert s.tracking.absence_weight == 0.0 and s.tracking.recovery_after > s.duration
+        assert s.trees.canopy_radius == 5.0 and (s.area.width, s.area.height) == (150.0, 100.0)
+        assert [(u.alpha, u.max_speed) for u in s.uavs] == [(0.1, 5), (0.15, 5), (0.12, 5)]
+        edges = [2 * (u.altitude - TARGET_HEIGHT) * math.tan(math.radians(u.fov_deg / 2)) for u in s.uavs]
+        assert edges == pytest.approx([20, 25, 22], abs=0.002)
+        assert [u.start for u in s.uavs] == [u.start for u in Scenario().uavs]
+        assert (s.rates.sensing, s.rates.planning, s.people.count) == (5, 1, 4)
+        pieces = load_planner(task.planner)
+        assert pieces.visibility == "nominal" and pieces.search == 0.0 and pieces.optimizer == "particle-swarm"
+        assert (pieces.beta == 0.5) == task.planner.startswith("sma-nbo-mwtp")
+        assert (pieces.actions == "first") == task.planner.startswith("mcr")
+        assert pieces.horizon == int(dict(task.factors)["H"])
 
 
 def test_a_scenario_file_is_found_from_the_study_file_and_tells_cells_apart(tmp_path, written):
@@ -142,19 +163,15 @@ def test_a_value_as_text_reads_as_itself(value):
     assert read_back == value and type(read_back) is type(value)
 
 
-def test_tables_in_lists_survive_as_text():
+def test_settings_as_text_reproduce_each_trial_of_the_packaged_studies():
     cuts = [{"links": [[0, 1]], "start": 3.5}]
     assert load("forest", [f"network.cuts={toml(cuts)}"]).network.cuts[0].start == 3.5
     assert flat({"a": {"b": {"c": 1}, "d": [1]}, "e": 2}) == {"a.b.c": 1, "a.d": [1], "e": 2}
     assert [option(v) for v in (3, 0.5, True, "grid")] == ["3", "0.5", "True", "grid"]
-
-
-def test_settings_reproduce_each_trial_of_the_packaged_studies():
     for name in STUDIES:
         for task in tasks(adapted(read(name), seeds="0")):
             words = [word for key, value in task.settings.items() for word in ("--set", f"{key}={value}")]
-            again = shlex.split(shlex.join(words))[1::2]
-            assert load(task.scenario, again) == task.setting
+            assert load(task.scenario, shlex.split(shlex.join(words))[1::2]) == task.setting
 
 
 WRONG = {
@@ -206,36 +223,22 @@ def test_a_wrong_study_is_one_line(written, content, message):
     assert "\n" not in str(raised.value)
 
 
-def test_flags_may_not_set_what_a_factor_varies():
+def test_flags_replace_planners_and_seeds_and_set_what_no_factor_varies():
     with pytest.raises(InputError, match=r"sensing\.mode is what factor 'sensing' of study pixels-vs-ideal varies"):
         adapted(read("pixels-vs-ideal"), overrides=["sensing.mode=ideal"])
     with pytest.raises(InputError, match="network is what factor 'fault'"):
         adapted(read("faults"), overrides=["network={}"])
     with pytest.raises(InputError, match="key=value"):
         adapted(read("faults"), overrides=["network"])
-
-
-def test_flags_replace_planners_and_seeds_and_add_settings():
     study = adapted(read("faults"), planners=["hover", "hover"], seeds="7", overrides=["duration=1"])
     assert (study.planners, study.seeds, study.settings) == (("hover",), "7", {"duration": "1"})
     assert {cell.settings["duration"] for cell in cells(study)} == {"1"}
 
 
-WALK = adapted(read("paper-to-default"), seeds="0")
-ORIGINAL = adapted(read("paper-original"), seeds="0")
-STEPS = (
-    "1-paper", "2-tracks-known", "3-line-of-sight", "4-quadrotors", "5-pixels",
-    "6-tracker", "7-process-noise", "8-optimizer", "9-default",
-)  # fmt: skip
-
-
 def walked(density):
     """The scenario and planner of each step."""
-    return {
-        dict(t.factors)["step"]: (t.setting, load_planner(t.planner))
-        for t in tasks(WALK)
-        if dict(t.factors)["lambda"] == density
-    }
+    found = [(dict(t.factors), t) for t in tasks(WALK)]
+    return {f["step"]: (t.setting, load_planner(t.planner)) for f, t in found if f["lambda"] == density}
 
 
 def differing(one, other):
@@ -249,14 +252,7 @@ def differing(one, other):
     }
 
 
-def test_the_walk_ends_at_the_default():
-    for density in ("15", "45", "75"):
-        setting, planner = walked(density)["9-default"]
-        assert differing(setting, Scenario()) <= {"trees.density"} and setting.trees.density == float(density)
-        assert planner == load_planner(DEFAULT_PLANNER)
-
-
-def test_the_walk_begins_at_the_papers_own_setting():
+def test_the_walk_begins_at_the_papers_setting_and_ends_at_the_default():
     """Of that it is SMA-NBO with MWTP and a horizon of five steps."""
     for density in ("15", "45", "75"):
         (first,) = [
@@ -266,6 +262,9 @@ def test_the_walk_begins_at_the_papers_own_setting():
         ]
         setting, planner = walked(density)["1-paper"]
         assert setting == first.setting and planner == load_planner(first.planner)
+        setting, planner = walked(density)["9-default"]
+        assert differing(setting, Scenario()) <= {"trees.density"} and setting.trees.density == float(density)
+        assert planner == load_planner(DEFAULT_PLANNER)
 
 
 def test_each_step_of_the_walk_takes_back_what_it_is_called():
@@ -288,28 +287,3 @@ def test_each_step_of_the_walk_takes_back_what_it_is_called():
     planners = [steps[step][1] for step in STEPS]
     assert len(set(planners[:7])) == 1 and len(set(planners[6:])) == 3
     assert planners[7].optimizer == "cross-entropy" and planners[7].visibility == "nominal"
-
-
-def test_the_papers_setting_is_the_papers():
-    """As its text and its public code say; the default has the rest: fields of view, alpha, area, rates, 40 s."""
-    found = cells(ORIGINAL)
-    assert len(found) == 3 * 3 * 3 + 2 * 2  # Dec-POMDP where the paper has it
-    for task in tasks(ORIGINAL):
-        s = task.setting
-        assert (s.sensing.mode, s.sensing.occlusion, s.sensing.noise) == ("ideal", "disc", "range_bearing")
-        assert (s.dynamics, s.first_decision, s.duration) == ("kinematic", 1.0, 40.0)
-        assert (s.tracking.initial_tracks, s.tracking.sigma_a) == ("none", 1.0)
-        assert (s.tracking.confirm, s.tracking.delete, s.tracking.life) == ((2, 3), (5, 5), "m_of_n")
-        assert (s.network.fusion, s.network.rounds, s.network.links, s.network.loss) == ("kla", 5, (), 0.0)
-        assert s.tracking.absence_weight == 0.0 and s.tracking.recovery_after > s.duration
-        assert s.trees.canopy_radius == 5.0 and (s.area.width, s.area.height) == (150.0, 100.0)
-        assert [(u.alpha, u.max_speed) for u in s.uavs] == [(0.1, 5), (0.15, 5), (0.12, 5)]
-        edges = [2 * (u.altitude - TARGET_HEIGHT) * math.tan(math.radians(u.fov_deg / 2)) for u in s.uavs]
-        assert edges == pytest.approx([20, 25, 22], abs=0.002)
-        assert [u.start for u in s.uavs] == [u.start for u in Scenario().uavs]
-        assert (s.rates.sensing, s.rates.planning, s.people.count) == (5, 1, 4)
-        pieces = load_planner(task.planner)
-        assert pieces.visibility == "nominal" and pieces.search == 0.0 and pieces.optimizer == "particle-swarm"
-        assert (pieces.beta == 0.5) == task.planner.startswith("sma-nbo-mwtp")
-        assert (pieces.actions == "first") == task.planner.startswith("mcr")
-        assert pieces.horizon == int(dict(task.factors)["H"])
