@@ -27,17 +27,13 @@ def answer(rows, baseline, asked=MEAN, planner="greedy", cell=()):
     return one
 
 
-def test_pairs_are_by_seed_whatever_the_order_of_rows():
+def test_pairs_are_by_seed_and_what_is_better_depends_on_the_metric():
     rows = flown("greedy", {2: 5.0, 0: 1.0, 1: 2.0}) + flown("sma-nbo", {1: 2.0, 2: 1.0, 0: 3.0})
     gap = answer(rows, "sma-nbo").difference
     assert (gap.pairs, gap.unpaired, gap.won, gap.tied, gap.lost) == (3, 0, 1, 1, 1)
     assert gap.mean == means(np.array([[-2.0], [0.0], [4.0]]))[0]
-    assert answers(grouped(rows[::-1], "sma-nbo"), [MEAN], "sma-nbo") == answers(
-        grouped(rows, "sma-nbo"), [MEAN], "sma-nbo"
-    )
-
-
-def test_what_is_better_depends_on_the_metric():
+    one, other = (answers(grouped(r, "sma-nbo"), [MEAN], "sma-nbo") for r in (rows, rows[::-1]))
+    assert one == other
     for asked, expected in ((MEAN, (0, 0, 2)), (SHARE, (2, 0, 0)), (NEES, (0, 0, 0))):
         rows = flown("sma-nbo", {0: 0.1, 1: 0.2}, asked.name) + flown("greedy", {0: 0.5, 1: 0.6}, asked.name)
         gap = answer(rows, "sma-nbo", asked).difference
@@ -56,13 +52,10 @@ def test_failed_undefined_and_lonely_maps_are_counted_and_left_out():
     assert base.difference is None
 
 
-def test_a_cell_without_the_baseline_has_no_pairs():
+def test_cells_without_baseline_and_groups_that_failed_are_there():
     rows = flown("sma-nbo", {0: 1.0}, factors=(("R", "1"),)) + flown("greedy", {0: 1.0}, factors=(("R", "5"),))
     gap = answer(rows, "sma-nbo", cell=(("R", "5"),)).difference
     assert (gap.pairs, gap.unpaired) == (0, 1) and np.isnan(gap.mean.value)
-
-
-def test_a_group_that_failed_whole_is_there():
     rows = [*flown("sma-nbo", {0: 1.0}), failed("greedy", 0)]
     one = answer(rows, "sma-nbo")
     assert (one.maps, one.failed) == (0, 1) and np.isnan(one.mean.value)
@@ -96,12 +89,9 @@ def test_a_map_counts_once_with_the_mean_of_its_repeats():
     assert [base.spread] == spreads(np.array([1.0, 3, 4, 8, 0, 2])[:, None], repeats)
 
 
-def test_the_order_of_repeats_and_rows_does_not_matter():
+def test_repeats_count_whatever_their_order_without_those_that_failed():
     rows = again("sma-nbo", {0: [1.0, 3.0], 1: [4.0, 8.0]}) + again("greedy", {0: [3.0, 3.0], 1: [4.0, 9.0]})
     assert answer(rows[::-1], "sma-nbo") == answer(rows, "sma-nbo")
-
-
-def test_a_repeat_that_failed_leaves_its_map_the_others():
     rows = again("sma-nbo", {0: [1.0, 3.0], 1: [4.0, None], 2: [5.0, 5.0]})
     rows += again("greedy", {0: [None, 4.0], 1: [None, 6.0], 2: [5.0, 6.0]})
     one = answer(rows, "sma-nbo")
@@ -120,34 +110,19 @@ def test_intervals_end_where_values_do():
     assert error.low == 0.0 and error.high > 9.0
 
 
-def test_over_all_cells_repeats_are_paired_and_maps_counted():
-    cells = [(("R", "1"),), (("R", "5"),)]
-    rows = again("sma-nbo", {0: [0.0, 0.0], 1: [0.0, 0.0]}, cells[0]) + again(
-        "greedy", {0: [1.0, 2.0], 1: [3.0, 3.0]}, cells[0]
-    )
-    rows += again("sma-nbo", {0: [0.0, 0.0], 1: [0.0, None]}, cells[1]) + again(
-        "greedy", {0: [3.0, 4.0], 1: [5.0, 7.0]}, cells[1]
-    )
-    gap = answer(rows, "sma-nbo", cell=None).difference
-    assert gap.mean == means(np.array([[2.5], [4.0]]))[0] and (gap.pairs, gap.unpaired, gap.cells) == (2, 0, 2)
-
-
 def test_all_differences_are_judged_together():
     rows = [row("base", s, metrics={"ospa.mean_m": 1.0, "recall": 0.5}) for s in range(8)]
     rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s, "recall": 0.4 + 0.001 * s}) for s in range(8)]
-    found = [
-        a.difference for a in answers(grouped(rows, "base"), [MEAN, metric_shown("recall")], "base") if a.difference
-    ]
+    every = answers(grouped(rows, "base"), [MEAN, metric_shown("recall")], "base")
+    found = [a.difference for a in every if a.difference]
     assert [gap.survives for gap in found] == holm([gap.chance for gap in found]) == [True, True]
-    many = [
-        *rows,
-        *(msgspec.structs.replace(r, planner=f"w{k}") for k in range(6) for r in rows if r.planner == "worse"),
-    ]
+    worse = [r for r in rows if r.planner == "worse"]
+    many = [*rows, *(msgspec.structs.replace(r, planner=f"w{k}") for k in range(6) for r in worse)]
     crowd = [a.difference for a in answers(grouped(many, "base"), [MEAN], "base") if a.difference]
     assert {gap.chance for gap in crowd} == {2 / 2**8} and not any(gap.survives for gap in crowd)  # 7 x 2 / 2⁸ > 5 %
 
 
-def test_over_all_cells_each_seed_counts_once_and_whole():
+def test_over_all_cells_each_seed_counts_once_whole_and_with_its_baseline():
     cells = [(("R", "1"),), (("R", "5"),)]
     rows = flown("sma-nbo", {0: 0.0, 1: 0.0, 2: 0.0}, factors=cells[0])
     rows += flown("greedy", {0: 1.0, 1: 2.0, 2: 3.0}, factors=cells[0])
@@ -155,23 +130,24 @@ def test_over_all_cells_each_seed_counts_once_and_whole():
     gap = answer(rows, "sma-nbo", cell=None).difference
     assert gap.mean == means(np.array([[-0.5], [3.0]]))[0]
     assert (gap.pairs, gap.unpaired, gap.won, gap.lost, gap.cells) == (2, 1, 1, 1, 2)
-
-
-def test_cells_without_the_baseline_do_not_count_over_all_cells():
+    cells = [(("R", "1"),), (("R", "5"),)]
+    rows = again("sma-nbo", {0: [0.0, 0.0], 1: [0.0, 0.0]}, cells[0])
+    rows += again("greedy", {0: [1.0, 2.0], 1: [3.0, 3.0]}, cells[0])
+    rows += again("sma-nbo", {0: [0.0, 0.0], 1: [0.0, None]}, cells[1])
+    rows += again("greedy", {0: [3.0, 4.0], 1: [5.0, 7.0]}, cells[1])
+    gap = answer(rows, "sma-nbo", cell=None).difference
+    assert gap.mean == means(np.array([[2.5], [4.0]]))[0] and (gap.pairs, gap.unpaired, gap.cells) == (2, 0, 2)
     rows = [row(p, s, (("R", r),)) for p in ("sma-nbo", "greedy") for r in "15" for s in (0, 1)]
     rows += [row("greedy", s, (("R", "9"),)) for s in (0, 1)]
     gap = answer(rows, "sma-nbo", cell=None).difference
     assert (gap.pairs, gap.unpaired, gap.tied, gap.cells) == (2, 0, 2, 2)
 
 
-def test_cells_and_planners_are_in_natural_order_with_the_baseline_first():
+def test_labels_keep_what_tells_planners_apart_in_natural_order():
     rows = [row(p, 0, (("lambda", d),)) for d in ("75", "15", "5") for p in ("mcr", "hover", "greedy")]
     groups = grouped(rows, "hover")
     assert [g.cell[0][1] for g in groups[::3]] == ["5", "15", "75"]
     assert [g.planner for g in groups[:3]] == ["hover", "greedy", "mcr"]
-
-
-def test_options_that_vary_with_the_cell_leave_the_label():
     rows = [
         row(f"sma-nbo(horizon={h}, optimizer=swarm, weights=(1, {h}))", s, (("H", h),))
         for h in ("1", "3")
@@ -181,30 +157,19 @@ def test_options_that_vary_with_the_cell_leave_the_label():
     assert [g.planner for g in groups] == ["sma-nbo(optimizer=swarm)", "greedy"] * 2
     for baseline in ("sma-nbo", rows[0].planner, "sma-nbo(optimizer=swarm)", None):
         assert baseline_of(rows, baseline) == "sma-nbo(optimizer=swarm)"
-
-
-def test_options_that_tell_planners_of_a_cell_apart_stay():
     rows = [row(f"sma-nbo(horizon={h})", s) for h in (1, 3) for s in (0, 1)]
     assert [g.planner for g in grouped(rows)] == ["sma-nbo(horizon=1)", "sma-nbo(horizon=3)"]
 
 
-def test_scenario_and_version_are_factors_where_they_differ():
+def test_factors_are_what_varies_scenario_and_version_included():
     rows = [row(seed=0, scenario="forest"), row(seed=0, scenario="park", version="0.2.0")]
     assert varying(grouped(rows)) == {"scenario": ["forest", "park"], "version": ["0.1.0", "0.2.0"]}
-
-
-def test_factors_that_do_not_vary_are_told_apart():
     groups = grouped(study())
     assert constant(groups) == (("R", "5"),)
     assert {g.cell for g in trimmed(groups)} == {(("lambda", "15"),), (("lambda", "75"),)}
 
 
-def test_a_trial_that_is_there_twice_is_refused():
-    with pytest.raises(ValueError, match=r"greedy, seed 3 is there twice in λ = 15"):
-        grouped([row("greedy", 3, (("lambda", "15"),))] * 2)
-
-
-def test_wrong_names_are_answered_with_the_nearest():
+def test_wrong_names_and_trials_that_are_there_twice_are_refused():
     with pytest.raises(InputError, match=r"--baseline: 'gredy' is none .* did you mean greedy\?"):
         baseline_of(study(), "gredy")
     with pytest.raises(InputError, match=r"--metric: 'ospa.mean' is unknown; .* did you mean ospa.mean_m\?"):
@@ -213,6 +178,8 @@ def test_wrong_names_are_answered_with_the_nearest():
         from_outside(["recall", "ospa.maen_m"])
     with pytest.raises(InputError, match="no trials"):
         baseline_of([], None)
+    with pytest.raises(ValueError, match=r"greedy, seed 3 is there twice in λ = 15"):
+        grouped([row("greedy", 3, (("lambda", "15"),))] * 2)
 
 
 def test_the_usual_metrics_are_shown_unless_others_are_asked_for():

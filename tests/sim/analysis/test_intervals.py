@@ -65,13 +65,10 @@ def test_ranks_of_medians_are_exact_and_quick_for_very_many_values():
     assert low == pytest.approx(n / 2 - 1.96 * np.sqrt(n) / 2, abs=2)
 
 
-def test_intervals_of_medians_hold_the_median_as_often_as_they_say():
+def test_intervals_of_means_and_medians_cover_as_often_as_they_say():
     values = np.random.default_rng(5).lognormal(0.0, 1.5, (8, 4000))
     held = np.mean([e.low <= 1.0 <= e.high for e in medians(values)])
     assert held == pytest.approx(1 - 2 / 2**8, abs=0.006)
-
-
-def test_intervals_of_means_cover_the_truth_nearly_as_often_as_they_say():
     values = np.random.default_rng(1).normal(3.0, 1.0, (30, 2000))
     covered = np.mean([e.low <= 3.0 <= e.high for e in means(values)])
     assert 0.94 <= covered <= 0.97
@@ -87,11 +84,7 @@ def test_the_p_value_is_that_of_the_interval_that_ends_at_zero(n, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(intervals, "LEVEL", 1 - chance)
             estimate = means(values)[0]
-        assert (
-            estimate.low == pytest.approx(0, abs=1e-9)
-            if estimate.value > 0
-            else estimate.high == pytest.approx(0, abs=1e-9)
-        )
+        assert (estimate.low if estimate.value > 0 else estimate.high) == pytest.approx(0, abs=1e-9)
 
 
 @pytest.mark.parametrize("n", [6, 8, 12, 40])
@@ -105,15 +98,11 @@ def test_p_values_below_5_percent_are_intervals_without_zero(n):
 def test_no_p_value_is_below_what_so_many_maps_can_give(n):
     equal, nearly = np.full((n, 1), 3.0), np.full((n, 1), 3.0) + 1e-6 * np.arange(n)[:, None]
     assert chances(equal) == [2.0 ** (1 - n)] and chances(nearly) == [2.0 ** (1 - n)]
-    assert chances(np.zeros((n, 1))) == [1.0]
-    assert (chances(equal)[0] <= 0.05) == (n >= 6)
+    assert chances(np.zeros((n, 1))) == [1.0] and (chances(equal)[0] <= 0.05) == (n >= 6)
+    assert chances(np.full((3, 1), np.nan)) == chances(np.zeros((0, 1))) == [1.0]
 
 
-def test_of_nothing_there_is_no_evidence():
-    assert chances(np.full((3, 1), np.nan)) == [1.0] and chances(np.zeros((0, 1))) == [1.0]
-
-
-def test_holms_correction_is_that_of_its_definition():
+def test_holms_correction_is_that_of_its_definition_and_errs_in_5_percent():
     assert holm([0.01, 0.04, 0.03, 0.005]) == [True, False, False, True]
     assert holm([]) == [] and holm([0.05]) == [True] and holm([0.026, 0.026]) == [False, False]
     rng = np.random.default_rng(1)
@@ -125,34 +114,25 @@ def test_holms_correction_is_that_of_its_definition():
                 break
             rejected[i] = True
         assert holm(given) == rejected
-
-
-def test_holms_correction_errs_in_one_family_of_twenty():
     families = np.random.default_rng(2).uniform(size=(4000, 5))
     assert np.mean([any(holm(row)) for row in families.tolist()]) == pytest.approx(0.05, abs=0.01)
 
 
-def test_spreads_are_those_of_the_analysis_of_variance_by_hand():
+def test_spreads_are_those_of_the_analysis_of_variance_also_unequal_repeats():
     # Maps of means 1, 4 and 7, each with repeats of -1, 0 and +1 about it: MS within 1, MS between 27.
     values = np.array([[c + d] for c in (1.0, 4.0, 7.0) for d in (-1.0, 0.0, 1.0)])
     (spread,) = spreads(values, np.repeat([0, 1, 2], 3))
     assert (spread.between, spread.within) == pytest.approx((np.sqrt(26 / 3), 1.0))
     (noise,) = spreads(np.array([[0.0], [2.0], [0.0], [2.0]]), np.array([0, 0, 1, 1]))
     assert (noise.between, noise.within) == pytest.approx((0.0, np.sqrt(2.0)))  # a negative variance is none
-
-
-def test_spreads_of_unequal_repeats_come_out_right_on_average():
+    assert spreads(skewed(5), np.arange(5)) == [NO_SPREAD]
+    (one,) = spreads(np.array([[1.0], [3.0], [np.nan]]), np.array([4, 4, 5]))
+    assert np.isnan(one.between) and one.within == pytest.approx(np.sqrt(2))
     rng = np.random.default_rng(3)
     maps = np.repeat(np.arange(9), [1, 2, 3, 1, 4, 2, 5, 1, 3])
     found = [spreads((rng.normal(0, 2, 9)[maps] + rng.normal(0, 1, len(maps)))[:, None], maps)[0] for _ in range(2000)]
     assert np.mean([s.between**2 for s in found]) == pytest.approx(4.0, rel=0.05)
     assert np.mean([s.within**2 for s in found]) == pytest.approx(1.0, rel=0.03)
-
-
-def test_without_repeats_nothing_is_known_of_the_spread_within_maps():
-    assert spreads(skewed(5), np.arange(5)) == [NO_SPREAD]
-    (one,) = spreads(np.array([[1.0], [3.0], [np.nan]]), np.array([4, 4, 5]))
-    assert np.isnan(one.between) and one.within == pytest.approx(np.sqrt(2))
 
 
 @pytest.mark.parametrize("shift", [0.3, 0.6, 1.0, -0.6])
@@ -168,30 +148,23 @@ def test_maps_needed_are_the_fewest_with_the_power(shift):
     assert power(needed) >= 0.8 > power(needed - 1)
 
 
-def test_maps_needed_find_the_difference_in_four_comparisons_of_five():
+def test_maps_needed_find_the_difference_in_four_of_five_and_have_ends():
     rng = np.random.default_rng(6)
     values = rng.normal(0, 1, (20, 1))
     values = (values - values.mean()) / values.std(ddof=1) + 0.5
     (needed,) = maps_needed(values)
     told = np.array(chances(rng.normal(0.5, 1.0, (int(needed), 4000)))) <= 0.05
     assert told.mean() == pytest.approx(0.8, abs=0.03)
-
-
-def test_maps_needed_have_ends():
-    assert maps_needed(np.full((4, 1), 2.0)) == [6.0]
-    assert maps_needed(np.array([[1.0], [-1.0]])) == [np.inf]
+    assert maps_needed(np.full((4, 1), 2.0)) == [6.0] and maps_needed(np.array([[1.0], [-1.0]])) == [np.inf]
     assert maps_needed(1e-6 + np.array([[1.0], [-1.0]])) == [np.inf]
     assert np.isnan(maps_needed(np.ones((1, 1)))).all()
 
 
-def test_columns_do_not_depend_on_one_another():
+def test_columns_are_independent_and_few_maps_have_no_interval():
     values = skewed(8, columns=4)
     for function in (means, medians):
         for j, estimate in enumerate(function(values)):
             np.testing.assert_allclose(three(estimate), three(function(values[:, j : j + 1])[0]), rtol=1e-12)
-
-
-def test_one_map_has_no_interval_and_none_has_no_value():
     for function in (means, medians):
         np.testing.assert_array_equal(three(function(np.array([[2.0]]))[0]), (2.0, np.nan, np.nan))
         np.testing.assert_array_equal(three(function(np.zeros((0, 1)))[0]), (np.nan, np.nan, np.nan))
@@ -209,20 +182,16 @@ def test_undefined_values_are_left_out(gap):
     values = skewed(6, columns=2)
     holed = np.insert(values, 3, [gap, 5.0], axis=0)
     for function in (means, medians):
-        assert function(holed)[0] == function(values[:, :1])[0]
-        assert np.isfinite(three(function(holed)[1])).all()
+        assert function(holed)[0] == function(values[:, :1])[0] and np.isfinite(three(function(holed)[1])).all()
 
 
-def test_the_distribution_is_the_share_at_or_below():
+def test_distributions_are_shares_at_or_below_and_bands_quartiles():
     values = np.array([0.5, 2.0, 0.5, np.nan, 1.0], dtype=np.float32)
     at = np.array([0.4, 0.5, 0.7, 1.0, 2.0, 9.0])
     brute = [np.mean([v <= x for v in (0.5, 2.0, 0.5, 1.0)]) for x in at]
     np.testing.assert_array_equal(ecdf(values, at), brute)
     assert share_under(values, 1.0) == 0.5
     assert np.isnan(ecdf(np.array([np.nan]), at)).all() and np.isnan(share_under(np.zeros(0), 1.0))
-
-
-def test_bands_are_quartiles_of_the_maps_that_still_fly():
     curves = np.array([[1.0, 4.0, np.nan], [2.0, 8.0, np.nan], [3.0, np.nan, np.nan], [4.0, 6.0, np.nan]])
     expected = [[1.75, 5.0, np.nan], [2.5, 6.0, np.nan], [3.25, 7.0, np.nan]]
     np.testing.assert_array_equal(bands(curves), expected)

@@ -10,6 +10,7 @@ from helpers.studies import Serial
 from helpers.summaries import hand_made, shown, summary
 
 from sim.cli import study_flight
+from sim.running import isolated_run
 from sim.study.store import read_rows
 
 FILE = """
@@ -37,14 +38,12 @@ def mine(tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "mine", raising=False)
 
 
-def test_a_file_adds_a_metric_to_summary_and_table():
+def test_a_file_adds_a_metric_to_summary_and_table_of_runs(call, tmp_path, monkeypatch):
     found = summary(hand_made(), asked=["mine:FARTHEST", "mine:NONE"])
     told = {"label": "farthest from the middle", "unit": "km", "value": 0.0}
     assert found["metrics"] == {"mine:FARTHEST": told, "mine:NONE": {"label": "of nothing", "unit": "", "value": None}}
     assert "farthest from the middle" in shown(found) and "0.00 km" in shown(found)
-
-
-def test_a_run_has_the_metric_in_its_summary(call, tmp_path):
+    monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))
     words = ["run", "--planner", "hover", "--duration", "1", "--set", "sensing.mode=ideal", "--no-video"]
     code, out, err = call(*words, "--metric", "mine:FARTHEST", "--out", "r")
     assert (code, err) == (0, "") and "farthest from the middle" in out

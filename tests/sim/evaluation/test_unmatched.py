@@ -33,7 +33,7 @@ def test_false_tracks_and_duplicates_are_those_made_by_hand():
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_tracks_are_of_a_person_near_a_lost_one_or_unmatched(seed):
+def test_tracks_are_matched_near_or_unmatched_as_gospa_and_clear_mot_say(seed):
     recording = at_random(seed)
     counts = alone(recording)
     for i in range(2):
@@ -46,28 +46,17 @@ def test_tracks_are_of_a_person_near_a_lost_one_or_unmatched(seed):
         near = correspondence(rest, np.where((stand >= 0)[:, :, None], np.nan, recording.people), FAR)
         there = np.count_nonzero(~np.isnan(held.means[:, :, 0]), axis=1)
         np.testing.assert_array_equal(there, (stand >= 0).sum(axis=1) + (near >= 0).sum(axis=1) + counts[:, i])
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_gospa_counts_the_same_false_tracks_where_people_are_far_apart(seed):
-    recording = at_random(seed)
-    counts = alone(recording)
     for k, i in np.ndindex(counts.shape):
         tracks = np.array([t.belief.mean[:2] for t in recording.tracks_at(k, i)]).reshape(-1, 2)
         people = recording.people[k][~np.isnan(recording.people[k, :, 0])]
         assert counts[k, i] == round(gospa(tracks, people, FAR)[3] ** 2 / (FAR**2 / 2))
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_events_have_as_many_identity_switches_as_clear_mot(seed):
-    recording = at_random(seed)
     found = [event for event in events_of(recording, scenario_of(recording)) if event.kind == "identity switch"]
     for i, row in enumerate(summary(recording)["uavs"]):
         assert row["switches"] == sum(i in event.uavs for event in found)
     assert found
 
 
-def test_metrics_count_the_events_and_the_share_of_scans():
+def test_metrics_count_events_and_the_share_of_scans_and_working_uavs():
     result = summary(swapping())
     shares = (15 / SCANS, 10 / SCANS)
     assert result["tracks"] == {
@@ -79,9 +68,6 @@ def test_metrics_count_the_events_and_the_share_of_scans():
     text = " ".join(shown(result).split())
     assert "false tracks │ 1, 48.4 % of scans" in text and "duplicate tracks │ 1, 32.3 % of scans" in text
     assert result["identity"]["switches"] == 2
-
-
-def test_a_share_counts_pairs_of_a_scan_and_a_uav_that_works():
     ospa = np.ones((SCANS, 3, 3))
     ospa[FALSE[0] :, 0] = np.nan  # broken down before the false track begins
     result = summary(swapping(ospa=ospa))["tracks"]

@@ -22,7 +22,7 @@ def lines(axes):
     return [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
 
 
-def test_the_distribution_is_that_of_all_scans_of_all_maps():
+def test_distributions_are_of_all_scans_and_bands_quartiles_of_maps():
     found = groups()
     (sheet,) = sheets(found)
     figure = ecdf_figure(sheet)
@@ -33,10 +33,6 @@ def test_the_distribution_is_that_of_all_scans_of_all_maps():
             brute = [100 * np.mean(pooled <= x) for x in AT]
             np.testing.assert_allclose(line.get_ydata(), brute, rtol=1e-12)
         assert axes.get_xscale() == "log" and "logarithmic" in figure.axes[-1].get_xlabel()
-
-
-def test_bands_over_time_are_quartiles_of_the_maps():
-    (sheet,) = sheets(groups())
     figure = time_figure(sheet)
     for axes, panel in zip(figure.axes, sheet.panels, strict=True):
         for line, shade, curve in zip(lines(axes), axes.collections, panel.curves, strict=True):
@@ -70,13 +66,18 @@ def test_run_times_are_means_in_their_unit():
     np.testing.assert_allclose(dots, sorted(1000 * g.values("planning_s_per_decision").mean() for g in found))
 
 
-def test_a_planner_looks_the_same_in_every_figure_and_unlike_the_others():
+def test_planners_look_the_same_everywhere_and_apart_to_colour_blind_eyes():
     found = groups(study(densities=("15", "45", "75")))
     (sheet,) = sheets(found)
     colours = [{c.label: c.style for c in panel.curves} for panel in sheet.panels]
     assert colours[0] == colours[1] == colours[2] and len(set(colours[0].values())) == 3
     legend = [text.get_text() for text in ecdf_figure(sheet).legends[0].get_texts()]
     assert legend == ["sma-nbo", "greedy", "hover"]
+    (sheet,) = sheets(groups(study(planners=[f"p{i}" for i in range(9)], densities=("15",)), "p0"))
+    styles = [curve.style for curve in sheet.panels[0].curves]
+    assert len({(s.colour, s.dash) for s in styles}) == 9
+    figure = ecdf_figure(sheet)
+    assert len({(to_rgb(line.get_color()), line.get_linestyle()) for line in lines(figure.axes[0])}) == 9
 
 
 def factored(**factors):
@@ -87,7 +88,7 @@ def factored(**factors):
     return cells
 
 
-def test_one_planner_is_drawn_as_in_the_papers_first_figure():
+def test_studies_of_two_and_three_factors_are_drawn_as_in_the_paper():
     cells = factored(**{"lambda": ["15", "45", "75"], "R": ["1", "5"], "H": ["1", "3", "5"]})
     rows = [row(f"sma-nbo(horizon={dict(c)['H']})", s, c) for c in cells for s in (0, 1)]
     (sheet,) = sheets(groups(rows))
@@ -95,30 +96,15 @@ def test_one_planner_is_drawn_as_in_the_papers_first_figure():
     assert [curve.label for curve in sheet.panels[0].curves] == [f"R = {r}, H = {h}" for r in (1, 5) for h in (1, 3, 5)]
     styles = {(c.style.colour, c.style.dash) for c in sheet.panels[0].curves}
     assert len(styles) == 6 and len({dash for _, dash in styles}) == 2  # colour: H, dash: R
-
-
-def test_several_planners_are_drawn_as_in_the_papers_second_figure():
+    rows = [row(p, 0, c) for c in cells for p in ("sma-nbo", "mcr")]
+    found = sheets(groups(rows))
+    assert [sheet.title for sheet in found] == ["R = 1", "R = 5"]
+    assert sum(len(panel.curves) for sheet in found for panel in sheet.panels) == 36
     cells = factored(**{"lambda": ["15", "45", "75"], "H": ["1", "3", "5"]})
     rows = [row(f"{p}(horizon={dict(c)['H']})", s, c) for c in cells for s in (0, 1) for p in ("sma-nbo", "mcr")]
     (sheet,) = sheets(groups(rows))
     assert sheet.columns == 3 and len(sheet.panels) == 9
     assert [panel.title for panel in sheet.panels[:3]] == [f"λ = 15, H = {h}" for h in (1, 3, 5)]
-
-
-def test_three_factors_give_several_figures():
-    cells = factored(**{"lambda": ["15", "45", "75"], "R": ["1", "5"], "H": ["1", "3", "5"]})
-    rows = [row(p, 0, c) for c in cells for p in ("sma-nbo", "mcr")]
-    found = sheets(groups(rows))
-    assert [sheet.title for sheet in found] == ["R = 1", "R = 5"]
-    assert sum(len(panel.curves) for sheet in found for panel in sheet.panels) == 36
-
-
-def test_colours_are_told_apart_by_colour_blind_eyes():
-    (sheet,) = sheets(groups(study(planners=[f"p{i}" for i in range(9)], densities=("15",)), "p0"))
-    styles = [curve.style for curve in sheet.panels[0].curves]
-    assert len({(s.colour, s.dash) for s in styles}) == 9
-    figure = ecdf_figure(sheet)
-    assert len({(to_rgb(line.get_color()), line.get_linestyle()) for line in lines(figure.axes[0])}) == 9
 
 
 @pytest.mark.parametrize("kind", ["svg", "png"])

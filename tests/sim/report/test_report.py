@@ -35,11 +35,20 @@ ABOUT = About(
 )
 
 
+MINE = "mylab.planners.greedy:GreedyWithReturnToBase(share=0.5, style='a b')"
+
+
 def rows():
-    """A study with a planner that shells mind, and one failed trial."""
-    bad = failed("lab.mine:Planner(style='a b')", 3, (("lambda", "15"), ("R", "5")), error=EVIL)
-    good = row("lab.mine:Planner(style='a b')", 1, (("lambda", "15"), ("R", "5")), {"ospa.share_under_1m": 0.5})
+    """A study with a planner that shells mind and phones might cut, and one failed trial."""
+    bad = failed(MINE, 3, (("lambda", "15"), ("R", "5")), error=EVIL)
+    good = row(MINE, 1, (("lambda", "15"), ("R", "5")), {"ospa.share_under_1m": 0.5})
     return [*study(), good, bad]
+
+
+@pytest.fixture
+def without_pictures(monkeypatch):
+    """Figures are laid out, but no files are made of them, which takes a second."""
+    monkeypatch.setattr("sim.report.figures.pictures.content", lambda figure, kind: b"")
 
 
 @pytest.fixture(scope="module")
@@ -52,40 +61,33 @@ def page(files):
     return Page(files["report.html"].decode())
 
 
-def test_nothing_comes_from_elsewhere(page):
-    assert not page.of("script")
-    assert page.asks_for_nothing()["default-src"] == "'none'"
-
-
-def test_ids_are_unique_and_links_lead_somewhere(page):
+def test_the_page_needs_nothing_else_its_links_lead_and_figures_speak(page, files):
+    assert not page.of("script") and page.asks_for_nothing()["default-src"] == "'none'"
     ids = [given["id"] for _, given in page.elements if "id" in given]
-    assert len(ids) == len(set(ids)) > 10
-    assert {given["href"][1:] for given, _ in page.of("a")} <= set(ids)
-
-
-def test_every_figure_says_what_it_shows(page):
+    assert len(ids) == len(set(ids)) > 10 and {given["href"][1:] for given, _ in page.of("a")} <= set(ids)
     images = page.of("img")
     assert len(images) == len(page.of("figcaption")) == 5
     for given, _ in images:
         assert len(given["alt"]) > 40 and re.search(r"\d", given["alt"])
-
-
-def test_whatever_was_typed_is_text(files, page):
     text = files["report.html"].decode()
     assert "<script" not in text and text.count("&lt;script&gt;alert(") == 2
     assert any(EVIL in shown for _, shown in page.of("strong"))
 
 
-def test_what_was_run_is_there(page):
+def test_what_was_run_by_which_version_is_there(page):
     ((_, text),) = page.of("main")
     for part in (
-        *("tried", "forest", "R = 5", "15, 75", "lab.mine:Planner(style='a b')", "6: 0-5", "37 done, 1 failed"),
+        *("tried", "forest", "R = 5", "15, 75", MINE, "6: 0-5", "37 done, 1 failed"),
         *("1 h 30 min", "2 cores, test", "numpy 2.0", ABOUT.command, "Failures: 1"),
     ):
         assert part in text, part
+    given = [msgspec.structs.replace(r, version="0.1.0+abc") for r in study(("sma-nbo", "greedy"), ("15",), seeds=2)]
+    text = made(given, About("x", versions={"understory": "0.1.0", "numpy": "2.0"}))["report.html"].decode()
+    assert "<dt>set for all trials</dt><dd>duration = 10, sensing.mode = ideal" in text
+    assert "understory 0.1.0+abc, numpy 2.0" in text
 
 
-def test_commands_fly_the_maps_that_they_stand_for(page):
+def test_commands_fly_the_maps_that_they_stand_for_best_and_worst(page):
     commands = [shlex.split(text) for text in page.commands()]
     known = {option for parameter in get_command(app).commands["run"].params for option in parameter.opts}
     flown = [words for words in commands if words[1] == "run"]
@@ -97,12 +99,9 @@ def test_commands_fly_the_maps_that_they_stand_for(page):
         setting = load("forest", [v for o, v in zip(options, values, strict=True) if o == "--set"])
         assert (setting.trees.density, setting.sensing.mode, setting.duration) == (75.0, "ideal", 10.0)
         planner = values[options.index("--planner")]
-        if not planner.startswith("lab."):
+        if not planner.startswith("mylab."):
             load_planner(planner)
-    assert "lab.mine:Planner(style='a b')" in {words[4] for words in flown}
-
-
-def test_links_lead_to_the_best_and_the_worst_map(page):
+    assert MINE in {words[4] for words in flown}
     metric, group = "ospa.share_under_1m", [r for r in study() if r.planner == "greedy" and r.factors[0][1] == "75"]
     for what, pick in (("best", max), ("worst", min)):
         seed = pick(group, key=lambda r: r.metrics[metric]).seed
@@ -110,8 +109,12 @@ def test_links_lead_to_the_best_and_the_worst_map(page):
         assert f"--planner greedy --seed {seed} " in shown
 
 
-def test_the_same_rows_in_any_order_give_the_same_files(files):
+def test_the_same_rows_in_any_order_give_the_same_files_wrong_names_none(files, tmp_path):
     assert made(rows()[::-1], ABOUT) == files
+    for about in (About("x", baseline="sma-nob"), About("x", metrics=("ospa.maen_m",))):
+        with pytest.raises(InputError, match="did you mean"):
+            write(study(), tmp_path / "report", about)
+    assert os.listdir(tmp_path) == []
 
 
 def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
@@ -142,20 +145,6 @@ def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path):
     write(few, tmp_path, smaller)
     found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*")}
     assert found == {*made(few, smaller), "figures/mine.png"}
-
-
-def test_what_all_trials_share_and_their_version_are_told():
-    given = [msgspec.structs.replace(r, version="0.1.0+abc") for r in study(("sma-nbo", "greedy"), ("15",), seeds=2)]
-    text = made(given, About("x", versions={"understory": "0.1.0", "numpy": "2.0"}))["report.html"].decode()
-    assert "<dt>set for all trials</dt><dd>duration = 10, sensing.mode = ideal" in text
-    assert "understory 0.1.0+abc, numpy 2.0" in text
-
-
-def test_wrong_names_leave_nothing(tmp_path):
-    for about in (About("x", baseline="sma-nob"), About("x", metrics=("ospa.maen_m",))):
-        with pytest.raises(InputError, match="did you mean"):
-            write(study(), tmp_path / "report", about)
-    assert os.listdir(tmp_path) == []
 
 
 @pytest.mark.parametrize(
@@ -189,9 +178,8 @@ def test_verdicts_follow_the_interval():
         assert verdict("mine", "base", share, gap).startswith(told)
         assert "Holm" not in verdict("mine", "base", share, gap, shown=4)
         lone = gap_of(spread + middle, shown=4)
-        assert verdict("mine", "base", share, lone, shown=4).endswith(
-            "survive Holm's correction for all 4 differences."
-        )
+        told = verdict("mine", "base", share, lone, shown=4)
+        assert told.endswith("survive Holm's correction for all 4 differences.")
     text = verdict("mine", "base", share, gap_of(spread + 0.01))
     assert text.startswith(one)
     assert text.endswith("of 9 maps it won 5, tied 0 and lost 4. A difference as large takes some 94 maps.")
@@ -209,19 +197,16 @@ def test_few_maps_tell_nothing_apart_however_large_the_difference(maps):
 
 
 @pytest.mark.parametrize("maps", [1, 2, 5])
-def test_the_headline_says_that_planners_cannot_be_told_apart(maps):
-    rows = [
-        row(p, s, metrics={"ospa.share_under_1m": v})
-        for p, v in (("sma-nbo", 0.9), ("greedy", 0.2))
-        for s in range(maps)
-    ]
+def test_the_headline_says_that_planners_cannot_be_told_apart(maps, without_pictures):
+    shares = {"sma-nbo": 0.9, "greedy": 0.2}
+    rows = [row(p, s, metrics={"ospa.share_under_1m": v}) for p, v in shares.items() for s in range(maps)]
     page = made(rows, About("few"))["report.html"].decode()
     short = page[page.index("In short</h2>") : page.index("What was run</h2>")]
     assert "greedy and sma-nbo cannot be told apart" in short
     assert "is worse" not in page and "is better than" not in short
 
 
-def test_repeats_are_told_and_flown_again():
+def test_repeats_are_told_and_flown_again(without_pictures):
     rows = [
         row(p, s, metrics={"ospa.share_under_1m": 0.1 * s + 0.01 * r + 0.02 * i}, repeat=r)
         for i, p in enumerate(("sma-nbo", "greedy"))
@@ -242,33 +227,22 @@ def test_repeats_are_told_and_flown_again():
 def test_numbers_read_as_people_write_them():
     shown = [metric_shown("ospa.mean_m").text(value, signed=True) for value in (0.0, -0.0, 1e-6, -1e-6, 0.5)]
     assert shown == ["0.00", "0.00", "+0.00", "-0.00", "+0.50"]
-    assert metric_shown("ospa.mean_m").text(-1e-6) == "0.00"
-    assert ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
+    assert metric_shown("ospa.mean_m").text(-1e-6) == "0.00" and ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
     assert [duration(s) for s in (71.2, 600, 34000)] == ["71 s", "10 min", "9 h 27 min"]
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="needs a Chromium")
-def test_a_browser_shows_it_without_complaint(tmp_path, files):
+def test_a_browser_shows_it_without_complaint_and_cuts_nothing_on_a_phone(tmp_path, files):
     page = tmp_path / "report.html"
     page.write_bytes(files["report.html"])
     with Browser(tmp_path / "profile") as browser:
         browser.open(page)
-        for width in (1280, 1440):
+        for width in (1280, 1440, 390):
             browser.resize(width, 900)
             assert browser.run("document.documentElement.scrollWidth") == width
+            assert width < 400 or browser.run(SMALL_WORDS) == []
         assert browser.run("[...document.images].every(i => i.complete && i.naturalWidth > 300)")
-        assert browser.run(SMALL_WORDS) == []
-        assert browser.complaints == [] and browser.requests_elsewhere() == [page.as_uri()[:100]]
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="needs a Chromium")
-def test_on_a_phone_nothing_is_cut(tmp_path):
-    long = "mylab.planners.greedy:GreedyWithReturnToBase(share=0.5, evaluations=500)"
-    rows = [row(p, s, (("lambda", "15"),)) for p in ("sma-nbo", long) for s in range(8)]
-    write(rows, tmp_path, ABOUT)
-    with Browser(tmp_path / "profile", width=390) as browser:
-        browser.open(tmp_path / "report.html")
-        assert browser.run("document.documentElement.scrollWidth") == 390
         assert browser.run("[...document.querySelectorAll('.wide')].every(w => w.scrollWidth <= w.clientWidth)")
         shown = "[...document.querySelectorAll('td')].map(d => getComputedStyle(d, '::before').content)"
         assert {'"mean"', '"maps"', '"won, tied, lost"'} <= set(browser.run(shown))
+        assert browser.complaints == [] and browser.requests_elsewhere() == [page.as_uri()[:100]]

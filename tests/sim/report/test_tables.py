@@ -52,34 +52,32 @@ def test_the_terminal_shows_every_number_whole(width):
     assert text.startswith("Everywhere: R = 5\n") and "λ = 15" in text and "all cells" in text
 
 
-def test_long_names_fold_and_markup_is_text():
+def test_terminal_and_markdown_fold_long_names_and_escape_markup():
     name = "lab.planners:Mine(style='[red]', horizon=5, optimizer=particle-swarm)"
     text = shown([row(name, 0), row("sma-nbo", 0)], 80)
     assert max(map(len, text.splitlines())) <= 80
     assert "[red]" in text and "+0.00" not in text and "-0.00" not in text  # equal
+    rows = [row(p, s, (("net|work", "<b>"),)) for p in ("a|b:C", "sma-nbo") for s in (0, 1)]
+    text = markdown(answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")
+    table = [line for line in text.splitlines() if line.startswith("|")]
+    assert len({len(re.findall(r"(?<!\\)\|", line)) for line in table}) == 1
+    assert r"a\|b:C" in text and "<b>" not in text
 
 
 def test_what_does_not_count_is_said():
     rows = [row("sma-nbo", s, metrics={"ospa.mean_m": 1.0}) for s in range(3)]
     rows += [row("greedy", 0), row("greedy", 1, metrics={"ospa.mean_m": np.nan}), failed("greedy", 2)]
     for text in (shown(rows, 120), markdown(answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")):
-        assert "1/3" in text
-        assert "greedy: 1 of 3 trials failed and do not count" in text
+        assert "1/3" in text and "greedy: 1 of 3 trials failed and do not count" in text
         assert "greedy: OSPA mean is undefined in 1 of 2 trials" in text
         assert "greedy: 1 of 3 maps have a pair with the baseline's" in text
 
 
-def test_one_planner_alone_is_not_compared():
+def test_one_planner_failed_studies_and_unknown_metrics_have_their_words():
     text = shown([row("sma-nbo", s) for s in range(3)], 80)
     assert "won" not in text.split("In brackets")[0] and "1.00 [1.00, 1.00]" in text
-
-
-def test_a_study_in_which_all_failed_still_has_a_table():
     text = shown([failed("sma-nbo", 0), failed("greedy", 0)], 80, metrics=["ospa.mean_m"])
     assert "0/1" in text and "–" in text and text.count("1 of 1 trials failed") == 2
-
-
-def test_an_unknown_metric_is_an_input_error():
     with pytest.raises(InputError, match="--metric"):
         shown(study(), 80, metrics=["opsa.mean_m"])
 
@@ -93,23 +91,12 @@ def test_the_csv_holds_the_numbers_in_full():
         assert line["lambda"] == ("all" if answer.cell is None else dict(answer.cell)["lambda"])
         for name in ("mean", "median"):
             estimate = getattr(answer, name)
-            for column, value in (
-                (name, estimate.value),
-                (f"{name}_low", estimate.low),
-                (f"{name}_high", estimate.high),
-            ):
-                assert line[column] == ("" if math.isnan(value) else repr(value))
+            for end in ("value", "low", "high"):
+                value = getattr(estimate, end)
+                assert line[f"{name}_{end}".removesuffix("_value")] == ("" if math.isnan(value) else repr(value))
         gap = answer.difference
         assert line["difference"] == ("" if gap is None else repr(gap.mean.value))
         assert line["won"] == ("" if gap is None else str(gap.won))
-
-
-def test_markdown_tables_are_regular_and_escaped():
-    rows = [row(p, s, (("net|work", "<b>"),)) for p in ("a|b:C", "sma-nbo") for s in (0, 1)]
-    text = markdown(answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")
-    table = [line for line in text.splitlines() if line.startswith("|")]
-    assert len({len(re.findall(r"(?<!\\)\|", line)) for line in table}) == 1
-    assert r"a\|b:C" in text and "<b>" not in text
 
 
 def repeated(gap=1.0, seeds=8, repeats=3):
@@ -135,19 +122,16 @@ def test_spreads_between_and_within_maps_are_shown_where_maps_are_repeated(width
     shared = [f"{gap.spread.between:.2f}", f"{gap.spread.within:.2f}", f"{gap.needed:.0f}"]
     table = text[text.index("OSPA mean [m]: spread") :]
     assert re.search(r"^ *" + r" +".join(map(re.escape, ["greedy", *own, *shared])) + r" *$", table, flags=re.M)
-    assert re.search(
-        rf"^ *sma-nbo +{base.spread.between:.2f} +{base.spread.within:.2f} +baseline *$", table, flags=re.M
-    )
+    own = f"{base.spread.between:.2f} +{base.spread.within:.2f}"
+    assert re.search(rf"^ *sma-nbo +{own} +baseline *$", table, flags=re.M)
     assert "Each map counts once, with the mean of its repeats." in text
     assert "spread" not in shown(repeated(repeats=1), width).lower()
     assert "spread**" in markdown([base, other], "sma-nbo")
 
 
-def test_stars_mark_what_survives_holms_correction():
-    rows = [
-        *repeated(3.0),
-        *(msgspec.structs.replace(r, planner="weak") for r in repeated(0.02) if r.planner == "greedy"),
-    ]
+def test_stars_mark_what_survives_holms_correction_and_not_what_holds_alone():
+    weak = [msgspec.structs.replace(r, planner="weak") for r in repeated(0.02) if r.planner == "greedy"]
+    rows = [*repeated(3.0), *weak]
     found = answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo")
     strong, weak = (next(a.difference for a in found if a.planner == name) for name in ("greedy", "weak"))
     assert (strong.told, strong.survives, weak.told, weak.survives) == (True, True, False, False)
@@ -155,9 +139,6 @@ def test_stars_mark_what_survives_holms_correction():
         assert re.search(r"greedy .*\* \+3\.", text) and not re.search(r"weak .*\* [+-]", text)
         assert "* survives Holm's correction for all 2 differences shown (5 %)." in text
     assert "Holm" not in shown(repeated(), 120)
-
-
-def test_a_difference_may_hold_by_itself_and_not_with_others():
     rows = [row("base", s, metrics={"ospa.mean_m": 1.0}) for s in range(10)]
     around = np.linspace(-1.0, 1.0, 10)
     for k in range(6):  # the first is a difference of 0.8 standard deviations, the others are none
@@ -168,7 +149,7 @@ def test_a_difference_may_hold_by_itself_and_not_with_others():
     assert first.told and not first.survives and 0.05 / 6 < first.chance < 0.05
 
 
-def test_tables_say_what_intervals_of_so_many_maps_cover():
+def test_tables_say_what_intervals_of_so_many_maps_or_pairs_cover():
     eight = shown(repeated(repeats=1), 120)
     usual, least = ERRORS[MEAN.name][8]
     assert f"Intervals of mean errors over 8 maps hold in {usual} % of cases, at worst in {least} %." in eight
@@ -177,16 +158,10 @@ def test_tables_say_what_intervals_of_so_many_maps_cover():
     few = [r for r in shares if r.seed < 5]
     assert f"Intervals over 5 maps, which are few, hold in {SHARES[5]} % of cases." in shown(few, 120)
     assert f"Intervals over 4 maps, which are few, hold in {SHARES[3]} %" in shown(few[:4] + few[5:9], 120)
-
-
-def test_what_intervals_of_differences_cover_goes_by_their_pairs():
     name = "ospa.share_under_1m"
     seeds = {"sma-nbo": range(10), "greedy": range(6, 16)}  # four pairs
     rows = [row(planner, s, metrics={name: 0.05 * s}) for planner, own in seeds.items() for s in own]
     assert f"Intervals over 4 maps, which are few, hold in {SHARES[3]} % of cases." in shown(rows, 120, metrics=[name])
-
-
-def test_tables_say_where_coverage_was_not_counted():
     rows = [row("sma-nbo", s, metrics={"contacts": float(s)}) for s in range(3)]
     assert "hold was not counted for: contacts." in shown(rows, 120, metrics=["contacts"])
 

@@ -30,16 +30,13 @@ def shown(values, *, signed=False):
     return f"{100 * estimate.value:{sign}.1f} [{100 * low:{sign}.1f}, {100 * high:{sign}.1f}]"
 
 
-def test_planners_side_by_side_are_compared_with_the_first():
+def test_planners_side_by_side_are_compared_with_the_first_or_baseline():
     rows = study(planners=("a", "b"))
     head, lines = parsed(table(rows, "planner"))
     assert head == ["λ", "a", "b"] and list(lines) == ["15", "75"]
     for density in ("15", "75"):
         a, b = (shares(rows, name, density) for name in ("a", "b"))
         assert lines[density] == [shown(a), f"{100 * b.mean():.1f}: {shown(b - a, signed=True)}"]
-
-
-def test_the_baseline_comes_first_and_is_what_others_are_compared_with():
     rows = study(planners=("a(x=1)", "b"))
     head, lines = parsed(table(rows, "planner", baseline="b"))
     assert head == ["λ", "b", "a(x=1)"]
@@ -73,7 +70,7 @@ def test_levels_one_below_the_other_are_compared_with_the_line_before():
         ]
 
 
-def test_nothing_is_compared_over_two_factors_at_once():
+def test_what_is_not_comparable_not_flown_or_failed_is_left_out():
     rows = [
         row("a", seed, (("lambda", density), ("step", step)), {SHARE: 0.1 * seed})
         for density in ("15", "75")
@@ -82,9 +79,6 @@ def test_nothing_is_compared_over_two_factors_at_once():
     ]
     text = table(rows, "planner", "above").splitlines()[2:]
     assert [":" in line for line in text] == [False, True, False, True]
-
-
-def test_cells_that_were_not_flown_and_failed_trials_are_left_out():
     rows = [row("a", s, (("H", h),), {SHARE: 0.5 + 0.1 * s}) for h in ("1", "3") for s in range(3)]
     rows += [row("b", 0, (("H", "3"),), {SHARE: 0.9}), failed("b", 1, (("H", "3"),))]
     _head, lines = parsed(table(rows, "planner"))
