@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ MODELS, MODES = re.findall(r"^```py\n(.*?)^```$", PAGE, flags=re.M | re.S)  # of
 SHORT = ("duration=1", "sensing.mode=ideal")
 
 
+@cache
 def flown(*overrides):
     """Digest of the recording of a short mission."""
     return fly(task_of(load_scenario("forest", [*SHORT, *overrides]), "hover", 0)).row.recording
@@ -43,22 +45,17 @@ def test_one_file_from_outside_changes_the_tracks(tmp_path, monkeypatch, overrid
     assert digest(load(tmp_path / "theirs" / "mission.npz")) == flown(override) != flown()
 
 
-def test_built_in_names_give_built_in_classes():
+def test_built_in_names_give_built_in_classes_that_know_a_lone_uavs_belief():
     assert type(motion_model("ncv", 0.2, 0.5, 3.0)).__name__ == "NearlyConstantVelocity"
     assert type(fusion_rule("hcmci")).__name__ == "HybridConsensus"
+    from tracking.fusion.rule import LocalBeliefs
 
-
-@pytest.mark.parametrize(
-    ("override", "complaint"),
-    [
-        ("network.fusion=klaa", "network.fusion: 'klaa' is unknown; allowed are kla, hcmci; did you mean kla?"),
-        ("sensing.mode=idle", "sensing.mode: 'idle' is unknown; allowed are camera, ideal; did you mean ideal?"),
-        ("tracking.motion=imm", "tracking.motion: 'imm' is unknown; allowed are ncv, bounded"),
-    ],
-)
-def test_an_unknown_name_is_refused_when_the_scenario_is_read(override, complaint):
-    with pytest.raises(InputError, match=re.escape(complaint)):
-        load_scenario("forest", [override])
+    mean, P = np.array([[1.0, 2.0, 0.5, 0.0]]), np.eye(4)[None] * 4.0
+    nothing = np.zeros((0, 4)), np.zeros((0, 4, 4))
+    local = LocalBeliefs(0, mean, P, np.ones(1), nothing, np.zeros((0, 2)), np.zeros((0, 2), int), np.zeros(0, int))
+    for name in ("kla", "hcmci"):
+        averaged, summed, _ = fusion_rule(name).contribution(local)
+        assert averaged[0, :4].tolist() == (mean[0] / 4).tolist() and not summed.any()
 
 
 WRONG = """
@@ -98,17 +95,6 @@ def test_what_is_no_rule_or_model_is_refused_before_the_flight(tmp_path, monkeyp
     with pytest.raises(InputError, match=re.escape(complaint)):
         run(Trial(load_scenario("forest", [*SHORT, override]), DEFAULT_PLANNER, 0), tmp_path / "out", video=False)
     assert not (tmp_path / "out").exists()
-
-
-def test_the_average_of_a_lone_uav_is_its_own_belief():
-    from tracking.fusion.rule import LocalBeliefs
-
-    mean, P = np.array([[1.0, 2.0, 0.5, 0.0]]), np.eye(4)[None] * 4.0
-    nothing = np.zeros((0, 4)), np.zeros((0, 4, 4))
-    local = LocalBeliefs(0, mean, P, np.ones(1), nothing, np.zeros((0, 2)), np.zeros((0, 2), int), np.zeros(0, int))
-    for name in ("kla", "hcmci"):
-        averaged, summed, _ = fusion_rule(name).contribution(local)
-        assert averaged[0, :4].tolist() == (mean[0] / 4).tolist() and not summed.any()
 
 
 NONSENSE = """

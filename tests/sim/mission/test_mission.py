@@ -21,13 +21,19 @@ CROWD = "t,id,x,y\n" + "".join(
     for name, y, first, last in (("early", -14, 0, 1), ("whole", 0, 0, 3), ("late", 14, 1, 3))
     for t in range(first, last + 1)
 )
+OPEN = "trees.density=0"
+LAST = {i: Plan(np.array([[1.0, 0.0], [0.0, 2.0]])) for i in range(3)}
 
 
-def test_a_mission_has_a_scan_each_period_and_a_plan_each_second():
+def test_a_mission_has_scans_and_plans_in_time_and_closes_its_world():
     mission, snapshots = fly(duration=2.3)
     np.testing.assert_allclose([s.time for s in snapshots], np.arange(12) / 5)
-    assert [s.time for s in snapshots if s.plans] == [0.0, 1.0, 2.0]
-    assert mission.faults == []
+    assert [s.time for s in snapshots if s.plans] == [0.0, 1.0, 2.0] and mission.faults == []
+    mission = Mission(load("forest", ["sensing.mode=ideal"]), load_planner("hover"), 0)
+    flight = mission.fly()
+    next(flight)
+    flight.close()
+    assert list(flight) == []
 
 
 @pytest.mark.parametrize(
@@ -53,9 +59,7 @@ def test_a_mission_has_a_scan_each_period_and_a_plan_each_second():
 )
 def test_every_variant_flies_without_fault(overrides):
     mission, snapshots = fly(*overrides, planner="sma-nbo-mwtp")
-    assert len(snapshots) == 6
-    assert mission.faults == []
-    assert all(np.all(np.isfinite(s.ospa)) for s in snapshots)
+    assert len(snapshots) == 6 and mission.faults == [] and all(np.all(np.isfinite(s.ospa)) for s in snapshots)
 
 
 def test_without_people_there_are_no_detections_and_no_tracks():
@@ -63,12 +67,11 @@ def test_without_people_there_are_no_detections_and_no_tracks():
     assert mission.faults == []
     for s in snapshots:
         assert s.people.shape == (0, 2) and s.visible.shape == (3, 0)
-        assert [len(scan.measurements) for scan in s.scans] == [0, 0, 0]
-        assert s.tracks == [(), (), ()]
+        assert [len(scan.measurements) for scan in s.scans] == [0, 0, 0] and s.tracks == [(), (), ()]
         np.testing.assert_array_equal(s.ospa, 0.0)
 
 
-def test_people_of_a_file_appear_and_leave(tmp_path):
+def test_people_of_a_file_appear_and_leave_with_no_trunk_in_the_way(tmp_path):
     (tmp_path / "crowd.csv").write_text(CROWD)
     (tmp_path / "crowd.toml").write_text('duration = 3.0\n[people]\ntrajectories = "crowd.csv"\n[trees]\ndensity = 0\n')
     snapshots = list(Mission.of(Trial(load(str(tmp_path / "crowd.toml")), "hover", 0)).fly())
@@ -77,23 +80,25 @@ def test_people_of_a_file_appear_and_leave(tmp_path):
     np.testing.assert_array_equal(present, np.column_stack([time <= 1, time >= 0, time >= 1]))
     # UAV 0 hovers over the first of them and sees them as long as they are there; the last one is found.
     assert [int(s.visible[0, 0] > 0) for s in snapshots] == [int(t <= 1) for t in time]
-    assert any(s.matched[:, 2].any() for s in snapshots)
-    assert len(snapshots[-1].tracks[2]) >= 1
+    assert any(s.matched[:, 2].any() for s in snapshots) and len(snapshots[-1].tracks[2]) >= 1
+    path = tmp_path / "walk.csv"
+    rows = [f"{t},{y},{-70 + 14 * t},{y}" for t in range(11) for y in range(-48, 49, 6)]
+    path.write_text("t,id,x,y\n" + "\n".join(rows))
+    mission = Mission.of(Trial(load("forest", [f"people.trajectories={path}", "duration=10"]), "hover", 0))
+    trunks = np.array([(t.x, t.y) for t in mission.forest.trees])
+    gaps = np.linalg.norm(mission.people.positions[:, :, None] - trunks, axis=3)
+    assert gaps.min() > 0.2 + 0.5 - 0.12  # the path is kept clear where it is sampled, 0.23 m apart
 
 
-def test_another_planner_meets_the_same_forest_and_people():
+def test_another_planner_meets_the_same_people_and_another_seed_others():
     (one, first), (two, second) = (fly(planner=planner, seed=3) for planner in ("greedy", "hover"))
     assert one.forest.trees == two.forest.trees
     for a, b in zip(first, second, strict=True):
         np.testing.assert_array_equal(a.people, b.people)
         np.testing.assert_array_equal(a.headings, b.headings)
     assert not np.array_equal(first[-1].poses[0].position, second[-1].poses[0].position)
-
-
-def test_another_seed_is_another_forest_with_other_people():
     (one, first), (two, second) = (fly(seed=seed) for seed in (0, 1))
-    assert one.forest.trees != two.forest.trees
-    assert not np.array_equal(first[0].people, second[0].people)
+    assert one.forest.trees != two.forest.trees and not np.array_equal(first[0].people, second[0].people)
 
 
 class Faulty:
@@ -129,27 +134,14 @@ def test_a_planner_that_fails_does_not_end_the_mission():
     assert len(snapshots) == 26
 
 
-def test_known_tracks_start_on_all_people_and_unknown_ones_are_initiated_soon():
+def test_known_tracks_start_on_all_people_and_unknown_ones_soon():
     _, known = fly("trees.density=0")
     assert [len(held) for held in known[0].tracks] == [4, 4, 4]
     _, unknown = fly("trees.density=0", "tracking.initial_tracks=none", seed=3)
-    assert [len(held) for held in unknown[0].tracks] == [0, 0, 0]
-    assert np.all(np.any(unknown[0].visible, axis=0))
-    assert [len(held) for held in unknown[2].tracks] == [4, 4, 4]
-    assert np.all(unknown[-1].ospa[:, 0] < 1.0)
-
-
-def test_a_mission_of_one_scan_knows_its_tracks():
+    assert [len(held) for held in unknown[0].tracks] == [0, 0, 0] and np.all(np.any(unknown[0].visible, axis=0))
+    assert [len(held) for held in unknown[2].tracks] == [4, 4, 4] and np.all(unknown[-1].ospa[:, 0] < 1.0)
     _, snapshots = fly(duration=0.1)
     assert [[len(held) for held in s.tracks] for s in snapshots] == [[4, 4, 4]]
-
-
-def test_a_mission_closes_its_world_when_it_is_left_early():
-    mission = Mission(load("forest", ["sensing.mode=ideal"]), load_planner("hover"), 0)
-    flight = mission.fly()
-    next(flight)
-    flight.close()
-    assert list(flight) == []
 
 
 def test_a_uav_knows_only_the_neighbours_it_hears_and_their_intents():
@@ -184,19 +176,6 @@ def test_a_planner_that_spoils_its_map_spoils_nothing_else():
             np.testing.assert_array_equal(one.position, other.position)
 
 
-def test_no_trunk_stands_in_the_way_of_recorded_people(tmp_path):
-    path = tmp_path / "walk.csv"
-    rows = [f"{t},{y},{-70 + 14 * t},{y}" for t in range(11) for y in range(-48, 49, 6)]
-    path.write_text("t,id,x,y\n" + "\n".join(rows))
-    mission = Mission.of(Trial(load("forest", [f"people.trajectories={path}", "duration=10"]), "hover", 0))
-    trunks = np.array([(t.x, t.y) for t in mission.forest.trees])
-    gaps = np.linalg.norm(mission.people.positions[:, :, None] - trunks, axis=3)
-    assert gaps.min() > 0.2 + 0.5 - 0.12  # the path is kept clear where it is sampled, 0.23 m apart
-
-
-OPEN = "trees.density=0"
-
-
 class Asked:
     """Hovers elsewhere than here: flies east, and notes when it is asked."""
 
@@ -225,7 +204,7 @@ def test_uavs_hover_until_the_first_decision(first, asked):
     assert all(scan.measurements.size for scan in snapshots[0].scans)
 
 
-def test_what_is_sensed_meanwhile_is_the_same():
+def test_missions_that_hover_at_first_sense_the_same_and_are_shown(tmp_path):
     """Hovering draws nothing: until the first decision a mission is that of a planner that hovers."""
     unknown = (OPEN, "first_decision=2", "tracking.initial_tracks=none")
     _, later = fly_ideal(*unknown, planner="sma-nbo(evaluations=64)", seed=3)
@@ -234,9 +213,6 @@ def test_what_is_sensed_meanwhile_is_the_same():
         assert np.array_equal(one.ospa, other.ospa)
         assert [len(t) for t in one.tracks] == [len(t) for t in other.tracks]
     assert len(later[3].tracks[0]) == 4 and Scenario().first_decision == 0.0
-
-
-def test_a_mission_that_hovers_at_first_is_recorded_and_shown(tmp_path):
     scenario = load("forest", [*IDEAL, OPEN, "duration=4", "first_decision=2"])
     run(Trial(scenario, "greedy", 0), tmp_path / "out")
     recording = load_recording(tmp_path / "out" / "mission.npz")
@@ -244,9 +220,6 @@ def test_a_mission_that_hovers_at_first_is_recorded_and_shown(tmp_path):
     assert recording.plans_at(0) is None
     for name in ("mission.html", "mission.mp4", "timeline.png", "summary.json"):
         assert (tmp_path / "out" / name).is_file()
-
-
-LAST = {i: Plan(np.array([[1.0, 0.0], [0.0, 2.0]])) for i in range(3)}
 
 
 class Fixed:
@@ -284,15 +257,12 @@ def test_a_uav_without_a_valid_plan_flies_its_last_intent_then_hovers(random_tea
     np.testing.assert_array_equal(plans[1].controls, [[0.0, 0.0]])
 
 
-def test_too_fast_a_command_is_clipped_and_reported(random_team):
-    planner = Fixed([Plan(np.array([[6.0, 8.0]])), good(), good()])
-    plans, faults = checked_plans(planner, random_team(0), {}, np.random.default_rng(0))
-    np.testing.assert_allclose(plans[0].controls, [[3.0, 4.0]])
-    assert len(faults) == 1 and "exceeds" in faults[0].message
-
-
-def test_valid_plans_pass_unchanged(random_team):
+def test_valid_plans_pass_unchanged_and_too_fast_ones_are_clipped(random_team):
     plans, faults = checked_plans(Fixed([good()] * 3), random_team(0), {}, np.random.default_rng(0))
     assert faults == []
     for plan in plans:
         np.testing.assert_array_equal(plan.controls, good().controls)
+    planner = Fixed([Plan(np.array([[6.0, 8.0]])), good(), good()])
+    plans, faults = checked_plans(planner, random_team(0), {}, np.random.default_rng(0))
+    np.testing.assert_allclose(plans[0].controls, [[3.0, 4.0]])
+    assert len(faults) == 1 and "exceeds" in faults[0].message

@@ -120,13 +120,19 @@ def test_a_lost_plan_leaves_the_one_before_until_the_link_heals():
     assert 15 < lost < 45
 
 
-def test_when_nothing_arrives_a_uav_knows_itself_alone():
+def test_losses_of_plans_leave_a_uav_alone_and_consensus_as_it_is():
     planner = Drawn()
     fly_ideal("network.loss=1", planner=planner, duration=2)
     for k, team in enumerate(planner.teams):
         for i, situation in enumerate(team):
             assert situation.neighbours == () and situation.reception == ((),)
             assert list(situation.intents) == [i] * (k > 0)
+    lossy = ("network.loss=0.5", "tracking.initial_tracks=none")
+    (_, one), (_, other) = (fly_ideal(*lossy, planner=p, duration=3) for p in (Drawn(), Drawn(exchange=Exchange(4))))
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a.bytes_sent, b.bytes_sent)
+        for x, y in zip(a.tracks, b.tracks, strict=True):
+            assert [t.belief.mean.tobytes() for t in x] == [t.belief.mean.tobytes() for t in y]
 
 
 @pytest.mark.parametrize("sweeps", [1, 2])
@@ -230,15 +236,6 @@ def test_a_run_says_what_plans_took_to_send(tmp_path):
     assert "120 B, 1 round " in line
 
 
-def test_losses_of_plans_leave_those_of_consensus_as_they_are():
-    lossy = ("network.loss=0.5", "tracking.initial_tracks=none")
-    (_, one), (_, other) = (fly_ideal(*lossy, planner=p, duration=3) for p in (Drawn(), Drawn(exchange=Exchange(4))))
-    for a, b in zip(one, other, strict=True):
-        np.testing.assert_array_equal(a.bytes_sent, b.bytes_sent)
-        for x, y in zip(a.tracks, b.tracks, strict=True):
-            assert [t.belief.mean.tobytes() for t in x] == [t.belief.mean.tobytes() for t in y]
-
-
 @pytest.mark.parametrize("others", [{1: "north"}, {1: np.zeros(3)}, {1: [[np.inf, 0.0]]}, [1]])
 def test_nonsense_about_others_is_a_fault(random_team, others):
     class Confused:
@@ -257,17 +254,14 @@ def test_the_messages_of_a_centralised_planner_are_never_lost(random_team):
     intents = PlanExchange(Network(loss=1.0), Exchange(centre=True), np.random.default_rng(0))
     intents.begin(fleet, Links(none, none[None]), [0, 2], 1.0)
     sent = intents.end({0: Plan(np.ones((4, 2))), 2: Plan(np.ones((3, 2)))})
-    assert sent.bytes.tolist() == [8 * (5 + 6), 0, 0]
-    assert intents.own[2].controls.shape == (3, 2)
+    assert sent.bytes.tolist() == [8 * (5 + 6), 0, 0] and intents.own[2].controls.shape == (3, 2)
 
 
 @pytest.mark.parametrize("delay", [0.2, 1.0, 2.4])
 def test_a_delayed_plan_is_flown_exactly_so_much_later(delay):
     """Of a planner with plans that depend on the time of the decision alone."""
-    (_, prompt), (_, late) = (
-        fly_ideal(f"network.plan_delay={later}", planner=Drawn(), duration=5) for later in (0, delay)
-    )
-    commands, delayed = (np.array([s.commands for s in snapshots]) for snapshots in (prompt, late))
+    given = [fly_ideal(f"network.plan_delay={later}", planner=Drawn(), duration=5)[1] for later in (0, delay)]
+    commands, delayed = (np.array([s.commands for s in snapshots]) for snapshots in given)
     scans = round(5 * delay)
     np.testing.assert_array_equal(delayed[: scans + 1], 0.0)  # commands are those in force up to a scan
     np.testing.assert_array_equal(delayed[scans:], commands[: len(commands) - scans])
@@ -276,5 +270,4 @@ def test_a_delayed_plan_is_flown_exactly_so_much_later(delay):
 
 def test_a_uav_that_breaks_down_flies_no_delayed_plan():
     _, snapshots = fly_ideal("network.plan_delay=1.4", "uavs.1.fails_at=1.1", planner=Drawn(), duration=3)
-    assert all(not np.any(s.commands[1]) for s in snapshots)
-    assert np.any(snapshots[-1].commands[0])
+    assert all(not np.any(s.commands[1]) for s in snapshots) and np.any(snapshots[-1].commands[0])

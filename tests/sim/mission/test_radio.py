@@ -46,12 +46,13 @@ def test_a_link_is_open_within_range_if_it_exists_and_is_not_cut():
         table = open_links(cut, time, places)
         np.testing.assert_array_equal(table, table.T)
         assert not table.diagonal().any()
+    with pytest.raises(ValueError, match=r"^network\.cuts\.0\.links: \[0, 2\] is not in network\.links; allowed are "):
+        load("forest", ["network.links=[[0, 1], [1, 2]]", "network.cuts=[{links=[[0, 2]]}]"])
 
 
 def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():
     rng, twin = np.random.default_rng(0), np.random.default_rng(0)
-    assert lost_messages(Network(), 3, rng) is None
-    assert rng.bit_generator.state == twin.bit_generator.state
+    assert lost_messages(Network(), 3, rng) is None and rng.bit_generator.state == twin.bit_generator.state
     lost = lost_messages(Network(loss=0.3, rounds=100_000), 2, rng)
     assert lost.shape == (100_000, 2, 2)
     np.testing.assert_allclose(lost.mean(axis=0), 0.3, atol=5 * np.sqrt(0.21 / 1e5))  # five standard deviations
@@ -59,26 +60,20 @@ def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():
     assert np.all(lost_messages(Network(loss=0.6, rounds=100_000), 2, twin)[lost])  # more loss loses the same and more
 
 
-def test_disagreement_is_the_mean_ospa_between_pairs():
+def test_disagreement_is_the_mean_ospa_between_pairs_and_grows_with_losses():
     held = [[track(0, 0, 0)], [track(0, 3, 4)], [track(0, 0, 0), track(1, 9, 9)]]
     alone = ospa(np.zeros((1, 2)), np.array([[0.0, 0], [9, 9]])).distance
     third = ospa(np.array([[3.0, 4]]), np.array([[0.0, 0], [9, 9]])).distance
     assert disagreement(held) == pytest.approx((5.0 + alone + third) / 3)
     assert disagreement(held[:1]) == disagreement([]) == disagreement([[], []]) == 0.0
+    mission, snapshots = fly_ideal("network.loss=0.9", seed=1, duration=3)
+    row = fly_trial(task_of(mission.scenario, "hover", 1)).row
+    assert row.metrics["disagreement_m"] == np.mean([disagreement(s.tracks) for s in snapshots]) > 0.01
+    whole = fly_trial(task_of(load("forest", [*IDEAL, "duration=3"]), "hover", 1)).row
+    assert whole.metrics["disagreement_m"] < 1e-9
 
 
-def test_a_cut_of_a_link_that_is_not_there_is_refused():
-    with pytest.raises(ValueError, match=r"^network\.cuts\.0\.links: \[0, 2\] is not in network\.links; allowed are "):
-        load("forest", ["network.links=[[0, 1], [1, 2]]", "network.cuts=[{links=[[0, 2]]}]"])
-
-
-def test_the_same_seed_loses_the_same_messages():
-    lossy = ("network.loss=0.5", "tracking.initial_tracks=none")
-    one, other = (recording_of(*fly_ideal(*lossy, planner="sma-nbo-mwtp", seed=2)) for _ in range(2))
-    assert_same(one, other)
-
-
-def test_losses_change_neither_forest_nor_people_nor_noise():
+def test_losses_are_those_of_the_seed_and_change_no_people_nor_noise():
     """A fleet that hovers sees the same whatever it believes."""
     (whole, without), (lossy, losing) = fly_ideal(), fly_ideal("network.loss=0.8")
     assert whole.forest.trees == lossy.forest.trees
@@ -88,26 +83,43 @@ def test_losses_change_neither_forest_nor_people_nor_noise():
         for one, other in zip(a.scans, b.scans, strict=True):
             np.testing.assert_array_equal(one.measurements, other.measurements)
         np.testing.assert_array_equal(a.bytes_sent, b.bytes_sent)  # what is lost has been sent
-        differ += any(
-            x.belief.mean.tobytes() != y.belief.mean.tobytes() for x, y in zip(a.tracks[0], b.tracks[0], strict=True)
-        )
-    assert sum(len(scan.measurements) for s in without for scan in s.scans) > 50
-    assert differ > 10
+        pairs = [[t.belief.mean.tobytes() for t in s.tracks[0]] for s in (a, b)]
+        differ += pairs[0] != pairs[1]
+    assert sum(len(scan.measurements) for s in without for scan in s.scans) > 50 and differ > 10
+    lossy = ("network.loss=0.5", "tracking.initial_tracks=none")
+    one, other = (recording_of(*fly_ideal(*lossy, planner="sma-nbo-mwtp", seed=2)) for _ in range(2))
+    assert_same(one, other)
 
 
-def test_bytes_sent_count_all_rounds_to_linked_uavs():
+def test_bytes_count_rounds_to_linked_uavs_and_survive_the_disk(tmp_path):
     # Four tracks: 6 + 4 * 26 numbers of 8 bytes in each of five rounds; UAV 2 has no link.
     _, snapshots = fly_ideal("network.links=[[0, 1]]", duration=1)
     for s in snapshots:
         np.testing.assert_array_equal(s.bytes_sent, [5 * 8 * 110, 5 * 8 * 110, 0])
+    recording = dataclasses.replace(hand_made(), bytes_sent=np.array([[100, 300], [0, 1000]]))
+    network = summary(recording)["network"]
+    assert {k: v for k, v in network.items() if k.startswith("bytes")} == {
+        "bytes_total": 1400, "bytes_per_scan_mean": 350.0, "bytes_per_scan_max": 1000
+    }  # fmt: skip
+    held = [recording.tracks_at(k, i) for k in range(2) for i in range(2)]
+    assert network["disagreement_m"] == (disagreement(held[:2]) + disagreement(held[2:])) / 2
+    (line,) = [line for line in shown(summary(recording)).splitlines() if "sent by a UAV per scan" in line]
+    assert "0.3 kB" in line or "0.4 kB" in line
+    save(record(), tmp_path / "mission.npz")
+    kept = load_recording(tmp_path / "mission.npz").bytes_sent
+    np.testing.assert_array_equal(kept, 100 * np.arange(11)[:, None] + np.arange(3))
+    damaged = rewritten(tmp_path / "mission.npz", tmp_path / "damaged.npz", bytes_sent=None)
+    with zipfile.ZipFile(damaged, "a") as archive:
+        archive.writestr("bytes_semt.npy", npy(np.zeros((11, 3), dtype=np.int64)))
+    with pytest.raises(ValueError, match="'bytes_sent' is missing"):
+        load_recording(damaged)
 
 
 def test_a_split_fleet_disagrees_and_agrees_again_in_the_scan_it_heals():
     """Four people, all known at the start; UAV 2 is cut off from 1 s to 3 s, and then hears only UAV 1."""
     cuts = "network.cuts=[{links=[[1, 2]], start=1, end=3}]"
-    mission, snapshots = fly_ideal(
-        "network.links=[[0, 1], [1, 2]]", cuts, "network.rounds=8", "trees.density=0", duration=6
-    )
+    links = ("network.links=[[0, 1], [1, 2]]", cuts, "network.rounds=8", "trees.density=0")
+    mission, snapshots = fly_ideal(*links, duration=6)
     assert mission.faults == []
     for s in snapshots:
         ids = [[t.id for t in held] for held in s.tracks]
@@ -117,8 +129,7 @@ def test_a_split_fleet_disagrees_and_agrees_again_in_the_scan_it_heals():
             np.testing.assert_array_equal(s.bytes_sent[2], 0)
             assert between > 1e-3
         else:
-            assert ids[0] == ids[1] == ids[2]
-            assert between < 0.02
+            assert ids[0] == ids[1] == ids[2] and between < 0.02
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -142,39 +153,6 @@ def test_with_half_of_all_messages_lost_the_fleet_agrees(fusion, initial):
     assert np.mean(alike) > 0.95
     gaps = [disagreement(s.tracks) for s, same in zip(snapshots, alike, strict=True) if same]
     assert 0.0 < np.mean(gaps) < 0.05
-
-
-def test_loss_makes_the_fleet_disagree_and_a_row_says_by_how_much():
-    mission, snapshots = fly_ideal("network.loss=0.9", seed=1, duration=3)
-    row = fly_trial(task_of(mission.scenario, "hover", 1)).row
-    assert row.metrics["disagreement_m"] == np.mean([disagreement(s.tracks) for s in snapshots]) > 0.01
-    whole = fly_trial(task_of(load("forest", [*IDEAL, "duration=3"]), "hover", 1)).row
-    assert whole.metrics["disagreement_m"] < 1e-9
-
-
-def test_bytes_survive_the_disk_and_are_summarised(tmp_path):
-    recording = dataclasses.replace(hand_made(), bytes_sent=np.array([[100, 300], [0, 1000]]))
-    network = summary(recording)["network"]
-    assert {k: v for k, v in network.items() if k.startswith("bytes")} == {
-        "bytes_total": 1400, "bytes_per_scan_mean": 350.0, "bytes_per_scan_max": 1000
-    }  # fmt: skip
-    held = [recording.tracks_at(k, i) for k in range(2) for i in range(2)]
-    assert network["disagreement_m"] == (disagreement(held[:2]) + disagreement(held[2:])) / 2
-    (line,) = [line for line in shown(summary(recording)).splitlines() if "sent by a UAV per scan" in line]
-    assert "0.3 kB" in line or "0.4 kB" in line
-    save(record(), tmp_path / "mission.npz")
-    np.testing.assert_array_equal(
-        load_recording(tmp_path / "mission.npz").bytes_sent, 100 * np.arange(11)[:, None] + np.arange(3)
-    )
-
-
-def test_a_field_under_a_damaged_name_is_no_old_recording(tmp_path):
-    save(record(), tmp_path / "mission.npz")
-    damaged = rewritten(tmp_path / "mission.npz", tmp_path / "damaged.npz", bytes_sent=None)
-    with zipfile.ZipFile(damaged, "a") as archive:
-        archive.writestr("bytes_semt.npy", npy(np.zeros((11, 3), dtype=np.int64)))
-    with pytest.raises(ValueError, match="'bytes_sent' is missing"):
-        load_recording(damaged)
 
 
 NEAR, ALONE = 1.0, 3.0  # m, of a person's track, and of people with tracks that cannot be mistaken for each other's

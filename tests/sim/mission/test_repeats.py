@@ -13,7 +13,6 @@ from helpers.trials import row
 from sim.mission.mission import Mission, forest_and_people
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
-from sim.recording.archive import save
 from sim.replay.events import links_of
 from sim.report.single_trials import command
 from sim.scenario.loading import load
@@ -37,13 +36,7 @@ def recordings():
     return [flown(repeat) for repeat in (0, 1, 2)]
 
 
-def test_the_first_repeat_has_the_streams_of_the_seed():
-    for name in ("sensors", "planner", "network"):
-        plainly, repeated = (stream(7, name, **given).random(4).tolist() for given in ({}, {"repeat": 0}))
-        assert plainly == repeated
-
-
-def test_every_repeat_has_streams_of_its_own():
+def test_every_repeat_has_streams_of_its_own_the_first_the_seeds():
     drawn = [
         stream(seed, name, *index, repeat=repeat).integers(2**63)
         for seed in (0, 1)
@@ -52,13 +45,13 @@ def test_every_repeat_has_streams_of_its_own():
         for repeat in range(5)
     ]
     assert len(set(drawn)) == len(drawn)
-
-
-def test_streams_of_repeats_stay_as_they_are():
+    for name in ("sensors", "planner", "network"):
+        plainly, repeated = (stream(7, name, **given).random(4).tolist() for given in ({}, {"repeat": 0}))
+        assert plainly == repeated
     assert stream(0, "sensors", repeat=1).bit_generator.random_raw() == 13513145829749232258
 
 
-def test_repeats_share_forest_and_people_and_nothing_of_chance(recordings):
+def test_repeats_share_forest_and_people_not_chance_which_replay_finds(recordings):
     first, *others = recordings
     for other in others:
         np.testing.assert_array_equal(other.trees, first.trees)
@@ -69,25 +62,6 @@ def test_repeats_share_forest_and_people_and_nothing_of_chance(recordings):
     again = flown(2)
     assert again.measurements.tobytes() == others[1].measurements.tobytes()
     assert again.track_means.tobytes() == others[1].track_means.tobytes()
-
-
-def test_a_map_is_what_the_seed_gives():
-    setting = load("forest", NOISY)
-    forest, people = forest_and_people(setting, 7)
-    mission = Mission.of(Trial(setting, "hover", 7, 3))
-    assert mission.forest.trees == forest.trees and mission.people.positions.tobytes() == people.positions.tobytes()
-
-
-def test_a_map_looks_the_same_in_every_repeat_and_only_its_pixel_noise_differs():
-    setting = load("forest", ["appearance.randomise=true"])
-    one, other = (sample_appearance(setting, 4, trees=3, people=2, repeat=repeat) for repeat in (0, 5))
-    for name in set(type(one).__dataclass_fields__) - {"repeat"}:
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    grey = np.full((8, 8, 3), 100, np.uint8)
-    assert not np.array_equal(one.develop(grey, 0, 0.2), other.develop(grey, 0, 0.2))
-
-
-def test_replay_finds_the_messages_that_the_repeat_lost(recordings):
     setting = load("forest", NOISY)
     lost = [np.array([links.lost for links in links_of(r, setting)]) for r in recordings]
     assert not np.array_equal(lost[0], lost[1])
@@ -95,9 +69,17 @@ def test_replay_finds_the_messages_that_the_repeat_lost(recordings):
     np.testing.assert_array_equal(lost[0], np.array([links.lost for links in links_of(forgotten, setting)]))
 
 
-def test_a_recording_carries_its_repeat(recordings, tmp_path):
-    save(recordings[2], tmp_path / "mission.npz")
-    assert load_recording(tmp_path / "mission.npz").repeat == 2
+def test_a_map_is_what_the_seed_gives_and_looks_the_same():
+    setting = load("forest", NOISY)
+    forest, people = forest_and_people(setting, 7)
+    mission = Mission.of(Trial(setting, "hover", 7, 3))
+    assert mission.forest.trees == forest.trees and mission.people.positions.tobytes() == people.positions.tobytes()
+    setting = load("forest", ["appearance.randomise=true"])
+    one, other = (sample_appearance(setting, 4, trees=3, people=2, repeat=repeat) for repeat in (0, 5))
+    for name in set(type(one).__dataclass_fields__) - {"repeat"}:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    grey = np.full((8, 8, 3), 100, np.uint8)
+    assert not np.array_equal(one.develop(grey, 0, 0.2), other.develop(grey, 0, 0.2))
 
 
 def test_a_run_leaves_its_repeat_in_folder_recording_and_summary(call, tmp_path):

@@ -48,7 +48,7 @@ def test_a_uav_measures_exactly_those_that_no_tree_hides(occlusion):
     assert 0 < hidden < 31 * 12
 
 
-def test_it_sees_in_all_directions_whatever_the_attitude():
+def test_it_sees_in_all_directions_with_the_noise_of_its_own_camera():
     rng = np.random.default_rng(0)
     points = rng.normal(0, 50, (200, 3))
     for _ in range(20):
@@ -57,6 +57,12 @@ def test_it_sees_in_all_directions_whatever_the_attitude():
         assert Camera(ALL_ROUND, 128).sees(pose, points).all()
     means, covariances = rng.normal(0, 40, (50, 2)), np.tile(np.eye(2), (50, 1, 1))
     assert visible_samples(Camera(ALL_ROUND, 128), pose, means, covariances, Forest(())).all()
+    for noise in ("camera", "range_bearing"):
+        limited = load("forest", [f"sensing.noise={noise}"])
+        free = load("forest", [*ALL, f"sensing.noise={noise}"])
+        for uav in free.uavs:
+            assert noise_of(uav, free) == noise_of(uav, limited)
+            assert view_of(uav, limited) == camera_of(uav) and view_of(uav, free).fov == ALL_ROUND
 
 
 @pytest.mark.parametrize("occlusion", ["disc", "line_of_sight"])
@@ -72,9 +78,8 @@ def test_the_planner_sees_what_brute_force_sees(random_team, occlusion):
             path = vehicle.position + np.cumsum(np.column_stack([rng.uniform(-3.5, 3.5, (3, 2)), np.zeros(3)]), axis=0)
             lanes = [np.repeat(path[k, :2, None], LANES, axis=1) for k in range(3)]
             every = np.ones((36, view.points.shape[2]), dtype=bool)
-            seen = np.array(
-                [add_information(view, uav, lanes[row // 12], row, every, np.zeros(3 * LANES)) for row in range(36)]
-            )
+            sums = np.zeros(3 * LANES)
+            seen = np.array([add_information(view, uav, lanes[r // 12], r, every, sums.copy()) for r in range(36)])
             free = [situation.forest.visible(path[k], points[k, :, 0])[0] for k in range(3)]
             np.testing.assert_array_equal(seen.reshape(3, 12), free)
             hidden += 36 - int(np.sum(free))
@@ -100,15 +105,6 @@ def test_with_an_unlimited_field_of_view_the_terminal_penalty_is_zero(random_tea
 def test_every_planner_flies_with_it(planner):
     mission, snapshots = fly(*ALL, "uavs.0.tilt_deg=30", planner=planner)
     assert len(snapshots) == 6 and mission.faults == []
-
-
-def test_noise_is_that_of_the_uavs_own_camera():
-    for noise in ("camera", "range_bearing"):
-        limited = load("forest", [f"sensing.noise={noise}"])
-        free = load("forest", [*ALL, f"sensing.noise={noise}"])
-        for uav in free.uavs:
-            assert noise_of(uav, free) == noise_of(uav, limited)
-            assert view_of(uav, limited) == camera_of(uav) and view_of(uav, free).fov == ALL_ROUND
 
 
 def test_a_mission_is_filmed_exported_and_read_again(tmp_path):

@@ -19,41 +19,24 @@ from sim.scenario.text_files import MOST_BYTES, content, text, toml, toml_file, 
 from sim.world.trajectories import read
 from tracking.plugins.registry import InputError
 
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
+REFERENCE = generator().generated(PAGE)
+# Checked against the area, the strongest wind, the number of UAVs and the scans that a tracker counts.
+ELSEWHERE = {"uavs.0.start", "wind.velocity", "network.links", "network.cuts.links", "people.paths"}
+ELSEWHERE |= {"tracking.confirm", "tracking.delete"}
 
-def test_the_default_scenario_is_what_an_empty_file_gives(tmp_path):
+
+def test_files_overrides_and_trajectories_are_read_where_they_are(tmp_path):
     empty = tmp_path / "empty.toml"
     empty.write_text("")
     assert load(str(empty)) == load("forest") == Scenario()
-
-
-@pytest.mark.parametrize("name", sorted(SCENARIOS))
-def test_every_packaged_scenario_is_valid(name):
-    assert load(name).duration > 0
-
-
-def test_overrides_reach_every_level():
+    assert all(load(name).duration > 0 for name in SCENARIOS)
     scenario = load("forest", ["trees.density=75", "uavs.1.alpha=0.3", "dynamics=kinematic", "people.count=2"])
     assert scenario.trees.density == 75 and scenario.dynamics == "kinematic" and scenario.people.count == 2
     assert [u.alpha for u in scenario.uavs] == [0.1, 0.3, 0.12]
-
-
-def test_a_trajectory_file_is_found_beside_its_scenario(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text('[people]\ntrajectories = "walk.csv"\n')
     assert load(str(path)).people.trajectories == str(tmp_path / "walk.csv")
-
-
-@pytest.mark.parametrize("name", ["forrest", "missing.toml", "/"])
-def test_an_unknown_scenario_is_refused(name):
-    with pytest.raises(ValueError, match="scenario"):
-        load(name)
-
-
-def test_a_broken_file_is_refused(tmp_path):
-    path = tmp_path / "broken.toml"
-    path.write_text("duration = = 3")
-    with pytest.raises(ValueError, match=r"broken\.toml"):
-        load(str(path))
 
 
 def test_a_trajectory_file_that_links_to_itself_is_refused_where_it_is_read(tmp_path):
@@ -61,13 +44,6 @@ def test_a_trajectory_file_that_links_to_itself_is_refused_where_it_is_read(tmp_
     scenario = load("forest", [f'people.trajectories="{tmp_path / "walk.csv"}"'])
     with pytest.raises(InputError, match="symbolic links"):
         read(Path(scenario.people.trajectories), scenario.area, duration=1.0)
-
-
-PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
-REFERENCE = generator().generated(PAGE)
-# Checked against the area, the strongest wind, the number of UAVs and the scans that a tracker counts.
-ELSEWHERE = {"uavs.0.start", "wind.velocity", "network.links", "network.cuts.links", "people.paths"}
-ELSEWHERE |= {"tracking.confirm", "tracking.delete"}
 
 
 def bounded():
@@ -80,15 +56,12 @@ def bounded():
             yield name, f"{low} {kind.le:g}" if kind.le is not None else f"{low} below {kind.lt:g}"
 
 
-def test_every_number_of_a_scenario_has_two_bounds_and_the_reference_names_them():
+def test_bounds_are_named_in_the_reference_and_hold_large_fleets():
     for name, kind in numbers(inspect.type_info(Scenario), ""):
         if name not in ELSEWHERE:
             assert {kind.ge, kind.gt} != {None} or name == "network.cuts.end", name
             assert {kind.le, kind.lt} != {None}, name
     assert dict(re.findall(r"^\| `([\w.]+)` \| [^|]*\| ([^|]*\d) \|", REFERENCE, flags=re.M)) == dict(bounded())
-
-
-def test_large_fleets_crowds_and_forests_lie_within_the_bounds():
     fleet = [{"start": [4.0 * i - 60, 10.0 * j - 20]} for i in range(6) for j in range(5)]
     area = ["area.width=1000", "area.height=1000", "trees.density=9000", "people.count=1000"]
     crowd = load("forest", [f"uavs={json.dumps(fleet).replace(':', ' =').replace(chr(34), '')}", *area])
@@ -143,12 +116,15 @@ def test_what_is_no_plain_text_is_refused(tmp_path, make, reason):
         text(path, "field")
 
 
-def test_the_largest_allowed_file_is_read_without_its_byte_order_mark(tmp_path):
+def test_the_largest_files_and_deepest_nests_are_read_and_long_integers_refused(tmp_path):
     path = tmp_path / "given.toml"
     path.write_bytes(b"\xef\xbb\xbfx = 1")
     assert content(path, "field", 8) == b"\xef\xbb\xbfx = 1" and toml_file(path, "field") == {"x": 1}
     with pytest.raises(InputError, match="more than the 7 bytes"):
         content(path, "field", 7)
+    assert toml(f"x = {'[' * 29}{']' * 29}", "field")["x"]
+    with pytest.raises(InputError, match=r"^field: "):
+        toml(f"x = {'9' * 5000}", "field")
 
 
 @pytest.mark.parametrize(
@@ -167,12 +143,6 @@ def test_the_largest_allowed_file_is_read_without_its_byte_order_mark(tmp_path):
 def test_nests_are_refused_at_once(written):
     with pytest.raises(InputError, match=r"^field: is nested too deep; at most 30 levels are allowed$"):
         toml(written, "field")
-
-
-def test_thirty_levels_are_read_and_long_integers_refused():
-    assert toml(f"x = {'[' * 29}{']' * 29}", "field")["x"]
-    with pytest.raises(InputError, match=r"^field: "):
-        toml(f"x = {'9' * 5000}", "field")
 
 
 @pytest.mark.parametrize(

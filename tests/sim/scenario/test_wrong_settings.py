@@ -36,6 +36,12 @@ WRONG = {
     "people.min_speed=5": ["min_speed 5", "max_speed 3"],
     "version=2": ["version", "2"],
     "nonsense": ["key=value"],
+    "tracking.life=existance": ["tracking.life: 'existance'", "m_of_n, existence; did you mean existence?"],
+    "tracking.survival=1.5": ["tracking.survival: 1.5", "<= 1"],
+    "tracking.doubt=0.995": ["tracking", "doubt 0.995 must be below sure 0.99"],
+    "network.fusion=klaa": ["network.fusion: 'klaa' is unknown; allowed are kla, hcmci; did you mean kla?"],
+    "sensing.mode=idle": ["sensing.mode: 'idle' is unknown; allowed are camera, ideal; did you mean ideal?"],
+    "tracking.motion=imm": ["tracking.motion: 'imm' is unknown; allowed are ncv, bounded"],
     "x" + ".x" * 5000 + "=1": ["x", "unknown key"],
     # Cameras
     "uavs.0.mount=gimball": ["uavs.0.mount: 'gimball'", "did you mean gimbal?"],
@@ -119,7 +125,6 @@ def test_a_wrong_value_is_named_in_one_line(settings):
     with pytest.raises(InputError) as caught:
         load("forest", settings.split(" "))
     message = str(caught.value)
-    assert "\n" not in message
-    assert message == LINES.get(settings, message)
+    assert "\n" not in message and message == LINES.get(settings, message)
     for word in WRONG.get(settings, []):
         assert word in message

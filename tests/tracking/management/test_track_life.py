@@ -7,7 +7,6 @@ import pytest
 from helpers.scenes import ABOVE, ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
 
 from sim.mission.tracker_setup import tracker_parameters
-from sim.scenario.loading import load
 from sim.scenario.perception import Tracking
 from sim.scenario.scenario import Scenario
 from tracking.filter.bounded_speed import BoundedSpeed
@@ -17,7 +16,6 @@ from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.parameters import TrackerParameters
-from tracking.plugins.registry import InputError
 from tracking.tracker import Tracker
 
 BOTH = pytest.mark.parametrize("life", ["m_of_n", "existence"])
@@ -130,18 +128,3 @@ def test_the_motion_of_a_scenario_is_what_it_says():
     assert tracker_parameters(Scenario()).motion == NearlyConstantVelocity(0.2, 0.6)
     bounded = Scenario(tracking=Tracking(motion="bounded", sigma_a=0.6, max_speed=2.0))
     assert tracker_parameters(bounded).motion == BoundedSpeed(0.2, 0.6, 2.0)
-
-
-@pytest.mark.parametrize(
-    ("override", "complaint"),
-    [
-        ("tracking.life=existance", r"tracking\.life.*existance.*m_of_n, existence; did you mean existence\?"),
-        ("tracking.motion=imm", r"tracking\.motion.*imm.*ncv, bounded"),
-        ("tracking.survival=1.5", r"tracking\.survival.*1\.5.*<= 1"),
-        ("tracking.doubt=0.995", r"tracking.*doubt 0\.995 must be below sure 0\.99"),
-    ],
-)
-def test_a_scenario_with_an_unknown_life_or_motion_is_refused_in_one_line(override, complaint):
-    with pytest.raises(InputError, match=complaint) as caught:
-        load("forest", [override])
-    assert "\n" not in str(caught.value)
