@@ -5,10 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from helpers.views import CAMERA
+from helpers.views import ALTITUDES, CAMERA, SCENARIO
+from sim.sensing.renderer import Renderer
+from sim.world.world import World
+from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
-from tracking.geometry.camera import Camera
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.assignment import pairs_within
 
 MARGIN = 16  # pixels around the image in which people cut by its edge are seen whole
@@ -58,3 +61,19 @@ class Tally:
         for row in range(len(found.ground)):
             if np.isinf(distance[row]).all() or not touch[np.argmin(distance[row])]:
                 self.detections.append(row in pairs.values())
+
+
+def survey(tally, rng, forest, frames, scenario=SCENARIO, seed=0):
+    """Detect in random frames over a forest, with eight people anywhere in the image and across its edges."""
+    with World(scenario, forest, 8, seed) as world, World(SCENARIO, Forest(()), 8) as bare:
+        full, alone = Renderer(world), Renderer(bare)
+        for k in range(frames):
+            pose = Pose.level(*rng.uniform(-30, 30, 2), rng.choice(ALTITUDES))
+            half = pose.position[2] * math.tan(CAMERA.fov / 2) + 0.5
+            places = pose.position[:2] + rng.uniform(-half, half, (8, 2))
+            headings = rng.uniform(-math.pi, math.pi, 8)
+            for each in (world, bare):
+                each.place_people(places, headings)
+            taken = full.take(0, k / 5, CAMERA, pose)
+            found = BlobDetector().detect(frame(taken.image, pose))
+            tally.count(found, places, pose, taken.people, alone.render(WIDE, pose).people)

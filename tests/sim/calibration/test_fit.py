@@ -1,6 +1,7 @@
 """The camera's covariance against the errors of thousands of detections, level and tilted, and its fitted constants."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -19,11 +20,19 @@ from tracking.detection.partial_visibility import PART, locate, places_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 
+CAMERA = Camera(math.radians(60), 128)
+IMAGE = np.full((128, 128, 3), (100, 115, 75), dtype=np.uint8)
+
+
+@cache
+def fifty_frames():
+    return people_in_forests(2, 50)
+
 
 @pytest.fixture(scope="module")
 def population():
     """Detected people; trees or the image's edge hide a third of them in part."""
-    return people_in_forests(7, 50)
+    return fifty_frames()
 
 
 @pytest.fixture(scope="module")
@@ -50,24 +59,19 @@ def errors(population, found):
 @pytest.mark.parametrize("frames", [50, pytest.param(165, marks=pytest.mark.slow)])
 def test_nees_lies_in_its_95_percent_interval_at_all_angles_and_hidden_shares(frames):
     """Of fifty frames it finds covariances that are wrong by a tenth over all, or by a third in one bin."""
-    bins = nees_bins(people_in_forests(2, frames))
+    bins = nees_bins(fifty_frames() if frames == 50 else people_in_forests(2, frames))
     assert bins[-1].count > 30 * frames and all(row.count > 1.5 * frames for row in bins)
     assert [row for row in bins if not row.holds] == []
 
 
-def test_people_seen_in_part_are_placed_without_bias_and_twice_as_well(parts, placed):
+def test_people_seen_in_part_are_placed_without_bias_and_less_surely(parts, placed):
     mapped, blind = errors(parts, placed), errors(parts, [detections_of(s.frame, [s.blob]) for s in parts])
     hidden = np.array([s.hidden for s in parts])
     for low, high in ((0.0, 0.3), (0.3, 0.6), (0.6, 0.9)):
         within = (hidden > low) & (hidden <= high)
-        assert within.sum() > 100
-        assert np.abs(mapped[within].mean(axis=0)).max() < 0.03
+        assert within.sum() > 100 and np.abs(mapped[within].mean(axis=0)).max() < 0.03
     half = (hidden > 0.4) & (hidden < 0.9)
     assert np.square(mapped[half]).sum() < 0.25 * np.square(blind[half]).sum()
-
-
-def test_the_less_shows_the_wider_the_covariance(parts, placed):
-    hidden = np.array([s.hidden for s in parts])
     spread = np.array([math.sqrt(np.trace(d.covariances[0])) for d in placed])
     means = [spread[(hidden > a) & (hidden <= a + 0.2)].mean() for a in (0.0, 0.2, 0.4, 0.6, 0.8)]
     assert means == sorted(means) and means[-1] > 2 * means[0]
@@ -83,7 +87,7 @@ def test_people_seen_whole_are_placed_by_their_centroids_alone(population):
         assert one.covariances.tobytes() == other.covariances.tobytes()
 
 
-@pytest.mark.parametrize("pixels", [96, 256, *(pytest.param(n, marks=pytest.mark.slow) for n in (128, 192))])
+@pytest.mark.parametrize("pixels", [96, 192, *(pytest.param(n, marks=pytest.mark.slow) for n in (128, 256))])
 def test_nees_is_two_at_other_resolutions_and_for_parts_lies_in_its_interval(pixels):
     population = people_in_forests(3, 30, pixels)
     assert 1.8 < nees(population).mean() < 2.2
@@ -100,10 +104,6 @@ def test_the_constants_in_force_are_those_that_the_fit_gives():
     for mine, theirs in zip(WHOLE.variances(gsd), fit_whole(0, 1200).variances(gsd), strict=True):
         powers = 0.4 ** np.arange(3)
         np.testing.assert_allclose(mine @ powers, theirs @ powers, rtol=0.02)
-
-
-CAMERA = Camera(math.radians(60), 128)
-IMAGE = np.full((128, 128, 3), (100, 115, 75), dtype=np.uint8)
 
 
 def posed(tilt_deg=0.0, yaw_deg=0.0, roll_deg=0.0):
@@ -160,7 +160,7 @@ def test_the_covariance_turns_with_the_camera_and_is_bounded_up_to_the_horizon()
         assert np.all(np.linalg.eigvalsh(R)[:, 1] <= distances * 1.000001)
 
 
-def test_only_people_told_apart_in_one_component_are_the_less_certain_for_it():
+def test_only_people_told_apart_are_less_certain_the_more_the_nearer():
     image = IMAGE.copy()
     image[60:63, 90:104] = (230, 62, 0)  # wide enough for three
     image[20:23, 20:23] = (230, 62, 0)
@@ -178,10 +178,6 @@ def test_only_people_told_apart_in_one_component_are_the_less_certain_for_it():
         - located_detections(frame, blobs, Forest(())).covariances
     )
     np.testing.assert_allclose(parts[1:], wider, atol=1e-15)
-
-
-def test_the_farther_apart_two_parts_are_the_less_is_added():
-    frame = Frame(0, 0.0, CAMERA, posed(), IMAGE)
     traces = []
     for gap in (2.0, 4.0, 6.0, 30.0):
         pixels = np.array([[90.0, 64.0], [90.0, 64.0 + gap]])
@@ -189,9 +185,10 @@ def test_the_farther_apart_two_parts_are_the_less_is_added():
     assert traces == sorted(traces, reverse=True) and traces[0] > 100 * traces[-1]
 
 
-def test_nees_of_people_seen_whole_lies_in_its_interval_at_each_tilt():
-    bins = tilt_bins(0, 70)
-    assert len(bins) == 6 and all(row.count > 400 for row in bins)
+@pytest.mark.parametrize("frames", [35, pytest.param(70, marks=pytest.mark.slow)])
+def test_nees_of_people_seen_whole_lies_in_its_interval_at_each_tilt(frames):
+    bins = tilt_bins(0, frames)
+    assert len(bins) == 6 and all(row.count > 5.7 * frames for row in bins)
     assert [row for row in bins if not row.holds] == []
 
 
@@ -199,8 +196,7 @@ def test_nees_of_people_seen_whole_lies_in_its_interval_at_each_tilt():
 def test_nees_of_people_told_apart_lies_in_its_interval(pairs):
     """Of 400 pairs it finds covariances that are wrong by a fifth or more, of 1200 by a tenth."""
     bins = pair_bins(0, pairs)
-    assert all(row.count > pairs / 4 for row in bins)
-    assert [row for row in bins if not row.holds] == []
+    assert all(row.count > pairs / 4 for row in bins) and [row for row in bins if not row.holds] == []
 
 
 def test_nees_of_people_seen_in_part_by_tilted_cameras_lies_in_its_interval():

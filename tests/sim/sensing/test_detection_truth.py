@@ -45,16 +45,23 @@ def test_matches_equal_brute_force():
     assert outcomes == {(n, k) for n in (1, 2, 3) for k in range(n + 1)}
 
 
-def test_one_detection_finds_one_person():
+def test_matches_and_pixels_of_few_people_are_those_by_hand():
     people = segmentation([(10, 10)], [(10, 12)])
     assert matched_people(np.array([[11.4, 10.5]]), people, 2).tolist() == [True, False]
     assert matched_people(np.array([[11.4, 10.5], [11.4, 10.5]]), people, 2).tolist() == [True, True]
-
-
-def test_a_near_pair_does_not_cost_another_person_the_match():
-    # The first detection is on the upper person, yet only it can reach the lower one.
     people = segmentation([(10, 10)], [(13, 10)])
     assert matched_people(np.array([[10.5, 10.5], [8.0, 10.8]]), people, 2).tolist() == [True, True]
+    people = segmentation([(0, 5)])  # in the first row
+    for pixel, expected in (([5.5, -4.0], True), ([9.0, -4.0], False), ([5.5, 4.0], False)):
+        assert matched_people(np.array([pixel]), people, 1).tolist() == [expected]
+    pixels = np.array([[5.5, -4.0], [5.4, 0.5]])
+    assert matched_people(pixels, segmentation([(0, 5)], [(1, 5)]), 2).tolist() == [True, True]
+    assert matched_people(np.array([[3.0, 3.0]]), segmentation(), 2).tolist() == [False, False]
+    assert matched_people(np.zeros((0, 2)), segmentation([(3, 3)]), 1).tolist() == [False]
+    assert matched_people(np.array([[3.0, 3.0]]), segmentation(), 0).shape == (0,)
+    people = segmentation([(1, 1), (1, 2)], [], [(4, 4), (4, 5), (9, 9)])
+    assert visible_pixels(people, 4).tolist() == [2, 0, 3, 0]
+    assert visible_pixels(segmentation(), 0).tolist() == []
 
 
 @pytest.mark.parametrize(("distance", "expected"), [(GATE, True), (GATE + 1e-6, False)])
@@ -62,25 +69,3 @@ def test_the_gate_is_the_distance_to_the_nearest_pixel(distance, expected):
     people = segmentation([(5, 5), (5, 6), (5, 7)])
     assert matched_people(np.array([[7.5 + distance, 5.5]]), people, 1).tolist() == [expected]
     assert matched_people(np.array([[5.5 - distance, 5.5]]), people, 1).tolist() == [expected]
-
-
-def test_a_detection_beyond_the_image_edge_counts_for_the_person_it_cuts():
-    people = segmentation([(0, 5)])  # in the first row
-    for pixel, expected in (([5.5, -4.0], True), ([9.0, -4.0], False), ([5.5, 4.0], False)):
-        assert matched_people(np.array([pixel]), people, 1).tolist() == [expected]
-    assert matched_people(np.array([[5.5, -4.0], [5.4, 0.5]]), segmentation([(0, 5)], [(1, 5)]), 2).tolist() == [
-        True,
-        True,
-    ]
-
-
-def test_without_visible_people_or_detections_there_is_no_match():
-    assert matched_people(np.array([[3.0, 3.0]]), segmentation(), 2).tolist() == [False, False]
-    assert matched_people(np.zeros((0, 2)), segmentation([(3, 3)]), 1).tolist() == [False]
-    assert matched_people(np.array([[3.0, 3.0]]), segmentation(), 0).shape == (0,)
-
-
-def test_pixels_are_counted_per_person():
-    people = segmentation([(1, 1), (1, 2)], [], [(4, 4), (4, 5), (9, 9)])
-    assert visible_pixels(people, 4).tolist() == [2, 0, 3, 0]
-    assert visible_pixels(segmentation(), 0).tolist() == []

@@ -122,15 +122,12 @@ def test_detections_beyond_all_measure_are_faults(ground, variance, words):
         usable_detections(Detections([[1.0, 2.0]], [[ground, 0.0]], [variance * np.eye(2)]))
 
 
-def test_an_empty_list_means_no_detections():
-    found = usable_detections(Detections([], [], []))
-    assert [a.shape for a in (found.pixels, found.ground, found.covariances)] == [(0, 2), (0, 2), (0, 2, 2)]
-
-
-def test_usable_detections_pass_as_floats():
+def test_usable_detections_pass_as_floats_and_none_as_an_empty_list():
     found = usable_detections(Detections([[1, 2]], [[3, 4]], [[[2, 1], [1, 2]]]))
     assert [a.dtype for a in (found.pixels, found.ground, found.covariances)] == [np.float64] * 3
     assert found.covariances.tolist() == [[[2.0, 1.0], [1.0, 2.0]]]
+    found = usable_detections(Detections([], [], []))
+    assert [a.shape for a in (found.pixels, found.ground, found.covariances)] == [(0, 2), (0, 2), (0, 2, 2)]
 
 
 def shown(rng, forest, count):
@@ -160,16 +157,13 @@ def test_the_mask_detector_detects_exactly_the_people_with_a_visible_pixel():
     assert crowded > 0  # some people have touching blobs, which are one
 
 
-def test_segmentation_is_the_blob_detector_where_people_stand_apart():
+def test_segmentation_is_the_blob_detector_and_shows_no_numbers():
     rng = np.random.default_rng(1)
     for frame, mask, _ in shown(rng, OPEN, 1):
         mine, blobs = MaskDetector(OPEN).detect(frame, mask), BlobDetector(OPEN).detect(frame)
         if len(blobs.ground) == 1:
             np.testing.assert_allclose(mine.ground, blobs.ground, atol=1e-9)
             np.testing.assert_allclose(mine.covariances, blobs.covariances, atol=1e-12)
-
-
-def test_the_masks_numbers_do_not_show_in_the_detections():
     rng = np.random.default_rng(2)
     for frame, mask, _ in shown(rng, OPEN, 5):
         renamed = np.where(mask >= 0, 4 - mask, -1)

@@ -19,6 +19,12 @@ from sim.world.world import World
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 
+FINE = Camera(math.radians(60), 256)
+ROWS, COLUMNS = np.divmod(np.arange(FINE.pixels**2), FINE.pixels)
+# In parts so small that linear algebra stays on one thread: with other tests beside it, more take many times as long.
+CENTRES = np.split(np.column_stack([COLUMNS, ROWS]) + 0.5, 8)
+PIXELS = (96, 128, 256)
+
 
 def place_at_random(rng, world, people, *, around, half):
     positions = around + rng.uniform(-half, half, (people, 2))
@@ -59,8 +65,7 @@ def test_hiding_what_is_out_of_view_changes_no_pixel(monkeypatch):
             whole = culling.render(CAMERA, pose)
             assert culled.image.tobytes() == whole.image.tobytes()
             assert culled.people.tobytes() == whole.people.tobytes()
-    assert np.median(hidden) > 0.7
-    assert sum((frame.people >= 0).any() for frame in seen) > 20
+    assert np.median(hidden) > 0.7 and sum((frame.people >= 0).any() for frame in seen) > 20
 
 
 def test_pixels_show_a_known_body_exactly_where_the_camera_model_projects_it():
@@ -108,8 +113,7 @@ def test_the_ground_stays_put_when_the_camera_moves_or_turns():
             here = renderer.render(CAMERA, Pose.level(east, north, altitude)).image.astype(int)
             there = renderer.render(CAMERA, Pose.level(east + 20 * pixel, north + 7 * pixel, altitude)).image
             # The camera went right and up, so the scene goes left and down.
-            assert np.abs(here[:-7, 20:] - there[7:, :-20]).max() <= 2
-            assert here.std(axis=(0, 1)).min() > 2.0
+            assert np.abs(here[:-7, 20:] - there[7:, :-20]).max() <= 2 and here.std(axis=(0, 1)).min() > 2.0
             half_turn = Pose(np.array([east, north, altitude]), np.array([0.0, 0.0, 1.0, 0.0]))
             turned = renderer.render(CAMERA, half_turn).image
             assert np.abs(here - turned[::-1, ::-1]).max() <= 2
@@ -119,8 +123,7 @@ def test_a_level_view_shows_sky_above_the_horizon_and_ground_below():
     forward = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]))
     with World(SCENARIO, Forest(()), 0) as world:
         image = Renderer(world).render(CAMERA, forward).image
-    assert len(np.unique(image[:64].reshape(-1, 3), axis=0)) == 1
-    assert image[0, 0, 2] > image[0, 0, 0] > 150
+    assert len(np.unique(image[:64].reshape(-1, 3), axis=0)) == 1 and image[0, 0, 2] > image[0, 0, 0] > 150
     assert (image[70:].reshape(-1, 3).std(axis=0) > 2).all()
     assert not (image[70:] == image[0, 0]).all(axis=-1).any()
 
@@ -193,16 +196,8 @@ def test_line_of_sight_agrees_with_the_rendered_segmentation(views):
                 pairs += len(np.unique(found[:, 0]))
                 rows.append(found[:, 1:].astype(bool))
     shown, free, near = np.vstack(rows).T
-    assert pairs >= 33 * views
-    assert np.array_equal(shown[~near], free[~near])
-    assert near.mean() < 0.1
+    assert pairs >= 33 * views and np.array_equal(shown[~near], free[~near]) and near.mean() < 0.1
     assert 0.2 < free.mean() < 0.8
-
-
-FINE = Camera(math.radians(60), 256)
-ROWS, COLUMNS = np.divmod(np.arange(FINE.pixels**2), FINE.pixels)
-# In parts so small that linear algebra stays on one thread: with other tests beside it, more take many times as long.
-CENTRES = np.split(np.column_stack([COLUMNS, ROWS]) + 0.5, 8)
 
 
 def hidden_in_image(world: World, pose: Pose) -> np.ndarray:
@@ -234,11 +229,7 @@ def test_image_and_line_of_sight_hide_the_same_ground(views):
     assert both.sum() / either.sum() >= 0.998
     # A view with little in it is decided by a few pixels.
     large = either > 1000
-    assert np.mean(large) > 0.9
-    assert np.min(both[large] / either[large]) >= 0.99
-
-
-PIXELS = (96, 128, 256)
+    assert np.mean(large) > 0.9 and np.min(both[large] / either[large]) >= 0.99
 
 
 def flown(pixels):
@@ -248,16 +239,7 @@ def flown(pixels):
     return [tuple(mission.frames) for _ in mission.fly()]
 
 
-def test_a_fleet_of_several_resolutions_gets_the_frames_of_fleets_of_one():
-    mixed = flown(PIXELS)
-    equal = [flown((n, n, n)) for n in PIXELS]
-    assert len(mixed) == 3
-    for k, uav in itertools.product(range(3), range(3)):
-        assert mixed[k][uav].shape == (PIXELS[uav], PIXELS[uav], 3)
-        assert mixed[k][uav].tobytes() == equal[uav][k][uav].tobytes()
-
-
-def test_whatever_size_was_rendered_before_an_image_and_its_mask_are_the_same():
+def test_images_do_not_depend_on_sizes_rendered_before_or_flown_beside():
     rng = np.random.default_rng(0)
     forest, places = random_forest(rng, 24, 5.0), rng.uniform(-15, 15, (12, 2))
     cameras = [Camera(math.radians(60), n) for n in (16, 97, 128, 512)]
@@ -275,3 +257,9 @@ def test_whatever_size_was_rendered_before_an_image_and_its_mask_are_the_same():
     assert len(set(expected.values())) == 16
     assert shots([(i, j) for j in range(4) for i in (3, 0, 2, 1)]) == expected
     assert shots([sorted_by_size[k] for k in rng.permutation(16)]) == expected
+    mixed = flown(PIXELS)
+    equal = [flown((n, n, n)) for n in PIXELS]
+    assert len(mixed) == 3
+    for k, uav in itertools.product(range(3), range(3)):
+        assert mixed[k][uav].shape == (PIXELS[uav], PIXELS[uav], 3)
+        assert mixed[k][uav].tobytes() == equal[uav][k][uav].tobytes()

@@ -8,9 +8,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from helpers.frames import WIDE, Tally, frame
+from helpers.frames import Tally, survey
 from helpers.pages import generator
-from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
+from helpers.views import CAMERA, SCENARIO, random_forest
 
 from assets.shapes import PALETTE
 from sim.scenario.environment import Appearance
@@ -18,7 +18,6 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import Renderer
 from sim.world.appearance import FULL, sample_appearance
 from sim.world.world import World
-from tracking.detection.blob_detector import BlobDetector
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 
@@ -74,8 +73,7 @@ def test_each_strength_varies_its_own_part_and_shows(name):
     # The others' strengths do not change it; and what is given holds against full randomisation.
     assert different(style(randomise=True, **{name: 0}), style(randomise=True)) == PARTS[name]
     plain, changed = shot(SCENARIO, 3), shot(varied(**{name: FULL[name]}), 3)
-    assert np.array_equal(plain.people, changed.people)
-    assert not np.array_equal(plain.image, changed.image)
+    assert np.array_equal(plain.people, changed.people) and not np.array_equal(plain.image, changed.image)
 
 
 def test_full_randomisation_has_the_strengths_that_the_reference_lists():
@@ -85,7 +83,7 @@ def test_full_randomisation_has_the_strengths_that_the_reference_lists():
     assert different(style(randomise=True), style()) == set().union(*PARTS.values())
 
 
-def test_draws_fill_their_ranges_and_stay_inside():
+def test_draws_fill_their_ranges_and_clothes_keep_to_their_hues():
     styles = [style(seed, randomise=True) for seed in range(300)]
     zenith = [math.degrees(math.acos(s.light[2])) for s in styles]
     assert max(zenith) <= 60.0 and max(zenith) > 57 and min(zenith) < 3
@@ -96,23 +94,18 @@ def test_draws_fill_their_ranges_and_stay_inside():
     # The engine wraps tones above 255, before it applies the light.
     brightest = np.array([122, 152, 76]) * tints.max()
     assert brightest.max() < 255
-
-
-def test_clothes_keep_to_the_family_of_hues_the_detector_is_made_for():
     tints = np.concatenate([style(seed, randomise=True).clothes for seed in range(300)])
     assert tints.max(axis=0) == pytest.approx([1.0, 1.35, 1.35], abs=0.05)
     for name in ("vest", "trousers", "boots", "hair"):
         tones = np.array(PALETTE[name]) * tints
         hues = np.array([360 * colorsys.rgb_to_hsv(*(tone / 255))[0] for tone in tones])
-        assert hues.min() > 9.9 and hues.max() < 22.1
-        assert tones.max() <= 255
+        assert hues.min() > 9.9 and hues.max() < 22.1 and tones.max() <= 255
 
 
-def test_noise_blur_and_gain_are_as_strong_as_the_scenario_says():
+def test_noise_blur_and_gain_are_as_strong_as_told_and_each_images_own():
     flat = np.full((128, 128, 3), 100, dtype=np.uint8)
     noisy = style(noise=4.0).develop(flat, 0, 0.2).astype(float) - 100
-    assert abs(noisy.mean()) < 0.05
-    assert noisy.std() == pytest.approx(math.sqrt(16 + 1 / 12), rel=0.01)
+    assert abs(noisy.mean()) < 0.05 and noisy.std() == pytest.approx(math.sqrt(16 + 1 / 12), rel=0.01)
     gained = style(exposure=0.2)
     assert np.unique(gained.develop(flat, 0, 0.2)).tolist() == [round(100 * gained.gains[0])]
     square = np.zeros((33, 33, 3), dtype=np.uint8)
@@ -120,49 +113,23 @@ def test_noise_blur_and_gain_are_as_strong_as_the_scenario_says():
     spread = style(blur=1.0).develop(square, 0, 0.2)[..., 0].sum(axis=0, dtype=float)
     variance = (spread @ (np.arange(33) - 16) ** 2) / spread.sum() - (9**2 - 1) / 12
     assert variance == pytest.approx(1.0, abs=0.05)
-
-
-def test_noise_depends_on_seed_uav_and_time_alone():
     flat = np.full((16, 16, 3), 100, dtype=np.uint8)
-    taken = [
-        style(seed, noise=4.0).develop(flat, uav, time).tobytes()
-        for seed, uav, time in ((0, 0, 0.2), (1, 0, 0.2), (0, 0, 0.4))
-    ]
+    asked = ((0, 0, 0.2), (1, 0, 0.2), (0, 0, 0.4))
+    taken = [style(seed, noise=4.0).develop(flat, uav, time).tobytes() for seed, uav, time in asked]
     assert len(set(taken)) == 3
     fleet = Scenario(appearance=Appearance(noise=4.0))
     two = sample_appearance(fleet, 0, trees=9, people=0)
     two.develop(flat, 2, 7.0)
-    assert two.develop(flat, 0, 0.2).tobytes() == taken[0]
-    assert two.develop(flat, 1, 0.2).tobytes() != taken[0]
-
-
-def survey(worlds, frames):
-    """Recall and precision of people half or more visible clear of others, in worlds of full randomisation."""
-    rng = np.random.default_rng(0)
-    tally = Tally([], [])
-    for seed in range(worlds):
-        count, radius = ((20, 5.0), (60, 1.0), (28, 4.0))[seed % 3]
-        forest = random_forest(rng, count, radius)
-        with World(varied(randomise=True), forest, 8, seed) as world, World(SCENARIO, Forest(()), 8) as bare:
-            full, alone = Renderer(world), Renderer(bare)
-            for k in range(frames):
-                pose = Pose.level(*rng.uniform(-30, 30, 2), rng.choice(ALTITUDES))
-                half = pose.position[2] * math.tan(CAMERA.fov / 2) + 0.5
-                places, headings = pose.position[:2] + rng.uniform(-half, half, (8, 2)), rng.uniform(-3, 3, 8)
-                for each in (world, bare):
-                    each.place_people(places, headings)
-                taken = full.take(0, k / 5, CAMERA, pose)
-                found = BlobDetector().detect(frame(taken.image, pose))
-                tally.count(found, places, pose, taken.people, alone.render(WIDE, pose).people)
-    return np.array(tally.people, dtype=float), np.array(tally.detections)
+    assert two.develop(flat, 0, 0.2).tobytes() == taken[0] and two.develop(flat, 1, 0.2).tobytes() != taken[0]
 
 
 @pytest.mark.parametrize(("worlds", "frames"), [(12, 4), pytest.param(150, 4, marks=pytest.mark.slow)])
 def test_people_are_found_under_full_randomisation(worlds, frames):
-    people, detections = survey(worlds, frames)
-    assert len(people) > 4 * worlds * frames
-    assert people[:, 0].mean() >= 0.98
-    assert detections.mean() >= 0.98
+    rng, tally = np.random.default_rng(0), Tally([], [])
+    for seed in range(worlds):
+        forest = random_forest(rng, *((20, 5.0), (60, 1.0), (28, 4.0))[seed % 3])
+        survey(tally, rng, forest, frames, varied(randomise=True), seed)
+    people, detections = np.array(tally.people, dtype=float), np.array(tally.detections)
+    assert len(people) > 4 * worlds * frames and people[:, 0].mean() >= 0.98 and detections.mean() >= 0.98
     found = people[people[:, 0] == 1]
-    assert np.abs(found[:, 2:].mean(axis=0)).max() < 0.02
-    assert found[:, 2:].std(axis=0).max() < 0.1
+    assert np.abs(found[:, 2:].mean(axis=0)).max() < 0.02 and found[:, 2:].std(axis=0).max() < 0.1

@@ -18,10 +18,12 @@ def vertices(name):
     return np.array([line.split()[1:] for line in lines if line.startswith("v ")], dtype=float)
 
 
-def test_the_meshes_are_what_their_source_builds(tmp_path):
+def test_the_meshes_are_what_their_source_builds_and_small(tmp_path):
     build(tmp_path)
     for name in MESHES:
         assert (tmp_path / f"{name}.obj").read_text() == (ASSETS / "meshes" / f"{name}.obj").read_text()
+    files = itertools.chain((ASSETS / "meshes").iterdir(), ASSETS.glob("*.urdf"))
+    assert sum(file.stat().st_size for file in files) < 500_000
 
 
 @pytest.mark.parametrize(("name", "sides"), [("canopy", 48), ("trunk", 16)])
@@ -34,14 +36,21 @@ def test_a_tree_prism_lies_as_far_outside_its_cylinder_as_inside(name, sides):
     outside = np.hypot(ring[:, 0], ring[:, 1]) - 1
     inside = 1 - np.hypot(middles[:, 0], middles[:, 1])
     error = math.tan(math.pi / sides / 2) ** 2
-    assert np.allclose(outside, error, atol=1e-4)
-    assert np.allclose(inside, error, atol=1e-4)
+    assert np.allclose(outside, error, atol=1e-4) and np.allclose(inside, error, atol=1e-4)
 
 
-def test_a_person_is_as_tall_as_trackers_assume_and_stands_on_the_ground():
+def test_people_are_as_tall_as_trackers_assume_and_faces_face_outwards():
     z = vertices("person")[:, 2]
-    assert z.min() == 0.0
-    assert z.max() == pytest.approx(2 * TARGET_HEIGHT, abs=1e-9)
+    assert z.min() == 0.0 and z.max() == pytest.approx(2 * TARGET_HEIGHT, abs=1e-9)
+    for name in MESHES[:2]:
+        points = vertices(name)
+        lines = (ASSETS / "meshes" / f"{name}.obj").read_text().splitlines()
+        faces = [[int(c.split("/")[0]) - 1 for c in s.split()[1:]] for s in lines if s.startswith("f ")]
+        volume = 0.0
+        for a, b, c in (points[face] for face in faces):
+            assert np.linalg.norm(np.cross(b - a, c - a)) > 0.0
+            volume += np.dot(a, np.cross(b, c)) / 6
+        assert volume == pytest.approx(math.pi, rel=0.01)
 
 
 def test_the_quadrotor_is_the_one_that_the_controller_knows():
@@ -55,20 +64,3 @@ def test_the_quadrotor_is_the_one_that_the_controller_knows():
     for x, y in ROTORS[:, :2]:
         own = blades[np.hypot(blades[:, 0] - x, blades[:, 1] - y) < 0.13]
         assert own[:, :2].mean(axis=0) == pytest.approx([x, y], abs=1e-4)
-
-
-def test_no_face_is_empty_and_all_face_outwards():
-    for name in MESHES[:2]:
-        points = vertices(name)
-        lines = (ASSETS / "meshes" / f"{name}.obj").read_text().splitlines()
-        faces = [[int(c.split("/")[0]) - 1 for c in s.split()[1:]] for s in lines if s.startswith("f ")]
-        volume = 0.0
-        for a, b, c in (points[face] for face in faces):
-            assert np.linalg.norm(np.cross(b - a, c - a)) > 0.0
-            volume += np.dot(a, np.cross(b, c)) / 6
-        assert volume == pytest.approx(math.pi, rel=0.01)
-
-
-def test_assets_stay_small():
-    files = itertools.chain((ASSETS / "meshes").iterdir(), ASSETS.glob("*.urdf"))
-    assert sum(file.stat().st_size for file in files) < 500_000

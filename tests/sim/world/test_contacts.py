@@ -40,8 +40,7 @@ def test_uavs_on_a_collision_course_touch_once_they_meet(dynamics, offset, expec
         assert world.take_contacts() == ()
         for _ in range(600):
             world.step(np.array([[1.0, 0.0], [-1.0, 0.0]]))
-        assert world.take_contacts() == expected
-        assert world.take_contacts() == ()
+        assert world.take_contacts() == expected and world.take_contacts() == ()
 
 
 @pytest.mark.parametrize("dynamics", ["quadrotor", "kinematic"])
@@ -59,7 +58,7 @@ def test_a_uav_flown_into_a_tree_touches_that_tree(dynamics, kind):
             assert world.poses()[0].position[0] < 4.0
 
 
-def test_a_mission_records_contacts_with_their_scan():
+def test_contacts_of_missions_are_recorded_and_come_back_from_the_disk(tmp_path):
     class Collide:
         def plan(self, team, rng):
             return [Plan(np.array([[1.0, 0.0]])), Plan(np.array([[-1.0, 0.0]]))]
@@ -68,24 +67,26 @@ def test_a_mission_records_contacts_with_their_scan():
     _, snapshots = fly_ideal("trees.density=0", fleet, planner=Collide())
     touching = [s.time for s in snapshots if s.contacts]
     # Bodies 0.34 m wide that close 6 m at 2 m/s touch from 2.83 s, before the scan at 3.0 s, to 3.17 s, before 3.2 s.
-    assert touching == [3.0, 3.2]
-    assert {c for s in snapshots for c in s.contacts} == {Contact(0, "uav", 1)}
-
-
-def test_contacts_survive_the_disk_and_come_back_scan_by_scan(tmp_path):
+    assert touching == [3.0, 3.2] and {c for s in snapshots for c in s.contacts} == {Contact(0, "uav", 1)}
     recording = record()
     save(recording, tmp_path / "mission.npz")
     read = load_recording(tmp_path / "mission.npz")
     expected = [(Contact(0, "canopy", 4), Contact(2, "ground", 0)) if 3 <= k <= 5 else () for k in range(11)]
     assert [read.contacts_at(k) for k in range(11)] == expected
     assert [read.snapshot(k).contacts for k in range(11)] == expected
+    setting = synthetic.scenario(uavs=1)
+    recorder = Recorder()
+    for snapshot in list(synthetic.snapshots(setting, Forest(()), 6))[3:]:
+        recorder.add(snapshot)
+    recording = recorder.recording(scenario="{}", planner="p", seed=0, forest=Forest(()))
+    assert recording.contacts[:, 0].tolist() == [0, 0, 1, 1, 2, 2]
 
 
 def with_contacts(rows):
     return dataclasses.replace(record(), contacts=np.array(rows, dtype=np.int64).reshape(-1, 4))
 
 
-def test_a_contact_that_lasts_counts_once():
+def test_a_contact_that_lasts_counts_once_and_stands_in_the_table():
     # UAVs 0 and 1 at scans 3 and 4, and again at 6; UAV 2 and canopy 7 at scan 4.
     found = contacts(with_contacts([(3, 0, 0, 1), (4, 0, 0, 1), (4, 2, 1, 7), (6, 0, 0, 1)]))
     assert found == [
@@ -93,9 +94,6 @@ def test_a_contact_that_lasts_counts_once():
         {"time": 4 / 5, "until": 4 / 5, "uav": 2, "kind": "canopy", "other": 7},
         {"time": 6 / 5, "until": 6 / 5, "uav": 0, "kind": "uav", "other": 1},
     ]
-
-
-def test_the_table_shows_contacts_only_if_there_are_any():
     texts = []
     for rows in ([], [(3, 0, 0, 1), (4, 2, 1, 7)]):
         result = summary(with_contacts(rows))
@@ -119,12 +117,3 @@ def test_the_map_marks_a_uav_for_a_second_after_its_contact():
         ring = np.abs(np.hypot(columns + 0.5 - centre[0], rows + 0.5 - centre[1]) - 15.0) < 2.0
         marked.append(bool(ring.sum() > 40))
     assert marked == [2 <= k < 2 + round(ALERT * 5) for k in range(12)]
-
-
-def test_a_recorder_counts_contacts_by_its_own_scans():
-    setting = synthetic.scenario(uavs=1)
-    recorder = Recorder()
-    for snapshot in list(synthetic.snapshots(setting, Forest(()), 6))[3:]:
-        recorder.add(snapshot)
-    recording = recorder.recording(scenario="{}", planner="p", seed=0, forest=Forest(()))
-    assert recording.contacts[:, 0].tolist() == [0, 0, 1, 1, 2, 2]

@@ -40,25 +40,30 @@ def test_places_are_those_of_drawing_trees_one_by_one():
         assert np.array_equal(centres(trees, seed), expected)
 
 
-def test_places_are_uniform_where_canopies_leave_room():
+def test_forests_of_any_size_grow_at_once_in_uniform_places():
     places = np.vstack([centres(Trees(density=75, canopy_radius=0.3), seed) for seed in range(40)])
     assert stats.kstest(places[:, 0], stats.uniform(-75, 150).cdf).pvalue > 0.01
     assert stats.kstest(places[:, 1], stats.uniform(-50, 100).cdf).pvalue > 0.01
+    start = time.process_time()
+    places = centres(Trees(density=750), 0, Area(width=475.0, height=316.0))
+    assert time.process_time() - start < 0.5 and pdist(places).min() >= 10
 
 
 @pytest.mark.parametrize("density, radius", [(45, 5), (75, 5), (75, 1), (750, 1)])
 def test_canopies_do_not_overlap_and_centres_lie_inside(density, radius):
     for seed in range(10):
         places = centres(Trees(density=density, canopy_radius=radius), seed)
-        assert pdist(places).min() >= 2 * radius
-        assert np.all(np.abs(places) <= [75, 50])
+        assert pdist(places).min() >= 2 * radius and np.all(np.abs(places) <= [75, 50])
 
 
-def test_trees_have_the_shape_of_the_scenario():
+def test_trees_have_the_shape_density_and_seed_of_the_scenario():
     trees = Trees(density=20, canopy_radius=2.0, canopy_base=2.5, canopy_top=7.0, trunk_radius=0.3)
     for tree in grow(trees, AREA, np.random.default_rng(0)).trees:
         shape = (tree.canopy_radius, tree.canopy_base, tree.canopy_top, tree.trunk_radius)
         assert shape == (2.0, 2.5, 7.0, 0.3)
+    assert np.array_equal(centres(Trees(), 7), centres(Trees(), 7))
+    assert not np.array_equal(centres(Trees(), 7)[:10], centres(Trees(), 8)[:10])
+    assert grow(Trees(density=0), AREA, np.random.default_rng(0)).trees == ()
 
 
 def test_no_trunk_stands_on_a_point_to_keep_clear():
@@ -66,17 +71,7 @@ def test_no_trunk_stands_on_a_point_to_keep_clear():
     trees = Trees(density=75, canopy_radius=1.0)
     near = [np.abs(centres(trees, seed)[:, 1]).min() for seed in range(20)]
     kept = [np.abs(centres(trees, seed, keep_clear=path)[:, 1]).min() for seed in range(20)]
-    assert min(near) < 0.2
-    assert min(kept) >= 0.2 + CLEARANCE - 0.03
-
-
-def test_same_seed_same_forest_and_another_seed_another():
-    assert np.array_equal(centres(Trees(), 7), centres(Trees(), 7))
-    assert not np.array_equal(centres(Trees(), 7)[:10], centres(Trees(), 8)[:10])
-
-
-def test_zero_density_is_no_forest():
-    assert grow(Trees(density=0), AREA, np.random.default_rng(0)).trees == ()
+    assert min(near) < 0.2 and min(kept) >= 0.2 + CLEARANCE - 0.03
 
 
 @pytest.mark.parametrize("density, radius, fits", [(150, 5, 105), (1e15, 5, 180), (9000, 0.7, 4000)])
@@ -87,10 +82,3 @@ def test_a_forest_too_dense_fails_soon_and_says_what_fits(density, radius, fits)
     assert time.process_time() - start < 1.0
     said = int(str(error.value).split(" trees with canopies")[0].split()[-1])
     assert fits <= said <= 1.3 * fits
-
-
-def test_a_bigger_forest_in_a_bigger_area_grows_at_once():
-    start = time.process_time()
-    places = centres(Trees(density=750), 0, Area(width=475.0, height=316.0))
-    assert time.process_time() - start < 0.5
-    assert pdist(places).min() >= 10

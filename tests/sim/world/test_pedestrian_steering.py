@@ -27,11 +27,15 @@ def lateral_acceleration(walk):
     return np.abs(np.diff(headings, axis=0)) * 60 * np.hypot(steps[1:, :, 0], steps[1:, :, 1])
 
 
-def test_a_free_way_is_straight_at_the_given_speed():
+def test_ways_are_straight_where_free_and_out_of_pockets_of_trunks():
     walk = steered([(-30, -20)], [1.5], [(30, 25)])[:, 0]
     direction = np.array([60, 45]) / 75
     t = np.arange(len(walk)) / 60
     assert_allclose(walk, [-30, -20] + 1.5 * t[:, None] * direction, atol=1e-9)
+    walk = steered([(-10, 0.0)], [2.0], [(60, 0)], [(0.0, 0.55, 0.6), (0.0, -0.55, 0.6), (-0.8, 0.0, 0.6)])
+    for x, y in [(0.0, 0.55), (0.0, -0.55), (-0.8, 0.0)]:
+        assert np.hypot(walk[:, 0, 0] - x, walk[:, 0, 1] - y).min() >= 0.6
+    assert walk[-1, 0, 0] > 20
 
 
 @pytest.mark.parametrize("speed", [1.0, 2.0, 3.0])
@@ -39,9 +43,7 @@ def test_a_free_way_is_straight_at_the_given_speed():
 def test_a_trunk_in_the_way_is_passed_near_and_smoothly(speed, offset):
     walk = steered([(-10, 0)], [speed], [(60, 0)], [(0.0, offset, 0.6)])
     away = np.hypot(walk[:, 0, 0], walk[:, 0, 1] - offset)
-    assert 0.6 <= away.min() < 1.3
-    assert lateral_acceleration(walk).max() < 1.05
-    assert abs(walk[-1, 0, 1]) < 0.25
+    assert 0.6 <= away.min() < 1.3 and lateral_acceleration(walk).max() < 1.05 and abs(walk[-1, 0, 1]) < 0.25
 
 
 @pytest.mark.parametrize("speeds", [(1, 1), (3, 3), (1, 3)])
@@ -49,39 +51,23 @@ def test_a_trunk_in_the_way_is_passed_near_and_smoothly(speed, offset):
 def test_people_on_a_collision_course_pass_each_other(speeds, shift):
     walk = steered([(-12, 0), (12, shift)], speeds, [(60, 0), (-60, shift)])
     away = np.hypot(*(walk[:, 0] - walk[:, 1]).T)
-    assert SEPARATION <= away.min() < 1.5
-    assert lateral_acceleration(walk).max() < 1.05
+    assert SEPARATION <= away.min() < 1.5 and lateral_acceleration(walk).max() < 1.05
 
 
-def test_a_fast_walker_overtakes_a_slow_one():
+def test_fast_walkers_overtake_and_routes_out_of_the_area_end_smoothly():
     walk = steered([(-10, 0), (-4, 0)], [2.5, 1.0], [(70, 0), (70, 0)])
-    assert np.hypot(*(walk[:, 0] - walk[:, 1]).T).min() >= SEPARATION
-    assert walk[-1, 0, 0] > walk[-1, 1, 0] + 15
-
-
-def test_a_route_out_of_the_area_ends_in_a_smooth_turn():
+    assert np.hypot(*(walk[:, 0] - walk[:, 1]).T).min() >= SEPARATION and walk[-1, 0, 0] > walk[-1, 1, 0] + 15
     walk = steered([(40, 30), (0, 40)], [3.0, 1.5], [(140, 130), (0, 140)])
-    assert np.all(np.abs(walk) <= HALF)
-    assert lateral_acceleration(walk).max() < 1.05
+    assert np.all(np.abs(walk) <= HALF) and lateral_acceleration(walk).max() < 1.05
 
 
-def test_a_pocket_of_trunks_catches_no_walker():
-    walk = steered([(-10, 0.0)], [2.0], [(60, 0)], [(0.0, 0.55, 0.6), (0.0, -0.55, 0.6), (-0.8, 0.0, 0.6)])
-    for x, y in [(0.0, 0.55), (0.0, -0.55), (-0.8, 0.0)]:
-        assert np.hypot(walk[:, 0, 0] - x, walk[:, 0, 1] - y).min() >= 0.6
-    assert walk[-1, 0, 0] > 20
-
-
-def test_heading_follows_a_decision_like_a_critically_damped_system():
+def test_headings_turn_critically_damped_and_within_their_limit():
     state, dt = np.zeros(4), 1e-4
     for n in range(1, 30_001):
         _turn(state, 0.1, 1.0, dt)
         if n % 5000 == 0:
             t = n * dt
             assert state[2] == pytest.approx(0.1 * (1 - (1 + 2 * t) * math.exp(-2 * t)), abs=1e-5)
-
-
-def test_turns_take_no_more_than_their_limit():
     state = np.zeros(4)
     rates = []
     for _ in range(300):
@@ -90,16 +76,12 @@ def test_turns_take_no_more_than_their_limit():
     assert max(rates) == 1.0 / 2.5
 
 
-def test_distance_to_a_segment_agrees_with_brute_force():
+def test_distances_to_segments_and_borders_agree_with_brute_force():
     rng = np.random.default_rng(1)
     for x, y, dx, dy in rng.normal(0, 2, (100, 4)):
         s = np.linspace(0, 1, 20_001)
         assert _nearest(x, y, dx, dy) == pytest.approx(np.hypot(x + s * dx, y + s * dy).min(), abs=1e-3)
-    assert _nearest(3.0, 4.0, 0.0, 0.0) == 5.0
-
-
-def test_distance_to_the_border_is_that_to_a_rectangle_with_round_corners():
-    assert _to_border(np.array([0.0, 40.0]), HALF) == pytest.approx(9)
+    assert _nearest(3.0, 4.0, 0.0, 0.0) == 5.0 and _to_border(np.array([0.0, 40.0]), HALF) == pytest.approx(9)
     assert _to_border(np.array([70.0, 0.0]), HALF) == pytest.approx(4)
     assert _to_border(np.array([76.0, 0.0]), HALF) == pytest.approx(-2)
     assert _to_border(HALF - 10, HALF) == pytest.approx(10)

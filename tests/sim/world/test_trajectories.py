@@ -12,6 +12,7 @@ from sim.world.trajectories import Trajectories, read
 from tracking.plugins.registry import InputError
 
 AREA = Area()
+GOOD = [(0, 1, 0, 0), (1, 1, 1, 0)]
 
 
 @pytest.fixture
@@ -50,29 +51,22 @@ def test_positions_are_straight_between_samples_and_headings_along_the_step():
 @pytest.mark.parametrize("time", [-0.1, 2.1, 100.0])
 def test_people_are_absent_before_the_first_and_after_the_last_sample(time):
     positions, headings = walk_of([0, 3, 3], [0, 4, 8]).at(time)
-    assert np.all(np.isnan(positions))
-    assert np.all(np.isnan(headings))
+    assert np.all(np.isnan(positions)) and np.all(np.isnan(headings))
 
 
-def test_samples_are_met_exactly_at_the_physics_rate():
+def test_samples_are_met_exactly_and_asking_changes_nothing():
     rng = np.random.default_rng(1)
     walk = Trajectories(np.arange(2401) / 60, rng.normal(size=(2401, 3, 2)))
     for k in range(2401):
         assert np.array_equal(walk.at(4 * k * (1 / 240))[0], walk.positions[k])
-
-
-def test_a_standing_person_keeps_the_heading():
     walk = walk_of([0, 0, 0, 0], [0, -2, -2, -2])
     assert walk.at(2.5)[1] == pytest.approx(-math.pi / 2)
-
-
-def test_asking_changes_nothing():
     walk = walk_of([0, 3], [0, 4])
     walk.at(0.0)[0][:] = 99
     assert np.array_equal(walk.at(0.0)[0], [[0, 0]])
 
 
-def test_a_recorded_walk_comes_back_at_its_rows_and_on_a_monotone_cubic_between(csv_file):
+def test_a_recorded_walk_is_a_monotone_cubic_that_overshoots_no_stop(csv_file):
     t = np.arange(0, 11, 0.5)
     x, y = 20 * np.sin(0.3 * t), 3 * t - 20
     walk = read(csv_file(table(zip(t, [7] * len(t), x, y, strict=True))), AREA, duration=10)
@@ -81,37 +75,24 @@ def test_a_recorded_walk_comes_back_at_its_rows_and_on_a_monotone_cubic_between(
     curve = PchipInterpolator(t, np.column_stack([x, y]))
     assert_allclose(walk.positions[:, 0], curve(walk.times), atol=1e-12)
     assert walk.times[-1] == 10
-
-
-def test_a_stop_is_not_overshot(csv_file):
     rows = [(0, 1, 0, 0), (1, 1, 2, 0), (2, 1, 2, 0), (3, 1, 4, 0)]
     x = read(csv_file(table(rows)), AREA, duration=3).positions[:, 0, 0]
     assert np.all(np.diff(x) >= 0)
     assert_allclose(x[60:121], 2.0)
 
 
-def test_people_appear_and_leave(csv_file):
+def test_rows_come_in_any_order_and_people_in_that_of_appearance(csv_file):
     rows = [(0, "ann", 0, 0), (9, "ann", 9, 0), (3.01, "bob", 1, 1), (5, "bob", 2, 1)]
     walk = read(csv_file(table(rows)), AREA, duration=12)
     for time, ann, bob in [(0, 1, 0), (3.005, 1, 0), (3.05, 1, 1), (5.0, 1, 1), (5.1, 1, 0), (9, 1, 0), (9.1, 0, 0)]:
         positions, headings = walk.at(time)
-        assert list(~np.isnan(positions[:, 0])) == [ann, bob]
-        assert list(~np.isnan(headings)) == [ann, bob]
-
-
-def test_rows_and_columns_come_in_any_order_and_people_in_order_of_appearance(csv_file):
+        assert list(~np.isnan(positions[:, 0])) == [ann, bob] and list(~np.isnan(headings)) == [ann, bob]
+    rows = [(0, 1, 0, 0), (9, 1, 9, 0), (50, 2, 0, 0), (60, 2, 1, 0)]
+    assert read(csv_file(table(rows)), AREA, duration=40).positions.shape == (2401, 1, 2)
     rows = [(4, 2, 5, 5), (0, 1, 0, 1), (4, 1, 8, 1), (0, 2, 5, -5), (2, 1, 4, 1)]
     walk = read(csv_file(table([(x, t, y, i) for t, i, x, y in rows], "x,t,y,id")), AREA, duration=4)
     assert_allclose(walk.at(0)[0], [(5, -5), (0, 1)])
     assert_allclose(walk.at(4)[0], [(5, 5), (8, 1)])
-
-
-def test_people_first_seen_after_the_mission_are_left_out(csv_file):
-    rows = [(0, 1, 0, 0), (9, 1, 9, 0), (50, 2, 0, 0), (60, 2, 1, 0)]
-    assert read(csv_file(table(rows)), AREA, duration=40).positions.shape == (2401, 1, 2)
-
-
-GOOD = [(0, 1, 0, 0), (1, 1, 1, 0)]
 
 
 @pytest.mark.parametrize(
@@ -159,8 +140,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
 
 def test_trajectories_may_be_longer_than_other_files_but_not_without_end(csv_file, monkeypatch):
     path = csv_file(table([(t, 1, 0, " " * 100_000 + "0") for t in range(700)]))
-    assert path.stat().st_size > MOST_BYTES
-    assert read(path, AREA, duration=1).positions.shape == (61, 1, 2)
+    assert path.stat().st_size > MOST_BYTES and read(path, AREA, duration=1).positions.shape == (61, 1, 2)
     monkeypatch.setattr("sim.world.trajectories._MOST_LINES", 700)
     with pytest.raises(InputError, match=r"people\.csv: has 701 lines; at most 700 are allowed"):
         read(path, AREA, duration=1)

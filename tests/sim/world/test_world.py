@@ -29,13 +29,17 @@ def put(world, position, quaternion, velocity, spin):
     pybullet.resetBaseVelocity(body, velocity, spin, physicsClientId=world.client)
 
 
-def test_uavs_start_level_at_their_places_and_altitudes():
+def test_uavs_start_level_at_their_places_in_a_world_that_closes():
     scenario = Scenario()
     with World(scenario, NO_TREES, 0) as world:
         for uav, pose in zip(scenario.uavs, world.poses(), strict=True):
             assert pose.position == pytest.approx([*uav.start, uav.altitude])
             assert pose.quaternion == pytest.approx([0, 0, 0, 1])
         assert np.array_equal(world.velocities(), np.zeros((3, 3)))
+    with World(ONE, NO_TREES, 0) as world:
+        assert pybullet.isConnected(physicsClientId=world.client)
+    assert not pybullet.isConnected(physicsClientId=world.client)
+    world.close()
 
 
 def test_rotors_move_the_body_as_newton_and_euler_say():
@@ -113,12 +117,10 @@ def test_trees_are_solid_exactly_where_the_forest_says():
     with World(ONE, forest, 0) as world:
         hits = pybullet.rayTestBatch(origins.tolist(), ends.tolist(), physicsClientId=world.client)
     open_ = np.array([hit[0] == -1 for hit in hits])
-    assert np.array_equal(open_[sure], free[sure])
-    assert 0.2 < free.mean() < 0.8
-    assert sure.mean() > 0.95
+    assert np.array_equal(open_[sure], free[sure]) and 0.2 < free.mean() < 0.8 and sure.mean() > 0.95
 
 
-def test_people_stand_where_they_are_placed_and_the_absent_nowhere():
+def test_people_stand_where_placed_within_centres_and_radii_of_bodies():
     positions = np.array([[3.0, -4.0], [np.nan, np.nan], [0.0, 1.0]])
     with World(ONE, NO_TREES, 3) as world:
         assert np.isnan(world.centres[:3]).all()
@@ -131,9 +133,6 @@ def test_people_stand_where_they_are_placed_and_the_absent_nowhere():
         assert places[1][0][2] < -100.0
         world.place_people(positions[::-1], np.zeros(3))
         assert world.centres[2, :2] == pytest.approx([3.0, -4.0])
-
-
-def test_centres_and_radii_hold_every_body():
     trees = (Tree(-8.0, 0.0), Tree(6.0, 3.0, 2.0, 2.5, 7.0, 0.5))
     with World(Scenario(), Forest(trees), 2) as world:
         world.place_people(np.array([[1.0, 2.0], [-3.0, 9.0]]), np.array([0.3, 2.0]))
@@ -146,10 +145,3 @@ def test_centres_and_radii_hold_every_body():
             rotation = np.array(pybullet.getMatrixFromQuaternion(turn)).reshape(3, 3)
             points = points * shape[3] @ rotation.T + origin
             assert np.linalg.norm(points - centre, axis=1).max() <= body.radius
-
-
-def test_closing_frees_the_client_and_may_be_repeated():
-    with World(ONE, NO_TREES, 0) as world:
-        assert pybullet.isConnected(physicsClientId=world.client)
-    assert not pybullet.isConnected(physicsClientId=world.client)
-    world.close()

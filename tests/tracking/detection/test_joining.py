@@ -51,9 +51,10 @@ def test_fragments_are_joined_nearest_first(tilt):
     joins = 0
     for count in (0, 1, 2, 40, 120):
         corners = rng.integers(0, 120, (count, 2))
+        sizes = rng.integers(1, 4, count)
         blobs = [
-            np.array([[x + 0.5 + dx, y + 0.5 + dy] for dy in range(rng.integers(1, 4)) for dx in range(2)])
-            for x, y in corners
+            np.array([[x + dx, y + dy] for dy in range(n) for dx in range(2)]) + 0.5
+            for (x, y), n in zip(corners, sizes, strict=True)
         ]
         frame = Frame(0, 0.0, CAMERA, tilted(tilt), IMAGE)
         found, origins = _joined(frame, blobs, range(count))
@@ -68,13 +69,11 @@ def test_fragments_are_joined_nearest_first(tilt):
 def test_eight_hundred_fragments_are_measured_little_more_than_once(monkeypatch):
     """Each join measures one blob anew and each pair is tried once."""
     tried = []
-    monkeypatch.setattr(
-        "tracking.detection.blob_detector._one_person", lambda lens, blob: tried.append(1) or _one_person(lens, blob)
-    )
+    counted = lambda lens, blob: tried.append(1) or _one_person(lens, blob)  # noqa: E731
+    monkeypatch.setattr("tracking.detection.blob_detector._one_person", counted)
     blobs = [pixel[None] + 0.5 for pixel in np.random.default_rng(1).integers(0, 128, (800, 2)).astype(float)]
     found, _ = _joined(Frame(0, 0.0, CAMERA, tilted(0.0), IMAGE), blobs, range(800))
-    assert len(found) < 500
-    assert len(tried) < 30 * 800
+    assert len(found) < 500 and len(tried) < 30 * 800
 
 
 @pytest.mark.parametrize(("degrees", "size"), [(d, size) for d in (30, 45, 58) for size in (128, 512)])
@@ -94,8 +93,7 @@ def test_whole_people_near_corners_of_tilted_images_are_one_detection_each(degre
             ends = np.array([rows, columns])
             if len(rows) >= 4 and ends.min() > 0 and ends.max() < size - 1:
                 counts.append(len(BlobDetector().detect(Frame(0, 0.0, camera, pose, rendered.image)).ground))
-    assert len(counts) > 15
-    assert np.mean(np.array(counts) == 1) >= 0.99
+    assert len(counts) > 15 and np.mean(np.array(counts) == 1) >= 0.99
 
 
 def test_tilted_cameras_find_people_and_only_people():
@@ -113,5 +111,4 @@ def test_tilted_cameras_find_people_and_only_people():
             places = BlobDetector().detect(Frame(0, 0.0, camera, pose, rendered.image)).pixels
             people, detections = people + 3, detections + len(places)
             found += matched_people(places, rendered.people, 3).sum()
-    assert people > 60
-    assert found / people >= 0.98 and found / detections >= 0.98
+    assert people > 60 and found / people >= 0.98 and found / detections >= 0.98

@@ -62,18 +62,14 @@ def test_open_is_what_the_camera_has_a_line_of_sight_to():
     assert 0.3 < hidden / total < 0.9
 
 
-def test_footprint_is_what_a_pixel_covers():
+def test_footprints_are_what_pixels_cover_and_silhouettes_show_whole():
     for camera, pose, _, clearing in views(np.random.default_rng(1), 50):
         pixel = camera.project(pose, np.append(clearing.origin, TARGET_HEIGHT))[0]
         steps = 1e-4 * np.array([[1.0, 0.0], [0.0, 1.0]])
         moved = camera.ground_points(pose, pixel + steps, TARGET_HEIGHT) - clearing.origin
         x, y = clearing.away
-        np.testing.assert_allclose(
-            clearing.footprint, (moved @ np.array([[x, -y], [y, x]])).T / 1e-4, rtol=1e-3, atol=1e-6
-        )
-
-
-def test_silhouette_without_shadows_shows_whole():
+        covered = (moved @ np.array([[x, -y], [y, x]])).T / 1e-4
+        np.testing.assert_allclose(clearing.footprint, covered, rtol=1e-3, atol=1e-6)
     clearing = clearing_at(Camera(2.5, 512).lens(Pose.level(0.0, 0.0, 19.0)), (330.0, 210.0))
     silhouette = silhouette_of(clearing.distance, 19.0)
     area, along, across = shown(clearing, silhouette, np.array([0.0, 0.7]), np.array([-0.3, 0.0])).reshape(-1, 3).T
@@ -108,7 +104,7 @@ def cut_person(camera):
     return image, Forest((Tree(5.6, 0.0, 1.5),))
 
 
-def test_turning_camera_and_scene_turns_the_place():
+def test_turning_or_moving_camera_and_scene_turns_or_moves_the_place():
     camera = Camera(math.radians(60), 128)
     image, forest = cut_person(camera)
     pose = Pose.level(0.0, 0.0, 19.0)
@@ -121,9 +117,6 @@ def test_turning_camera_and_scene_turns_the_place():
         there = BlobDetector(Forest(trees)).detect(Frame(0, 0.0, camera, away, image))
         np.testing.assert_allclose(there.ground, here.ground @ turn.T, atol=1e-9)
         np.testing.assert_allclose(there.covariances, turn @ here.covariances @ turn.T, atol=1e-9)
-
-
-def test_moving_camera_and_scene_moves_the_place():
     camera = Camera(math.radians(60), 128)
     image = np.full((128, 128, 3), GREEN, dtype=np.uint8)
     image[60:62, 90:93] = ORANGE
