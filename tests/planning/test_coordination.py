@@ -58,7 +58,7 @@ def test_no_sweep_of_the_sequence_raises_the_teams_objective(random_team, beta, 
             assert before[3] <= before[2] * (1 + 1e-9) <= before[1] * (1 + 2e-9)
 
 
-def test_each_uav_of_the_sequence_answers_the_plans_before_it(random_team):
+def test_each_uav_answers_plans_before_it_and_in_parallel_all_intents(random_team):
     team = random_team(3)
     plans = planned(team, 1)
     rng = np.random.default_rng(1)
@@ -66,6 +66,12 @@ def test_each_uav_of_the_sequence_answers_the_plans_before_it(random_team):
     for uav, situation in enumerate(team):
         joint[uav] = Composition().decide(situation, joint, [uav], rng)[0]
     np.testing.assert_array_equal(plans, joint)
+    team = random_team(6)
+    plans = planned(team, 2, coordination=Parallel())
+    rng = np.random.default_rng(2)
+    for uav, situation in enumerate(team):
+        single = Composition().decide(situation, expected_plans(situation, 5), [uav], rng)[0]
+        np.testing.assert_array_equal(plans[uav], single)
 
 
 def test_the_worst_first_is_the_uav_near_the_most_uncertain_track(random_team):
@@ -82,16 +88,7 @@ def test_the_worst_first_is_the_uav_near_the_most_uncertain_track(random_team):
     assert Sequential("worst-first")._sequence(team, np.random.default_rng(0)) == [team[i] for i in order]
 
 
-def test_in_parallel_each_answers_the_intents_of_all_others(random_team):
-    team = random_team(6)
-    plans = planned(team, 2, coordination=Parallel())
-    rng = np.random.default_rng(2)
-    for uav, situation in enumerate(team):
-        single = Composition().decide(situation, expected_plans(situation, 5), [uav], rng)[0]
-        np.testing.assert_array_equal(plans[uav], single)
-
-
-def test_with_equal_beliefs_the_decentralised_plan_is_the_centralised_one(random_team):
+def test_the_centre_knows_all_and_shares_its_plan_with_equal_beliefs(random_team):
     for seed in range(4):
         team = random_team(seed)
         shares = planned(team, seed, coordination=Decentralised())
@@ -100,6 +97,9 @@ def test_with_equal_beliefs_the_decentralised_plan_is_the_centralised_one(random
     own = planned(mixed, seed, coordination=Decentralised())
     np.testing.assert_array_equal(own[[0, 2]], shares[[0, 2]])
     assert not np.array_equal(own[1], shares[1])
+    team = random_team(1)
+    deaf = [dataclasses.replace(s, neighbours=()) for s in team]
+    np.testing.assert_array_equal(planned(deaf, coordination=Centralised()), planned(team, coordination=Centralised()))
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.5])
@@ -114,21 +114,14 @@ def test_the_centralised_plan_on_a_coarse_grid_is_the_exhaustive_optimum(random_
         assert team_cost(view, plans, beta) <= min(tried)
 
 
-def test_the_centre_knows_all_uavs_without_radio_links(random_team):
-    team = random_team(1)
-    deaf = [dataclasses.replace(s, neighbours=()) for s in team]
-    np.testing.assert_array_equal(planned(deaf, coordination=Centralised()), planned(team, coordination=Centralised()))
-
-
 @pytest.mark.parametrize("beta", [0.0, 0.5])
 def test_without_chance_monte_carlo_equals_nominal(random_team, beta):
     """Zero process noise and a point belief: all samples are the nominal trajectory."""
     for seed in range(10):
         situation = dataclasses.replace(random_team(seed)[0], motion=NearlyConstantVelocity(1.0, 1e-12))
         view = nominal(situation, 5)
-        still = [
-            dataclasses.replace(t, belief=type(t.belief)(t.belief.mean, np.zeros((4, 4)))) for t in situation.tracks
-        ]
+        sure = [type(t.belief)(t.belief.mean, np.zeros((4, 4))) for t in situation.tracks]
+        still = [dataclasses.replace(t, belief=b) for t, b in zip(situation.tracks, sure, strict=True)]
         sure = dataclasses.replace(situation, tracks=tuple(still))
         drawn = MonteCarlo(7).predict(sure, 5, np.random.default_rng(0))
         drawn = drawn._replace(covariances=np.tile(view.covariances, (7, 1, 1)))
@@ -157,7 +150,7 @@ def test_the_last_plan_is_a_start_that_is_never_made_worse(random_team):
     assert team_cost(view, kept, 0.5) <= team_cost(view, plans, 0.5) * (1 + 1e-9)
 
 
-def test_the_policy_of_intent_is_the_last_plan_shifted_and_one_base_step(random_team):
+def test_intents_are_last_plans_shifted_and_one_base_step_or_hover(random_team):
     situation = random_team(7, trees=0)[0]
     last = np.arange(10.0).reshape(5, 2) / 5
     situation = dataclasses.replace(situation, intents={0: Plan(last)})
@@ -168,9 +161,6 @@ def test_the_policy_of_intent_is_the_last_plan_shifted_and_one_base_step(random_
     worst = max(near, key=lambda t: np.trace(t.belief.covariance[:2, :2]))
     gap = worst.belief.mean[:2] + 5 * worst.belief.mean[2:] - end
     np.testing.assert_allclose(intent[4], gap * min(1.0, 5.0 / np.hypot(*gap)), rtol=1e-12)
-
-
-def test_the_base_policy_hovers_where_no_track_is_within_its_range(random_team):
     situation = random_team(0)[0]
     far = situation.own.position[:2] + np.array([1000.0, 0.0])
     np.testing.assert_array_equal(base_control(situation.own, far, situation.tracks, 0.0, 1.0), np.zeros(2))

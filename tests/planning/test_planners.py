@@ -18,11 +18,8 @@ from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 
 
-def test_a_planner_can_be_anyones_class():
+def test_options_choose_the_pieces_of_ours_and_of_anyones_class():
     assert load_planner("planning.baselines:Hover") == load_planner("hover")
-
-
-def test_options_choose_the_pieces():
     pieces = load_planner("mcr(horizon=3, samples=7, optimizer=particle-swarm, occlusion=disc, beta=0.25)").composition
     assert pieces == Composition(3, Sequential(), MonteCarlo(7), 0.25, ParticleSwarm(evaluations=10_240), "disc")
     pieces = load_planner("sma-nbo( order = worst-first , sweeps=2,visibility='expected', evaluations=99)").composition
@@ -33,29 +30,17 @@ def test_options_choose_the_pieces():
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("option", "planner", "reason", "needs"),
     [
-        (
-            "pma-nbo(order=random)",
-            "order=random has no effect with coordination 'parallel'; leave it out, or set coordination=sequential",
-        ),
-        (
-            "sma-nbo(samples=5)",
-            "samples=5 has no effect with propagation 'nominal'; leave it out, or set propagation=monte-carlo",
-        ),
+        ("order=random", "pma-nbo", "coordination 'parallel'", "coordination=sequential"),
+        ("samples=5", "sma-nbo", "propagation 'nominal'", "propagation=monte-carlo"),
     ],
 )
-def test_an_option_without_effect_is_an_error(text, says):
+def test_an_option_without_effect_is_an_error(option, planner, reason, needs):
     with pytest.raises(PlannerError) as error:
-        load_planner(text)
-    assert str(error.value).endswith(says)
-
-
-@pytest.mark.parametrize(
-    "text", ["sma-nbo(order=random)", "mcr(samples=5)", "sma-nbo(propagation=monte-carlo, samples=5)"]
-)
-def test_the_same_with_effect_is_not(text):
-    assert callable(load_planner(text).plan)
+        load_planner(f"{planner}({option})")
+    assert str(error.value).endswith(f"{option} has no effect with {reason}; leave it out, or set {needs}")
+    assert callable(load_planner(f"{planner}({option}, {needs})").plan)
 
 
 def test_the_lawnmower_sees_the_whole_area_in_time(random_team):

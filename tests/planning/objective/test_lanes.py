@@ -13,16 +13,16 @@ from planning.prediction.predicted_belief import LANES, belief_transition
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.camera import ALL_ROUND, Camera
 
+TRIANGLE = np.triu_indices(4)
+
 
 def views(team, rng, kind):
     """Fields of view of level or tilted cameras, or of some all round."""
     out = []
     for i, s in enumerate(team):
-        attitude = (
-            Rotation.from_euler("xyz", rng.uniform(-0.4, 0.4, 3)).as_quat() if kind == "tilted" else s.own.attitude
-        )
+        turn = Rotation.from_euler("xyz", rng.uniform(-0.4, 0.4, 3)).as_quat() if kind == "tilted" else s.own.attitude
         camera = Camera(ALL_ROUND, 128) if kind == "all round" and i % 2 else s.own.camera
-        out.append(view_quadrangle(dataclasses.replace(s.own, attitude=attitude, camera=camera)))
+        out.append(view_quadrangle(dataclasses.replace(s.own, attitude=turn, camera=camera)))
     return np.array(out)
 
 
@@ -46,9 +46,6 @@ def test_side_by_side_the_penalty_is_that_of_each_plan(random_team, kind):
         np.testing.assert_array_equal(sums, expected)
         positive += np.sum(np.array(expected) > 0)
     assert positive > (1000 if kind != "all round" else 100)
-
-
-TRIANGLE = np.triu_indices(4)
 
 
 def stepped(P, model, J):
@@ -76,9 +73,6 @@ def test_transition_equals_predict_and_update_in_matrix_form(dt):
     J = halves @ halves.transpose(0, 2, 1)
     expected = np.linalg.inv(np.linalg.inv(model.F @ P @ model.F.T + model.Q) + H.T @ J @ H)
     np.testing.assert_allclose(stepped(P, model, J), expected, rtol=1e-9, atol=1e-12)
-
-
-def test_without_information_the_covariance_only_grows():
     model = NearlyConstantVelocity(1.0, 0.5)
     after = stepped(np.eye(4)[None], model, np.zeros((1, 2, 2)))
     np.testing.assert_allclose(after[0], model.F @ model.F.T + model.Q, rtol=1e-14)

@@ -13,6 +13,11 @@ from planning.objective.mwtp import weighted_trace_penalty
 from planning.objective.nbo import costs, team_cost
 from planning.prediction.propagation import MonteCarlo, Nominal, nominal_positions
 
+# End of the horizon in the paper's MWTP figure, in its drawing units, y upwards.
+FIGURE_SENSORS = np.array([[227.0, -168.25], [120.0, -154.25]])
+FIGURE_TARGETS = np.array([[70.0, -104.5], [249.0, -94.5]])
+FIGURE_REACH = np.array([33.0, 33.0])
+
 
 @pytest.mark.parametrize("beta", [0.0, 0.5])
 @pytest.mark.parametrize(("uavs", "targets"), [(3, 4), (1, 3), (4, 2), (2, 6)])
@@ -53,7 +58,7 @@ def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):
             assert value == pytest.approx(plain_cost(situation, joint, 0.5)[0], rel=1e-9)
 
 
-def test_trees_matter_to_the_objective(random_team):
+def test_trees_raise_the_objective_no_target_costs_nothing(random_team):
     differing = 0
     for seed in range(20):
         controls = np.zeros((3, 5, 2))
@@ -63,25 +68,13 @@ def test_trees_matter_to_the_objective(random_team):
         assert hidden >= free - 1e-9
         differing += hidden > free + 1e-6
     assert differing >= 5
-
-
-def test_no_target_costs_nothing(random_team):
     situation = random_team(0, targets=0)[0]
     assert team_cost(nominal(situation, 5), np.zeros((3, 5, 2)), 0.5) == 0.0
-
-
-def test_nominal_positions_follow_the_velocity(random_team):
     tracks = random_team(1)[0].tracks
     points = nominal_positions(tracks, 1.0, 3)
     for t, track in enumerate(tracks):
         m = track.belief.mean
         np.testing.assert_allclose(points[2, t], [m[0] + 3 * m[2], m[1] + 3 * m[3]])
-
-
-# End of the horizon in the paper's MWTP figure, in its drawing units, y upwards.
-FIGURE_SENSORS = np.array([[227.0, -168.25], [120.0, -154.25]])
-FIGURE_TARGETS = np.array([[70.0, -104.5], [249.0, -94.5]])
-FIGURE_REACH = np.array([33.0, 33.0])
 
 
 @pytest.mark.parametrize("traces", [(4.0, 9.0), (9.0, 4.0)])
@@ -95,15 +88,12 @@ def test_mwtp_matches_the_sensors_and_targets_of_the_papers_figure(traces):
     np.testing.assert_allclose(sensors, [[227.0, -94.5 - 33.0], [70.0 + 33.0, -104.5 - 33.0]])
 
 
-def test_mwtp_penalises_each_sensor_for_one_target_only():
+def test_mwtp_penalises_each_sensor_for_one_target_out_of_view_only():
     targets = np.array([[100.0, 0.0], [100.0, 5.0]])
     sensors = np.array([[0.0, 0.0], [1000.0, 0.0]])
     penalty = weighted_trace_penalty(targets, np.array([2.0, 1.0]), sensors, squares([10.0, 10.0]))
     # The first sensor takes both: D is 100 after the first target, then 100 + |(10, 5)| < 900.
     assert penalty == pytest.approx(200.0)
-
-
-def test_mwtp_is_zero_when_every_target_is_in_view():
     targets = np.array([[5.0, -5.0]])
     assert weighted_trace_penalty(targets, np.array([3.0]), np.zeros((1, 2)), squares([5.0])) == 0.0
 
@@ -115,9 +105,8 @@ def test_mwtp_agrees_with_the_plain_algorithm():
         sensors, targets = rng.uniform(-40, 40, (n, 2)), rng.uniform(-40, 40, (T, 2))
         traces, reach = rng.uniform(0.1, 9, T), rng.uniform(8, 13, n)
         expected = plain_mwtp(targets, traces, sensors, reach)
-        assert weighted_trace_penalty(targets, traces, sensors.copy(), squares(reach)) == pytest.approx(
-            expected, rel=1e-12
-        )
+        found = weighted_trace_penalty(targets, traces, sensors.copy(), squares(reach))
+        assert found == pytest.approx(expected, rel=1e-12)
 
 
 class Kept:
@@ -154,9 +143,8 @@ def test_each_sample_of_a_target_counts_alike(random_team):
     situation = doubted(random_team(1)[0], [0.2, 1.0, 0.5, 0.7])
     controls = np.random.default_rng(0).uniform(-3, 3, (3, 5, 2))
     optimizer = Kept(controls[None])
-    Composition(propagation=MonteCarlo(3), optimizer=optimizer).decide(
-        situation, controls, [0, 1, 2], np.random.default_rng(0)
-    )
+    pieces = Composition(propagation=MonteCarlo(3), optimizer=optimizer)
+    pieces.decide(situation, controls, [0, 1, 2], np.random.default_rng(0))
     drawn = MonteCarlo(3).predict(situation, 5, np.random.default_rng(0))
     each = [
         team_cost(

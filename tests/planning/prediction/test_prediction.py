@@ -48,10 +48,8 @@ def test_planners_predict_as_trackers_coast(random_team, settings, seconds):
     situation = dataclasses.replace(random_team(3)[0], motion=motion)
     means, covariances = coasting(situation.tracks, scenario, seconds)
     steps = seconds * scenario.rates.planning
-    ahead = (
-        np.array([t.belief.mean for t in situation.tracks]),
-        np.array([t.belief.covariance for t in situation.tracks]),
-    )
+    beliefs = [t.belief for t in situation.tracks]
+    ahead = np.array([b.mean for b in beliefs]), np.array([b.covariance for b in beliefs])
     for _ in range(steps):
         ahead = motion.predict_all(*ahead)
     np.testing.assert_allclose(ahead[0], means, rtol=1e-12)
@@ -73,6 +71,11 @@ def test_one_long_step_has_more_noise_than_five_scans():
     assert several.Q[2, 2] == pytest.approx(one.Q[2, 2] / 5) and several.Q[0, 2] == pytest.approx(one.Q[0, 2] / 5)
     # Of an acceleration a in the scan that ends k scans before the step does come (k + 1/2) a dt² of way.
     assert several.Q[0, 0] == pytest.approx(0.25 * 0.04**2 * 41.25, rel=1e-12)
+    for scans in (0, -1, 2.0):
+        with pytest.raises(ValueError, match=r"^scans must be an integer, 1 or more, is"):
+            NearlyConstantVelocity(1.0, 0.5, scans=scans)
+    with pytest.raises(ValueError, match=r"^scans must be 1 where speed is bounded"):
+        BoundedSpeed(1.0, 0.5, 3.0, scans=5)
 
 
 def test_a_mission_tells_planners_how_its_trackers_predict():
@@ -109,14 +112,3 @@ def test_prediction_by_one_step_is_an_option(random_team):
         assert all(np.array_equal(a.controls, b.controls) for a, b in zip(option, known, strict=True))
         assert any(not np.array_equal(a.controls, b.controls) for a, b in zip(option, usual, strict=True))
     assert Composition().prediction == "scans"
-
-
-@pytest.mark.parametrize("scans", [0, -1, 2.0])
-def test_scans_of_a_step_are_counted(scans):
-    with pytest.raises(ValueError, match=r"^scans must be an integer, 1 or more, is"):
-        NearlyConstantVelocity(1.0, 0.5, scans=scans)
-
-
-def test_bounded_speed_goes_scan_by_scan():
-    with pytest.raises(ValueError, match=r"^scans must be 1 where speed is bounded"):
-        BoundedSpeed(1.0, 0.5, 3.0, scans=5)

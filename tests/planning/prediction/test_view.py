@@ -55,14 +55,18 @@ def test_the_half_planes_hold_exactly_what_the_camera_sees():
     assert 0.02 < np.mean(shares) < 0.5
 
 
-def test_a_level_camera_sees_a_square_to_the_last_bit():
+def test_a_level_camera_sees_a_square_with_moves_along_each_axis():
     for fov, height in ((60.0, 17.3), (75.0, 21.7), (33.3, 8.1)):
         v = vehicle(fov=fov, height=height)
         half = (height - TARGET_HEIGHT) * tan(math.radians(fov) / 2)
         np.testing.assert_array_equal(view_quadrangle(v), squares([half])[0])
+    rng, half = np.random.default_rng(3), 11.27
+    for target in rng.uniform(-30, 30, (200, 2)):
+        excess = np.copysign(np.maximum(np.abs(target) - half, 0.0), target)
+        np.testing.assert_array_equal(shortest_move(squares([half]), 0, *target), excess)
 
 
-def test_image_marks_are_where_the_cameras_rays_meet_the_plane_of_the_targets():
+def test_image_marks_are_where_rays_of_tilted_cameras_meet_the_targets_plane():
     rng = np.random.default_rng(1)
     for _ in range(20):
         v, marks = random_vehicle(rng), rng.uniform(-1, 1, (30, 2))
@@ -71,9 +75,6 @@ def test_image_marks_are_where_the_cameras_rays_meet_the_plane_of_the_targets():
         np.testing.assert_allclose(v.position[:2] + points_shown(v, marks), expected, atol=1e-9)
         np.testing.assert_array_equal(aim_point(v), points_shown(v, np.zeros((1, 2)))[0])
         assert aim_point(v) == pytest.approx(view_quadrangle(v)[4, :2])
-
-
-def test_a_camera_tilted_by_thirty_degrees_looks_ahead_by_its_height_times_the_tangent():
     height = 19.1 - TARGET_HEIGHT
     assert aim_point(vehicle(30.0)) == pytest.approx([height * math.tan(math.radians(30)), 0.0])
     assert aim_point(vehicle(30.0, 90.0)) == pytest.approx([0.0, height * math.tan(math.radians(30))])
@@ -99,13 +100,6 @@ def test_the_shortest_move_just_covers_the_target_and_no_shorter_one_does():
             assert seen(v, (target - move - slack)[None])[0] and not seen(v, (target - move + slack)[None])[0]
 
 
-def test_the_shortest_move_of_a_square_is_that_of_each_axis_exactly():
-    rng, half = np.random.default_rng(3), 11.27
-    for target in rng.uniform(-30, 30, (200, 2)):
-        excess = np.copysign(np.maximum(np.abs(target) - half, 0.0), target)
-        np.testing.assert_array_equal(shortest_move(squares([half]), 0, *target), excess)
-
-
 def tilted_team(team, seed):
     """The team's situations with cameras tilted at random."""
     rng = np.random.default_rng(seed)
@@ -128,7 +122,7 @@ def test_the_compiled_objective_of_tilted_cameras_equals_a_plain_transcription(r
     assert 0 in counts and 1 in counts and 2 in counts
 
 
-def test_mwtp_counts_from_where_a_tilted_camera_looks():
+def test_mwtp_and_base_policy_count_from_where_a_tilted_camera_looks():
     v = vehicle(30.0, place=(0.0, 0.0))
     view, ahead = view_quadrangle(v)[None], aim_point(v)[0]
     beyond = np.array([[ahead + 60.0, 0.0]])
@@ -138,9 +132,6 @@ def test_mwtp_counts_from_where_a_tilted_camera_looks():
     assert sensors[0] == pytest.approx([ahead + 60.0 - (19.1 - TARGET_HEIGHT) * math.tan(math.radians(60)), 0.0])
     below = np.zeros((1, 2))  # straight below: at the near edge of the image, so in view
     assert weighted_trace_penalty(below, np.array([3.0]), np.array([[-1e-6, 0.0]]), view) == 0.0
-
-
-def test_the_base_policy_brings_a_target_to_the_middle_of_the_image():
     v = vehicle(40.0, 120.0)
     target = v.position[:2] + aim_point(v) + [3.0, -2.0]
     track = Track(0, Gaussian(np.array([*target, 0.0, 0.0]), np.eye(4)))
@@ -155,8 +146,7 @@ def test_a_plan_keeps_a_target_in_a_tilted_field_of_view(random_team, heading):
     track = Track(0, Gaussian(np.array([*target, 0.0, 0.0]), np.eye(4)))
     ends = []
     for own in (v, dataclasses.replace(v, attitude=vehicle().attitude)):
-        plan = Composition().plan([dataclasses.replace(situation, own=own, tracks=(track,))], np.random.default_rng(0))[
-            0
-        ]
+        alone = dataclasses.replace(situation, own=own, tracks=(track,))
+        (plan,) = Composition().plan([alone], np.random.default_rng(0))
         ends.append(target - plan.controls.sum(axis=0))
     assert seen(v, np.array(ends)).tolist() == [True, False]

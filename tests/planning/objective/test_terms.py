@@ -1,4 +1,4 @@
-"""The worth of unseen ground: against a plain transcription, and what UAVs do about it."""
+"""Terms of the objective: the worth of unseen ground against a plain transcription, and UAVs that keep apart."""
 
 import dataclasses
 import math
@@ -9,8 +9,9 @@ from helpers.flights import fly
 
 from planning.coordination.decision import expected_plans
 from planning.loading import load_planner
-from planning.objective.terms import Search, Separation
+from planning.objective.terms import Search, Separation, _closest
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
+from planning.prediction.intent import camera_paths
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.undetected import Intensity
 
@@ -55,10 +56,8 @@ def transcribed(situation, controls, uavs, candidate):
         places = ends.copy()
         places[i] = start[i] + 5.0 * np.round(candidate[list(uavs).index(i)].sum(axis=0) / 5.0)
         for cell, people in zip(belief.centres().reshape(-1, 2), others, strict=True):
-            gaps = [
-                math.dist(p, cell) - viewing_range(v) / math.sqrt(2)
-                for p, v in zip(places, situation.vehicles, strict=True)
-            ]
+            reach = [viewing_range(v) / math.sqrt(2) for v in situation.vehicles]
+            gaps = [math.dist(place, cell) - r for place, r in zip(places, reach, strict=True)]
             total += people * max(min(gaps), 0.0) / 5.0
     return total
 
@@ -94,10 +93,8 @@ def test_the_nearest_uav_flies_to_where_an_undetected_target_must_be(random_team
     team = [unaware(s, people) for s in random_team(2, targets=0, trees=0)]
     gaps = [np.hypot(*(place - s.own.position[:2])) for s in team]
     plans = planner.plan(team, np.random.default_rng(0))
-    gained = [
-        g - np.hypot(*(place - s.own.position[:2] - p.controls.sum(axis=0)))
-        for g, s, p in zip(gaps, team, plans, strict=True)
-    ]
+    ways = [place - s.own.position[:2] for s in team]
+    gained = [np.hypot(*way) - np.hypot(*(way - p.controls.sum(axis=0))) for way, p in zip(ways, plans, strict=True)]
     assert gained[int(np.argmin(gaps))] > 20.0  # of the 25 m that it can fly
 
 
@@ -155,11 +152,69 @@ def test_with_search_fewer_people_are_left_where_no_camera_looked():
 
 @pytest.mark.parametrize("option", ["search", "separation"])
 @pytest.mark.parametrize("value", ["-1", "inf", "yes"])
-def test_a_wrong_weight_is_named_in_one_line(option, value):
+def test_options_choose_the_terms_and_wrong_weights_are_named(option, value):
+    assert load_planner("sma-nbo(separation=3, search=25)").composition.terms == (Search(25), Separation(3))
+    assert load_planner("sma-nbo").composition.terms == ()
     with pytest.raises(ValueError, match=f"^planner: [^\n]*{option}[^\n]* must be a (finite )?number"):
         load_planner(f"sma-nbo({option}={value})")
 
 
-def test_options_choose_the_terms():
-    assert load_planner("sma-nbo(separation=3, search=25)").composition.terms == (Search(25), Separation(3))
-    assert load_planner("sma-nbo").composition.terms == ()
+def level(team, places):
+    """The team at one height, at these places (n, 2) m."""
+    fleet = [dataclasses.replace(s.own, position=np.array([*p, 19.0])) for s, p in zip(team, places, strict=True)]
+    return [
+        dataclasses.replace(s, own=v, neighbours=tuple(w for w in fleet if w is not v))
+        for s, v in zip(team, fleet, strict=True)
+    ]
+
+
+def nearest(team, plans):
+    """Least distance [m] at any time between UAVs that fly straight from step to step."""
+    now = np.array([s.own.position for s in team])
+    way = np.concatenate([now[:, None], camera_paths(now, np.array([p.controls for p in plans]), 1.0)], axis=1)
+    times = np.linspace(0, way.shape[1] - 1, 2001)
+    flown = np.array([[np.interp(times, np.arange(way.shape[1]), w[:, axis]) for axis in range(3)] for w in way])
+    pairs = [np.linalg.norm(flown[i] - flown[j], axis=0).min() for i in range(len(flown)) for j in range(i)]
+    return min(pairs)
+
+
+def test_the_closest_approach_between_steps_is_that_of_straight_flight():
+    rng = np.random.default_rng(0)
+    relative = rng.normal(size=(30, 4, 3)) * 4
+    s = np.linspace(0, 1, 4001)[:, None, None, None]
+    sampled = np.linalg.norm((1 - s) * relative[:, :-1] + s * relative[:, 1:], axis=-1).min(axis=0)
+    np.testing.assert_allclose(_closest(relative), sampled, atol=2e-3)
+
+
+@pytest.mark.parametrize("coordination", ["sequential", "centralised"])
+def test_planned_paths_stay_the_separation_apart(random_team, coordination):
+    crowded = 0
+    for seed in range(4):
+        team = level(random_team(seed, targets=2, spread=6.0), [(-15.0, 0.0), (0.0, 12.0), (15.0, 0.0)])
+        free = load_planner(f"sma-nbo-mwtp(coordination={coordination})").plan(team, np.random.default_rng(seed))
+        kept = load_planner(f"sma-nbo-mwtp(coordination={coordination}, separation=5)")
+        assert nearest(team, kept.plan(team, np.random.default_rng(seed))) >= 5.0 - 1e-3
+        crowded += nearest(team, free) < 5.0
+    assert crowded >= 2
+
+
+def test_height_counts_as_distance(random_team):
+    """UAVs 2 m above one another keep 1.9 m whatever they do."""
+    team = random_team(0)
+    uavs = [dataclasses.replace(s.own, position=np.array([0.0, 0.0, 15.0 + 2.0 * s.own.id])) for s in team]
+    team = [
+        dataclasses.replace(s, own=u, neighbours=tuple(w for w in uavs if w is not u))
+        for s, u in zip(team, uavs, strict=True)
+    ]
+    plain = load_planner("sma-nbo-mwtp").plan(team, np.random.default_rng(0))
+    apart = load_planner("sma-nbo-mwtp(separation=1.9)").plan(team, np.random.default_rng(0))
+    for plan, other in zip(apart, plain, strict=True):
+        np.testing.assert_array_equal(plan.controls, other.controls)
+
+
+def test_where_uavs_are_too_near_the_plan_that_parts_them_soonest_costs_least(random_team):
+    team = level(random_team(1, uavs=2), [(0.0, 0.0), (1.0, 0.0)])
+    still, away, toward = np.zeros((1, 2, 2)), np.full((1, 2, 2), [-5.0, 0.0]), np.full((1, 2, 2), [0.5, 0.0])
+    cost = Separation(4.0).term(team[0], np.zeros((2, 2, 2)), [0])(np.array([still, away, toward]))
+    # The first step starts 1 m off in any case; the second 1 m, 6 m and 0.5 m off.
+    np.testing.assert_allclose(cost, [6e6, 3e6, 3.5e6 + 4e6], rtol=1e-9)
