@@ -63,6 +63,7 @@ FEW_ROUNDS = {
 }
 DEFAULT = NearlyConstantVelocity(0.2, Scenario().tracking.sigma_a)
 WALKERS = {"walkers, all in view": Case(altitudes=HIGH, way="walkers", motion=DEFAULT)}
+COUNTS = [7, pytest.param(100, marks=pytest.mark.slow)]
 
 
 class Outcome:
@@ -127,17 +128,12 @@ def scans_outside(outcome: Outcome, count: int) -> int:
     return int(np.sum((means < low) | (means > high)))
 
 
-COUNTS = [7, pytest.param(100, marks=pytest.mark.slow)]
-
-
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("name", ["all in view", *(pytest.param(n, marks=pytest.mark.slow) for n in list(CLEAR)[1:])])
 def test_beliefs_in_people_without_association_doubt_are_consistent(name, count):
     outcomes = play(name, CLEAR[name], count)
     hcmci = outcomes["hcmci"]
-    assert not hcmci.too_sure
-    assert not hcmci.too_doubtful
-    assert not outcomes["kla"].too_sure
+    assert not hcmci.too_sure and not hcmci.too_doubtful and not outcomes["kla"].too_sure
     assert np.all(hcmci.beyond <= 1e-3)
     assert scans_outside(hcmci, count) <= 2  # of ten; more by chance in 1 of 90 cases
 
@@ -147,8 +143,7 @@ def test_beliefs_in_people_without_association_doubt_are_consistent(name, count)
 def test_beliefs_in_hidden_people_are_consistent_with_all_errors_counted(name):
     outcomes = play(name, LONE[name], 300)
     mean, half = outcomes["hcmci"].raw_interval()
-    assert np.all(np.abs(mean - 1.0) <= half)
-    assert np.all(half < 0.1)
+    assert np.all(np.abs(mean - 1.0) <= half) and np.all(half < 0.1)
     mean, half = outcomes["kla"].raw_interval()
     assert np.all(mean - half <= 1.0)
 
@@ -157,8 +152,7 @@ def test_beliefs_in_hidden_people_are_consistent_with_all_errors_counted(name):
 @pytest.mark.parametrize("name", DOUBTFUL)
 def test_beliefs_in_hidden_people_that_meet_are_consistent_for_the_same_person(name):
     outcomes = play(name, DOUBTFUL[name], 100)
-    assert not outcomes["hcmci"].too_sure
-    assert not outcomes["hcmci"].too_doubtful
+    assert not outcomes["hcmci"].too_sure and not outcomes["hcmci"].too_doubtful
     assert not outcomes["kla"].too_sure
     assert all(outcome.elsewhere < 0.05 and np.all(outcome.beyond < 0.01) for outcome in outcomes.values())
 
@@ -168,8 +162,7 @@ def test_beliefs_in_hidden_people_that_meet_are_consistent_for_the_same_person(n
 def test_with_few_rounds_no_belief_is_overconfident(name):
     """Information before convergence is not scaled up, lest it counts twice: beliefs are wider than necessary."""
     outcomes = play(name, FEW_ROUNDS[name], 100)
-    assert not outcomes["hcmci"].too_sure
-    assert not outcomes["kla"].too_sure
+    assert not outcomes["hcmci"].too_sure and not outcomes["kla"].too_sure
 
 
 @pytest.mark.slow
@@ -178,11 +171,8 @@ def test_beliefs_in_walkers_are_consistent_with_all_errors_counted(name):
     """Walkers change speed as no model does; nothing is left out, and beyond the quantile 0.01 % would be expected."""
     outcomes = play(name, WALKERS[name], 100)
     hcmci, kla = ((outcomes[f].raw / DIMENSIONS).mean(axis=0)[0] for f in ("hcmci", "kla"))
-    assert 0.9 <= hcmci <= 1.1
-    assert kla <= 1.1
-    assert outcomes["hcmci"].far[0] <= 1.5e-3
-    assert outcomes["kla"].far[0] <= 1e-3
-    assert all(outcome.held > 0.99 for outcome in outcomes.values())
+    assert 0.9 <= hcmci <= 1.1 and kla <= 1.1 and outcomes["hcmci"].far[0] <= 1.5e-3
+    assert outcomes["kla"].far[0] <= 1e-3 and all(outcome.held > 0.99 for outcome in outcomes.values())
 
 
 def test_sums_of_information_before_convergence_are_found_inconsistent(monkeypatch):

@@ -34,7 +34,7 @@ def written(tmp_path, *lines, header=HEADER):
     return path
 
 
-def test_rows_become_scans_by_time_and_uav(tmp_path):
+def test_rows_become_scans_by_time_and_uav_whatever_their_columns_order(tmp_path):
     path = written(
         tmp_path,
         f"0.5,2,,,,,,{POSE}",
@@ -50,9 +50,6 @@ def test_rows_become_scans_by_time_and_uav(tmp_path):
     assert third.measurements.shape == (0, 2) and third.covariances.shape == (0, 2, 2)
     np.testing.assert_array_equal(alone.pose.position, [1, 2, 30])
     np.testing.assert_array_equal(alone.pose.quaternion, [0, 0, 0.6, 0.8])
-
-
-def test_columns_may_come_in_any_order_and_others_are_ignored(tmp_path):
     names = [*SCAN_COLUMNS[::-1], "comment"]
     fields = [*GOOD.split(",")[::-1], "whatever"]
     ((found,),) = read_scans(written(tmp_path, ",".join(fields), header="﻿" + ",".join(names)))
@@ -116,7 +113,7 @@ def test_a_camera_that_cannot_be_is_named(tmp_path, line, message):
         read_cameras(written(tmp_path, "1,1.0,128", line, header="uav,fov,pixels"))
 
 
-def test_a_step_takes_scans_and_lets_the_others_coast():
+def test_the_tracker_alone_repeats_the_tracks_of_the_mission(mission):
     one, two = tracker(), tracker(uav=1)
     for k in range(4):
         step([one, two], [scan(k, (0.0, 0.0))])
@@ -128,21 +125,6 @@ def test_a_step_takes_scans_and_lets_the_others_coast():
         step([one, two], [scan(5), scan(6, uav=1)])
     with pytest.raises(ValueError, match="of one time and of different UAVs"):
         step([one, two], [])
-
-
-@pytest.fixture(scope="module")
-def mission(tmp_path_factory):
-    """A flown mission that began without tracks, and its exports."""
-    out = tmp_path_factory.mktemp("mission")
-    setting = load("forest", ["duration=8", "sensing.mode=ideal", "tracking.initial_tracks=none"])
-    run(Trial(setting, "greedy", 0), out / "run", video=False)
-    recording = load_recording(out / "run" / "mission.npz")
-    export(recording, "csv", out / "csv")
-    export(recording, "stonesoup", out / "stonesoup")
-    return recording, out
-
-
-def test_the_tracker_alone_repeats_the_tracks_of_the_mission(mission):
     recording, out = mission
     forest, parameters = read_forest(out / "csv" / "trees.csv"), TrackerParameters(NearlyConstantVelocity(0.2, 0.6))
     cameras = read_cameras(out / "csv" / "cameras.csv")
@@ -158,6 +140,18 @@ def test_the_tracker_alone_repeats_the_tracks_of_the_mission(mission):
                 np.testing.assert_allclose(track.belief.covariance, recorded.belief.covariance, rtol=1e-9, atol=1e-12)
             held += len(expected)
     assert k == 40 and held > 200
+
+
+@pytest.fixture(scope="module")
+def mission(tmp_path_factory):
+    """A flown mission that began without tracks, and its exports."""
+    out = tmp_path_factory.mktemp("mission")
+    setting = load("forest", ["duration=8", "sensing.mode=ideal", "tracking.initial_tracks=none"])
+    run(Trial(setting, "greedy", 0), out / "run", video=False)
+    recording = load_recording(out / "run" / "mission.npz")
+    export(recording, "csv", out / "csv")
+    export(recording, "stonesoup", out / "stonesoup")
+    return recording, out
 
 
 def blocks(language):

@@ -38,16 +38,16 @@ def test_parameters_of_a_tracker(field, value, allowed):
         TrackerParameters(MOTION, **{field: value})
 
 
-@pytest.mark.parametrize(("dt", "sigma_a", "field"), [(0, 1, "dt"), (-0.2, 1, "dt"), (math.nan, 1, "dt")])
-def test_steps_of_a_motion(dt, sigma_a, field):
-    with pytest.raises(ValueError, match=f"^{field} must be positive and finite, is {dt}"):
-        NearlyConstantVelocity(dt, sigma_a)
-
-
-@pytest.mark.parametrize("sigma_a", [-1.0, math.nan, math.inf])
-def test_noise_of_a_motion(sigma_a):
-    with pytest.raises(ValueError, match=f"^sigma_a must be 0 or more and finite, is {sigma_a}"):
-        NearlyConstantVelocity(0.2, sigma_a)
+@pytest.mark.parametrize(
+    ("field", "value", "allowed"),
+    [
+        *(("dt", v, "positive") for v in (0.0, -0.2, math.nan)),
+        *(("sigma_a", v, "0 or more") for v in (-1.0, math.nan, math.inf)),
+    ],
+)
+def test_steps_and_noise_of_a_motion(field, value, allowed):
+    with pytest.raises(ValueError, match=f"^{field} must be {allowed} and finite, is {value}"):
+        NearlyConstantVelocity(**{"dt": 0.2, "sigma_a": 1.0, field: value})
 
 
 @pytest.mark.parametrize(

@@ -23,9 +23,8 @@ def test_the_intensity_is_even_before_the_first_frame():
     belief = UndetectedIntensity(AREA, 4.0, 0.99, 3.0).belief
     assert belief.people.shape == (20, 30) and belief.cell == (5.0, 5.0)
     np.testing.assert_allclose(belief.people, 4.0 / 600)
-    np.testing.assert_array_equal(
-        belief.centres()[[0, 0, -1], [0, -1, 0]], [(-72.5, -47.5), (72.5, -47.5), (-72.5, 47.5)]
-    )
+    corners = [(-72.5, -47.5), (72.5, -47.5), (-72.5, 47.5)]
+    np.testing.assert_array_equal(belief.centres()[[0, 0, -1], [0, -1, 0]], corners)
 
 
 def test_a_frame_thins_each_cell_by_its_visible_share():
@@ -57,7 +56,7 @@ def test_people_spread_as_they_walk_within_the_area():
     assert undetected.belief.people.sum() == pytest.approx(1.0)
 
 
-def test_the_person_of_a_deleted_track_is_recycled_at_its_place():
+def test_people_of_deleted_tracks_but_not_duplicates_are_recycled_in_the_area():
     undetected = UndetectedIntensity(AREA, 0.0, 0.99, 3.0)
     undetected.step(0.0, (), [track(1, 20.0, -10.0, 25.0), track(2, -40.0, 0.0)], OPEN)
     assert not undetected.belief.people.any()
@@ -65,16 +64,10 @@ def test_the_person_of_a_deleted_track_is_recycled_at_its_place():
     belief = undetected.belief
     assert belief.people.sum() == pytest.approx(1.0)
     np.testing.assert_allclose(np.einsum("rc,rck->k", belief.people, belief.centres()), [20.0, -10.0], atol=0.01)
-
-
-def test_a_duplicate_track_is_not_recycled():
     undetected = UndetectedIntensity(AREA, 0.0, 0.99, 3.0)
     undetected.step(0.0, (), [track(1, 20.0, -10.0, 25.0)], OPEN)
     undetected.step(0.0, (), [track(7, 22.0, -10.0)], OPEN)
     assert not undetected.belief.people.any()
-
-
-def test_a_person_lost_outside_the_area_is_recycled_at_its_edge():
     undetected = UndetectedIntensity(AREA, 0.0, 0.99, 3.0)
     undetected.step(0.0, (), [track(1, 500.0, 0.0)], OPEN)
     undetected.step(0.0, (), [], OPEN)

@@ -14,6 +14,9 @@ from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, TARGET_HEIGHT
 from tracking.measurement_update import scan_prediction
 from tracking.tracker import Scan, TrackerParameters
 
+INSTANTS = (10, 25, 35, 50, 65)  # scans: 2 to 13 s
+UNDER_TREES = [(1.0, 1.5), (2.0, 1.5), (2.0, 0.5), (5.0, 0.7), (5.0, 1.5), (8.0, 1.5)]
+
 
 def belief(rng):
     root = rng.normal(size=(4, 4))
@@ -87,8 +90,7 @@ def test_covariances_stay_positive_definite_over_many_scans_of_an_empty_place():
         seen = seen_where(lambda p: np.hypot(*(p - 1.0).T) > 1.5, means[0], covariances[0])
         before = np.trace(covariances[0])
         means, covariances = negative_information_update((means, covariances), 1 - 0.99 * seen[None])
-        assert np.linalg.eigvalsh(covariances[0]).min() > 0
-        assert np.trace(covariances[0]) <= before * (1 + 1e-9)
+        assert np.linalg.eigvalsh(covariances[0]).min() > 0 and np.trace(covariances[0]) <= before * (1 + 1e-9)
     assert np.hypot(*(means[0, :2] - 1.0)) < 1.5
 
 
@@ -106,9 +108,6 @@ def test_a_weight_tempers_the_likelihood_and_zero_turns_it_off():
     # Half the mass is seen: with the likelihood l there, the mean moves by (1 - l) / (1 + l) of the full shift.
     tempered, plain = (1 - 0.1) / (1 + 0.1), (1 - 0.01) / (1 + 0.01)
     assert (half - mean[0]) / (full - mean[0]) == pytest.approx(tempered / plain, rel=1e-9)
-
-
-INSTANTS = (10, 25, 35, 50, 65)  # scans: 2 to 13 s
 
 
 def start(radius: float, speed: float) -> np.ndarray:
@@ -154,9 +153,6 @@ def believed(radius: float, speed: float, every: int = 1, **settings) -> tuple[n
     return np.array(means), np.array(deviations)
 
 
-UNDER_TREES = [(1.0, 1.5), (2.0, 1.5), (2.0, 0.5), (5.0, 0.7), (5.0, 1.5), (8.0, 1.5)]
-
-
 @pytest.mark.parametrize(("radius", "speed"), UNDER_TREES)
 def test_the_belief_in_a_hidden_person_agrees_with_a_particle_filter(radius, speed):
     """About as wide and, for the width, not far off, under small and large canopies; not so without this evidence."""
@@ -189,9 +185,7 @@ def test_negative_information_hardly_depends_on_the_detection_probability(detect
 
 
 def test_people_cross_a_share_of_their_belief():
-    covariances = np.array(
-        [np.diag([4.0, 4.0, 1.0, 1.0]), np.diag([3.0, 0.0, 0.0, 2.0]), np.diag([9.0, 9.0, 1.0, 1.0])]
-    )
+    covariances = np.array([np.diag(row) for row in ([4.0, 4, 1, 1], [3.0, 0, 0, 2], [9.0, 9, 1, 1])])
     means = np.array([[5.0, 5.0, 0.0, 0.0], [0.0, 0.0, 3.0, 4.0], [1.0, 0.0, 0.0, 4.0]])
     expected = [0.2 * math.sqrt(2 / 8), 0.2 * math.sqrt(27 / 3), 0.2 * math.sqrt(18 / 18)]
     np.testing.assert_allclose(share_crossed((means, covariances), 0.2), expected, rtol=1e-12)

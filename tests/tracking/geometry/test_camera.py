@@ -27,8 +27,7 @@ def test_projecting_a_ground_point_gives_back_its_pixel(seed, height):
     points = np.column_stack([CAMERA.ground_points(pose, uv, height), np.full(20, height)])
     back, depth = CAMERA.project(pose, points)
     np.testing.assert_allclose(back, uv, atol=1e-9)
-    assert np.all(depth > 0)
-    assert np.all(CAMERA.sees(pose, points))
+    assert np.all(depth > 0) and np.all(CAMERA.sees(pose, points))
 
 
 @settings(deadline=None, max_examples=50)
@@ -42,29 +41,29 @@ def test_points_along_a_ray_share_its_pixel_and_have_its_length_as_depth(seed):
     np.testing.assert_allclose(seen_depth, depth, rtol=1e-12)
 
 
-def test_rotation_agrees_with_scipy():
+def test_rotations_agree_with_scipy_and_altitudes_with_footprints():
     rng = np.random.default_rng(1)
     for quaternion in rng.normal(size=(50, 4)):
         quaternion /= np.linalg.norm(quaternion)
         rotation = Pose(rng.normal(size=3), quaternion).rotation
         np.testing.assert_allclose(rotation, Rotation.from_quat(quaternion).as_matrix(), atol=1e-14)
+    for edge, altitude in ((20, 17.3), (25, 21.7), (22, 19.1)):
+        corners = CAMERA.footprint(Pose.level(1.0, 2.0, altitude))
+        half = altitude * math.tan(math.radians(30))
+        signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        np.testing.assert_allclose(corners, [1, 2] + half * signs)
+        assert 2 * half == pytest.approx(edge, abs=0.06)
 
 
-def test_a_level_camera_has_north_at_the_top_and_east_on_the_right():
+def test_a_level_camera_shows_north_at_the_top_and_nothing_behind_it():
     uv, depth = CAMERA.project(Pose.level(5.0, -3.0, 20.0), np.array([[5, -3, 0], [6, -3, 0], [5, -2, 0.0]]))
     focal = 64 / math.tan(math.radians(30))
     np.testing.assert_allclose(uv, [[64, 64], [64 + focal / 20, 64], [64, 64 - focal / 20]], atol=1e-12)
     np.testing.assert_array_equal(depth, 20.0)
-
-
-def test_the_default_altitudes_give_the_default_footprints():
-    for edge, altitude in ((20, 17.3), (25, 21.7), (22, 19.1)):
-        corners = CAMERA.footprint(Pose.level(1.0, 2.0, altitude))
-        half = altitude * math.tan(math.radians(30))
-        np.testing.assert_allclose(
-            corners, [[1 - half, 2 - half], [1 + half, 2 - half], [1 + half, 2 + half], [1 - half, 2 + half]]
-        )
-        assert 2 * half == pytest.approx(edge, abs=0.06)
+    pose = Pose.level(0.0, 0.0, 20.0)
+    above = np.array([[0, 0, 20], [0, 0, 21], [3, -2, 35.0]])
+    uv, depth = CAMERA.project(pose, above)
+    assert np.all(depth <= 0) and np.all(np.isnan(uv)) and not CAMERA.sees(pose, above).any()
 
 
 def test_a_footprint_runs_anticlockwise_round_what_is_seen():
@@ -79,12 +78,3 @@ def test_a_footprint_runs_anticlockwise_round_what_is_seen():
         seen = CAMERA.sees(pose, np.column_stack([points, np.full(500, 0.85)]))
         np.testing.assert_array_equal(seen, inside)
         assert 0 < seen.sum() < 500
-
-
-def test_nothing_at_or_behind_the_camera_is_seen():
-    pose = Pose.level(0.0, 0.0, 20.0)
-    above = np.array([[0, 0, 20], [0, 0, 21], [3, -2, 35.0]])
-    uv, depth = CAMERA.project(pose, above)
-    assert np.all(depth <= 0)
-    assert np.all(np.isnan(uv))
-    assert not CAMERA.sees(pose, above).any()

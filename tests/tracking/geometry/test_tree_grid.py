@@ -87,7 +87,7 @@ def test_what_is_not_a_number_is_answered_as_without_culling():
     np.testing.assert_array_equal(forest.visible(cameras, points), exhaustive(cameras, points, forest.blockers))
 
 
-def test_a_list_holds_every_cylinder_near_its_cell_and_none_far_off():
+def test_lists_hold_every_near_cylinder_and_grow_with_a_forests_density():
     rng = np.random.default_rng(3)
     cylinders = scene(rng, 40, 40.0).cylinders
     grid = gridded(cylinders)
@@ -97,8 +97,6 @@ def test_a_list_holds_every_cylinder_near_its_cell_and_none_far_off():
         listed = np.sort(grid.members[grid.starts[cell] : grid.starts[cell + 1]])
         np.testing.assert_array_equal(listed, np.flatnonzero(gap <= cylinders[:, 2] + 2.0 + 2e-6))
 
-
-def test_lists_grow_with_the_density_of_a_forest_and_not_with_its_size():
     def length(trees, span):
         grid = gridded(scene(np.random.default_rng(4), trees, span).cylinders)
         return grid.starts[-2] / (len(grid.starts) - 2)

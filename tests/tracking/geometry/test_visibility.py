@@ -14,6 +14,11 @@ from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, probabilit
 
 CAMERA = Camera(math.radians(60), 128)
 LOW, HIGH = np.array([-30.0, -30.0, 0.0]), np.array([30.0, 30.0, 22.0])
+HALF = (20.0 - TARGET_HEIGHT) * math.tan(math.radians(30))  # of the field of view at a person's mid-height
+FOV = math.radians(60)
+CRUMB = 1e-6  # m and rad: what is nearer than this to the edge of a tree or of the image, rounding may decide
+SHIFTS = st.tuples(st.floats(-500, 500), st.floats(-500, 500)).map(np.array)
+MODES = st.sampled_from(["line_of_sight", "disc"])
 
 
 def random_forest(rng: np.random.Generator, trees: int = 12, **settings) -> Forest:
@@ -50,40 +55,11 @@ def test_line_of_sight_agrees_with_dense_sampling_along_segments():
     assert compared.min() > 80
 
 
-def test_line_of_sight_is_mutual():
+def test_lines_of_sight_are_mutual_and_discs_hide_what_is_inside():
     rng = np.random.default_rng(1)
     forest = random_forest(rng)
     a, b = rng.uniform(LOW, HIGH, (40, 3)), rng.uniform(LOW, HIGH, (50, 3))
     np.testing.assert_array_equal(forest.visible(a, b), forest.visible(b, a).T)
-
-
-def test_straight_down_hides_exactly_what_is_under_the_canopy():
-    tree = Forest((Tree(2.0, -1.0, canopy_radius=5.0),))
-    for distance, free in ((0.0, False), (4.999, False), (5.001, True)):
-        x = 2.0 + distance
-        assert tree.visible(np.array([x, -1.0, 20.0]), np.array([x, -1.0, 0.85]))[0, 0] == free
-
-
-def test_a_person_under_a_canopy_is_visible_from_the_side():
-    forest = Forest((Tree(0.0, 0.0, canopy_radius=5.0),))
-    person = np.array([3.0, 0.0, 0.85])
-    # The ray leaves the canopy's disc, at x = 5, below its base at 3 m only if it is flat enough.
-    assert forest.visible(np.array([23.0, 0.0, 17.0]), person)[0, 0]
-    assert not forest.visible(np.array([13.0, 0.0, 17.0]), person)[0, 0]
-    # The trunk alone hides from the other side at the height of the eyes.
-    assert not forest.visible(np.array([-20.0, 0.0, 1.5]), person)[0, 0]
-    assert forest.visible(np.array([-20.0, 2.0, 1.5]), person)[0, 0]
-
-
-def test_level_segments_meet_only_what_is_at_their_height():
-    forest = Forest((Tree(0.0, 0.0, canopy_radius=1.0),))
-    for z, free in ((2.99, True), (3.0, False), (5.0, False), (6.0, False), (6.01, True)):
-        assert forest.visible(np.array([-5.0, 0.5, z]), np.array([5.0, 0.5, z]))[0, 0] == free
-    inside = np.array([0.2, 0.1, 5.0])
-    assert not forest.visible(inside, inside)[0, 0]
-
-
-def test_discs_hide_exactly_what_is_inside_a_circle():
     rng = np.random.default_rng(4)
     forest = random_forest(rng, occlusion="disc")
     points = np.column_stack([rng.uniform(-30, 30, (2000, 2)), np.full(2000, TARGET_HEIGHT)])
@@ -92,7 +68,24 @@ def test_discs_hide_exactly_what_is_inside_a_circle():
     np.testing.assert_array_equal(forest.visible(cameras, points), np.tile(~inside.any(axis=1), (5, 1)))
 
 
-def test_an_empty_forest_hides_nothing():
+def test_canopies_and_trunks_hide_what_is_under_them_or_at_their_height():
+    tree = Forest((Tree(2.0, -1.0, canopy_radius=5.0),))
+    for distance, free in ((0.0, False), (4.999, False), (5.001, True)):
+        x = 2.0 + distance
+        assert tree.visible(np.array([x, -1.0, 20.0]), np.array([x, -1.0, 0.85]))[0, 0] == free
+    forest = Forest((Tree(0.0, 0.0, canopy_radius=5.0),))
+    person = np.array([3.0, 0.0, 0.85])
+    # The ray leaves the canopy's disc, at x = 5, below its base at 3 m only if it is flat enough.
+    assert forest.visible(np.array([23.0, 0.0, 17.0]), person)[0, 0]
+    assert not forest.visible(np.array([13.0, 0.0, 17.0]), person)[0, 0]
+    # The trunk alone hides from the other side at the height of the eyes.
+    assert not forest.visible(np.array([-20.0, 0.0, 1.5]), person)[0, 0]
+    assert forest.visible(np.array([-20.0, 2.0, 1.5]), person)[0, 0]
+    forest = Forest((Tree(0.0, 0.0, canopy_radius=1.0),))
+    for z, free in ((2.99, True), (3.0, False), (5.0, False), (6.0, False), (6.01, True)):
+        assert forest.visible(np.array([-5.0, 0.5, z]), np.array([5.0, 0.5, z]))[0, 0] == free
+    inside = np.array([0.2, 0.1, 5.0])
+    assert not forest.visible(inside, inside)[0, 0]
     rng = np.random.default_rng(5)
     for occlusion in ("line_of_sight", "disc"):
         assert Forest((), occlusion).visible(rng.normal(size=(3, 3)), rng.normal(size=(4, 3))).all()
@@ -103,22 +96,13 @@ def detection(mean, sigma: float, forest: Forest) -> float:
     return float(probability_of_detection(CAMERA, pose, np.array([mean], float), sigma**2 * np.eye(2)[None], forest)[0])
 
 
-HALF = (20.0 - TARGET_HEIGHT) * math.tan(math.radians(30))  # of the field of view at a person's mid-height
-
-
-def test_probability_of_detection_is_one_in_the_open_and_zero_outside_or_hidden():
+def test_probability_of_detection_is_one_zero_or_at_edges_between():
     forest = Forest((Tree(-5.0, 0.0, canopy_radius=3.0),))
-    assert detection((3, 3), 0.5, forest) == 1.0
-    assert detection((-5, 0), 0.3, forest) == 0.0
+    assert detection((3, 3), 0.5, forest) == 1.0 and detection((-5, 0), 0.3, forest) == 0.0
     assert detection((HALF + 2, 0), 0.5, forest) == 0.0
-    assert probability_of_detection(
-        CAMERA, Pose.level(0, 0, 20), np.zeros((0, 2)), np.zeros((0, 2, 2)), forest
-    ).shape == (0,)
-
-
-def test_probability_of_detection_is_a_half_at_an_edge_a_quarter_in_a_corner():
-    assert detection((HALF, 0), 0.7, Forest(())) == 0.5
-    assert detection((1, -HALF), 0.2, Forest(())) == 0.5
+    nothing = np.zeros((0, 2)), np.zeros((0, 2, 2))
+    assert probability_of_detection(CAMERA, Pose.level(0, 0, 20), *nothing, forest).shape == (0,)
+    assert detection((HALF, 0), 0.7, Forest(())) == 0.5 and detection((1, -HALF), 0.2, Forest(())) == 0.5
     assert detection((HALF, HALF), 0.4, Forest(())) == 0.25
 
 
@@ -140,15 +124,8 @@ def test_probability_of_detection_agrees_with_sampling_behind_trees():
         samples = np.column_stack([rng.multivariate_normal(mean, covariance, 2000), np.full(2000, TARGET_HEIGHT)])
         truth = np.mean(CAMERA.sees(pose, samples) & forest.visible(pose.position, samples)[0])
         errors.append(given - truth)
-    assert np.max(np.abs(errors)) < 0.2
-    assert np.sqrt(np.mean(np.square(errors))) < 0.06
+    assert np.max(np.abs(errors)) < 0.2 and np.sqrt(np.mean(np.square(errors))) < 0.06
     assert abs(np.mean(errors)) < 0.02
-
-
-FOV = math.radians(60)
-CRUMB = 1e-6  # m and rad: what is nearer than this to the edge of a tree or of the image, rounding may decide
-SHIFTS = st.tuples(st.floats(-500, 500), st.floats(-500, 500)).map(np.array)
-MODES = st.sampled_from(["line_of_sight", "disc"])
 
 
 def rows(*bounds, least=1, most=8):
@@ -249,9 +226,8 @@ def test_turning_all_by_right_angles_changes_no_probability_of_detection(trees, 
     forest, (means, covariances), angle = Forest(trees), belief, quarters * math.pi / 2
     position = turned(pose.position, angle) + np.append(shift, 0.0)
     there = Pose(position, (Rotation.from_euler("z", angle) * Rotation.from_quat(pose.quaternion)).as_quat())
-    now = probability_of_detection(
-        CAMERA, there, turned(means, angle) + shift, covariances, moved(forest, angle, shift)
-    )
+    means = turned(means, angle) + shift
+    now = probability_of_detection(CAMERA, there, means, covariances, moved(forest, angle, shift))
     surely, perhaps = (seen.mean(axis=1) for seen in samples_within(pose, belief, forest))
     assert np.all(surely <= now) and np.all(now <= perhaps)
 

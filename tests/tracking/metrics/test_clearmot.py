@@ -67,8 +67,7 @@ CASES = {
 def test_cases_by_hand(people, tracks, matches, switched, broken):
     people = paths(*people)
     found = correspondence(paths(*tracks), people, 1.0)
-    assert found.tolist() == matches
-    assert switches(found).tolist() == switched
+    assert found.tolist() == matches and switches(found).tolist() == switched
     assert fragmentations(found, ~np.isnan(people[..., 0])).tolist() == broken
 
 
@@ -87,20 +86,16 @@ def test_pairs_of_a_scan_are_as_many_then_as_near_as_possible():
             )
         )
         held = np.flatnonzero(found >= 0)
-        assert -len(held) == best[0]
-        assert gaps[found[held], held].sum() == pytest.approx(best[1])
+        assert -len(held) == best[0] and gaps[found[held], held].sum() == pytest.approx(best[1])
 
 
-def test_the_order_of_tracks_and_people_does_not_matter():
+def test_order_does_not_matter_and_invalid_arguments_are_refused():
     rng = np.random.default_rng(1)
     for _ in range(30):
         tracks, people = np.cumsum(rng.normal(0, 0.5, (20, 7, 2)), axis=0), np.cumsum(rng.normal(0, 0.5, (20, 5, 2)), 0)
         a, b = rng.permutation(7), rng.permutation(5)
         found, again = correspondence(tracks, people, 1.0), correspondence(tracks[:, a], people[:, b], 1.0)
         assert np.array_equal(np.where(again >= 0, a[again], -1), found[:, b])
-
-
-def test_invalid_arguments_are_refused():
     with pytest.raises(ValueError, match="within must be positive, is 0"):
         correspondence(np.zeros((1, 1, 2)), np.zeros((1, 1, 2)), 0.0)
     with pytest.raises(ValueError, match=r"are \(2, 1, 2\) and \(1, 1, 2\)"):

@@ -31,11 +31,8 @@ def test_compiling_is_announced_and_timed_once_however_functions_call_each_other
     said = []
     function = numba.njit(thrice)
     with announced(said.append):
-        assert said == []
-        assert function(7) == 42
-        assert function(7.0) == 42.0
-    assert len(said) == 2
-    assert said[0] == "Compiling the numerical code, which takes up to about a minute."
+        assert said == [] and function(7) == 42 and function(7.0) == 42.0
+    assert len(said) == 2 and said[0] == "Compiling the numerical code, which takes up to about a minute."
     assert re.fullmatch(r"Compiled in \d+ s; it is kept for later runs\.", said[1])
     with announced(said.append):
         function(8)
@@ -65,8 +62,7 @@ def test_where_nothing_can_be_kept_code_works_and_that_is_said(nowhere):
 def test_where_code_can_be_kept_nothing_is_noted(tmp_path, monkeypatch):
     monkeypatch.setattr(subject, "not_kept", [])
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    assert subject.compiled(twice)(21) == 42
-    assert subject.not_kept == [] and list(tmp_path.rglob("*.nbc"))
+    assert subject.compiled(twice)(21) == 42 and subject.not_kept == [] and list(tmp_path.rglob("*.nbc"))
 
 
 def test_a_mission_compiles_nothing_in_flight():
@@ -115,8 +111,7 @@ def test_a_run_without_any_cache_flies_the_same(tmp_path):
     locator = "numba.core.caching.UserProvidedCacheLocator"
     nothing = {"NUMBA_CACHE_DIR": "/dev/null/cache", "NUMBA_CACHE_LOCATOR_CLASSES": locator}
     said, recording = flown(tmp_path, "uncached", **nothing)
-    assert len(said) == 2 and "NUMBA_CACHE_DIR" in said[1]
-    assert flown(tmp_path, "cached") == ([], recording)
+    assert len(said) == 2 and "NUMBA_CACHE_DIR" in said[1] and flown(tmp_path, "cached") == ([], recording)
 
 
 def test_kept_code_is_of_the_sources_that_it_was_compiled_from(tmp_path):

@@ -14,21 +14,15 @@ _POSITIVE = np.concatenate([np.exp(_RNG.uniform(-700, 700, 1000)), _RNG.uniform(
 _DIRECTIONS = np.concatenate([_RNG.normal(0, 1, (2000, 2)), _RNG.normal(0, 1, (500, 2)) * [1e-9, 1.0]])
 
 
+_SMALL = _RNG.uniform(-0.8, 0.8, 2000) * 10.0 ** _RNG.integers(-12, 1, 2000)
+
+
 def _units(found, function, *arguments):
     """Errors in units of the last place of the true value."""
     with mpmath.workdps(40):
         true = [function(*map(mpmath.mpf, xs)) for xs in zip(*(a.tolist() for a in arguments), strict=True)]
-        return np.array(
-            [abs(mpmath.mpf(f) - t) / math.ulp(float(t)) for f, t in zip(found.tolist(), true, strict=True)]
-        )
-
-
-def test_exponential_is_within_two_units_in_the_last_place():
-    assert _units(universal.exp_each(_WIDE), mpmath.exp, _WIDE).max() < 2
-
-
-def test_logarithm_is_within_two_units_in_the_last_place():
-    assert _units(np.array([exponential.log(x) for x in _POSITIVE.tolist()]), mpmath.log, _POSITIVE).max() < 2
+        pairs = zip(found.tolist(), true, strict=True)
+        return np.array([abs(mpmath.mpf(f) - t) / math.ulp(float(t)) for f, t in pairs])
 
 
 @pytest.mark.parametrize("name", ["sin", "cos"])
@@ -40,23 +34,28 @@ def test_sine_and_cosine_are_exact_to_three_ten_quadrillionths(name):
     assert np.abs(found - true).max() < 3e-16
 
 
-def test_small_angles_keep_all_digits_of_their_sine():
-    angles = _RNG.uniform(-0.8, 0.8, 2000) * 10.0 ** _RNG.integers(-12, 1, 2000)
-    assert _units(universal.sin_each(angles), mpmath.sin, angles).max() < 2
+def logarithms(xs):
+    return np.array([exponential.log(x) for x in xs.tolist()])
 
 
-def test_direction_is_within_two_units_in_the_last_place():
-    y, x = _DIRECTIONS.T
-    assert _units(universal.arctan2_each(y, x), mpmath.atan2, y, x).max() < 2
+PRECISE = {
+    "exponential": (universal.exp_each, mpmath.exp, _WIDE),
+    "logarithm": (logarithms, mpmath.log, _POSITIVE),
+    "sine of small angles": (universal.sin_each, mpmath.sin, _SMALL),
+    "direction": (universal.arctan2_each, mpmath.atan2, *_DIRECTIONS.T),
+}
 
 
-def test_direction_along_the_axes_is_exact():
+@pytest.mark.parametrize("name", PRECISE)
+def test_elementary_functions_are_within_two_units_in_the_last_place(name):
+    ours, true, *arguments = PRECISE[name]
+    assert _units(ours(*arguments), true, *arguments).max() < 2
+
+
+def test_tangents_have_fifteen_digits_and_directions_along_axes_are_exact():
     along = [(0, 1), (1, 0), (0, -1), (-1, 0), (0, 0)]
     found = [trigonometry.arctan2(float(y), float(x)) for y, x in along]
     assert found == [0.0, math.pi / 2, math.pi, -math.pi / 2, 0.0]
-
-
-def test_tangent_has_fifteen_digits():
     angles = _RNG.uniform(-1.5, 1.5, 1000)
     found = np.array([trigonometry.tan(x) for x in angles.tolist()])
     np.testing.assert_allclose(found, [float(mpmath.tan(x)) for x in angles], rtol=1e-15)
@@ -93,17 +92,15 @@ def test_ends_of_the_range_are_those_of_the_real_line(name, x, value):
 
 
 @pytest.mark.parametrize(
-    ("function", "x"),
-    [(exponential.exp, math.nan), (exponential.log, math.nan), (exponential.log, -1.0), (trigonometry.sin, math.nan)],
+    ("function", "arguments"),
+    [
+        *((function, [math.nan]) for function in (exponential.exp, exponential.log, trigonometry.sin)),
+        *((exponential.log, [-1.0]), (trigonometry.sin, [1e30]), (trigonometry.cos, [-1e18])),
+        *(
+            (trigonometry.arctan2, yx)
+            for yx in ((1.0, math.inf), (math.inf, math.inf), (math.nan, 1.0), (-math.inf, 0.0))
+        ),
+    ],
 )
-def test_values_outside_the_domain_are_nan(function, x):
-    assert math.isnan(function(x))
-
-
-@pytest.mark.parametrize(("y", "x"), [(1.0, math.inf), (math.inf, math.inf), (math.nan, 1.0), (-math.inf, 0.0)])
-def test_directions_that_are_not_finite_are_not_numbers(y, x):
-    assert math.isnan(trigonometry.arctan2(y, x))
-
-
-def test_angles_too_large_to_have_digits_are_not_numbers():
-    assert math.isnan(trigonometry.sin(1e30)) and math.isnan(trigonometry.cos(-1e18))
+def test_values_outside_the_domain_are_nan(function, arguments):
+    assert math.isnan(function(*arguments))

@@ -26,9 +26,8 @@ def test_products_broadcast_as_numpy_has_them(shapes):
 
 def test_a_matrix_applies_to_vectors_along_the_last_axis():
     left, right = _RNG.normal(size=(4, 1, 3, 2)), _RNG.normal(size=(5, 2))
-    np.testing.assert_allclose(
-        matrices.applied(left, right), np.einsum("abij,bj->abi", left.repeat(5, 1), right), rtol=1e-12
-    )
+    expected = np.einsum("abij,bj->abi", left.repeat(5, 1), right)
+    np.testing.assert_allclose(matrices.applied(left, right), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 6])
@@ -39,13 +38,10 @@ def test_roots_and_inverses_agree_with_lapack(n):
     assert np.array_equal(factorisation.inverse(P), np.swapaxes(factorisation.inverse(P), 1, 2))
 
 
-def test_axes_without_variance_have_a_root_of_zeros():
+def test_matrices_without_variance_have_zero_roots_and_indefinite_ones_none():
     singular = np.array([np.zeros((4, 4)), np.diag([1.0, 0.0, 4.0, 0.0])])
     roots = factorisation.cholesky(singular)
     assert np.array_equal(roots @ np.swapaxes(roots, 1, 2), singular)
-
-
-def test_what_is_not_definite_gives_not_a_number():
     wrong = np.array([[1.0, 2.0], [2.0, 1.0]])
     assert np.isnan(factorisation.cholesky(wrong)[1, 1])
     assert math.isnan(distances.log_determinant(wrong)) and math.isnan(distances.squared_distance(np.ones(2), wrong))
@@ -60,11 +56,6 @@ def test_log_determinants_and_distances_agree_with_lapack(n):
     np.testing.assert_allclose(distances.squared_distance(d, P), (solved * d).sum(axis=-1), rtol=1e-8)
 
 
-def test_forward_solution_satisfies_its_equations():
-    L, B = factorisation.cholesky(_definite(4, 7, spread=1.0)), _RNG.normal(size=(4, 3))
-    np.testing.assert_allclose(L @ factorisation.forward_substitution(L, B), np.broadcast_to(B, (7, 4, 3)), atol=1e-10)
-
-
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 6])
 def test_eigenvalues_ascend_and_rebuild_the_matrix(n):
     P = _definite(n, 40) - 2.0 * np.eye(n)
@@ -77,9 +68,11 @@ def test_eigenvalues_ascend_and_rebuild_the_matrix(n):
     np.testing.assert_allclose(vectors @ np.swapaxes(vectors, 1, 2), np.broadcast_to(np.eye(n), P.shape), atol=1e-13)
 
 
-def test_equal_eigenvalues_keep_the_axes():
+def test_equal_eigenvalues_keep_axes_and_forward_solutions_solve():
     values, vectors = factorisation.eigen(np.diag([2.0, 1.0, 2.0]))
     assert values.tolist() == [1.0, 2.0, 2.0] and np.array_equal(np.abs(vectors) @ [1.0, 2.0, 3.0], [2.0, 1.0, 3.0])
+    L, B = factorisation.cholesky(_definite(4, 7, spread=1.0)), _RNG.normal(size=(4, 3))
+    np.testing.assert_allclose(L @ factorisation.forward_substitution(L, B), np.broadcast_to(B, (7, 4, 3)), atol=1e-10)
 
 
 def test_congruence_is_exactly_symmetric_and_lengths_are_euclidean():
