@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from helpers.fleets import fleet
+from helpers.graphs import graph
 from helpers.scenes import ABOVE, AWAY, MOTION, play, scan, track, tracker
 
 from tracking.association.jipda import existence_association, from_log_odds, log_odds
@@ -13,7 +15,7 @@ from tracking.filter.kalman import Gaussian, update
 from tracking.fusion.consensus import fuse
 from tracking.geometry.visibility import Forest, Tree
 from tracking.parameters import TrackerParameters
-from tracking.tracker import Track, Tracker
+from tracking.tracker import Track
 
 R = 0.05 * np.eye(2)
 PLAIN = 0.99 * 0.9999  # detected, and in the gate
@@ -116,10 +118,13 @@ def test_certain_people_are_associated_as_by_jpda():
     np.testing.assert_allclose(nearly[2], 1.0, atol=1e-9)
 
 
-def test_log_odds_and_back_stay_finite_and_keep_what_can_be_argued():
+def test_log_odds_and_back_stay_finite_and_counting_says_nothing_of_existence():
     r = np.array([1e-8, 0.2, 0.5, 1 - 1e-8])
     np.testing.assert_allclose(from_log_odds(log_odds(r)), r, rtol=1e-12)
     assert np.isfinite(log_odds(np.array([0.0, 1.0]))).all()
+    counted = tracker(track(3, 0, 0, 0, 0), life="m_of_n")
+    play(counted, [scan(k) for k in range(4)])
+    assert [t.existence for t in counted.tracks] == [1.0]
 
 
 @pytest.mark.parametrize(("survival", "left"), [(1.0, 0.9), (0.99, 0.9 * 0.99**20)])
@@ -137,8 +142,7 @@ def test_a_person_hidden_for_twenty_seconds_exists_as_survival_says(survival, le
 def test_the_track_of_a_person_under_a_watched_canopy_is_not_deleted(radius):
     """The belief reaches beyond the edge and is pushed back: only what it should have shown counts."""
     subject = tracker(track(3, -1, 0, 1.5, 0), forest=Forest((Tree(0, 0, radius),)), life="existence", survival=1.0)
-    assert play(subject, [scan(k) for k in range(101)])[-1] == (3,)
-    assert subject.tracks[0].existence > 0.9
+    assert play(subject, [scan(k) for k in range(101)])[-1] == (3,) and subject.tracks[0].existence > 0.9
 
 
 @pytest.mark.parametrize(("detection", "scans"), [(0.99, 4), (0.9, 7), (0.5, 23)])
@@ -158,16 +162,13 @@ def test_half_a_belief_in_view_lowers_existence_by_half_the_probability_of_detec
     assert subject.tracks[0].existence == pytest.approx((1 - PLAIN / 2) / (2 - PLAIN / 2), rel=1e-6)
 
 
-def test_a_second_measurement_confirms_a_track_that_clutter_cannot_explain():
+def test_tentative_tracks_are_confirmed_unless_clutter_explains_them_or_forgotten():
     few, many = ({"life": "existence", "clutter_density": c} for c in (1e-6, 1e-2))
     scans = [scan(k, (0.2 * k, 1.0)) for k in range(8)]
     assert play(tracker(**few), scans).index((2_000_000,)) == 1
     assert 2 <= next(k for k, ids in enumerate(play(tracker(**many), scans)) if ids) <= 4
     # Newcomers likelier than clutter by far are believed at sight.
     assert play(tracker(life="existence", birth_density=1e-3), scans)[0] != ()
-
-
-def test_a_tentative_track_is_forgotten_after_a_second_out_of_view():
     subject = tracker(life="existence")
     scans = [scan(0, (0, 0)), *(scan(k, pose=AWAY) for k in range(1, 7)), scan(7, (0.1, 0))]
     assert play(subject, scans) == [()] * 8
@@ -193,27 +194,15 @@ def cluttered(seed: int, **settings) -> tuple[int, int]:
     return false, missed
 
 
-def test_false_alarms_make_fewer_ghosts_than_counting_scans_and_people_wait_a_scan_longer():
+def test_ghosts_are_fewer_than_by_counting_scans_and_die():
     counted = np.array([cluttered(seed, life="m_of_n") for seed in range(4)]).sum(axis=0)
     existing = np.array([cluttered(seed, life="existence") for seed in range(4)]).sum(axis=0)
     assert counted[0] > 50 and existing[0] <= 5
     assert existing[1] - counted[1] <= 2 * 4 * 2  # two people, four runs, at most two scans each
-
-
-def test_ghosts_die():
     subject = tracker(maybe(0.999, 0, 0, 0, 0), maybe(0.999, 7, 7, 1, 0, id=4), life="existence", clutter_density=1e-3)
     rng = np.random.default_rng(3)
     held = play(subject, [scan(k, *rng.uniform(-11, 11, (rng.poisson(0.48), 2))) for k in range(40)])
     assert held[-1] == ()
-
-
-def line(n: int) -> np.ndarray:
-    i, j = np.indices((n, n))
-    return np.abs(i - j) == 1
-
-
-def fleet(count: int, *initial: Track, **settings) -> list[Tracker]:
-    return [tracker(*initial, uav=u, life="existence", **settings) for u in range(count)]
 
 
 def test_a_fleet_agrees_on_existence_without_weight_for_uavs_that_do_not_look():
@@ -222,13 +211,13 @@ def test_a_fleet_agrees_on_existence_without_weight_for_uavs_that_do_not_look():
         z = [(0.0, 0.05)] if k in (0, 1, 4) else []
         for u, t in enumerate(trackers):
             t.step(scan(k, *(z if u == 2 else []), uav=u, pose=ABOVE if u == 2 else AWAY))
-        fuse(trackers, line(3), 5)
+        fuse(trackers, graph("line", 3), 5)
         play(lone[0], [scan(k, *z)])
         for t in trackers:
             assert t.tracks[0].existence == pytest.approx(lone[0].tracks[0].existence, rel=1e-3)
 
 
-def test_existence_in_a_fleet_is_the_weighted_average_of_log_odds():
+def test_the_fleet_begins_and_ends_tracks_by_the_average_of_log_odds():
     trackers = fleet(2, maybe(0.9, 0, 0, 0, 0), survival=1.0)
     for u, t in enumerate(trackers):
         t.step(scan(0, *([(0.0, 0.05)] if u == 0 else []), uav=u))
@@ -238,22 +227,13 @@ def test_existence_in_a_fleet_is_the_weighted_average_of_log_odds():
     for t in trackers:
         assert log_odds(np.array(t.tracks[0].existence)) == pytest.approx(odds.sum() / weights.sum(), rel=1e-9)
     assert weights[0] > 0.99 and weights[1] < 1e-3  # one saw the person, so the other's empty place is a miss
-
-
-def test_the_whole_fleet_ends_and_begins_tracks_together():
     trackers = fleet(4, maybe(0.999, 0, 0, 0, 0))
     for k in range(20):
         for u, t in enumerate(trackers):
             t.step(scan(k, *([(6.0, 0.1 * k)] if u == 1 and k > 9 else []), uav=u, pose=ABOVE if u in (1, 3) else AWAY))
-        fuse(trackers, line(4), 5)
+        fuse(trackers, graph("line", 4), 5)
         assert len({tuple(t.id for t in s.tracks) for s in trackers}) == 1
         assert len(trackers[0].tracks) == int(k < 3 or k > 10)
-
-
-def test_counting_scans_says_nothing_of_existence():
-    counted = tracker(track(3, 0, 0, 0, 0), life="m_of_n")
-    play(counted, [scan(k) for k in range(4)])
-    assert [t.existence for t in counted.tracks] == [1.0]
 
 
 @pytest.mark.parametrize(

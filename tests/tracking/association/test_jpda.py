@@ -17,13 +17,10 @@ def random_case(rng: np.random.Generator, T: int, N: int, density: float) -> tup
     return likelihood, rng.random(T) * (rng.random(T) < 2 / 3), 10 ** rng.uniform(-5, 0)
 
 
-def test_one_track_and_one_measurement_give_the_textbook_ratio():
+def test_one_measurement_gives_the_textbook_ratio_undetectable_people_none():
     beta = association_probabilities(np.array([[0.5]]), np.array([0.9]), 0.01)
     hit = 0.9 * 0.5 / 0.01
     np.testing.assert_allclose(beta, [[0.1 / (0.1 + hit), hit / (0.1 + hit)]], rtol=1e-14)
-
-
-def test_a_detection_probability_of_zero_gives_no_association():
     beta = association_probabilities(np.ones((2, 3)), np.array([0.0, 0.9]), 0.1)
     np.testing.assert_array_equal(beta[0], [1, 0, 0, 0])
     assert beta[1, 0] < 0.1
@@ -44,8 +41,7 @@ def test_probabilities_are_exact_up_to_the_stated_size_and_sum_to_one_beyond():
     for size in (EXACT_SIDE, EXACT_SIDE + 1, 40):
         beta = association_probabilities(rng.random((size, size)), np.full(size, 0.9), 0.01)
         np.testing.assert_allclose(beta.sum(axis=1), 1, rtol=1e-12)
-        assert beta.min() >= 0
-        assert beta[:, 1:].sum(axis=0).max() < 1 + (1e-12 if size <= EXACT_SIDE else 0.05)
+        assert beta.min() >= 0 and beta[:, 1:].sum(axis=0).max() < 1 + (1e-12 if size <= EXACT_SIDE else 0.05)
     # All tracks alike and all measurements alike: by symmetry each row is the same, exact or not.
     alike = association_probabilities(np.ones((20, 20)), np.full(20, 0.9), 0.01)
     np.testing.assert_allclose(alike, np.tile(alike[0], (20, 1)), rtol=1e-9)
@@ -88,9 +84,6 @@ def test_belief_propagation_is_close_to_exact_on_sparse_gates():
 def test_probabilities_of_detection_outside_their_range_are_refused(detection):
     with pytest.raises(ValueError, match="detection_probability"):
         association_probabilities(np.ones((1, 1)), np.array(detection), 0.1)
-
-
-def test_a_clutter_density_of_zero_is_refused():
     with pytest.raises(ValueError, match="clutter_density must be positive, is 0"):
         association_probabilities(np.ones((1, 1)), np.array([0.5]), 0.0)
 
@@ -116,18 +109,7 @@ def test_a_gate_keeps_the_stated_share_of_a_persons_measurements():
         assert abs(np.mean(likelihood > 0) - probability) < 4 * spread
 
 
-def test_likelihoods_integrate_to_one_over_the_gate():
-    step = 0.05
-    x, y = np.meshgrid(np.arange(-9, 9, step), np.arange(-9, 9, step))
-    z = np.column_stack([x.ravel(), y.ravel()])
-    covariance = np.diag([1.0, 0.6, 1, 1])
-    covariance[0, 1] = covariance[1, 0] = 0.4
-    R = np.tile(np.array([[0.5, -0.1], [-0.1, 0.7]]), (len(z), 1, 1))
-    likelihood = gated_likelihood(np.zeros((1, 4)), covariance[None], z, R, 0.9)
-    assert likelihood.sum() * step**2 == pytest.approx(1, abs=1e-3)
-
-
-def test_likelihoods_are_the_innovations_density():
+def test_likelihoods_are_the_innovations_density_and_integrate_to_one():
     rng = np.random.default_rng(8)
     means, covariances, z, noise = random_scene(rng, 4, 5)
     likelihood = gated_likelihood(means, covariances, z, noise, 0.95)
@@ -137,6 +119,14 @@ def test_likelihoods_are_the_innovations_density():
         density = math.exp(-d2 / 2) / math.sqrt(np.linalg.det(2 * math.pi * S)) / 0.95
         assert likelihood[i, j] == pytest.approx(density if d2 <= -2 * math.log(0.05) else 0, rel=1e-10)
     assert 0 < np.count_nonzero(likelihood) < 20
+    step = 0.05
+    x, y = np.meshgrid(np.arange(-9, 9, step), np.arange(-9, 9, step))
+    z = np.column_stack([x.ravel(), y.ravel()])
+    covariance = np.diag([1.0, 0.6, 1, 1])
+    covariance[0, 1] = covariance[1, 0] = 0.4
+    R = np.tile(np.array([[0.5, -0.1], [-0.1, 0.7]]), (len(z), 1, 1))
+    likelihood = gated_likelihood(np.zeros((1, 4)), covariance[None], z, R, 0.9)
+    assert likelihood.sum() * step**2 == pytest.approx(1, abs=1e-3)
 
 
 def test_the_mixture_update_has_the_moments_of_the_mixture():

@@ -136,11 +136,17 @@ def test_the_error_falls_with_the_second_eigenvalue_of_the_metropolis_weights(ki
     assert errors[39] / errors[38] == pytest.approx(rate, rel=1e-2)
 
 
-def test_a_complete_graph_agrees_after_one_round():
+def test_lone_and_complete_fleets_agree_at_once_on_the_smaller_id():
     adjacency = graph("complete", 4)
     after = exchange(team(*beliefs(np.random.default_rng(2), 4), adjacency), adjacency, 1)
     for m in after[1:]:
         np.testing.assert_allclose(m.shares, after[0].shares, rtol=1e-12, atol=1e-12)
+    means, covariances = beliefs(np.random.default_rng(8), 1)
+    pair = [message(u, [id], means, covariances, degree=1) for u, id in enumerate((31, 12))]
+    for m in exchange(pair, graph("line", 2), 1):
+        np.testing.assert_array_equal(m.ids, [12])
+    own = message(0, [3], *beliefs(np.random.default_rng(12), 1), degree=0)
+    assert combine(own, [], 3.0) is own
 
 
 def test_uavs_count_by_the_weight_of_what_they_saw():
@@ -220,13 +226,6 @@ def test_the_fleets_sum_is_conserved_while_ids_change():
             np.testing.assert_allclose(sum(m.shares.sum(axis=0) for m in messages), total, rtol=1e-11, atol=1e-9)
 
 
-def test_the_smaller_id_stays():
-    means, covariances = beliefs(np.random.default_rng(8), 1)
-    pair = [message(u, [id], means, covariances, degree=1) for u, id in enumerate((31, 12))]
-    for m in exchange(pair, graph("line", 2), 1):
-        np.testing.assert_array_equal(m.ids, [12])
-
-
 def test_tracks_are_of_one_person_if_that_is_likelier_than_two_people():
     """The oracle is SciPy's density; the border between one person and two is where both are as likely."""
     covariance = np.diag([0.1, 0.1, 0.2, 0.2])
@@ -277,16 +276,13 @@ def test_a_lost_track_of_a_uav_does_not_keep_its_new_one_apart():
         np.testing.assert_array_equal(m.ids, [3])
 
 
-def test_a_match_needs_velocities_that_agree():
+def test_pairs_match_together_where_velocities_agree():
     covariance = 0.1 * np.eye(4)
     pair = [
         message(0, [1], [0, 0, 1.5, 0], covariance, degree=1),
         message(1, [2], [0, 0, -1.5, 0], covariance, degree=1),
     ]
     assert [len(m.ids) for m in exchange(pair, graph("line", 2), 3)] == [2, 2]
-
-
-def test_neighbouring_pairs_are_matched_together_not_greedily():
     covariance = 0.1 * np.eye(4)
     ours = np.array([[0.0, 0, 0, 0], [1.0, 0, 0, 0]])
     theirs = np.array([[0.9, 0, 0, 0], [1.9, 0, 0, 0]])  # nearest first would pair 1.0 with 0.9 and lose two
@@ -299,16 +295,12 @@ def test_neighbouring_pairs_are_matched_together_not_greedily():
         np.testing.assert_allclose(m.beliefs()[0][:, 0], [0.45, 1.45])
 
 
-def test_a_deleted_track_is_not_brought_back_by_uavs_that_still_hold_it():
+def test_a_deleted_track_comes_back_only_if_it_was_detected_later_elsewhere():
     means, covariances = beliefs(np.random.default_rng(9), 1)
     holder = message(0, [5], means, covariances, degree=1, seen=3.0)
     deleter = message(1, [], means[:0], covariances[:0], degree=1, deleted=((5, 4.0),))
     for m in exchange([holder, deleter], graph("line", 2), 2):
-        assert len(m.ids) == 0
-        assert m.deleted == ((5, 4.0),)
-
-
-def test_a_track_detected_after_its_deletion_elsewhere_lives():
+        assert len(m.ids) == 0 and m.deleted == ((5, 4.0),)
     means, covariances = beliefs(np.random.default_rng(10), 1)
     holder = message(0, [5], means, covariances, degree=1, seen=4.5)
     deleter = message(1, [], means[:0], covariances[:0], degree=1, deleted=((5, 4.0),))
@@ -330,10 +322,4 @@ def test_detection_times_travel_one_hop_per_round():
 
 def test_labels_of_new_tracks_are_unique_and_ascend_with_time():
     ids = [new_label(*birth) for birth in itertools.product(range(1, 5), (0, 1, 999), (0, 1, 999))]
-    assert len(set(ids)) == len(ids)
-    assert new_label(2, 0, 0) > new_label(1, 999, 999) > 999_999
-
-
-def test_a_uav_without_neighbours_keeps_what_it_has():
-    own = message(0, [3], *beliefs(np.random.default_rng(12), 1), degree=0)
-    assert combine(own, [], 3.0) is own
+    assert len(set(ids)) == len(ids) and new_label(2, 0, 0) > new_label(1, 999, 999) > 999_999

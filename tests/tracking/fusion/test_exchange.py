@@ -63,7 +63,7 @@ def test_the_belief_of_the_uav_that_detects_counts(fusion):
         np.testing.assert_allclose(belief.covariance, 0.02 * np.eye(4), atol=1e-6)
 
 
-def test_tracks_that_two_uavs_begin_on_one_person_become_one():
+def test_tracks_that_two_uavs_begin_are_as_many_as_people():
     one, other = (Scripted(u, [track(0, 9, 9, 0, 0)]) for u in range(2))
     one.begins(1.0, 1.0, 0, 0)
     other.begins(1.2, 0.9, 0, 0)
@@ -71,9 +71,6 @@ def test_tracks_that_two_uavs_begin_on_one_person_become_one():
     assert one.ids == other.ids == [0, new_label(1, 0, 0)]
     fuse([one, other], LINKED, 5)
     assert one.ids == other.ids == [0, new_label(1, 0, 0)]
-
-
-def test_tracks_that_two_uavs_begin_on_two_people_stay_two():
     one, other = Scripted(0), Scripted(1)
     one.begins(1.0, 1.0, 0, 0)
     other.begins(8.0, 1.0, 0, 0)

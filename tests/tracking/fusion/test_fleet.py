@@ -4,41 +4,31 @@ import dataclasses
 
 import numpy as np
 import pytest
+from helpers.fleets import fleet
+from helpers.graphs import graph
 from helpers.scenes import ABOVE, AWAY, CAMERA, R, check, play, scan, track, tracker
 
 from tracking.fusion.consensus import fuse
 from tracking.fusion.labels import FIRST_LABEL
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
-from tracking.tracker import Track, Tracker
+from tracking.tracker import Tracker
 
 PAIR = np.ones((2, 2), bool)
 
 
-def fleet(count: int, *initial: Track, **settings) -> list[Tracker]:
-    return [tracker(*initial, uav=u, **settings) for u in range(count)]
-
-
-def line(n: int) -> np.ndarray:
-    i, j = np.indices((n, n))
-    return np.abs(i - j) == 1
-
-
-def test_a_track_lives_as_long_as_one_uav_of_the_fleet_sees_the_person():
+def test_a_track_lives_while_one_uav_sees_the_person_and_ends_for_all():
     trackers = fleet(3, track(3, 0, 0, 0, 0))
     for k in range(20):
         for u, t in enumerate(trackers):
             t.step(scan(k, *([(0, 0)] if u == 0 else []), uav=u))
-        fuse(trackers, line(3), 5)
+        fuse(trackers, graph("line", 3), 5)
     assert [[t.id for t in s.tracks] for s in trackers] == [[3]] * 3
-
-
-def test_the_whole_fleet_ends_a_track_in_the_same_scan():
     trackers = fleet(4, track(3, 0, 0, 0, 0))
     for k in range(6):
         for u, t in enumerate(trackers):
             t.step(scan(k, uav=u, pose=ABOVE if u == 3 else AWAY))
-        fuse(trackers, line(4), 5)
+        fuse(trackers, graph("line", 4), 5)
         assert [len(t.tracks) for t in trackers] == [int(k < 4)] * 4
 
 
@@ -48,19 +38,9 @@ def test_a_person_first_detected_by_all_uavs_at_once_gets_one_id():
     for k in range(10):
         for u, t in enumerate(trackers):
             t.step(scan(k, *(np.array([[0, 0], [4, 4]]) + rng.normal(scale=0.15, size=(2, 2))), uav=u))
-        fuse(trackers, line(5), 5)
+        fuse(trackers, graph("line", 5), 5)
         held = {tuple(t.id for t in s.tracks) for s in trackers}
-        assert len(held) == 1
-        assert len(held.pop()) == (2 if k else 0)
-
-
-def test_a_person_first_detected_at_both_ends_of_a_line_gets_one_id():
-    trackers = fleet(3)
-    for k in range(6):
-        for u, t in enumerate(trackers):
-            t.step(scan(k, *([(1, 1)] if u != 1 else []), uav=u, pose=AWAY if u == 1 else ABOVE))
-        fuse(trackers, line(3), 5)
-    assert [[t.id for t in s.tracks] for s in trackers] == [[2_000_000]] * 3
+        assert len(held) == 1 and len(held.pop()) == (2 if k else 0)
 
 
 def test_a_track_taken_over_from_a_neighbour_brings_its_misses_along():
@@ -72,16 +52,13 @@ def test_a_track_taken_over_from_a_neighbour_brings_its_misses_along():
         assert [len(t.tracks) for t in trackers] == ([1, 0] if k < 3 else [1, 1] if k < 4 else [0, 0])
 
 
-def test_a_partition_that_was_cut_off_does_not_bring_back_a_deleted_track():
+def test_a_partition_brings_a_deleted_track_back_only_if_it_detected_the_person():
     trackers = fleet(2, track(3, 0, 0, 0, 0))
     for k in range(10):
         trackers[0].step(scan(k, uav=0))
         trackers[1].step(scan(k, uav=1, pose=AWAY))
         fuse(trackers, PAIR if k > 7 else np.eye(2, dtype=bool), 5)
         assert [len(t.tracks) for t in trackers] == ([1, 1] if k < 4 else [0, 1] if k < 8 else [0, 0])
-
-
-def test_a_partition_that_detected_the_person_since_brings_the_track_back():
     trackers = fleet(2, track(3, 0, 0, 0, 0))
     for k in range(10):
         trackers[0].step(scan(k, uav=0))
@@ -96,7 +73,7 @@ def test_uavs_without_a_view_do_not_dilute():
         z = (0.1 * k + 0.05 * (-1) ** k, 0.02 * k)
         for u, t in enumerate(trackers):
             t.step(scan(k, *([z] if u == 2 else []), uav=u, pose=ABOVE if u == 2 else AWAY))
-        fuse(trackers, line(3), 5)
+        fuse(trackers, graph("line", 3), 5)
         play(lone, [scan(k, z)])
     for t in trackers:
         np.testing.assert_allclose(t.tracks[0].belief.mean, lone.tracks[0].belief.mean, atol=1e-5)
@@ -119,7 +96,7 @@ def walk(seed: int, scans: int = 150) -> tuple[list[Tracker], np.ndarray]:
             z = people[seen, :2] + rng.multivariate_normal(np.zeros(2), R, int(seen.sum()))
             false = pose.position[:2] + rng.uniform(-12, 12, (rng.poisson(0.05), 2))
             t.step(scan(k, *z, *false, uav=u, pose=pose))
-        fuse(trackers, line(3), 5)
+        fuse(trackers, graph("line", 3), 5)
         for t in trackers:
             check(t)
     return trackers, people
@@ -158,10 +135,7 @@ def refound(*companions: tuple[float, float]) -> list[int]:
     return [t.id for t in trackers[0].tracks]
 
 
-def test_a_person_reacquired_by_one_uav_and_new_to_another_stays_one():
+def test_a_reacquired_person_stays_one_beside_a_new_one():
     assert refound() == [3]
-
-
-def test_a_new_person_beside_a_reacquired_one_is_still_found():
     old, new = refound((7.0, 0.0))
     assert old == 3 and new >= FIRST_LABEL

@@ -10,6 +10,9 @@ from helpers.scenes import scan, track, tracker
 
 from tracking.fusion.consensus import fuse
 
+KINDS = pytest.mark.parametrize("kind", ["complete", "line"])
+KEPT = [0.0], [0.05], [3], [NOW]
+
 
 def met(first, second, kind: str) -> list[dict[int, float]]:
     """Final positions by id on each UAV, if UAVs 0 and 1 start with the first tracks, and 2 and 3 with the second."""
@@ -18,10 +21,6 @@ def met(first, second, kind: str) -> list[dict[int, float]]:
     said = [replace(m, degree=int(row.sum())) for m, row in zip(said, adjacency, strict=True)]
     out = exchange(said, adjacency, 5)
     return [dict(zip(m.ids.tolist(), m.beliefs()[0][:, 0].tolist(), strict=True)) for m in out]
-
-
-KINDS = pytest.mark.parametrize("kind", ["complete", "line"])
-KEPT = [0.0], [0.05], [3], [NOW]
 
 
 @KINDS
@@ -69,8 +68,7 @@ def test_two_tracks_of_one_person_become_one_within_a_second(speed):
     """Tracks of opposite velocities, of which the faster ones do not agree when the two partitions meet."""
     known = track(3, 0, 0, speed, 0, variance=0.05), track(4, 0, 0, -speed, 0, variance=0.05)
     counts = meeting(known, [[(0, 0)], [(0, 0)]], 12)
-    assert counts[:3] == [[1, 1]] * 2 + [[1 + (speed > 2)] * 2]
-    assert counts[7:] == [[1, 1]] * 5
+    assert counts[:3] == [[1, 1]] * 2 + [[1 + (speed > 2)] * 2] and counts[7:] == [[1, 1]] * 5
 
 
 def test_two_people_side_by_side_known_to_one_partition_each_stay_two():
@@ -136,8 +134,7 @@ def test_the_last_detection_decides_on_a_person_lost_by_all(kind, swapped):
         m = told(u, *part)
         said.append(replace(m, degree=int(adjacency[u].sum()), sightings=sighting, shares=weight * m.shares))
     for m in exchange(said, adjacency, 5):
-        assert m.ids.tolist() == [3]
-        assert m.beliefs()[0][0, 0] == pytest.approx(2.0, abs=0.01)
+        assert m.ids.tolist() == [3] and m.beliefs()[0][0, 0] == pytest.approx(2.0, abs=0.01)
 
 
 @KINDS
@@ -196,8 +193,7 @@ def test_a_lost_track_does_not_separate_two_tracks_in_view(first):
         sightings = np.array([(0.0, 0.0, seen) for seen in part[-1]])
         said.append(replace(told(u, *part, partition=(u, NOW), sightings=sightings), degree=3))
     for m in exchange(said, graph("complete", 4), 5):
-        assert m.ids.tolist() == [3]
-        assert 0.0 < m.beliefs()[0][0, 0] < 0.2
+        assert m.ids.tolist() == [3] and 0.0 < m.beliefs()[0][0, 0] < 0.2
 
 
 def test_of_two_tracks_in_reach_the_likelier_matches_not_the_wider():

@@ -80,8 +80,7 @@ def test_a_fleet_that_was_split_agrees_in_the_scan_in_which_it_heals(kind, seed,
         if k == 59:
             # Both partitions detected all people on their own.
             assert not {id for held in ids(trackers[:3]) for id in held} & {i for h in ids(trackers[3:]) for i in h}
-    assert disagreement(trackers) < 0.15
-    assert sorted(people.held(trackers[0])) == [0, 1, 2, 3, 4]
+    assert disagreement(trackers) < 0.15 and sorted(people.held(trackers[0])) == [0, 1, 2, 3, 4]
 
 
 def conflict(fusion: str, scans: int) -> list[Tracker]:
@@ -129,8 +128,7 @@ def test_a_person_lost_by_one_half_is_where_the_other_half_sees_them():
     for k in range(25):
         walked = [(0.0, 3.5 + 0.2 * (k - 12))] if k >= 12 else []
         play(trackers, k, [walked, walked, None, None], WHOLE if k == 24 else HALVES)
-    assert ids(trackers) == [(3,)] * 4
-    assert disagreement(trackers) < 1e-6
+    assert ids(trackers) == [(3,)] * 4 and disagreement(trackers) < 1e-6
     np.testing.assert_allclose(trackers[3].tracks[0].belief.mean[:2], [0.0, 5.9], atol=0.2)
 
 
@@ -202,6 +200,4 @@ def test_a_track_of_a_forgotten_deletion_comes_back_and_is_deleted_again(cut, he
         trackers[1].step(scan(k, uav=1, pose=AWAY))
         fuse(trackers, np.full((2, 2), k >= cut), 5)
         counts.append([len(t.tracks) for t in trackers])
-    assert counts[cut - 1] == [0, 1]
-    assert counts[cut] == [held, held]
-    assert counts[cut + 5] == [0, 0]
+    assert counts[cut - 1] == [0, 1] and counts[cut] == [held, held] and counts[cut + 5] == [0, 0]

@@ -15,6 +15,8 @@ from tracking.tracker import Scan, Tracker, TrackerParameters
 PEOPLE, UAVS, SCANS = 5, 3, 6
 LINE = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], dtype=bool)  # adjacency; two rounds do not make all agree
 PARAMETERS = TrackerParameters(MOTION, detection_probability=0.9, clutter_density=0.01)
+seeds = st.integers(0, 2**32 - 1)
+PLAIN = list(range(PEOPLE - 1)), list(range(UAVS))
 
 
 class Scene:
@@ -64,10 +66,6 @@ def same(a: list[np.ndarray], b: list[np.ndarray]) -> None:
     assert [len(x) for x in a] == [len(x) for x in b]
     for x, y in zip(a, b, strict=True):
         np.testing.assert_allclose(x, y, rtol=1e-9, atol=1e-9)
-
-
-seeds = st.integers(0, 2**32 - 1)
-PLAIN = list(range(PEOPLE - 1)), list(range(UAVS))
 
 
 @settings(max_examples=15, deadline=None, derandomize=True)

@@ -91,6 +91,4 @@ def test_a_second_after_healing_no_person_is_doubled_or_lost():
 def test_of_a_thousand_people_hardly_any_is_doubled_or_lost():
     people, (doubled, lost), (apart, scans) = totals(range(100, 360))
     print(f"\n{people} people: {doubled} doubled, {lost} lost; ids differ in {apart} of {scans} scans")
-    assert people >= 1000
-    assert doubled + lost <= 0.002 * people
-    assert apart <= 0.001 * scans
+    assert people >= 1000 and doubled + lost <= 0.002 * people and apart <= 0.001 * scans

@@ -53,14 +53,11 @@ def test_a_scan_that_makes_no_sense_is_refused_and_changes_nothing(change, compl
         np.testing.assert_array_equal(a.belief.covariance, b.belief.covariance)
 
 
-def test_lists_of_whole_numbers_are_measurements_too():
+def test_lists_of_numbers_and_slightly_asymmetric_covariances_are_taken():
     plain, listed = (tracker(track(1, 0, 0, 0, 0)) for _ in range(2))
     play(plain, [scan(0, (1, 0))])
     play(listed, [dataclasses.replace(scan(0), measurements=[[1, 0]], covariances=[R.tolist()])])
     np.testing.assert_array_equal(plain.tracks[0].belief.mean, listed.tracks[0].belief.mean)
-
-
-def test_rounding_may_leave_a_covariance_slightly_asymmetric():
     subject = tracker(track(1, 0.0, 0.0, 0.0, 0.0))
     play(subject, [dataclasses.replace(scan(0, (0, 0)), covariances=np.array([[[1, 0.5], [0.5 + 1e-12, 1]]]))])
     (held,) = subject.tracks
