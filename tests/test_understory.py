@@ -18,15 +18,12 @@ from sim.study import backends
 SHORT = {"duration": 1, "sensing.mode": "ideal"}
 
 
-def test_every_name_is_there_and_has_a_docstring():
+def test_every_name_has_a_docstring_and_is_what_type_checkers_take_it_for():
     for name in understory.__all__:
         assert getattr(understory, name).__doc__, name
     assert dir(understory) == sorted(understory.__all__)
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         understory.nothing  # noqa: B018
-
-
-def test_names_stand_for_what_type_checkers_take_them_for():
     source = Path(understory.__file__).read_text(encoding="utf-8")
     block = source.split("if TYPE_CHECKING:\n")[1].split("\n\n")[0]
     names = {}
@@ -67,9 +64,8 @@ def test_a_run_takes_a_planner_that_is_an_object_and_a_scenario():
 
 def test_a_run_leaves_the_files_of_the_command_in_a_new_folder(tmp_path):
     flight = understory.run(planner="hover", settings=SHORT, out=tmp_path / "new")
-    assert {"mission.npz", "mission.mp4", "mission.html", "summary.json"} <= {
-        p.name for p in (tmp_path / "new").iterdir()
-    }
+    files = {path.name for path in (tmp_path / "new").iterdir()}
+    assert {"mission.npz", "mission.mp4", "mission.html", "summary.json"} <= files
     assert len(flight.recording.times) == 6
 
 

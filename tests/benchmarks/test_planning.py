@@ -79,8 +79,7 @@ def test_runtimes_beside_the_papers(random_team, judged):
         for name, ms in zip(names, times, strict=True):
             theirs = PAPER.get(name, (None,) * 3)[column]
             ratio = f"{theirs / PAPER['sma-nbo'][column]:.1f}" if theirs else "-"
-            lines.append(
-                f"H = {horizon} {name + ')' * ('(' in name):40} {ms:8.1f} ms, {ms / times[0]:5.1f}, paper {ratio}"
-            )
+            name += ")" * ("(" in name)
+            lines.append(f"H = {horizon} {name:40} {ms:8.1f} ms, {ms / times[0]:5.1f}, paper {ratio}")
             assert np.isfinite(ms)
     print("\n" + "\n".join(lines))

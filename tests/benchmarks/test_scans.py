@@ -113,8 +113,6 @@ def test_scan_of_a_crowd(people, spacing, groups, alike, judged):
     scene = Scene(people, 10 if judged else 2, spacing, groups, alike)
     runs = [scene.run() for _ in range(5 if judged else 1)]
     times = 1e3 * np.min([seconds for seconds, _ in runs], axis=0)
-    print(
-        f"\n{people} people {spacing} m apart, {groups} groups: {times.mean():.2f} ms, the slowest {times.max():.2f} ms"
-    )
+    print(f"\n{people} people {spacing} m apart, {groups} groups: {times.mean():.2f} ms, slowest {times.max():.2f} ms")
     assert len(runs[0][1].tracks) >= 0.9 * people
     assert not judged or times.max() < 5.0

@@ -31,6 +31,7 @@ pytestmark = pytest.mark.benchmark(warmup=True, warmup_iterations=2, min_rounds=
 TREES = Forest(tuple(Tree(10.0 * i - 70, 20.0 * j - 40, 4.5) for i in range(15) for j in range(5)))
 PEOPLE = np.array([[3.0, 7.0], [-5.0, 10.0], [6.0, 15.0], [-2.0, 12.0]])
 POSE = Pose.level(0.0, 10.0, 19.0)
+CANDIDATES = 256
 
 
 @pytest.mark.benchmark(group="detection")
@@ -63,9 +64,6 @@ def test_scan(benchmark, uavs, targets):
 
     trackers = benchmark.pedantic(once, setup=ready, rounds=200, warmup_rounds=5)
     assert [[t.id for t in tracker.tracks] for tracker in trackers] == [list(range(targets))] * uavs
-
-
-CANDIDATES = 256
 
 
 @pytest.mark.benchmark(group="objective")

@@ -127,10 +127,8 @@ def test_frames_among_750_trees_against_75(judged):
 
 def test_mission_views_against_the_same_without_culling(flown, judged):
     forest, views = flown
-    with (
-        World(SCENARIO, forest, len(views[0].people)) as culled,
-        World(SCENARIO, forest, len(views[0].people)) as whole,
-    ):
+    count = len(views[0].people)
+    with World(SCENARIO, forest, count) as culled, World(SCENARIO, forest, count) as whole:
         a, b = Renderer(culled), only(whole, np.ones(len(whole.bodies), dtype=bool))
         times = []
         for view in views:

@@ -14,13 +14,7 @@ from sim.recording.archive import load
 TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem != "lost-person"]
 REFERENCE = ("api", "figures", "planners")
 # The blocks of the other pages are run by the tests below and beside this file, and in the folders of the code.
-NAMES = (
-    "index",
-    "how-to/wrapping",
-    "how-to/trackers",
-    "explanation/equations",
-    *(f"reference/{name}" for name in REFERENCE),
-)
+NAMES = ("index", "how-to/wrapping", "how-to/trackers", "explanation/equations", *(f"reference/{n}" for n in REFERENCE))
 README = {"run": ["--duration", "2", "--no-video"], "compare": ["--duration", "1", "--seeds", "0,1"]}
 README |= {command: ["--time", "1"] for command in ("frames", "explain")} | {"replay": ["--time", "1:2"]}
 
@@ -100,12 +94,7 @@ def test_the_recording_of_the_lost_person_is_of_its_scenario():
 
     recording = load(DOCS / "examples" / "grove" / "mission.npz")
     grove = str(DOCS / "examples" / "grove" / "grove.toml")
-    settings = (
-        "tracking.absence_weight=0.3",
-        "tracking.life=m_of_n",
-        "tracking.recovery_after=1",
-        "tracking.sigma_a=0.5",
-    )
+    settings = [f"tracking.{s}" for s in ("absence_weight=0.3", "life=m_of_n", "recovery_after=1", "sigma_a=0.5")]
     assert scenario_of(recording) == load_scenario(grove, settings)  # as the page says
     assert recording.seed == 7 and len(recording.trees) == 12 and len(recording.times) == 151
 

@@ -52,36 +52,21 @@ def test_what_a_planner_can_know_is_what_the_scenario_says():
         assert names["alpha"](situation.own) == pytest.approx(uav.alpha)
         assert names["measurement_covariance"](situation.own, situation.tracks[0].belief.mean[:2]).shape == (2, 2)
         # Made at 1 s, and not yet shortened by the control that was flown since.
-        assert {j: plan.controls.tolist() for j, plan in situation.intents.items()} == dict.fromkeys(
-            range(3), [[1, 1]] * 3
-        )
+        told = {j: plan.controls.tolist() for j, plan in situation.intents.items()}
+        assert told == dict.fromkeys(range(3), [[1, 1]] * 3)
     assert not seen[0][0].intents
 
 
+def listed(page, before, after="\n\n"):
+    """Names in the first column of a table."""
+    rows = re.findall(r"^\| (`.*?`) \|", page.partition(before)[2].partition(after)[0], flags=re.M)
+    return [name for row in rows for name in re.findall(r"`(.*?)`", row)]
+
+
 def test_every_check_is_listed_in_its_order():
-    rows = re.findall(r"^\| (`.*?`) \|", PAGE.partition("## Does it conform?")[2].partition("\n#")[0], flags=re.M)
-    listed = [name for row in rows for name in re.findall(r"`(.*?)`", row)]
-    assert listed == list(CHECKS)
-
-
-def test_every_check_of_a_detector_is_listed_in_its_order():
-    rows = re.findall(r"^\| (`.*?`) \|", PAGE.partition("| check of a detector |")[2].partition("\n\n")[0], flags=re.M)
-    assert [name for row in rows for name in re.findall(r"`(.*?)`", row)] == [f.check for f in check_detector("blob")]
-
-
-def test_every_check_of_a_tracker_is_listed_in_its_order():
-    rows = re.findall(
-        r"^\| (`.*?`) \|", TRACKERS_PAGE.partition("| check of a tracker |")[2].partition("\n\n")[0], flags=re.M
-    )
-    assert [name for row in rows for name in re.findall(r"`(.*?)`", row)] == [f.check for f in check_tracker("jpda")]
-
-
-def test_the_study_of_trackers_on_their_page_is_one(tmp_path):
-    path = tmp_path / "trackers.toml"
-    path.write_text(next(content for language, content in blocks(TRACKERS_PAGE) if language == "toml"))
-    assert [cell.settings for cell in cells(read(str(path)))] == [
-        {"tracking.tracker": "jpda"}, {"tracking.life": "m_of_n"}, {"tracking.tracker": "mytracker:Nearest"}
-    ]  # fmt: skip
+    assert listed(PAGE, "## Does it conform?", "\n#") == list(CHECKS)
+    assert listed(PAGE, "| check of a detector |") == [f.check for f in check_detector("blob")]
+    assert listed(TRACKERS_PAGE, "| check of a tracker |") == [f.check for f in check_tracker("jpda")]
 
 
 def test_links_lead_somewhere():
@@ -101,10 +86,15 @@ def block(language):
     return content
 
 
-def test_the_study_file_is_one(tmp_path):
+def test_the_study_files_of_the_pages_are_such(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(block("toml"))
     assert len(tasks(read(str(path)))) == 10 * 2 * (1 + 2)
+    path = tmp_path / "trackers.toml"
+    path.write_text(next(content for language, content in blocks(TRACKERS_PAGE) if language == "toml"))
+    assert [cell.settings for cell in cells(read(str(path)))] == [
+        {"tracking.tracker": "jpda"}, {"tracking.life": "m_of_n"}, {"tracking.tracker": "mytracker:Nearest"}
+    ]  # fmt: skip
 
 
 def test_the_query_on_a_study_answers(tmp_path):
@@ -125,13 +115,10 @@ def test_the_python_on_studies_runs(tmp_path, monkeypatch, capsys):
     assert "breakdown" in capsys.readouterr().out
 
 
-def test_the_table_counts_the_packaged_studies():
+def test_the_page_on_studies_counts_the_packaged_ones_and_names_metrics():
     rows = re.findall(r"^\| `([\w-]+)` \| .* \| (\d+) \|$", STUDIES_PAGE, flags=re.M)
     counts = {name: len(tasks(adapted(read(name), seeds="0-49"))) for name in STUDIES}
     assert {name: int(count) for name, count in rows} == counts
-
-
-def test_the_page_on_studies_names_every_metric():
     (task,) = short(["hover"], "0")
     for name in fly(task).row.metrics:
         assert f"`{name}`" in STUDIES_PAGE or name.startswith("seconds.")

@@ -74,12 +74,9 @@ def resolved(name):
     return False
 
 
-def test_the_reference_has_every_name_of_the_interface():
+def test_the_reference_has_every_name_command_and_option():
     text = (DOCS / "reference" / "api.md").read_text(encoding="utf-8")
     assert sorted(re.findall(r"^::: understory\.(\w+)$", text, flags=re.M)) == sorted(understory.__all__)
-
-
-def test_the_reference_has_every_command_and_option():
     text = generator().commands_text()
     for name, command in get_command(app).commands.items():
         part = text.partition(f"## understory {name}\n")[2].partition("\n## ")[0]
@@ -88,19 +85,16 @@ def test_the_reference_has_every_command_and_option():
             assert parameter.help and " ".join(parameter.help.split())[:20] in part
 
 
-def test_the_two_commands_are_those_of_the_checks():
-    checks = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
-    for command in INSTALL:
-        assert command in checks
-        assert ("sh", command + "\n") in blocks(README)
-
-
-def test_the_readme_is_short_and_its_files_exist():
+def test_the_readme_is_short_whole_and_has_the_commands_of_the_checks():
     assert README.count("\n") < 150
     for target in re.findall(r"\]\(([^)]+)\)", README):
         assert (ROOT / target).is_file(), target
     for name in re.findall(r"--planner ([a-z-]+)(?=\s|$)", README):
         assert name in PLANNERS
+    assert not re.search(r"\b[A-Z]+(_[A-Z]+)+\b|TODO|TBD", README)
+    checks = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    for command in INSTALL:
+        assert command in checks and ("sh", command + "\n") in blocks(README)
 
 
 def test_every_key_of_literature_is_resolved():
@@ -126,7 +120,7 @@ def defaults(kind=Scenario, prefix=""):
             yield key, msgspec.NODEFAULT if field.default is None else field.default
 
 
-def test_the_reference_lists_every_key_with_its_default():
+def test_the_reference_lists_every_key_with_meaning_default_and_overrides():
     listed = dict(re.findall(r"^\| `([\w.]+)` \| ?(.*?) ?\|", REFERENCE, flags=re.M))
     expected = {**dict(defaults()), **dict(defaults(Uav, "uavs.0.")), **dict(defaults(Cut, "network.cuts."))}
     assert set(listed) == set(expected)
@@ -138,29 +132,16 @@ def test_the_reference_lists_every_key_with_its_default():
         else:
             value = tomllib.loads(f"value = {listed[key].strip('`')}")["value"]
             assert msgspec.convert(value, type(default)) == default, key
-
-
-def test_every_key_and_option_says_its_meaning():
     page = REFERENCE + generator().options_table()
     rows = re.findall(r"^\| `([\w.]+)` \|.*\| ?(.*?) ?\|$", page, flags=re.M)
     assert len(rows) > 90
     for key, meaning in rows:
         assert len(meaning) > 3, key
-
-
-def test_the_reference_writes_out_the_long_defaults():
     ((_, content),) = [block for block in blocks(REFERENCE) if block[0] == "toml"]
     assert decode(tomllib.loads(content)) == Scenario()
-
-
-def test_the_overrides_of_the_reference_are_valid():
     ((_, content),) = [block for block in blocks(REFERENCE) if block[0] == "sh"]
     lines = [shlex.split(line, comments=True) for line in content.splitlines()]
     overrides = [[words[i + 1] for i, word in enumerate(words) if word == "--set"] for words in lines]
     assert list(map(len, overrides)) == [0, 1, 2, 1]
     for given in overrides:
         load("forest", given)
-
-
-def test_no_placeholder_is_left():
-    assert not re.search(r"\b[A-Z]+(_[A-Z]+)+\b|TODO|TBD", README)

@@ -44,8 +44,6 @@ def message(uav: int, ids, means, covariances, *, degree: int, weight=1.0, seen=
 
 def exchange(messages: list[Message], adjacency: np.ndarray, rounds: int) -> list[Message]:
     for _ in range(rounds):
-        messages = [
-            combine(m, [messages[j] for j in np.flatnonzero(row)], 3.0)
-            for m, row in zip(messages, adjacency, strict=True)
-        ]
+        heard = [[messages[j] for j in np.flatnonzero(row)] for row in adjacency]
+        messages = [combine(m, others, 3.0) for m, others in zip(messages, heard, strict=True)]
     return messages
