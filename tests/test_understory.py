@@ -1,7 +1,5 @@
 """The public Python API: what it names is there, and missions and comparisons fly by it as by the command line."""
 
-import subprocess
-import sys
 import typing
 from pathlib import Path
 
@@ -9,6 +7,7 @@ import numpy as np
 import pytest
 from helpers.commands import called
 from helpers.pages import Here
+from helpers.processes import python
 
 import understory
 from sim.recording.archive import digest
@@ -36,7 +35,7 @@ def test_every_name_has_a_docstring_and_is_what_type_checkers_take_it_for():
 
 def test_importing_it_imports_none_of_the_packages():
     code = "import sys, understory; print({'numpy', 'numba', 'sim', 'planning', 'tracking'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = python("-c", code)
     assert done.stdout == "set()\n"
 
 

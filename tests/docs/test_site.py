@@ -1,21 +1,18 @@
 """The site: it builds strictly, offline and without a warning, with a notebook beside each tutorial."""
 
 import json
-import os
-import subprocess
-import sys
 
 import pytest
-from helpers.pages import DOCS, PAGES, ROOT
+from helpers.pages import DOCS, PAGES
+from helpers.processes import python
 
 pytest.importorskip("mkdocs")
 pytest.importorskip("mkdocstrings")
 
 
 def test_it_builds_without_a_warning(tmp_path):
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-d", str(tmp_path / "site")]
-    offline = {**os.environ, "http_proxy": "http://127.0.0.1:9", "https_proxy": "http://127.0.0.1:9"}
-    done = subprocess.run(command, cwd=ROOT, env=offline, capture_output=True, text=True)
+    words = ["-m", "mkdocs", "build", "--strict", "-d", str(tmp_path / "site")]
+    done = python(*words, http_proxy="http://127.0.0.1:9", https_proxy="http://127.0.0.1:9")
     told = done.stdout + done.stderr
     assert done.returncode == 0, told
     assert all(line.startswith("INFO") for line in told.splitlines() if line.strip()), told

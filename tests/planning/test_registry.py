@@ -4,12 +4,11 @@ import inspect
 import json
 import os
 import shutil
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from helpers.commands import called
+from helpers.processes import ROOT, python
 
 from planning.loading import load_planner
 from planning.registry import PLANNERS, PlannerSpec, catalogue, installed_planners
@@ -17,7 +16,6 @@ from sim.running import isolated_run
 from sim.terminal import console
 from tracking.plugins.importing import imported
 
-ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "shepherd"
 MODULES = {
     "fine.py": """from planning.planner import Plan
@@ -88,8 +86,7 @@ def installed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("example")
     shutil.copytree(EXAMPLE, folder / "source")
     options = ["--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check", "--quiet"]
-    pip = [sys.executable, "-m", "pip", "install", *options, "--target", "site", "./source"]
-    done = subprocess.run(pip, cwd=folder, capture_output=True, text=True)
+    done = python("-m", "pip", "install", *options, "--target", "site", "./source", cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder / "site"
 
@@ -119,9 +116,8 @@ def test_the_example_is_listed_and_flies(example, tmp_path, monkeypatch):
 @pytest.mark.docs
 def test_the_example_passes_its_own_tests(installed, tmp_path):
     shutil.copytree(EXAMPLE / "tests", tmp_path / "tests")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (installed, ROOT)))}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "tests"]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    words = ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "tests"]
+    done = python(*words, cwd=tmp_path, PYTHONPATH=os.pathsep.join(map(str, (installed, ROOT))))
     assert "2 passed" in done.stdout, done.stdout
 
 

@@ -1,12 +1,11 @@
 """Scans from a CSV: what is read, what is refused, and that the tracker alone repeats a mission from it."""
 
 import re
-import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.processes import ROOT, python
 from helpers.scenes import scan, tracker
 from scipy.stats import chi2
 
@@ -20,7 +19,6 @@ from tracking.fleet import step
 from tracking.measurement_files import SCAN_COLUMNS, read_cameras, read_forest, read_scans
 from tracking.tracker import Tracker, TrackerParameters
 
-ROOT = Path(__file__).parents[2]
 DOCS = (ROOT / "docs" / "how-to" / "tracking.md").read_text(encoding="utf-8")
 HEADER = ",".join(SCAN_COLUMNS)
 GATE = chi2.ppf(0.9999, 2)  # of squared errors of a position in its own standard deviations
@@ -163,10 +161,8 @@ def test_the_documented_lines_track_without_engine_and_simulation(mission):
     ((block,)) = [block for block in blocks("python") if "read_scans" in block]
     assert len([line for line in block.splitlines() if line]) <= 10
     check = "\nimport sys\nassert not {'pybullet', 'sim', 'planning', 'cv2'} & set(sys.modules), sorted(sys.modules)\n"
-    command = [sys.executable, "-c", block + check]
-    done = subprocess.run(
-        command, cwd=out / "csv", env={"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=True
-    )
+    done = python("-c", block + check, cwd=out / "csv")
+    assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert len(lines) == 41
     expected = {track.id: track.belief.mean.round(2).tolist() for track in recording.tracks_at(40, 0)}

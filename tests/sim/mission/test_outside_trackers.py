@@ -3,11 +3,11 @@
 import os
 import re
 import shutil
-import subprocess
 import sys
 
 import pytest
 from helpers.pages import DOCS, ROOT, blocks
+from helpers.processes import python
 
 from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
@@ -150,7 +150,7 @@ def test_a_tracker_that_changes_what_it_is_given_changes_nothing(module):
 @pytest.mark.docs
 def test_the_example_passes_its_own_tests(tmp_path):
     shutil.copytree(SOUP, tmp_path / "soup")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path / "soup"), str(ROOT)])}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "tests"]
-    done = subprocess.run(command, cwd=tmp_path / "soup", env=environment, capture_output=True, text=True)
+    path = os.pathsep.join([str(tmp_path / "soup"), str(ROOT)])
+    words = ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "tests"]
+    done = python(*words, cwd=tmp_path / "soup", PYTHONPATH=path)
     assert "2 passed" in done.stdout, done.stdout

@@ -1,19 +1,15 @@
 """The first run says that code is compiled; later ones load it; and it works where nothing can be kept."""
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numba
 import pytest
+from helpers.processes import python
 
 from sim.mission.warmup import announced
 from tracking.numerics import compiled as subject
 from tracking.numerics import universal
-
-ROOT = Path(__file__).parents[3]
 
 
 def twice(x):
@@ -83,15 +79,13 @@ for _ in Mission.of(Trial(load("forest", ["duration=6"]), DEFAULT_PLANNER, 0)).f
     pass
 print(len(before) > 20, signatures() - before)
 """
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = python("-c", code)
     assert done.stdout == "True set()\n"
 
 
 def flown(folder, name, **environment):
-    command = [sys.executable, "-m", "sim", "run", "--duration", "1", "--no-video", "--out", name]
-    done = subprocess.run(
-        command, cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT), **environment}, capture_output=True, text=True
-    )
+    words = ["-m", "sim", "run", "--duration", "1", "--no-video", "--out", name]
+    done = python(*words, cwd=folder, **environment)
     assert (done.returncode, done.stderr) == (0, "")
     return [line for line in done.stdout.splitlines() if "ompil" in line], (folder / name / "mission.npz").read_bytes()
 
