@@ -22,7 +22,7 @@ PAGE = (DOCS / "how-to" / "trackers.md").read_text(encoding="utf-8")
 NEAREST = next(content for language, content in blocks(PAGE) if language == "python")
 SOUP = DOCS / "examples" / "soup"
 SHORT = ("duration=1", "sensing.mode=ideal")
-OPEN = ("duration=8", "sensing.mode=ideal", "trees.density=0")
+OPEN = ("duration=5", "sensing.mode=ideal", "trees.density=0")
 MEAN, COVARIANCE = "t.belief.mean", "t.belief.covariance"
 
 
