@@ -19,9 +19,8 @@ from tracking.tracker import Scan, Track
 
 
 def scenario(uavs=3, people=4, mode="camera", area=(150.0, 100.0)):
-    fleet = [
-        Uav(start=(1.0 * (i // 3), 0.0), footprint=20.0 + 3.0 * (i % 3), alpha=0.1, pixels=128) for i in range(uavs)
-    ]
+    places, edges = [(1.0 * (i // 3), 0.0) for i in range(uavs)], [20.0 + 3.0 * (i % 3) for i in range(uavs)]
+    fleet = [Uav(start=x, footprint=e, alpha=0.1, pixels=128) for x, e in zip(places, edges, strict=True)]
     shape = {"area": Area(*area), "people": People(count=people), "uavs": tuple(fleet)}
     return Scenario(**shape, rates=Rates(), sensing=Sensing(mode=mode))
 

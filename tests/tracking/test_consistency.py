@@ -71,9 +71,7 @@ class Outcome:
 
     def __init__(self, missions: list[Mission], fusion: str) -> None:
         found = [errors(mission, fusion) for mission in missions]
-        every, elsewhere = (
-            np.array(part) for part in zip(*found, strict=True)
-        )  # (S, K, UAVs, M, 2) and (S, K, UAVs, M)
+        every, elsewhere = map(np.array, zip(*found, strict=True))  # (S, K, UAVs, M, 2) and (S, K, UAVs, M)
         there = ~np.isnan(every[..., 0])
         self.held = np.mean(there)
         self.raw = np.nanmean(every, axis=(1, 2, 3))

@@ -210,7 +210,7 @@ def test_map_and_tiles_stay_inside_the_panel_and_apart(aspect, layout):
         view = view_of(panel, aspect, uavs, layout.replace("last", f"uav{uavs - 1}"))
         assert list(view.tiles) == {"map": [], "last": [uavs - 1]}.get(layout, list(range(uavs)))
         assert (view.map is None) == (layout == "cameras")
-        taken = np.zeros((720, 1280), dtype=int)
+        taken = np.zeros((720, 1280), dtype=np.int8)
         for box in [*view.tiles.values(), *([] if view.map is None else [view.map])]:
             assert panel.x <= box.x and box.x + box.width <= panel.x + panel.width
             assert panel.y <= box.y and box.y + box.height <= panel.y + panel.height

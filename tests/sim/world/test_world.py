@@ -110,10 +110,9 @@ def test_trees_are_solid_exactly_where_the_forest_says():
         )
         for e in (0.05, -0.05)
     )
-    free = np.array([forest.visible(o, p)[0, 0] for o, p in zip(origins, ends, strict=True)])
-    sure = np.array(
-        [grown.visible(o, p)[0, 0] == shrunk.visible(o, p)[0, 0] for o, p in zip(origins, ends, strict=True)]
-    )
+    ways = list(zip(origins, ends, strict=True))
+    free = np.array([forest.visible(o, p)[0, 0] for o, p in ways])
+    sure = np.array([grown.visible(o, p)[0, 0] == shrunk.visible(o, p)[0, 0] for o, p in ways])
     with World(ONE, forest, 0) as world:
         hits = pybullet.rayTestBatch(origins.tolist(), ends.tolist(), physicsClientId=world.client)
     open_ = np.array([hit[0] == -1 for hit in hits])

@@ -138,9 +138,8 @@ def test_the_mixture_update_has_the_moments_of_the_mixture():
         new_means, new_covariances = mixture_update((means, covariances), undetected, z, noise, beta)
         for i in range(3):
             predicted = Gaussian(means[i], covariances[i])
-            parts = [Gaussian(undetected[0][i], undetected[1][i])] + [
-                update(predicted, z[j], noise[j]) for j in range(4)
-            ]
+            parts = [Gaussian(undetected[0][i], undetected[1][i])]
+            parts += [update(predicted, z[j], noise[j]) for j in range(4)]
             mean = sum(b * p.mean for b, p in zip(beta[i], parts, strict=True))
             second = sum(b * (p.covariance + np.outer(p.mean, p.mean)) for b, p in zip(beta[i], parts, strict=True))
             np.testing.assert_allclose(new_means[i], mean, rtol=1e-9, atol=1e-11)

@@ -278,18 +278,14 @@ def test_a_lost_track_of_a_uav_does_not_keep_its_new_one_apart():
 
 def test_pairs_match_together_where_velocities_agree():
     covariance = 0.1 * np.eye(4)
-    pair = [
-        message(0, [1], [0, 0, 1.5, 0], covariance, degree=1),
-        message(1, [2], [0, 0, -1.5, 0], covariance, degree=1),
-    ]
+    east, west = [0, 0, 1.5, 0], [0, 0, -1.5, 0]
+    pair = [message(u, [u + 1], v, covariance, degree=1) for u, v in enumerate((east, west))]
     assert [len(m.ids) for m in exchange(pair, graph("line", 2), 3)] == [2, 2]
     covariance = 0.1 * np.eye(4)
     ours = np.array([[0.0, 0, 0, 0], [1.0, 0, 0, 0]])
     theirs = np.array([[0.9, 0, 0, 0], [1.9, 0, 0, 0]])  # nearest first would pair 1.0 with 0.9 and lose two
-    pair = [
-        message(0, [1, 2], ours, [covariance] * 2, degree=1),
-        message(1, [3, 4], theirs, [covariance] * 2, degree=1),
-    ]
+    said = enumerate((([1, 2], ours), ([3, 4], theirs)))
+    pair = [message(u, ids, means, [covariance] * 2, degree=1) for u, (ids, means) in said]
     for m in exchange(pair, graph("line", 2), 1):
         np.testing.assert_array_equal(m.ids, [1, 2])
         np.testing.assert_allclose(m.beliefs()[0][:, 0], [0.45, 1.45])

@@ -61,9 +61,8 @@ def beliefs(trackers: list[Tracker]) -> tuple[np.ndarray, np.ndarray]:
     """Information form (n, 4), (n, 4, 4) of the only track of each."""
     held = [t.tracks for t in trackers]
     assert all(len(tracks) == 1 for tracks in held)
-    return information_form(
-        np.array([t.belief.mean for (t,) in held]), np.array([t.belief.covariance for (t,) in held])
-    )
+    own = [t.belief for (t,) in held]
+    return information_form(np.array([b.mean for b in own]), np.array([b.covariance for b in own]))
 
 
 def some(rng: np.random.Generator, count: int) -> np.ndarray:
