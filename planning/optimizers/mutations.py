@@ -34,11 +34,10 @@ class Chances(NamedTuple):
 def chances(rng: np.random.Generator, children: int, parents: Array) -> Chances:
     """Random numbers for a number of children of `parents` (E, k, H, 2)."""
     _, k, H, _ = parents.shape
-    return Chances(
-        standard_normal(rng, (children, 3)),
-        standard_normal(rng, (math.ceil(children / len(_CYCLE)), 2 * k * (H + 1))),
-        rng.integers(2**62, size=children),
-    )
+    rows, columns = math.ceil(children / len(_CYCLE)), 2 * k * (H + 1)
+    drawn = standard_normal(rng, 3 * children + rows * columns)  # at once, as calls cost as much as numbers
+    normals, noise = drawn[: 3 * children].reshape(children, 3), drawn[3 * children :].reshape(rows, columns)
+    return Chances(normals, noise, rng.integers(2**62, size=children))
 
 
 @compiled
