@@ -264,7 +264,7 @@ def test_a_new_id_of_a_contested_track_is_not_one_that_another_track_has():
 
 
 def test_a_lost_track_of_a_uav_does_not_keep_its_new_one_apart():
-    """UAV 1 lost person 3 elsewhere and starts a track of the person whom UAV 0's partition has found again."""
+    """UAV 1 lost person 3 elsewhere and starts a track of the person that UAV 0 has found again."""
     covariances = np.stack([4.0 * np.eye(4), 0.1 * np.eye(4)])
     lost, found, other = [7.0, 7.0, 0, 0], [0.1, 0, 0, 0], {"partition": (1, 5.0), "time": 5.0}
     three = [
