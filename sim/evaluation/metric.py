@@ -206,6 +206,7 @@ def _disagreement(outcome: Outcome) -> float | None:
 def _sent(
     label: str, sent: Callable[[Recording], Ints | None], reduced: Callable[[Ints], np.generic], unit: str, key: str
 ) -> Metric:
+    """Metric of what UAVs sent; None where a recording does not tell."""
 
     def of(outcome: Outcome) -> float | None:
         found = sent(outcome.recording)

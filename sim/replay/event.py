@@ -39,7 +39,7 @@ class Event:
     first: int
     last: int
     time: float  # s, of the beginning; a breakdown has its own, which may lie between two scans
-    until: float  # s, of the last scan; infinite for an event that lasts to the end of the mission
+    until: float  # s, of the last scan; infinite for an event of several scans that lasts to the end
     why: str = ""
     person: int | None = None
     former: int | None = None  # the person for whom the track stood before

@@ -44,7 +44,7 @@ __all__ = ["Engine", "pybullet", "quiet", "refusal_of", "silenced"]
 def refusal_of(what: str, trial: str, *arguments: str) -> str:
     """The reason why a trial of the engine fails, a script with arguments; empty if it does not.
 
-    It runs in a process of its own, because the engine may end that. what: the engine tries it.
+    It runs in a process of its own, because the engine may end that. what: the trial's name in messages.
     """
     command = [sys.executable, "-c", trial, *arguments]
     try:

@@ -15,7 +15,9 @@ def python(*words, cwd=ROOT, started=False, start_new_session=False, **environme
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     options["start_new_session"] = start_new_session
     command = [sys.executable, *map(str, words)]
-    return (subprocess.Popen if started else subprocess.run)(command, cwd=cwd, env=there, **options)
+    if started:
+        return subprocess.Popen(command, cwd=cwd, env=there, **options)
+    return subprocess.run(command, cwd=cwd, env=there, timeout=300, **options)
 
 
 def started_with(variable, value):

@@ -64,7 +64,8 @@ class TrackFacts:
         self._observer, self._recording, self._scenario = observer, observer.recording, observer.scenario
         recording, self.number = self._recording, number
         self._id = list(recording.track_numbers)[number]
-        self.parameters, name = tracker_parameters(self._scenario), self._scenario.tracking.tracker
+        self.parameters = tracker_parameters(self._scenario)
+        name = self._scenario.tracking.tracker
         # The name of a tracker from outside, of which recordings tell no associations, births and limits.
         self.foreign = "" if name in TRACKERS.built_in else name
         scans, _ = recording.cells(recording.track_offsets)

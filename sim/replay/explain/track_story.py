@@ -12,7 +12,7 @@ from sim.replay.explain.explanation import Group, percent_text, place_text
 from sim.replay.explain.track import Feed, Origin, TrackFacts
 from sim.replay.views import fleet_text
 
-_NOTE = "{} does not tell its associations: those below are the built-in tracker's, for the same beliefs and frames"
+_NOTE = "{} does not tell its associations: births, hits and misses are as the built-in tracker would count them"
 
 
 def track_story(facts: TrackFacts, recording: Recording, events: Sequence[Event]) -> list[Group]:
@@ -40,8 +40,9 @@ def _birth(facts: TrackFacts, recording: Recording) -> Iterator[str]:
     begun, *others = facts.origins
     yield f"at {times[begun.k]:.1f} s from {_source(begun, recording)}, measured by UAV {begun.uav}"
     if facts.rival:
-        gate, at = math.sqrt(facts.parameters.measurement_gate), f"{facts.rival.sigmas:.1f} σ from it"
-        told = f"{at}, inside its gate" if facts.rival.gated else f"{at}, outside its gate of {gate:.1f} σ"
+        gate, told = math.sqrt(facts.parameters.measurement_gate), f"{facts.rival.sigmas:.1f} σ from it"
+        if not facts.foreign:
+            told += ", inside its gate" if facts.rival.gated else f", outside its gate of {gate:.1f} σ"
         away = f"{facts.rival.away:.1f} m from person {begun.person}"
         yield f"track {facts.rival.number}, then {away}, was {told}"
     for origin in others:

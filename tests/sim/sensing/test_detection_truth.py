@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from sim.sensing.detection_truth import GATE, matched_people, visible_pixels
+from sim.sensing.detection_truth import GATE, matched_detections, matched_people, visible_pixels
 
 
 def segmentation(*blobs, size=24):
@@ -51,6 +51,9 @@ def test_matches_and_pixels_of_few_people_are_those_by_hand():
     assert matched_people(np.array([[11.4, 10.5], [11.4, 10.5]]), people, 2).tolist() == [True, True]
     people = segmentation([(10, 10)], [(13, 10)])
     assert matched_people(np.array([[10.5, 10.5], [8.0, 10.8]]), people, 2).tolist() == [True, True]
+    people = segmentation([(11, 11)], [(3, 3)])
+    pixels = np.array([[11.5, 11.0], [19.0, 1.0], [3.0, 5.0]])
+    assert matched_detections(pixels, people, 3).tolist() == [0, 2, -1]
     people = segmentation([(0, 5)])  # in the first row
     for pixel, expected in (([5.5, -4.0], True), ([9.0, -4.0], False), ([5.5, 4.0], False)):
         assert matched_people(np.array([pixel]), people, 1).tolist() == [expected]

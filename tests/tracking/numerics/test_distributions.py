@@ -22,6 +22,9 @@ def test_drawn_normal_numbers_are_finite_with_the_moments_of_their_distribution(
     # Four standard deviations of the means of a million draws.
     assert np.all(np.abs(errors) < 4e-3 * np.sqrt([1.0, 2.0, 15.0, 96.0]))
 
+    uniform = np.random.default_rng(3).random((1000, 1000))
+    np.testing.assert_array_equal(drawn, normal.normal_quantile_each(uniform))
+
     class Zero:
         def random(self, shape):
             return np.zeros(shape)

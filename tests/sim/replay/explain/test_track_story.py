@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.flights import IDEAL, recorded
 from helpers.identities import FALSE, swapping
+from msgspec import structs
 
 from sim.recording.archive import save
 from sim.replay.events import events_of
@@ -90,14 +91,15 @@ def test_the_end_of_a_track_stands_beside_the_limits_of_its_tracker(mission):
 
 
 def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(mission):
-    recording, scenario, observer, _ = mission
+    recording, scenario, *_ = mission
     events = events_of(recording, scenario)
-    ended = next(event for event in events if event.kind == "track deleted")
-    facts = TrackFacts(observer, ended.track)
-    facts.foreign = "soup:Jpda"
-    groups = dict(track_story(facts, recording, events))
-    assert groups["note"][0].startswith("soup:Jpda does not tell its associations")
-    assert not any("a track ends" in line for line in groups["ended"])
+    outside = structs.replace(scenario, tracking=structs.replace(scenario.tracking, tracker="soup:Jpda"))
+    with Observer(recording, outside) as observer:
+        for number in recording.track_numbers.values():
+            groups = dict(track_story(TrackFacts(observer, number), recording, events))
+            lines = [line for group in groups.values() for line in group]
+            assert groups["note"][0].startswith("soup:Jpda does not tell its associations")
+            assert not any("a track ends" in line or "its gate" in line for line in lines)
 
 
 def test_a_mission_without_measurements_has_stories_too(tmp_path, call, refused):
