@@ -59,19 +59,22 @@ class Ground:
 @compiled
 def _draw(image: NDArray[np.uint8], bodies: NDArray[np.int32], texels: NDArray[np.uint64], plane: Array) -> None:
     """Interpolate bilinearly with whole weights out of 32 x 32; plane (3, 3) maps pixels to texels, homogeneously."""
-    tile = len(texels) - 1
+    tile, width = len(texels) - 1, image.shape[1]
+    ys, xs = np.empty(width, dtype=np.int32), np.empty(width, dtype=np.int32)
     for row in range(image.shape[0]):
-        for column in range(image.shape[1]):
+        for column in range(width):  # a loop by itself, which is vectorised; right where the ground is seen
+            scale = 32.0 / (plane[2, 0] * column + plane[2, 1] * row + plane[2, 2])
+            right = (plane[0, 0] * column + plane[0, 1] * row + plane[0, 2]) * scale + 0.5
+            down = (plane[1, 0] * column + plane[1, 1] * row + plane[1, 2]) * scale + 0.5
+            ys[column] = np.int32(np.floor(min(max(down, -_FARTHEST), _FARTHEST)))
+            xs[column] = np.int32(np.floor(min(max(right, -_FARTHEST), _FARTHEST)))
+        for column in range(width):
             if bodies[row, column] >= 0:
                 continue
-            slope = plane[2, 0] * column + plane[2, 1] * row + plane[2, 2]
-            if slope > -_HAZE:
+            if plane[2, 0] * column + plane[2, 1] * row + plane[2, 2] > -_HAZE:
                 image[row, column, 0], image[row, column, 1], image[row, column, 2] = _SKY
                 continue
-            right = (plane[0, 0] * column + plane[0, 1] * row + plane[0, 2]) * (32.0 / slope) + 0.5
-            down = (plane[1, 0] * column + plane[1, 1] * row + plane[1, 2]) * (32.0 / slope) + 0.5
-            y = int(np.floor(min(max(down, -_FARTHEST), _FARTHEST)))
-            x = int(np.floor(min(max(right, -_FARTHEST), _FARTHEST)))
+            y, x = np.int64(ys[column]), np.int64(xs[column])
             a, b = np.uint64(y & 31), np.uint64(x & 31)
             i, j = _wrapped(y >> 5, tile), _wrapped(x >> 5, tile)
             # Words wrap round where a difference is negative; the sum is right all the same.
@@ -84,7 +87,7 @@ def _draw(image: NDArray[np.uint8], bodies: NDArray[np.int32], texels: NDArray[n
 
 
 @compiled
-def _wrapped(index: int, tile: int) -> np.uint64:
+def _wrapped(index: np.int64, tile: int) -> np.uint64:
     """Index modulo tile, without a division where it already is; unsigned, which NumPy need not wrap round."""
     return np.uint64(index if 0 <= index < tile else index % tile)
 
