@@ -50,6 +50,15 @@ def test_a_common_id_decides_between_tracks_of_about_equal_distance(kind):
         assert held == pytest.approx({3: -0.125, 4: 0.425}, abs=0.1)
 
 
+@KINDS
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_common_id_outweighs_beliefs_that_prefer_an_exchange_a_little(kind, swapped):
+    """Of two people 0.1 m apart errors make the others' ids the likelier ones: ids know more than this scan does."""
+    pair, other = ([-0.1, 0.1], [0.05, 0.05], [3, 4], [NOW, NOW]), ([0.12, -0.05], [0.05, 0.05], [3, 4], [NOW, NOW])
+    for held in met(*((other, pair) if swapped else (pair, other)), kind):
+        assert held == pytest.approx({3: 0.01, 4: 0.025}, abs=0.05)
+
+
 def meeting(known, people, scans: int) -> list[list[int]]:
     """Numbers of tracks of two UAVs after each scan; from the third on they see all people and hear each other."""
     trackers = [tracker(t, uav=u) for u, t in enumerate(known)]
