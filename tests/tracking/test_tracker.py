@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from helpers.scenes import ABOVE, AWAY, MOTION, R, play, scan, track, tracker
 
+from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import Forest, Tree
-from tracking.tracker import TrackerParameters
+from tracking.tracker import Track, TrackerParameters
 
 
 def test_initial_tracks_are_predicted_and_coast_while_hidden():
@@ -138,6 +139,17 @@ def test_a_person_that_appears_earlier_than_predicted_is_detected_at_once():
     subject = tracker(track(3, 0, 0, 0, 0, variance=0.3), forest=Forest((Tree(0, 0, 1.2),)))
     play(subject, [scan(0, (1.6, 0))])
     assert [t.id for t in subject.tracks] == [3] and subject.tracks[0].belief.mean[0] > 1.2
+
+
+def test_a_newcomer_in_the_gate_of_a_vague_belief_gets_a_track():
+    """The hidden person may be anywhere under the tree and beyond: where the newcomer is, false alarms are likelier."""
+    vague = Track(3, Gaussian(np.zeros(4), np.diag([90.0, 90.0, 0.04, 0.04])))
+    subject = tracker(vague, forest=Forest((Tree(0, 0, 8.0),)), clutter_density=1e-2)
+    ids = play(subject, [scan(k, (9.5, 3.0 + 0.1 * k)) for k in range(4)])
+    assert ids == [(3,)] * 3 + [(3, 4_000_000)]
+    hidden, newcomer = (t.belief for t in subject.tracks)
+    np.testing.assert_allclose(newcomer.mean[:2], [9.5, 3.3], atol=0.2)
+    assert np.linalg.norm(hidden.mean[:2]) < 8.0 and np.trace(hidden.covariance[:2, :2]) > 100.0
 
 
 def test_lost_tracks_take_no_new_people_and_end_at_very_large_covariance():
