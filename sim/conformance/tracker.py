@@ -70,9 +70,9 @@ def _scan(k: int, uav: int) -> Scan | None:
 class _Watched:
     """A tracker with its arguments compared before and after each call, and its tracks looked at."""
 
-    def __init__(self, name: str, uav: int) -> None:
+    def __init__(self, name: str, uav: int, states: Array) -> None:
         parameters = TrackerParameters(motion_model("ncv", _STEP, 0.5, 3.0))
-        initial = [Track(i, Gaussian(state, 0.25 * np.eye(4))) for i, state in enumerate(_PEOPLE.copy())]
+        initial = [Track(i, Gaussian(state, 0.25 * np.eye(4))) for i, state in enumerate(states.copy())]
         self.given = (uav, Camera(math.radians(60), 128), Forest(()), parameters, initial)
         before = contents(self.given, "arguments")
         self._made = TRACKERS.make(name, *self.given)
@@ -122,10 +122,10 @@ _LOOKS: dict[str, Callable[[Sequence[Any]], object]] = {
 
 
 class _Flight:
-    """The script, flown by a tracker on each of two UAVs that hear one another."""
+    """The script, flown by a tracker on each of two UAVs in touch; initial (M, 4): states of known people."""
 
-    def __init__(self, name: str) -> None:
-        self.watched = [_Watched(name, uav) for uav in range(_UAVS)]
+    def __init__(self, name: str, initial: Array = _PEOPLE) -> None:
+        self.watched = [_Watched(name, uav, initial) for uav in range(_UAVS)]
         self.tracks: list[list[tuple[Track, ...]]] = []  # of each UAV after each scan
         self.seconds: list[float] = []
         self.defects: dict[str, str] = {}
@@ -148,6 +148,12 @@ class _Flight:
     def ids(self, k: int) -> list[list[int]]:
         """Ids of each UAV's tracks after scan k; -1 for those at the start."""
         return [[track.id for track in tracks] for tracks in self.tracks[k + 1]]
+
+    def people(self) -> tuple[int, int]:
+        """People with a track in the end, and tracks of no person."""
+        places = np.array([t.belief.mean[:2] for t in self.tracks[-1][0]]).reshape(-1, 2)
+        gaps = length(places[:, None] - _people(_SCANS - 1))
+        return int(np.sum((gaps < _FAR).any(axis=0))), int(np.sum((gaps >= _FAR).all(axis=1)))
 
     def numbers(self) -> bytes:
         rows = [t for fleet in self.tracks for tracks in fleet for t in tracks]
@@ -189,22 +195,40 @@ def _known(subject: _Subject) -> str:
 
 
 def _people_found(subject: _Subject) -> str:
-    places = np.array([t.belief.mean[:2] for t in subject.flown().tracks[-1][0]]).reshape(-1, 2)
-    gaps = length(places[:, None] - _people(_SCANS - 1))
-    held, false = int(np.sum((gaps < _FAR).any(axis=0))), int(np.sum((gaps >= _FAR).all(axis=1)))
+    held, false = subject.flown().people()
     seen = f"{held} of 4 have a track at the end, one of them unknown at the start; {false} false tracks"
     if 2 * held < len(_PEOPLE) or false > len(_PEOPLE):
         raise Unfit(seen)
     return seen
 
 
+def _unknown_start(subject: _Subject) -> str:
+    subject.flown()
+    try:
+        flight = _Flight(subject.name, _PEOPLE[:0])
+    except InputError as error:
+        raise Unfit(str(error)) from None
+    for defect in flight.defects.values():
+        raise Unfit(defect)
+    _agree(flight)
+    held, false = flight.people()
+    seen = f"{held} of 4 have a track at the end where none is known at the start; {false} false tracks"
+    if false > len(_PEOPLE):
+        raise Unfit(seen)
+    return seen
+
+
 def _agreement(subject: _Subject) -> str:
-    flight = subject.flown()
+    _agree(subject.flown())
+    return "two UAVs that hear one another have the same ids"
+
+
+def _agree(flight: _Flight) -> None:
+    """Raise `Unfit` for UAVs with other ids."""
     for k in range(_SCANS):
         own, other = flight.ids(k)
         if own != other:
             raise Unfit(f"at {_STEP * k:.1f} s UAV 0 has ids {own}, UAV 1, which hears it, {other}")
-    return "two UAVs that hear one another have the same ids"
 
 
 def _repeatable(subject: _Subject) -> str:
@@ -243,6 +267,7 @@ _CHECKS: dict[str, Callable[[_Subject], str]] = {
     "known tracks": _known,
     **{kind: partial(_defects, kind) for kind in ("scans", *_LOOKS)},
     "people": _people_found,
+    "unknown start": _unknown_start,
     "neighbours agree": _agreement,
     "same scans, same tracks": _repeatable,
     "inputs untouched": _inputs,

@@ -29,6 +29,12 @@ class Blank(Nearest):
         return None
 
 
+class Needy(Nearest):
+    def step(self, scan):
+        super().step(scan)
+        self.first = self.tracks[0]
+
+
 class Infinite(Nearest):
     def step(self, scan):
         super().step(scan)
@@ -109,6 +115,7 @@ BROKEN = {
     Sure: {"positive definite": "covariances of tracks are not symmetric and positive definite"},
     Twin: {"ids": "ids of tracks are there twice: [2]"},
     Forgetful: {"known tracks": "of initial tracks 0, 1, 2 it has []", "people": "0 of 4 have a track at the end"},
+    Needy: {"unknown start": "cannot take a scan: IndexError: tuple index out of range ("},
     Lost: {"people": "0 of 4 have a track at the end"},
     Stubborn: {"neighbours agree": "at 0.0 s UAV 0 has ids [0, 1, 2], UAV 1, which hears it, [10, 11, 12]"},
     Random: {"same scans, same tracks": "other instances have other tracks after the same scans"},
@@ -126,8 +133,10 @@ def test_good_trackers_conform(name, monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / "examples" / "soup"))
     findings = check(name)
     assert [str(f) for f in findings if not f.passed] == []
-    held = {f.check: f.seen for f in findings}["people"]
-    assert held.startswith("3 of 4" if "Nearest" in name else "4 of 4") and held.endswith("0 false tracks")
+    seen = {f.check: f.seen for f in findings}
+    for check_name, begun in (("people", "3 of 4"), ("unknown start", "0 of 4")):
+        held = seen[check_name]
+        assert held.startswith(begun if "Nearest" in name else "4 of 4") and held.endswith("0 false tracks")
 
 
 @pytest.mark.parametrize("kind", BROKEN)
@@ -141,8 +150,8 @@ def test_a_broken_tracker_fails_the_check_that_fits(kind):
 def test_the_command_prints_a_line_per_check_and_exits_with_1(monkeypatch, capsys):
     monkeypatch.setattr(sys, "path", list(sys.path))
     code, out, err = called(["check-tracker", "jpda"], monkeypatch, capsys)
-    assert (code, err) == (0, "") and out.endswith("It conforms.\n") and out.count("passed ") == 11
+    assert (code, err) == (0, "") and out.endswith("It conforms.\n") and out.count("passed ") == 12
     code, out, _ = called(["check-tracker", named(Random)], monkeypatch, capsys)
-    assert code == 1 and "1 of 11 checks failed" in out
+    assert code == 1 and "1 of 12 checks failed" in out
     code, out, err = called(["check-tracker", "jdpa"], monkeypatch, capsys)
     assert (code, out) == (2, "") and "did you mean jpda?" in err and err.count("\n") == 1
