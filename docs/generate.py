@@ -5,8 +5,6 @@ scenario; `<!-- commands -->`, `<!-- planners -->` and `<!-- planner options -->
 becomes MathML. Each tutorial is written as a notebook, too.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import json

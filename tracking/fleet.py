@@ -1,7 +1,5 @@
 """One scan of a fleet of trackers: measurement updates and fusion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scans, cameras and trees from CSV files, so that trackers run on measurements from other sources."""
 
-from __future__ import annotations
-
 import csv
 import math
 import os

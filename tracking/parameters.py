@@ -1,7 +1,5 @@
 """Parameters of a tracker."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Scans and tracks: what a tracker is given, and what it holds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from tracking.filter.kalman import Gaussian

@@ -1,7 +1,5 @@
 """Tracker of one UAV: prediction, data association, measurement update, and management of tracks."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

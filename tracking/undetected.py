@@ -1,7 +1,5 @@
 """Intensity of undetected people: a Poisson process thinned by negative information of cameras."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ processors. `--short` flies one short mission; further interpreters, each with u
 of its dependencies, are named by `--python PATH`.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

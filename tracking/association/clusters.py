@@ -1,7 +1,5 @@
 """Independent gating clusters of a scan, so that its cost grows with the number of people, not with its square."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joint integrated probabilistic data association (JIPDA): existence probabilities beside association probabilities."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tracking.association.jpda import association_probabilities

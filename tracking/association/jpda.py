@@ -1,7 +1,5 @@
 """Joint probabilistic data association (JPDA): gating, exact association probabilities, mixture update."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

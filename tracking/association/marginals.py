@@ -1,7 +1,5 @@
 """Marginal association probabilities of one-to-one matchings: exact, or by loopy belief propagation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tracking.numerics.arrays import Array, Indices

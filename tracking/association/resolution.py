@@ -1,7 +1,5 @@
 """Resolution: the probability that two people near each other give one measurement."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tracking.numerics.arrays import Array

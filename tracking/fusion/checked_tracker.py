@@ -1,7 +1,5 @@
 """Trackers from outside: what they give is checked before the fleet uses it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from copy import deepcopy

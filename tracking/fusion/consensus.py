@@ -1,7 +1,5 @@
 """Consensus by messages between neighbours: weighted averages of beliefs, and sums of novel information."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

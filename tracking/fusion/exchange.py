@@ -1,7 +1,5 @@
 """Exchange of tracks with the fleet: the message of a scan, and ids for trackers that know beliefs and no messages."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

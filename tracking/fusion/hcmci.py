@@ -1,7 +1,5 @@
 """Novel information of a scan, apart from the prior: hybrid consensus on measurements and information (HCMCI)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tracking.filter.information import information_form

@@ -1,7 +1,5 @@
 """Fusion by the weighted Kullback-Leibler average of beliefs."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tracking.filter.information import information_form

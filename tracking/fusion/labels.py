@@ -1,7 +1,5 @@
 """Labels of tracks that differ between all tracks of a fleet, agreed without a server."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tracking.numerics.arrays import Flags, Indices

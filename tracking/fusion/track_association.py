@@ -1,7 +1,5 @@
 """Track-to-track association: tracks of different UAVs that are of one person, and the id that each keeps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Track deletion: misses among the last scans, and tracks that share one person."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Track initiation: from measurements that no track explains to confirmed tracks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Re-acquisition: new tracks that continue lost ones."""
 
-from __future__ import annotations
-
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import most_pairs
 from tracking.numerics.distances import length, pair_distances

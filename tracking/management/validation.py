@@ -1,7 +1,5 @@
 """Validation of scans and initial tracks that a tracker is given."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """SMA-NBO with a cost-to-go of our own: nobody may stray far from the nearest camera."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar

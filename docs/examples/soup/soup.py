@@ -1,7 +1,5 @@
 """Stone Soup's JPDA as the tracker of each UAV; ids, messages and fusion are the testbed's."""
 
-from __future__ import annotations
-
 import datetime
 from collections.abc import Sequence
 
