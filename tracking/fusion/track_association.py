@@ -49,8 +49,8 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     people = _last_seen([messages[k] for k in order], [tracks[k] for k in order], len(names))
     told = _latest(tracks, [m.sightings[:, 2] for m in messages], len(names))
     # Where UAVs differ in when a person was last seen, the last one tells.
-    valid = [of[m.sightings[:, 2] >= told[of]] for m, of in zip(messages, tracks, strict=True)]
-    holders = np.array([np.isin(np.arange(len(names)), valid[k]) for k in order]).T
+    valid = [m.sightings[:, 2] >= told[of] for m, of in zip(messages, tracks, strict=True)]
+    holders = np.array([np.isin(np.arange(len(names)), tracks[k][valid[k]]) for k in order]).T
     claims = _claims(messages, tracks, len(names))
     group, ends = _joined(people, claims, holders, max_speed)
     ids = _ids(names, claims, group, ends, own.scan)
@@ -58,8 +58,8 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     kept, first = kept[kept >= 0], first[kept >= 0]
     current = people.seen >= _latest([group], [people.seen], len(names))[group]
     out = []
-    for m, of in zip(messages, tracks, strict=True):
-        left = np.flatnonzero((ids[of] >= 0) & current[of] & (m.sightings[:, 2] >= told[of]))
+    for m, of, last in zip(messages, tracks, valid, strict=True):
+        left = np.flatnonzero((ids[of] >= 0) & current[of] & last)
         out.append(m.only(left).at(np.searchsorted(kept, ids[of[left]]), kept, names[first]))
     return out
 
