@@ -10,12 +10,11 @@ from planning.contract import TruePositions
 from planning.pieces import Composed
 from planning.planner import Exchange, Plan, Planner, Situation
 from planning.prediction.predicted_belief import PredictedBelief, predicted_belief
-from planning.prediction.propagation import beliefs
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import length
-from tracking.track import Track
+from tracking.track import Track, beliefs_of
 
 # Of a person without a track: position as uncertain as a track may get before deletion, walking speed.
 _UNKNOWN = np.diag([200.0, 200.0, 2.25, 2.25])
@@ -59,7 +58,7 @@ class _TruePaths:
 
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
         """As `planning.prediction.propagation.Propagation.predict`; a person that leaves stays at the last position."""
-        means, covariances = beliefs(situation.tracks)
+        means, covariances = beliefs_of(situation.tracks)
         persons = [track.id for track in situation.tracks]
         points = np.full((horizon, len(persons), 1, 3), TARGET_HEIGHT)
         last = means[:, :2]
@@ -79,7 +78,7 @@ def true_tracks(situation: Situation, people: TruePositions) -> tuple[Track, ...
     present = np.flatnonzero(~np.isnan(here[:, 0]))
     velocities = np.nan_to_num((there - here) / situation.step)
     states = np.hstack([here, velocities])[present]
-    means, covariances = beliefs(situation.tracks)
+    means, covariances = beliefs_of(situation.tracks)
     spread = np.tile(_UNKNOWN, (len(present), 1, 1))
     gaps = length(states[:, None, :2] - means[None, :, :2])
     for row, track in pairs_within(gaps, np.inf):

@@ -1,10 +1,13 @@
 """Scans and tracks: what a tracker is given, and what it holds."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,3 +28,15 @@ class Track:
     id: int
     belief: Gaussian
     existence: float = 1.0  # probability; 1 where the tracker has none, as where life is m_of_n
+
+
+def tracks_of(ids: Indices, means: Array, covariances: Array, existence: Array) -> tuple[Track, ...]:
+    """Tracks with ids (T,), means (T, 4), covariances (T, 4, 4) and existence (T,), of which they are copies."""
+    rows = zip(ids.tolist(), means, covariances, existence.tolist(), strict=True)
+    return tuple(Track(id, Gaussian(mean.copy(), covariance.copy()), r) for id, mean, covariance, r in rows)
+
+
+def beliefs_of(tracks: Sequence[Track]) -> tuple[Array, Array]:
+    """Means (T, 4) and covariances (T, 4, 4) of tracks."""
+    means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
+    return means, np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4)

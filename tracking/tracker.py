@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracking.filter.kalman import Gaussian
 from tracking.filter.negative_information import Viewpoint, miss_likelihood
 from tracking.fusion.exchange import SURE, UNSEEN, partition_of, shares_of
 from tracking.fusion.labels import FIRST_LABEL, UAVS, is_new_label, new_label
@@ -22,7 +21,7 @@ from tracking.measurement_update import scan_prediction, scan_update
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
-from tracking.track import Scan, Track
+from tracking.track import Scan, Track, beliefs_of, tracks_of
 from tracking.track_table import TrackTable
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
@@ -80,8 +79,7 @@ class Tracker:
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks by ascending id."""
         table = self._table
-        rows = zip(table.ids.tolist(), table.means, table.covariances, table.existence.tolist(), strict=True)
-        return tuple(Track(id, Gaussian(mean.copy(), cov.copy()), r) for id, mean, cov, r in rows)
+        return tracks_of(table.ids, table.means, table.covariances, table.existence)
 
     @property
     def max_speed(self) -> float:
@@ -180,7 +178,7 @@ class Tracker:
     def accept(self, message: Message) -> None:
         """Take over the fleet's tracks, count its scan, and delete tracks."""
         p = self.parameters
-        means, covariances = message.beliefs()
+        means, covariances = message.beliefs
         existence = message.existence() if p.life == "existence" else np.ones(len(means))
         misses = counted_misses(message.misses, message.times, self._time, p.delete[1])
         ends = existence < p.doubt if p.life == "existence" else missed(misses, p.delete[0])
@@ -236,11 +234,11 @@ class Tracker:
 def _tabulated(tracks: Sequence[Track], *, weight: float, seen: float, sighted: float) -> TrackTable:
     """Tracks as a table; all have the same times [s] of their last detection and of the fleet's last sighting."""
     count = len(tracks)
-    means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
+    means, covariances = beliefs_of(tracks)
     return TrackTable(
         ids=np.array([t.id for t in tracks], dtype=np.int64),
         means=means,
-        covariances=np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4),
+        covariances=covariances,
         existence=np.array([t.existence for t in tracks], dtype=float),
         weights=np.full(count, weight),
         times=np.full((count, 3), seen),

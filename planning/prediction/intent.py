@@ -7,10 +7,9 @@ import numpy as np
 
 from planning.planner import Plan, Situation, Vehicle
 from planning.prediction.field_of_view import aim_point
-from planning.prediction.propagation import beliefs
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.track import Track
+from tracking.track import Track, beliefs_of
 
 BASE_RANGE = 40.0  # m: the base policy looks no further
 
@@ -22,7 +21,8 @@ def base_control(vehicle: Vehicle, position: Array, tracks: Sequence[Track], ahe
     when it can be there, with the covariances they have now. The middle of the image is steered towards the track.
     It arrives without overshooting, and hovers if no track is near.
     """
-    control: Array = _towards((position + aim_point(vehicle))[None], beliefs(tracks), ahead, step, vehicle.max_speed)[0]
+    aim = (position + aim_point(vehicle))[None]
+    control: Array = _towards(aim, beliefs_of(tracks), ahead, step, vehicle.max_speed)[0]
     return control
 
 
@@ -32,7 +32,7 @@ def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Ar
     controls = list(known.controls[1 : horizon + 1])
     if len(controls) == horizon:
         return np.array(controls)
-    step, tracks = situation.step, beliefs(situation.tracks)
+    step, tracks = situation.step, beliefs_of(situation.tracks)
     aimed = vehicle.position[:2] + step * np.sum(controls, axis=0) + aim_point(vehicle)
     while len(controls) < horizon:
         control = _towards(aimed[None], tracks, len(controls) * step, step, vehicle.max_speed)[0]
@@ -43,7 +43,7 @@ def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Ar
 
 def base_policy_plans(situation: Situation, vehicle: Vehicle, firsts: Array, horizon: int) -> Array:
     """Plans (N, H, 2) m/s that begin with the controls `firsts` (N, 2) and go on by the base policy."""
-    step, tracks = situation.step, beliefs(situation.tracks)
+    step, tracks = situation.step, beliefs_of(situation.tracks)
     plans = np.empty((len(firsts), horizon, 2))
     plans[:, 0] = firsts
     aimed = vehicle.position[:2] + step * firsts + aim_point(vehicle)

@@ -15,7 +15,7 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.factorisation import cholesky, eigen
 from tracking.numerics.matrices import applied
 from tracking.numerics.normal import standard_normal
-from tracking.track import Track
+from tracking.track import Track, beliefs_of
 
 # Where a standard normal's mass of a third each has its mean: equally probable points along an axis.
 _THIRDS = np.array([0.0, -1.0907993154, 1.0907993154])
@@ -41,7 +41,7 @@ class Nominal:
 
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
         """As `Propagation.predict`, of one sample; draws no random numbers."""
-        means, covariances = beliefs(situation.tracks)
+        means, covariances = beliefs_of(situation.tracks)
         points = np.empty((horizon, len(means), 9 if self.expected else 1, 3))
         points[..., 2] = TARGET_HEIGHT
         points[:, :, 0, :2] = nominal_positions(situation.tracks, situation.step, horizon)
@@ -65,7 +65,7 @@ class MonteCarlo:
 
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
         """As `Propagation.predict`, of `samples` samples."""
-        means, covariances = beliefs(situation.tracks)
+        means, covariances = beliefs_of(situation.tracks)
         S, T = self.samples, len(means)
         values, axes = eigen(covariances)  # which may be singular
         roots = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]
@@ -81,14 +81,8 @@ class MonteCarlo:
 
 def nominal_positions(tracks: Sequence[Track], step: float, horizon: int) -> Array:
     """Undisturbed positions (H, T, 2) m of the tracks after 1 to H steps of `step` s."""
-    means, _ = beliefs(tracks)
+    means, _ = beliefs_of(tracks)
     return np.asarray(means[:, :2] + step * np.arange(1, horizon + 1)[:, None, None] * means[:, 2:])
-
-
-def beliefs(tracks: Sequence[Track]) -> tuple[Array, Array]:
-    """Means (T, 4) and covariances (T, 4, 4) of tracks."""
-    means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
-    return means, np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4)
 
 
 def _disturbance(motion: NearlyConstantVelocity, normal: Array) -> Array:

@@ -15,11 +15,10 @@ from sim.mission.snapshot import Bools, Ints, Snapshot
 from sim.recording.fault_text import read, recorded
 from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS, Contact
-from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array
-from tracking.track import Scan, Track
+from tracking.track import Scan, Track, tracks_of
 
 VERSION = 1
 # Tables with a row for each scan, which snapshots hold under the same name.
@@ -131,9 +130,8 @@ class Recording:
         """The tracks of one UAV after scan k."""
         rows = self._rows(self.track_offsets, k, uav)
         existence = self.existence_at(k, uav)
-        certain = np.where(np.isnan(existence), 1.0, existence).tolist()
-        table = zip(self.track_ids[rows], self.track_means[rows], self.track_covariances[rows], certain, strict=True)
-        return tuple(Track(int(id_), Gaussian(mean, covariance), r) for id_, mean, covariance, r in table)
+        certain = np.where(np.isnan(existence), 1.0, existence)
+        return tracks_of(self.track_ids[rows], self.track_means[rows], self.track_covariances[rows], certain)
 
     def track_ids_at(self, k: int, uav: int) -> Ints:
         """Ids (N,) of the tracks of one UAV after scan k."""

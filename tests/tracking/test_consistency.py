@@ -185,6 +185,6 @@ def test_sums_of_information_before_convergence_are_found_inconsistent(monkeypat
         return moment_form(packed[:, :4], packed[:, 4:].reshape(-1, 4, 4))
 
     mutant = cached_property(as_if_mixed)
-    mutant.__set_name__(Message, "_beliefs")
-    monkeypatch.setattr(Message, "_beliefs", mutant)
+    mutant.__set_name__(Message, "beliefs")
+    monkeypatch.setattr(Message, "beliefs", mutant)
     assert Outcome(missions, "hcmci").too_sure

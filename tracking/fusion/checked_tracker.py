@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from tracking.filter.kalman import Gaussian
 from tracking.fusion.member import TRACKERS
 from tracking.fusion.message import INFORMATION, Message
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.containment import Unusable, numbers
 from tracking.plugins.results import check_positive_definite, checked_array
-from tracking.track import Scan, Track
+from tracking.track import Scan, Track, tracks_of
 
 _MOST = 10_000  # tracks of one UAV
 _LARGEST_ID = 2**62
@@ -71,8 +70,7 @@ def checked_tracks(given: Iterable[Any]) -> tuple[Track, ...]:
     ids = track_ids(tracks)
     means, covariances, existence = track_beliefs(tracks)
     check_positive_definite("covariances of tracks", covariances)
-    rows = zip(ids.tolist(), means, covariances, existence.tolist(), strict=True)
-    return tuple(Track(id, Gaussian(mean, covariance), r) for id, mean, covariance, r in rows)
+    return tracks_of(ids, means, covariances, existence)
 
 
 def track_ids(tracks: Sequence[Any]) -> Indices:
@@ -123,7 +121,7 @@ def checked_message(given: object) -> Message:
         raise Unusable("ids are not ascending")
     if count and sent.shares[:, 0].min() <= 0.0:
         raise Unusable("weights, the first column of shares, are not positive")
-    means, covariances = sent.beliefs()
+    means, covariances = sent.beliefs
     checked_array("beliefs", means, (count, 4))
     check_positive_definite("covariances of beliefs", covariances)
     return sent

@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tracking.association.jipda import log_odds
-from tracking.filter.kalman import Gaussian
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
 from tracking.numerics.arrays import Array
 from tracking.parameters import TrackerParameters
-from tracking.track import Track
+from tracking.track import Track, beliefs_of, tracks_of
 
 UNSEEN = 1e-9  # least weight of a belief in the fleet's average: it matters only if no UAV had the person in view
 # Probability of a detection from which on it is a sighting. Of two tracks that share one person's measurements, one is
@@ -79,8 +78,7 @@ class TrackExchange:
         self._scans, self._time = self._scans + 1, time
         ended = {id: time for id, last in self._known.items() if id not in ids and last is not _NEW}
         self._deleted = tuple(sorted((dict(self._deleted) | ended).items()))
-        means = np.array([t.belief.mean for t in held], dtype=float).reshape(-1, 4)
-        covariances = np.array([t.belief.covariance for t in held], dtype=float).reshape(-1, 4, 4)
+        means, covariances = beliefs_of(held)
         nothing = (means[:0], covariances[:0]), np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
         chances = np.array([detected.get(id, 0.0) for id in ids])
         weights = np.maximum(chances, UNSEEN)
@@ -110,17 +108,16 @@ class TrackExchange:
 
     def accept(self, message: Message) -> tuple[Track, ...]:
         """The fleet's tracks by ascending id, in place of the own: some have new ids, some are new, some have ended."""
-        means, covariances = message.beliefs()
+        means, covariances = message.beliefs
         existence = message.existence()
         existence[existence >= _CERTAIN] = 1.0
         sightings = np.where(message.times[:, 2:] < self._time, message.sightings, self._here(means))
         kept = self._time - self._parameters.forget_after
         self._deleted = tuple((id, until) for id, until in message.deleted if until >= kept)
         self._partition, self._born = message.partition, 0
-        ids = message.ids.tolist()
-        self._known = dict(zip(ids, np.concatenate([message.times, sightings], axis=1), strict=True))
-        rows = zip(ids, means, covariances, existence.tolist(), strict=True)
-        return tuple(Track(id, Gaussian(mean.copy(), covariance.copy()), r) for id, mean, covariance, r in rows)
+        histories = np.concatenate([message.times, sightings], axis=1)
+        self._known = dict(zip(message.ids.tolist(), histories, strict=True))
+        return tracks_of(message.ids, means, covariances, existence)
 
     def _here(self, means: Array) -> Array:
         return np.column_stack([means[:, :2], np.full(len(means), self._time)])

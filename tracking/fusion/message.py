@@ -49,12 +49,9 @@ class Message:
         """Bytes of the message."""
         return message_size(self.novel, self.deleted)
 
+    @cached_property
     def beliefs(self) -> tuple[Array, Array]:
         """Means (T, 4) and covariances (T, 4, 4) of the tracks."""
-        return self._beliefs
-
-    @cached_property
-    def _beliefs(self) -> tuple[Array, Array]:
         packed = self.shares[:, 1 : 1 + INFORMATION] / self.shares[:, :1]
         if self.novel.shape[1] > INFORMATION:
             # Mixing has left a share of every UAV's information. Division by the largest share undoes the mixing where
@@ -99,7 +96,7 @@ def alike(messages: Sequence[Message]) -> bool:
 def last_seen(message: Message) -> tuple[Array, Array]:
     """Times (T,) [s] and places (T, 2) [m] of the last detections: in this scan, or else the last sure one."""
     now = message.times[:, 0] >= message.time
-    means, _ = message.beliefs()
+    means, _ = message.beliefs
     return (
         np.where(now, message.time, message.sightings[:, 2]),
         np.where(now[:, None], means[:, :2], message.sightings[:, :2]),

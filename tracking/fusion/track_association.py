@@ -112,7 +112,7 @@ def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: in
     for message, rows in zip(messages, tracks, strict=True):
         seen, places = last_seen(message)
         later = ~known[rows] | (seen > people.seen[rows])
-        for column, told in zip(people, (*message.beliefs(), seen, places), strict=True):
+        for column, told in zip(people, (*message.beliefs, seen, places), strict=True):
             column[rows[later]] = told[later]
         known[rows] = True
     return people

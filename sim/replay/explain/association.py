@@ -14,6 +14,7 @@ from tracking.geometry.visibility import Forest
 from tracking.measurement_update import ScanPrediction, associate, scan_prediction
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
+from tracking.track import beliefs_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +51,7 @@ class Association:
         p = tracker_parameters(scenario)
         here, there = recording.people[[0, min(1, len(recording.people) - 1)]]
         tracks = recording.tracks_at(k - 1, uav) if k else initial_tracks(scenario, here, there)
-        means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
-        covariances = np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4)
+        means, covariances = beliefs_of(tracks)
         existence = np.array([t.existence for t in tracks], dtype=float)
         if k:
             means, covariances = p.motion.predict_all(means, covariances)

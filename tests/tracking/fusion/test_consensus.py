@@ -117,7 +117,7 @@ def test_consensus_among_uavs_that_all_see_converges_to_the_information_average(
     means, covariances = beliefs(np.random.default_rng(0), 5)
     q, omega = information_form(means, covariances)
     for m in exchange(team(means, covariances, adjacency), adjacency, 200):
-        mean, covariance = m.beliefs()
+        mean, covariance = m.beliefs
         np.testing.assert_allclose(covariance[0], np.linalg.inv(omega.mean(axis=0)), rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(mean[0], np.linalg.solve(omega.mean(axis=0), q.mean(axis=0)), rtol=1e-9)
 
@@ -155,7 +155,7 @@ def test_uavs_count_by_the_weight_of_what_they_saw():
     q, omega = information_form(means, covariances)
     average = np.average(omega, axis=0, weights=weights)
     for m in exchange(team(means, covariances, adjacency, weights), adjacency, 200):
-        mean, covariance = m.beliefs()
+        mean, covariance = m.beliefs
         np.testing.assert_allclose(covariance[0], np.linalg.inv(average), rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(mean[0], np.linalg.solve(average, np.average(q, axis=0, weights=weights)), rtol=1e-9)
 
@@ -166,7 +166,7 @@ def test_the_only_uav_with_a_detection_decides_the_fleets_belief(kind):
     means, covariances = beliefs(np.random.default_rng(4), 5)
     weights = np.array([1.0, 1e-9, 1e-9, 1e-9, 1e-9])
     for m in exchange(team(means, covariances, adjacency, weights), adjacency, 5):
-        mean, covariance = m.beliefs()
+        mean, covariance = m.beliefs
         np.testing.assert_allclose(mean[0], means[0], atol=1e-5)
         np.testing.assert_allclose(covariance[0], covariances[0], atol=1e-5)
 
@@ -183,8 +183,8 @@ def test_a_new_track_is_taken_over_unchanged_and_counted_once():
     for rounds in (2, 5):
         for m in exchange(messages, adjacency, rounds):
             np.testing.assert_array_equal(m.ids, [9])
-            np.testing.assert_allclose(m.beliefs()[0], means, rtol=1e-10)
-            np.testing.assert_allclose(m.beliefs()[1], covariances, rtol=1e-9, atol=1e-12)
+            np.testing.assert_allclose(m.beliefs[0], means, rtol=1e-10)
+            np.testing.assert_allclose(m.beliefs[1], covariances, rtol=1e-9, atol=1e-12)
 
 
 def random_fleet(rng: np.random.Generator, adjacency: np.ndarray) -> list[Message]:
@@ -208,10 +208,10 @@ def test_new_tracks_of_different_uavs_get_one_id_each_in_the_fleet(kind):
     for _ in range(20):
         messages = random_fleet(rng, adjacency)
         after = exchange(messages, adjacency, 5)
-        people = {tuple(np.round(mean[:2] / 20).astype(int)) for m in messages for mean in m.beliefs()[0]}
+        people = {tuple(np.round(mean[:2] / 20).astype(int)) for m in messages for mean in m.beliefs[0]}
         for m in after:
             np.testing.assert_array_equal(m.ids, after[0].ids)
-            assert {tuple(np.round(mean[:2] / 20).astype(int)) for mean in m.beliefs()[0]} == people
+            assert {tuple(np.round(mean[:2] / 20).astype(int)) for mean in m.beliefs[0]} == people
             assert len(m.ids) == len(people)
 
 
@@ -247,7 +247,7 @@ def test_a_void_version_of_a_track_does_not_keep_it_from_a_new_one():
     pair[1] = pair[1].only(np.array([1, 0]))
     for m in exchange(pair, graph("line", 2), 1):
         np.testing.assert_array_equal(m.ids, [3])
-        np.testing.assert_allclose(m.beliefs()[0][0, :2], [0.05, 0.0])
+        np.testing.assert_allclose(m.beliefs[0][0, :2], [0.05, 0.0])
 
 
 def test_a_new_id_of_a_contested_track_is_not_one_that_another_track_has():
@@ -260,7 +260,7 @@ def test_a_new_id_of_a_contested_track_is_not_one_that_another_track_has():
     ]
     for m in exchange(pair, graph("line", 2), 1):
         np.testing.assert_array_equal(m.ids, [5, taken - 1, taken])
-        np.testing.assert_allclose(m.beliefs()[0][:, 0], [0.0, -20.0, 20.0], atol=1e-9)
+        np.testing.assert_allclose(m.beliefs[0][:, 0], [0.0, -20.0, 20.0], atol=1e-9)
 
 
 def test_a_lost_track_of_a_uav_does_not_keep_its_new_one_apart():
@@ -288,7 +288,7 @@ def test_pairs_match_together_where_velocities_agree():
     pair = [message(u, ids, means, [covariance] * 2, degree=1) for u, (ids, means) in said]
     for m in exchange(pair, graph("line", 2), 1):
         np.testing.assert_array_equal(m.ids, [1, 2])
-        np.testing.assert_allclose(m.beliefs()[0][:, 0], [0.45, 1.45])
+        np.testing.assert_allclose(m.beliefs[0][:, 0], [0.45, 1.45])
 
 
 def test_a_deleted_track_comes_back_only_if_it_was_detected_later_elsewhere():

@@ -45,7 +45,7 @@ def test_a_person_in_view_keeps_a_track_beside_an_older_one_of_its_id():
     first = replace(told(0, [30.0], [0.05], [3], [NOW - 0.2]), degree=1)
     second = replace(told(1, [0.0, 30.2], [0.05, 0.05], [3, 50], [NOW, NOW], partition=(1, NOW)), degree=1)
     for message in exchange([first, second], graph("complete", 2), 5):
-        assert sorted(message.beliefs()[0][:, 0].round(1).tolist()) == [0.0, 30.2]  # of the one who saw 3 last
+        assert sorted(message.beliefs[0][:, 0].round(1).tolist()) == [0.0, 30.2]  # of the one who saw 3 last
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ def met(first, second, kind: str) -> list[dict[int, float]]:
     said = [told(u, *(first if u < 2 else second)) for u in range(4)]
     said = [replace(m, degree=int(row.sum())) for m, row in zip(said, adjacency, strict=True)]
     out = exchange(said, adjacency, 5)
-    return [dict(zip(m.ids.tolist(), m.beliefs()[0][:, 0].tolist(), strict=True)) for m in out]
+    return [dict(zip(m.ids.tolist(), m.beliefs[0][:, 0].tolist(), strict=True)) for m in out]
 
 
 @KINDS
@@ -143,7 +143,7 @@ def test_the_last_detection_decides_on_a_person_lost_by_all(kind, swapped):
         m = told(u, *part)
         said.append(replace(m, degree=int(adjacency[u].sum()), sightings=sighting, shares=weight * m.shares))
     for m in exchange(said, adjacency, 5):
-        assert m.ids.tolist() == [3] and m.beliefs()[0][0, 0] == pytest.approx(2.0, abs=0.01)
+        assert m.ids.tolist() == [3] and m.beliefs[0][0, 0] == pytest.approx(2.0, abs=0.01)
 
 
 @KINDS
@@ -164,7 +164,7 @@ def test_exchanged_ids_of_three_partitions_match_by_beliefs():
     said = [replace(told(u, *part, partition=(u, NOW)), degree=2) for u, part in enumerate([lost, sees, other])]
     for m in exchange(said, graph("complete", 3), 5):
         assert m.ids.tolist() == [3, 4]
-        np.testing.assert_allclose(m.beliefs()[0][:, 0], [0.1, 20.1], atol=0.1)
+        np.testing.assert_allclose(m.beliefs[0][:, 0], [0.1, 20.1], atol=0.1)
 
 
 @KINDS
@@ -202,7 +202,7 @@ def test_a_lost_track_does_not_separate_two_tracks_in_view(first):
         sightings = np.array([(0.0, 0.0, seen) for seen in part[-1]])
         said.append(replace(told(u, *part, partition=(u, NOW), sightings=sightings), degree=3))
     for m in exchange(said, graph("complete", 4), 5):
-        assert m.ids.tolist() == [3] and 0.0 < m.beliefs()[0][0, 0] < 0.2
+        assert m.ids.tolist() == [3] and 0.0 < m.beliefs[0][0, 0] < 0.2
 
 
 def test_of_two_tracks_in_reach_the_likelier_matches_not_the_wider():
