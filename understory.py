@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from sim.conformance.tracker import check as check_tracker
     from sim.mission.mission import Mission
     from sim.recording.recording import Recording
-    from sim.replay.notebook import Flight, load
+    from sim.replay.flight import Flight, load
     from sim.scenario.scenario import Scenario
     from tracking.detection.detector import Detections, Detector, Frame
     from tracking.filter.kalman import Gaussian
@@ -50,7 +50,7 @@ _HOMES = {
     **dict.fromkeys(("Exchange", "Plan", "Planner", "Situation", "Vehicle"), "planning.planner"),
     "Mission": "sim.mission.mission",
     "Recording": "sim.recording.recording",
-    **dict.fromkeys(("Flight", "load"), "sim.replay.notebook"),
+    **dict.fromkeys(("Flight", "load"), "sim.replay.flight"),
     "Scenario": "sim.scenario.scenario",
     **dict.fromkeys(("Detections", "Detector", "Frame"), "tracking.detection.detector"),
     **dict.fromkeys(("Camera", "Pose"), "tracking.geometry.camera"),
@@ -132,7 +132,7 @@ def run(
         InputError: Where scenario, settings, planner or folder cannot be used.
     """
     from sim.mission.trial import Trial
-    from sim.replay.notebook import Flight, load
+    from sim.replay.flight import Flight, load
     from sim.running.flight import fly as flown
     from sim.scenario.loading import load as load_scenario
     from tracking.plugins.registry import InputError

@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.recording.recording import Recording
     from sim.replay.event import Event
     from sim.replay.explain.explanation import Group
-    from sim.replay.notebook import Flight
+    from sim.replay.flight import Flight
 
 _STYLES = {"lost": "red", "not found yet": "red", "held by some": "yellow"}
 
@@ -45,8 +45,8 @@ def explain(
         raise InputError("--target: missing; --time asks about one person, so say which, from 0")
     if out is not None:
         check_new(out, ".png", "--out")
+    from sim.replay.flight import load
     from sim.replay.frames.pages import scans_between
-    from sim.replay.notebook import load
 
     flight = load(recorded)
     recording = flight.recording

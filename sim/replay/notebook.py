@@ -1,186 +1,20 @@
-"""A recorded mission in a notebook: arrays and tables with units, figures, and a summary that shows itself."""
+"""Display of a mission in a notebook: figures, and a table of facts beside the OSPA over time."""
 
 import base64
 import html
 import io
 import sys
 from collections.abc import Mapping
-from functools import cached_property
-from pathlib import Path
-from typing import Any
 
-import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from sim.drawing.labels import with_numbers
-from sim.drawing.lettering import Image
-from sim.drawing.map_view import TRAIL, MapView, aspect
-from sim.drawing.plots import draw_mean, new_figure, ospa_figure
-from sim.evaluation.fleet_facts import contacts
-from sim.evaluation.metric import METRICS, Outcome
-from sim.evaluation.summary import marked
-from sim.recording.dataframes import dataframe
-from sim.recording.fault_text import read
-from sim.recording.recording import Recording
-from sim.replay.event import Event
-from sim.replay.events import events_of
-from sim.replay.frames.pages import draw
-from sim.replay.frames.rerender import Rerenderer, find, scenario_of
-from sim.replay.history import History
-from sim.replay.tables import TABLES, arrays, columns
-from sim.replay.timeline import timeline_figure
-from sim.scenario.scenario import Scenario
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from sim.drawing.plots import draw_mean, new_figure
+from tracking.numerics.arrays import Array
 
-_MAP = 900  # pixels, width of the map
 _CELL = "text-align:left;padding:1px 12px 1px 0;border:0"
 
 
-def load(run: str | Path) -> "Flight":
-    """The mission in a run's folder, or a `mission.npz`; InputError if there is none that can be read."""
-    _show_figures()
-    return Flight(find(Path(run)))
-
-
-class Flight:
-    """One recorded mission, to look into: `recording` is what was recorded, `scenario` what it was flown in."""
-
-    def __init__(self, recording: Recording) -> None:
-        self.recording = recording
-        self.scenario: Scenario = scenario_of(recording)
-
-    @cached_property
-    def arrays(self) -> Mapping[str, NDArray[Any]]:
-        """Arrays by name, read-only; units are in the names, docs/how-to/notebooks.md has their shapes."""
-        return arrays(self.recording)
-
-    @cached_property
-    def history(self) -> History:
-        """The history of each person, scan by scan."""
-        return History.of(self.recording, self.scenario)
-
-    @cached_property
-    def events(self) -> tuple[Event, ...]:
-        """The events of the mission, in order of time."""
-        return events_of(self.recording, self.scenario, self.history)
-
-    def columns(self, table: str) -> dict[str, NDArray[Any]]:
-        """The columns of a table, one of `TABLES`, by names with units; InputError names the nearest."""
-        if table not in TABLES:
-            raise InputError(f"table: {table!r} is unknown; {did_you_mean(table, TABLES)}")
-        return columns(table, self.recording, self.scenario, self.history)
-
-    def table(self, table: str) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise
-        """A table, one of `TABLES`, as a pandas frame, or a polars one where there is no pandas."""
-        return dataframe(self.columns(table))
-
-    def ospa_figure(self) -> Figure:
-        """OSPA over time."""
-        return ospa_figure(self.recording.times, self.recording.ospa)
-
-    def timeline_figure(self) -> Figure:
-        """The timeline: each person as seen by each UAV and held by tracks."""
-        return timeline_figure(self.history, self.recording.ospa, self.events)
-
-    def map_figure(self, time: float) -> Figure:
-        """The map at the scan nearest to `time` s, with the trails of the seconds before."""
-        k = self._scan(time)
-        size = (_MAP, round(_MAP / aspect(self.scenario)))
-        view, image = MapView(self.scenario, self.recording.forest, size), np.zeros((*size[::-1], 3), np.uint8)
-        rates = self.scenario.rates
-        past = max(round(TRAIL * rates.sensing), rates.sensing // rates.planning)  # trails, and plans in force
-        for earlier in range(max(0, k - past), k + 1):
-            snapshot = with_numbers(self.recording.snapshot(earlier), self.recording.track_numbers)
-            view.draw(image, snapshot, self.history.hold_states[earlier])
-        return _picture(image)
-
-    def frame_figure(self, time: float, uav: int) -> Figure:
-        """The image of a UAV's camera at the scan nearest to `time` s, annotated, rendered again."""
-        k, uavs = self._scan(time), len(self.scenario.uavs)
-        if not 0 <= uav < uavs:
-            raise InputError(f"uav: {uav} is not there; allowed are 0 to {uavs - 1}")
-        if not self.recording.working[k, uav]:
-            raise InputError(f"uav: {uav} had broken down at {self.recording.times[k]:g} s")
-        with Rerenderer(self.recording) as again:
-            return _picture(draw(self.recording, again, k, uav, size=640))
-
-    @cached_property
-    def facts(self) -> dict[str, str]:
-        """The results of the mission, as a summary shows them."""
-        r = self.recording
-        errors = r.ospa[r.working][:, 0]
-        lost = [loss for loss in self.history.losses if loss.found]
-        longest = max((r.times[loss.last] - r.times[loss.first] for loss in lost), default=0.0)
-        losses = f"{len(lost)}, the longest {longest + 1 / self.scenario.rates.sensing:.1f} s" if lost else "none"
-        ended = " (interrupted)" if r.interrupted else ""
-        share = METRICS["share_held"](Outcome(r))
-        return {
-            "planner": marked(r.planner, r.sees_truth),
-            "seed": str(r.seed) if r.seed < 10**12 else f"{str(r.seed)[:12]}...",
-            "repeat": str(r.repeat),
-            "duration": f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{ended}",
-            "fleet": f"{r.poses.shape[1]} UAVs, {r.people.shape[1]} people, {len(r.trees)} trees",
-            "OSPA": f"mean {errors.mean():.2f} m, {100 * np.mean(errors < 1):.1f} % under 1 m" if len(errors) else "-",
-            "people held": "-" if share is None else f"{100 * share:.1f} %",
-            "losses": losses,
-            "faults": str(len(read(r.faults))) if r.faults else "not recorded",
-            "contacts": str(len(contacts(r))),
-        }
-
-    def __repr__(self) -> str:
-        facts = self.facts
-        told = ("duration", "fleet", "OSPA", "people held", "losses")
-        rest = "; ".join(facts[name] if name in ("duration", "fleet") else f"{name} {facts[name]}" for name in told)
-        again = "" if facts["repeat"] == "0" else f", repeat {facts['repeat']}"
-        return f"<Flight: {facts['planner']}, seed {facts['seed']}{again}; {rest}>"
-
-    def _repr_html_(self) -> str:
-        """The facts, and OSPA over time, as a notebook shows them."""
-        rows = "".join(
-            f'<tr><th style="{_CELL}">{html.escape(name)}</th><td style="{_CELL}">{html.escape(value)}</td></tr>'
-            for name, value in self.facts.items()
-        )
-        curve = base64.b64encode(_png(_curve(self.recording))).decode("ascii")
-        return (
-            '<div style="display:flex;flex-wrap:wrap;gap:16px;align-items:center">'
-            f'<table style="margin:0">{rows}</table>'
-            f'<img alt="mean OSPA over time" src="data:image/png;base64,{curve}"></div>'
-        )
-
-    def _scan(self, time: float) -> int:
-        times = self.recording.times
-        if not times[0] - 1e-6 <= time <= times[-1] + 1e-6:
-            raise InputError(f"time: {time:g} s is not in the recording; allowed are {times[0]:g} to {times[-1]:g} s")
-        return int(np.argmin(np.abs(times - time)))
-
-
-def _picture(image: Image) -> Figure:
-    """An image (H, W, 3) as a figure of its own size, pixel by pixel."""
-    height, width = image.shape[:2]
-    figure = Figure(figsize=(width / 100, height / 100), dpi=100)
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.imshow(image, interpolation="none", aspect="auto")
-    axes.set_axis_off()
-    return figure
-
-
-def _curve(recording: Recording) -> Figure:
-    with new_figure(4.6, 2.2, letters=9) as figure:
-        draw_mean(figure.add_subplot(), recording.times, recording.ospa, width=1.2)
-    return figure
-
-
-def _png(figure: Figure) -> bytes:
-    content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=figure.dpi)
-    return content.getvalue()
-
-
-def _show_figures() -> None:
+def show_figures() -> None:
     """Let a notebook show figures, which it does by itself only once pyplot has been imported there."""
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython else None
@@ -188,3 +22,25 @@ def _show_figures() -> None:
         shown = shell.display_formatter.formatters["image/png"]
         if Figure not in shown.type_printers:
             shown.for_type(Figure, _png)
+
+
+def table_beside_curve(facts: Mapping[str, str], times: Array, ospa: Array) -> str:
+    """Facts by name as a table in HTML, beside a picture of the fleet's mean OSPA over time."""
+    rows = "".join(
+        f'<tr><th style="{_CELL}">{html.escape(name)}</th><td style="{_CELL}">{html.escape(value)}</td></tr>'
+        for name, value in facts.items()
+    )
+    with new_figure(4.6, 2.2, letters=9) as figure:
+        draw_mean(figure.add_subplot(), times, ospa, width=1.2)
+    curve = base64.b64encode(_png(figure)).decode("ascii")
+    return (
+        '<div style="display:flex;flex-wrap:wrap;gap:16px;align-items:center">'
+        f'<table style="margin:0">{rows}</table>'
+        f'<img alt="mean OSPA over time" src="data:image/png;base64,{curve}"></div>'
+    )
+
+
+def _png(figure: Figure) -> bytes:
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=figure.dpi)
+    return content.getvalue()

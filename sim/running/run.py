@@ -19,7 +19,7 @@ from sim.processes.interrupt import stop_request
 from sim.recording.archive import save
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
-from sim.replay.notebook import Flight
+from sim.replay.flight import Flight
 from sim.replay.page.page import write_page
 from sim.running.flight import fly as flown
 from sim.running.isolated_run import Results

@@ -1,4 +1,4 @@
-"""A mission in a notebook: what tables, arrays and figures hold, against the recording's own accessors."""
+"""A recorded mission: what its tables, arrays and figures hold, against the recording's own accessors."""
 
 import base64
 import dataclasses
@@ -17,9 +17,9 @@ from sim.drawing.labels import with_numbers
 from sim.drawing.map_view import MapView
 from sim.recording.archive import save
 from sim.recording.fault_text import recorded
+from sim.replay.flight import Flight, load
 from sim.replay.frames.pages import draw
 from sim.replay.frames.rerender import Rerenderer
-from sim.replay.notebook import Flight, load
 from sim.replay.tables import TABLES
 from sim.sensing.fault import Fault
 from tracking.plugins.registry import InputError
