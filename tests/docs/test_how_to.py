@@ -69,7 +69,7 @@ def test_every_check_is_listed_in_its_order():
     assert listed(TRACKERS_PAGE, "| check of a tracker |") == [f.check for f in check_tracker("jpda")]
 
 
-def test_links_lead_somewhere():
+def test_links_lead_to_pages_and_headings_that_exist():
     for name in ("how-to/plugins.md", "how-to/trackers.md", "examples/shepherd/README.md", "examples/soup/README.md"):
         page = DOCS / name
         for target in re.findall(r"\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
@@ -86,7 +86,7 @@ def block(language):
     return content
 
 
-def test_the_study_files_of_the_pages_are_such(tmp_path):
+def test_study_files_on_pages_are_valid(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(block("toml"))
     assert len(tasks(read(str(path)))) == 10 * 2 * (1 + 2)

@@ -90,6 +90,6 @@ def test_for_one_uav_optimising_all_controls_is_at_least_as_good(random_team):
 
 
 @pytest.mark.parametrize("text", ["mcr(actions=frist)", "sma-nbo(prediction=scan)"])
-def test_a_wrong_word_is_named(text):
+def test_an_unknown_word_for_an_option_is_named(text):
     with pytest.raises(ValueError, match=r"(actions|prediction) '.*' is unknown; .* did you mean (first|scans)\?"):
         load_planner(text)

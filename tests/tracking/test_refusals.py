@@ -33,7 +33,7 @@ from tracking.tracker import Track, Tracker, TrackerParameters
         ("delete", (63, 63), "<= 62"),
     ],
 )
-def test_parameters_of_a_tracker(field, value, allowed):
+def test_wrong_parameters_of_a_tracker_are_named(field, value, allowed):
     with pytest.raises(ValueError, match=f"^{field} must be .*{allowed}.* is .*{str(value)[1:-1]}"):
         TrackerParameters(MOTION, **{field: value})
 
@@ -45,7 +45,7 @@ def test_parameters_of_a_tracker(field, value, allowed):
         *(("sigma_a", v, "0 or more") for v in (-1.0, math.nan, math.inf)),
     ],
 )
-def test_steps_and_noise_of_a_motion(field, value, allowed):
+def test_wrong_steps_and_noise_of_a_motion_are_named(field, value, allowed):
     with pytest.raises(ValueError, match=f"^{field} must be {allowed} and finite, is {value}"):
         NearlyConstantVelocity(**{"dt": 0.2, "sigma_a": 1.0, field: value})
 
@@ -62,14 +62,14 @@ def test_steps_and_noise_of_a_motion(field, value, allowed):
         (np.zeros(4), np.eye(4), math.nan, r"existence of track 7 must be in \(0, 1\], is nan"),
     ],
 )
-def test_first_tracks(mean, covariance, existence, complaint):
+def test_initial_tracks_that_are_no_beliefs_are_refused_in_one_line(mean, covariance, existence, complaint):
     with pytest.raises(ValueError, match=complaint) as raised:
         Tracker(0, CAMERA, OPEN, TrackerParameters(MOTION), [Track(7, Gaussian(mean, covariance), existence)])
     assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize("quaternion", [np.full(4, math.nan), np.zeros(4), np.zeros(3), np.array([0, 0, 0, 1.01])])
-def test_attitudes_of_a_camera(quaternion):
+def test_a_scan_from_an_impossible_attitude_is_refused_and_changes_nothing(quaternion):
     subject = tracker(track(1, 0, 0, 0, 0))
     with pytest.raises(ValueError, match=r"pose.quaternion of a scan must be four numbers of norm 1, is \["):
         subject.step(dataclasses.replace(scan(0), pose=Pose(ABOVE.position, quaternion)))
@@ -84,7 +84,7 @@ def test_attitudes_of_a_camera(quaternion):
         ("tracking.recovery_after=nan", "recovery_after"),
     ],
 )
-def test_settings_of_a_scenario(setting, complaint):
+def test_wrong_settings_of_a_scenarios_tracker_are_named(setting, complaint):
     assert MOST_SCANS == 62
     with pytest.raises(ValueError, match=complaint):
         load("forest", [setting])
@@ -103,7 +103,7 @@ def test_settings_of_a_scenario(setting, complaint):
         (read_scans, SCAN_COLUMNS, b"0," + b"1" * 5000 + b",,,,,,0,0,20,0,0,0,1", "line 2, column uav: an integer of"),
     ],
 )
-def test_tables(tmp_path, read, columns, row, complaint):
+def test_a_wrong_row_of_a_table_is_named_in_one_line(tmp_path, read, columns, row, complaint):
     path = tmp_path / "table.csv"
     path.write_bytes(",".join(columns).encode() + b"\n" + row + b"\n")
     with pytest.raises(ValueError, match=rf"table\.csv, {complaint}") as raised:
@@ -112,7 +112,7 @@ def test_tables(tmp_path, read, columns, row, complaint):
 
 
 @pytest.mark.parametrize("distance", [ospa, gospa])
-def test_states_are_no_positions(distance):
+def test_ospa_and_gospa_refuse_states_as_positions(distance):
     with pytest.raises(ValueError, match=r"estimates must be \(A, 2\), are \(1, 4\)"):
         distance(np.zeros((1, 4)), np.zeros((1, 2)))
     assert distance([], np.zeros((0, 4))).distance == 0.0

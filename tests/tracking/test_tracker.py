@@ -179,6 +179,6 @@ def test_lost_tracks_take_no_new_people_and_end_at_very_large_covariance():
         (lambda: play(tracker(), [scan(1), scan(1)]), "is not after the last one"),
     ],
 )
-def test_invalid_values_are_refused(build, complaint):
+def test_invalid_scans_tracks_and_parameters_are_refused(build, complaint):
     with pytest.raises(ValueError, match=complaint):
         build()

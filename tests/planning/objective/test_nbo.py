@@ -58,7 +58,7 @@ def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):
             assert value == pytest.approx(plain_cost(situation, joint, 0.5)[0], rel=1e-9)
 
 
-def test_trees_raise_the_objective_no_target_costs_nothing(random_team):
+def test_trees_raise_the_objective(random_team):
     differing = 0
     for seed in range(20):
         controls = np.zeros((3, 5, 2))
@@ -68,8 +68,14 @@ def test_trees_raise_the_objective_no_target_costs_nothing(random_team):
         assert hidden >= free - 1e-9
         differing += hidden > free + 1e-6
     assert differing >= 5
+
+
+def test_without_targets_the_objective_is_zero(random_team):
     situation = random_team(0, targets=0)[0]
     assert team_cost(nominal(situation, 5), np.zeros((3, 5, 2)), 0.5) == 0.0
+
+
+def test_nominal_positions_go_on_at_constant_velocity(random_team):
     tracks = random_team(1)[0].tracks
     points = nominal_positions(tracks, 1.0, 3)
     for t, track in enumerate(tracks):

@@ -51,7 +51,7 @@ def flown(folder, code, options, *more):
     )
 
 
-def test_there_are_sixty_of_them():
+def test_there_are_sixty_hostile_plug_ins():
     assert len(ENDED) >= 60
 
 

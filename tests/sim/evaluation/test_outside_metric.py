@@ -65,7 +65,7 @@ def test_a_study_has_the_metric_in_rows_tables_and_report(call, tmp_path, monkey
     assert "mine:FARTHEST" in (tmp_path / "runs" / "compare" / "table.csv").read_text()
 
 
-def test_one_that_raises_is_undefined_and_a_fault():
+def test_a_metric_that_raises_is_undefined_and_a_fault():
     found = summary(hand_made(), asked=["mine:BROKEN"])
     assert found["metrics"]["mine:BROKEN"]["value"] is None
     (fault,) = found["faults"]

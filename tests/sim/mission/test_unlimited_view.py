@@ -48,7 +48,7 @@ def test_a_uav_measures_exactly_those_that_no_tree_hides(occlusion):
     assert 0 < hidden < 31 * 12
 
 
-def test_it_sees_in_all_directions_with_the_noise_of_its_own_camera():
+def test_a_uav_sees_in_all_directions_with_the_noise_of_its_own_camera():
     rng = np.random.default_rng(0)
     points = rng.normal(0, 50, (200, 3))
     for _ in range(20):
@@ -102,7 +102,7 @@ def test_with_an_unlimited_field_of_view_the_terminal_penalty_is_zero(random_tea
 
 
 @pytest.mark.parametrize("planner", ["sma-nbo-mwtp", "mcr(samples=5)", "greedy", "lawnmower", "oracle", "centralized"])
-def test_every_planner_flies_with_it(planner):
+def test_every_planner_flies_with_an_unlimited_field_of_view(planner):
     mission, snapshots = fly(*ALL, "uavs.0.tilt_deg=30", planner=planner)
     assert len(snapshots) == 6 and mission.faults == []
 

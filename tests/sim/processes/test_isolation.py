@@ -63,7 +63,7 @@ def test_ctrl_c_ends_code_that_compiles_and_is_passed_on_in_flight():
     assert listened(flies, pressing(0.2)) is True
 
 
-def test_a_second_ctrl_c_ends_what_is_deaf(monkeypatch):
+def test_a_second_ctrl_c_ends_code_that_ignores_the_first(monkeypatch):
     monkeypatch.setattr(module, "_GRACE", 0.1)
 
     def twice(told):
@@ -74,7 +74,7 @@ def test_a_second_ctrl_c_ends_what_is_deaf(monkeypatch):
         listened(is_deaf, twice)
 
 
-def test_ctrl_c_before_it_has_started_is_not_lost(monkeypatch):
+def test_ctrl_c_before_isolated_code_has_started_is_not_lost(monkeypatch):
     stop_signals = module.stop_signals
 
     def interrupted(handler):
@@ -87,9 +87,12 @@ def test_ctrl_c_before_it_has_started_is_not_lost(monkeypatch):
         listened(compiles, print)
 
 
-def test_what_it_has_started_or_takes_too_long_ends_or_is_not_started():
+def test_processes_that_isolated_code_has_started_end_with_it():
     pids = []
     assert listened(has_children, pids.append) == "done" and len(pids) == 2 and all(map(ended, pids))
+
+
+def test_code_that_cannot_be_pickled_or_takes_too_long_is_an_error():
     with pytest.raises(TypeError, match="pickle"):
         run_isolated(compiles, threading.Lock(), hear=print, listening=float, timeout=30.0)
     with pytest.raises(IsolationError, match=r"longer than the timeout of 0\.5 s"):

@@ -157,7 +157,7 @@ def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path):
     ],
     ids=["one trial", "all failed", "all undefined", "one planner"],
 )
-def test_odd_studies_have_a_report_too(given):
+def test_studies_with_nothing_to_compare_have_a_report(given):
     page = Page(made(given, About("odd"))["report.html"].decode())
     assert page.of("h1") and page.of("table")
 

@@ -64,7 +64,7 @@ def test_terminal_and_markdown_fold_long_names_and_escape_markup():
     assert r"a\|b:C" in text and "<b>" not in text
 
 
-def test_what_does_not_count_is_said():
+def test_failed_trials_and_undefined_values_are_said_not_to_count():
     rows = [row("sma-nbo", s, metrics={"ospa.mean_m": 1.0}) for s in range(3)]
     rows += [row("greedy", 0), row("greedy", 1, metrics={"ospa.mean_m": np.nan}), failed("greedy", 2)]
     for text in (shown(rows, 120), markdown(answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")):
@@ -73,9 +73,12 @@ def test_what_does_not_count_is_said():
         assert "greedy: 1 of 3 maps have a pair with the baseline's" in text
 
 
-def test_one_planner_failed_studies_and_unknown_metrics_have_their_words():
+def test_a_lone_planner_is_shown_without_wins():
     text = shown([row("sma-nbo", s) for s in range(3)], 80)
     assert "won" not in text.split("In brackets")[0] and "1.00 [1.00, 1.00]" in text
+
+
+def test_failures_are_counted_and_unknown_metrics_refused():
     text = shown([failed("sma-nbo", 0), failed("greedy", 0)], 80, metrics=["ospa.mean_m"])
     assert "0/1" in text and "–" in text and text.count("1 of 1 trials failed") == 2
     with pytest.raises(InputError, match="--metric"):

@@ -102,7 +102,7 @@ def test_the_start_of_a_mission_can_be_left_out():
         ({}, "there is no store of a study"),
     ],
 )
-def test_wrong_options_are_named(tmp_path, options, words):
+def test_wrong_options_of_a_wide_table_are_named(tmp_path, options, words):
     with pytest.raises(ValueError) as caught:
         if "columns" in options:
             table(study(), **options)

@@ -118,7 +118,7 @@ def test_without_opengl_what_needs_it_is_refused(refused, tmp_path, monkeypatch,
         opengl.refusal.cache_clear()
 
 
-def test_what_is_not_flown_as_the_scenario_says_is_said(call, tmp_path):
+def test_settings_that_a_mission_does_not_follow_are_remarked_on(call, tmp_path):
     (tmp_path / "one.csv").write_text("t,id,x,y\n0,ann,0,0\n1,ann,1,0\n")
     quick = ["--planner", "hover", "--no-video", SET, "sensing.mode=ideal", SET, "trees.density=0"]
     code, _, err = call("run", *quick, "--duration", "0.5", SET, "people.trajectories=one.csv", SET, "people.count=7")

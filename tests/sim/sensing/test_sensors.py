@@ -112,7 +112,7 @@ def test_nothing_is_added_to_what_the_camera_itself_measures():
 
 
 @pytest.mark.parametrize("mode", ["ideal", "camera"])
-def test_the_absent_are_never_seen(mode):
+def test_absent_people_are_never_seen(mode):
     setting = scenario(mode)
     pose = Pose.level(0.0, 0.0, ALTITUDES[0])
     people = np.array([[np.nan, np.nan], [2.0, -3.0], [np.nan, np.nan]])
@@ -129,7 +129,7 @@ def test_the_absent_are_never_seen(mode):
     assert not empty.matched.any() and not empty.visible.any()
 
 
-def test_noise_models_are_the_scenarios():
+def test_noise_models_are_those_that_the_scenario_names():
     for noise, expected in (
         ("range_bearing", [NoiseModel.range_bearing(uav.alpha) for uav in FLEET]),
         ("camera", [NoiseModel.camera(camera_of(uav), uav.altitude) for uav in FLEET]),
@@ -175,7 +175,7 @@ def test_false_alarms_are_poisson_and_uniform_over_the_ground_in_view():
 
 
 @pytest.mark.parametrize("mode", ["camera", "ideal"])
-def test_what_goes_wrong_leaves_what_is_detected_as_it_was(mode):
+def test_misses_and_false_alarms_leave_other_measurements_as_they_were(mode):
     plain = flown(mode)
     for setting in ({"false_alarms": 2.0}, {"miss_probability": 0.5}, {"false_alarms": 2.0, "miss_probability": 0.5}):
         added = missed = 0

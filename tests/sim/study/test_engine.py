@@ -95,7 +95,7 @@ def test_a_row_holds_what_the_mission_came_to():
     assert (row.status, row.error, row.seed, row.planner) == ("done", "", 4, "greedy")
 
 
-def test_what_fails_once_is_tried_again_and_what_fails_twice_is_recorded(tmp_path):
+def test_trials_that_fail_once_are_tried_again_and_twice_are_recorded(tmp_path):
     tasks = short(["hover", "greedy", "lawnmower"], "0-1")
     backend = Serial({"greedy": ["ValueError: one"], "lawnmower": [OSError("gone"), "ValueError: two", "x", "y"]})
     heard = []
@@ -107,7 +107,7 @@ def test_what_fails_once_is_tried_again_and_what_fails_twice_is_recorded(tmp_pat
     assert sorted(map(str, map(plain, read_rows(tmp_path / "study")))) == sorted(map(str, map(plain, rows)))
 
 
-def test_what_hangs_is_dropped_and_the_rest_flies_on(tmp_path, monkeypatch):
+def test_trials_that_hang_are_dropped_and_the_rest_flies_on(tmp_path, monkeypatch):
     monkeypatch.setattr(engine, "_GRACE", 0.0)
     monkeypatch.setattr(engine, "_TICK", 0.01)
     backend = Serial({"hover": [None] * 9, "greedy": ["hangs", "hangs"]})
@@ -176,7 +176,7 @@ def test_processes_that_die_or_hang_lose_no_trial_change_no_row_and_leave_nothin
 
 
 @pytest.mark.slow
-def test_what_always_dies_or_hangs_is_recorded_with_its_error(tmp_path, ailing):
+def test_trials_that_always_die_or_hang_are_recorded_with_their_error(tmp_path, ailing):
     tasks = short([ailing("Dies", once=False), "hover", ailing("Hangs", once=False)], "0-1")
     before = {thread.name for thread in threading.enumerate()}
     start = time.monotonic()

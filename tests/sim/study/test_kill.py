@@ -95,7 +95,7 @@ def gone():
     return False
 
 
-def test_killed_while_it_flies(killed):
+def test_a_study_killed_in_flight_goes_on_to_the_same_rows(killed):
     rng = np.random.default_rng(0)
 
     def after_some(process, folder):
@@ -124,7 +124,7 @@ def test_ctrl_c_in_a_terminal_ends_all_processes_in_one_line(tmp_path):
 
 
 @pytest.mark.slow
-def test_killed_twenty_times_at_random_instants(killed):
+def test_a_study_killed_twenty_times_ends_with_the_same_rows(killed):
     rng = np.random.default_rng(1)
 
     def any_time(process, folder):

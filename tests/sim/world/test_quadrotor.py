@@ -91,7 +91,7 @@ def fly(commands, seconds, quaternion=LEVEL, wind=None):
     return rows[:, :3], rows[:, 3], np.arccos(np.clip(rows[:, 4], -1, 1))
 
 
-def test_reaches_five_metres_per_second_and_stops_briskly_without_overshoot():
+def test_the_quadrotor_reaches_its_top_speed_and_stops_without_overshoot():
     velocity, height, tilt = fly([(5, 0), (0, 0)], 3.0)
     going, stopping = np.split(velocity[:, 0], 2)
     assert np.argmax(going > 0.95 * 5) / RATE < 1.2 and np.argmax(stopping < 0.05 * 5) / RATE < 1.2
@@ -100,7 +100,7 @@ def test_reaches_five_metres_per_second_and_stops_briskly_without_overshoot():
     assert np.abs(height).max() < 0.3 and tilt.max() < math.radians(35)
 
 
-def test_reversals_and_random_commands_keep_altitude_and_tilt():
+def test_the_quadrotor_keeps_altitude_and_tilt_under_reversals_and_random_commands():
     velocity, height, tilt = fly([(5, 0), (-5, 0), (5, 0), (0, 5), (0, -5)], 2.5)
     ends = velocity[round(2.5 * RATE) - 1 :: round(2.5 * RATE), :2]
     assert_allclose(ends, [(5, 0), (-5, 0), (5, 0), (0, 5), (0, -5)], atol=0.05)
@@ -111,7 +111,7 @@ def test_reversals_and_random_commands_keep_altitude_and_tilt():
 
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (0.6, 0.8, 0), (0.5, 0.5, 0.7)])
-def test_recovers_from_thirty_degrees(axis):
+def test_the_quadrotor_recovers_from_a_tilt_of_thirty_degrees(axis):
     tilted = Rotation.from_rotvec(math.radians(30) * np.array(axis) / np.linalg.norm(axis)).as_quat()
     velocity, height, tilt = fly([(0, 0)], 2.0, tilted)
     assert tilt[-1] < math.radians(0.1) and np.abs(velocity[-1]).max() < 0.02 and np.abs(height).max() < 0.3

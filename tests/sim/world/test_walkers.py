@@ -171,6 +171,6 @@ def test_walks_cover_any_duration_and_begin_as_shorter_ones():
         (People(paths=()), Area(4.0, 20.0), "area: 4 x 20 m; people need 10 m"),
     ],
 )
-def test_what_cannot_be_walked_is_named(people, area, complaint):
+def test_people_and_areas_that_allow_no_walk_are_named(people, area, complaint):
     with pytest.raises(ValueError, match=complaint):
         walk(people, area, BARE, duration=1.0, rng=np.random.default_rng(0))

@@ -32,7 +32,7 @@ def scene(rng, people, side):
 
 @pytest.mark.parametrize("side", [400.0, 150.0, 60.0, 15.0], ids=["far apart", "some near", "groups", "one crowd"])
 @pytest.mark.parametrize("certain", [True, False])
-def test_blocks_give_the_same(side, certain, monkeypatch):
+def test_a_scan_in_blocks_gives_the_tracks_of_the_whole_scan(side, certain, monkeypatch):
     """To the bit for certain tracks; existence is updated by sums, with a rounding that depends on their length."""
     rng = np.random.default_rng(int(side))
     for people in (120, 300):

@@ -245,6 +245,6 @@ def test_the_fleet_begins_and_ends_tracks_by_the_average_of_log_odds():
         ({"doubt": 0.5, "sure": 0.4}, "doubt and sure must be 0 < doubt < sure < 1, are 0.5 and 0.4"),
     ],
 )
-def test_invalid_values_are_refused(settings, complaint):
+def test_invalid_parameters_of_existence_are_refused(settings, complaint):
     with pytest.raises(ValueError, match=complaint):
         TrackerParameters(MOTION, **settings)

@@ -71,7 +71,7 @@ def some(rng: np.random.Generator, count: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("kind", "rounds"), [("complete", 40), ("ring", 100)])
-def test_with_many_rounds_it_is_the_central_filter(kind, rounds):
+def test_with_many_rounds_hcmci_is_the_central_filter(kind, rounds):
     rng, trackers, central = np.random.default_rng(0), fleet(5), CentralFilter()
     for k in range(30):
         if k:
@@ -84,7 +84,7 @@ def test_with_many_rounds_it_is_the_central_filter(kind, rounds):
             np.testing.assert_allclose(held.belief.mean, np.linalg.solve(central.omega, central.q), atol=1e-6)
 
 
-def test_on_a_ring_the_error_falls_with_the_metropolis_weights_second_eigenvalue():
+def test_on_a_ring_the_error_falls_with_the_second_eigenvalue():
     adjacency = graph("ring", 8)
     rate = np.sort(np.abs(np.linalg.eigvalsh(metropolis(adjacency))))[-2]
     errors = []
@@ -110,7 +110,7 @@ def networks(draw) -> tuple[np.ndarray, np.random.Generator]:
 
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(networks(), st.integers(0, 5), st.sampled_from([0.0, 0.5, 0.9]))
-def test_it_never_knows_more_than_the_central_filter(network, rounds, loss):
+def test_hcmci_never_knows_more_than_the_central_filter(network, rounds, loss):
     adjacency, rng = network
     trackers, central = fleet(len(adjacency)), CentralFilter()
     for k in range(12):
@@ -194,7 +194,7 @@ def test_a_kalman_update_is_split_into_prior_and_measurement():
 
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(st.integers(0, 2**32), st.floats(-2, 2), st.floats(0, 30))
-def test_parts_add_up_and_are_never_indefinite_whatever_the_posterior(seed, scale, reach):
+def test_prior_and_novel_parts_add_up_and_are_never_indefinite(seed, scale, reach):
     rng = np.random.default_rng(seed)
     roots = rng.normal(size=(2, 3, 4, 4)) * np.array([1.0, 10.0**scale])[:, None, None, None]
     matrices = roots @ np.swapaxes(roots, 2, 3) + 1e-3 * np.eye(4)

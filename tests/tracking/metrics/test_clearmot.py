@@ -64,7 +64,7 @@ CASES = {
 
 
 @pytest.mark.parametrize(("people", "tracks", "matches", "switched", "broken"), CASES.values(), ids=CASES)
-def test_cases_by_hand(people, tracks, matches, switched, broken):
+def test_matches_switches_and_fragmentations_are_those_counted_by_hand(people, tracks, matches, switched, broken):
     people = paths(*people)
     found = correspondence(paths(*tracks), people, 1.0)
     assert found.tolist() == matches and switches(found).tolist() == switched

@@ -215,7 +215,7 @@ METRICS = {
 
 
 @pytest.mark.parametrize(("kind", "distance"), METRICS.values(), ids=METRICS)
-def test_each_is_a_metric(kind, distance):
+def test_ospa_gospa_and_ospa2_are_metrics(kind, distance):
     @settings(max_examples=100, deadline=None, derandomize=True)
     @given(kind, kind, kind)
     def holds(X, Y, Z):

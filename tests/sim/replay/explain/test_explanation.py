@@ -136,7 +136,7 @@ def test_the_track_is_the_one_that_stands_for_the_person_or_did_last(mission, al
     assert lost > 2
 
 
-def test_the_words_say_what_is_known(mission, all_facts):
+def test_the_words_of_an_explanation_agree_with_history_and_views(mission, all_facts):
     recording, scenario, history, _ = mission
     seen, events = set(), events_of(recording, scenario)
     for facts in all_facts:

@@ -128,7 +128,7 @@ def test_between_two_frames_of_a_slow_camera_the_first_counts(mission):
         np.testing.assert_array_equal(codes(slow)[k][:, there], expected[:, there])
 
 
-def test_what_broke_and_what_was_touched_is_told_once(mission):
+def test_faults_contacts_and_breakdowns_are_told_once(mission):
     told = [event for event in events_of(*mission) if event.kind in INCIDENTS]
     assert [(event.first, event.last, f"{event.text} {event.when}") for event in told] == [
         (0, 5, "2 faults of the team 0.0 to 1.0 s"),
@@ -166,7 +166,7 @@ def test_replay_makes_the_page_of_the_run_again(tmp_path, call, refused):
     [{"people": 0}, {"scans": 1}, {"people": 20, "uavs": 10, "scans": 3}, {"mode": "ideal"}, {"uavs": 1}],
     ids=["no people", "one scan", "many", "ideal", "one UAV"],
 )
-def test_odd_missions_have_a_page_too(changes):
+def test_missions_of_any_size_and_sensing_have_a_page(changes):
     recording, setting = flown(**{"scans": 6, **changes})
     text = page(dataclasses.replace(recording, interrupted=True), setting)
     data = data_of(text)
