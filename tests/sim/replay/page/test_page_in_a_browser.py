@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from helpers.browser import CHROMIUM, SMALL_WORDS, Browser
 from helpers.flown_pages import EVIL
+from helpers.identities import SWAP, swapping
 
 from sim.drawing.film import parts_of
+from sim.replay.frames.rerender import scenario_of
+from sim.replay.page.page import write_page
 
 SMALL = 24  # pixels of a camera's picture that are compared, across
 PROBE = f"""(() => {{ const c = document.createElement('canvas'); c.width = c.height = {SMALL};
@@ -46,6 +49,8 @@ def test_a_browser_follows_slider_keys_lists_and_charts(tmp_path, mission, folde
             assert browser.run("document.documentElement.scrollWidth") == width
         assert browser.run(SMALL_WORDS) == [] == browser.complaints
         assert browser.requests_elsewhere() == [(folder / "mission.html").as_uri()[:100]]
+        _follows_switched_tracks(browser, tmp_path / "swap.html")
+        assert browser.complaints == []
 
 
 def _follows_the_slider(browser, mission, folder):
@@ -92,12 +97,7 @@ def _follows_keys(browser):
 
 
 def _follows_clicks(browser):
-    x, y = browser.run(
-        "(() => { const b = document.querySelector('#losses li[data-person=\"0\"] button');"
-        "b.scrollIntoView({block: 'center'}); const r = b.getBoundingClientRect();"
-        "return [r.x + r.width / 2, r.y + r.height / 2]; })()"
-    )
-    browser.point(x, y, click=True)
+    _click(browser, "document.querySelector('#losses li[data-person=\"0\"] button')")
     assert now(browser) == [15, "3.0 s", [0]]
     assert browser.run("document.querySelector('#losses li[data-person=\"0\"] details').open")
     # A false track leads to its time as a loss does.
@@ -117,6 +117,30 @@ def _follows_clicks(browser):
     box = browser.run("(() => { const r = map.getBoundingClientRect(); return [r.x, r.y, r.width, r.height]; })()")
     browser.point(box[0] + box[2] / 2, box[1] + box[3] / 2)
     assert re.match(r"person 1: .*track \d of ", browser.run("tip.textContent"))
+
+
+def _follows_switched_tracks(browser, path):
+    """Two people swap their tracks in a mission without a film: each switch leads to its scan and its commands."""
+    recording = swapping()
+    write_page(recording, scenario_of(recording), path)
+    browser.open(path)
+    for person in (1, 0):
+        place = f'[data-first="{SWAP}"][data-person="{person}"]'
+        item = f"document.querySelector('#losses li{place}')"
+        _click(browser, f"{item}.querySelector('button')")
+        opened = "document.querySelectorAll('#losses details[open]').length"
+        state = f"[Number(slider.value), {item}.ariaCurrent, {item}.querySelector('details').open, {opened}]"
+        assert browser.run(state) == [SWAP, "true", True, 1]
+        browser.press("Home")
+        assert browser.run(f"[Number(slider.value), {item}.ariaCurrent]") == [0, None]
+
+
+def _click(browser, element):
+    x, y = browser.run(
+        f"(() => {{ const b = {element}; b.scrollIntoView({{block: 'center'}});"
+        "const r = b.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()"
+    )
+    browser.point(x, y, click=True)
 
 
 def _plays(browser):
