@@ -1,6 +1,6 @@
 """Consistency of beliefs: normalised estimation error squared (NEES)."""
 
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
@@ -26,5 +26,6 @@ def nees_interval(count: int, dof: int, probability: float = 0.95) -> tuple[floa
         raise ValueError(
             f"count and dof must be at least 1, probability in (0, 1); are {count}, {dof} and {probability}"
         )
-    low, high = chi2.ppf([(1 - probability) / 2, (1 + probability) / 2], count * dof) / count
+    # Quantiles of the chi-square distribution; `scipy.stats` has them, too, but takes half a second to import.
+    low, high = 2.0 * gammaincinv(count * dof / 2, [(1 - probability) / 2, (1 + probability) / 2]) / count
     return float(low), float(high)
