@@ -65,6 +65,13 @@ def parsed(path: Path) -> tuple[str, ast.Module, tuple[ast.AST, ...]]:
     return text, tree, tuple(ast.walk(tree))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def forgotten():
+    """Syntax trees do not outlast these tests: the garbage collector would walk over them in all that follow."""
+    yield
+    parsed.cache_clear()
+
+
 @cache
 def imported(path: Path) -> set[str]:
     names = set()

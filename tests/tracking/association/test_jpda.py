@@ -32,7 +32,8 @@ def test_the_order_of_measurements_and_tracks_does_not_matter():
         likelihood, detection, clutter = random_case(rng, 5, 6, 0.5)
         rows, columns = rng.permutation(5), rng.permutation(6)
         beta = association_probabilities(likelihood, detection, clutter)
-        permuted = association_probabilities(likelihood[rows][:, columns], detection[rows], clutter)
+        rearranged = np.ascontiguousarray(likelihood[rows][:, columns])  # other layouts would be compiled for
+        permuted = association_probabilities(rearranged, detection[rows], clutter)
         np.testing.assert_allclose(permuted, beta[rows][:, np.r_[0, 1 + columns]], rtol=1e-10, atol=1e-15)
 
 
