@@ -39,8 +39,8 @@ class Composed:
     # of the targets' beliefs: `nominal`: along their most probable trajectory; `monte-carlo`: along samples
     propagation: Literal["nominal", "monte-carlo"] = "nominal"
     samples: int = 50  # number of samples of Monte Carlo propagation
-    # of a target: `nominal`: judged at its nominal place; `expected`: at nine equally probable points of its predicted
-    # belief, each of which adds its share of the information
+    # of a target: `nominal`: judged along its nominal trajectory; `expected`: along five equally probable ones through
+    # its predicted beliefs, each with a covariance of its own, of whose traces the mean counts
     visibility: Literal["nominal", "expected"] = "nominal"
     beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none, as in the paper
     # `cross-entropy`, `particle-swarm`, or `grid`: every plan of nine controls, for small cases

@@ -30,9 +30,7 @@ def _composed(summary: str, **options: object) -> PlannerSpec:
 PLANNERS = {
     # Beyond the paper: visibility is expected over beliefs, and undetected people count (docs/explanation/planning.md).
     # Evaluations take longer here and in mcr, so there are fewer.
-    "sma-nbo-mwtp": _composed(
-        "SMA-NBO with the MWTP cost-to-go", search=0.1, visibility="expected", evaluations=10_240
-    ),
+    "sma-nbo-mwtp": _composed("SMA-NBO with the MWTP cost-to-go", search=0.1, visibility="expected", evaluations=9_216),
     "sma-nbo": _composed("SMA-NBO, truncated at the horizon", beta=0.0),
     "pma-nbo": _composed("all UAVs decide at once (parallel), with MWTP", coordination="parallel"),
     "mcr": _composed(

@@ -40,8 +40,9 @@ def objective(
 
     Σ over steps and targets of tr P (position block) times the target's weight, each P updated with the information
     of all UAVs that see the target at its predicted position ([Li22] eq. (11) with C̃ of eq. (7)), plus, for beta > 0,
-    the MWTP of Algorithm 2 on weighted traces; the mean over `samples` sets of targets. The contribution
-    of the other UAVs is the same for all candidates and computed once.
+    the MWTP of Algorithm 2 on weighted traces; the mean over `samples` sets of targets. Of a target with several
+    equally probable trajectories each has its own P, and traces are their mean. The contribution of the other UAVs is
+    the same for all candidates and computed once.
     """
     others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), np.asarray(uavs, dtype=np.int64))
 
@@ -63,17 +64,18 @@ def terminal_matches(belief: PredictedBelief, controls: Array) -> tuple[Array, t
     """Targets (T, 3) m at the end of a joint plan (n, H, 2) m/s, of one sample, and how the MWTP matches them."""
     others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), np.empty(0, dtype=np.int64))
     targets = np.ascontiguousarray(belief.points[-1, :, 0])
-    traces = belief.weights * others.traces[len(others.traces) - len(targets) :]
+    ends = others.traces[len(others.traces) - belief.points[-1, :, :, 0].size :]
+    traces = belief.weights * ends.reshape(len(targets), -1).mean(axis=1)
     return targets, matches(targets, traces, others.seen, others.ends, belief.views)
 
 
 class _Others(NamedTuple):
-    """Contribution of the UAVs that do not decide; rows count (step, target) pairs."""
+    """Contribution of the UAVs that do not decide; rows count (step, target, trajectory) triples."""
 
     uavs: Indices  # (k,) UAVs that decide
-    information: Array  # (H T, 3): xx, xy, yy
-    before: Array  # (H T, 10): with it alone, P before each step, as in one lane of `belief_transition`
-    traces: Array  # (H T,) m² of its position block after each step
+    information: Array  # (H T K, 3): xx, xy, yy
+    before: Array  # (H T K, 10): with it alone, P before each step, as in one lane of `belief_transition`
+    traces: Array  # (H T K,) m² of its position block after each step
     ends: Array  # (n, 3): x, y [m] at the end, and 0: the D_i of the MWTP at first
     seen: Flags  # (T,): targets in their fields of view at the end
 
@@ -126,21 +128,20 @@ def _fly(belief: PredictedBelief, uavs: Indices, plans: Array, flight: _CameraPa
 @compiled
 def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces: Array, total: Array) -> None:
     """Set the weighted `traces` (T, LANES) at the end of the horizon, and `total` (LANES,) over steps and targets."""
-    P, information = np.empty(10 * LANES), np.empty(3 * LANES)
+    P, information, trace = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES)
     near = possibly_visible(belief, others.uavs, flight.boxes)
+    count, each = belief.points.shape[2], len(near) // len(belief.points)  # trajectories of a target, and of all
     shared = 0.0  # what all lanes have in common
     total[:] = 0.0
-    for t in range(len(traces)):
-        tracked, weight, trace = False, belief.weights[t], traces[t]  # tracked: whether P differs from the others'
-        for row in range(t, len(others.traces), len(traces)):
-            some = np.any(near[row])
-            if some or tracked:
+    traces[:] = 0.0
+    for index in range(each):
+        weight, tracked = belief.weights[index // count] / count, False  # tracked: whether P differs from the others'
+        for row in range(index, len(near), each):
+            if near[row] or tracked:
                 _fill(information, others.information[row])
             seen = tracked
-            for j in range(len(others.uavs) if some else 0):
-                seen |= add_information(
-                    belief, others.uavs[j], flight.cameras[j, row // len(traces)], row, near, information
-                )
+            for j in range(len(others.uavs) if near[row] else 0):
+                seen |= add_information(belief, others.uavs[j], flight.cameras[j, row // each], row, information)
             if not seen:
                 shared += weight * others.traces[row]
                 continue
@@ -150,15 +151,15 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
             belief_transition(P, belief.step, belief.noise, information, trace)
             _add(trace, weight, total)
         if not tracked:
-            trace[:] = weight * others.traces[len(others.traces) - len(traces) + t]
+            trace[:] = others.traces[len(near) - each + index]
+        _add(trace, weight, traces[index // count])
     total += shared
 
 
 @compiled
 def _add(trace: Array, weight: float, total: Array) -> None:
     for lane in range(LANES):
-        trace[lane] *= weight
-        total[lane] += trace[lane]
+        total[lane] += weight * trace[lane]
 
 
 @compiled
@@ -198,21 +199,22 @@ def _penalise(
 @compiled
 def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices) -> _Others:
     """Contribution of the UAVs other than `uavs` with their controls (n, H, 2) m/s."""
-    steps, targets = belief.points.shape[0], belief.points.shape[1]
+    targets, each = belief.points.shape[1], belief.points.shape[1] * belief.points.shape[2]
+    rows = belief.points.shape[0] * each
     others = _Others(
         uavs,
-        np.zeros((steps * targets, 3)),
-        np.empty((steps * targets, 10)),
-        np.empty(steps * targets),
+        np.zeros((rows, 3)),
+        np.empty((rows, 10)),
+        np.empty(rows),
         np.zeros((len(controls), 3)),
         np.zeros(targets, dtype=np.bool_),
     )
     _add_others(belief, controls, others)
     P, information, trace = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES)
-    for t in range(targets):
+    for index in range(each):
         for k, (i, j) in enumerate(_TRIANGLE):
-            P[k * LANES : (k + 1) * LANES] = belief.covariances[t, i, j]
-        for row in range(t, steps * targets, targets):
+            P[k * LANES : (k + 1) * LANES] = belief.covariances[index * targets // each, i, j]
+        for row in range(index, rows, each):
             others.before[row] = P[::LANES]
             _fill(information, others.information[row])
             belief_transition(P, belief.step, belief.noise, information, trace)
@@ -223,7 +225,7 @@ def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices) -> _O
 @compiled
 def _add_others(belief: PredictedBelief, controls: Array, others: _Others) -> None:
     """Set the information of the UAVs that do not decide, their final positions and the targets in view there."""
-    steps, targets = belief.points.shape[0], belief.points.shape[1]
+    steps = belief.points.shape[0]
     flight = _CameraPaths(np.empty((1, steps, 2, LANES)), np.empty((1, steps, 4)))
     information = np.empty(3 * LANES)
     for i in range(len(controls)):
@@ -233,9 +235,7 @@ def _add_others(belief: PredictedBelief, controls: Array, others: _Others) -> No
         others.ends[i, :2] = flight.cameras[0, -1, :, 0]
         mark_in_view(belief.points[-1, :, 0], others.seen, others.ends, belief.views, i)
         near = possibly_visible(belief, np.array([i]), flight.boxes)
-        for row in range(len(near)):
-            if not np.any(near[row]):
-                continue
+        for row in np.flatnonzero(near):
             _fill(information, others.information[row])
-            add_information(belief, i, flight.cameras[0, row // targets], row, near, information)
+            add_information(belief, i, flight.cameras[0, row * steps // len(near)], row, information)
             others.information[row] = information[::LANES]

@@ -25,7 +25,7 @@ class PredictedBelief(NamedTuple):
 
     step: float  # s
     noise: Array  # (3,): process noise of one step on position, position-velocity and velocity
-    points: Array  # (H, T, K, 3) m: equally probable positions of the targets, at their height; the first is the mean
+    points: Array  # (H, T, K, 3) m: K equally probable trajectories of each target, at its height; first the mean
     covariances: Array  # (T, 4, 4): P now
     positions: Array  # (n, 3) m: UAVs now
     views: Array  # (n, 5, 3): fields of view at the target's height, see `field_of_view.view_quadrangle`
@@ -77,13 +77,13 @@ def _near(forest: Forest, points: Array, vehicles: Sequence[Vehicle], duration: 
 
 @compiled
 def possibly_visible(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Flags:
-    """Mask (H T, K) of points that any of k UAVs may see from somewhere in its boxes (k, H, 4) m: x0, x1, y0, y1.
+    """Mask (H T K,) of points that any of k UAVs may see from somewhere in its boxes (k, H, 4) m: x0, x1, y0, y1.
 
-    Rows count (step, target) pairs. The bound is cheap: False is certain, True is not.
+    The bound is cheap: False is certain, True is not.
     """
     points, views = belief.points, belief.views
     steps, targets, count = points.shape[0], points.shape[1], points.shape[2]
-    may = np.zeros((steps * targets, count), dtype=np.bool_)
+    may = np.zeros(steps * targets * count, dtype=np.bool_)
     for j in range(len(uavs)):
         for step in range(steps):
             x0, x1, y0, y1 = boxes[j, step, 0], boxes[j, step, 1], boxes[j, step, 2], boxes[j, step, 3]
@@ -97,45 +97,37 @@ def possibly_visible(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Fl
                     x, y = points[step, t, k, 0], points[step, t, k, 1]
                     within = (a0 * x + b0 * y <= c0) & (a1 * x + b1 * y <= c1)
                     within &= (a2 * x + b2 * y <= c2) & (a3 * x + b3 * y <= c3)
-                    may[step * targets + t, k] |= within
+                    may[(step * targets + t) * count + k] |= within
     return may
 
 
 @compiled
-def add_information(
-    belief: PredictedBelief, uav: int, cameras: Array, row: int, near: Flags, information: Array
-) -> bool:
-    """Add R⁻¹ (xx, xy, yy) to `information` (3 LANES,) of a target that a UAV sees from `cameras` (2, LANES) m.
+def add_information(belief: PredictedBelief, uav: int, cameras: Array, row: int, information: Array) -> bool:
+    """Add R⁻¹ (xx, xy, yy) to `information` (3 LANES,) of a point that a UAV sees from `cameras` (2, LANES) m.
 
-    row: counts (step, target) pairs; near (H T, K): points to test. Each point is visible or not, and each visible one
-    adds its share. Returns True if any camera sees the target.
+    row: counts (step, target, trajectory) triples. Returns True if any camera sees the point.
     """
     points, quality, offsets = belief.points, belief.quality[uav], belief.offsets
     targets, count, height = points.shape[1], points.shape[2], belief.positions[uav, 2]
     c0, c1, c2, c3, c4, c5 = quality[0], quality[1], quality[2], quality[3], quality[4], quality[5]
     east, north, least = cameras[0], cameras[1], quality[6]
-    some, free = False, np.empty(LANES)
-    for k in range(count):
-        if not near[row, k]:
-            continue
-        p, index = points[row // targets, row % targets, k], row * count + k
-        x, y = p[0], p[1]
-        blockers = belief.blockers[offsets[index] : offsets[index + 1]]
-        if not _seen((x, y, p[2]), height, cameras, belief.views[uav], blockers, free):
-            continue
-        some = True
-        for lane in range(LANES):
-            # R⁻¹ of `noise.ground_covariance` in closed form: its eigenvalues are along and across the line.
-            dx, dy = x - east[lane], y - north[lane]
-            square = dx * dx + dy * dy
-            r = max(math.sqrt(square), least)
-            dx, square = (dx, square) if square > 0.0 else (1.0, 1.0)
-            along, across = c0 + r * (c1 + r * c2), c3 + r * (c4 + r * c5)
-            share = free[lane] / (along * across * square * count)
-            information[lane] += (across * dx * dx + along * dy * dy) * share
-            information[LANES + lane] += (across - along) * dx * dy * share
-            information[2 * LANES + lane] += (along * dx * dx + across * dy * dy) * share
-    return some
+    p = points[row // (targets * count), row // count % targets, row % count]
+    x, y, free = p[0], p[1], np.empty(LANES)
+    blockers = belief.blockers[offsets[row] : offsets[row + 1]]
+    if not _seen((x, y, p[2]), height, cameras, belief.views[uav], blockers, free):
+        return False
+    for lane in range(LANES):
+        # R⁻¹ of `noise.ground_covariance` in closed form: its eigenvalues are along and across the line.
+        dx, dy = x - east[lane], y - north[lane]
+        square = dx * dx + dy * dy
+        r = max(math.sqrt(square), least)
+        dx, square = (dx, square) if square > 0.0 else (1.0, 1.0)
+        along, across = c0 + r * (c1 + r * c2), c3 + r * (c4 + r * c5)
+        share = free[lane] / (along * across * square)
+        information[lane] += (across * dx * dx + along * dy * dy) * share
+        information[LANES + lane] += (across - along) * dx * dy * share
+        information[2 * LANES + lane] += (along * dx * dx + across * dy * dy) * share
+    return True
 
 
 @compiled

@@ -17,9 +17,12 @@ from tracking.numerics.matrices import applied
 from tracking.numerics.normal import standard_normal
 from tracking.track import Track, beliefs_of
 
-# Where a standard normal's mass of a third each has its mean: equally probable points along an axis.
-_THIRDS = np.array([0.0, -1.0907993154, 1.0907993154])
-_NINE = np.array([(a, b) for a in _THIRDS for b in _THIRDS])  # the mean first
+# Means of a standard normal's five equally probable pieces from the median up, scaled to a variance of one.
+_FIFTHS = np.array([0.0, 0.5616259126, 1.4780312359])
+# Five equally probable points of a standard normal in the plane, with its mean (first) and covariance: a lattice that
+# has each piece once along either axis, so that the edge of a field of view parts them in five ways.
+_LATTICE = np.array([(0, 0), (1, -2), (2, 1), (-1, 2), (-2, -1)])
+_FIVE = np.sign(_LATTICE) * _FIFTHS[np.abs(_LATTICE)]
 
 
 class Propagation(Protocol):
@@ -33,8 +36,8 @@ class Propagation(Protocol):
 class Nominal:
     """Nominal belief-state optimisation (NBO): undisturbed trajectories of the means, [Li22] Algorithm 1, step 1.
 
-    With `expected`, a target is seen with the probability of detection under its predicted belief, taken at nine
-    points, rather than all or nothing at the mean; each point adds its share of the information.
+    With `expected`, the visibility of a target is that of five equally probable trajectories through its predicted
+    beliefs rather than that of the mean alone, and the expected trace the mean of theirs.
     """
 
     expected: bool = False
@@ -42,14 +45,14 @@ class Nominal:
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
         """As `Propagation.predict`, of one sample; draws no random numbers."""
         means, covariances = beliefs_of(situation.tracks)
-        points = np.empty((horizon, len(means), 9 if self.expected else 1, 3))
+        points = np.empty((horizon, len(means), len(_FIVE) if self.expected else 1, 3))
         points[..., 2] = TARGET_HEIGHT
         points[:, :, 0, :2] = nominal_positions(situation.tracks, situation.step, horizon)
         ahead, spread = means, covariances
         for step in range(horizon if self.expected else 0):
             ahead, spread = situation.motion.predict_all(ahead, spread)
             roots = cholesky(spread[:, :2, :2])
-            points[step, :, :, :2] = points[step, :, :1, :2] + applied(roots[:, None], _NINE)
+            points[step, :, :, :2] = points[step, :, :1, :2] + applied(roots[:, None], _FIVE)
         return predicted_belief(situation, points, covariances)
 
 

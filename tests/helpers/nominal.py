@@ -1,7 +1,6 @@
 """Teams that know of one another, and nominal beliefs and their cost, computed plainly."""
 
 import dataclasses
-import itertools
 import math
 
 import numpy as np
@@ -38,52 +37,58 @@ def plain_mwtp(targets, traces, sensors, reach):
     return J
 
 
-def thirds():
-    """Means of a standard normal's three equally probable pieces, the middle one first."""
-    edges = norm.ppf([0.0, 1 / 3, 2 / 3, 1.0])
-    low, middle, high = (3 * (norm.pdf(a) - norm.pdf(b)) for a, b in itertools.pairwise(edges))
-    return middle, low, high
+def lattice():
+    """Five points (5, 2) of variance one: the mean of each fifth of a standard normal, once along either axis."""
+    edges = norm.ppf(np.linspace(0.0, 1.0, 6))
+    pieces = norm.pdf(edges[:-1]) - norm.pdf(edges[1:])
+    pieces /= math.sqrt(np.mean(pieces**2))
+    return np.array([(pieces[k], pieces[m]) for k, m in ((2, 2), (3, 0), (4, 3), (1, 4), (0, 1))])
 
 
 def plain_cost(situation, controls, beta, *, expected=False, weights=None):
     """Eqs. (1), (4), (5), (7), (11), with nominal targets and matrix inverses; also counts targets in view of UAVs.
 
-    With `expected` each target is at nine equally probable points of its predicted belief at once; with `weights` (T,)
-    targets count by these.
+    With `expected` each target has five equally probable trajectories through its predicted beliefs, and its trace is
+    the mean of theirs; with `weights` (T,) targets count by these.
     """
     weights = np.ones(len(situation.tracks)) if weights is None else weights
-    marks = np.array(list(itertools.product(thirds(), repeat=2))) if expected else np.zeros((1, 2))
-    fleet, F, Q = situation.vehicles, situation.motion.F, situation.motion.Q
-    H = np.eye(2, 4)
-    means = [t.belief.mean for t in situation.tracks]
-    P = [t.belief.covariance for t in situation.tracks]
-    spread = list(P)
-    positions = [v.position[:2].copy() for v in fleet]
-    reach = [(v.position[2] - TARGET_HEIGHT) * math.tan(v.camera.fov / 2) for v in fleet]
-    J, seen = 0.0, []
+    traces, seen = np.zeros((controls.shape[1], len(weights))), []
+    marks = lattice() if expected else np.zeros((1, 2))
+    for t, track in enumerate(situation.tracks):
+        for mark in marks:
+            along, count = plain_traces(situation, controls, track.belief, mark)
+            traces[:, t] += along / len(marks)
+            seen += count
+    J = (traces * weights).sum()
+    if beta:
+        fleet = situation.vehicles
+        ends = [v.position[:2] + situation.step * u.sum(axis=0) for v, u in zip(fleet, controls, strict=True)]
+        reach = [(v.position[2] - TARGET_HEIGHT) * math.tan(v.camera.fov / 2) for v in fleet]
+        means = [np.linalg.matrix_power(situation.motion.F, len(traces)) @ t.belief.mean for t in situation.tracks]
+        J += beta * plain_mwtp([m[:2] for m in means], traces[-1] * weights, ends, reach)
+    return J, seen
+
+
+def plain_traces(situation, controls, belief, mark):
+    """Traces (H,) m² of a target that stays `mark` standard deviations off its mean; numbers of UAVs that see it."""
+    F, Q, H = situation.motion.F, situation.motion.Q, np.eye(2, 4)
+    mean, P, spread = belief.mean, belief.covariance, belief.covariance
+    positions = [v.position[:2] for v in situation.vehicles]
+    traces, seen = [], []
     for step in range(controls.shape[1]):
         positions = [p + u * situation.step for p, u in zip(positions, controls[:, step], strict=True)]
-        means = [F @ m for m in means]
-        for t, m in enumerate(means):
-            information = np.linalg.inv(F @ P[t] @ F.T + Q)
-            spread[t] = F @ spread[t] @ F.T + Q
-            count = 0
-            for v, p in zip(fleet, positions, strict=True):
-                camera, before = np.array([*p, v.position[2]]), information
-                for x, y in m[:2] + marks @ np.linalg.cholesky(spread[t][:2, :2]).T:
-                    point = np.array([x, y, TARGET_HEIGHT])
-                    seen_there = v.camera.sees(Pose(camera, v.attitude), point)[0]
-                    if seen_there and situation.forest.visible(camera, point)[0, 0]:
-                        R = v.noise.covariance(p, point[:2])
-                        information = information + H.T @ np.linalg.inv(R) @ H / len(marks)
-                count += information is not before
-            P[t] = np.linalg.inv(information)
-            J += weights[t] * np.trace(P[t][:2, :2])
-            seen.append(count)
-    if beta:
-        traces = [w * np.trace(p[:2, :2]) for w, p in zip(weights, P, strict=True)]
-        J += beta * plain_mwtp([m[:2] for m in means], traces, positions, reach)
-    return J, seen
+        mean, spread = F @ mean, F @ spread @ F.T + Q
+        information = np.linalg.inv(F @ P @ F.T + Q)
+        point = np.array([*mean[:2] + np.linalg.cholesky(spread[:2, :2]) @ mark, TARGET_HEIGHT])
+        seen.append(0)
+        for v, p in zip(situation.vehicles, positions, strict=True):
+            camera = np.array([*p, v.position[2]])
+            if v.camera.sees(Pose(camera, v.attitude), point)[0] and situation.forest.visible(camera, point)[0, 0]:
+                information = information + H.T @ np.linalg.inv(v.noise.covariance(p, point[:2])) @ H
+                seen[-1] += 1
+        P = np.linalg.inv(information)
+        traces.append(np.trace(P[:2, :2]))
+    return np.array(traces), seen
 
 
 def squares(reach):

@@ -189,7 +189,7 @@ def test_the_closest_approach_between_steps_is_that_of_straight_flight():
 @pytest.mark.parametrize("coordination", ["sequential", "centralised"])
 def test_planned_paths_stay_the_separation_apart(random_team, coordination):
     crowded = 0
-    for seed in range(4):
+    for seed in range(8):
         team = level(random_team(seed, targets=2, spread=6.0), [(-15.0, 0.0), (0.0, 12.0), (15.0, 0.0)])
         free = load_planner(f"sma-nbo-mwtp(coordination={coordination})").plan(team, np.random.default_rng(seed))
         kept = load_planner(f"sma-nbo-mwtp(coordination={coordination}, separation=5)")

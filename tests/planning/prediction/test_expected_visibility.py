@@ -1,0 +1,63 @@
+"""Expected visibility against Monte Carlo: traces of a covariance that is updated where drawn targets are in view."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from planning.objective.nbo import team_cost
+from planning.prediction.propagation import Nominal
+from tracking.filter.kalman import Gaussian
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.track import Track
+
+HORIZON, DRAWS = 5, 3000
+# Half of the field of view's edge is 11.0 m at 20 m: targets inside, at and outside the edges and a corner.
+PLACES = [(0, 0), (8, 0), (10, 3), (11, -2), (12, 0), (14, 5), (9, 9), (11, 11), (0, 10), (0, 12), (18, 0)]
+TREES = (Tree(6.0, 3.0), Tree(-5.0, -8.0))
+
+
+def monte_carlo(situation, controls, rng):
+    """Sum over steps of the expected trace, over targets drawn from belief and motion model."""
+    (track,), motion = situation.tracks, situation.motion
+    states = rng.multivariate_normal(track.belief.mean, track.belief.covariance, DRAWS)
+    P = np.repeat(track.belief.covariance[None], DRAWS, axis=0)
+    total, positions = 0.0, [v.position[:2] for v in situation.vehicles]
+    for step in range(HORIZON):
+        states = states @ motion.F.T + rng.multivariate_normal(np.zeros(4), motion.Q, DRAWS)
+        points = np.column_stack([states[:, :2], np.full(DRAWS, TARGET_HEIGHT)])
+        P = motion.F @ P @ motion.F.T + motion.Q
+        positions = [p + u * situation.step for p, u in zip(positions, controls[:, step], strict=True)]
+        for v, p in zip(situation.vehicles, positions, strict=True):
+            camera = np.array([*p, v.position[2]])
+            seen = v.camera.sees(Pose(camera, v.attitude), points) & situation.forest.visible(camera, points)[0]
+            R = np.array([v.noise.covariance(p, point[:2]) for point in points[seen]]).reshape(-1, 2, 2)
+            gain = P[seen][:, :, :2] @ np.linalg.inv(P[seen][:, :2, :2] + R)
+            P[seen] -= gain @ P[seen][:, :2]
+        total += np.trace(P[:, :2, :2], axis1=1, axis2=2).mean()
+    return total
+
+
+def watched(base, place, deviation, trees):
+    """A UAV above the origin and one target with these standard deviations [m], half as much in velocity [m/s]."""
+    belief = Gaussian(np.array([*place, 0.8, 0.3]), np.diag([deviation**2] * 2 + [0.25] * 2))
+    own = dataclasses.replace(base.own, position=np.array([0.0, 0.0, 20.0]))
+    return dataclasses.replace(base, own=own, tracks=(Track(0, belief),), forest=Forest(trees))
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (2.0, 2.0)])
+@pytest.mark.parametrize("deviation", [0.3, 0.5, 1.0, 1.5, 3.0])
+def test_the_expected_trace_is_that_of_monte_carlo(random_team, deviation, velocity):
+    """On average over the places; at a single place five trajectories are coarse."""
+    base = random_team(0, uavs=1)[0]
+    controls = np.tile(np.array(velocity), (1, HORIZON, 1))
+    rng, ratios = np.random.default_rng(0), []
+    for trees in ((), TREES):
+        for place in PLACES:
+            situation = watched(base, place, deviation, trees)
+            belief = Nominal(expected=True).predict(situation, HORIZON, rng)
+            ratios.append(team_cost(belief, controls, 0.0) / monte_carlo(situation, controls, rng))
+    assert 0.8 < np.mean(ratios) < 1.25
+    assert min(ratios) > 0.35 and max(ratios) < 2.0
+    print(f"{np.mean(ratios):.2f} [{min(ratios):.2f}, {max(ratios):.2f}]")
