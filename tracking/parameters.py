@@ -36,7 +36,7 @@ class TrackerParameters:
     birth_density: float = 1e-5  # of people detected for the first time, 1/m² and scan
     sure: float = 0.99  # probability of existence that confirms a track
     doubt: float = 0.001  # probability of existence below which a track ends
-    fusion: str = "kla"  # rule of fusion, see `tracking.fusion.rule`
+    fusion: str = "hcmci"  # rule of fusion, see `tracking.fusion.rule`
     forget_after: float = 30.0  # s for which the fleet remembers that it deleted a track
 
     def __post_init__(self) -> None:

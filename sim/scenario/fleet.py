@@ -82,9 +82,10 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     rounds: Annotated[int, Meta(ge=0, le=1000)] = 5  # rounds of consensus per scan
     # m, distance beyond which no message arrives, whatever the links
     range: Annotated[float, Meta(gt=0, le=1e6)] = 1000.0
-    # `"kla"`: weighted average of information, as in the paper; `"hcmci"`: hybrid consensus on measurements and
-    # information; `"module:Class"`: yours ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule))
-    fusion: str = "kla"
+    # `"hcmci"`: hybrid consensus on measurements and information, which adds up what the UAVs see, as planners expect;
+    # `"kla"`: weighted average of information, as in the paper; `"module:Class"`: yours
+    # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule))
+    fusion: str = "hcmci"
     # probability that a message is lost, per round and direction, drawn by seed and repeat
     loss: Annotated[float, Meta(ge=0, le=1)] = 0.0
     links: tuple[Link, ...] = ()  # the only links there are, as pairs of UAVs: `[[0, 1], [1, 2]]`; without any, all

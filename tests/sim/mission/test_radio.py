@@ -74,8 +74,8 @@ def test_disagreement_is_the_mean_ospa_between_pairs_and_grows_with_losses():
 
 
 def test_losses_are_those_of_the_seed_and_change_no_people_nor_noise():
-    """A fleet that hovers sees the same whatever it believes."""
-    (whole, without), (lossy, losing) = fly_ideal(), fly_ideal("network.loss=0.8")
+    """A fleet that hovers sees the same whatever it believes; with averages alone messages are as long, too."""
+    (whole, without), (lossy, losing) = (fly_ideal("network.fusion=kla", f"network.loss={loss}") for loss in (0.0, 0.8))
     assert whole.forest.trees == lossy.forest.trees
     differ = 0
     for a, b in zip(without, losing, strict=True):
@@ -93,7 +93,7 @@ def test_losses_are_those_of_the_seed_and_change_no_people_nor_noise():
 
 def test_bytes_count_rounds_to_linked_uavs_and_survive_the_disk(tmp_path):
     # Four tracks: 6 + 4 * 26 numbers of 8 bytes in each of five rounds; UAV 2 has no link.
-    _, snapshots = fly_ideal("network.links=[[0, 1]]", duration=1)
+    _, snapshots = fly_ideal("network.links=[[0, 1]]", "network.fusion=kla", duration=1)
     for s in snapshots:
         np.testing.assert_array_equal(s.bytes_sent, [5 * 8 * 110, 5 * 8 * 110, 0])
     recording = dataclasses.replace(hand_made(), bytes_sent=np.array([[100, 300], [0, 1000]]))

@@ -73,7 +73,7 @@ def test_what_is_no_graph_is_refused(adjacency, rounds, lost, complaint):
 def test_members_of_one_number_or_with_different_settings_are_refused():
     for other, complaint in (
         (tracker(), "uav must differ among members"),
-        (tracker(uav=1, fusion="hcmci"), "fusion must be"),
+        (tracker(uav=1, fusion="kla"), "fusion must be"),
     ):
         with pytest.raises(ValueError, match=complaint):
             fuse([tracker(), other], PAIR, 5)
