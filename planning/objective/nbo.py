@@ -235,7 +235,8 @@ def _add_others(belief: PredictedBelief, controls: Array, others: _Others) -> No
         others.ends[i, :2] = flight.cameras[0, -1, :, 0]
         mark_in_view(belief.points[-1, :, 0], others.seen, others.ends, belief.views, i)
         near = possibly_visible(belief, np.array([i]), flight.boxes)
-        for row in np.flatnonzero(near):
-            _fill(information, others.information[row])
-            add_information(belief, i, flight.cameras[0, row * steps // len(near)], row, information)
-            others.information[row] = information[::LANES]
+        for row in range(len(near)):
+            if near[row]:
+                _fill(information, others.information[row])
+                add_information(belief, i, flight.cameras[0, row * steps // len(near)], row, information)
+                others.information[row] = information[::LANES]
