@@ -40,7 +40,7 @@ class Composed:
     propagation: Literal["nominal", "monte-carlo"] = "nominal"
     samples: int = 50  # number of samples of Monte Carlo propagation
     # of a target: `nominal`: judged along its nominal trajectory; `expected`: along five equally probable ones through
-    # its predicted beliefs, each with a covariance of its own, of whose traces the mean counts
+    # its predicted beliefs, each with a covariance of its own; the mean of their traces counts
     visibility: Literal["nominal", "expected"] = "nominal"
     beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none, as in the paper
     # `cross-entropy`, `particle-swarm`, or `grid`: every plan of nine controls, for small cases
