@@ -16,8 +16,8 @@ from sim.scenario.loading import load as load_scenario
 
 # Of the short mission and of images, on any machine: what `python tests/helpers/reproducibility.py --short` prints.
 EXPECTED = [
-    "b9bf5da054f288c4454d8f077e7604c78f9f24f5862c6e407eb3f5e08625d628",
-    "e499a2c1d8b15bbf14ab868856e00dfd320e51063ea2a586609902aa8c3d0af2",
+    "514bbeb26aeaa74b63ba0715910d6220d0a345e18c69d14bcb6bcf037661a2b4",
+    "808494287e35c8ff9608d667909a5c053810644cbd07c63379aaba6983df468c",
 ]
 # At once, as each alone flies the mission again.
 EVERYTHING = {

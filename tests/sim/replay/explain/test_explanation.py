@@ -29,7 +29,7 @@ def mission():
 
 
 def cases(recording):
-    return [(k, m) for k in range(0, len(recording.times), 5) for m in range(recording.people.shape[1])]
+    return [(k, m) for k in range(0, len(recording.times), 3) for m in range(recording.people.shape[1])]
 
 
 @pytest.fixture(scope="module")
