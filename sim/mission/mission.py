@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -254,7 +253,8 @@ def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectori
     least, which a velocity needs.
     """
     people, duration = scenario.people, max(scenario.duration, 1 / scenario.rates.sensing)
-    recorded = read(Path(people.trajectories), scenario.area, duration=duration) if people.trajectories else None
+    file = people.trajectory_file
+    recorded = None if file is None else read(file, scenario.area, duration=duration)
     paths = np.zeros((0, 2)) if recorded is None else recorded.positions[~np.isnan(recorded.positions[..., 0])]
     grown = grow(scenario.trees, scenario.area, stream(seed, "forest"), paths)
     forest = Forest(grown.trees, scenario.sensing.occlusion)

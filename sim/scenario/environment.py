@@ -1,11 +1,27 @@
 """Settings of the environment: area, trees, people, appearance and wind."""
 
 import math
+from pathlib import Path
 from typing import Annotated
 
 from msgspec import Meta, Struct
 
+from sim.installation import ASSETS
 from sim.scenario.bounds import DAY, Count, Expected, Length, Paths, Point, Side, Speed
+from tracking.plugins.registry import Registry
+
+WALKS = Registry(
+    "people.walks",
+    {
+        "levy": "sim.world.walks:Levy",
+        "waypoints": "sim.world.walks:Waypoints",
+        "stop-and-go": "sim.world.walks:StopAndGo",
+        "groups": "sim.world.walks:Groups",
+    },
+    ("itineraries(people, half, paces, rng)",),
+    bare=True,
+)
+TRAJECTORIES = {path.stem: path for path in sorted((ASSETS / "trajectories").glob("*.csv"))}
 
 
 class Area(Struct, frozen=True, forbid_unknown_fields=True):
@@ -19,7 +35,10 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
     """A Poisson forest ([Li22] IV-A)."""
 
     density: Expected = 45.0  # expected number in the area, the paper's λ; the number itself is Poisson
+    per_hectare: Expected | None = None  # 1/ha, expected number of a hectare; if given, `density` is not used
     canopy_radius: Length = 5.0  # m, the paper's R; canopies do not overlap, people walk under them
+    # m, upper bound of radii that are uniform from `canopy_radius` on; if not given, all have that radius
+    largest_radius: Length | None = None
     canopy_base: Length = 3.0  # m, above ground
     canopy_top: Length = 6.0  # m, above ground, below every UAV
     trunk_radius: Length = 0.2  # m, people walk round trunks
@@ -29,6 +48,13 @@ class Trees(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"canopy_base {self.canopy_base:g} must be below canopy_top {self.canopy_top:g}")
         if self.trunk_radius > self.canopy_radius:
             raise ValueError(f"trunk_radius {self.trunk_radius:g} must not exceed canopy_radius {self.canopy_radius:g}")
+        if self.largest_radius is not None and self.largest_radius < self.canopy_radius:
+            text = f"canopy_radius {self.canopy_radius:g}, the smallest"
+            raise ValueError(f"largest_radius {self.largest_radius:g} must not be below {text}")
+
+    def expected(self, area: Area) -> float:
+        """Expected number of trees in an area."""
+        return self.density if self.per_hectare is None else self.per_hectare * area.width * area.height / 1e4
 
 
 # Waypoints [m] of the default four: they come in from the west, cross near the centre, bend, and part.
@@ -41,16 +67,31 @@ DEFAULT_PATHS: Paths = (
 
 
 class People(Struct, frozen=True, forbid_unknown_fields=True):
-    """Walking people: Levy walkers along waypoints (or wandering), or recorded trajectories."""
+    """Walking people, by one or several ways of walking, or recorded trajectories."""
 
-    count: Count = 4  # number of walkers
-    # m, waypoints `[[x, y], ...]` of the first walkers, moved a little by the seed; the others wander
+    count: Count = 4  # number of walkers, those included that appear late or leave early
+    # ways of walking, among which people are shared out evenly, in their order: `"levy"`: along `paths`, the others
+    # wander; `"waypoints"`: to one place after another; `"stop-and-go"`: the same, standing still at times; `"groups"`:
+    # to one place after another together, until the group parts; `"module:Class"`: yours
+    # ([how](../how-to/plugins.md#a-way-of-walking))
+    walks: Annotated[tuple[str, ...], Meta(min_length=1, max_length=100)] = ("levy",)
+    # m, waypoints `[[x, y], ...]` of the first `"levy"` walkers, moved a little by the seed; the others wander
     paths: Paths = DEFAULT_PATHS
+    group: Annotated[int, Meta(ge=1, le=20)] = 3  # number of people in each of the `"groups"`; the last may be smaller
+    # s, mean time for which people are there, from half of it to one and a half; they appear and leave anywhere, evenly
+    # over the mission. If not given, all are there throughout
+    stay: Annotated[float, Meta(ge=1, le=DAY)] | None = None
     min_speed: Speed = 1.0  # m/s, lower bound of the walkers' speeds
     max_speed: Speed = 3.0  # m/s, upper bound of the walkers' speeds
     # step lengths have a density proportional to length^-exponent, cut off at the two speeds
     levy_exponent: Annotated[float, Meta(gt=1, le=3)] = 2.0
-    trajectories: str = ""  # CSV file that replaces the walkers, relative to the scenario file
+    # CSV file that replaces the walkers, relative to the scenario file, or the name of a packaged one: `"plaza"`
+    trajectories: str = ""
+
+    @property
+    def trajectory_file(self) -> Path | None:
+        """The CSV file of the trajectories; None if people walk."""
+        return TRAJECTORIES.get(self.trajectories, Path(self.trajectories)) if self.trajectories else None
 
     def __post_init__(self) -> None:
         if self.min_speed >= self.max_speed:

@@ -10,7 +10,7 @@ from typing import Any, get_args
 import msgspec
 
 from sim.installation import ASSETS
-from sim.scenario.environment import People
+from sim.scenario.environment import TRAJECTORIES, People
 from sim.scenario.fleet import Cut, Uav
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import toml, toml_file
@@ -62,6 +62,8 @@ def remarks(scenario: Scenario) -> list[str]:
         interval = f"{1 / scenario.rates.sensing:g} s between scans"
         found.append(f"duration: {scenario.duration:g} s is no multiple of the {interval}; {scans}")
     people, default = scenario.people, People()
+    if scenario.trees.per_hectare is not None and scenario.trees.density != Scenario().trees.density:
+        found.append("trees.density: not used, as trees.per_hectare gives the number of trees")
     if people.trajectories:
         given = [name for name in People.__struct_fields__ if getattr(people, name) != getattr(default, name)]
         unused = ", ".join(f"people.{name}" for name in given if name != "trajectories")
@@ -97,8 +99,8 @@ def _locate(name: str) -> Path:
 
 
 def _anchored(scenario: Scenario, folder: Path) -> Scenario:
-    """The scenario with its trajectory file found relative to the scenario file."""
-    if not scenario.people.trajectories:
+    """The scenario with its trajectory file, unless that is packaged, found relative to the scenario file."""
+    if not scenario.people.trajectories or scenario.people.trajectories in TRAJECTORIES:
         return scenario
     path = os.path.abspath(folder / scenario.people.trajectories)
     return msgspec.structs.replace(scenario, people=msgspec.structs.replace(scenario.people, trajectories=path))

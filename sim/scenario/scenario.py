@@ -9,7 +9,7 @@ import msgspec
 from msgspec import Meta, Struct, field
 
 from sim.scenario.bounds import DAY, Path, Time
-from sim.scenario.environment import Appearance, Area, People, Trees, Wind
+from sim.scenario.environment import WALKS, Appearance, Area, People, Trees, Wind
 from sim.scenario.fleet import DEFAULT_FLEET, Network, Uav
 from sim.scenario.perception import DETECTORS, SENSOR_MODES, Sensing, Tracking
 from tracking.filter.motion import MOTION_MODELS
@@ -105,7 +105,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         """Registries, and the name or import string that the scenario takes from each."""
         sensing = ((SENSOR_MODES, self.sensing.mode), (DETECTORS, self.sensing.detector))
         tracking = ((TRACKERS, self.tracking.tracker), (MOTION_MODELS, self.tracking.motion))
-        return (*sensing, *tracking, (FUSION_RULES, self.network.fusion))
+        walks = ((WALKS, name) for name in self.people.walks)
+        return (*sensing, *tracking, (FUSION_RULES, self.network.fusion), *walks)
 
     @property
     def scan_times(self) -> list[float]:
@@ -133,9 +134,18 @@ def _check_multiple(key: str, value: float, rate: int, what: str) -> None:
         )
 
 
+# Keys that scenarios did not always have. Without them a mission is what it was, and its recording has the same bytes.
+_LATER = (("trees", ("per_hectare", "largest_radius")), ("people", ("walks", "group", "stay")))
+
+
 def resolved(scenario: Scenario) -> str:
-    """The scenario as JSON with every default written out."""
-    return msgspec.json.encode(scenario).decode()
+    """The scenario as JSON with every default written out, those of later keys aside."""
+    written, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
+    for table, keys in _LATER:
+        for key in keys:
+            if written[table][key] == default[table][key]:
+                del written[table][key]
+    return msgspec.json.encode(written).decode()
 
 
 def check_workload(scenario: Scenario) -> None:

@@ -109,8 +109,7 @@ def _contents(setting: Scenario, planner: str) -> list[str]:
     kinds: list[type] = [type(load_planner(planner))]
     kinds += [registry.find(name) for registry, name in setting.plugins if name not in registry.built_in]
     files = [inspect.getsourcefile(kind) for kind in kinds if kind.__module__.partition(".")[0] not in _OURS]
-    people = setting.people.trajectories
-    return [_digest(Path(file)) for file in [*files, people] if file]
+    return [_digest(Path(file)) for file in [*files, setting.people.trajectory_file] if file]
 
 
 def _digest(path: Path) -> str:

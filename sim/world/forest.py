@@ -22,50 +22,57 @@ _NOWHERE = np.zeros((0, 2))
 def grow(trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array = _NOWHERE) -> Forest:
     """A Poisson forest without overlap of canopies.
 
-    The count is Poisson with expectation `trees.density`. Centres are uniform in the area by random sequential
-    addition: each tree in turn is drawn again until its canopy touches no earlier one. keep_clear (n, 2) m: points
-    on which no trunk may stand. A forest that does not fit is an InputError.
+    The count is Poisson with expectation `trees.density`, or that of `trees.per_hectare`. Centres are uniform in the
+    area by random sequential addition: each tree in turn is drawn again until its canopy touches no earlier one; where
+    radii differ, the largest come first. keep_clear (n, 2) m: points on which no trunk may stand. A forest that does
+    not fit is an InputError.
     Source: [Li22] IV-A.
     """
-    if trees.density > _most(trees, area):
+    expected = trees.expected(area)
+    if expected > _most(trees, area):
         raise _too_dense(trees, area, f"no more than {_most(trees, area):.0f}")
-    count = poisson(rng, trees.density)
-    centres = _place(count, trees, area, rng, keep_clear)
+    count = poisson(rng, expected)
+    radii = np.full(count, trees.canopy_radius)
+    if trees.largest_radius is not None:
+        radii = np.sort(rng.uniform(trees.canopy_radius, trees.largest_radius, count))[::-1]
+    centres = _place(radii, trees, area, rng, keep_clear)
     if len(centres) < count:
         raise _too_dense(trees, area, f"this seed asks for {count}, and only {len(centres)}")
-    shape = (trees.canopy_radius, trees.canopy_base, trees.canopy_top, trees.trunk_radius)
-    return Forest(tuple(Tree(float(x), float(y), *shape) for x, y in centres))
+    shape = (trees.canopy_base, trees.canopy_top, trees.trunk_radius)
+    return Forest(tuple(Tree(x, y, r, *shape) for (x, y), r in zip(centres.tolist(), radii.tolist(), strict=True)))
 
 
 def _most(trees: Trees, area: Area) -> float:
-    """Largest number of discs with their centres in the area, by the densest packing of the plane."""
+    """Largest number of discs of the smallest radius, centres in the area, by the densest packing of the plane."""
     reach = 2 * trees.canopy_radius
     packed = math.pi / math.sqrt(12) * (area.width + reach) * (area.height + reach)
     return min(packed / (math.pi * trees.canopy_radius * trees.canopy_radius), MAX_TREES)
 
 
 def _too_dense(trees: Trees, area: Area, fit: str) -> InputError:
+    key = "density" if trees.per_hectare is None else "per_hectare"
+    upper = "" if trees.largest_radius is None else f" to {trees.largest_radius:g}"
     return InputError(
-        f"trees.density = {trees.density:g}: {fit} trees with canopies of {trees.canopy_radius:g} m radius "
+        f"trees.{key} = {getattr(trees, key):g}: {fit} trees with canopies of {trees.canopy_radius:g}{upper} m radius "
         f"fit into {area.width:g} x {area.height:g} m without overlap; lower the density or the radius"
     )
 
 
-def _place(count: int, trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array) -> Array:
-    """Centres of at most `count` trees (n, 2) m; fewer when the attempts are used up."""
+def _place(radii: Array, trees: Trees, area: Area, rng: np.random.Generator, keep_clear: Array) -> Array:
+    """Centres (n, 2) m of the first trees of these descending radii; fewer than all when the attempts are used up."""
     half = np.array([area.width, area.height]) / 2
-    spacing = 2 * trees.canopy_radius
+    count = len(radii)
     centres, n = np.empty((count, 2)), 0
     for _ in range(0, _ATTEMPTS, _BATCH):
         # Candidates are judged in the order drawn, so this is the same as drawing them one by one.
         candidates = rng.uniform(-half, half, (_BATCH, 2))
-        free = _apart(candidates, centres[:n], spacing)
+        least = 2 * radii[-1] if count else 0.0  # beside which a later, smaller tree may still stand
+        free = _apart(candidates, centres[:n], least)
         free &= _apart(candidates, keep_clear, trees.trunk_radius + CLEARANCE)
-        earlier = n
         for candidate in candidates[free]:
             if n == count:
                 return centres
-            if np.all(length(centres[earlier:n] - candidate) >= spacing):
+            if np.all(length(centres[:n] - candidate) >= radii[:n] + radii[n]):
                 centres[n] = candidate
                 n += 1
     return centres[:n]

@@ -1,15 +1,16 @@
-"""Walking people: Levy step lengths, waypoints, and ways round trunks and one another."""
+"""Walking people: Levy step lengths, ways of walking, and ways round trunks and one another."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from sim.scenario.bounds import Point
-from sim.scenario.environment import Area, People
+from sim.scenario.environment import WALKS, Area, People
 from sim.world.pedestrian_steering import SEPARATION, simulate
 from sim.world.trajectories import SAMPLES_PER_SECOND, Trajectories
+from sim.world.walks import Itinerary
 from tracking.geometry.visibility import Forest
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
 from tracking.numerics.exponential import power
@@ -24,30 +25,71 @@ MARGIN = 1.0  # m, from the border
 _PACE_TIME = 4.0  # s, after which the correlation of a person's pace has fallen to 1/e
 _DRIFT_TIME = 4.0  # s, the same for the turn rate of people without a path
 _DRIFT = 0.1  # rad/s, standard deviation of that turn rate
-_JITTER = 2.5  # m, standard deviation of start and waypoints about the scenario's
-_ROOM = 4.0  # m, about a start, to turn before anything in the way
+_LEAST_SIDE = 4.0  # m, of half the area within the margins
 _ATTEMPTS = 1000  # to find a free start
 
 
 def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np.random.Generator) -> Trajectories:
-    """Trajectories of `people.count` people for `duration` s.
+    """Trajectories of `people.count` people for `duration` s, NaN while a person is not there.
 
-    Person i follows the waypoints `people.paths[i]`, all of them moved a little at random, and goes on after the
-    last; people without a path start anywhere and wander. All avoidance is by turning, never by stopping.
+    Their ways of walking say where they want to go; after the last waypoint, and without any, they wander. All
+    avoidance is by turning, never by stopping. People who are not there yet, or no more, walk all the same.
     """
     count, samples = people.count, math.ceil(duration * SAMPLES_PER_SECOND) + 1
     half = np.array([area.width, area.height]) / 2 - MARGIN
-    if count and min(half) < _ROOM:
-        least = 2 * (MARGIN + _ROOM)
+    if count and min(half) < _LEAST_SIDE:
+        least = 2 * (MARGIN + _LEAST_SIDE)
         raise InputError(f"area: {area.width:g} x {area.height:g} m; people need {least:g} m each way to walk in")
     trunks = np.array([(t.x, t.y, t.trunk_radius + TRUNK_CLEARANCE) for t in forest.trees]).reshape(-1, 3)
     pace, drift, start = rng.spawn(3)
     speeds = paces(people, samples, pace)
     drifts = _DRIFT * _smooth_noise(count, samples, _DRIFT_TIME, drift)
-    paths = [_jittered(i, path, half, start) for i, path in enumerate(people.paths[:count])]
-    states = _starts(count, paths, trunks, half, start)
-    positions = simulate(states, speeds, drifts, _routes(count, paths), trunks, half)
+    wanted = _itineraries(people, half, speeds, start)
+    states, paths = _starts(wanted, trunks, half, start)
+    speeds = np.column_stack([speeds[:, :0], *(itinerary.pace for itinerary in wanted)])
+    positions = simulate(states, speeds, drifts, _routes(paths), trunks, half)
+    if people.stay is not None:
+        (presence,) = rng.spawn(1)
+        positions[~_present(count, samples, people.stay, presence)] = np.nan
     return Trajectories(np.arange(samples) / SAMPLES_PER_SECOND, positions)
+
+
+def _itineraries(people: People, half: Array, speeds: Array, rng: np.random.Generator) -> list[Itinerary]:
+    """Itineraries of all people, an equal share of them by each way of walking."""
+    ends = [round(people.count * k / len(people.walks)) for k in range(len(people.walks) + 1)]
+    found: list[Itinerary] = []
+    for name, first, last in zip(people.walks, ends, ends[1:], strict=False):
+        walk = WALKS.make(name)
+        own = speeds[:, first:last]
+        if name in WALKS.built_in:
+            found += walk.itineraries(people, half, own, rng)
+            continue
+        with WALKS.errors(name, "walk"):
+            made = [Itinerary(*itinerary) for itinerary in walk.itineraries(people, half.copy(), own.copy(), rng)]
+            _check(made, half, own)
+        found += made
+    return found
+
+
+def _check(made: Sequence[Itinerary], half: Array, paces: Array) -> None:
+    """ValueError unless these are itineraries of so many people, in the area."""
+    if len(made) != paces.shape[1]:
+        raise ValueError(f"it made {len(made)} itineraries for {paces.shape[1]} people")
+    for waypoints, pace, _ in made:
+        if np.shape(pace) != paces.shape[:1] or not np.all((np.asarray(pace) > 0) & np.isfinite(pace)):
+            raise ValueError(f"a pace is no {len(paces)} finite numbers above zero")
+        points = np.asarray(waypoints, dtype=float)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) == 1 or not np.all(np.abs(points) <= half):
+            raise ValueError(f"waypoints are no n x 2 finite numbers within {half.tolist()} m, n = 0 or n > 1")
+
+
+def _present(count: int, samples: int, stay: float, rng: np.random.Generator) -> Flags:
+    """Mask (K, M) of the times at which people are there: each once, for some time."""
+    last = (samples - 1) / SAMPLES_PER_SECOND
+    stays = stay * rng.uniform(0.5, 1.5, count)
+    arrivals = rng.uniform(-stays, last, count)
+    times = np.arange(samples)[:, None] / SAMPLES_PER_SECOND
+    return np.asarray((times >= arrivals) & (times <= arrivals + stays))
 
 
 def paces(people: People, samples: int, rng: np.random.Generator) -> Array:
@@ -84,43 +126,28 @@ def _smoothed(white: Array, kernel: Array) -> Array:
     return smooth
 
 
-def _jittered(i: int, path: tuple[Point, ...], half: Array, rng: np.random.Generator) -> Array:
-    """Start and waypoints (n, 2) m of person i, moved at random but kept inside."""
-    points = np.array(path, dtype=float).reshape(-1, 2)
-    if len(points) < 2:
-        raise InputError(f"people.paths[{i}]: expected two or more waypoints, got {len(points)}")
-    outside = np.any(np.abs(points) > half, axis=1)
-    if np.any(outside):
-        x, y = points[outside][0]
-        raise InputError(
-            f"people.paths[{i}]: ({x:g}, {y:g}) is not inside the area; "
-            f"allowed are |x| <= {half[0]:g} and |y| <= {half[1]:g} m"
-        )
-    return np.clip(points + _JITTER * standard_normal(rng, points.shape), -half, half)
-
-
-def _starts(count: int, paths: list[Array], trunks: Array, half: Array, rng: np.random.Generator) -> Array:
+def _starts(
+    wanted: Sequence[Itinerary], trunks: Array, half: Array, rng: np.random.Generator
+) -> tuple[Array, list[Array]]:
     """Position m, heading rad and turn rate rad/s (M, 4) of all people at the start, clear of trunks and others.
 
-    Starts of `paths` move there too.
+    Returns these and the paths (n, 2) m, which begin there.
     """
-    states = np.zeros((count, 4))
-    for i in range(count):
+    states, paths = np.zeros((len(wanted), 4)), []
+    for i, (waypoints, _, room) in enumerate(wanted):
+        path = np.array(waypoints, dtype=float)
         for attempt in range(_ATTEMPTS):
-            if i < len(paths):
-                drawn = paths[i][0] + 0.01 * attempt * standard_normal(rng, 2)
-            else:
-                drawn = rng.uniform(-half, half)
+            drawn = path[0] + 0.01 * attempt * standard_normal(rng, 2) if len(path) else rng.uniform(-half, half)
             # In a thicket, less and less room has to do.
-            if _clear(drawn, states[:i], trunks, half, room=_ROOM * (1 - 0.9 * attempt / _ATTEMPTS)):
+            if _clear(drawn, states[:i], trunks, half, room=room * (1 - 0.9 * attempt / _ATTEMPTS)):
                 break
         else:
-            raise InputError(f"people.count = {count}: no free place for person {i} to start")
-        if i < len(paths):
-            paths[i][0] = drawn  # the route begins where the person does
-        ahead = paths[i][1] if i < len(paths) else rng.uniform(-half, half)
+            raise InputError(f"people.count = {len(wanted)}: no free place for person {i} to start")
+        path[:1] = drawn
+        ahead = path[1] if len(path) else rng.uniform(-half, half)
         states[i, :3] = *drawn, arctan2(ahead[1] - drawn[1], ahead[0] - drawn[0])
-    return states
+        paths.append(path)
+    return states, paths
 
 
 def _clear(point: Array, others: Array, trunks: Array, half: Array, *, room: float) -> bool:
@@ -132,14 +159,17 @@ def _clear(point: Array, others: Array, trunks: Array, half: Array, *, room: flo
     )
 
 
-def _routes(count: int, paths: list[Array]) -> Array:
+def _routes(paths: Sequence[Array]) -> Array:
     """Points (M, P, 2) m about 1 m apart along each path, NaN after its end."""
     dense = []
     for path in paths:
+        if not len(path):
+            dense.append(path)
+            continue
         lengths = np.concatenate([[0.0], np.cumsum(length(np.diff(path, axis=0)))])
         along = np.arange(0.0, lengths[-1], 1.0)
         dense.append(np.column_stack([np.interp(along, lengths, path[:, axis]) for axis in (0, 1)]))
-    routes = np.full((count, max(map(len, dense), default=0), 2), np.nan)
-    for route, points in zip(routes, dense, strict=False):
+    routes = np.full((len(paths), max(map(len, dense), default=0), 2), np.nan)
+    for route, points in zip(routes, dense, strict=True):
         route[: len(points)] = points
     return routes
