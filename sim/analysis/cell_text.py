@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from sim.study.cells import TRACKER
+from sim.study.cells import ENTERED
 from sim.study.row import Row
 from sim.study.tasks import Task
 
@@ -14,10 +14,13 @@ Placed = Row | Task  # or a trial that is yet to be flown
 
 
 def cells_of(rows: Sequence[Placed]) -> list[Cell]:
-    """The cell of each row; scenario and version count as factors where the rows differ in them, trackers never do."""
+    """The cell of each row; scenario and version count as factors where the rows differ in them."""
     differing = [name for name in ("scenario", "version") if len({getattr(row, name) for row in rows}) > 1]
-    found = [(*((name, getattr(row, name)) for name in differing), *row.factors) for row in rows]
-    return [tuple(factor for factor in cell if factor[0] != TRACKER) for cell in found]
+    found = [
+        (*((name, getattr(row, name)) for name in differing if name not in dict(row.factors)), *row.factors)
+        for row in rows
+    ]
+    return [tuple(factor for factor in cell if factor[0] not in ENTERED) for cell in found]
 
 
 def cell_text(cell: Cell | None) -> str:

@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
 from sim.analysis.cell_text import Cell, Placed, cells_of
-from sim.study.cells import TRACKER, with_options
+from sim.study.cells import ENTERED, TRACKER, VIEW, with_options
 from sim.study.row import Row
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
@@ -16,8 +16,8 @@ _NOTHING: Mapping[str, str] = {}
 
 
 def entrant(row: Placed) -> str:
-    """Text of what a trial enters in a comparison: its planner, and its tracker where the study compares trackers."""
-    return with_options(row.planner, _tracker(row))
+    """Text of what a trial enters in a comparison: its planner, with its tracker or view where the study has them."""
+    return with_options(row.planner, _entered(row))
 
 
 def planner_labels(
@@ -33,23 +33,28 @@ def planner_labels(
         specs[_key(row)][row.planner] = None
         by_cell[cell, _key(row)].add(row.planner)
     ambiguous = {key for (_, key), texts in by_cell.items() if len(texts) > 1}
-    bounds = {entrant(row) for row in rows if isinstance(row, Row) and row.metrics.get("sees_truth")}
+    bounds = {entrant(row) for row in rows if isinstance(row, Row) and _sees_more(row)}
     labels = {}
     for row in rows:
         key = _key(row)
         plain = key in ambiguous or len(specs[key]) == 1
         text = row.planner if plain else _shared(key[0], list(specs[key]))
-        labels[entrant(row)] = with_options(text, _tracker(row))
+        labels[entrant(row)] = with_options(text, _entered(row))
     return {text: given.get(label, label) + BOUND * (text in bounds) for text, label in labels.items()}
 
 
-def _tracker(row: Placed) -> dict[str, str]:
-    """The tracker as an option of the planner; empty unless the study compares trackers."""
-    return {name: level for name, level in row.factors if name == TRACKER}
+def _sees_more(row: Row) -> bool:
+    """True if the planner saw the truth, or the fleet without a limit of its view."""
+    return bool(row.metrics.get("sees_truth")) or VIEW in dict(row.factors)
+
+
+def _entered(row: Placed) -> dict[str, str]:
+    """The tracker and the view as options of the planner; empty unless the study has them."""
+    return {name: level for name, level in row.factors if name in ENTERED}
 
 
 def _key(row: Placed) -> Key:
-    return _parts(row.planner)[0], _tracker(row).get(TRACKER, "")
+    return _parts(row.planner)[0], ", ".join(_entered(row).values())
 
 
 def _parts(planner: str) -> tuple[str, list[str]]:

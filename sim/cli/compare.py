@@ -119,7 +119,8 @@ def compare(
     baseline_of(listed, baseline, labels)
     remark(*dict.fromkeys(line for task in listed for line in remarks(task.setting)))
     rows = fly_study(listed, folder, Options(limit, folder / "recordings" if keep else None, redo), processes, dask)
-    shown = About(chosen.name, chosen.description, baseline=baseline, labels=labels, metrics=tuple(metric or ()))
+    about = About(chosen.name, chosen.description, baseline=baseline, labels=labels, score=chosen.score)
+    shown = replace(about, metrics=tuple(metric or ()))
     _show(rows, folder, shown)
 
 
@@ -173,7 +174,7 @@ def _report(rows: Sequence[Row], folder: Path, about: About) -> None:
 
     command, wall = shlex.join(["understory", *sys.argv[1:]]), sum(row.metrics.get("wall_s", 0.0) for row in rows)
     try:
-        show(rows, about.baseline, about.metrics, labels=about.labels)
+        show(rows, about.baseline, about.metrics, labels=about.labels, score=about.score)
         write(rows, folder, replace(about, command=command, versions=versions(), wall_s=wall))
     except KeyboardInterrupt:
         reason = "interrupted"

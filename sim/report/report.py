@@ -23,12 +23,14 @@ from sim.report.formats import comma_separated, markdown
 from sim.report.page import figures, page
 from sim.report.page_elements import commanded, facts, listed, paragraph
 from sim.report.page_tables import result_tables, runtime_tables, verdict
+from sim.report.scores import scored_parts
 from sim.report.single_trials import failures, maps
 from sim.report.tables import notes, shortfalls
 from sim.study.row import Row
+from sim.study.study import Score
 from tracking.plugins.registry import InputError
 
-_FIGURES = r"(ecdf|time|maps|runtime)(-[a-z0-9-]+)?\.(svg|png)"  # what a report calls them
+_FIGURES = r"(ecdf|time|maps|runtime|score)(-[a-z0-9-]+)?\.(svg|png)"  # what a report calls them
 HOW_TO_READ = (
     "A map is the forest and the people that one seed gives; every planner flies the same ones. A cell is a setting of "
     "what the study varies.",
@@ -62,6 +64,7 @@ class About:
     baseline: str | None = None  # a planner of the rows; None: the first
     labels: Mapping[str, str] = field(default_factory=dict)  # of planners, as from `labels_of`
     metrics: tuple[str, ...] = ()  # flat names; none: the usual ones
+    score: Score | None = None  # of the study
 
 
 def write(rows: Sequence[Row], folder: Path, about: About) -> None:
@@ -91,12 +94,14 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     found = answers(groups, metrics, baseline)
     times = answers(groups, [metric_shown(name) for name in RUNTIME if name in available(rows)], baseline)
     drawn, timing = pictures(groups, baseline, metrics), runtime_pictures(groups)
+    scored = scored_parts(rows, groups, about.score, about.labels)
     full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
     all_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in (*found, *times)]
     sections = [
         ("", f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"),
         ("In short", _in_short(found, baseline, metrics)),
         ("What was run", _what_was_run(rows, every, about, baseline)),
+        *([("Scores", scored.page + figures(scored.drawn))] if scored else []),
         ("Results", f"{listed(notes(found))}\n{result_tables(found, baseline)}"),
         ("Figures", figures(drawn)),
         *([("Run time", figures(timing) + runtime_tables(times))] if times else []),
@@ -106,9 +111,9 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     files = {
         "report.html": page(f"{about.study}: understory", sections).encode(),
         "table.csv": comma_separated(all_answers, baseline).encode(),
-        "table.md": markdown(found, baseline).encode(),
+        "table.md": ((f"{scored.markdown}\n" if scored else "") + markdown(found, baseline)).encode(),
     }
-    for picture in (*drawn, *timing):
+    for picture in (*drawn, *timing, *(scored.drawn if scored else ())):
         files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}
     return files
 

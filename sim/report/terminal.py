@@ -14,8 +14,10 @@ from sim.analysis.cell_text import cell_text
 from sim.analysis.cells import constant, grouped, trimmed
 from sim.analysis.metric_choice import chosen
 from sim.analysis.planner_labels import baseline_of, short_labels
+from sim.report.scores import TITLE, Scored, scored_parts
 from sim.report.tables import Layout, notes, shortfalls, tables
 from sim.study.row import Row
+from sim.study.study import Score
 from sim.terminal.console import console
 
 WIDE = 100  # columns from which on there is room for all columns
@@ -29,12 +31,14 @@ def show(
     metrics: Sequence[str] = (),
     *,
     labels: Mapping[str, str] = _NOTHING,
+    score: Score | None = None,
     on: Console = console,
 ) -> None:
     """Print the answers; InputError where a metric or the baseline is unknown.
 
     baseline: a planner as given, by name or by label; the first row's if None. metrics: flat names; the usual if none.
-    labels: as from `labels_of`. Options that all planners of one name share are left out, and told below.
+    labels: as from `labels_of`; score: the study's. Options that all planners of one name share are left out, and told
+    below.
     """
     first = baseline_of(rows, baseline, labels)
     groups = grouped(rows, first, labels)
@@ -45,6 +49,10 @@ def show(
         on.print(f"Everywhere: {escape(cell_text(constant(groups)))}")
     for layout, lines in tables(found, shorts[first]):
         on.print(_terminal_table(layout, lines, on.width >= WIDE))
+    scored = scored_parts(rows, trimmed(groups), score, labels)
+    if scored:
+        on.print(_score_table(scored, shorts))
+        on.print(scored.note, style="dim")
     for label, short in shorts.items():
         if short != label:
             on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)
@@ -52,6 +60,16 @@ def show(
         on.print(note, style="dim")
     for line in shortfalls(found):
         on.print(escape(line), style="bold red")
+
+
+def _score_table(scored: Scored, shorts: Mapping[str, str]) -> Table:
+    table = Table(title=TITLE, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    heads, *lines = scored.lines
+    for i, head in enumerate(heads):
+        table.add_column(escape(shorts.get(head, head)), justify="right" if i else "left", overflow="fold")
+    for line in lines:
+        table.add_row(*map(escape, line))
+    return table
 
 
 def _terminal_table(layout: Layout, found: Sequence[Answer], wide: bool) -> Table:

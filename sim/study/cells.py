@@ -14,7 +14,10 @@ from sim.study.study import Study, check_keys
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
-TRACKER = "tracker"  # the factor whose levels are compared as planners are
+TRACKER = "tracker"
+VIEW = "view"  # only of the bound of a score
+ENTERED = (TRACKER, VIEW)  # factors whose levels are compared as planners are
+_UNLIMITED = {"sensing.mode": "ideal", "sensing.field_of_view": "unlimited"}
 _MOST_CELLS = 10_000
 _OTHER = ("planner", "scenario")  # what trials are left out by, beside factors
 
@@ -47,7 +50,8 @@ def with_options(planner: str, options: Mapping[str, str]) -> str:
 def cells(study: Study) -> list[Cell]:
     """All cells of a study by all its planners, in order; InputError if there are none."""
     _check_levels(study)
-    count = math.prod([len(study.scenarios), len(study.planners), *map(len, study.factors.values())])
+    planners = dict.fromkeys([*study.planners, *([study.score.floor] if study.score else [])])
+    count = math.prod([len(study.scenarios), len(planners) + 1, *map(len, study.factors.values())])
     if count > _MOST_CELLS:  # before they are listed: factors multiply
         raise InputError(f"study: {study.name} has {count:g} cells; at most {_MOST_CELLS} are allowed")
     found = []
@@ -59,10 +63,14 @@ def cells(study: Study) -> list[Cell]:
             values = dict(study.factors[factor][level])
             options |= {key: option(value) for key, value in values.pop("planner", {}).items()}
             settings |= {key: toml(value) for key, value in flat(values).items()}
-        for planner in study.planners:
-            place = {"planner": planner, "scenario": scenario, **dict(levels)}
+        made = [Cell(scenario, shown, settings, planner, options) for planner in planners]
+        if study.score:
+            seen = (*shown, (VIEW, "unlimited"))
+            made.append(Cell(scenario, seen, settings | _UNLIMITED, study.score.bound, options))
+        for cell in made:
+            place = {"planner": cell.planner, "scenario": scenario, **dict(levels)}
             if not any(_matches(rule, place) for rule in study.exclude):
-                found.append(Cell(scenario, shown, settings, planner, options))
+                found.append(cell)
     if not found or not integers(study.seeds, "seeds"):
         raise InputError(f"study: {study.name} has no trial: no planner, no seed, no level, or all is excluded")
     return found
@@ -89,6 +97,8 @@ def _check_levels(study: Study) -> None:
         for level, values in levels.items():
             if not isinstance(values.get("planner", {}), Mapping):
                 raise InputError(f"factors.{factor}.{level}.planner: expected options such as {{horizon = 3}}")
+    if study.score and VIEW in study.factors:
+        raise InputError(f"factors.{VIEW}: is no name for a factor beside [score], whose bound has an unlimited view")
     _check_rules(study)
 
 

@@ -17,6 +17,14 @@ from tracking.plugins.spelling import did_you_mean
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
 
 
+class Score(Struct, frozen=True, forbid_unknown_fields=True):
+    """What a study places its planners between; both are flown, whatever planners are compared."""
+
+    floor: str  # a planner
+    bound: str  # a planner, which flies with an unlimited field of view and ideal sensing
+    metric: str = "gospa.mean_m"
+
+
 class Study(Struct, frozen=True):
     """A study: each planner on each seed in each cell, a cell being a scenario and a level of each factor."""
 
@@ -29,6 +37,7 @@ class Study(Struct, frozen=True):
     settings: dict[str, str] = {}  # overrides for all trials, values as --set takes them
     factors: dict[str, dict[str, dict[str, Any]]] = {}  # of each name and level: overrides, and `planner` options
     exclude: tuple[dict[str, str | list[str]], ...] = ()  # trials that match all entries of one are left out
+    score: Score | None = None
 
 
 def is_study(path: Path) -> bool:
@@ -44,7 +53,7 @@ def read(name: str) -> Study:
     if not path.is_file():
         raise InputError(f"study: there is no file {name}")
     data = toml_file(path, "study")
-    known = ("study", "set", "factors", "exclude")
+    known = ("study", "set", "factors", "exclude", "score")
     check_keys(data, known, f"{name}: ")
     table = data.get("study", {})
     if not isinstance(table, Mapping):
@@ -54,7 +63,7 @@ def read(name: str) -> Study:
     if not isinstance(common, Mapping):
         raise InputError(f"{name}: set: {common!r} is not allowed; expected a table [set]")
     content = {"name": path.stem, **table, "settings": {key: toml(value) for key, value in flat(common).items()}}
-    content |= {key: data[key] for key in ("factors", "exclude") if key in data}
+    content |= {key: data[key] for key in ("factors", "exclude", "score") if key in data}
     try:
         study = msgspec.convert(content, Study)
     except msgspec.ValidationError as error:

@@ -12,6 +12,7 @@ from sim.analysis.cell_text import cell_text
 from sim.analysis.cells import Group
 from sim.analysis.differences import paired_values
 from sim.analysis.distributions import bands, ecdf
+from sim.analysis.score import Place
 from sim.drawing.palette import FAINT
 from sim.drawing.plots import rgb
 from sim.evaluation.metric import Metric
@@ -111,6 +112,31 @@ def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel(f"{metric.title}, logarithmic")
+        axes.set_yticks(range(len(cells)), [cell_text(cell) or "all missions" for cell in cells])
+        axes.set_ylim(len(cells) - 0.5, -0.5)
+        axes.grid(axis="x", lw=0.5, alpha=0.4)
+        axes.spines[["top", "right"]].set_visible(False)
+        legend(figure, {p: Style(COLOURS[i % len(COLOURS)]) for i, p in enumerate(planners)}, marker="o")
+    return figure
+
+
+def score_figure(found: Sequence[Place]) -> Figure:
+    """Places between floor and bound with their intervals, a line per cell and a dot per planner."""
+    cells = list(dict.fromkeys(place.cell for place in found))
+    planners = list(dict.fromkeys(place.planner for place in found))
+    with drawing(1.2 + 0.4 * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
+        axes = figure.add_subplot()
+        for place in found:
+            index = planners.index(place.planner)
+            height = cells.index(place.cell) + 0.6 * (index + 0.5 - len(planners) / 2) / len(planners)
+            score, colour = place.score, rgb(COLOURS[index % len(COLOURS)])
+            axes.plot([100 * score.low, 100 * score.high], [height, height], color=colour, lw=1.5, alpha=0.7)
+            axes.plot(100 * score.value, height, "o", color=colour, ms=5)
+        for end in (0, 100):
+            axes.axvline(end, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+        values = [100 * place.score.value for place in found]
+        axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # a long interval may leave the figure
+        axes.set_xlabel("place between floor (0) and bound (100) [%]")
         axes.set_yticks(range(len(cells)), [cell_text(cell) or "all missions" for cell in cells])
         axes.set_ylim(len(cells) - 0.5, -0.5)
         axes.grid(axis="x", lw=0.5, alpha=0.4)

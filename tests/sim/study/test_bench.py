@@ -1,0 +1,60 @@
+"""The ten worlds of bench-1: frozen, flown without error, scored between hovering and an unlimited view."""
+
+import hashlib
+
+import msgspec
+import numpy as np
+import pytest
+from helpers.studies import Serial
+
+from sim.installation import ASSETS
+from sim.scenario.loading import load, remarks
+from sim.study.cells import VIEW, cells
+from sim.study.engine import rows_of
+from sim.study.study import adapted, read
+from sim.study.tasks import task_of, tasks
+from tracking.plugins.registry import InputError
+
+BENCH = read("bench-1")
+WORLDS = ("paper", "forest", "scatter", "search", "crowd", "dense", "wind", "patchwork", "recorded", "fleet")
+# Of the files' content. A world that has to change is a world of another bench, bench-2, under another name.
+FROZEN = "?"
+
+
+def test_the_files_of_the_bench_never_change():
+    files = [ASSETS / "studies" / "bench-1.toml", ASSETS / "trajectories" / "plaza.csv"]
+    files += [ASSETS / "scenarios" / f"{name}.toml" for name in WORLDS]
+    digest = hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
+    assert digest == FROZEN, "bench-1 is frozen: make another bench of it, and leave these files as they are"
+    assert WORLDS == BENCH.scenarios and all("version = 1\n" in file.read_text("utf-8") for file in files[2:])
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_each_world_flies_with_the_people_and_uavs_that_it_promises(world):
+    setting = load(world)
+    assert remarks(setting) == []
+    (row,) = rows_of([task_of(msgspec.structs.replace(setting, duration=1.0), "greedy", 3)], Serial())
+    assert row.status == "done" and row.metrics["faults"] == 0 and np.isfinite(row.metrics["gospa.mean_m"])
+
+
+def test_floor_and_bound_are_flown_whatever_planners_are_compared():
+    found = cells(adapted(BENCH, planners=["mine:Mine"]))
+    kinds = {(cell.planner, dict(cell.factors).get(VIEW)) for cell in found}
+    assert kinds == {("mine:Mine", None), ("hover", None), ("sma-nbo-mwtp", "unlimited")} and len(found) == 30
+    listed = tasks(adapted(BENCH, planners=["hover"], seeds="0"))
+    assert len(listed) == 20 and len({task.key for task in listed}) == 20
+    for task in listed:
+        unlimited = VIEW in dict(task.factors)
+        assert (task.setting.sensing.field_of_view == "unlimited") == unlimited == (task.planner != "hover")
+
+
+def test_a_wrong_score_is_named(tmp_path):
+    path = tmp_path / "mine.toml"
+    for text, said in (
+        ('[score]\nfloor = "hover"', "missing required field bound"),
+        ('[score]\nfloor = "hover"\nbound = "oracle"\nfloot = 3', "unknown field floot"),
+        ('[score]\nfloor = "hover"\nbound = "oracle"\n[factors.view]\na = {}', "factors.view: is no name for a factor"),
+    ):
+        path.write_text(f'[study]\nplanners = ["greedy"]\n{text}\n')
+        with pytest.raises(InputError, match=said):
+            cells(read(str(path)))
