@@ -25,7 +25,9 @@ def gaps(positions, i, j):
 
 
 def test_waypoint_walkers_turn_at_places_all_over_the_area():
-    positions = np.hstack([walked(People(count=10, walks=("waypoints",)), seed=seed, duration=120.0) for seed in (1, 2)])
+    positions = np.hstack(
+        [walked(People(count=10, walks=("waypoints",)), seed=seed, duration=120.0) for seed in (1, 2)]
+    )
     headings = np.unwrap(np.arctan2(*np.moveaxis(np.diff(positions[::RATE], axis=0), -1, 0)[::-1]), axis=0)
     assert np.mean(np.ptp(headings, axis=0) > 1) > 0.9 and speeds(positions).min() >= 1.0 - 1e-9
     for axis, side in ((0, AREA.width), (1, AREA.height)):
