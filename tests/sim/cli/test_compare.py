@@ -172,3 +172,18 @@ def test_the_pace_of_a_study_in_words():
     assert pace(0, 10, 0, 3.0) == "" and pace(2, 10, 1, 20.0) == ", 6.0 a minute, 1:40 left, 1 failed"
     assert pace(1, 100, 0, 100.0) == ", 0.6 a minute, 2:46:40 left"
     assert pace(10, 0, 0, 20.0) == ", 30.0 a minute"
+
+
+SCORED = """
+study = { name = "mine", planners = ["greedy"], seeds = "0-1", scenarios = ["forest", "scatter"] }
+score = { floor = "hover", bound = "greedy", metric = "ospa.mean_m" }
+"""
+
+
+def test_a_study_with_a_score_flies_its_ends_and_shows_places(call, tmp_path):
+    (tmp_path / "mine.toml").write_text(SCORED)
+    flags = ["--duration", "1", "--set", "trees.density=3"]
+    code, out, err = call("compare", "mine.toml", *flags, "--planner", "lawnmower", backend=Serial(INVENTED))
+    assert (code, err) == (0, "") and "12/12 trials" in out and "view=unlimited" in out
+    for file in ("report.html", "table.md"):
+        assert "upper bound" in (tmp_path / "runs" / "mine" / file).read_text("utf-8")

@@ -1,0 +1,50 @@
+"""Scores as table and figure in the report, and as table in the terminal."""
+
+import io
+
+import pytest
+from helpers.trials import row
+from rich.console import Console
+
+from sim.report.report import About, made
+from sim.report.scores import TITLE
+from sim.report.terminal import show
+from sim.study.study import Score
+
+SCORE = Score(floor="hover", bound="sma-nbo")
+
+
+def rows():
+    found = []
+    for world, bound in (("forest", 2.0), ("dense", 4.0)):
+        for seed in range(3):
+            for planner, value, view in (("sma-nbo", 6.0, ()), ("hover", 10.0, ()), ("sma-nbo", bound, "unlimited")):
+                factors = (("scenario", world), *((("view", view),) if view else ()))
+                metrics = {"gospa.mean_m": value + 0.1 * seed, "ospa.share_under_1m": 0.5}
+                found.append(row(planner, seed, factors, metrics, scenario=world))
+    return found
+
+
+def test_the_report_has_a_table_of_places_and_a_figure_where_the_study_has_a_score(monkeypatch):
+    files = made(rows(), About("tried", score=SCORE))
+    page, text = files["report.html"].decode(), files["table.md"].decode()
+    assert ">Scores</h2>" in page and "0 is that of hover, 100 that of sma-nbo(view=unlimited)" in page
+    lines = [line for line in text.split("\n\n**")[0].splitlines() if line.startswith("|")]
+    heads = "cell | hover [m] | sma-nbo(view=unlimited), upper bound [m] | sma-nbo"
+    assert text.startswith(f"**{TITLE}**") and lines[0] == f"| {heads} |"
+    assert lines[2:] == [
+        "| scenario = dense | 10.10 | 4.10 | 67 [67, 67] |",
+        "| scenario = forest | 10.10 | 2.10 | 50 [50, 50] |",
+        "| mean over cells |  |  | 58 [58, 58] |",
+    ]
+    assert files["figures/score.png"].startswith(b"\x89PNG") and b"<svg" in files["figures/score.svg"]
+    without = made([r for r in rows() if len(r.factors) == 1], About("tried"))
+    assert "figures/score.png" not in without and b"Scores" not in without["report.html"]
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_the_terminal_shows_places_below_the_metrics(width):
+    out = io.StringIO()
+    show(rows(), score=SCORE, on=Console(file=out, width=width))
+    text = out.getvalue()
+    assert TITLE in text and "67 [67, 67]" in text and "mean over cells" in text
