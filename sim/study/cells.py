@@ -51,7 +51,7 @@ def cells(study: Study) -> list[Cell]:
     """All cells of a study by all its planners, in order; InputError if there are none."""
     _check_levels(study)
     planners = dict.fromkeys([*study.planners, *([study.score.floor] if study.score else [])])
-    count = math.prod([len(study.scenarios), len(planners) + 1, *map(len, study.factors.values())])
+    count = math.prod([len(study.scenarios), len(planners) + bool(study.score), *map(len, study.factors.values())])
     if count > _MOST_CELLS:  # before they are listed: factors multiply
         raise InputError(f"study: {study.name} has {count:g} cells; at most {_MOST_CELLS} are allowed")
     found = []

@@ -21,7 +21,7 @@ from tracking.fusion.rule import fusion_rule
 from tracking.plugins.registry import InputError
 
 PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "plugins.md").read_text(encoding="utf-8")
-MODELS, MODES = re.findall(r"^```py\n(.*?)^```$", PAGE, flags=re.M | re.S)  # of the page
+MODELS, MODES, WAYS = re.findall(r"^```py\n(.*?)^```$", PAGE, flags=re.M | re.S)  # of the page
 SHORT = ("duration=1", "sensing.mode=ideal")
 
 
@@ -33,12 +33,16 @@ def flown(*overrides):
 
 @pytest.mark.parametrize(
     "override",
-    ["tracking.motion=mymodels:Standing", "network.fusion=mymodels:EqualWeights", "sensing.mode=mymode:Radar"],
+    [
+        *("tracking.motion=mymodels:Standing", "network.fusion=mymodels:EqualWeights", "sensing.mode=mymode:Radar"),
+        'people.walks=["myways:Patrol", "levy"]',
+    ],
 )
 def test_one_file_from_outside_changes_the_tracks(tmp_path, monkeypatch, override):
     assert override in PAGE
     (tmp_path / "mymodels.py").write_text(MODELS)
     (tmp_path / "mymode.py").write_text(MODES)
+    (tmp_path / "myways.py").write_text(WAYS)
     monkeypatch.syspath_prepend(str(tmp_path))
     summary = run(Trial(load_scenario("forest", [*SHORT, override]), "hover", 0), tmp_path / "theirs", video=False)
     assert override.partition("=")[2] in json.dumps(summary["scenario"]) and summary["faults"] == []
