@@ -25,7 +25,7 @@ def rows():
     return found
 
 
-def test_the_report_has_a_table_of_places_and_a_figure_where_the_study_has_a_score(monkeypatch):
+def test_the_report_has_places_and_their_figure_where_the_study_has_a_score():
     files = made(rows(), About("tried", score=SCORE))
     page, text = files["report.html"].decode(), files["table.md"].decode()
     assert ">Scores</h2>" in page and "0 is that of hover, 100 that of sma-nbo(view=unlimited)" in page
