@@ -27,7 +27,7 @@ from sim.report.scores import scored_parts
 from sim.report.single_trials import failures, maps
 from sim.report.tables import notes, shortfalls
 from sim.study.row import Row
-from sim.study.study import Score
+from sim.study.score import Score
 from tracking.plugins.registry import InputError
 
 _FIGURES = r"(ecdf|time|maps|runtime|score)(-[a-z0-9-]+)?\.(svg|png)"  # what a report calls them

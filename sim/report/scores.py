@@ -14,7 +14,7 @@ from sim.evaluation.metric import UNKNOWN, Metric
 from sim.report.figures.pictures import Picture, score_picture
 from sim.report.page_elements import paragraph, table
 from sim.study.row import Row
-from sim.study.study import Score
+from sim.study.score import Score
 
 TITLE = "Place of each planner [%]"
 _NOTHING: Mapping[str, str] = {}

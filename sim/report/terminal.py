@@ -17,7 +17,7 @@ from sim.analysis.planner_labels import baseline_of, short_labels
 from sim.report.scores import TITLE, Scored, scored_parts
 from sim.report.tables import Layout, notes, shortfalls, tables
 from sim.study.row import Row
-from sim.study.study import Score
+from sim.study.score import Score
 from sim.terminal.console import console
 
 WIDE = 100  # columns from which on there is room for all columns

@@ -10,19 +10,12 @@ from msgspec import Meta, Struct
 from sim.installation import ASSETS
 from sim.scenario.quantities import REPEATS
 from sim.scenario.text_files import toml_file
+from sim.study.score import Score
 from sim.study.settings_text import flat, toml
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
-
-
-class Score(Struct, frozen=True, forbid_unknown_fields=True):
-    """What a study places its planners between; both are flown, whatever planners are compared."""
-
-    floor: str  # a planner
-    bound: str  # a planner, which flies with an unlimited field of view and ideal sensing
-    metric: str = "gospa.mean_m"
 
 
 class Study(Struct, frozen=True):
