@@ -7,7 +7,7 @@ UNLIMITED = {"sensing.mode": "ideal", "sensing.field_of_view": "unlimited"}  # t
 
 
 class Score(Struct, frozen=True, forbid_unknown_fields=True):
-    """What a study places its planners between; both are flown, whatever planners are compared."""
+    """Ends between which a study places its planners; both are flown, whatever planners are compared."""
 
     floor: str  # a planner
     bound: str  # a planner, which flies with an unlimited field of view and ideal sensing

@@ -33,7 +33,7 @@ def walk(people: People, area: Area, forest: Forest, *, duration: float, rng: np
     """Trajectories of `people.count` people for `duration` s, NaN while a person is not there.
 
     Their ways of walking say where they want to go; after the last waypoint, and without any, they wander. All
-    avoidance is by turning, never by stopping. People who are not there yet, or no more, walk all the same.
+    avoidance is by turning, never by stopping. Those not there yet, or no more, walk all the same.
     """
     count, samples = people.count, math.ceil(duration * SAMPLES_PER_SECOND) + 1
     half = np.array([area.width, area.height]) / 2 - MARGIN

@@ -16,7 +16,7 @@ from tracking.plugins.registry import InputError
 ROOM = 4.0  # m, about a start, to turn before anything in the way
 
 _JITTER = 2.5  # m, standard deviation of start and waypoints about the scenario's
-_STANDING = 0.01  # m/s, of people who stand still: steering needs a heading
+_STANDING = 0.01  # m/s, of people standing still: steering needs a heading
 _GO = (6.0, 14.0)  # s, shortest and longest time between two stops
 _STOP = (2.0, 8.0)  # s, shortest and longest stop
 _RAMP = 1.5  # s, to stop or to set off
@@ -45,7 +45,7 @@ class Levy:
 
 
 class Waypoints:
-    """People who walk to one place after another, each anywhere in the area."""
+    """People on their way to one place after another, each anywhere in the area."""
 
     def itineraries(self, people: People, half: Array, paces: Array, rng: np.random.Generator) -> list[Itinerary]:
         """As those of `Levy`."""
