@@ -6,9 +6,11 @@ from tracking.filter.information import information_form
 from tracking.fusion.message import INFORMATION
 from tracking.fusion.rule import Contribution, LocalBeliefs
 from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import squared_distance
-from tracking.numerics.factorisation import cholesky, eigen, forward_substitution
-from tracking.numerics.matrices import applied, congruent, product, symmetric
+from tracking.numerics.factorisation import eigensystems
+from tracking.numerics.matrices import products
+from tracking.numerics.stacks import cholesky_factors, forward_solutions
 
 # Gains of information below this share of the prior's are rounding.
 _ROUNDING = 1e-9
@@ -67,26 +69,48 @@ def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array]
     Note: the bound on the shift is ours. The novel parts of UAVs are summed. Where doubt between measurements moves a
     mean without any gain of information, the sum of such shifts would be unbounded.
     """
+    return _split(*prior, *posterior, reach)
+
+
+@compiled
+def _split(means: Array, covariances: Array, q: Array, omega: Array, reach: Array) -> tuple[Array, Array]:
+    """As `split_information`."""
     # With P⁻ = C Cᵀ and V the axes of Cᵀ Ω⁺ C, the inverse of L is Vᵀ Cᵀ.
-    roots = cholesky(prior[1])
-    ratio, axes = eigen(congruent(_transposed(roots), posterior[1]))
-    inverse = forward_substitution(roots, np.eye(4))
+    roots, identities = cholesky_factors(covariances), np.zeros_like(covariances)
+    upper = _transposed(roots)
+    inner = products(products(upper, omega), roots)
+    ratio, axes = eigensystems(0.5 * (inner + _transposed(inner)))
+    for i in range(4):
+        identities[:, i, i] = 1.0
+    inverse = forward_solutions(roots, identities)
     back = _transposed(axes)
-    L = product(_transposed(inverse), axes)
-    gain = np.maximum(ratio - 1.0, 0.0)
-    gain[gain < _ROUNDING] = 0.0
+    L = products(_transposed(inverse), axes)
     # Along these axes the prior has unit information: q = L y with y the information vector there.
-    before = applied(back, applied(inverse, prior[0]))
-    after = applied(back, applied(_transposed(roots), posterior[0]))
-    most = gain * reach[:, None]
-    novel = gain * before + np.clip(after - ratio * before, -most, most)
+    before = products(back, products(inverse, means.reshape(-1, 4, 1)))[:, :, 0]
+    after = products(back, products(upper, q.reshape(-1, 4, 1)))[:, :, 0]
+    gain, novel = np.empty_like(ratio), np.empty_like(ratio)
+    for t in range(len(ratio)):
+        for i in range(4):
+            g = ratio[t, i] - 1.0
+            g = g if g >= _ROUNDING else 0.0
+            most, shift = g * reach[t], after[t, i] - ratio[t, i] * before[t, i]
+            gain[t, i], novel[t, i] = g, g * before[t, i] + min(max(shift, -most), most)
     return _packed(L, after - novel, ratio - gain), _packed(L, novel, gain)
 
 
+@compiled
 def _packed(L: Array, y: Array, weights: Array) -> Array:
-    omega = symmetric(product(L * weights[:, None, :], _transposed(L)))
-    return np.concatenate([applied(L, y), omega.reshape(-1, 16)], axis=1)
+    """Information (T, 20) with the vector L y and the matrix L diag(weights) Lᵀ."""
+    out = np.empty((len(L), 20))
+    out[:, :4] = products(L, y.reshape(-1, 4, 1))[:, :, 0]
+    scaled = L.copy()
+    for t in range(len(L)):
+        scaled[t] *= weights[t]
+    square = products(scaled, _transposed(L))
+    out[:, 4:] = (0.5 * (square + _transposed(square))).reshape(-1, 16)
+    return out
 
 
+@compiled
 def _transposed(matrices: Array) -> Array:
-    return np.swapaxes(matrices, 1, 2)
+    return np.ascontiguousarray(matrices.transpose(0, 2, 1))

@@ -116,6 +116,6 @@ def message_size(novel: Array, deleted: tuple[tuple[int, float], ...]) -> int:
     """
     numbers = 6 + _PER_TRACK * len(novel) + 2 * len(deleted)
     if novel.shape[1] > INFORMATION:
-        sources = novel[:, INFORMATION:] != 0.0
-        numbers += 2 * int(sources.sum()) + (INFORMATION - _REDUNDANT) * int(sources.any(axis=1).sum())
+        rows, _ = np.nonzero(novel[:, INFORMATION:])
+        numbers += 2 * len(rows) + (INFORMATION - _REDUNDANT) * len(set(rows.tolist()))
     return 8 * numbers

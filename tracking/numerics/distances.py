@@ -8,8 +8,7 @@ import numpy as np
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import log
-from tracking.numerics.factorisation import cholesky_factors
-from tracking.numerics.stacks import common_lead, mapped_over_stack, stacked
+from tracking.numerics.stacks import cholesky_factors, common_lead, mapped_over_stack, stacked
 
 
 def length(vectors: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.stacks import common_lead, mapped_over_stack, stacked
+from tracking.numerics.stacks import cholesky_factors, common_lead, forward_solutions, mapped_over_stack, stacked
 
 _SWEEPS = 30  # of Jacobi's method, at most; matrices of 4 x 4 take four to six
 
@@ -26,7 +26,7 @@ def forward_substitution(roots: Array, right: Array) -> Array:
     """Solution X (..., n, m) of L X = B, L (..., n, n) lower triangular, B (..., n, m); leading axes broadcast."""
     roots, right = np.asarray(roots, dtype=float), np.asarray(right, dtype=float)
     lead = common_lead(roots.shape[:-2], right.shape[:-2])
-    return _forward(stacked(roots, lead, 2), stacked(right, lead, 2)).reshape(*lead, *right.shape[-2:])
+    return forward_solutions(stacked(roots, lead, 2), stacked(right, lead, 2)).reshape(*lead, *right.shape[-2:])
 
 
 def inverse(matrices: Array) -> Array:
@@ -40,38 +40,8 @@ def eigen(matrices: Array) -> tuple[Array, Array]:
     By Jacobi's method: Golub and Van Loan, Matrix Computations, 8.5.
     """
     matrices = np.asarray(matrices, dtype=float)
-    values, vectors = _eigen(stacked(matrices, matrices.shape[:-2], 2))
+    values, vectors = eigensystems(stacked(matrices, matrices.shape[:-2], 2))
     return values.reshape(matrices.shape[:-1]), vectors.reshape(matrices.shape)
-
-
-@compiled
-def cholesky_factors(matrices: Array) -> Array:
-    """Cholesky factors of a stack (T, n, n); a pivot of zero gives a column of zeros, a negative one NaN."""
-    out, n = np.zeros_like(matrices), matrices.shape[1]
-    for t in range(len(matrices)):
-        for j in range(n):
-            for i in range(j, n):
-                rest = matrices[t, i, j]
-                for k in range(j):
-                    rest -= out[t, i, k] * out[t, j, k]
-                if i == j:
-                    out[t, j, j] = math.sqrt(rest) if rest >= 0.0 else math.nan
-                else:
-                    out[t, i, j] = 0.0 if out[t, j, j] == 0.0 else rest / out[t, j, j]
-    return out
-
-
-@compiled
-def _forward(roots: Array, right: Array) -> Array:
-    out = np.empty_like(right)
-    for t in range(len(right)):
-        for i in range(right.shape[1]):
-            for j in range(right.shape[2]):
-                rest = right[t, i, j]
-                for k in range(i):
-                    rest -= roots[t, i, k] * out[t, k, j]
-                out[t, i, j] = rest / roots[t, i, i]
-    return out
 
 
 @compiled
@@ -81,7 +51,7 @@ def _inverses(matrices: Array) -> Array:
     identities = np.zeros_like(matrices)
     for i in range(n):
         identities[:, i, i] = 1.0
-    halves, out = _forward(cholesky_factors(matrices), identities), np.empty_like(matrices)
+    halves, out = forward_solutions(cholesky_factors(matrices), identities), np.empty_like(matrices)
     for t in range(len(matrices)):
         for i in range(n):
             for j in range(i, n):
@@ -93,7 +63,7 @@ def _inverses(matrices: Array) -> Array:
 
 
 @compiled
-def _eigen(matrices: Array) -> tuple[Array, Array]:
+def eigensystems(matrices: Array) -> tuple[Array, Array]:
     """Eigenvalues (T, n), ascending, and eigenvectors (T, n, n) in columns."""
     n = matrices.shape[1]
     values, vectors = np.empty(matrices.shape[:2]), np.zeros_like(matrices)

@@ -15,7 +15,7 @@ def product(left: Array, right: Array) -> Array:
     """Matrix products (..., n, m) of stacks (..., n, k) and (..., k, m); leading axes broadcast."""
     left, right = np.asarray(left, dtype=float), np.asarray(right, dtype=float)
     lead = common_lead(left.shape[:-2], right.shape[:-2])
-    out = _products(stacked(left, lead, 2), stacked(right, lead, 2))
+    out = products(stacked(left, lead, 2), stacked(right, lead, 2))
     return out.reshape(*lead, *out.shape[1:])
 
 
@@ -35,7 +35,8 @@ def symmetric(matrices: Array) -> Array:
 
 
 @compiled
-def _products(left: Array, right: Array) -> Array:
+def products(left: Array, right: Array) -> Array:
+    """Matrix products (T, n, m) of stacks (T, n, k) and (T, k, m), for compiled code."""
     out = np.zeros((len(left), left.shape[1], right.shape[2]))
     for t in range(len(left)):
         for i in range(left.shape[1]):

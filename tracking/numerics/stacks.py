@@ -1,4 +1,4 @@
-"""Stacks of vectors and matrices: leading axes that broadcast, joined into one."""
+"""Stacks of vectors and matrices: leading axes that broadcast, joined into one; compiled loops over such a stack."""
 
 import math
 from collections.abc import Callable
@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
 
 
 def common_lead(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
@@ -29,3 +30,34 @@ def mapped_over_stack(function: Callable[[Array], Array], matrices: Array) -> Ar
     matrices = np.asarray(matrices, dtype=float)
     out = function(stacked(matrices, matrices.shape[:-2], 2))
     return out.reshape(matrices.shape[:-2] + out.shape[1:])
+
+
+@compiled
+def cholesky_factors(matrices: Array) -> Array:
+    """Cholesky factors of a stack (T, n, n); a pivot of zero gives a column of zeros, a negative one NaN."""
+    out, n = np.zeros_like(matrices), matrices.shape[1]
+    for t in range(len(matrices)):
+        for j in range(n):
+            for i in range(j, n):
+                rest = matrices[t, i, j]
+                for k in range(j):
+                    rest -= out[t, i, k] * out[t, j, k]
+                if i == j:
+                    out[t, j, j] = math.sqrt(rest) if rest >= 0.0 else math.nan
+                else:
+                    out[t, i, j] = 0.0 if out[t, j, j] == 0.0 else rest / out[t, j, j]
+    return out
+
+
+@compiled
+def forward_solutions(roots: Array, right: Array) -> Array:
+    """Solutions (T, n, m) of L X = B for stacks L (T, n, n), lower triangular, and B (T, n, m)."""
+    out = np.empty_like(right)
+    for t in range(len(right)):
+        for i in range(right.shape[1]):
+            for j in range(right.shape[2]):
+                rest = right[t, i, j]
+                for k in range(i):
+                    rest -= roots[t, i, k] * out[t, k, j]
+                out[t, i, j] = rest / roots[t, i, i]
+    return out
