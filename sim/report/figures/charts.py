@@ -1,6 +1,7 @@
 """The figures of a study: OSPA over scans and over time, run times by planner, and maps against maps."""
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from sim.analysis.answers import map_means
-from sim.analysis.cell_text import cell_text
+from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.cells import Group
 from sim.analysis.differences import paired_values
 from sim.analysis.distributions import bands, ecdf
@@ -92,51 +93,61 @@ def _grid(
     return figure
 
 
+class _Dot(NamedTuple):
+    """A value of a planner in a cell, with its interval."""
+
+    cell: Cell | None
+    planner: str
+    value: float
+    low: float
+    high: float
+
+
 def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
     """Means over the maps with their intervals, a line per cell and a dot per planner, over a logarithmic axis."""
-    cells = list(dict.fromkeys(group.cell for group in groups))
-    planners = list(dict.fromkeys(group.planner for group in groups))
-    with drawing(1.2 + 0.3 * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
-        axes = figure.add_subplot()
-        for group in groups:
-            estimate = map_means(group, metric)
-            index = planners.index(group.planner)
-            place = cells.index(group.cell) + 0.5 * (index + 0.5 - len(planners) / 2) / len(planners)
-            value, low, high = metric.scale * np.array([estimate.value, estimate.low, estimate.high])
-            colour = rgb(COLOURS[index % len(COLOURS)])
-            if value > 0:
-                axes.plot([low, high], [place, place], color=colour, lw=1.5, alpha=0.7)
-                axes.plot(value, place, "o", color=colour, ms=5)
+
+    def dot(group: Group) -> _Dot:
+        mean = map_means(group, metric)
+        values = metric.scale * np.array([mean.value, mean.low, mean.high])
+        return _Dot(group.cell, group.planner, *(values if mean.value > 0 else np.full(3, np.nan)))
+
+    def dress(axes: Axes) -> None:
         axes.set_xscale("log")
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel(f"{metric.title}, logarithmic")
-        axes.set_yticks(range(len(cells)), [cell_text(cell) or "all missions" for cell in cells])
-        axes.set_ylim(len(cells) - 0.5, -0.5)
-        axes.grid(axis="x", lw=0.5, alpha=0.4)
-        axes.spines[["top", "right"]].set_visible(False)
-        legend(figure, {p: Style(COLOURS[i % len(COLOURS)]) for i, p in enumerate(planners)}, marker="o")
-    return figure
+
+    return _dot_figure([dot(group) for group in groups], dress)
 
 
 def score_figure(found: Sequence[Place]) -> Figure:
     """Places between floor and bound with their intervals, a line per cell and a dot per planner."""
-    cells = list(dict.fromkeys(place.cell for place in found))
-    planners = list(dict.fromkeys(place.planner for place in found))
-    with drawing(1.2 + 0.4 * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
-        axes = figure.add_subplot()
-        for place in found:
-            index = planners.index(place.planner)
-            height = cells.index(place.cell) + 0.6 * (index + 0.5 - len(planners) / 2) / len(planners)
-            score, colour = place.score, rgb(COLOURS[index % len(COLOURS)])
-            axes.plot([100 * score.low, 100 * score.high], [height, height], color=colour, lw=1.5, alpha=0.7)
-            axes.plot(100 * score.value, height, "o", color=colour, ms=5)
+    dots = [_Dot(p.cell, p.planner, 100 * p.score.value, 100 * p.score.low, 100 * p.score.high) for p in found]
+
+    def dress(axes: Axes) -> None:
         for end in (0, 100):
             axes.axvline(end, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
-        values = [100 * place.score.value for place in found]
+        values = [dot.value for dot in dots]
         axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # a long interval may leave the figure
         axes.set_xlabel("place between floor (0) and bound (100) [%]")
+
+    return _dot_figure(dots, dress)
+
+
+def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
+    """Dots with their intervals, a line per cell and a colour per planner; `dress` sets the horizontal axis."""
+    cells = list(dict.fromkeys(dot.cell for dot in dots))
+    planners = list(dict.fromkeys(dot.planner for dot in dots))
+    with drawing(1.2 + 0.3 * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
+        axes = figure.add_subplot()
+        for dot in dots:
+            index = planners.index(dot.planner)
+            height = cells.index(dot.cell) + 0.5 * (index + 0.5 - len(planners) / 2) / len(planners)
+            colour = rgb(COLOURS[index % len(COLOURS)])
+            axes.plot([dot.low, dot.high], [height, height], color=colour, lw=1.5, alpha=0.7)
+            axes.plot(dot.value, height, "o", color=colour, ms=5)
+        dress(axes)
         axes.set_yticks(range(len(cells)), [cell_text(cell) or "all missions" for cell in cells])
         axes.set_ylim(len(cells) - 0.5, -0.5)
         axes.grid(axis="x", lw=0.5, alpha=0.4)

@@ -21,7 +21,13 @@ from helpers.hostile_runner import BYTES
 TESTS = Path(__file__).parents[2]
 LANES = 2
 LONGEST = 2100  # characters of a refusal
-REMARKS = ["not used, as people.trajectories", "no multiple of the", "tracks will follow", "weighs them"]
+REMARKS = [
+    "not used, as people.trajectories",
+    "not used, as trees.per_hectare",
+    "no multiple of the",
+    "tracks will follow",
+    "weighs them",
+]
 REMARKS += ["another version"]
 ENVIRONMENT = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 ENVIRONMENT["PYTHONPATH"] = os.pathsep.join([str(TESTS.parent), str(TESTS)])
