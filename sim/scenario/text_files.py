@@ -3,6 +3,7 @@
 import re
 import stat
 import sys
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ else:
     import tomli as tomllib
 
 MOST_BYTES = 2**26  # of a table
+_BLOCK = 2**20  # bytes read at once
 _MOST_TOML = 2**22  # bytes, read at about a megabyte a second
 _DEEPEST = 30  # tables and lists within one another
 _MOST_PARTS = 100  # of a key, between dots
@@ -34,7 +36,8 @@ def content(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
         if not stat.S_ISREG(found.st_mode):
             raise InputError(f"{where}: {path} cannot be read: is no file")
         with path.open("rb") as file:
-            read = file.read(most + 1)  # what the system makes up as it is read, as in /proc, tells no size
+            # What the system makes up as it is read, as in /proc, tells no size; to read `most` would allocate as much.
+            read = b"".join(islice(iter(lambda: file.read(_BLOCK), b""), most // _BLOCK + 1))
     except (OSError, ValueError) as error:  # an InputError of above, or a path with a zero byte
         if isinstance(error, InputError):
             raise

@@ -78,6 +78,10 @@ def run(arguments, folder):
 def main():
     study_flight._backend = lambda workers, dask: nullcontext(Serial())  # processes of a pool take seconds to start
     cv2.setNumThreads(1)
+    if (compiling := os.fork()) == 0:  # its memory would count as that of each command
+        warm_up()
+        os._exit(0)
+    os.waitpid(compiling, 0)
     warm_up()
     release()
     sim.running.run.warm_up = lambda: 0.0  # which is done
