@@ -184,10 +184,9 @@ def compare(
     from sim.recording.dataframes import dataframe
     from sim.study.backends import Pool
     from sim.study.engine import fly_all
-    from sim.study.row import Row
     from sim.study.store import frame_of
     from sim.study.study import Study
-    from sim.study.tasks import tasks
+    from sim.study.tasks import Row, tasks
 
     dataframe({})  # complains now rather than after the flights
     study = Study(

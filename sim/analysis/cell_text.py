@@ -4,8 +4,7 @@ import re
 from collections.abc import Sequence
 
 from sim.study.cells import ENTERED
-from sim.study.row import Row
-from sim.study.tasks import Task
+from sim.study.tasks import Row, Task
 
 Cell = tuple[tuple[str, str], ...]  # name and value of what varies over the study
 SYMBOLS = {"lambda": "λ"}

@@ -10,7 +10,7 @@ from sim.analysis.cell_text import Cell, cell_text, cells_of, natural, natural_c
 from sim.analysis.planner_labels import baseline_of, entrant, planner_labels
 from sim.evaluation.metric import Metric
 from sim.scenario.random_streams import numbered
-from sim.study.row import Row
+from sim.study.tasks import Row
 from tracking.numerics.arrays import Array
 
 Flight = tuple[int, int]  # seed and repeat

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.special import stdtrit
-from scipy.stats import binom
+from scipy.special import bdtrik, stdtrit
 
 from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
@@ -96,4 +95,4 @@ def _medians(values: Array) -> Estimate:
 @cache
 def _rank(n: int) -> int:
     """The greatest rank of n values that the median lies below in 2.5 % of cases at most; the first if none is."""
-    return max(1, int(binom.ppf((1 - LEVEL) / 2, n, 0.5)))  # below rank r: of n coins fewer than r show heads
+    return int(np.fmax(1, np.ceil(bdtrik((1 - LEVEL) / 2, n, 0.5))))  # below rank r: of n coins fewer than r show heads

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from sim.evaluation.metric import METRICS, Metric, metric
-from sim.study.row import Row
+from sim.study.tasks import Row
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 

@@ -5,9 +5,8 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
 from sim.analysis.cell_text import Cell, Placed, cells_of
-from sim.study.cells import ENTERED, TRACKER, with_options
-from sim.study.row import Row
-from sim.study.score import VIEW
+from sim.study.cells import ENTERED, TRACKER, VIEW, with_options
+from sim.study.tasks import Row
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 

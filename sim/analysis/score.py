@@ -11,8 +11,8 @@ from sim.analysis.differences import map_values, paired
 from sim.analysis.intervals import Estimate, means
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
-from sim.study.cells import with_options
-from sim.study.score import VIEW, Score
+from sim.study.cells import VIEW, with_options
+from sim.study.study import Score
 
 SCORE = Metric("place between floor and bound", unit="%", better="higher", scale=100.0, digits=0, least=-np.inf)
 _NOTHING: Mapping[str, str] = {}

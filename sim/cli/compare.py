@@ -17,8 +17,9 @@ from planning.registry import COMPARED
 from sim.scenario.loading import SCENARIOS, remarks
 from sim.scenario.perception import SENSOR_MODES
 from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers, seconds
+from sim.scenario.text_files import toml_file
 from sim.study.cells import with_trackers
-from sim.study.study import STUDIES, Study, adapted, is_study, read
+from sim.study.study import STUDIES, Study, adapted, read
 from sim.terminal.console import console, fail, remark
 from sim.terminal.options import Duration, Overrides, with_duration
 from tracking.fusion.member import TRACKERS
@@ -27,7 +28,7 @@ from tracking.plugins.spelling import did_you_mean
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.report.report import About
-    from sim.study.row import Row
+    from sim.study.tasks import Row
 
 
 StudyName = Annotated[
@@ -126,9 +127,10 @@ def compare(
 
 def _study(name: str) -> Study:
     """A packaged study, a study file, or one made of a scenario and flags."""
-    if name in STUDIES or (name.endswith(".toml") and is_study(Path(name))):
+    is_file = name.endswith(".toml")
+    if name in STUDIES or (is_file and Path(name).is_file() and "study" in toml_file(Path(name), "study")):
         return read(name)
-    if name not in SCENARIOS and not name.endswith(".toml"):
+    if name not in SCENARIOS and not is_file:
         names = [*STUDIES, *SCENARIOS]
         raise InputError(f"study: {name!r} is unknown; {did_you_mean(name, names)} (or a .toml file)")
     return Study(name="compare", planners=COMPARED, scenarios=(name,))

@@ -4,11 +4,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import msgspec
+
+from sim.mission.mission import forest_and_people
 from sim.study.backends import Backend, Pool, connected
 from sim.study.engine import Options, complete
-from sim.study.row import Row
 from sim.study.store import NAME, Store, StoreError
-from sim.study.tasks import Task, check_worlds
+from sim.study.tasks import Row, Task
 from sim.terminal.console import fail, remark
 from sim.terminal.progress import study_progress
 
@@ -18,7 +20,7 @@ def fly_study(listed: Sequence[Task], folder: Path, options: Options, workers: i
     kept: int | None = None
     try:
         if not (folder / NAME).exists():
-            check_worlds(listed)
+            _check_worlds(listed)
         with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
             remark(*_of_other_versions(store.versions(), listed[0].version, store.path))
             with study_progress(len(listed)) as tell:
@@ -37,6 +39,16 @@ def fly_study(listed: Sequence[Task], folder: Path, options: Options, workers: i
         fail(f"{reason}; no trial was flown, what {folder} holds stays", code=1)
     rest = "without --redo, the same command flies the rest" if options.redo else "the same command flies the rest"
     fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, {rest}", code=1)
+
+
+def _check_worlds(listed: Sequence[Task]) -> None:
+    """InputError unless forest and people of each setting can be placed, tried with its first seed."""
+    tried: set[bytes] = set()
+    for task in listed:
+        setting = msgspec.json.encode(task.setting)
+        if setting not in tried:
+            tried.add(setting)
+            forest_and_people(task.setting, task.seed)
 
 
 @contextmanager

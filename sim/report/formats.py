@@ -3,29 +3,33 @@
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from sim.analysis.answers import Answer
 from sim.analysis.cell_text import Cell
 from sim.analysis.distributions import NO_SPREAD
 from sim.analysis.intervals import NO_ESTIMATE
-from sim.report.tables import Layout, notes, shortfalls, tables
+from sim.report.tables import Table, notes, shortfalls, tables
 
 
-def markdown(found: Sequence[Answer], baseline: str) -> str:
-    """One table per metric."""
-    parts = [_markdown_table(layout, lines) for layout, lines in tables(found, baseline)]
+def markdown(found: Sequence[Answer], baseline: str, scored: Table | None = None) -> str:
+    """One table per metric, after that of the scores if there is one."""
+    parts = [_markdown_table(table) for table in ([scored] if scored else []) + tables(found, baseline)]
     said = "\n".join(f"- {_plain(line)}" for line in (*notes(found), *shortfalls(found)))
     return "\n\n".join([*parts, said]) + "\n"
 
 
-def _markdown_table(layout: Layout, found: Sequence[Answer]) -> str:
-    names = list(dict.fromkeys(name for answer in found for name, _ in answer.cell or ()))
-    head = [*names, *layout.heads]
-    rows = [[*_levels(answer.cell, names), *layout.texts(answer)] for answer in found]
+def _markdown_table(table: Table) -> str:
+    names = _factors(cell for cell, _ in table.rows)
+    head = [*names, *table.heads]
+    rows = [[*_levels(cell, names), *texts] for cell, texts in table.rows]
     rule = ["---"] * (len(names) + 1) + ["---:"] * (len(head) - len(names) - 1)
     lines = (f"| {' | '.join(map(_plain, line))} |" for line in (head, rule, *rows))
-    return "\n".join([f"**{layout.title}**", "", *lines])
+    return "\n".join([f"**{table.title}**", "", *([table.note, ""] if table.note else []), *lines])
+
+
+def _factors(cells: Iterable[Cell | None]) -> list[str]:
+    return list(dict.fromkeys(name for cell in cells for name, _ in cell or ()))
 
 
 def _levels(cell: Cell | None, names: Sequence[str]) -> list[str]:
@@ -38,7 +42,7 @@ def _plain(text: str) -> str:
 
 def comma_separated(found: Sequence[Answer], baseline: str) -> str:
     """One line per cell, planner and metric, values in SI units; empty where undefined."""
-    names = list(dict.fromkeys(name for answer in found for name, _ in answer.cell or ()))
+    names = _factors(answer.cell for answer in found)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*names, *_CSV])

@@ -1,12 +1,10 @@
 """`report.html`: a study on one page that needs nothing else, written for readers that did not run it."""
 
-import base64
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.resources import files
 from string import Template
-
-from sim.report.figures.pictures import Picture
 
 
 def page(title: str, sections: Sequence[tuple[str, str]]) -> str:
@@ -20,14 +18,30 @@ def page(title: str, sections: Sequence[tuple[str, str]]) -> str:
     return Template(template).substitute(title=escape(title), style=style.rstrip(), body=body)
 
 
-def figures(pictures: Sequence[Picture]) -> str:
-    """Pictures inside the page, as SVG unless that is far larger."""
-    return "\n".join(_figure(picture) for picture in pictures)
+def listed(lines: Iterable[str]) -> str:
+    """Plain lines as a list."""
+    return "<ul>\n" + "\n".join(f"<li>{escape(line)}</li>" for line in lines) + "\n</ul>"
 
 
-def _figure(picture: Picture) -> str:
-    kind, data = ("svg+xml", picture.svg) if len(picture.svg) < 3 * len(picture.png) else ("png", picture.png)
-    source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
-    image = f'<img src="{source}" alt="{escape(picture.alt)}">'
-    caption = f"<figcaption>{escape(picture.caption)}</figcaption>"
-    return f"<h3>{escape(picture.title)}</h3>\n<figure>\n{image}\n{caption}\n</figure>"
+def paragraph(text: str, kind: str = "") -> str:
+    """A plain text."""
+    return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
+
+
+def commanded(text: str) -> str:
+    """A command line, which one click selects whole."""
+    return f'<code class="command">{escape(text)}</code>'
+
+
+def table(heads: Sequence[str], rows: Sequence[str], kind: str = "") -> str:
+    """A table of rows that are HTML, under its headings."""
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    lines = "\n".join(_labelled(row, heads) for row in rows)
+    text = f'<table class="{kind}"><thead><tr>{head}</tr></thead>\n<tbody>\n{lines}\n</tbody></table>'
+    return f'<div class="wide">{text}</div>'
+
+
+def _labelled(row: str, heads: Sequence[str]) -> str:
+    """A row whose cells know their headings, for screens too narrow for columns."""
+    names = iter(heads)
+    return re.sub(r"<td\b", lambda _: f'<td data-head="{escape(next(names))}"', row)

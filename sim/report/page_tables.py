@@ -1,7 +1,7 @@
 """Tables of results and run times on the report's page, and the verdict on a planner in one sentence."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import groupby
 
@@ -9,26 +9,28 @@ from sim.analysis.answers import Answer
 from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.differences import Difference
 from sim.evaluation.metric import Metric
-from sim.report.page_elements import table
-from sim.report.tables import Layout, tables, texts_of
+from sim.report.page import table
+from sim.report.tables import Table, tables
 
 
 def result_tables(found: Sequence[Answer], baseline: str) -> str:
     """The tables of each metric."""
-    return "\n".join(_table(layout, lines) for layout, lines in tables(found, baseline))
+    return "\n".join(f"<h3>{escape(t.title)}{_aim(t.metric)}</h3>\n{html_table(t)}" for t in tables(found, baseline))
 
 
-def _table(layout: Layout, found: Sequence[Answer]) -> str:
+def html_table(shown: Table) -> str:
+    """A table as HTML, with a line above those of each cell."""
     rows = []
-    for cell, lines in groupby(found, lambda answer: answer.cell):
+    for cell, lines in groupby(shown.rows, lambda row: row[0]):
         if cell != ():
-            rows.append(f'<tr><th colspan="{len(layout.heads)}">{escape(_place(cell))}</th></tr>')
-        for answer in lines:
-            first, *rest = layout.texts(answer)
-            cells = "".join(f"<td>{escape(text)}</td>" for text in rest)
-            rows.append(f'<tr><td class="name">{escape(first)}</td>{cells}</tr>')
-    aim = _aim(found[0].metric) if layout.first else ""
-    return f"<h3>{escape(layout.title)}{aim}</h3>\n{table(layout.heads, rows)}"
+            rows.append(f'<tr><th colspan="{len(shown.heads)}">{escape(_place(cell))}</th></tr>')
+        for _, (first, *rest) in lines:
+            rows.append(f'<tr><td class="name">{escape(first)}</td>{_entries(rest)}</tr>')
+    return table(shown.heads, rows)
+
+
+def _entries(texts: Iterable[str]) -> str:
+    return "".join(f"<td>{escape(text)}</td>" for text in texts)
 
 
 def runtime_tables(found: Sequence[Answer]) -> str:
@@ -41,15 +43,15 @@ def runtime_tables(found: Sequence[Answer]) -> str:
 def _pivot(metric: Metric, found: Sequence[Answer], planners: Sequence[str]) -> str:
     rows = []
     for cell, lines in groupby(found, lambda answer: answer.cell):
-        means = {answer.planner: texts_of(answer, compared=False)[2] for answer in lines}
-        cells = "".join(f"<td>{escape(means.get(planner, ''))}</td>" for planner in planners)
-        rows.append(f"<tr><td>{escape(_place(cell)) or 'all missions'}</td>{cells}</tr>")
+        means = {answer.planner: answer.mean.text(metric) for answer in lines}
+        rows.append(f"<tr>{_entries([_place(cell) or 'all missions', *(means.get(p, '') for p in planners)])}</tr>")
     return f"<h3>{escape(metric.title)}{_aim(metric)}</h3>\n{table(['cell', *planners], rows)}"
 
 
-def _aim(metric: Metric) -> str:
-    aim = "" if metric.better == "neither" else f": {metric.better} is better"
-    return f'<span class="soft">{aim}</span>'
+def _aim(metric: Metric | None) -> str:
+    """Way in which the metric is better, behind a title; nothing behind that of another table."""
+    aim = "" if metric is None or metric.better == "neither" else f": {metric.better} is better"
+    return f'<span class="soft">{aim}</span>' if metric else ""
 
 
 def _place(cell: Cell | None) -> str:

@@ -1,5 +1,6 @@
 """Report of a study: `report.html`, tables and figures."""
 
+import base64
 import hashlib
 import os
 import platform
@@ -18,16 +19,15 @@ from sim.analysis.metric_choice import RUNTIME, available, chosen, metric_shown
 from sim.analysis.planner_labels import baseline_of, entrant
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import whole
-from sim.report.figures.pictures import pictures, runtime_pictures
+from sim.report.figures.pictures import Picture, pictures, runtime_pictures
 from sim.report.formats import comma_separated, markdown
-from sim.report.page import figures, page
-from sim.report.page_elements import commanded, facts, listed, paragraph
-from sim.report.page_tables import result_tables, runtime_tables, verdict
+from sim.report.page import commanded, listed, page, paragraph
+from sim.report.page_tables import html_table, result_tables, runtime_tables, verdict
 from sim.report.scores import scored_parts
 from sim.report.single_trials import failures, maps
 from sim.report.tables import notes, shortfalls
-from sim.study.row import Row
-from sim.study.score import Score
+from sim.study.study import Score
+from sim.study.tasks import Row
 from tracking.plugins.registry import InputError
 
 _FIGURES = r"(ecdf|time|maps|runtime|score)(-[a-z0-9-]+)?\.(svg|png)"  # what a report calls them
@@ -101,21 +101,38 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
         ("", f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"),
         ("In short", _in_short(found, baseline, metrics)),
         ("What was run", _what_was_run(rows, every, about, baseline)),
-        *([("Scores", scored.page + figures(scored.drawn))] if scored else []),
+        *(
+            [("Scores", paragraph(scored.table.note) + html_table(scored.table) + _figures([scored.picture]))]
+            if scored
+            else []
+        ),
         ("Results", f"{listed(notes(found))}\n{result_tables(found, baseline)}"),
-        ("Figures", figures(drawn)),
-        *([("Run time", figures(timing) + runtime_tables(times))] if times else []),
+        ("Figures", _figures(drawn)),
+        *([("Run time", _figures(timing) + runtime_tables(times))] if times else []),
         *_trials(groups, every, metrics),
         ("How to read this", listed(HOW_TO_READ)),
     ]
     files = {
         "report.html": page(f"{about.study}: understory", sections).encode(),
         "table.csv": comma_separated(all_answers, baseline).encode(),
-        "table.md": ((f"{scored.markdown}\n" if scored else "") + markdown(found, baseline)).encode(),
+        "table.md": markdown(found, baseline, scored.table if scored else None).encode(),
     }
-    for picture in (*drawn, *timing, *(scored.drawn if scored else ())):
+    for picture in (*drawn, *timing, *([scored.picture] if scored else [])):
         files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}
     return files
+
+
+def _figures(pictures: Sequence[Picture]) -> str:
+    """Pictures inside the page, as SVG unless that is far larger."""
+    parts = []
+    for picture in pictures:
+        small = len(picture.svg) < 3 * len(picture.png)
+        kind, data = ("svg+xml", picture.svg) if small else ("png", picture.png)
+        source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+        image = f'<img src="{source}" alt="{escape(picture.alt)}">'
+        caption = f"<figcaption>{escape(picture.caption)}</figcaption>"
+        parts.append(f"<h3>{escape(picture.title)}</h3>\n<figure>\n{image}\n{caption}\n</figure>")
+    return "\n".join(parts)
 
 
 def _trials(groups: Sequence[Group], every: Sequence[Group], metrics: Sequence[Metric]) -> list[tuple[str, str]]:
@@ -151,24 +168,24 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
     versions = {**about.versions, "understory": ", ".join(sorted({row.version for row in rows}))}
     settings = set.intersection(*({f"{key} = {value}" for key, value in row.settings.items()} for row in rows))
     planners = dict.fromkeys(entrant(row) for group in every for row in (*group.done, *group.failed))
-    text = facts(
-        [
-            ("scenario", ", ".join(sorted({row.scenario for row in rows}))),
-            ("everywhere", cell_text(constant(every))),
-            ("set for all trials", ", ".join(sorted(settings))),
-            *((f"{cell_text(((name, ''),)).removesuffix(' = ')} varies", ", ".join(v)) for name, v in changing.items()),
-            ("planners", "; ".join(planners)),
-            ("baseline", baseline),
-            ("seeds (maps)", f"{len(seeds)}: {ranges(seeds)}"),
-            ("repeats of each map", str(repeats) if repeats > 1 else ""),
-            ("trials", f"{len(rows) - failed} done, {failed} failed"),
-            ("time of all trials, added up", "" if about.wall_s is None else duration(about.wall_s)),
-            ("trials flown on", "; ".join(sorted({row.machine for row in rows} - {""}))),
-            ("hash of all recordings", _recordings_hash(rows)),
-            ("report made on", about.machine),
-            ("versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
-        ]
-    )
+    facts = [
+        ("scenario", ", ".join(sorted({row.scenario for row in rows}))),
+        ("everywhere", cell_text(constant(every))),
+        ("set for all trials", ", ".join(sorted(settings))),
+        *((f"{cell_text(((name, ''),)).removesuffix(' = ')} varies", ", ".join(v)) for name, v in changing.items()),
+        ("planners", "; ".join(planners)),
+        ("baseline", baseline),
+        ("seeds (maps)", f"{len(seeds)}: {ranges(seeds)}"),
+        ("repeats of each map", str(repeats) if repeats > 1 else ""),
+        ("trials", f"{len(rows) - failed} done, {failed} failed"),
+        ("time of all trials, added up", "" if about.wall_s is None else duration(about.wall_s)),
+        ("trials flown on", "; ".join(sorted({row.machine for row in rows} - {""}))),
+        ("hash of all recordings", _recordings_hash(rows)),
+        ("report made on", about.machine),
+        ("versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
+    ]
+    lines = [f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts if value]
+    text = "<dl>\n" + "\n".join(lines) + "\n</dl>"
     return text + (paragraph("The command that runs it again:") + commanded(about.command) if about.command else "")
 
 

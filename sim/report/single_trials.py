@@ -10,9 +10,9 @@ from sim.analysis.cell_text import Cell, cell_text, cells_of
 from sim.analysis.cells import Group
 from sim.analysis.planner_labels import entrant
 from sim.evaluation.metric import Metric
-from sim.report.page_elements import commanded, table
+from sim.report.page import commanded, table
 from sim.scenario.random_streams import numbered
-from sim.study.row import Row
+from sim.study.tasks import Row
 
 
 def command(row: Row) -> str:

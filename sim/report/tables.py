@@ -1,20 +1,18 @@
 """The answers of a study as tables, in the terminal and as text for other forms."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Sequence
 from itertools import groupby
 from typing import NamedTuple
 
 from sim.analysis.answers import Answer
-from sim.analysis.cell_text import cell_text
+from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.coverage import caveats
 from sim.analysis.differences import Difference
 from sim.analysis.intervals import LEVEL
 from sim.analysis.significance import MOST_MAPS, POWER
 from sim.evaluation.metric import UNKNOWN, Metric
 
-_OF_PAIRS = ("won, tied, lost", "maps needed")
 _NOTE = "In brackets: 95 % intervals over the maps (seeds); expect means of as many others within 1.4 times the width."
 _COMPARED = (
     "Differences are means over the maps that both flew; won, tied, lost counts these maps. Maps needed: so many find "
@@ -23,37 +21,31 @@ _COMPARED = (
 _REPEATED = "Each map counts once, with the mean of its repeats. Spreads are standard deviations."
 
 
-class Layout(NamedTuple):
-    """A table of one metric: its title, its headings, and what stands under them for an answer."""
+class Table(NamedTuple):
+    """A table of the report: its lines, each with its cell, the empty one if the table has no cells."""
 
     title: str
     heads: list[str]
-    texts: Callable[[Answer], list[str]]
-
-    @property
-    def first(self) -> bool:
-        """True for the metric's main table."""
-        return "mean" in self.heads
+    rows: list[tuple[Cell | None, list[str]]]
+    metric: Metric | None = None  # whose main table it is
+    note: str = ""
 
 
-def tables(found: Sequence[Answer], baseline: str) -> Iterator[tuple[Layout, list[Answer]]]:
-    """The tables of each metric, with the answers in them."""
-    for _, group in groupby(found, lambda answer: answer.metric):
+def tables(found: Sequence[Answer], baseline: str) -> list[Table]:
+    """The tables of each metric: the results and, where maps were repeated, the spreads."""
+    listed = []
+    for metric, group in groupby(found, lambda answer: answer.metric):
         lines = list(group)
-        for layout in _layouts(lines, baseline):
-            yield layout, lines
-
-
-def _layouts(found: Sequence[Answer], baseline: str) -> list[Layout]:
-    """The tables of the answers of one metric: the results and, where maps were repeated, the spreads."""
-    metric, compared = found[0].metric, any(answer.difference for answer in found)
-    columns = ["planner", "maps", "mean", "median", *([f"minus {baseline}", *_OF_PAIRS] if compared else [])]
-    main = Layout(metric.title, columns, partial(texts_of, compared=compared))
-    if not _repeated(found):
-        return [main]
-    heads = ["planner", "between maps", "within maps"]
-    heads += [f"minus {baseline}: between", "within", "maps needed"] if compared else []
-    return [main, Layout(f"{metric.title}: spread", heads, partial(_spread_texts, compared=compared))]
+        compared = any(answer.difference for answer in lines)
+        heads = ["planner", "maps", "mean", "median"]
+        heads += [f"minus {baseline}", "won, tied, lost", "maps needed"] if compared else []
+        listed.append(Table(metric.title, heads, [(a.cell, _texts(a, compared)) for a in lines], metric))
+        if _repeated(lines):
+            heads = ["planner", "between maps", "within maps"]
+            heads += [f"minus {baseline}: between", "within", "maps needed"] if compared else []
+            rows = [(a.cell, _spread_texts(a, compared)) for a in lines]
+            listed.append(Table(f"{metric.title}: spread", heads, rows))
+    return listed
 
 
 def _repeated(found: Sequence[Answer]) -> bool:
@@ -91,8 +83,7 @@ def shortfalls(found: Sequence[Answer]) -> list[str]:
     return list(lines)
 
 
-def texts_of(answer: Answer, *, compared: bool) -> list[str]:
-    """Entries under the headings."""
+def _texts(answer: Answer, compared: bool) -> list[str]:
     metric = answer.metric
     maps = str(answer.maps) if answer.maps == answer.flown else f"{answer.maps}/{answer.flown}"
     own = [maps, answer.mean.text(metric), answer.median.text(metric)]
@@ -117,7 +108,7 @@ def _needed(difference: Difference) -> str:
     return UNKNOWN if math.isnan(difference.needed) else str(round(difference.needed))
 
 
-def _spread_texts(answer: Answer, *, compared: bool) -> list[str]:
+def _spread_texts(answer: Answer, compared: bool) -> list[str]:
     metric, gap = answer.metric, answer.difference
     texts = [answer.planner, *(["", ""] if answer.cell is None else answer.spread.texts(metric))]
     if compared:

@@ -4,20 +4,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 
+import rich.table
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
-from sim.analysis.answers import Answer, answers
+from sim.analysis.answers import answers
 from sim.analysis.cell_text import cell_text
 from sim.analysis.cells import constant, grouped, trimmed
 from sim.analysis.metric_choice import chosen
 from sim.analysis.planner_labels import baseline_of, short_labels
-from sim.report.scores import TITLE, Scored, scored_parts
-from sim.report.tables import Layout, notes, shortfalls, tables
-from sim.study.row import Row
-from sim.study.score import Score
+from sim.report.scores import scored_parts
+from sim.report.tables import Table, notes, shortfalls, tables
+from sim.study.study import Score
+from sim.study.tasks import Row
 from sim.terminal.console import console
 
 WIDE = 100  # columns from which on there is room for all columns
@@ -47,12 +47,12 @@ def show(
     found = [replace(answer, planner=shorts[answer.planner]) for answer in full]
     if constant(groups):
         on.print(f"Everywhere: {escape(cell_text(constant(groups)))}")
-    for layout, lines in tables(found, shorts[first]):
-        on.print(_terminal_table(layout, lines, on.width >= WIDE))
+    for table in tables(found, shorts[first]):
+        on.print(_terminal_table(table, on.width >= WIDE))
     scored = scored_parts(rows, trimmed(groups), score, labels)
     if scored:
-        on.print(_score_table(scored, shorts))
-        on.print(scored.note, style="dim")
+        on.print(_terminal_table(scored.table._replace(heads=[shorts.get(head, head) for head in scored.table.heads])))
+        on.print(scored.table.note, style="dim")
     for label, short in shorts.items():
         if short != label:
             on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)
@@ -62,29 +62,18 @@ def show(
         on.print(escape(line), style="bold red")
 
 
-def _score_table(scored: Scored, shorts: Mapping[str, str]) -> Table:
-    table = Table(title=TITLE, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    heads, *lines = scored.lines
-    for i, head in enumerate(heads):
-        table.add_column(escape(shorts.get(head, head)), justify="right" if i else "left", overflow="fold")
-    for line in lines:
-        table.add_row(*map(escape, line))
-    return table
-
-
-def _terminal_table(layout: Layout, found: Sequence[Answer], wide: bool) -> Table:
-    kept = [i for i, name in enumerate(layout.heads) if wide or not layout.first or name not in _WIDE_ONLY]
-    table = Table(
-        title=escape(layout.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
+def _terminal_table(shown: Table, wide: bool = True) -> rich.table.Table:
+    kept = [i for i, name in enumerate(shown.heads) if wide or not shown.metric or name not in _WIDE_ONLY]
+    table = rich.table.Table(
+        title=escape(shown.title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
     )
     for i in kept:
-        name = escape(layout.heads[i]).replace("tied, ", "tied,\n").replace("maps needed", "maps\nneeded")
+        name = escape(shown.heads[i]).replace("tied, ", "tied,\n").replace("maps needed", "maps\nneeded")
         table.add_column(name, justify="left" if i == 0 else "right", overflow="fold")
-    for cell, lines in groupby(found, lambda answer: answer.cell):
+    for cell, lines in groupby(shown.rows, lambda row: row[0]):
         table.add_section()
         if cell != ():
             table.add_row(f"[bold]{escape(cell_text(cell))}[/bold]")
-        for answer in lines:
-            texts = layout.texts(answer)
+        for _, texts in lines:
             table.add_row(*(escape(texts[i]) for i in kept))
     return table

@@ -18,8 +18,8 @@ from sim.analysis.distributions import share_under
 from sim.analysis.metric_choice import chosen
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
-from sim.study.row import Row
 from sim.study.store import read_rows
+from sim.study.tasks import Row
 from sim.terminal.commands import run_alone
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean

@@ -9,13 +9,14 @@ import msgspec
 from msgspec import Struct
 
 from sim.scenario.quantities import integers
-from sim.study.score import UNLIMITED, VIEW
 from sim.study.settings_text import flat, option, toml
 from sim.study.study import Study, check_keys
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 TRACKER = "tracker"
+VIEW = "view"  # which the trials of the bound alone have
+_UNLIMITED = {"sensing.mode": "ideal", "sensing.field_of_view": "unlimited"}  # their settings
 ENTERED = (TRACKER, VIEW)  # factors whose levels are compared as planners are
 _MOST_CELLS = 10_000
 _OTHER = ("planner", "scenario")  # what trials are left out by, beside factors
@@ -65,7 +66,7 @@ def cells(study: Study) -> list[Cell]:
         made = [Cell(scenario, shown, settings, planner, options) for planner in planners]
         if study.score:
             seen = (*shown, (VIEW, "unlimited"))
-            made.append(Cell(scenario, seen, settings | UNLIMITED, study.score.bound, options))
+            made.append(Cell(scenario, seen, settings | _UNLIMITED, study.score.bound, options))
         for cell in made:
             place = {"planner": cell.planner, "scenario": scenario, **dict(levels)}
             if not any(_matches(rule, place) for rule in study.exclude):

@@ -11,9 +11,8 @@ from queue import Empty, SimpleQueue
 from sim.recording.atomic_files import whole
 from sim.scenario.random_streams import numbered
 from sim.study.backends import Backend
-from sim.study.row import Row
 from sim.study.store import Store, StoreError
-from sim.study.tasks import Task
+from sim.study.tasks import Row, Task
 from sim.study.trial import Flown, failed
 
 ATTEMPTS = 2

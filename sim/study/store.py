@@ -13,8 +13,7 @@ import numpy as np
 
 from sim.recording.dataframes import dataframe
 from sim.recording.npz import line
-from sim.study.row import Row
-from sim.study.tasks import Task
+from sim.study.tasks import Row, Task
 from tracking.plugins.registry import InputError
 
 SCHEMA = 2  # in the file's user_version; docs/how-to/studies.md describes it

@@ -10,12 +10,19 @@ from msgspec import Meta, Struct
 from sim.installation import ASSETS
 from sim.scenario.quantities import REPEATS
 from sim.scenario.text_files import toml_file
-from sim.study.score import Score
 from sim.study.settings_text import flat, toml
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
+
+
+class Score(Struct, frozen=True, forbid_unknown_fields=True):
+    """Ends between which a study places its planners; both are flown, whatever planners are compared."""
+
+    floor: str  # a planner
+    bound: str  # a planner, which flies with an unlimited field of view and ideal sensing
+    metric: str = "gospa.mean_m"
 
 
 class Study(Struct, frozen=True):
@@ -31,11 +38,6 @@ class Study(Struct, frozen=True):
     factors: dict[str, dict[str, dict[str, Any]]] = {}  # of each name and level: overrides, and `planner` options
     exclude: tuple[dict[str, str | list[str]], ...] = ()  # trials that match all entries of one are left out
     score: Score | None = None
-
-
-def is_study(path: Path) -> bool:
-    """True if a TOML file is a study, not a scenario."""
-    return path.is_file() and "study" in toml_file(path, "study")
 
 
 def read(name: str) -> Study:

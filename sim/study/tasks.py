@@ -1,4 +1,4 @@
-"""Trials of a study as values that any process can be sent, each with the key under which its result is kept."""
+"""Trials of a study and their results, as values that any process can be sent, each under the key of its trial."""
 
 import functools
 import hashlib
@@ -6,10 +6,11 @@ import inspect
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-import msgspec
+import numpy as np
 from msgspec import Struct
+from numpy.typing import NDArray
 
 from planning.loading import load_planner
 from sim.scenario.loading import load
@@ -19,6 +20,7 @@ from sim.scenario.text_files import content
 from sim.study.cells import cells
 from sim.study.study import Study
 from sim.world.trajectories import MOST_BYTES
+from tracking.numerics.arrays import Array
 from tracking.plugins.registry import InputError
 
 _MOST_TRIALS = 1_000_000
@@ -45,6 +47,26 @@ class Task(Struct, frozen=True, kw_only=True):
         """The fields that a row has from its task."""
         names = ("study", "scenario", "factors", "settings", "planner", "seed", "repeat", "version")
         return {name: getattr(self, name) for name in names}
+
+
+class Row(Struct, frozen=True, kw_only=True, eq=False):
+    """One trial: where in the study it stands, what reproduces it, and its results."""
+
+    study: str
+    scenario: str  # name, or .toml file
+    factors: tuple[tuple[str, str], ...]  # what varies by cell, as shown: (("lambda", "45"), ("R", "5"))
+    planner: str  # as --planner takes it
+    seed: int
+    repeat: int = 0  # of the chance on the seed's map
+    version: str  # of the package
+    status: Literal["done", "failed"]
+    error: str = ""
+    metrics: dict[str, float]  # flat names, as in docs/how-to/studies.md; NaN: undefined
+    ospa: NDArray[np.float32]  # (T,) m at each scan, mean over the UAVs that work; NaN if none does
+    times: Array  # (T,) s
+    recording: str = ""  # SHA-256 of its file, wherever it was flown; empty if it failed
+    machine: str = ""  # that flew it: processor and BLAS
+    settings: dict[str, str]  # overrides: `understory run SCENARIO --set key=value ... --planner ... --seed ...`
 
 
 def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
@@ -136,15 +158,3 @@ def _check_distinct(first: Sequence[Task]) -> None:
 
 def _place(task: Task) -> str:
     return ", ".join([*(f"{name} {level}" for name, level in task.factors), task.planner])
-
-
-def check_worlds(found: Sequence[Task]) -> None:
-    """InputError unless forest and people of each setting can be placed, tried with its first seed."""
-    from sim.mission.mission import forest_and_people  # late, as it needs the engine
-
-    tried: dict[bytes, None] = {}
-    for task in found:
-        setting = msgspec.json.encode(task.setting)
-        if setting not in tried:
-            tried[setting] = None
-            forest_and_people(task.setting, task.seed)

@@ -20,8 +20,7 @@ from sim.mission.warmup import warm_up
 from sim.recording.archive import digest, save
 from sim.recording.recording import Recording
 from sim.running.flight import fly as flown
-from sim.study.row import Row
-from sim.study.tasks import Task, release
+from sim.study.tasks import Row, Task, release
 from tracking.plugins.containment import ForeignError, contained
 
 

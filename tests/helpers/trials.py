@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.study.row import Row
+from sim.study.tasks import Row
 
 SETTINGS = {"trees.density": "75", "sensing.mode": "ideal", "duration": "10"}
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from sim.report.report import About, made
 from sim.report.scores import TITLE
 from sim.report.terminal import show
-from sim.study.score import Score
+from sim.study.study import Score
 
 SCORE = Score(floor="hover", bound="sma-nbo")
 

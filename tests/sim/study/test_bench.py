@@ -10,9 +10,8 @@ from helpers.studies import Serial
 from sim.installation import ASSETS
 from sim.scenario.loading import SCENARIOS, load, remarks
 from sim.scenario.scenario import resolved
-from sim.study.cells import cells
+from sim.study.cells import VIEW, cells
 from sim.study.engine import rows_of
-from sim.study.score import VIEW
 from sim.study.study import adapted, read
 from sim.study.tasks import task_of, tasks
 from tracking.plugins.registry import InputError
