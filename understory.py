@@ -96,16 +96,11 @@ __all__ = [
 ]
 
 
-def _check_place(package: str) -> None:
-    """ImportError if a module of the user's hides a package of Understory's."""
-    found = find_spec(package)
-    places = [*(found.submodule_search_locations or ()), found.origin] if found else []
-    if places and str(Path(__file__).with_name(package)) not in places:
-        raise ImportError(f"understory: {places[0]} hides Understory's package {package!r}; rename it")
-
-
 for _package in ("sim", "planning", "tracking"):
-    _check_place(_package)
+    _found = find_spec(_package)
+    _places = [*(_found.submodule_search_locations or ()), _found.origin] if _found else []
+    if _places and str(Path(__file__).with_name(_package)) not in _places:
+        raise ImportError(f"understory: {_places[0]} hides Understory's package {_package!r}; rename it")
 
 
 def run(
@@ -183,10 +178,10 @@ def compare(
     """
     from sim.recording.dataframes import dataframe
     from sim.study.backends import Pool
-    from sim.study.engine import fly_all
+    from sim.study.engine import rows_of
     from sim.study.store import frame_of
     from sim.study.study import Study
-    from sim.study.tasks import Row, tasks
+    from sim.study.tasks import tasks
 
     dataframe({})  # complains now rather than after the flights
     study = Study(
@@ -197,11 +192,8 @@ def compare(
         repeats=repeats,
         settings=dict(item.split("=", 1) for item in _overrides(settings)),
     )
-    rows: dict[str, Row] = {}
-    listed = tasks(study)
     with Pool(workers or os.cpu_count() or 1) as pool:
-        fly_all(listed, pool, lambda task, flown: rows.update({task.key: flown.row}))
-    return frame_of([rows[task.key] for task in listed])
+        return frame_of(rows_of(tasks(study), pool))
 
 
 def _overrides(settings: Mapping[str, Any] | None) -> list[str]:

@@ -1,4 +1,4 @@
-"""Entry of the command line: `understory COMMAND`, whose commands are the modules of `sim.cli`."""
+"""Entry of the command line: `understory COMMAND`, whose commands are functions of `sim.cli`."""
 
 import sys
 from collections.abc import Callable
@@ -9,15 +9,12 @@ from sim.installation import ROOT, is_current_folder
 sys.path.append(str(ROOT))
 sys.path.sort(key=is_current_folder)
 
-from sim.cli.catalogues import planners, scenarios, studies
 from sim.cli.checks import check_detector, check_planner, check_tracker
 from sim.cli.compare import compare
 from sim.cli.explain import explain
-from sim.cli.export import export
-from sim.cli.frames import frames
-from sim.cli.replay import replay
+from sim.cli.recordings import export, frames, replay
 from sim.cli.run import run
-from sim.cli.start import start
+from sim.cli.start import planners, scenarios, start, studies
 from sim.terminal.commands import Command, concluded, new_app
 
 app = new_app()

@@ -42,9 +42,9 @@ PLANNING = {
     "sim/running/isolated_run.py",
     "sim/terminal/commands.py",
     "sim/cli/run.py",
-    "sim/cli/catalogues.py",
     "sim/cli/checks.py",
     "sim/cli/compare.py",
+    "sim/cli/start.py",
     "sim/replay/rerun/mwtp_matches.py",
     "sim/study/tasks.py",
 }

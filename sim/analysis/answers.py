@@ -9,8 +9,7 @@ from sim.analysis.cell_text import Cell
 from sim.analysis.cells import Group
 from sim.analysis.differences import Difference, Pairs, map_values, paired
 from sim.analysis.distributions import NO_SPREAD, Spread, spreads
-from sim.analysis.intervals import NO_ESTIMATE, Estimate, means, medians
-from sim.analysis.significance import holm
+from sim.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, means, medians
 from sim.evaluation.metric import Metric
 
 
@@ -48,6 +47,18 @@ def answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: str) -
             found.append(lines[j] if difference is None else replace(lines[j], difference=difference[j]))
         found += [Answer(None, planner, metrics[j], difference=total[j]) for planner, total in overall.items()]
     return _judged(found)
+
+
+def holm(chances: Sequence[float]) -> list[bool]:
+    """Marks of the p-values that stay below 5 % when all are judged together.
+
+    Source: S. Holm, A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics, 1979.
+    """
+    order = np.argsort(chances, kind="stable")
+    adjusted = np.array(chances)[order] * np.arange(len(chances), 0, -1)
+    kept = np.zeros(len(chances), dtype=bool)
+    kept[order] = np.maximum.accumulate(adjusted) <= 1 - LEVEL
+    return kept.tolist()
 
 
 def _judged(found: Sequence[Answer]) -> list[Answer]:

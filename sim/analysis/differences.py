@@ -7,8 +7,7 @@ import numpy as np
 
 from sim.analysis.cells import Flight, Group
 from sim.analysis.distributions import NO_SPREAD, Spread, spreads
-from sim.analysis.intervals import LEVEL, Estimate, means
-from sim.analysis.significance import chances, maps_needed
+from sim.analysis.intervals import LEVEL, Estimate, chances, maps_needed, means
 from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 

@@ -1,21 +1,24 @@
-"""Means and medians over maps with their intervals.
+"""Means and medians over maps with their intervals, tests of differences, and the number of maps that a test needs.
 
 Maps are what is sampled: a map's value is the mean over its repeats. Intervals are of 95 %, each for itself: of twenty
 comparisons, one is expected to miss.
 """
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.special import bdtrik, stdtrit
+from scipy.special import bdtrik, nctdtr, stdtr, stdtrit
 
 from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
 LEVEL = 0.95
+POWER = 0.8  # with which `maps_needed` finds a difference
+MOST_MAPS = 9999  # beyond which no number is told
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,26 @@ def medians(values: Array) -> list[Estimate]:
     return _by_column(values, _medians)
 
 
-def moments(values: Array) -> tuple[float, float, float]:
+def chances(values: Array) -> list[float]:
+    """For each column of differences (n, M) the p-value of no difference in the mean; 1 where nothing is known.
+
+    The interval of `means` at the level 1 - p ends at zero, so p is below 5 % where that of 95 % leaves zero out. It
+    is never below 2 / 2ⁿ, the least that n maps can give a test without assumptions on the distribution; so nothing
+    is told apart on fewer than six.
+    """
+    return [_chance(column[np.isfinite(column)]) for column in values.T]
+
+
+def maps_needed(values: Array) -> list[float]:
+    """For each column of differences (n, M) the number of maps that would tell it apart from zero; infinity: too many.
+
+    The least number for which a paired t test of 5 %, two-sided, finds a true difference of the mean observed with a
+    probability of 80 %, if maps differ by the standard deviation observed; never fewer than six. NaN of fewer than two.
+    """
+    return [_needed(column[np.isfinite(column)]) for column in values.T]
+
+
+def _moments(values: Array) -> tuple[float, float, float]:
     """Mean, its standard error, and the unit γ s / 6n of the Edgeworth term, of two values or more."""
     n, centre = len(values), float(values.mean())
     if np.ptp(values) == 0:
@@ -80,7 +102,7 @@ def _by_column(values: Array, estimate: Callable[[Array], Estimate]) -> list[Est
 
 
 def _means(values: Array) -> Estimate:
-    centre, error, unit = moments(values)
+    centre, error, unit = _moments(values)
     quantile = float(stdtrit(len(values) - 1, (1 + LEVEL) / 2))
     reach = unit * (1 + 2 * quantile**2)
     return Estimate(centre, centre - quantile * error + min(reach, 0.0), centre + quantile * error + max(reach, 0.0))
@@ -96,3 +118,38 @@ def _medians(values: Array) -> Estimate:
 def _rank(n: int) -> int:
     """The greatest rank of n values that the median lies below in 2.5 % of cases at most; the first if none is."""
     return int(np.fmax(1, np.ceil(bdtrik((1 - LEVEL) / 2, n, 0.5))))  # below rank r: of n coins fewer than r show heads
+
+
+def _chance(values: Array) -> float:
+    n = len(values)
+    if n < 2:
+        return 1.0
+    centre, error, unit = _moments(values)
+    least = 2.0 ** (1 - n)
+    if error == 0.0:
+        return least if centre else 1.0
+    # The quantile at which the end towards zero is zero: |centre| = q error + reach (1 + 2 q²).
+    reach = max(-unit if centre > 0 else unit, 0.0)
+    room = abs(centre) - reach
+    if room <= 0:
+        return 1.0
+    quantile = 2 * room / (error + np.sqrt(error**2 + 8 * reach * room))
+    return max(least, 2 * float(stdtr(n - 1, -quantile)))
+
+
+def _needed(values: Array) -> float:
+    if len(values) < 2:
+        return np.nan
+    centre, error, _ = _moments(values)
+    if centre == 0:
+        return np.inf
+    effect = abs(centre) / (error * np.sqrt(len(values))) if error else np.inf
+    numbers = range(6, MOST_MAPS + 1)
+    first = bisect_left(numbers, True, key=lambda maps: _found(effect, maps))
+    return float(numbers[first]) if first < len(numbers) else np.inf
+
+
+def _found(effect: float, maps: int) -> bool:
+    """True if so many maps tell a mean of `effect` standard deviations apart with the power that is asked for."""
+    shift = effect * np.sqrt(maps)
+    return bool(shift > 30 or nctdtr(maps - 1, shift, stdtrit(maps - 1, (1 + LEVEL) / 2)) <= 1 - POWER)

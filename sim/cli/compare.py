@@ -31,70 +31,53 @@ if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.study.tasks import Row
 
 
-StudyName = Annotated[
-    str, typer.Argument(metavar="STUDY", help="Name (see `understory studies`), study file, or scenario.")
-]
-Planners = Annotated[
-    list[str] | None,
-    typer.Option(metavar="NAME", help="A planner; repeat for each. Default: the study's, or two of the paper's."),
-]
-Trackers = Annotated[
-    list[str] | None,
-    typer.Option(metavar="NAME", help="A tracker, each with each planner; repeat for each. Default: the scenario's."),
-]
-Seeds = Annotated[
-    str | None, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. [default: 0-9]")
-]
-Maps = Annotated[str | None, typer.Option(metavar="N", help="Seeds 0 to N - 1; the paper has 50.")]
-Repeats = Annotated[
-    str | None, typer.Option(metavar="K", help="Flights on each map, with other noise each. [default: 1]")
-]
-Sensing = Annotated[str | None, typer.Option(metavar="MODE", help="camera or ideal.")]
-Out = Annotated[
-    Path | None,
-    typer.Option(metavar="DIR", help="Folder of results; what is there is not flown again. Default: one under runs/."),
-]
-Baseline = Annotated[
-    str | None, typer.Option(metavar="NAME", help="The planner that others are compared with. Default: the first.")
-]
-Labels = Annotated[
-    list[str] | None,
-    typer.Option(metavar="NAME=PLANNER", help="A short name for a planner in tables and figures; repeatable."),
-]
-Metrics = Annotated[
-    list[str] | None, typer.Option(metavar="NAME", help="What to compare, see docs/how-to/studies.md; repeatable.")
-]
-Workers = Annotated[str | None, typer.Option(metavar="N", help="Processes to fly in. Default: one a core.")]
-Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster: tcp://host:8786.")]
-Timeout = Annotated[
-    str | None, typer.Option(metavar="TIME", help="Wall time beyond which a trial has failed: 90, 5min.")
-]
-Keep = Annotated[str | None, typer.Option(metavar="WHAT", help="recordings: keep each mission.npz.")]
-Redo = Annotated[bool, typer.Option("--redo", help="Fly again what is there already.")]
-
-
-_MOST_WORKERS = 1024
-
-
 def compare(
-    study: StudyName = "forest",
-    planner: Planners = None,
-    tracker: Trackers = None,
-    seeds: Seeds = None,
-    maps: Maps = None,
-    repeats: Repeats = None,
-    sensing: Sensing = None,
+    study: Annotated[
+        str, typer.Argument(metavar="STUDY", help="Name (see `understory studies`), study file, or scenario.")
+    ] = "forest",
+    planner: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A planner; repeat for each. Default: the study's, or two of the paper's."),
+    ] = None,
+    tracker: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME", help="A tracker, each with each planner; repeat for each. Default: the scenario's."
+        ),
+    ] = None,
+    seeds: Annotated[
+        str | None, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. [default: 0-9]")
+    ] = None,
+    maps: Annotated[str | None, typer.Option(metavar="N", help="Seeds 0 to N - 1; the paper has 50.")] = None,
+    repeats: Annotated[
+        str | None, typer.Option(metavar="K", help="Flights on each map, with other noise each. [default: 1]")
+    ] = None,
+    sensing: Annotated[str | None, typer.Option(metavar="MODE", help="camera or ideal.")] = None,
     duration: Duration = None,
     overrides: Overrides = None,
-    out: Out = None,
-    baseline: Baseline = None,
-    label: Labels = None,
-    metric: Metrics = None,
-    workers: Workers = None,
-    dask: Dask = None,
-    timeout: Timeout = None,
-    keep: Keep = None,
-    redo: Redo = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of results; what is there is not flown again. Default: one under runs/."
+        ),
+    ] = None,
+    baseline: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The planner that others are compared with. Default: the first.")
+    ] = None,
+    label: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=PLANNER", help="A short name for a planner in tables and figures; repeatable."),
+    ] = None,
+    metric: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="What to compare, see docs/how-to/studies.md; repeatable.")
+    ] = None,
+    workers: Annotated[str | None, typer.Option(metavar="N", help="Processes to fly in. Default: one a core.")] = None,
+    dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster: tcp://host:8786.")] = None,
+    timeout: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Wall time beyond which a trial has failed: 90, 5min.")
+    ] = None,
+    keep: Annotated[str | None, typer.Option(metavar="WHAT", help="recordings: keep each mission.npz.")] = None,
+    redo: Annotated[bool, typer.Option("--redo", help="Fly again what is there already.")] = False,
 ) -> None:
     """Fly planners or trackers on the same forests, people and seeds; compare them. Goes on where it stopped."""
     changes = [*_sensing(sensing), *with_duration(overrides, duration)]
@@ -103,7 +86,7 @@ def compare(
         replace(TRACKERS, field="--tracker").check(name)
     begun = with_trackers(_study(study), tracker or ())
     chosen = adapted(begun, planners=planner or (), seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
-    processes = integer(workers, "--workers", least=1, most=_MOST_WORKERS) if workers else os.cpu_count() or 1
+    processes = integer(workers, "--workers", least=1, most=1024) if workers else os.cpu_count() or 1
     limit = None if timeout is None else seconds(timeout, "--timeout")
     if keep not in (None, "recordings"):
         raise InputError(f"--keep: {keep!r} is unknown; {did_you_mean(keep, ['recordings'])}")

@@ -9,8 +9,7 @@ from sim.analysis.answers import Answer
 from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.coverage import caveats
 from sim.analysis.differences import Difference
-from sim.analysis.intervals import LEVEL
-from sim.analysis.significance import MOST_MAPS, POWER
+from sim.analysis.intervals import LEVEL, MOST_MAPS, POWER
 from sim.evaluation.metric import UNKNOWN, Metric
 
 _NOTE = "In brackets: 95 % intervals over the maps (seeds); expect means of as many others within 1.4 times the width."

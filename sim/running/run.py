@@ -15,7 +15,7 @@ from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import ScanProgress, Trial
 from sim.mission.warmup import announced, warm_up
-from sim.processes.interrupt import stop_request
+from sim.processes.isolation import stop_request
 from sim.recording.archive import save
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording

@@ -5,13 +5,12 @@ import numpy as np
 import pytest
 from helpers.trials import failed, row, study
 
-from sim.analysis.answers import answers
+from sim.analysis.answers import answers, holm
 from sim.analysis.cells import constant, grouped, trimmed, varying
 from sim.analysis.distributions import spreads
-from sim.analysis.intervals import means, medians
+from sim.analysis.intervals import chances, maps_needed, means, medians
 from sim.analysis.metric_choice import available, chosen, from_outside, metric_shown
 from sim.analysis.planner_labels import baseline_of
-from sim.analysis.significance import chances, holm, maps_needed
 from tracking.plugins.registry import InputError
 
 MEAN, SHARE, NEES = metric_shown("ospa.mean_m"), metric_shown("ospa.share_under_1m"), metric_shown("nees.position")

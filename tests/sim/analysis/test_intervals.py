@@ -7,9 +7,9 @@ import pytest
 from scipy import stats
 
 from sim.analysis import intervals
+from sim.analysis.answers import holm
 from sim.analysis.distributions import NO_SPREAD, bands, ecdf, share_under, spreads
-from sim.analysis.intervals import means, medians
-from sim.analysis.significance import chances, holm, maps_needed
+from sim.analysis.intervals import chances, maps_needed, means, medians
 
 
 def skewed(n, columns=1, seed=0):

@@ -15,9 +15,8 @@ from typer.main import get_command
 from planning.loading import load_planner
 from sim.__main__ import app
 from sim.analysis.differences import Difference
-from sim.analysis.intervals import Estimate, means
+from sim.analysis.intervals import Estimate, chances, maps_needed, means
 from sim.analysis.metric_choice import metric_shown
-from sim.analysis.significance import chances, maps_needed
 from sim.report.page_tables import verdict
 from sim.report.report import About, duration, made, ranges, write
 from sim.scenario.loading import load

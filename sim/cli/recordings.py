@@ -1,4 +1,4 @@
-"""`understory replay`."""
+"""`understory replay`, `frames` and `export`: a recorded mission again, as film, images or text."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import typer
 from rich.markup import escape
 
 from sim.recording.atomic_files import check_new, unused
-from sim.scenario.quantities import interval
+from sim.scenario.quantities import integer, interval
 from sim.terminal.console import console, say
 from sim.terminal.options import Recorded
 from sim.terminal.progress import trial_progress
+from sim.terminal.results import show_files
 from tracking.plugins.registry import InputError
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
@@ -56,7 +57,7 @@ def replay(
 
     recording = find(recorded)
     scenario = scenario_of(recording)
-    folder = recorded if recorded.is_dir() else recorded.parent
+    folder = _folder(recorded)
     if rerun is not None:
         _rerun(recording, scenario, rerun, folder / "summary.json")
         return
@@ -76,6 +77,51 @@ def replay(
     with trial_progress(len(scans), "scans") as progress:
         write_film(recording, scans, path, layout=layout or AS_FLOWN, speed=factor, progress=progress)
     console.print(f"Film: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
+
+
+def frames(
+    recorded: Recorded,
+    uav: Annotated[str, typer.Option(metavar="I", help="The UAV of the camera, from 0.")],
+    time: Annotated[str, typer.Option(metavar="T[:T2]", help="The scan nearest to T, or all from T to T2.")],
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR.")] = None,
+    size: Annotated[str, typer.Option(metavar="PX", help="Edge of the camera's image, at most.")] = "896",
+) -> None:
+    """Render frames of a recorded mission again; mark detections, tracks, truth, and the trees that hide people."""
+    start, end = interval(time, "--time")
+    edge = integer(size, "--size", least=256, most=4096)
+    from sim.replay.frames.pages import check_working, scans_between, write_frames
+    from sim.replay.frames.rerender import find
+
+    recording = find(recorded)
+    number = integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
+    scans = scans_between(recording, start, end)
+    check_working(recording, scans, number)
+    span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
+    folder = out or unused(_folder(recorded) / f"frames-uav{number}-{span}")
+    with trial_progress(len(scans), "frames") as progress:
+        write_frames(recording, scans, number, folder, size=edge, progress=progress)
+    show_files(folder)
+
+
+def export(
+    recorded: Recorded,
+    to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, stonesoup or mot: see docs/how-to/tracking.md.")],
+    out: Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR.")] = None,
+) -> None:
+    """Write a recorded mission's scans, tracks and truth as text for other tools."""
+    from sim.replay.export import export as write
+    from sim.replay.export import writer
+    from sim.replay.frames.rerender import find
+
+    writer(to)
+    recording = find(recorded)
+    folder = out or unused(_folder(recorded) / f"export-{to}")
+    write(recording, to, folder)
+    show_files(folder)
+
+
+def _folder(recorded: Path) -> Path:
+    return recorded if recorded.is_dir() else recorded.parent
 
 
 def _way(asked: dict[str, bool], given: list[str]) -> str:
