@@ -70,18 +70,18 @@ def _judged(found: Sequence[Answer]) -> list[Answer]:
 
 
 def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
-    flights, values = group.flights, group.table(metrics)
-    of_maps = map_values(flights, values)
+    runs, values = group.runs, group.table(metrics)
+    of_maps = map_values(runs, values)
     bounds = [(metric.least, metric.most) for metric in metrics]
     flown = len({row.seed for row in (*group.done, *group.failed)})
     undefined = np.sum(~np.isfinite(values), axis=0).tolist()
-    spread = spreads(values, np.array([seed for seed, _ in flights], dtype=object))
+    spread = spreads(values, np.array([seed for seed, _ in runs], dtype=object))
     return [
         Answer(
             *(group.cell, group.planner, metric),
             maps=int(np.isfinite(of_maps[:, j]).sum()),
             flown=flown,
-            trials=len(flights),
+            trials=len(runs),
             failed=len(group.failed),
             undefined=undefined[j],
             mean=_bounded(mean, *bounds[j]),
@@ -94,7 +94,7 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
 
 def map_means(group: Group, metric: Metric) -> Estimate:
     """The mean over the maps of a group."""
-    return _bounded(means(map_values(group.flights, group.table([metric])))[0], metric.least, metric.most)
+    return _bounded(means(map_values(group.runs, group.table([metric])))[0], metric.least, metric.most)
 
 
 def _bounded(estimate: Estimate, least: float, most: float) -> Estimate:
@@ -105,17 +105,17 @@ def _bounded(estimate: Estimate, least: float, most: float) -> Estimate:
 def _overall(
     groups: Sequence[Group], pairs: Mapping[Group, Pairs | None], metrics: Sequence[Metric]
 ) -> dict[str, list[Difference]]:
-    """Of each planner that meets the baseline in several cells: the mean over these cells, flight by flight.
+    """Of each planner that meets the baseline in several cells: the mean over these cells, run by run.
 
-    Cells may share people and forests of a seed, so seeds are what is counted; a flight that lacks its pair in a cell
+    Cells may share people and forests of a seed, so seeds are what is counted; a run that lacks its pair in a cell
     does not count.
     """
     found, undefined = {}, np.full(len(metrics), np.nan)
     for planner in dict.fromkeys(group.planner for group in groups):
         own = [p for p in (pairs[group] for group in groups if group.planner == planner) if p is not None]
         if len(own) > 1:
-            flights = tuple(sorted({flight for p in own for flight in p.flights}))
-            tables = [dict(zip(p.flights, p.values, strict=True)) for p in own]
-            lines = [np.mean([t.get(flight, undefined) for t in tables], axis=0) for flight in flights]
-            found[planner] = Pairs(flights, np.array(lines)).differences(metrics, len(own))
+            runs = tuple(sorted({run for p in own for run in p.runs}))
+            tables = [dict(zip(p.runs, p.values, strict=True)) for p in own]
+            lines = [np.mean([t.get(run, undefined) for t in tables], axis=0) for run in runs]
+            found[planner] = Pairs(runs, np.array(lines)).differences(metrics, len(own))
     return found

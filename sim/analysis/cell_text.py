@@ -1,6 +1,5 @@
-"""Cells of a study: a name and a value for each factor, their text and their order."""
+"""Cells of a study: a name and a value for each factor, and their text."""
 
-import re
 from collections.abc import Sequence
 
 from sim.study.cells import ENTERED
@@ -8,7 +7,6 @@ from sim.study.tasks import Row, Task
 
 Cell = tuple[tuple[str, str], ...]  # name and value of what varies over the study
 SYMBOLS = {"lambda": "λ"}
-Key = tuple[tuple[int, float, str], ...]
 Placed = Row | Task  # or a trial that is yet to be flown
 
 
@@ -27,14 +25,3 @@ def cell_text(cell: Cell | None) -> str:
     if cell is None:
         return "all cells"
     return ", ".join(f"{SYMBOLS.get(name, name)} = {value}" for name, value in cell)
-
-
-def natural(text: str) -> Key:
-    """A key that sorts 5 before 15 and numbers before words."""
-    parts = re.findall(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?|[^\d]+", text)
-    return tuple((0, float(p), "") if re.fullmatch(r"[-+]?\d.*", p) else (1, 0.0, p) for p in parts)
-
-
-def natural_cell(cell: Cell) -> tuple[tuple[str, Key], ...]:
-    """A key that sorts cells by their values."""
-    return tuple((name, natural(value)) for name, value in cell)

@@ -1,20 +1,20 @@
 """The trials of a study by cell and planner."""
 
+import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.analysis.cell_text import Cell, cell_text, cells_of, natural, natural_cell
+from sim.analysis.cell_text import Cell, cell_text, cells_of
 from sim.analysis.planner_labels import baseline_of, entrant, planner_labels
 from sim.evaluation.metric import Metric
 from sim.scenario.random_streams import numbered
 from sim.study.tasks import Row
 from tracking.numerics.arrays import Array
 
-Flight = tuple[int, int]  # seed and repeat
-_NOTHING: Mapping[str, str] = {}
+Run = tuple[int, int]  # of a Monte Carlo study: seed and repeat
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Group:
         return np.array([row.metrics.get(metric, np.nan) for row in self.done], dtype=float)
 
     @property
-    def flights(self) -> list[Flight]:
+    def runs(self) -> list[Run]:
         """Seed and repeat of each trial done (n,)."""
         return [(row.seed, row.repeat) for row in self.done]
 
@@ -39,10 +39,10 @@ class Group:
         """The metrics of each trial done (n, metrics); NaN where they are undefined."""
         return np.array([self.values(metric.name) for metric in metrics]).reshape(len(metrics), len(self.done)).T
 
-    def by_flight(self, metrics: Sequence[Metric]) -> dict[Flight, Array]:
-        """The metrics of each flight; all NaN of one that failed."""
+    def by_run(self, metrics: Sequence[Metric]) -> dict[Run, Array]:
+        """The metrics of each run; all NaN of one that failed."""
         failed = {(row.seed, row.repeat): np.full(len(metrics), np.nan) for row in self.failed}
-        return failed | dict(zip(self.flights, self.table(metrics), strict=True))
+        return failed | dict(zip(self.runs, self.table(metrics), strict=True))
 
     @property
     def ospa(self) -> Array:
@@ -59,29 +59,29 @@ class Group:
         return times, found
 
 
-def grouped(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str, str] = _NOTHING) -> list[Group]:
+def grouped(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str, str] = {}) -> list[Group]:
     """Every cell's groups, the baseline's first; cells and other planners in natural order, however rows are ordered.
 
     A planner that varies with the cell, such as sma-nbo(horizon=3) where H = 3, goes by what its texts share.
     given: labels of planners, as from `labels_of`. ValueError where a trial is there twice.
     """
     cells = cells_of(rows)
-    labels = planner_labels(rows, cells, given)
+    labels = planner_labels(rows, given)
     first = None if baseline is None else baseline_of(rows, baseline, given)
-    found: dict[tuple[Cell, str], dict[tuple[int, int], Row]] = defaultdict(dict)
+    found: dict[tuple[Cell, str], dict[Run, Row]] = defaultdict(dict)
     for row, cell in zip(rows, cells, strict=True):
         group = found[cell, labels[entrant(row)]]
-        flight = row.seed, row.repeat
-        if flight in group:
+        run = row.seed, row.repeat
+        if run in group:
             place = f" in {cell_text(cell)}" if cell else ""
-            raise ValueError(f"{entrant(row)}, {numbered(*flight)} is there twice{place}")
-        group[flight] = row
-    order = sorted(found, key=lambda key: (natural_cell(key[0]), key[1] != first, natural(key[1])))
+            raise ValueError(f"{entrant(row)}, {numbered(*run)} is there twice{place}")
+        group[run] = row
+    order = sorted(found, key=lambda key: (_natural_cell(key[0]), key[1] != first, _natural(key[1])))
     return [_group(*key, found[key]) for key in order]
 
 
-def _group(cell: Cell, planner: str, rows: dict[tuple[int, int], Row]) -> Group:
-    ordered = [rows[flight] for flight in sorted(rows)]
+def _group(cell: Cell, planner: str, rows: dict[Run, Row]) -> Group:
+    ordered = [rows[run] for run in sorted(rows)]
     parts = (tuple(row for row in ordered if (row.status == "done") == wanted) for wanted in (True, False))
     return Group(cell, planner, *parts)
 
@@ -92,7 +92,7 @@ def varying(groups: Sequence[Group]) -> dict[str, list[str]]:
     for group in groups:
         for name, value in group.cell:
             values[name][value] = None
-    return {name: sorted(found, key=natural) for name, found in values.items() if len(found) > 1}
+    return {name: sorted(found, key=_natural) for name, found in values.items() if len(found) > 1}
 
 
 def constant(groups: Sequence[Group]) -> Cell:
@@ -105,3 +105,14 @@ def trimmed(groups: Sequence[Group]) -> list[Group]:
     """The groups, their cells without the factors that are the same everywhere."""
     same = constant(groups)
     return [replace(g, cell=tuple(factor for factor in g.cell if factor not in same)) for g in groups]
+
+
+def _natural(text: str) -> tuple[tuple[int, float, str], ...]:
+    """A key that sorts 5 before 15 and numbers before words."""
+    parts = re.findall(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?|[^\d]+", text)
+    return tuple((0, float(p), "") if re.fullmatch(r"[-+]?\d.*", p) else (1, 0.0, p) for p in parts)
+
+
+def _natural_cell(cell: Cell) -> tuple[tuple[str, object], ...]:
+    """A key that sorts cells by their values."""
+    return tuple((name, _natural(value)) for name, value in cell)

@@ -12,7 +12,6 @@ from tracking.plugins.spelling import did_you_mean
 
 BOUND = ", upper bound"  # follows the label of a planner that sees the truth
 Key = tuple[str, str]
-_NOTHING: Mapping[str, str] = {}
 
 
 def entrant(row: Placed) -> str:
@@ -20,16 +19,14 @@ def entrant(row: Placed) -> str:
     return with_options(row.planner, _entered(row))
 
 
-def planner_labels(
-    rows: Sequence[Placed], cells: Sequence[Cell], given: Mapping[str, str] = _NOTHING
-) -> dict[str, str]:
+def planner_labels(rows: Sequence[Placed], given: Mapping[str, str] = {}) -> dict[str, str]:
     """The label of each entrant: its text, or what the texts of its planner share if each cell has just one of them.
 
     given: labels that replace these, as from `labels_of`.
     """
     specs: dict[Key, dict[str, None]] = defaultdict(dict)
     by_cell: dict[tuple[Cell, Key], set[str]] = defaultdict(set)
-    for row, cell in zip(rows, cells, strict=True):
+    for row, cell in zip(rows, cells_of(rows), strict=True):
         specs[_key(row)][row.planner] = None
         by_cell[cell, _key(row)].add(row.planner)
     ambiguous = {key for (_, key), texts in by_cell.items() if len(texts) > 1}
@@ -69,20 +66,20 @@ def _shared(name: str, planners: Sequence[str]) -> str:
     return f"{name}({', '.join(common)})" if common else name
 
 
-def baseline_of(rows: Sequence[Placed], baseline: str | None, given: Mapping[str, str] = _NOTHING) -> str:
+def baseline_of(rows: Sequence[Placed], baseline: str | None, given: Mapping[str, str] = {}) -> str:
     """The label of the baseline, named by label, by text, or name of planner or tracker; of the first row if None.
 
     InputError where there is none such. Trials that are yet to be flown serve as well as rows.
     """
     if not rows:
         raise InputError("study: it has no trials to compare")
-    labels = planner_labels(rows, cells_of(rows), given)
+    labels = planner_labels(rows, given)
     return labels[entrant(rows[0])] if baseline is None else _named(labels, baseline, "--baseline")
 
 
 def labels_of(rows: Sequence[Placed], asked: Sequence[str]) -> dict[str, str]:
     """Labels that the user gives as "label=planner", by those that they replace; InputError where one cannot be."""
-    labels = planner_labels(rows, cells_of(rows))
+    labels = planner_labels(rows)
     found: dict[str, str] = {}
     for text in asked:
         label, equals, planner = (part.strip() for part in text.partition("="))

@@ -15,7 +15,6 @@ from sim.study.cells import VIEW, with_options
 from sim.study.study import Score
 
 SCORE = Metric("place between floor and bound", unit="%", better="higher", scale=100.0, digits=0, least=-np.inf)
-_NOTHING: Mapping[str, str] = {}
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class Place:
     maps: int
 
 
-def ends_of(rows: Sequence[Placed], score: Score, given: Mapping[str, str] = _NOTHING) -> tuple[str, str]:
+def ends_of(rows: Sequence[Placed], score: Score, given: Mapping[str, str] = {}) -> tuple[str, str]:
     """Labels of floor and bound; InputError where the rows lack one."""
     bound = with_options(score.bound, {VIEW: "unlimited"})
     return baseline_of(rows, score.floor, given), baseline_of(rows, bound, given)
@@ -71,16 +70,16 @@ def _by_map(group: Group, floor: Group | None, bound: Group | None, metric: Metr
     if bound is None:
         return {}
     gained, room = paired(group, floor, [metric]), paired(bound, floor, [metric])
-    rooms = dict(zip(room.flights, room.values[:, 0].tolist(), strict=True))
-    pairs = [(f, gain, rooms.get(f, np.nan)) for f, gain in zip(gained.flights, gained.values[:, 0], strict=True)]
-    pairs = [(flight, gain, whole) for flight, gain, whole in pairs if np.isfinite(gain) and np.isfinite(whole)]
+    rooms = dict(zip(room.runs, room.values[:, 0].tolist(), strict=True))
+    pairs = [(f, gain, rooms.get(f, np.nan)) for f, gain in zip(gained.runs, gained.values[:, 0], strict=True)]
+    pairs = [(run, gain, whole) for run, gain, whole in pairs if np.isfinite(gain) and np.isfinite(whole)]
     if not pairs:
         return {}
-    flights = [flight for flight, _, _ in pairs]
-    of_maps = map_values(flights, np.array([(gain, whole) for _, gain, whole in pairs]))
+    runs = [run for run, _, _ in pairs]
+    of_maps = map_values(runs, np.array([(gain, whole) for _, gain, whole in pairs]))
     gain, whole = of_maps.mean(axis=0)
     if not (whole > 0 if metric.better == "higher" else whole < 0):
         return {}
     place = gain / whole
     linear = place + (of_maps[:, 0] - place * of_maps[:, 1]) / whole
-    return dict(zip(dict.fromkeys(seed for seed, _ in flights), linear.tolist(), strict=True))
+    return dict(zip(dict.fromkeys(seed for seed, _ in runs), linear.tolist(), strict=True))

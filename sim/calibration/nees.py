@@ -6,8 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sim.calibration.pairs import Pair, pairs
-from sim.calibration.scenes import TILTS, Sample, samples, tilted
+from sim.calibration.scenes import TILTS, Pair, Sample, pairs, samples, tilted
 from tracking.detection.blob_detector import located_detections
 from tracking.detection.partial_visibility import places_of
 from tracking.geometry.visibility import Forest

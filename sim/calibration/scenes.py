@@ -4,15 +4,15 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from sim.scenario.environment import Area, Trees
 from sim.scenario.fleet import DEFAULT_FLEET, Uav
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_pose
 from sim.sensing.renderer import Renderer
-from sim.world.forest import grow
 from sim.world.world import World
 from tracking.detection.blob_detector import blobs_of
 from tracking.detection.detector import Frame
@@ -26,7 +26,7 @@ TILTS = ((0.0, 20.0), (15.0, 0.0), (15.0, 20.0), (30.0, 0.0), (45.0, 0.0))
 _PEOPLE = 8
 _GAP = 2.4  # m between people
 _MARGIN = 0.5  # m beyond the image where people may stand
-FLAT = 0.17  # slope of the lines of sight to people towards the horizon: some 100 m away
+_FLAT = 0.17  # slope of the lines of sight to people towards the horizon: some 100 m away
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 _PLAIN = 0.15  # of the people in plain view are kept: the others tell more
 # Points of a body, to find people that are hidden in part.
@@ -59,6 +59,16 @@ class Sample:
         """Tangent of the angle off nadir."""
         offset = self.person - self.frame.pose.position[:2]
         return float(np.linalg.norm(offset)) / (float(self.frame.pose.position[2]) - TARGET_HEIGHT)
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two people touching in the image, as the detector told them apart, and the truth."""
+
+    frame: Frame
+    blobs: list[Array]  # two, (K, 2) pixels
+    components: NDArray[np.int64]  # (2,) as from `blobs_of`
+    people: Array  # (2, 2) m, in the order of the blobs
 
 
 def samples(
@@ -110,7 +120,7 @@ def _people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: Forest
         offset = r * np.array([math.cos(bearing), math.sin(bearing)])
         pixel = camera.pixels / 2 + camera.focal / height * offset * [1.0, -1.0]
         ray = camera.rays(pose, pixel)[0]
-        if np.abs(offset).max() > half or -ray[2] < FLAT * np.linalg.norm(ray):
+        if np.abs(offset).max() > half or -ray[2] < _FLAT * np.linalg.norm(ray):
             continue
         place, depth = camera.ground_points(pose, pixel, TARGET_HEIGHT)[0], -height / ray[2]
         if any(np.linalg.norm(pixel - p) * min(depth, d) < _GAP * camera.focal for p, d in seen):
@@ -122,19 +132,42 @@ def _people(rng: np.random.Generator, camera: Camera, pose: Pose, forest: Forest
     return np.array(people)
 
 
-def _forests(seed: int) -> Iterator[Forest]:
-    for k, (density, radius) in enumerate(((60.0, 1.5), (40.0, 2.5), (15.0, 5.0), (15.0, 5.0))):
-        trees = Trees(density=density, canopy_radius=radius)
-        yield Forest(grow(trees, Area(80.0, 80.0), np.random.default_rng([seed, k])).trees)
+def pairs(rng: np.random.Generator, *, frames: int, attitudes: Sequence[Array] = (LEVEL,)) -> Iterator[Pair]:
+    """Pairs that touch and were told apart, in random frames in the open; distances, headings and places are random."""
+    camera = Camera(math.radians(60), 128)
+    with World(Scenario(uavs=(Uav(start=(74.0, 49.0)),)), Forest(()), 2) as world:
+        renderer = Renderer(world)
+        for k in range(frames):
+            pose = Pose(np.array([0.0, 0.0, ALTITUDES[k % len(ALTITUDES)]]), attitudes[k % len(attitudes)])
+            pixel, bearing = rng.uniform(8.0, camera.pixels - 8.0, 2), rng.uniform(-math.pi, math.pi)
+            ray = camera.rays(pose, pixel)[0]
+            if -ray[2] < _FLAT * np.linalg.norm(ray):
+                continue
+            first = camera.ground_points(pose, pixel, TARGET_HEIGHT)[0]
+            # From shoulder to shoulder to as far as one hides the other.
+            gap = rng.uniform(0.45, 1.0 + 1.7 * float(np.linalg.norm(ray[:2]) / -ray[2]))
+            people = np.array([first, first + gap * np.array([math.cos(bearing), math.sin(bearing)])])
+            world.place_people(people, rng.uniform(-math.pi, math.pi, 2))
+            rendered = renderer.render(camera, pose)
+            frame = Frame(0, 0.0, camera, pose, rendered.image)
+            blobs, components = blobs_of(frame)
+            if len(blobs) == 2 and components[0] == components[1] and _touch(rendered.people):
+                yield Pair(frame, blobs, components, people[_owners(frame, blobs, people)])
 
 
-def people_in_forests(seed: int, frames: int, pixels: int = 128, attitudes: Sequence[Array] = (LEVEL,)) -> list[Sample]:
-    """Samples from `frames` frames over each of four forests."""
-    out: list[Sample] = []
-    for k, forest in enumerate(_forests(seed)):
-        rng = np.random.default_rng([seed, 1, k])
-        out += samples(rng, forest, frames=frames, pixels=pixels, attitudes=attitudes)
-    return out
+def _touch(people: NDArray[np.int32]) -> bool:
+    """True if both of two people show in a mask (P, P), as one component that the image's edge does not cut."""
+    shown = people >= 0
+    edge = np.any(shown[[0, -1]]) or np.any(shown[:, [0, -1]])
+    return len(np.unique(people)) == 3 and not edge and cv2.connectedComponents(shown.astype(np.uint8))[0] == 2
+
+
+def _owners(frame: Frame, blobs: list[Array], people: Array) -> list[int]:
+    """Person of each of two blobs, such that their middles are nearer to the two people together."""
+    middles = np.array([blob.mean(axis=0) for blob in blobs])
+    ground = frame.camera.ground_points(frame.pose, middles, TARGET_HEIGHT)
+    gaps = np.linalg.norm(ground[:, None] - people, axis=2)
+    return [0, 1] if gaps[0, 0] + gaps[1, 1] <= gaps[0, 1] + gaps[1, 0] else [1, 0]
 
 
 def tilted(rng: np.random.Generator, tilt_deg: float, count: int, sway_deg: float = 0.0) -> list[Array]:

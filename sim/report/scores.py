@@ -10,31 +10,30 @@ from sim.analysis.cells import Group
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.score import SCORE, Place, ends_of, places
 from sim.evaluation.metric import UNKNOWN, Metric
-from sim.report.figures.pictures import Picture, score_picture
 from sim.report.tables import Table
 from sim.study.study import Score
 from sim.study.tasks import Row
 
 TITLE = "Place of each planner [%]"
-_NOTHING: Mapping[str, str] = {}
 
 
 class Scored(NamedTuple):
     """Scores as parts of a report."""
 
     table: Table
-    picture: Picture
+    places: list[Place]
+    ends: tuple[str, str]  # floor and bound
 
 
 def scored_parts(
-    rows: Sequence[Row], groups: Sequence[Group], score: Score | None, given: Mapping[str, str] = _NOTHING
+    rows: Sequence[Row], groups: Sequence[Group], score: Score | None, given: Mapping[str, str] = {}
 ) -> Scored | None:
     """The scores of groups of rows; None where the study has none, or no map has both floor and bound."""
     if score is None:
         return None
     ends, metric = ends_of(rows, score, given), metric_shown(score.metric)
     found = places(groups, metric, *ends)
-    return Scored(_table(found, groups, metric, ends), score_picture(found, ends)) if found else None
+    return Scored(_table(found, groups, metric, ends), found, ends) if found else None
 
 
 def _table(found: Sequence[Place], groups: Sequence[Group], metric: Metric, ends: tuple[str, str]) -> Table:

@@ -22,7 +22,6 @@ from sim.terminal.console import console
 
 WIDE = 100  # columns from which on there is room for all columns
 _WIDE_ONLY = ("median", "maps needed")
-_NOTHING: Mapping[str, str] = {}
 
 
 def show(
@@ -30,7 +29,7 @@ def show(
     baseline: str | None = None,
     metrics: Sequence[str] = (),
     *,
-    labels: Mapping[str, str] = _NOTHING,
+    labels: Mapping[str, str] = {},
     score: Score | None = None,
     on: Console = console,
 ) -> None:

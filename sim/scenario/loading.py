@@ -100,9 +100,14 @@ def _locate(name: str) -> Path:
 
 def _anchored(scenario: Scenario, folder: Path) -> Scenario:
     """The scenario with its trajectory file, unless that is packaged, found relative to the scenario file."""
-    if not scenario.people.trajectories or scenario.people.trajectories in TRAJECTORIES:
+    name = scenario.people.trajectories
+    if not name or name in TRAJECTORIES:
         return scenario
-    path = os.path.abspath(folder / scenario.people.trajectories)
+    path = os.path.abspath(folder / name)
+    if not path.endswith(".csv") and not os.path.lexists(path):
+        raise InputError(
+            f"people.trajectories: {name!r} is unknown; {did_you_mean(name, TRAJECTORIES)} (or a .csv file)"
+        )
     return msgspec.structs.replace(scenario, people=msgspec.structs.replace(scenario.people, trajectories=path))
 
 

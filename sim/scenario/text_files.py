@@ -18,15 +18,8 @@ MOST_BYTES = 2**26  # of a table
 _BLOCK = 2**20  # bytes read at once
 _MOST_TOML = 2**22  # bytes, read at about a megabyte a second
 _DEEPEST = 30  # tables and lists within one another
-_MOST_PARTS = 100  # of a key, between dots
-_OPENING = re.compile(r"\"{3}|'{3}|[\"'#]")
-_CLOSING = {
-    '"""': re.compile(r'\\.|"{3,5}', re.DOTALL),  # two more quotes may stand before the last three
-    "'''": re.compile("'{3,5}"),
-    '"': re.compile(r'\\.|"|(?=\n)'),
-    "'": re.compile(r"'|(?=\n)"),
-    "#": re.compile(r"(?=\n)"),
-}
+# A key of many parts takes a parser time that grows with the square of their number.
+_LONG_KEY = re.compile(r"""(?<![\w\\.-])(?:(?:[\w-]+|"(?:\\.|[^"\\\n])*"|'[^'\n]*')[ \t]*\.[ \t]*){100}""")
 
 
 def content(path: Path, where: str, most: int = MOST_BYTES) -> bytes:
@@ -63,9 +56,7 @@ def toml_file(path: Path, where: str) -> dict[str, Any]:
 
 def toml(written: str, where: str) -> dict[str, Any]:
     """The tables of a TOML text; InputError begins with `where`."""
-    # Keys of many parts take a parser time that grows with their square.
-    parts = re.split("[=,\n]", _keyed(written)) if written.count(".") > _MOST_PARTS else []
-    if any(sum(map(bool, part.split("."))) > _MOST_PARTS for part in parts):
+    if _LONG_KEY.search(written):
         raise _too_deep(where)
     try:
         found = tomllib.loads(written)
@@ -80,19 +71,6 @@ def toml(written: str, where: str) -> dict[str, Any]:
     if level:
         raise _too_deep(where)
     return found
-
-
-def _keyed(written: str) -> str:
-    """A TOML text with a letter in place of each string and comment, so that quoted parts of keys still count."""
-    kept, at = [], 0
-    while opening := _OPENING.search(written, at):
-        kept.append(written[at : opening.start()])
-        at = opening.end()
-        closing = _CLOSING[opening[0]].search(written, at)
-        while closing and closing[0].startswith("\\"):
-            closing = _CLOSING[opening[0]].search(written, closing.end())
-        at = closing.end() if closing else len(written)
-    return "s".join([*kept, written[at:]])
 
 
 def _too_deep(where: str) -> InputError:

@@ -1,6 +1,6 @@
 """The figures of a study: OSPA over scans and over time, run times by planner, and maps against maps."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from sim.analysis.answers import map_means
 from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.cells import Group
-from sim.analysis.differences import paired_values
 from sim.analysis.distributions import bands, ecdf
 from sim.analysis.score import Place
 from sim.drawing.palette import FAINT
@@ -156,18 +155,11 @@ def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
     return figure
 
 
-def scatter_figure(groups: Sequence[Group], baseline: str, metric: Metric) -> Figure:
-    """A panel for each planner but the baseline, a point for each map that both flew: baseline across, planner up."""
-    others = list(dict.fromkeys(group.planner for group in groups if group.planner != baseline))
-    bases = {group.cell: group for group in groups if group.planner == baseline}
-    points = {
-        other: metric.scale
-        * np.concatenate([paired_values(g, bases.get(g.cell), metric) for g in groups if g.planner == other])
-        for other in others
-    }
+def scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -> Figure:
+    """A panel for each planner, a point (n, 2) for each map: baseline across, planner up."""
     low, high, log = _limits(np.concatenate([*points.values(), np.zeros((0, 2))]))
-    columns = min(COLUMNS, len(others))
-    rows = -(-len(others) // columns)
+    columns = min(COLUMNS, len(points))
+    rows = -(-len(points) // columns)
     with drawing(3.3 * rows, width=0.4 + 3.05 * columns) as figure:
         for i, (other, pairs) in enumerate(points.items()):
             axes = figure.add_subplot(rows, columns, i + 1)

@@ -1,7 +1,7 @@
 """The figures of a report with what is said of each."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from sim.analysis.cell_text import cell_text
 from sim.analysis.cells import Group
-from sim.analysis.differences import paired_values
+from sim.analysis.differences import map_points
 from sim.analysis.distributions import bands, share_under
 from sim.analysis.metric_choice import RUNTIME, metric_shown
 from sim.analysis.score import SCORE, Place
@@ -17,6 +17,7 @@ from sim.evaluation.metric import UNKNOWN, Metric
 from sim.report.figures.canvas import content
 from sim.report.figures.charts import ecdf_figure, runtime_figure, scatter_figure, score_figure, time_figure
 from sim.report.figures.panels import Sheet, sheets
+from tracking.numerics.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,9 @@ def pictures(groups: Sequence[Group], baseline: str, metrics: Sequence[Metric]) 
     found: list[Picture] = []
     for sheet in sheets(flown) if flown else ():
         found += [_ecdf(sheet), _over_time(sheet)]
-    compared = [m for m in metrics if any(len(_points(group, flown, baseline, m)) for group in flown)]
-    return found + [_scatter(flown, baseline, m) for m in compared[:2]]
+    compared = [(metric, map_points(flown, baseline, metric)) for metric in metrics]
+    drawn = [(metric, points) for metric, points in compared if any(map(len, points.values()))]
+    return found + [_scatter(points, baseline, metric) for metric, points in drawn[:2]]
 
 
 def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
@@ -86,23 +88,13 @@ def _over_time(sheet: Sheet) -> Picture:
     return _picture(f"time{_suffix(sheet)}", f"OSPA over time{_of(sheet)}", caption, alt, time_figure(sheet))
 
 
-def _points(group: Group, groups: Sequence[Group], baseline: str, shown: Metric) -> list[list[float]]:
-    base = next((g for g in groups if g.cell == group.cell and g.planner == baseline), None)
-    return [] if group.planner == baseline else paired_values(group, base, shown).tolist()
-
-
-def _scatter(groups: Sequence[Group], baseline: str, shown: Metric) -> Picture:
-    sides: dict[str, list[list[float]]] = {}
-    for group in groups:
-        if group.planner != baseline:
-            sides.setdefault(group.planner, []).extend(_points(group, groups, baseline, shown))
-    alt = "; ".join(
-        f"{name}: {sum(y > x for x, y in p)} of {len(p)} maps above {baseline}" for name, p in sides.items()
-    )
+def _scatter(points: Mapping[str, Array], baseline: str, shown: Metric) -> Picture:
+    above = {name: f"{np.sum(p[:, 1] > p[:, 0])} of {len(p)}" for name, p in points.items()}
+    alt = "; ".join(f"{name}: {count} maps above {baseline}" for name, count in above.items())
     aim = {"lower": "Below the diagonal", "higher": "Above the diagonal", "neither": ""}[shown.better]
     caption = f"A point for each map that both flew, of all cells: {baseline} across, the planner up."
     caption += f" {aim} the planner is better." if aim else ""
-    figure = scatter_figure(groups, baseline, shown)
+    figure = scatter_figure(points, baseline, shown)
     return _picture(f"maps-{_plain(shown.name)}", f"Map by map: {shown.label}", caption, alt, figure)
 
 

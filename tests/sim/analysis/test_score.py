@@ -74,7 +74,7 @@ def test_intervals_hold_the_place_of_many_maps():
 
 def test_the_bound_is_shown_as_one_and_is_no_cell_of_its_own():
     rows = cell((6.0, 6.0, 6.0))
-    labels = set(planner_labels(rows, [()] * len(rows)).values())
+    labels = set(planner_labels(rows).values())
     assert labels == {"hover", "sma-nbo", "sma-nbo(view=unlimited), upper bound"}
     assert {group.cell for group in grouped(rows)} == {()}
     with pytest.raises(InputError, match=r"'sma-nbo\(view=unlimited\)' is none of the study's planners"):

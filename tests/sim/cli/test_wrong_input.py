@@ -65,6 +65,7 @@ SETTINGS = {
     "trees.density=9000": ["trees.density", "9000", "no more than 203"],
     "trees.density=160": ["trees.density", "160", "fit into 150 x 100 m"],
     "people.trajectories=no.csv": ["people.trajectories", "no.csv"],
+    "people.trajectories=plaz": ["people.trajectories: 'plaz' is unknown", "did you mean plaza? (or a .csv file)"],
     "people.trajectories=nothing.csv": ["nothing.csv: is empty", "t,id,x,y"],
     "people.trajectories=blank.csv": ["blank.csv: is empty", "t,id,x,y"],
     "people.trajectories=header.csv": ["header.csv: has no rows", "two or more"],

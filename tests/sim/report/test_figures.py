@@ -6,6 +6,7 @@ from helpers.trials import row, study
 from matplotlib.colors import to_rgb
 
 from sim.analysis.cells import grouped, trimmed
+from sim.analysis.differences import map_points
 from sim.analysis.distributions import bands
 from sim.analysis.metric_choice import metric_shown
 from sim.report.figures.canvas import content
@@ -46,7 +47,7 @@ def test_distributions_are_of_all_scans_and_bands_quartiles_of_maps():
 def test_points_are_maps_that_both_flew():
     found = groups()
     shown = metric_shown("ospa.share_under_1m")
-    figure = scatter_figure(found, "sma-nbo", shown)
+    figure = scatter_figure(map_points(found, "sma-nbo", shown), "sma-nbo", shown)
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["greedy", "hover"]
     by_seed = {(g.cell, g.planner, r.seed): 100 * r.metrics[shown.name] for g in found for r in g.done}
     for axes, planner in zip(figure.axes, ("greedy", "hover"), strict=True):
@@ -117,10 +118,11 @@ def test_missing_curves_and_values_do_not_stop_a_figure():
     rows = [*study(), row("late", 0, (("lambda", "15"), ("R", "5")), {"ospa.mean_m": np.nan})]
     found = groups(rows)
     (sheet,) = sheets(found)
+    shown = metric_shown("ospa.mean_m")
     for figure in (
         ecdf_figure(sheet),
         time_figure(sheet),
-        scatter_figure(found, "sma-nbo", metric_shown("ospa.mean_m")),
+        scatter_figure(map_points(found, "sma-nbo", shown), "sma-nbo", shown),
         runtime_figure(found, metric_shown("planning_s_per_decision")),
     ):
         assert content(figure, "svg").startswith(b"<?xml")
