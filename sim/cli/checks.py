@@ -7,8 +7,8 @@ import typer
 
 from planning.loading import load_planner
 from sim.scenario.perception import DETECTORS
-from sim.terminal.console import say
-from sim.terminal.progress import starting
+from sim.terminal.console import console, say
+from sim.terminal.progress import START_UP
 from sim.terminal.results import show_findings
 from tracking.fusion.member import TRACKERS
 from tracking.plugins.findings import Finding
@@ -49,6 +49,6 @@ def check_tracker(
 def _show(check: Callable[[str], Sequence[Finding]], plugin: str) -> None:
     from sim.mission.warmup import announced
 
-    with starting(), announced(say):
+    with console.status(START_UP), announced(say):
         findings = check(plugin)
     show_findings(findings)

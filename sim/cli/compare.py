@@ -1,17 +1,11 @@
 """`understory compare`."""
 
-from __future__ import annotations
-
 import os
-import shlex
-import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-from rich.markup import escape
 
 from planning.registry import COMPARED
 from sim.scenario.loading import SCENARIOS, remarks
@@ -20,15 +14,11 @@ from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers, sec
 from sim.scenario.text_files import toml_file
 from sim.study.cells import with_trackers
 from sim.study.study import STUDIES, Study, adapted, read
-from sim.terminal.console import console, fail, remark
+from sim.terminal.console import remark
 from sim.terminal.options import Duration, Overrides, with_duration
 from tracking.fusion.member import TRACKERS
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
-
-if TYPE_CHECKING:  # a complaint about the input needs none of what these import
-    from sim.report.report import About
-    from sim.study.tasks import Row
 
 
 def compare(
@@ -91,9 +81,10 @@ def compare(
     if keep not in (None, "recordings"):
         raise InputError(f"--keep: {keep!r} is unknown; {did_you_mean(keep, ['recordings'])}")
     folder = out or Path("runs") / chosen.name
+    # A complaint about the input needs none of what these import.
     from sim.analysis.metric_choice import from_outside
     from sim.analysis.planner_labels import baseline_of, labels_of
-    from sim.cli.study_flight import fly_study
+    from sim.cli.study_flight import fly_study, show_study
     from sim.report.report import About
     from sim.study.engine import Options
     from sim.study.tasks import tasks
@@ -104,8 +95,7 @@ def compare(
     remark(*dict.fromkeys(line for task in listed for line in remarks(task.setting)))
     rows = fly_study(listed, folder, Options(limit, folder / "recordings" if keep else None, redo), processes, dask)
     about = About(chosen.name, chosen.description, baseline=baseline, labels=labels, score=chosen.score)
-    shown = replace(about, metrics=tuple(metric or ()))
-    _show(rows, folder, shown)
+    show_study(rows, folder, replace(about, metrics=tuple(metric or ())))
 
 
 def _study(name: str) -> Study:
@@ -134,37 +124,3 @@ def _sensing(mode: str | None) -> list[str]:
         return []
     replace(SENSOR_MODES, field="--sensing").check(mode)
     return [f"sensing.mode={mode}"]
-
-
-def _show(rows: Sequence[Row], folder: Path, about: About) -> None:
-    """Print tables and write the report; exit with code 1 if that cannot be done or trials have failed."""
-    from sim.analysis.planner_labels import entrant
-    from sim.scenario.random_streams import numbered
-
-    _report(rows, folder, about)
-    failures = [row for row in rows if row.status == "failed"]
-    missing = "; the same command flies again what failed" if failures else ""
-    console.print(f"Results in [bold]{escape(str(folder))}[/bold] (report.html){missing}.", soft_wrap=True)
-    if failures:
-        first = failures[0]
-        place = f"{entrant(first)}, {numbered(first.seed, first.repeat)}"
-        fail(f"{len(failures)} of {len(rows)} trials failed, {place}: {first.error}", code=1)
-
-
-def _report(rows: Sequence[Row], folder: Path, about: About) -> None:
-    """Show tables, and write the report beside the store; exits with what is kept if that cannot be done."""
-    from sim.evaluation.machine import versions
-    from sim.report.report import write
-    from sim.report.terminal import show
-
-    command, wall = shlex.join(["understory", *sys.argv[1:]]), sum(row.metrics.get("wall_s", 0.0) for row in rows)
-    try:
-        show(rows, about.baseline, about.metrics, labels=about.labels, score=about.score)
-        write(rows, folder, replace(about, command=command, versions=versions(), wall_s=wall))
-    except KeyboardInterrupt:
-        reason = "interrupted"
-    except InputError as error:  # names were checked before, so the disk is full or the like
-        reason = str(error)
-    else:
-        return
-    fail(f"{reason}; all {len(rows)} trials are kept in {folder}, the same command writes the report", code=1)

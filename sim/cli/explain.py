@@ -17,7 +17,6 @@ from sim.terminal.options import Recorded
 from tracking.plugins.registry import InputError
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
-    from sim.recording.recording import Recording
     from sim.replay.event import Event
     from sim.replay.explain.explanation import Group
     from sim.replay.flight import Flight
@@ -39,7 +38,10 @@ def explain(
     With --track: say how a track was born, which measurements fed it, why it was kept, and how it ended.
     """
     if track is not None:
-        _check_alone({"--time": time, "--target": target, "--out": out})
+        for name, value in {"--time": time, "--target": target, "--out": out}.items():
+            if value is not None:
+                text = f"{str(value)!r} is not allowed with --track, which tells a whole story in words"
+                raise InputError(f"{name}: {text}")
     moment = None if time is None else _moment(time)
     if moment is not None and target is None:
         raise InputError("--target: missing; --time asks about one person, so say which, from 0")
@@ -51,10 +53,11 @@ def explain(
     flight = load(recorded)
     recording = flight.recording
     scan = None if moment is None else scans_between(recording, moment, None)[0]
-    person = None if target is None else _person(recording, target)
+    people = recording.people.shape[1]
+    person = None if target is None else _index(target, "--target", people, "no person walked in this mission")
     folder = recorded if recorded.is_dir() else recorded.parent
     if track is not None:
-        _track_of(flight, _number(recording, track))
+        _track_of(flight, _index(track, "--track", len(recording.track_numbers), "this mission had no track"))
     elif scan is None or person is None:
         _whole(flight, person, out or folder / "timeline.png", recorded)
     else:
@@ -69,24 +72,11 @@ def _moment(text: str) -> float:
     return start
 
 
-def _check_alone(others: dict[str, str | Path | None]) -> None:
-    for name, value in others.items():
-        if value is not None:
-            raise InputError(f"{name}: {str(value)!r} is not allowed with --track, which tells a whole story in words")
-
-
-def _number(recording: Recording, text: str) -> int:
-    count = len(recording.track_numbers)
+def _index(text: str, option: str, count: int, lacking: str) -> int:
+    """The index that an option gives of so many; InputError says what is lacking if there are none."""
     if not count:
-        raise InputError(f"--track: {text!r} is not allowed; this mission had no track")
-    return integer(text, "--track", least=0, most=count - 1)
-
-
-def _person(recording: Recording, text: str) -> int:
-    count = recording.people.shape[1]
-    if not count:
-        raise InputError(f"--target: {text!r} is not allowed; no person walked in this mission")
-    return integer(text, "--target", least=0, most=count - 1)
+        raise InputError(f"{option}: {text!r} is not allowed; {lacking}")
+    return integer(text, option, least=0, most=count - 1)
 
 
 def _moment_of(flight: Flight, scan: int, person: int, path: Path) -> None:

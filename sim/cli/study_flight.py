@@ -1,18 +1,28 @@
-"""Flights of a study for `understory compare`, which can be interrupted and go on."""
+"""Flights of a study for `understory compare`, which can be interrupted and go on, and their results."""
 
+import shlex
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
+from rich.markup import escape
 
+from sim.analysis.planner_labels import entrant
+from sim.evaluation.machine import versions
 from sim.mission.mission import forest_and_people
+from sim.report.report import About, write
+from sim.report.terminal import show
+from sim.scenario.random_streams import numbered
 from sim.study.backends import Backend, Pool, connected
 from sim.study.engine import Options, complete
 from sim.study.store import NAME, Store, StoreError
 from sim.study.tasks import Row, Task
-from sim.terminal.console import fail, remark
+from sim.terminal.console import console, fail, remark
 from sim.terminal.progress import study_progress
+from tracking.plugins.registry import InputError
 
 
 def fly_study(listed: Sequence[Task], folder: Path, options: Options, workers: int, dask: str | None) -> list[Row]:
@@ -65,3 +75,25 @@ def _of_other_versions(versions: dict[str, int], version: str, path: Path) -> li
     """A remark on results of other versions of the package, if there are any."""
     others = ", ".join(f"{count} of version {other}" for other, count in versions.items() if other != version)
     return [f"{path}: trials of another version are kept apart, not shown: {others}"] if others else []
+
+
+def show_study(rows: Sequence[Row], folder: Path, about: About) -> None:
+    """Print tables and write the report; exit with code 1 if that cannot be done or trials have failed."""
+    command, wall = shlex.join(["understory", *sys.argv[1:]]), sum(row.metrics.get("wall_s", 0.0) for row in rows)
+    reason = ""
+    try:
+        show(rows, about)
+        write(rows, folder, replace(about, command=command, versions=versions(), wall_s=wall))
+    except KeyboardInterrupt:
+        reason = "interrupted"
+    except InputError as error:  # names were checked before, so the disk is full or the like
+        reason = str(error)
+    if reason:
+        fail(f"{reason}; all {len(rows)} trials are kept in {folder}, the same command writes the report", code=1)
+    failures = [row for row in rows if row.status == "failed"]
+    missing = "; the same command flies again what failed" if failures else ""
+    console.print(f"Results in [bold]{escape(str(folder))}[/bold] (report.html){missing}.", soft_wrap=True)
+    if failures:
+        first = failures[0]
+        place = f"{entrant(first)}, {numbered(first.seed, first.repeat)}"
+        fail(f"{len(failures)} of {len(rows)} trials failed, {place}: {first.error}", code=1)

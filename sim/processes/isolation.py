@@ -119,7 +119,7 @@ def run_isolated(
             with _stop_signals(signal.SIG_IGN):  # inherited: the process handles Ctrl-C once it installs a handler
                 process.start()
             theirs.close()
-            return _outcome(_Talk(ours, process, hear, listening), interruption, timeout)
+            return _outcome(ours, process, hear, listening, interruption, timeout)
         finally:
             kill_session(process)
             if process.pid is not None:
@@ -150,34 +150,34 @@ class _Interruption:
                 os.kill(process.pid, signal.SIGINT)
 
 
-class _Talk(NamedTuple):
-    ours: Connection
-    process: SpawnProcess
-    hear: Tell
-    listening: type
-
-
-def _outcome(talk: _Talk, interruption: _Interruption, timeout: float | None) -> Any:  # noqa: ANN401 - what the work returns
+def _outcome(
+    ours: Connection,
+    process: SpawnProcess,
+    hear: Tell,
+    listening: type,
+    interruption: _Interruption,
+    timeout: float | None,
+) -> Any:  # noqa: ANN401 - what the work returns
     """Receive messages until the result."""
     until = None if timeout is None else time.monotonic() + timeout
     while until is None or time.monotonic() < until:
-        interruption.heed(talk.process)
-        wait([talk.ours, talk.process.sentinel], _TICK)
-        if not talk.ours.poll():
-            if talk.process.exitcode is not None and not talk.ours.poll():
-                raise IsolationError(_ended(talk.process.exitcode))
+        interruption.heed(process)
+        wait([ours, process.sentinel], _TICK)
+        if not ours.poll():
+            if process.exitcode is not None and not ours.poll():
+                raise IsolationError(_ended(process.exitcode))
             continue
         try:
-            told = talk.ours.recv()
+            told = ours.recv()
         except (EOFError, OSError):
-            talk.process.join(_TICK)
-            raise IsolationError(_ended(talk.process.exitcode)) from None
+            process.join(_TICK)
+            raise IsolationError(_ended(process.exitcode)) from None
         if isinstance(told, _Result):
             return told.value
         if isinstance(told, _Failure):
             raise told.error
-        interruption.listens = interruption.listens or isinstance(told, talk.listening)
-        talk.hear(told)
+        interruption.listens = interruption.listens or isinstance(told, listening)
+        hear(told)
     raise IsolationError(f"took longer than the timeout of {timeout:g} s")
 
 

@@ -26,7 +26,7 @@ class Table(NamedTuple):
     title: str
     heads: list[str]
     rows: list[tuple[Cell | None, list[str]]]
-    metric: Metric | None = None  # whose main table it is
+    metric: Metric | None = None  # of which it is the main table
     note: str = ""
 
 

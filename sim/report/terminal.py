@@ -1,6 +1,6 @@
 """The answers of a study as tables in the terminal."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
 
@@ -14,9 +14,9 @@ from sim.analysis.cell_text import cell_text
 from sim.analysis.cells import constant, grouped, trimmed
 from sim.analysis.metric_choice import chosen
 from sim.analysis.planner_labels import baseline_of, short_labels
+from sim.report.report import About
 from sim.report.scores import scored_parts
 from sim.report.tables import Table, notes, shortfalls, tables
-from sim.study.study import Score
 from sim.study.tasks import Row
 from sim.terminal.console import console
 
@@ -24,31 +24,21 @@ WIDE = 100  # columns from which on there is room for all columns
 _WIDE_ONLY = ("median", "maps needed")
 
 
-def show(
-    rows: Sequence[Row],
-    baseline: str | None = None,
-    metrics: Sequence[str] = (),
-    *,
-    labels: Mapping[str, str] = {},
-    score: Score | None = None,
-    on: Console = console,
-) -> None:
+def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
     """Print the answers; InputError where a metric or the baseline is unknown.
 
-    baseline: a planner as given, by name or by label; the first row's if None. metrics: flat names; the usual if none.
-    labels: as from `labels_of`; score: the study's. Options that all planners of one name share are left out, and told
-    below.
+    Options that all planners of one name share are left out, and told below.
     """
-    first = baseline_of(rows, baseline, labels)
-    groups = grouped(rows, first, labels)
-    full = answers(trimmed(groups), chosen(rows, metrics), first)
+    first = baseline_of(rows, about.baseline, about.labels)
+    groups = grouped(rows, first, about.labels)
+    full = answers(trimmed(groups), chosen(rows, about.metrics), first)
     shorts = short_labels(list(dict.fromkeys(answer.planner for answer in full)))
     found = [replace(answer, planner=shorts[answer.planner]) for answer in full]
     if constant(groups):
         on.print(f"Everywhere: {escape(cell_text(constant(groups)))}")
     for table in tables(found, shorts[first]):
         on.print(_terminal_table(table, on.width >= WIDE))
-    scored = scored_parts(rows, trimmed(groups), score, labels)
+    scored = scored_parts(rows, trimmed(groups), about.score, about.labels)
     if scored:
         on.print(_terminal_table(scored.table._replace(heads=[shorts.get(head, head) for head in scored.table.heads])))
         on.print(scored.table.note, style="dim")

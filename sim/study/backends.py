@@ -20,7 +20,8 @@ class Backend(Protocol):
     """Executor of trials that can end one."""
 
     def room(self) -> bool:
-        """True if another task may be submitted."""
+        """True if another task may be submitted, as it always may where there is a queue."""
+        return True
 
     def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
         """`sim.study.trial.fly` of a task, to come."""
@@ -32,15 +33,11 @@ class Backend(Protocol):
         """Waste no more on a task that hangs."""
 
 
-class Borrowed:
+class Borrowed(Backend):
     """Executor of the caller. A trial that hangs in it cannot be killed, and keeps its place."""
 
     def __init__(self, executor: Executor) -> None:
         self._executor = executor
-
-    def room(self) -> bool:
-        """Always, as an executor has a queue."""
-        return True
 
     def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
         """Submit as to any executor."""
@@ -59,8 +56,11 @@ _POLL = 2.0  # s, between questions to the scheduler
 _CONNECT = 10.0  # s
 
 
-class Cluster:
-    """A dask cluster. What hangs ends with its worker, which a nanny starts again; dask flies its other tasks anew."""
+class Cluster(Backend):
+    """A dask cluster, which takes all tasks at once: clusters that adapt know by their queue how many workers to start.
+
+    What hangs ends with its worker, which a nanny starts again; dask flies its other tasks anew.
+    """
 
     def __init__(self, client: Any) -> None:  # noqa: ANN401 - of a library that may not be there
         self._client = client
@@ -69,10 +69,6 @@ class Cluster:
         self._submitted = 0
         self._asked = 0.0
         self._workers: dict[str, str] = {}  # of each task that flies, as last asked
-
-    def room(self) -> bool:
-        """Always: the scheduler has a queue, by which clusters that adapt know how many workers to start."""
-        return True
 
     def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
         """Submit under a name of its own, so that a second try is not taken for the first."""

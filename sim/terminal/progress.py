@@ -12,14 +12,7 @@ from sim.mission.trial import ScanProgress
 from sim.scenario.scenario import Scenario
 from sim.terminal.console import console
 
-_START_UP = "starting up"
-
-
-@contextmanager
-def starting() -> Iterator[None]:
-    """A sign of life while the block runs."""
-    with console.status(_START_UP):
-        yield
+START_UP = "starting up"
 
 
 @contextmanager
@@ -30,7 +23,7 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], No
     distances: list[float] = []
     progress = Progress(*columns, console=console)
     task = progress.add_task("", total=len(scenario.scan_times))
-    with console.status(_START_UP) as status:  # which goes away, whether a mission follows or a complaint
+    with console.status(START_UP) as status:  # which goes away, whether a mission follows or a complaint
 
         def show(moment: ScanProgress) -> None:
             if not distances:

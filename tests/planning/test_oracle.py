@@ -14,6 +14,7 @@ from sim.evaluation.summary import results_table
 from sim.mission.mission import Mission
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
+from sim.report.report import About
 from sim.report.terminal import show
 from sim.running import run as flights
 from sim.running.run import run
@@ -140,7 +141,7 @@ def test_whatever_an_oracle_comes_to_is_marked(tmp_path, monkeypatch):
         assert (MARK in results_table(summary).title) == (MARK in titles[-1]) == seen
     rows = [fly(task_of(setting, name, 0)).row for name in ("oracle(evaluations=64)", "hover")]
     with console.capture() as capture:
-        show(rows)
+        show(rows, About("tried"))
     shown = " ".join(capture.get().split())
     assert [row.metrics["sees_truth"] for row in rows] == [1, 0] and "upper bound" in shown
     assert baseline_of(rows, "oracle") == "oracle(evaluations=64), upper bound"

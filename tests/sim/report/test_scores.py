@@ -45,6 +45,6 @@ def test_the_report_has_places_and_their_figure_where_the_study_has_a_score():
 @pytest.mark.parametrize("width", [80, 120])
 def test_the_terminal_shows_places_below_the_metrics(width):
     out = io.StringIO()
-    show(rows(), score=SCORE, on=Console(file=out, width=width))
+    show(rows(), About("tried", score=SCORE), on=Console(file=out, width=width))
     text = out.getvalue()
     assert TITLE in text and "67 [67, 67]" in text and "mean over cells" in text

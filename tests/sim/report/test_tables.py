@@ -16,6 +16,7 @@ from sim.analysis.cells import grouped
 from sim.analysis.coverage import ERRORS, SHARES
 from sim.analysis.metric_choice import metric_shown
 from sim.report.formats import comma_separated, markdown
+from sim.report.report import About
 from sim.report.terminal import show
 from tracking.plugins.registry import InputError
 
@@ -24,7 +25,7 @@ MEAN = metric_shown("ospa.mean_m")
 
 def shown(rows, width, baseline="sma-nbo", metrics=()):
     console = Console(width=width, file=io.StringIO(), highlight=False)
-    show(rows, baseline, metrics, on=console)
+    show(rows, About("tried", baseline=baseline, metrics=metrics), on=console)
     return console.file.getvalue()
 
 
