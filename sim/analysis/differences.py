@@ -80,20 +80,11 @@ def paired(group: Group, base: Group | None, metrics: Sequence[Metric]) -> Pairs
     return Pairs(runs, np.where(np.isfinite(gaps), gaps, np.nan))
 
 
-def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[str, Array]:
-    """Of each other planner the values (n, 2) on the maps that both flew, in the unit: the baseline's, then its own."""
-    bases = {group.cell: group for group in groups if group.planner == baseline}
-    found: dict[str, list[Array]] = {group.planner: [] for group in groups if group.planner != baseline}
-    for group in groups:
-        if group.planner != baseline:
-            found[group.planner].append(metric.scale * _paired_values(group, bases.get(group.cell), metric))
-    return {planner: np.concatenate(parts) for planner, parts in found.items()}
-
-
-def _paired_values(group: Group, base: Group | None, metric: Metric) -> Array:
-    """The baseline's and the group's values (n, 2) on the maps where both are finite in some repeat."""
-    ours, theirs = (g.by_run([metric]) if g else {} for g in (group, base))
-    runs = sorted(ours.keys() & theirs.keys())
-    both = np.array([(theirs[f][0], ours[f][0]) for f in runs]).reshape(-1, 2)
-    finite = np.isfinite(both).all(axis=1)
-    return map_values([f for f, kept in zip(runs, finite, strict=True) if kept], both[finite])
+def common_values(groups: Sequence[Group | None], metric: Metric) -> tuple[list[int], Array]:
+    """Maps (n,) where all groups have a finite value in some common repeat, and the values (n, groups) there."""
+    tables = [group.by_run([metric]) if group else {} for group in groups]
+    runs = sorted(set.intersection(*(set(table) for table in tables)))
+    values = np.array([[table[run][0] for table in tables] for run in runs]).reshape(-1, len(groups))
+    finite = np.isfinite(values).all(axis=1)
+    counted = [run for run, kept in zip(runs, finite, strict=True) if kept]
+    return list(dict.fromkeys(seed for seed, _ in counted)), map_values(counted, values[finite])

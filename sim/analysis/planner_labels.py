@@ -24,18 +24,16 @@ def planner_labels(rows: Sequence[Placed], given: Mapping[str, str] = {}) -> dic
 
     given: labels that replace these, as from `labels_of`.
     """
-    specs: dict[Key, dict[str, None]] = defaultdict(dict)
-    by_cell: dict[tuple[Cell, Key], set[str]] = defaultdict(set)
+    texts: dict[Key, dict[str, set[Cell]]] = defaultdict(dict)  # of each planner, with the cells that they fly in
     for row, cell in zip(rows, cells_of(rows), strict=True):
-        specs[_key(row)][row.planner] = None
-        by_cell[cell, _key(row)].add(row.planner)
-    ambiguous = {key for (_, key), texts in by_cell.items() if len(texts) > 1}
+        texts[_key(row)].setdefault(row.planner, set()).add(cell)
     bounds = {entrant(row) for row in rows if isinstance(row, Row) and _sees_more(row)}
     labels = {}
     for row in rows:
         key = _key(row)
-        plain = key in ambiguous or len(specs[key]) == 1
-        text = row.planner if plain else _shared(key[0], list(specs[key]))
+        flown = texts[key].values()
+        plain = len(flown) == 1 or sum(map(len, flown)) > len(set().union(*flown))
+        text = row.planner if plain else _shared(key[0], list(texts[key]))
         labels[entrant(row)] = with_options(text, _entered(row))
     return {text: given.get(label, label) + BOUND * (text in bounds) for text, label in labels.items()}
 

@@ -2,17 +2,20 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from sim.analysis.cell_text import Cell, Placed
 from sim.analysis.cells import Group
-from sim.analysis.differences import map_values, paired
+from sim.analysis.differences import common_values
 from sim.analysis.intervals import Estimate, means
+from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
 from sim.study.cells import VIEW, with_options
 from sim.study.study import Score
+from sim.study.tasks import Row
 
 SCORE = Metric("place between floor and bound", unit="%", better="higher", scale=100.0, digits=0, least=-np.inf)
 
@@ -25,6 +28,25 @@ class Place:
     planner: str
     score: Estimate
     maps: int
+
+
+class Scored(NamedTuple):
+    """Places of planners, and what they are places of."""
+
+    places: list[Place]
+    metric: Metric
+    ends: tuple[str, str]  # floor and bound
+
+
+def scored(
+    rows: Sequence[Row], groups: Sequence[Group], score: Score | None, given: Mapping[str, str] = {}
+) -> Scored | None:
+    """The scores of groups of rows; None where the study has none, or no map has both floor and bound."""
+    if score is None:
+        return None
+    ends, metric = ends_of(rows, score, given), metric_shown(score.metric)
+    found = places(groups, metric, *ends)
+    return Scored(found, metric, ends) if found else None
 
 
 def ends_of(rows: Sequence[Placed], score: Score, given: Mapping[str, str] = {}) -> tuple[str, str]:
@@ -46,11 +68,8 @@ def places(groups: Sequence[Group], metric: Metric, floor: str, bound: str) -> l
     values: dict[str, list[dict[int, float]]] = {}
     found = []
     for group in groups:
-        ends = by_place.get((group.cell, floor)), by_place.get((group.cell, bound))
-        if group.planner in (floor, bound) or None in ends:
-            continue
-        own = _by_map(group, *ends, metric)
-        if own:
+        low, high = by_place.get((group.cell, floor)), by_place.get((group.cell, bound))
+        if group.planner not in (floor, bound) and low and high and (own := _by_map(group, low, high, metric)):
             found.append(_place(group.cell, group.planner, own))
             values.setdefault(group.planner, []).append(own)
     for planner, tables in values.items():
@@ -65,21 +84,12 @@ def _place(cell: Cell | None, planner: str, values: Mapping[int, float]) -> Plac
     return Place(cell, planner, score, len(values))
 
 
-def _by_map(group: Group, floor: Group | None, bound: Group | None, metric: Metric) -> dict[int, float]:
+def _by_map(group: Group, floor: Group, bound: Group, metric: Metric) -> dict[int, float]:
     """The linearised places of maps, their mean is the place; nothing where the bound is not above the floor."""
-    if bound is None:
+    maps, values = common_values([group, floor, bound], metric)
+    gains, rooms = values[:, 0] - values[:, 1], values[:, 2] - values[:, 1]
+    room = float(rooms.mean()) if maps else 0.0
+    if not (room > 0 if metric.better == "higher" else room < 0):
         return {}
-    gained, room = paired(group, floor, [metric]), paired(bound, floor, [metric])
-    rooms = dict(zip(room.runs, room.values[:, 0].tolist(), strict=True))
-    pairs = [(f, gain, rooms.get(f, np.nan)) for f, gain in zip(gained.runs, gained.values[:, 0], strict=True)]
-    pairs = [(run, gain, whole) for run, gain, whole in pairs if np.isfinite(gain) and np.isfinite(whole)]
-    if not pairs:
-        return {}
-    runs = [run for run, _, _ in pairs]
-    of_maps = map_values(runs, np.array([(gain, whole) for _, gain, whole in pairs]))
-    gain, whole = of_maps.mean(axis=0)
-    if not (whole > 0 if metric.better == "higher" else whole < 0):
-        return {}
-    place = gain / whole
-    linear = place + (of_maps[:, 0] - place * of_maps[:, 1]) / whole
-    return dict(zip(dict.fromkeys(seed for seed, _ in runs), linear.tolist(), strict=True))
+    place = float(gains.mean()) / room
+    return dict(zip(maps, (place + (gains - place * rooms) / room).tolist(), strict=True))

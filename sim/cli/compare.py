@@ -14,8 +14,8 @@ from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers, sec
 from sim.scenario.text_files import toml_file
 from sim.study.cells import with_trackers
 from sim.study.study import STUDIES, Study, adapted, read
+from sim.terminal.commands import Duration, Overrides, with_duration
 from sim.terminal.console import remark
-from sim.terminal.options import Duration, Overrides, with_duration
 from tracking.fusion.member import TRACKERS
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean

@@ -12,8 +12,8 @@ from rich.table import Table
 
 from sim.recording.atomic_files import check_new, unused, whole
 from sim.scenario.quantities import integer, interval
+from sim.terminal.commands import Recorded
 from sim.terminal.console import console
-from sim.terminal.options import Recorded
 from tracking.plugins.registry import InputError
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import

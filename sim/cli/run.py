@@ -13,8 +13,8 @@ from sim.recording.atomic_files import unused
 from sim.running.isolated_run import Results, fly_apart
 from sim.scenario.loading import load, remarks
 from sim.scenario.quantities import MOST_SEED, REPEATS, integer, seconds
+from sim.terminal.commands import Duration, Overrides, with_duration
 from sim.terminal.console import remark, say
-from sim.terminal.options import Duration, Overrides, with_duration
 from sim.terminal.progress import mission_progress
 from sim.terminal.results import show_run
 

@@ -17,15 +17,15 @@ from sim.analysis.cells import Group, constant, grouped, trimmed, varying
 from sim.analysis.coverage import COVERED
 from sim.analysis.metric_choice import RUNTIME, available, chosen, metric_shown
 from sim.analysis.planner_labels import baseline_of, entrant
+from sim.analysis.score import scored
 from sim.evaluation.metric import Metric
 from sim.recording.atomic_files import whole
 from sim.report.figures.pictures import Picture, pictures, runtime_pictures, score_picture
 from sim.report.formats import comma_separated, markdown
 from sim.report.page import commanded, listed, page, paragraph
 from sim.report.page_tables import html_table, result_tables, runtime_tables, verdict
-from sim.report.scores import scored_parts
 from sim.report.single_trials import failures, maps
-from sim.report.tables import notes, shortfalls
+from sim.report.tables import notes, score_table, shortfalls
 from sim.study.study import Score
 from sim.study.tasks import Row
 from tracking.plugins.registry import InputError
@@ -94,15 +94,16 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     found = answers(groups, metrics, baseline)
     times = answers(groups, [metric_shown(name) for name in RUNTIME if name in available(rows)], baseline)
     drawn, timing = pictures(groups, baseline, metrics), runtime_pictures(groups)
-    scored = scored_parts(rows, groups, about.score, about.labels)
-    placed = [score_picture(scored.places, scored.ends)] if scored else []
+    scores = scored(rows, groups, about.score, about.labels)
+    placed = [score_picture(scores.places, scores.ends)] if scores else []
+    table = score_table(scores, groups) if scores else None
     full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
     all_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in (*found, *times)]
     sections = [
         ("", f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"),
         ("In short", _in_short(found, baseline, metrics)),
         ("What was run", _what_was_run(rows, every, about, baseline)),
-        *([("Scores", paragraph(scored.table.note) + html_table(scored.table) + _figures(placed))] if scored else []),
+        *([("Scores", paragraph(table.note) + html_table(table) + _figures(placed))] if table else []),
         ("Results", f"{listed(notes(found))}\n{result_tables(found, baseline)}"),
         ("Figures", _figures(drawn)),
         *([("Run time", _figures(timing) + runtime_tables(times))] if times else []),
@@ -112,7 +113,7 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     files = {
         "report.html": page(f"{about.study}: understory", sections).encode(),
         "table.csv": comma_separated(all_answers, baseline).encode(),
-        "table.md": markdown(found, baseline, scored.table if scored else None).encode(),
+        "table.md": markdown(found, baseline, table).encode(),
     }
     for picture in (*drawn, *timing, *placed):
         files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}

@@ -5,11 +5,13 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from sim.analysis.answers import Answer
+from sim.analysis.answers import Answer, map_means
 from sim.analysis.cell_text import Cell, cell_text
+from sim.analysis.cells import Group
 from sim.analysis.coverage import caveats
 from sim.analysis.differences import Difference
 from sim.analysis.intervals import LEVEL, MOST_MAPS, POWER
+from sim.analysis.score import SCORE, Scored
 from sim.evaluation.metric import UNKNOWN, Metric
 
 _NOTE = "In brackets: 95 % intervals over the maps (seeds); expect means of as many others within 1.4 times the width."
@@ -18,6 +20,9 @@ _COMPARED = (
     f"a difference as large with a probability of {100 * POWER:.0f} %."
 )
 _REPEATED = "Each map counts once, with the mean of its repeats. Spreads are standard deviations."
+
+
+SCORES = "Place of each planner [%]"  # the title of their table
 
 
 class Table(NamedTuple):
@@ -45,6 +50,29 @@ def tables(found: Sequence[Answer], baseline: str) -> list[Table]:
             rows = [(a.cell, _spread_texts(a, compared)) for a in lines]
             listed.append(Table(f"{metric.title}: spread", heads, rows))
     return listed
+
+
+def score_table(scored: Scored, groups: Sequence[Group]) -> Table:
+    """Scores, a line a cell: the metric of floor and bound, and the place of each planner with its interval."""
+    found, metric, ends = scored
+    planners = list(dict.fromkeys(place.planner for place in found))
+    by_place = {(group.cell, group.planner): group for group in groups}
+    lines = []
+    for cell, of_cell in groupby(found, lambda place: place.cell):
+        scores = {place.planner: place.score.text(SCORE) for place in of_cell}
+        means = [_mean(by_place.get((cell, end)), metric) if cell is not None else "" for end in ends]
+        named = "mean over cells" if cell is None else cell_text(cell) or "all missions"
+        lines.append([named, *means, *(scores.get(planner, UNKNOWN) for planner in planners)])
+    note = (
+        f"{metric.label}: 0 is that of {ends[0]}, 100 that of {ends[1]}, on the maps that all three flew. In brackets: "
+        "95 % intervals over the maps; how often these hold was not counted."
+    )
+    heads = ["cell", *(f"{end} [{metric.unit}]" for end in ends), *planners]
+    return Table(SCORES, heads, [((), line) for line in lines], note=note)
+
+
+def _mean(group: Group | None, metric: Metric) -> str:
+    return UNKNOWN if group is None else metric.text(map_means(group, metric).value)
 
 
 def _repeated(found: Sequence[Answer]) -> bool:

@@ -14,9 +14,9 @@ from sim.analysis.cell_text import cell_text
 from sim.analysis.cells import constant, grouped, trimmed
 from sim.analysis.metric_choice import chosen
 from sim.analysis.planner_labels import baseline_of, short_labels
+from sim.analysis.score import scored
 from sim.report.report import About
-from sim.report.scores import scored_parts
-from sim.report.tables import Table, notes, shortfalls, tables
+from sim.report.tables import Table, notes, score_table, shortfalls, tables
 from sim.study.tasks import Row
 from sim.terminal.console import console
 
@@ -38,10 +38,10 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
         on.print(f"Everywhere: {escape(cell_text(constant(groups)))}")
     for table in tables(found, shorts[first]):
         on.print(_terminal_table(table, on.width >= WIDE))
-    scored = scored_parts(rows, trimmed(groups), about.score, about.labels)
-    if scored:
-        on.print(_terminal_table(scored.table._replace(heads=[shorts.get(head, head) for head in scored.table.heads])))
-        on.print(scored.table.note, style="dim")
+    if scores := scored(rows, trimmed(groups), about.score, about.labels):
+        table = score_table(scores, trimmed(groups))
+        on.print(_terminal_table(table._replace(heads=[shorts.get(head, head) for head in table.heads])))
+        on.print(table.note, style="dim")
     for label, short in shorts.items():
         if short != label:
             on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)

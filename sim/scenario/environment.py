@@ -7,7 +7,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
-from sim.scenario.bounds import DAY, Count, Expected, Length, Paths, Point, Side, Speed
+from sim.scenario.quantities import DAY, Count, Expected, Length, Paths, Point, Side, Speed
 from tracking.plugins.registry import Registry
 
 WALKS = Registry(

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from sim.scenario.bounds import DAY, Footprint, Point, Speed, Time
+from sim.scenario.quantities import DAY, Footprint, Point, Speed, Time
 
 
 class Uav(Struct, frozen=True, forbid_unknown_fields=True):

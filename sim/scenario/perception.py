@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from sim.scenario.bounds import Density, Expected, Probability, Scans, Speed, Time, Variance, Weight
+from sim.scenario.quantities import Density, Expected, Probability, Scans, Speed, Time, Variance, Weight
 from tracking.plugins.registry import Registry
 
 SENSOR_MODES = Registry(

@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta, Struct, field
 
-from sim.scenario.bounds import DAY, Path, Time
 from sim.scenario.environment import WALKS, Appearance, Area, People, Trees, Wind
 from sim.scenario.fleet import DEFAULT_FLEET, Network, Uav
 from sim.scenario.perception import DETECTORS, SENSOR_MODES, Sensing, Tracking
+from sim.scenario.quantities import DAY, Path, Time
 from tracking.filter.motion import MOTION_MODELS
 from tracking.fusion.member import TRACKERS
 from tracking.fusion.rule import FUSION_RULES

@@ -27,38 +27,35 @@ _MOST_TRIALS = 1_000_000
 _OURS = ("planning", "sim", "tracking")
 
 
-class Task(Struct, frozen=True, kw_only=True):
-    """One trial to fly, and where in its study it stands."""
+class _Setup(Struct, frozen=True, kw_only=True):
+    """Place of a trial in its study, and what reproduces it: what a task and its row have in common."""
+
+    study: str = ""
+    scenario: str = ""  # name, or .toml file
+    factors: tuple[tuple[str, str], ...] = ()  # what varies by cell, as shown: (("lambda", "45"), ("R", "5"))
+    settings: dict[str, str] = {}  # overrides: `understory run SCENARIO --set key=value ... --planner ... --seed ...`
+    planner: str  # as --planner takes it
+    seed: int
+    repeat: int = 0  # of the chance on the seed's map
+    version: str  # of the package
+
+
+class Task(_Setup, frozen=True, kw_only=True):
+    """One trial to fly."""
 
     key: str
     setting: Scenario
-    planner: str
-    seed: int
-    repeat: int = 0
-    version: str
-    study: str = ""
-    scenario: str = ""
-    factors: tuple[tuple[str, str], ...] = ()
-    settings: dict[str, str] = {}
     metrics: tuple[str, ...] = ()  # from outside, by import string
 
     @property
     def shared(self) -> dict[str, Any]:
         """The fields that a row has from its task."""
-        names = ("study", "scenario", "factors", "settings", "planner", "seed", "repeat", "version")
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in _Setup.__struct_fields__}
 
 
-class Row(Struct, frozen=True, kw_only=True, eq=False):
-    """One trial: where in the study it stands, what reproduces it, and its results."""
+class Row(_Setup, frozen=True, kw_only=True, eq=False):
+    """One trial with its results."""
 
-    study: str
-    scenario: str  # name, or .toml file
-    factors: tuple[tuple[str, str], ...]  # what varies by cell, as shown: (("lambda", "45"), ("R", "5"))
-    planner: str  # as --planner takes it
-    seed: int
-    repeat: int = 0  # of the chance on the seed's map
-    version: str  # of the package
     status: Literal["done", "failed"]
     error: str = ""
     metrics: dict[str, float]  # flat names, as in docs/how-to/studies.md; NaN: undefined
@@ -66,7 +63,6 @@ class Row(Struct, frozen=True, kw_only=True, eq=False):
     times: Array  # (T,) s
     recording: str = ""  # SHA-256 of its file, wherever it was flown; empty if it failed
     machine: str = ""  # that flew it: processor and BLAS
-    settings: dict[str, str]  # overrides: `understory run SCENARIO --set key=value ... --planner ... --seed ...`
 
 
 def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:

@@ -1,16 +1,18 @@
-"""Commands of a terminal: their help, their complaints and their exit codes."""
+"""Commands of a terminal: options that several have, their help, their complaints and their exit codes."""
 
 import errno
 import os
 import signal
 import sys
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from sim.processes.isolation import IsolationError
+from sim.scenario.quantities import seconds
 from sim.terminal.console import fail
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
@@ -18,6 +20,18 @@ from tracking.plugins.spelling import did_you_mean
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a full disk, or one that fails
 # A place that nothing can be written to, or read from.
 _NO_PLACE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG, errno.ELOOP)
+
+
+Duration = Annotated[
+    str | None, typer.Option(metavar="TIME", help="Simulated time: 40, 40s, 1.5min. Default: the scenario's.")
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Change a key of the scenario, such as trees.density=75; repeatable."
+    ),
+]
+Recorded = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")]
 
 
 class Command(TyperCommand):
@@ -28,7 +42,7 @@ class Command(TyperCommand):
         return _untyped(super().get_params(ctx))
 
 
-class Commands(TyperGroup):
+class _Commands(TyperGroup):
     """Commands that answer an unknown name with the nearest one."""
 
     def get_params(self, ctx: Any) -> list[Any]:  # noqa: ANN401 - types that differ between typer's versions
@@ -51,9 +65,15 @@ def _untyped(params: list[Any]) -> list[Any]:
     return params
 
 
+def with_duration(overrides: list[str] | None, duration: str | None) -> list[str]:
+    """The overrides, that of --duration among them."""
+    added = [] if duration is None else [f"duration={seconds(duration, '--duration')}"]
+    return [*(overrides or []), *added]
+
+
 def new_app() -> typer.Typer:
     """A command line without commands."""
-    return typer.Typer(cls=Commands, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
+    return typer.Typer(cls=_Commands, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
 
 
 def run_alone(function: Callable[..., None]) -> None:

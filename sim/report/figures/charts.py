@@ -1,7 +1,6 @@
 """The figures of a study: OSPA over scans and over time, run times by planner, and maps against maps."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -92,14 +91,7 @@ def _grid(
     return figure
 
 
-class _Dot(NamedTuple):
-    """A value of a planner in a cell, with its interval."""
-
-    cell: Cell | None
-    planner: str
-    value: float
-    low: float
-    high: float
+_Dot = tuple[Cell | None, str, Array]  # a cell, a planner, and its value with the ends of the interval
 
 
 def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
@@ -108,7 +100,7 @@ def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
     def dot(group: Group) -> _Dot:
         mean = map_means(group, metric)
         values = metric.scale * np.array([mean.value, mean.low, mean.high])
-        return _Dot(group.cell, group.planner, *(values if mean.value > 0 else np.full(3, np.nan)))
+        return group.cell, group.planner, values if mean.value > 0 else np.full(3, np.nan)
 
     def dress(axes: Axes) -> None:
         axes.set_xscale("log")
@@ -122,12 +114,12 @@ def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
 
 def score_figure(found: Sequence[Place]) -> Figure:
     """Places between floor and bound with their intervals, a line per cell and a dot per planner."""
-    dots = [_Dot(p.cell, p.planner, 100 * p.score.value, 100 * p.score.low, 100 * p.score.high) for p in found]
+    dots = [(p.cell, p.planner, 100 * np.array([p.score.value, p.score.low, p.score.high])) for p in found]
 
     def dress(axes: Axes) -> None:
         for end in (0, 100):
             axes.axvline(end, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
-        values = [dot.value for dot in dots]
+        values = [dot[0] for _, _, dot in dots]
         axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # a long interval may leave the figure
         axes.set_xlabel("place between floor (0) and bound (100) [%]")
 
@@ -136,16 +128,16 @@ def score_figure(found: Sequence[Place]) -> Figure:
 
 def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
     """Dots with their intervals, a line per cell and a colour per planner; `dress` sets the horizontal axis."""
-    cells = list(dict.fromkeys(dot.cell for dot in dots))
-    planners = list(dict.fromkeys(dot.planner for dot in dots))
+    cells = list(dict.fromkeys(cell for cell, _, _ in dots))
+    planners = list(dict.fromkeys(planner for _, planner, _ in dots))
     with drawing(1.2 + 0.3 * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
         axes = figure.add_subplot()
-        for dot in dots:
-            index = planners.index(dot.planner)
-            height = cells.index(dot.cell) + 0.5 * (index + 0.5 - len(planners) / 2) / len(planners)
+        for cell, planner, (value, low, high) in dots:
+            index = planners.index(planner)
+            height = cells.index(cell) + 0.5 * (index + 0.5 - len(planners) / 2) / len(planners)
             colour = rgb(COLOURS[index % len(COLOURS)])
-            axes.plot([dot.low, dot.high], [height, height], color=colour, lw=1.5, alpha=0.7)
-            axes.plot(dot.value, height, "o", color=colour, ms=5)
+            axes.plot([low, high], [height, height], color=colour, lw=1.5, alpha=0.7)
+            axes.plot(value, height, "o", color=colour, ms=5)
         dress(axes)
         axes.set_yticks(range(len(cells)), [cell_text(cell) or "all missions" for cell in cells])
         axes.set_ylim(len(cells) - 0.5, -0.5)

@@ -6,12 +6,12 @@ from helpers.trials import row, study
 from matplotlib.colors import to_rgb
 
 from sim.analysis.cells import grouped, trimmed
-from sim.analysis.differences import map_points
 from sim.analysis.distributions import bands
 from sim.analysis.metric_choice import metric_shown
 from sim.report.figures.canvas import content
 from sim.report.figures.charts import AT, ecdf_figure, runtime_figure, scatter_figure, time_figure
 from sim.report.figures.panels import sheets
+from sim.report.figures.pictures import map_points
 
 
 def groups(rows=None, baseline="sma-nbo"):

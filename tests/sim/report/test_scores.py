@@ -7,7 +7,7 @@ from helpers.trials import row
 from rich.console import Console
 
 from sim.report.report import About, made
-from sim.report.scores import TITLE
+from sim.report.tables import SCORES
 from sim.report.terminal import show
 from sim.study.study import Score
 
@@ -31,7 +31,7 @@ def test_the_report_has_places_and_their_figure_where_the_study_has_a_score():
     assert ">Scores</h2>" in page and "0 is that of hover, 100 that of sma-nbo(view=unlimited)" in page
     lines = [line for line in text.split("\n\n**")[0].splitlines() if line.startswith("|")]
     heads = "cell | hover [m] | sma-nbo(view=unlimited), upper bound [m] | sma-nbo"
-    assert text.startswith(f"**{TITLE}**") and lines[0] == f"| {heads} |"
+    assert text.startswith(f"**{SCORES}**") and lines[0] == f"| {heads} |"
     assert lines[2:] == [
         "| scenario = dense | 10.10 | 4.10 | 67 [67, 67] |",
         "| scenario = forest | 10.10 | 2.10 | 50 [50, 50] |",
@@ -47,4 +47,4 @@ def test_the_terminal_shows_places_below_the_metrics(width):
     out = io.StringIO()
     show(rows(), About("tried", score=SCORE), on=Console(file=out, width=width))
     text = out.getvalue()
-    assert TITLE in text and "67 [67, 67]" in text and "mean over cells" in text
+    assert SCORES in text and "67 [67, 67]" in text and "mean over cells" in text
