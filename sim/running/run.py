@@ -2,9 +2,9 @@
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
+from itertools import count
 from pathlib import Path
-from threading import Event
 from typing import Any
 
 from sim.drawing.film import Film, Video
@@ -55,8 +55,19 @@ def fly(trial: Trial, folder: Path, results: Results, *, progress: Progress, say
     film = folder / "mission.mp4" if results.video else None
     with ExitStack() as catching:  # Ctrl-C, from take-off until all is written
 
-        def watching(mission: Mission) -> AbstractContextManager[Callable[[Snapshot], bool]]:
-            return _watching(trial, mission, film, progress, catching.enter_context(stop_request()))
+        @contextmanager
+        def watching(mission: Mission) -> Iterator[Callable[[Snapshot], bool]]:
+            stop = catching.enter_context(stop_request())
+            scans = count(1)
+            with _film(trial, mission, film) as add:
+
+                def watch(snapshot: Snapshot) -> bool:
+                    add(snapshot)
+                    distances = snapshot.ospa[snapshot.working, 0].tolist()
+                    progress(ScanProgress(snapshot.time, next(scans), distances, snapshot.error))
+                    return not stop.is_set()
+
+                yield watch
 
         outcome = flown(trial, watching, announced(say)(warm_up))
         summary = summarise(outcome, versions=versions(), asked=results.metrics)
@@ -64,25 +75,6 @@ def fly(trial: Trial, folder: Path, results: Results, *, progress: Progress, say
         if film:
             write_page(outcome.recording, trial.scenario, folder / "mission.html", video=film, place=results.place)
     return summary
-
-
-@contextmanager
-def _watching(
-    trial: Trial, mission: Mission, film: Path | None, progress: Progress, stop: Event
-) -> Iterator[Callable[[Snapshot], bool]]:
-    """A watch over all scans, for film and progress, that ends the mission when it is to stop."""
-    scans = 0
-    with _film(trial, mission, film) as add:
-
-        def watch(snapshot: Snapshot) -> bool:
-            nonlocal scans
-            add(snapshot)
-            scans += 1
-            distances = snapshot.ospa[snapshot.working, 0].tolist()
-            progress(ScanProgress(snapshot.time, scans, distances, snapshot.error))
-            return not stop.is_set()
-
-        yield watch
 
 
 @contextmanager

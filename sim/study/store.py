@@ -4,7 +4,7 @@ import errno
 import math
 import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
@@ -84,19 +84,16 @@ class Store:
             folder.mkdir(parents=True, exist_ok=True)
             if path.exists() and not path.is_file():
                 raise InputError(f"--out: {path} cannot be used: is no file")  # a pipe would be waited for
-            connection = sqlite3.connect(path, timeout=60.0, isolation_level=None)
-        except (OSError, sqlite3.Error) as error:
+        except OSError as error:
             raise _unusable(path, error) from error
-        try:
+        with _connected(path) as connection:
             _prepare(connection, path, study)
             yield Store(connection, path, study)
-        finally:
-            connection.close()
 
     def done(self, tasks: Sequence[Task]) -> dict[str, Row]:
         """Rows of the trials that are complete and did not fail, by key, at their place in the present study."""
         wanted = {task.key: task for task in tasks}
-        rows = self._selected(f"SELECT key, {_COLUMNS} FROM trials WHERE status = 'done'")
+        rows = self._connection.execute(f"SELECT key, {_COLUMNS} FROM trials WHERE status = 'done'").fetchall()
         found = {key: _row(self.path, self.study, values) for key, *values in rows if key in wanted}
         return {key: msgspec.structs.replace(row, **wanted[key].shared) for key, row in found.items()}
 
@@ -120,13 +117,7 @@ class Store:
 
     def versions(self) -> dict[str, int]:
         """Number of trials of each version of the package."""
-        return dict(self._selected("SELECT version, count(*) FROM trials GROUP BY version ORDER BY version"))
-
-    def _selected(self, query: str) -> list[Any]:
-        try:
-            return self._connection.execute(query).fetchall()
-        except _DAMAGED as error:
-            raise _unusable(self.path, error) from error
+        return dict(self._connection.execute("SELECT version, count(*) FROM trials GROUP BY version ORDER BY version"))
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -144,8 +135,14 @@ class Store:
 
 def read_rows(path: Path) -> list[Row]:
     """All rows of a store, of any version, by scenario, factors, planner, seed and repeat; InputError if it is none."""
-    with _reading(path) as connection:
-        study, version = _name(connection, path), _version(connection, path)
+    file = path / NAME if path.is_dir() else path
+    if not file.is_file():
+        raise InputError(f"{file}: there is no store of a study")
+    with _connected(file) as connection:
+        version = _version(connection, file)
+        if version == 0:
+            raise InputError(f"{file}: holds no study")
+        study = _name(connection, path)
         old = "0 AS repeat, '' AS recording, '' AS machine"
         columns = _COLUMNS if version > 1 else _COLUMNS.replace("repeat, recording, machine", old)
         order = "scenario, factors, planner, seed, repeat, version"
@@ -175,40 +172,31 @@ def frame_of(rows: Sequence[Row]) -> Any:  # noqa: ANN401 - as above
 
 
 @contextmanager
-def _reading(path: Path) -> Iterator[sqlite3.Connection]:
-    file = path / NAME if path.is_dir() else path
-    if not file.is_file():
-        raise InputError(f"{file}: there is no store of a study")
-    connection = sqlite3.connect(file, timeout=60.0, isolation_level=None)
+def _connected(path: Path) -> Iterator[sqlite3.Connection]:
+    """A connection; what SQLite complains of in the block is an InputError or, of a full disk, a StoreError."""
     try:
-        if _version(connection, file) == 0:
-            raise InputError(f"{file}: holds no study")
-        yield connection
+        with closing(sqlite3.connect(path, timeout=60.0, isolation_level=None)) as connection:
+            yield connection
     except _DAMAGED as error:
-        raise _unusable(file, error) from error
-    finally:
-        connection.close()
+        raise _unusable(path, error) from error
 
 
 def _prepare(connection: sqlite3.Connection, path: Path, study: str) -> None:
     """Make the tables of a new store, or check that an old one is this study's and bring it to the present schema."""
-    try:
-        connection.execute("BEGIN IMMEDIATE")
-        version = _version(connection, path)
-        if version == 0:
-            for table in _TABLES:
-                connection.execute(table)
-            connection.execute("INSERT INTO study VALUES (?)", (study,))
-        elif version == 1:
-            for name, kind in _LATER.items():
-                connection.execute(f"ALTER TABLE trials ADD COLUMN {name} {kind}")
-        connection.execute(f"PRAGMA user_version = {SCHEMA}")
-        name = _name(connection, path)
-        if name != study:
-            raise InputError(f"--out: {path.parent} holds study {name!r}, not {study!r}; name another folder")
-        connection.execute("COMMIT")
-    except _DAMAGED as error:
-        raise _unusable(path, error) from error
+    connection.execute("BEGIN IMMEDIATE")
+    version = _version(connection, path)
+    if version == 0:
+        for table in _TABLES:
+            connection.execute(table)
+        connection.execute("INSERT INTO study VALUES (?)", (study,))
+    elif version == 1:
+        for name, kind in _LATER.items():
+            connection.execute(f"ALTER TABLE trials ADD COLUMN {name} {kind}")
+    connection.execute(f"PRAGMA user_version = {SCHEMA}")
+    name = _name(connection, path)
+    if name != study:
+        raise InputError(f"--out: {path.parent} holds study {name!r}, not {study!r}; name another folder")
+    connection.execute("COMMIT")
 
 
 def _name(connection: sqlite3.Connection, path: Path) -> str:
