@@ -112,24 +112,16 @@ def short_labels(labels: Sequence[str]) -> dict[str, str]:
     Trackers of a single planner go by their own names. A label stays as it is where two would look alike.
     """
     options = {label: _parts(label.removesuffix(BOUND)) for label in labels}
-    single = len({(name, *filter(_is_other, own)) for name, own in options.values()}) == 1
+    tracker = f"{TRACKER}="
+    single = len({(name, *(o for o in own if not o.startswith(tracker))) for name, own in options.values()}) == 1
     shorts = {}
     for label, (name, own) in options.items():
         alike = [other for base, other in options.values() if base == name]
-        telling = [_without_module(option) for option in own if not all(option in other for other in alike)]
+        telling = [option for option in own if not all(option in other for other in alike)]
+        telling = [re.sub(f"^({tracker}).*:", r"\1", option) for option in telling]
         last = name.rpartition(":")[2]
         short = f"{last}({', '.join(telling)})" if telling else last
-        alone = single and telling and not _is_other(telling[-1])
+        alone = single and telling and telling[-1].startswith(tracker)
         shorts[label] = (telling[-1].partition("=")[2] if alone else short) + BOUND * label.endswith(BOUND)
     found = list(shorts.values())
     return {label: short if found.count(short) == 1 else label for label, short in shorts.items()}
-
-
-def _is_other(option: str) -> bool:
-    return option.partition("=")[0] != TRACKER
-
-
-def _without_module(option: str) -> str:
-    """The option; a tracker without its module."""
-    key, _, value = option.partition("=")
-    return option if _is_other(option) else f"{key}={value.rpartition(':')[2]}"

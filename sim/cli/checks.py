@@ -1,15 +1,16 @@
 """`understory check-planner`, `check-detector` and `check-tracker`: what a plug-in must keep to."""
 
+import sys
 from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from planning.loading import load_planner
 from sim.scenario.perception import DETECTORS
 from sim.terminal.console import console, say
 from sim.terminal.progress import START_UP
-from sim.terminal.results import show_findings
 from tracking.fusion.member import TRACKERS
 from tracking.plugins.findings import Finding
 
@@ -47,8 +48,14 @@ def check_tracker(
 
 
 def _show(check: Callable[[str], Sequence[Finding]], plugin: str) -> None:
+    """Print one line per check, and their sum; exit with code 1 if one failed."""
     from sim.mission.warmup import announced
 
     with console.status(START_UP), announced(say):
         findings = check(plugin)
-    show_findings(findings)
+    for one in findings:
+        console.print(escape(str(one)), soft_wrap=True)
+    failed = sum(one.passed is False for one in findings)
+    console.print(f"[red]{failed} of {len(findings)} checks failed[/red]" if failed else "[green]It conforms.[/green]")
+    if failed:
+        sys.exit(1)

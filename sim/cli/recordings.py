@@ -12,9 +12,8 @@ from rich.markup import escape
 from sim.recording.atomic_files import check_new, unused
 from sim.scenario.quantities import integer, interval
 from sim.terminal.commands import Recorded
-from sim.terminal.console import console, say
+from sim.terminal.console import console, say, show_files
 from sim.terminal.progress import trial_progress
-from sim.terminal.results import show_files
 from tracking.plugins.registry import InputError
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import

@@ -14,9 +14,8 @@ from sim.running.isolated_run import Results, fly_apart
 from sim.scenario.loading import load, remarks
 from sim.scenario.quantities import MOST_SEED, REPEATS, integer, seconds
 from sim.terminal.commands import Duration, Overrides, with_duration
-from sim.terminal.console import remark, say
+from sim.terminal.console import remark, say, show_run
 from sim.terminal.progress import mission_progress
-from sim.terminal.results import show_run
 
 # Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
 

@@ -1,15 +1,17 @@
 """`understory` without a command: how to start, and the version; `understory planners`, `scenarios`, `studies`."""
 
+from collections.abc import Mapping
 from importlib.metadata import version as version_of
 from typing import Annotated
 
 import typer
+from rich.markup import escape
+from rich.table import Table
 
 from planning.registry import catalogue
 from sim.scenario.loading import SCENARIOS
 from sim.study.study import STUDIES, read
 from sim.terminal.console import console
-from sim.terminal.results import show_groups, show_list
 
 _START = """[bold]Understory[/bold]: UAVs that track walking people under trees, on rendered frames.
 
@@ -64,7 +66,7 @@ def start(
 
 def planners() -> None:
     """List the planners: what each is, which package brings it, and its options."""
-    show_groups(
+    _show_groups(
         catalogue(),
         "With options: --planner 'sma-nbo-mwtp(horizon=3, beta=0.2)'.\n"
         "Yours: --planner module:Class, with module.py in the current folder or installed.",
@@ -73,7 +75,7 @@ def planners() -> None:
 
 def scenarios() -> None:
     """List the packaged scenarios."""
-    show_list(
+    _show_list(
         {name: path.read_text(encoding="utf-8").splitlines()[0].lstrip("# ") for name, path in SCENARIOS.items()},
         "Yours: a .toml file with the keys that differ. One key: --set key=value.",
     )
@@ -81,7 +83,28 @@ def scenarios() -> None:
 
 def studies() -> None:
     """List the packaged studies."""
-    show_list(
+    _show_list(
         {name: read(name).description for name in STUDIES},
         "Fly one: understory compare NAME --maps 10. Yours: a .toml file, see docs/how-to/studies.md.",
     )
+
+
+def _show_list(items: Mapping[str, str], note: str) -> None:
+    """Print names and their meaning."""
+    table = Table.grid(padding=(0, 3))
+    for name, meaning in items.items():
+        table.add_row(f"[bold]{name}[/bold]", escape(meaning))
+    console.print(table)
+    console.print(f"\n{note}")
+
+
+def _show_groups(groups: Mapping[str, Mapping[str, str]], note: str) -> None:
+    """Print names and their meaning under headings."""
+    width = max(len(name) for items in groups.values() for name in items)
+    for heading, items in groups.items():
+        console.print(f"{escape(heading)}:")
+        table = Table.grid(padding=(0, 2))
+        for name, meaning in items.items():
+            table.add_row(f"  [bold]{escape(name):<{width}}[/bold]", escape(meaning))
+        console.print(table)
+    console.print(f"\n{note}")

@@ -161,12 +161,8 @@ def _loads(scenario: Scenario) -> Iterator[tuple[str, float, str, float]]:
     scans = scenario.duration * rates.sensing
     yield "duration, rates.physics and uavs", scenario.duration * rates.physics * uavs, "steps of a UAV", 1e9
     yield "duration, rates.sensing and uavs", scans * uavs, "scans", 2e6
-    yield (
-        "duration, rates.sensing, network.rounds and uavs",
-        scans * scenario.network.rounds * uavs * uavs,
-        "messages",
-        1e9,
-    )
+    messages = scans * scenario.network.rounds * uavs * uavs
+    yield "duration, rates.sensing, network.rounds and uavs", messages, "messages", 1e9
     if scenario.sensing.renders:
         pixels = scans * sum(uav.pixels * uav.pixels for uav in scenario.uavs)
         yield "duration, rates.sensing, uavs and their pixels", pixels, "pixels", 1e12

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from planning.loading import load_planner
@@ -58,9 +58,10 @@ class Row(_Setup, frozen=True, kw_only=True, eq=False):
 
     status: Literal["done", "failed"]
     error: str = ""
-    metrics: dict[str, float]  # flat names, as in docs/how-to/studies.md; NaN: undefined
-    ospa: NDArray[np.float32]  # (T,) m at each scan, mean over the UAVs that work; NaN if none does
-    times: Array  # (T,) s
+    metrics: dict[str, float] = {}  # flat names, as in docs/how-to/studies.md; NaN: undefined
+    # (T,) m at each scan, mean over the UAVs that work; NaN if none does
+    ospa: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, dtype=np.float32))
+    times: Array = field(default_factory=lambda: np.zeros(0))  # (T,) s
     recording: str = ""  # SHA-256 of its file, wherever it was flown; empty if it failed
     machine: str = ""  # that flew it: processor and BLAS
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from msgspec import Struct
@@ -50,10 +49,7 @@ def fly(task: Task, *, keep: bool = False, timeout: float | None = None) -> Flow
 
 def failed(task: Task, error: str) -> Flown:
     """A trial without a result, and why."""
-    nothing = np.zeros(0)
-    return Flown(
-        _row(task, status="failed", error=" ".join(error.split()), ospa=nothing.astype(np.float32), times=nothing)
-    )
+    return Flown(Row(**task.shared, status="failed", error=" ".join(error.split())))
 
 
 @cache
@@ -74,8 +70,8 @@ def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
     trial = Trial(task.setting, task.planner, task.seed, task.repeat)
     outcome = flown(trial, lambda mission: nullcontext(watch))
     recording = outcome.recording
-    row = _row(
-        task,
+    row = Row(
+        **task.shared,
         status="done",
         metrics=_metrics(outcome, task.metrics),
         ospa=np.array(ospa, dtype=np.float32),
@@ -94,10 +90,6 @@ def _metrics(outcome: Outcome, asked: Sequence[str]) -> dict[str, float]:
         **{f"seconds.{stage}": value for stage, value in outcome.seconds.items()},
     }
     return {name: math.nan if value is None else float(value) for name, value in values.items()}
-
-
-def _row(task: Task, **results: Any) -> Row:  # noqa: ANN401 - the row's fields say
-    return Row(**task.shared, **{"metrics": {}, **results})
 
 
 def _content(recording: Recording) -> bytes:

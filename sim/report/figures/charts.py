@@ -1,10 +1,15 @@
 """The figures of a study: OSPA over scans and over time, run times by planner, and maps against maps."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from sim.analysis.answers import map_means
@@ -15,10 +20,11 @@ from sim.analysis.score import Place
 from sim.drawing.palette import FAINT
 from sim.drawing.plots import rgb
 from sim.evaluation.metric import Metric
-from sim.report.figures.canvas import WIDTH, drawing, legend, line
 from sim.report.figures.panels import COLOURS, COLUMNS, Curve, Sheet, Style
 from tracking.numerics.arrays import Array
 
+_WIDTH = 11.0  # inches of a figure as wide as the report
+LOOK: Any = {"font.family": "DejaVu Sans", "font.size": 10, "svg.fonttype": "path", "svg.hashsalt": "understory"}
 AT = np.geomspace(0.1, 50.0, 300)  # m, where distributions are drawn
 _TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
 _FEW = 4  # curves with bands in one panel
@@ -28,7 +34,7 @@ def ecdf_figure(sheet: Sheet) -> Figure:
     """Share of scans with an OSPA of no more than x, scans and maps pooled, over a logarithmic axis, as in [Li22]."""
 
     def draw(axes: Axes, curve: Curve) -> None:
-        axes.plot(AT, 100 * ecdf(curve.group.ospa, AT), **line(curve.style))
+        axes.plot(AT, 100 * ecdf(curve.group.ospa, AT), **_line(curve.style))
 
     def dress(axes: Axes) -> None:
         axes.set_xscale("log")
@@ -51,7 +57,7 @@ def time_figure(sheet: Sheet) -> Figure:
         low, median, high = bands(errors)
         if few:
             axes.fill_between(times, low, high, color=rgb(curve.style.colour), alpha=0.16, lw=0)
-        axes.plot(times, median, **line(curve.style))
+        axes.plot(times, median, **_line(curve.style))
 
     def dress(axes: Axes) -> None:
         axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
@@ -70,8 +76,8 @@ def _grid(
     sheet: Sheet, draw: Callable[[Axes, Curve], None], dress: Callable[[Axes], None], labels: tuple[str, str]
 ) -> Figure:
     rows = -(-len(sheet.panels) // sheet.columns)
-    width = WIDTH if sheet.columns > 1 else 0.6 * WIDTH
-    with drawing(0.8 + 2.15 * rows + 0.22 * -(-len(sheet.legend) // 3), width=width) as figure:
+    width = _WIDTH if sheet.columns > 1 else 0.6 * _WIDTH
+    with _drawing(0.8 + 2.15 * rows + 0.22 * -(-len(sheet.legend) // 3), width=width) as figure:
         every = figure.subplots(rows, sheet.columns, sharex=True, sharey=True, squeeze=False).ravel()
         for axes, panel in zip(every, sheet.panels, strict=False):
             for curve in panel.curves:
@@ -87,7 +93,7 @@ def _grid(
             axes.tick_params(labelbottom=True)
             axes.set_xlabel(labels[0])  # the figure's own would meet the legend
         figure.supylabel(labels[1], fontsize=10)
-        legend(figure, sheet.legend)
+        _legend(figure, sheet.legend)
     return figure
 
 
@@ -130,7 +136,7 @@ def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
     """Dots with their intervals, a line per cell and a colour per planner; `dress` sets the horizontal axis."""
     cells = list(dict.fromkeys(cell for cell, _, _ in dots))
     planners = list(dict.fromkeys(planner for _, planner, _ in dots))
-    with drawing(1.2 + 0.3 * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
+    with _drawing(1.2 + 0.3 * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
         axes = figure.add_subplot()
         for cell, planner, (value, low, high) in dots:
             index = planners.index(planner)
@@ -143,7 +149,7 @@ def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
         axes.set_ylim(len(cells) - 0.5, -0.5)
         axes.grid(axis="x", lw=0.5, alpha=0.4)
         axes.spines[["top", "right"]].set_visible(False)
-        legend(figure, {p: Style(COLOURS[i % len(COLOURS)]) for i, p in enumerate(planners)}, marker="o")
+        _legend(figure, {p: Style(COLOURS[i % len(COLOURS)]) for i, p in enumerate(planners)}, marker="o")
     return figure
 
 
@@ -152,7 +158,7 @@ def scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -
     low, high, log = _limits(np.concatenate([*points.values(), np.zeros((0, 2))]))
     columns = min(COLUMNS, len(points))
     rows = -(-len(points) // columns)
-    with drawing(3.3 * rows, width=0.4 + 3.05 * columns) as figure:
+    with _drawing(3.3 * rows, width=0.4 + 3.05 * columns) as figure:
         for i, (other, pairs) in enumerate(points.items()):
             axes = figure.add_subplot(rows, columns, i + 1)
             axes.plot([low, high], [low, high], color=rgb(FAINT), lw=1.0, zorder=0.5)
@@ -180,3 +186,29 @@ def _limits(points: Array) -> tuple[float, float, bool]:
         return low / 1.15, high * 1.15, True
     margin = 0.05 * (high - low) or 0.5
     return low - margin, high + margin, False
+
+
+@contextmanager
+def _drawing(height: float, width: float = _WIDTH) -> Iterator[Figure]:
+    """A figure of so many inches, to be drawn in one look."""
+    with matplotlib.rc_context(LOOK):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure
+        figure.draw_without_rendering()  # which lays it out, once for all the files that it is saved to
+        figure.set_layout_engine("none")
+
+
+def _legend(figure: Figure, styles: dict[str, Style], marker: str = "") -> None:
+    """Draw a legend below the panels, in which data may be anywhere."""
+    handles = [
+        Line2D([], [], label=name, **(_line(style) | ({"marker": marker, "ls": ""} if marker else {})))
+        for name, style in styles.items()
+    ]
+    columns = 4 if all(len(name) < 22 for name in styles) else 2 if all(len(name) < 44 for name in styles) else 1
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
+
+
+def _line(style: Style) -> dict[str, Any]:
+    """Matplotlib's options for a curve."""
+    return {"color": rgb(style.colour), "ls": style.dash, "lw": 1.7}

@@ -1,9 +1,11 @@
 """The figures of a report with what is said of each."""
 
+import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -14,8 +16,7 @@ from sim.analysis.distributions import bands, share_under
 from sim.analysis.metric_choice import RUNTIME, metric_shown
 from sim.analysis.score import SCORE, Place
 from sim.evaluation.metric import UNKNOWN, Metric
-from sim.report.figures.canvas import content
-from sim.report.figures.charts import ecdf_figure, runtime_figure, scatter_figure, score_figure, time_figure
+from sim.report.figures.charts import LOOK, ecdf_figure, runtime_figure, scatter_figure, score_figure, time_figure
 from sim.report.figures.panels import Sheet, sheets
 from tracking.numerics.arrays import Array
 
@@ -110,6 +111,14 @@ def _scatter(points: Mapping[str, Array], baseline: str, shown: Metric) -> Pictu
 
 def _picture(name: str, title: str, caption: str, alt: str, figure: Figure) -> Picture:
     return Picture(name, title, caption, f"{title}. {alt}.", content(figure, "svg"), content(figure, "png"))
+
+
+def content(figure: Figure, kind: str) -> bytes:
+    """The figure as a file, "png" or "svg", the same bytes for the same figure."""
+    drawn = io.BytesIO()
+    with matplotlib.rc_context(LOOK):
+        figure.savefig(drawn, format=kind, dpi=130, metadata={"Date": None} if kind == "svg" else {"Software": None})
+    return drawn.getvalue()
 
 
 def _named(group: Group) -> str:

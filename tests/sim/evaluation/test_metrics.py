@@ -14,7 +14,7 @@ from helpers.summaries import SECONDS, hand_made, shown, summary
 from sim.evaluation.score import held_by, score, velocities
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
-from sim.terminal.results import show_run
+from sim.terminal.console import show_run
 from tracking.metrics.gospa import gospa
 from tracking.metrics.nees import nees_interval
 from tracking.metrics.ospa import ospa2

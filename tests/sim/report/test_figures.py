@@ -8,10 +8,9 @@ from matplotlib.colors import to_rgb
 from sim.analysis.cells import grouped, trimmed
 from sim.analysis.distributions import bands
 from sim.analysis.metric_choice import metric_shown
-from sim.report.figures.canvas import content
 from sim.report.figures.charts import AT, ecdf_figure, runtime_figure, scatter_figure, time_figure
 from sim.report.figures.panels import sheets
-from sim.report.figures.pictures import map_points
+from sim.report.figures.pictures import content, map_points
 
 
 def groups(rows=None, baseline="sma-nbo"):
