@@ -7,10 +7,11 @@ import numpy as np
 
 from sim.analysis.cell_text import Cell
 from sim.analysis.cells import Group
-from sim.analysis.differences import Difference, Pairs, map_values, paired
+from sim.analysis.differences import Difference, Pairs, common_values, map_values, paired
 from sim.analysis.distributions import NO_SPREAD, Spread, spreads
 from sim.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, means, medians
 from sim.evaluation.metric import Metric
+from tracking.numerics.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,16 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
 def map_means(group: Group, metric: Metric) -> Estimate:
     """The mean over the maps of a group."""
     return _bounded(means(map_values(group.runs, group.table([metric])))[0], metric.least, metric.most)
+
+
+def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[str, Array]:
+    """Of each other planner the values (n, 2) on the maps that both flew, in the unit: the baseline's, then its own."""
+    bases = {group.cell: group for group in groups if group.planner == baseline}
+    found: dict[str, list[Array]] = {group.planner: [] for group in groups if group.planner != baseline}
+    for group in groups:
+        if group.planner != baseline:
+            found[group.planner].append(metric.scale * common_values([bases.get(group.cell), group], metric)[1])
+    return {planner: np.concatenate(parts) for planner, parts in found.items()}
 
 
 def _bounded(estimate: Estimate, least: float, most: float) -> Estimate:

@@ -13,7 +13,7 @@ from sim.installation import ASSETS
 from sim.scenario.environment import TRAJECTORIES, People
 from sim.scenario.fleet import Cut, Uav
 from sim.scenario.scenario import Scenario
-from sim.scenario.text_files import toml, toml_file
+from sim.scenario.text_files import located, toml, toml_file
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
@@ -36,7 +36,7 @@ def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
 
     The path of a trajectory file starts at the scenario file's folder, in an override at the current one.
     """
-    path = _locate(name)
+    path = located(name, SCENARIOS, "scenario")
     data = toml_file(path, "scenario")
     for override in overrides:
         _override(data, override)
@@ -85,17 +85,6 @@ def _about_false_alarms(scenario: Scenario) -> list[str]:
         m, n = scenario.tracking.confirm
         found.append(f'tracking.life: {m} of {n} false alarms make a track; "existence" weighs them against clutter')
     return found
-
-
-def _locate(name: str) -> Path:
-    if name in SCENARIOS:
-        return SCENARIOS[name]
-    path = Path(name)
-    if path.suffix != ".toml":
-        raise InputError(f"scenario: {name!r} is unknown; {did_you_mean(name, SCENARIOS)} (or a .toml file)")
-    if not path.is_file():
-        raise InputError(f"scenario: there is no file {name}")
-    return path
 
 
 def _anchored(scenario: Scenario, folder: Path) -> Scenario:

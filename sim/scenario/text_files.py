@@ -3,11 +3,13 @@
 import re
 import stat
 import sys
+from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from tracking.plugins.registry import InputError
+from tracking.plugins.spelling import did_you_mean
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -47,6 +49,16 @@ def text(path: Path, where: str, most: int = MOST_BYTES) -> str:
         return content(path, where, most).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{where}: {path} cannot be read: {error}") from error
+
+
+def located(name: str, packaged: Mapping[str, Path], where: str) -> Path:
+    """The packaged TOML file of that name, or the file of that path; InputError where there is none."""
+    path = packaged.get(name, Path(name))
+    if path.suffix != ".toml":
+        raise InputError(f"{where}: {name!r} is unknown; {did_you_mean(name, packaged)} (or a .toml file)")
+    if not path.is_file():
+        raise InputError(f"{where}: there is no file {name}")
+    return path
 
 
 def toml_file(path: Path, where: str) -> dict[str, Any]:

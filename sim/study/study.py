@@ -1,7 +1,6 @@
 """Studies: scenarios by overrides by planners by seeds, from TOML or flags."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
@@ -9,7 +8,7 @@ from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
 from sim.scenario.quantities import REPEATS
-from sim.scenario.text_files import toml_file
+from sim.scenario.text_files import located, toml_file
 from sim.study.settings_text import flat, toml
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
@@ -42,11 +41,7 @@ class Study(Struct, frozen=True):
 
 def read(name: str) -> Study:
     """The packaged study or TOML file `name`; InputError says what is wrong."""
-    path = STUDIES.get(name, Path(name))
-    if name not in STUDIES and path.suffix != ".toml":
-        raise InputError(f"study: {name!r} is unknown; {did_you_mean(name, STUDIES)} (or a .toml file)")
-    if not path.is_file():
-        raise InputError(f"study: there is no file {name}")
+    path = located(name, STUDIES, "study")
     data = toml_file(path, "study")
     known = ("study", "set", "factors", "exclude", "score")
     check_keys(data, known, f"{name}: ")

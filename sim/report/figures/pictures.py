@@ -9,9 +9,9 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from sim.analysis.answers import map_points
 from sim.analysis.cell_text import cell_text
 from sim.analysis.cells import Group
-from sim.analysis.differences import common_values
 from sim.analysis.distributions import bands, share_under
 from sim.analysis.metric_choice import RUNTIME, metric_shown
 from sim.analysis.score import SCORE, Place
@@ -42,16 +42,6 @@ def pictures(groups: Sequence[Group], baseline: str, metrics: Sequence[Metric]) 
     compared = [(metric, map_points(flown, baseline, metric)) for metric in metrics]
     drawn = [(metric, points) for metric, points in compared if any(map(len, points.values()))]
     return found + [_scatter(points, baseline, metric) for metric, points in drawn[:2]]
-
-
-def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[str, Array]:
-    """Of each other planner the values (n, 2) on the maps that both flew, in the unit: the baseline's, then its own."""
-    bases = {group.cell: group for group in groups if group.planner == baseline}
-    found: dict[str, list[Array]] = {group.planner: [] for group in groups if group.planner != baseline}
-    for group in groups:
-        if group.planner != baseline:
-            found[group.planner].append(metric.scale * common_values([bases.get(group.cell), group], metric)[1])
-    return {planner: np.concatenate(parts) for planner, parts in found.items()}
 
 
 def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:

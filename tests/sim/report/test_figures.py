@@ -5,12 +5,13 @@ import pytest
 from helpers.trials import row, study
 from matplotlib.colors import to_rgb
 
+from sim.analysis.answers import map_points
 from sim.analysis.cells import grouped, trimmed
 from sim.analysis.distributions import bands
 from sim.analysis.metric_choice import metric_shown
 from sim.report.figures.charts import AT, ecdf_figure, runtime_figure, scatter_figure, time_figure
 from sim.report.figures.panels import sheets
-from sim.report.figures.pictures import content, map_points
+from sim.report.figures.pictures import content
 
 
 def groups(rows=None, baseline="sma-nbo"):
