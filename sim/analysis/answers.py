@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.analysis.cell_text import Cell
-from sim.analysis.cells import Group
-from sim.analysis.differences import Difference, Pairs, common_values, map_values, paired
+from sim.analysis.cells import Group, Run
+from sim.analysis.differences import Difference, common_values, differences, map_values, paired
 from sim.analysis.distributions import NO_SPREAD, Spread, spreads
 from sim.analysis.intervals import LEVEL, NO_ESTIMATE, Estimate, means, medians
 from sim.evaluation.metric import Metric
@@ -37,15 +37,15 @@ def answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: str) -
 
     All differences together are what Holm's correction is for.
     """
-    own = [_own(group, metrics) for group in groups]
     by_cell = {group.cell: group for group in groups if group.planner == baseline}
-    pairs = [None if g.planner == baseline else paired(g, by_cell.get(g.cell), metrics) for g in groups]
-    differences = [None if p is None else p.differences(metrics) for p in pairs]
-    overall = _overall([g for g in groups if g.cell in by_cell], dict(zip(groups, pairs, strict=True)), metrics)
+    pairs = {g: paired(g, by_cell.get(g.cell), metrics) for g in groups if g.planner != baseline}
+    own = {group: _own(group, metrics) for group in groups}
+    compared = {group: differences(gaps, metrics) for group, gaps in pairs.items()}
+    overall = _overall({group: gaps for group, gaps in pairs.items() if group.cell in by_cell}, metrics)
     found: list[Answer] = []
     for j in range(len(metrics)):
-        for lines, difference in zip(own, differences, strict=True):
-            found.append(lines[j] if difference is None else replace(lines[j], difference=difference[j]))
+        for group, lines in own.items():
+            found.append(replace(lines[j], difference=compared[group][j]) if group in compared else lines[j])
         found += [Answer(None, planner, metrics[j], difference=total[j]) for planner, total in overall.items()]
     return _judged(found)
 
@@ -113,20 +113,17 @@ def _bounded(estimate: Estimate, least: float, most: float) -> Estimate:
     return replace(estimate, low=max(estimate.low, least), high=min(estimate.high, most))
 
 
-def _overall(
-    groups: Sequence[Group], pairs: Mapping[Group, Pairs | None], metrics: Sequence[Metric]
-) -> dict[str, list[Difference]]:
+def _overall(pairs: Mapping[Group, Mapping[Run, Array]], metrics: Sequence[Metric]) -> dict[str, list[Difference]]:
     """Of each planner that meets the baseline in several cells: the mean over these cells, run by run.
 
     Cells may share people and forests of a seed, so seeds are what is counted; a run that lacks its pair in a cell
     does not count.
     """
     found, undefined = {}, np.full(len(metrics), np.nan)
-    for planner in dict.fromkeys(group.planner for group in groups):
-        own = [p for p in (pairs[group] for group in groups if group.planner == planner) if p is not None]
+    for planner in dict.fromkeys(group.planner for group in pairs):
+        own = [gaps for group, gaps in pairs.items() if group.planner == planner]
         if len(own) > 1:
-            runs = tuple(sorted({run for p in own for run in p.runs}))
-            tables = [dict(zip(p.runs, p.values, strict=True)) for p in own]
-            lines = [np.mean([t.get(run, undefined) for t in tables], axis=0) for run in runs]
-            found[planner] = Pairs(runs, np.array(lines)).differences(metrics, len(own))
+            runs = sorted(set().union(*own))
+            overall = {run: np.mean([gaps.get(run, undefined) for gaps in own], axis=0) for run in runs}
+            found[planner] = differences(overall, metrics, len(own))
     return found

@@ -1,6 +1,6 @@
 """Differences between a planner and a baseline, paired by map and repeat."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,26 +34,23 @@ class Difference:
         return self.chance <= 1 - LEVEL
 
 
-@dataclass(frozen=True, eq=False)
-class Pairs:
-    """A group less the baseline, by run."""
+def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: int = 1) -> list[Difference]:
+    """Metric by metric the mean, and how many maps went which way; where neither way is better, none is won.
 
-    runs: tuple[Run, ...]  # of either
-    values: Array  # (runs, metrics), NaN where one of both is missing, undefined or infinite
-
-    def differences(self, metrics: Sequence[Metric], cells: int = 1) -> list[Difference]:
-        """Metric by metric the mean, and how many maps went which way; where neither way is better, none is won."""
-        gaps = map_values(self.runs, self.values)
-        seeds = np.array([seed for seed, _ in self.runs], dtype=object)
-        judged = zip(means(gaps), chances(gaps), spreads(self.values, seeds), maps_needed(gaps), strict=True)
-        found = []
-        for j, (mean, chance, spread, needed) in enumerate(judged):
-            below, tied, above = (int(np.sum(np.sign(gaps[:, j]) == sign)) for sign in (-1, 0, 1))
-            won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[metrics[j].better]
-            pairs = below + tied + above
-            counts = pairs, len(gaps) - pairs, won, tied, lost, cells
-            found.append(Difference(mean, *counts, chance=chance, spread=spread, needed=needed))
-        return found
+    pairs: as from `paired`, or their means over so many cells.
+    """
+    runs, values = list(pairs), np.array([*pairs.values()]).reshape(-1, len(metrics))
+    gaps = map_values(runs, values)
+    seeds = np.array([seed for seed, _ in runs], dtype=object)
+    judged = zip(means(gaps), chances(gaps), spreads(values, seeds), maps_needed(gaps), strict=True)
+    found = []
+    for j, (mean, chance, spread, needed) in enumerate(judged):
+        below, tied, above = (int(np.sum(np.sign(gaps[:, j]) == sign)) for sign in (-1, 0, 1))
+        won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[metrics[j].better]
+        paired_maps = below + tied + above
+        counts = paired_maps, len(gaps) - paired_maps, won, tied, lost, cells
+        found.append(Difference(mean, *counts, chance=chance, spread=spread, needed=needed))
+    return found
 
 
 def map_values(runs: Sequence[Run], values: Array) -> Array:
@@ -69,15 +66,13 @@ def map_values(runs: Sequence[Run], values: Array) -> Array:
     return found
 
 
-def paired(group: Group, base: Group | None, metrics: Sequence[Metric]) -> Pairs:
-    """The metrics of the group less the baseline's, on every run of either."""
+def paired(group: Group, base: Group | None, metrics: Sequence[Metric]) -> dict[Run, Array]:
+    """The metrics of the group less the baseline's, on every run of either; NaN where one is missing or infinite."""
     ours, theirs = (g.by_run(metrics) if g else {} for g in (group, base))
-    runs = tuple(sorted(ours.keys() | theirs.keys()))
     missing = np.full(len(metrics), np.nan)
     with np.errstate(invalid="ignore"):  # infinity less infinity
-        gaps = np.array([ours.get(f, missing) - theirs.get(f, missing) for f in runs])
-    gaps = gaps.reshape(len(runs), len(metrics))
-    return Pairs(runs, np.where(np.isfinite(gaps), gaps, np.nan))
+        gaps = {run: ours.get(run, missing) - theirs.get(run, missing) for run in sorted(ours.keys() | theirs.keys())}
+    return {run: np.where(np.isfinite(gap), gap, np.nan) for run, gap in gaps.items()}
 
 
 def common_values(groups: Sequence[Group | None], metric: Metric) -> tuple[list[int], Array]:

@@ -13,7 +13,7 @@ import typer
 from sim.analysis.answers import answers
 from sim.analysis.cell_text import SYMBOLS
 from sim.analysis.cells import Group, grouped, trimmed, varying
-from sim.analysis.differences import paired
+from sim.analysis.differences import differences, paired
 from sim.analysis.distributions import share_under
 from sim.analysis.metric_choice import chosen
 from sim.analysis.planner_labels import baseline_of
@@ -83,7 +83,7 @@ def _entry(group: Group | None, base: Group | None, metric: Metric) -> str:
     mean = answers([group], [metric], group.planner)[0].mean
     if base is None:
         return mean.text(metric)
-    (difference,) = paired(group, base, [metric]).differences([metric])
+    (difference,) = differences(paired(group, base, [metric]), [metric])
     return f"{metric.text(mean.value)}: {difference.mean.text(metric, signed=True)}"
 
 

@@ -55,7 +55,7 @@ def cells(study: Study) -> list[Cell]:
     if count > _MOST_CELLS:  # before they are listed: factors multiply
         raise InputError(f"study: {study.name} has {count:g} cells; at most {_MOST_CELLS} are allowed")
     found = []
-    for scenario, *chosen in product(study.scenarios, *(levels for levels in study.factors.values())):
+    for scenario, *chosen in product(study.scenarios, *study.factors.values()):
         levels = tuple(zip(study.factors, chosen, strict=True))
         shown = (("scenario", Path(scenario).stem), *levels) if len(study.scenarios) > 1 else levels
         settings, options = dict(study.settings), dict[str, str]()
@@ -78,12 +78,14 @@ def cells(study: Study) -> list[Cell]:
 
 def with_trackers(study: Study, trackers: Sequence[str]) -> Study:
     """The study with trackers as a factor, if there are any; InputError where another factor varies them."""
+    if not trackers:
+        return study
     others = {name: levels for name, levels in study.factors.items() if name != TRACKER}
-    for factor, levels in others.items() if trackers else ():
+    for factor, levels in others.items():
         if any("tracking.tracker" in flat(level) for level in levels.values()):
             raise InputError(f"--tracker: tracking.tracker is what factor {factor!r} of study {study.name} varies")
     own = {name: {"tracking": {"tracker": name}} for name in trackers}
-    return msgspec.structs.replace(study, factors={**others, TRACKER: own}) if trackers else study
+    return msgspec.structs.replace(study, factors={**others, TRACKER: own})
 
 
 def _matches(rule: Mapping[str, str | list[str]], place: Mapping[str, str]) -> bool:

@@ -43,16 +43,14 @@ def read(name: str) -> Study:
     """The packaged study or TOML file `name`; InputError says what is wrong."""
     path = located(name, STUDIES, "study")
     data = toml_file(path, "study")
-    known = ("study", "set", "factors", "exclude", "score")
-    check_keys(data, known, f"{name}: ")
+    check_keys(data, ("study", "set", "factors", "exclude", "score"), f"{name}: ")
+    for key in ("study", "set"):
+        if not isinstance(data.get(key, {}), Mapping):
+            raise InputError(f"{name}: {key}: {data[key]!r} is not allowed; expected a table [{key}]")
     table = data.get("study", {})
-    if not isinstance(table, Mapping):
-        raise InputError(f"{name}: study: {table!r} is not allowed; expected a table [study]")
     check_keys(table, ("name", "description", "scenarios", "seeds", "repeats", "planners"), f"{name}: study.")
-    common = data.get("set", {})
-    if not isinstance(common, Mapping):
-        raise InputError(f"{name}: set: {common!r} is not allowed; expected a table [set]")
-    content = {"name": path.stem, **table, "settings": {key: toml(value) for key, value in flat(common).items()}}
+    settings = {key: toml(value) for key, value in flat(data.get("set", {})).items()}
+    content = {"name": path.stem, **table, "settings": settings}
     content |= {key: data[key] for key in ("factors", "exclude", "score") if key in data}
     try:
         study = msgspec.convert(content, Study)

@@ -72,7 +72,7 @@ def _ecdf(sheet: Sheet) -> Picture:
         "Share of scans whose OSPA, the mean of the UAVs, is no more than x; all scans of all trials together. Further "
         "left is better. The axis is logarithmic; dashed: 1 m."
     )
-    return _picture(f"ecdf{_suffix(sheet)}", f"Distribution of OSPA{_of(sheet)}", caption, alt, ecdf_figure(sheet))
+    return _picture("ecdf", "Distribution of OSPA", caption, alt, ecdf_figure(sheet), sheet.title)
 
 
 def _over_time(sheet: Sheet) -> Picture:
@@ -86,7 +86,7 @@ def _over_time(sheet: Sheet) -> Picture:
         "them. The axis is linear below 1 m (dashed) and logarithmic above."
     )
     alt = "Median OSPA at the last scan: " + "; ".join(ends)
-    return _picture(f"time{_suffix(sheet)}", f"OSPA over time{_of(sheet)}", caption, alt, time_figure(sheet))
+    return _picture("time", "OSPA over time", caption, alt, time_figure(sheet), sheet.title)
 
 
 def _scatter(points: Mapping[str, Array], baseline: str, shown: Metric) -> Picture:
@@ -99,7 +99,10 @@ def _scatter(points: Mapping[str, Array], baseline: str, shown: Metric) -> Pictu
     return _picture(f"maps-{_plain(shown.name)}", f"Map by map: {shown.label}", caption, alt, figure)
 
 
-def _picture(name: str, title: str, caption: str, alt: str, figure: Figure) -> Picture:
+def _picture(name: str, title: str, caption: str, alt: str, figure: Figure, shared: str = "") -> Picture:
+    """A picture of all cells, or of those that share what a text says."""
+    if shared:
+        name, title = f"{name}-{_plain(shared)}", f"{title}, {shared}"
     return Picture(name, title, caption, f"{title}. {alt}.", content(figure, "svg"), content(figure, "png"))
 
 
@@ -113,14 +116,6 @@ def content(figure: Figure, kind: str) -> bytes:
 
 def _named(group: Group) -> str:
     return ", ".join([group.planner, *(f"{name} {value}" for name, value in group.cell)])
-
-
-def _of(sheet: Sheet) -> str:
-    return f", {sheet.title}" if sheet.title else ""
-
-
-def _suffix(sheet: Sheet) -> str:
-    return f"-{_plain(sheet.title)}" if sheet.title else ""
 
 
 def _plain(text: str) -> str:
