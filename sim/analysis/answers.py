@@ -73,7 +73,6 @@ def _judged(found: Sequence[Answer]) -> list[Answer]:
 def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
     runs, values = group.runs, group.table(metrics)
     of_maps = map_values(runs, values)
-    bounds = [(metric.least, metric.most) for metric in metrics]
     flown = len({row.seed for row in (*group.done, *group.failed)})
     undefined = np.sum(~np.isfinite(values), axis=0).tolist()
     spread = spreads(values, np.array([seed for seed, _ in runs], dtype=object))
@@ -85,7 +84,9 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
             trials=len(runs),
             failed=len(group.failed),
             undefined=undefined[j],
-            mean=_bounded(mean, *bounds[j]),
+            mean=replace(
+                mean, low=max(mean.low, metric.least), high=min(mean.high, metric.most)
+            ),  # where values can be
             median=median,
             spread=spread[j],
         )
@@ -95,7 +96,7 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
 
 def map_means(group: Group, metric: Metric) -> Estimate:
     """The mean over the maps of a group."""
-    return _bounded(means(map_values(group.runs, group.table([metric])))[0], metric.least, metric.most)
+    return _own(group, [metric])[0].mean
 
 
 def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[str, Array]:
@@ -106,11 +107,6 @@ def map_points(groups: Sequence[Group], baseline: str, metric: Metric) -> dict[s
         if group.planner != baseline:
             found[group.planner].append(metric.scale * common_values([bases.get(group.cell), group], metric)[1])
     return {planner: np.concatenate(parts) for planner, parts in found.items()}
-
-
-def _bounded(estimate: Estimate, least: float, most: float) -> Estimate:
-    """The estimate, its interval cut where no value can be."""
-    return replace(estimate, low=max(estimate.low, least), high=min(estimate.high, most))
 
 
 def _overall(pairs: Mapping[Group, Mapping[Run, Array]], metrics: Sequence[Metric]) -> dict[str, list[Difference]]:

@@ -39,7 +39,7 @@ def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: in
 
     pairs: as from `paired`, or their means over so many cells.
     """
-    runs, values = list(pairs), np.array([*pairs.values()]).reshape(-1, len(metrics))
+    runs, values = list(pairs), np.array([*pairs.values()]).reshape(len(pairs), len(metrics))
     gaps = map_values(runs, values)
     seeds = np.array([seed for seed, _ in runs], dtype=object)
     judged = zip(means(gaps), chances(gaps), spreads(values, seeds), maps_needed(gaps), strict=True)

@@ -1,7 +1,7 @@
 """Fit of the constants of the camera's covariance to rendered people."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, replace
 
 import numpy as np
@@ -114,16 +114,12 @@ def _whole(x: Array) -> WholeError:
     return WholeError(*x[:3].tolist(), *((a, b) for a, b in x[3:].reshape(-1, 2).tolist()))
 
 
-def _forests(seed: int) -> Iterator[Forest]:
-    for k, (density, radius) in enumerate(((60.0, 1.5), (40.0, 2.5), (15.0, 5.0), (15.0, 5.0))):
-        trees = Trees(density=density, canopy_radius=radius)
-        yield Forest(grow(trees, Area(80.0, 80.0), np.random.default_rng([seed, k])).trees)
-
-
 def people_in_forests(seed: int, frames: int, pixels: int = 128, attitudes: Sequence[Array] = (LEVEL,)) -> list[Sample]:
     """Samples from `frames` frames over each of four forests."""
     out: list[Sample] = []
-    for k, forest in enumerate(_forests(seed)):
+    for k, (density, radius) in enumerate(((60.0, 1.5), (40.0, 2.5), (15.0, 5.0), (15.0, 5.0))):
+        trees = Trees(density=density, canopy_radius=radius)
+        forest = Forest(grow(trees, Area(80.0, 80.0), np.random.default_rng([seed, k])).trees)
         rng = np.random.default_rng([seed, 1, k])
         out += samples(rng, forest, frames=frames, pixels=pixels, attitudes=attitudes)
     return out

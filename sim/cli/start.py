@@ -66,11 +66,16 @@ def start(
 
 def planners() -> None:
     """List the planners: what each is, which package brings it, and its options."""
-    _show_groups(
-        catalogue(),
-        "With options: --planner 'sma-nbo-mwtp(horizon=3, beta=0.2)'.\n"
-        "Yours: --planner module:Class, with module.py in the current folder or installed.",
-    )
+    groups = catalogue()
+    width = max(len(name) for items in groups.values() for name in items)
+    for heading, items in groups.items():
+        console.print(f"{escape(heading)}:")
+        table = Table.grid(padding=(0, 2))
+        for name, meaning in items.items():
+            table.add_row(f"  [bold]{escape(name):<{width}}[/bold]", escape(meaning))
+        console.print(table)
+    console.print("\nWith options: --planner 'sma-nbo-mwtp(horizon=3, beta=0.2)'.")
+    console.print("Yours: --planner module:Class, with module.py in the current folder or installed.")
 
 
 def scenarios() -> None:
@@ -95,16 +100,4 @@ def _show_list(items: Mapping[str, str], note: str) -> None:
     for name, meaning in items.items():
         table.add_row(f"[bold]{name}[/bold]", escape(meaning))
     console.print(table)
-    console.print(f"\n{note}")
-
-
-def _show_groups(groups: Mapping[str, Mapping[str, str]], note: str) -> None:
-    """Print names and their meaning under headings."""
-    width = max(len(name) for items in groups.values() for name in items)
-    for heading, items in groups.items():
-        console.print(f"{escape(heading)}:")
-        table = Table.grid(padding=(0, 2))
-        for name, meaning in items.items():
-            table.add_row(f"  [bold]{escape(name):<{width}}[/bold]", escape(meaning))
-        console.print(table)
     console.print(f"\n{note}")

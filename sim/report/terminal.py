@@ -30,16 +30,17 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
     Options that all planners of one name share are left out, and told below.
     """
     first = baseline_of(rows, about.baseline, about.labels)
-    groups = grouped(rows, first, about.labels)
-    full = answers(trimmed(groups), chosen(rows, about.metrics), first)
+    whole = grouped(rows, first, about.labels)
+    groups, everywhere = trimmed(whole), constant(whole)
+    full = answers(groups, chosen(rows, about.metrics), first)
     shorts = short_labels(list(dict.fromkeys(answer.planner for answer in full)))
     found = [replace(answer, planner=shorts[answer.planner]) for answer in full]
-    if constant(groups):
-        on.print(f"Everywhere: {escape(cell_text(constant(groups)))}")
+    if everywhere:
+        on.print(f"Everywhere: {escape(cell_text(everywhere))}")
     for table in tables(found, shorts[first]):
         on.print(_terminal_table(table, on.width >= WIDE))
-    if scores := scored(rows, trimmed(groups), about.score, about.labels):
-        table = score_table(scores, trimmed(groups))
+    if scores := scored(rows, groups, about.score, about.labels):
+        table = score_table(scores, groups)
         on.print(_terminal_table(table._replace(heads=[shorts.get(head, head) for head in table.heads])))
         on.print(table.note, style="dim")
     for label, short in shorts.items():

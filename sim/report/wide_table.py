@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from sim.analysis.answers import answers
+from sim.analysis.answers import map_means
 from sim.analysis.cell_text import SYMBOLS
 from sim.analysis.cells import Group, grouped, trimmed, varying
 from sim.analysis.differences import differences, paired
@@ -80,7 +80,7 @@ def _place(group: Group, columns: str, down: Sequence[str]) -> tuple[tuple[str, 
 def _entry(group: Group | None, base: Group | None, metric: Metric) -> str:
     if group is None:
         return "-"
-    mean = answers([group], [metric], group.planner)[0].mean
+    mean = map_means(group, metric)
     if base is None:
         return mean.text(metric)
     (difference,) = differences(paired(group, base, [metric]), [metric])
