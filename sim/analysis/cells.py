@@ -4,6 +4,7 @@ import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -76,8 +77,12 @@ def grouped(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str
             place = f" in {cell_text(cell)}" if cell else ""
             raise ValueError(f"{entrant(row)}, {numbered(*run)} is there twice{place}")
         group[run] = row
-    order = sorted(found, key=lambda key: (_natural_cell(key[0]), key[1] != first, _natural(key[1])))
-    return [_group(*key, found[key]) for key in order]
+
+    def order(key: tuple[Cell, str]) -> tuple[Any, ...]:
+        cell, planner = key
+        return [(name, _natural(value)) for name, value in cell], planner != first, _natural(planner)
+
+    return [_group(*key, found[key]) for key in sorted(found, key=order)]
 
 
 def _group(cell: Cell, planner: str, rows: dict[Run, Row]) -> Group:
@@ -111,8 +116,3 @@ def _natural(text: str) -> tuple[tuple[int, float, str], ...]:
     """A key that sorts 5 before 15 and numbers before words."""
     parts = re.findall(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?|[^\d]+", text)
     return tuple((0, float(p), "") if re.fullmatch(r"[-+]?\d.*", p) else (1, 0.0, p) for p in parts)
-
-
-def _natural_cell(cell: Cell) -> tuple[tuple[str, object], ...]:
-    """A key that sorts cells by their values."""
-    return tuple((name, _natural(value)) for name, value in cell)

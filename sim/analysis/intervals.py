@@ -8,7 +8,6 @@ import math
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from scipy.special import bdtrik, nctdtr, stdtr, stdtrit
@@ -110,14 +109,9 @@ def _means(values: Array) -> Estimate:
 
 def _medians(values: Array) -> Estimate:
     n, ordered = len(values), np.sort(values)
-    rank = _rank(n)
+    # The greatest rank that the median lies below in 2.5 % of cases at most: fewer than so many of n coins show heads.
+    rank = max(1, math.ceil(float(bdtrik((1 - LEVEL) / 2, n, 0.5))))
     return Estimate(float(np.median(ordered)), float(ordered[rank - 1]), float(ordered[n - rank]))
-
-
-@cache
-def _rank(n: int) -> int:
-    """The greatest rank of n values that the median lies below in 2.5 % of cases at most; the first if none is."""
-    return int(np.fmax(1, np.ceil(bdtrik((1 - LEVEL) / 2, n, 0.5))))  # below rank r: of n coins fewer than r show heads
 
 
 def _chance(values: Array) -> float:

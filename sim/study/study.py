@@ -78,7 +78,8 @@ def adapted(
         if not equals or not key:
             raise InputError(f"--set: {override!r} is not of the form key=value, for instance trees.density=75")
         for factor, levels in study.factors.items():
-            if any(_overlap(key, other) for level in levels.values() for other in flat(level)):
+            varied = [f"{other}." for level in levels.values() for other in flat(level)]
+            if any(other.startswith(f"{key}.") or f"{key}.".startswith(other) for other in varied):
                 raise InputError(f"--set: {key} is what factor {factor!r} of study {study.name} varies")
         added[key] = value
     return msgspec.structs.replace(
@@ -95,7 +96,3 @@ def check_keys(data: Mapping[str, Any], known: Sequence[str], where: str) -> Non
     for key in data:
         if key not in known:
             raise InputError(f"{where}{key}: unknown key; {did_you_mean(key, known)}")
-
-
-def _overlap(one: str, other: str) -> bool:
-    return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")

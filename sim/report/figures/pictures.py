@@ -67,7 +67,8 @@ def score_picture(found: Sequence[Place], ends: tuple[str, str]) -> Picture:
 
 def _ecdf(sheet: Sheet) -> Picture:
     shares = [(_named(c.group), share_under(c.group.ospa, 1.0)) for panel in sheet.panels for c in panel.curves]
-    alt = "Share of scans with an OSPA under 1 m: " + "; ".join(f"{name} {_percent(share)}" for name, share in shares)
+    texts = [f"{name} {UNKNOWN if np.isnan(share) else f'{share:.1%}'}" for name, share in shares]
+    alt = "Share of scans with an OSPA under 1 m: " + "; ".join(texts)
     caption = (
         "Share of scans whose OSPA, the mean of the UAVs, is no more than x; all scans of all trials together. Further "
         "left is better. The axis is logarithmic; dashed: 1 m."
@@ -120,7 +121,3 @@ def _named(group: Group) -> str:
 
 def _plain(text: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", text.lower().replace("λ", "lambda")).strip("-")
-
-
-def _percent(share: float) -> str:
-    return UNKNOWN if np.isnan(share) else f"{share:.1%}"
