@@ -27,20 +27,16 @@ def planner_labels(rows: Sequence[Placed], given: Mapping[str, str] = {}) -> dic
     texts: dict[Key, dict[str, set[Cell]]] = defaultdict(dict)  # of each planner, with the cells that they fly in
     for row, cell in zip(rows, cells_of(rows), strict=True):
         texts[_key(row)].setdefault(row.planner, set()).add(cell)
-    bounds = {entrant(row) for row in rows if isinstance(row, Row) and _sees_more(row)}
+    flown = [row for row in rows if isinstance(row, Row)]
+    bounds = {entrant(row) for row in flown if row.metrics.get("sees_truth") or VIEW in dict(row.factors)}
     labels = {}
     for row in rows:
         key = _key(row)
-        flown = texts[key].values()
-        plain = len(flown) == 1 or sum(map(len, flown)) > len(set().union(*flown))
+        cells = texts[key].values()
+        plain = len(cells) == 1 or sum(map(len, cells)) > len(set().union(*cells))
         text = row.planner if plain else _shared(key[0], list(texts[key]))
         labels[entrant(row)] = with_options(text, _entered(row))
     return {text: given.get(label, label) + BOUND * (text in bounds) for text, label in labels.items()}
-
-
-def _sees_more(row: Row) -> bool:
-    """True if the planner saw the truth, or the fleet without a limit of its view."""
-    return bool(row.metrics.get("sees_truth")) or VIEW in dict(row.factors)
 
 
 def _entered(row: Placed) -> dict[str, str]:

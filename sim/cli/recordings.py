@@ -13,7 +13,7 @@ from sim.recording.atomic_files import check_new, unused
 from sim.scenario.quantities import integer, interval
 from sim.terminal.commands import Recorded
 from sim.terminal.console import console, say, show_files
-from sim.terminal.progress import trial_progress
+from sim.terminal.progress import counted_progress
 from tracking.plugins.registry import InputError
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
@@ -73,7 +73,7 @@ def replay(
 
     check_layout(layout or AS_FLOWN, scenario)
     path = out or unused(folder / "replay", ".mp4")
-    with trial_progress(len(scans), "scans") as progress:
+    with counted_progress(len(scans), "scans") as progress:
         write_film(recording, scans, path, layout=layout or AS_FLOWN, speed=factor, progress=progress)
     console.print(f"Film: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 
@@ -97,7 +97,7 @@ def frames(
     check_working(recording, scans, number)
     span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
     folder = out or unused(_folder(recorded) / f"frames-uav{number}-{span}")
-    with trial_progress(len(scans), "frames") as progress:
+    with counted_progress(len(scans), "frames") as progress:
         write_frames(recording, scans, number, folder, size=edge, progress=progress)
     show_files(folder)
 
@@ -163,7 +163,7 @@ def _page(recording: Recording, scenario: Scenario, folder: Path, path: Path) ->
     beside = folder / "mission.mp4"
     film: bytes | Path = beside
     if not beside.is_file():
-        with trial_progress(len(recording.times), "scans") as progress:
+        with counted_progress(len(recording.times), "scans") as progress:
             film = drawn(recording, progress=progress)
     write_page(recording, scenario, path, video=film, place=str(folder))
     console.print(f"Page: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
@@ -180,7 +180,7 @@ def _rerun(recording: Recording, scenario: Scenario, target: str, summary: Path)
             raise
         raise InputError("--rerun: needs rerun-sdk: pip install 'understory[rerun]'") from error
     took = planning_times(summary)
-    with trial_progress(len(recording.times), "scans") as progress:
+    with counted_progress(len(recording.times), "scans") as progress:
         if target == "spawn":
             spawn(recording, scenario, progress=progress, planning_s=took)
             return

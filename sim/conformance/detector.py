@@ -87,12 +87,11 @@ class _Subject:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self.first: Detections | None = None
-        self.defect = ""
+        self.first: Detections | Unfit
         try:
             self.first = self.detect(views()["ordinary"])
         except Unfit as error:
-            self.defect = str(error)
+            self.first = error
 
     def make(self) -> Callable[[View], Detections]:
         made = DETECTORS.make(self._name, FOREST)
@@ -113,14 +112,14 @@ class _Subject:
         return self.make()(view)
 
     def found(self) -> Detections:
-        if self.first is None:
+        if isinstance(self.first, Unfit):
             raise Untried("it does not detect")
         return self.first
 
 
 def _detections(subject: _Subject) -> str:
-    if subject.first is None:
-        raise Unfit(subject.defect)
+    if isinstance(subject.first, Unfit):
+        raise subject.first
     return f"{len(subject.first.ground)} in a frame of {len(views()['ordinary'].people)} people"
 
 

@@ -87,12 +87,11 @@ class IsolationError(RuntimeError):
     """The process ended without a result; the message is one line."""
 
 
-class _Result(NamedTuple):
-    value: Any
+class _End(NamedTuple):
+    """The last message of a process: the result of its work, or an error."""
 
-
-class _Failure(NamedTuple):
-    error: BaseException
+    result: Any = None
+    error: BaseException | None = None
 
 
 def run_isolated(
@@ -172,10 +171,10 @@ def _outcome(
         except (EOFError, OSError):
             process.join(_TICK)
             raise IsolationError(_ended(process.exitcode)) from None
-        if isinstance(told, _Result):
-            return told.value
-        if isinstance(told, _Failure):
-            raise told.error
+        if isinstance(told, _End):
+            if told.error is not None:
+                raise told.error
+            return told.result
         interruption.listens = interruption.listens or isinstance(told, listening)
         hear(told)
     raise IsolationError(f"took longer than the timeout of {timeout:g} s")
@@ -210,16 +209,16 @@ def _begin(
     os._exit(0)
 
 
-def _outcome_of(work: Callable[[], Any], passing: tuple[type[BaseException], ...]) -> _Result | _Failure:
+def _outcome_of(work: Callable[[], Any], passing: tuple[type[BaseException], ...]) -> _End:
     """Result or failure of the work, as a message."""
     try:
         with contained(MemoryError, OSError, *passing):
-            return _Result(work())
+            return _End(work())
     except MemoryError:
-        return _Failure(IsolationError("there is not enough memory"))
+        return _End(error=IsolationError("there is not enough memory"))
     except OSError as error:
-        return _Failure(IsolationError(f"{error.filename or 'a file'}: {error.strerror or error}"))
+        return _End(error=IsolationError(f"{error.filename or 'a file'}: {error.strerror or error}"))
     except ForeignError as error:
-        return _Failure(IsolationError(error.explained))
+        return _End(error=IsolationError(error.explained))
     except BaseException as error:  # KeyboardInterrupt, or of the classes `passing`
-        return _Failure(error)
+        return _End(error=error)

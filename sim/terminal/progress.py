@@ -42,8 +42,8 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], No
 
 
 @contextmanager
-def trial_progress(total: int, what: str = "trials") -> Iterator[Callable[[object], None]]:
-    """A bar with the number of trials, frames or scans done."""
+def counted_progress(total: int, what: str) -> Iterator[Callable[[object], None]]:
+    """A bar with the number of frames or scans done."""
     columns = (SpinnerColumn(), BarColumn(bar_width=40), MofNCompleteColumn(), TextColumn(what), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("", total=total)
