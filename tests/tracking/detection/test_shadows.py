@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sim.calibration.scenes import people_in_forests
+from sim.calibration.fit import people_in_forests
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.clearing import clearing_at
 from tracking.detection.detector import Frame
