@@ -14,15 +14,13 @@ from sim.analysis.intervals import LEVEL, MOST_MAPS, POWER
 from sim.analysis.score import SCORE, Scored
 from sim.evaluation.metric import UNKNOWN, Metric
 
+SCORES = "Place of each planner [%]"  # the title of their table
 _NOTE = "In brackets: 95 % intervals over the maps (seeds); expect means of as many others within 1.4 times the width."
 _COMPARED = (
     "Differences are means over the maps that both flew; won, tied, lost counts these maps. Maps needed: so many find "
     f"a difference as large with a probability of {100 * POWER:.0f} %."
 )
 _REPEATED = "Each map counts once, with the mean of its repeats. Spreads are standard deviations."
-
-
-SCORES = "Place of each planner [%]"  # the title of their table
 
 
 class Table(NamedTuple):
