@@ -108,21 +108,19 @@ def _override(data: dict[str, Any], override: str) -> None:
     node: Any = data
     fleet = list(msgspec.to_builtins(Scenario().uavs))  # a list of tables, of which an override changes one
     for i, part in enumerate(path):
-        if isinstance(node, list):
-            node = node[_index(part, len(node), key)]
-        else:
-            node = node.setdefault(part, fleet if path[: i + 1] == ["uavs"] else {})
+        if isinstance(node, dict):
+            node.setdefault(part, fleet if path[: i + 1] == ["uavs"] else {})
+        node = node[_place(node, part, key)]
         if not isinstance(node, dict | list):
             raise InputError(f"--set: {key}: {'.'.join(path[: i + 1])} has no keys")
-    if isinstance(node, list):
-        node[_index(last, len(node), key)] = _value(text)
-    else:
-        node[last] = _value(text)
+    node[_place(node, last, key)] = _value(text)
 
 
-def _index(text: str, length: int, key: str) -> int:
-    if not re.fullmatch("[0-9]{1,9}", text) or int(text) >= length:
-        raise InputError(f"--set: {key}: {text!r} is not an index; allowed are 0 to {length - 1}")
+def _place(node: dict[str, Any] | list[Any], text: str, key: str) -> Any:  # noqa: ANN401 - a key or an index
+    if isinstance(node, dict):
+        return text
+    if not re.fullmatch("[0-9]{1,9}", text) or int(text) >= len(node):
+        raise InputError(f"--set: {key}: {text!r} is not an index; allowed are 0 to {len(node) - 1}")
     return int(text)
 
 
