@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Iterator
-from copy import deepcopy
 from dataclasses import replace
 from functools import partial
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from planning.contract import exchange_of, with_truth
 from planning.errors import planner_errors
 from planning.loading import load_planner
-from planning.planner import Plan, Planner, Situation, Vehicle
+from planning.planner import Plan, Planner, Situation
 from sim.mission.plan_check import checked_plans
 from sim.mission.plan_exchange import Links, PlanExchange, Sent, lost_messages, open_links
 from sim.mission.snapshot import Snapshot
@@ -20,7 +19,7 @@ from sim.mission.tracker_setup import initial_tracks, planned_motion, tracker_pa
 from sim.mission.trial import Trial
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import camera_pose, planned_attitude
+from sim.sensing.cameras import camera_pose, vehicle_of
 from sim.sensing.fault import Fault
 from sim.sensing.sensors import Observation, Sensors
 from sim.sensing.stopwatch import Stopwatch
@@ -30,7 +29,7 @@ from sim.world.walkers import walk
 from sim.world.wind import Air
 from sim.world.world import World
 from tracking.fusion.consensus import fuse
-from tracking.fusion.member import Member, tracker
+from tracking.fusion.member import tracker
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
 from tracking.metrics.ospa import ospa
@@ -55,12 +54,20 @@ class Mission:
         self._chance = chance("planner")
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
-        # Planners get their own copies of map, cameras and motion model, so that changes have no effect on sensing.
+        # Planners get their own copies of map and motion model, so that changes have no effect on sensing.
         self._known_forest = Forest(tuple(map(replace, self.forest.trees)), self.forest.occlusion)
-        self._known_cameras = deepcopy([*zip(self._sensors.cameras, self._sensors.noises, strict=True)])
         self._known_motion = planned_motion(scenario)
-        self._trackers = [self._tracker(i) for i in range(len(scenario.uavs))]
-        self._undetected = [self._initial_intensity() for _ in scenario.uavs]
+        first, second = (self.people.at(time)[0] for time in (0.0, 1 / scenario.rates.sensing))
+        name, cameras = scenario.tracking.tracker, self._sensors.cameras
+        self._trackers = [  # each with parameters and tracks of its own, as one from outside may change them
+            tracker(name, i, c, self.forest, tracker_parameters(scenario), initial_tracks(scenario, first, second))
+            for i, c in enumerate(cameras)
+        ]
+        size, settings = (scenario.area.width, scenario.area.height), scenario.tracking
+        people = settings.unseen if settings.initial_tracks == "none" else 0.0
+        self._undetected = [
+            UndetectedIntensity(size, people, settings.detection_probability, settings.max_speed) for _ in cameras
+        ]
         with planner_errors(type(planner).__qualname__, "say what it sends"):
             exchange = exchange_of(self._planner)
         self._intents = PlanExchange(scenario.network, exchange, chance("intents"))
@@ -194,17 +201,7 @@ class Mission:
 
     def _team(self, k: int, time: float, bodies: list[Pose], links: Links) -> list[Situation]:
         """One situation per working UAV: itself, its own tracks, and its knowledge of the others."""
-        fleet = [
-            Vehicle(
-                id=i,
-                position=body.position.copy(),
-                camera=self._known_cameras[i][0],
-                noise=self._known_cameras[i][1],
-                max_speed=uav.max_speed,
-                attitude=planned_attitude(uav, body),
-            )
-            for i, (uav, body) in enumerate(zip(self.scenario.uavs, bodies, strict=True))
-        ]
+        fleet = [vehicle_of(i, body, self.scenario) for i, body in enumerate(bodies)]
         self._intents.begin(fleet, links, self._working, 1 / self.scenario.rates.planning)
         area = (self.scenario.area.width, self.scenario.area.height)
         for i in self._working:
@@ -230,20 +227,6 @@ class Mission:
             )
             for i in self._working
         ]
-
-    def _tracker(self, uav: int) -> Member:
-        scenario, (here, _) = self.scenario, self.people.at(0.0)
-        there, _ = self.people.at(1 / scenario.rates.sensing)
-        known = initial_tracks(scenario, here, there)
-        camera, parameters = self._sensors.cameras[uav], tracker_parameters(scenario)
-        return tracker(scenario.tracking.tracker, uav, camera, self.forest, parameters, known)
-
-    def _initial_intensity(self) -> UndetectedIntensity:
-        area, settings = self.scenario.area, self.scenario.tracking
-        people = settings.unseen if settings.initial_tracks == "none" else 0.0
-        return UndetectedIntensity(
-            (area.width, area.height), people, settings.detection_probability, settings.max_speed
-        )
 
 
 def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectories]:

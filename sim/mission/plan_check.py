@@ -1,15 +1,14 @@
 """Plan check: valid plans whatever the planner returns, with intents in place of faulty ones."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from copy import deepcopy
 from itertools import islice
 
 import numpy as np
 
 from planning.optimizers.optimizer import speed_limited
-from planning.planner import LONGEST_PLAN, Plan, Planner, Situation, Vehicle
+from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
 from sim.sensing.fault import Fault
-from tracking.filter.kalman import Gaussian
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.plugins.containment import ForeignError, Unusable, contained, numbers
@@ -50,28 +49,9 @@ def checked_plans(
     return plans, faults
 
 
-def _handed(s: Situation) -> Situation:
-    """A copy that a planner may do anything to; map, cameras and motion are planners' own already."""
-    return replace(
-        s,
-        own=_vehicle(s.own),
-        neighbours=tuple(_vehicle(v) for v in s.neighbours),
-        tracks=tuple(replace(t, belief=Gaussian(_same(t.belief.mean), _same(t.belief.covariance))) for t in s.tracks),
-        intents={
-            uav: Plan(_same(plan.controls), {j: _same(controls) for j, controls in plan.others.items()})
-            for uav, plan in s.intents.items()
-        },
-        unseen=None if s.unseen is None else replace(s.unseen, people=_same(s.unseen.people)),
-    )
-
-
-def _vehicle(v: Vehicle) -> Vehicle:
-    return replace(v, position=_same(v.position), attitude=_same(v.attitude))
-
-
-def _same(array: Array) -> Array:
-    """A copy that lies in memory as the array does."""
-    return array.copy(order="K")
+def _handed(situation: Situation) -> Situation:
+    """A copy that a planner may do anything to; map and motion model are planners' own already."""
+    return deepcopy(situation, {id(own): own for own in (situation.forest, situation.motion)})
 
 
 def _proposed(plans: Iterable[object], uavs: int) -> list[object]:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from planning.planner import Vehicle
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
 from tracking.detection.noise import NoiseModel
@@ -29,6 +30,13 @@ def noise_of(uav: Uav, scenario: Scenario) -> NoiseModel:
     return NoiseModel.camera(camera_of(uav), uav.altitude)
 
 
+def vehicle_of(i: int, body: Pose, scenario: Scenario) -> Vehicle:
+    """UAV i with its body at a pose, as planners know it: all of it is a copy of their own."""
+    uav = scenario.uavs[i]
+    camera, noise = view_of(uav, scenario), noise_of(uav, scenario)
+    return Vehicle(i, body.position.copy(), camera, noise, uav.max_speed, _planned_attitude(uav, body))
+
+
 def camera_pose(uav: Uav, body: Pose) -> Pose:
     """Pose of a UAV's camera: a gimbal holds it as on a level body that faces east, else it moves with the body.
 
@@ -38,7 +46,7 @@ def camera_pose(uav: Uav, body: Pose) -> Pose:
     return Pose(body.position, _pitched(carrier, math.radians(uav.tilt_deg)))
 
 
-def planned_attitude(uav: Uav, body: Pose) -> Array:
+def _planned_attitude(uav: Uav, body: Pose) -> Array:
     """Quaternion (4,) of the camera in level flight at the present heading, as planners assume it.
 
     Note: a body-fixed camera without mounting angle is taken as level with north up, whatever the heading.

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from planning.objective.nbo import terminal_matches
-from planning.planner import Situation, Vehicle
+from planning.planner import Situation
 from planning.prediction.propagation import Nominal
 from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import noise_of, planned_attitude, view_of
+from sim.sensing.cameras import vehicle_of
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
@@ -58,17 +58,7 @@ def situation_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> 
     Note: the team is the true one; links that were down then, and earlier intents, are left out.
     """
     bodies = recording.snapshot(k).poses
-    fleet = [
-        Vehicle(
-            id=i,
-            position=bodies[i].position,
-            camera=view_of(scenario.uavs[i], scenario),
-            noise=noise_of(scenario.uavs[i], scenario),
-            max_speed=scenario.uavs[i].max_speed,
-            attitude=planned_attitude(scenario.uavs[i], bodies[i]),
-        )
-        for i in np.flatnonzero(recording.working[k]).tolist()
-    ]
+    fleet = [vehicle_of(i, bodies[i], scenario) for i in np.flatnonzero(recording.working[k]).tolist()]
     return Situation(
         time=float(recording.times[k]),
         own=next(v for v in fleet if v.id == uav),

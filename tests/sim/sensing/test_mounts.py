@@ -16,7 +16,7 @@ from sim.drawing.palette import PANEL
 from sim.scenario.fleet import Uav
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import camera_pose, planned_attitude
+from sim.sensing.cameras import camera_pose, vehicle_of
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
@@ -33,6 +33,10 @@ def uav(mount="gimbal", tilt=30.0):
 def body(*angles):
     """A body turned by yaw, pitch and roll in degrees."""
     return Pose(np.array([1.0, 2.0, 19.0]), Rotation.from_euler("ZYX", angles, degrees=True).as_quat())
+
+
+def planned_attitude(carrier, pose):
+    return vehicle_of(0, pose, Scenario(uavs=(carrier,))).attitude
 
 
 @pytest.mark.parametrize("tilt", [0.0, 10.0, 59.0])
