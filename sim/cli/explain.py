@@ -98,8 +98,7 @@ def _moment_of(flight: Flight, scan: int, person: int, path: Path) -> None:
 
 def _track_of(flight: Flight, number: int) -> None:
     from sim.replay.explain.observation import Observer
-    from sim.replay.explain.track import TrackFacts
-    from sim.replay.explain.track_story import track_story
+    from sim.replay.explain.track_story import TrackFacts, track_story
 
     with Observer(flight.recording, flight.scenario) as observer:
         _print(track_story(TrackFacts(observer, number), flight.recording, flight.events))

@@ -15,8 +15,7 @@ from sim.mission.snapshot import Ints
 from sim.recording.fault_text import read
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event
-from sim.replay.history import STATES, History, Loss
-from sim.replay.views import fleet_text, view_text, views_at
+from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
 

@@ -1,5 +1,9 @@
 """A recorded mission to look into: its history, events, arrays and tables with units, figures and facts."""
 
+import base64
+import html
+import io
+import sys
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +17,7 @@ from numpy.typing import NDArray
 from sim.drawing.labels import with_numbers
 from sim.drawing.lettering import Image
 from sim.drawing.map_view import TRAIL, MapView, aspect
-from sim.drawing.plots import ospa_figure
+from sim.drawing.plots import draw_mean, new_figure, ospa_figure
 from sim.evaluation.fleet_facts import contacts
 from sim.evaluation.metric import METRICS, Outcome
 from sim.evaluation.summary import marked
@@ -25,7 +29,6 @@ from sim.replay.events import events_of
 from sim.replay.frames.pages import draw
 from sim.replay.frames.rerender import Rerenderer, find, scenario_of
 from sim.replay.history import History
-from sim.replay.notebook import show_figures, table_beside_curve
 from sim.replay.tables import TABLES, arrays, columns
 from sim.replay.timeline import timeline_figure
 from sim.scenario.scenario import Scenario
@@ -33,11 +36,12 @@ from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
 _MAP = 900  # pixels, width of the map
+_CELL = "text-align:left;padding:1px 12px 1px 0;border:0"
 
 
 def load(run: str | Path) -> "Flight":
     """The mission in a run's folder, or a `mission.npz`; InputError if there is none that can be read."""
-    show_figures()
+    _show_figures()
     return Flight(find(Path(run)))
 
 
@@ -135,7 +139,18 @@ class Flight:
 
     def _repr_html_(self) -> str:
         """The facts, and OSPA over time, as a notebook shows them."""
-        return table_beside_curve(self.facts, self.recording.times, self.recording.ospa)
+        rows = "".join(
+            f'<tr><th style="{_CELL}">{html.escape(name)}</th><td style="{_CELL}">{html.escape(value)}</td></tr>'
+            for name, value in self.facts.items()
+        )
+        with new_figure(4.6, 2.2, letters=9) as figure:
+            draw_mean(figure.add_subplot(), self.recording.times, self.recording.ospa, width=1.2)
+        curve = base64.b64encode(_png(figure)).decode("ascii")
+        return (
+            '<div style="display:flex;flex-wrap:wrap;gap:16px;align-items:center">'
+            f'<table style="margin:0">{rows}</table>'
+            f'<img alt="mean OSPA over time" src="data:image/png;base64,{curve}"></div>'
+        )
 
     def _scan(self, time: float) -> int:
         times = self.recording.times
@@ -153,3 +168,19 @@ def _picture(image: Image) -> Figure:
     axes.imshow(image, interpolation="none", aspect="auto")
     axes.set_axis_off()
     return figure
+
+
+def _show_figures() -> None:
+    """Let a notebook show figures, which it does by itself only once pyplot has been imported there."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython else None
+    if shell is not None:
+        shown = shell.display_formatter.formatters["image/png"]
+        if Figure not in shown.type_printers:
+            shown.for_type(Figure, _png)
+
+
+def _png(figure: Figure) -> bytes:
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=figure.dpi)
+    return content.getvalue()

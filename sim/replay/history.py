@@ -1,5 +1,7 @@
 """History of each person, scan by scan: in view of a camera, hidden by a tree, detected, and held by a track."""
 
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,14 +12,14 @@ from sim.evaluation.score import held_by
 from sim.evaluation.unmatched import standing
 from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording
+from sim.replay.frames.sightings import inside_and_hiding
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
-from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array
 
 STATES = ("absent", "out of view", "hidden", "missed", "seen")
 BROKEN = -1  # stands for a UAV that has broken down where others have a state
+_View = tuple[str, dict[int, list[int]]]  # a state, and the UAVs that have it by the tree between, -1 for none
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,9 @@ class History:
         forest = recording.forest
         for k, i in np.argwhere(looked).tolist():
             camera, pose = view_of(scenario.uavs[i], scenario), recording.camera_at(k, i)
-            inside[k, i], hidden_by[k, i] = _view(camera, pose, recording.people[k], forest)
+            inside[k, i], hiding = inside_and_hiding(camera, pose, recording.people[k], forest)
+            if forest.trees:
+                hidden_by[k, i] = np.where(hiding.any(axis=1), hiding.argmax(axis=1), -1)
         return History(
             times=recording.times,
             present=~np.isnan(recording.people[..., 0]),
@@ -128,12 +132,46 @@ class History:
             found += [Loss(m, first, last, bool(np.any(self.held[:first, m]))) for first, last, _ in spans]
         return tuple(sorted(found, key=lambda loss: (loss.first, loss.person)))
 
+    def view_texts(self, person: int) -> list[str]:
+        """The states of one person to the cameras in words, scan by scan; empty where the person is absent."""
+        known: dict[bytes, str] = {}
+        texts = []
+        for k, present in enumerate(self.present[:, person].tolist()):
+            states, trees = self.camera_states[k, :, person], self.hiding_trees[k, :, person]
+            key = states.tobytes() + trees.tobytes()
+            if key not in known:
+                known[key] = "; ".join(view_text(*view) for view in views_at(states, trees))
+            texts.append(known[key] if present else "")
+        return texts
 
-def _view(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Bools, Ints]:
-    """People (M, 2) m inside one frame (M,), and the tree that hides each (M,); -1 for none."""
-    points = np.column_stack([np.nan_to_num(people), np.full(len(people), TARGET_HEIGHT)])
-    inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
-    if not forest.trees:
-        return inside, np.full(len(people), -1)
-    hiding = forest.hiding(pose.position, points) & inside[:, None]
-    return inside, np.where(hiding.any(axis=1), hiding.argmax(axis=1), -1)
+
+def views_at(states: Ints, trees: Ints) -> list[_View]:
+    """States that cameras have of one person, the best first; out of view only if no camera has another.
+
+    states (n,) and trees (n,) as in `History.camera_states` and `History.hiding_trees`.
+    """
+    found = []
+    for state in ("seen", "missed", "hidden"):
+        uavs = defaultdict(list)
+        for i in np.flatnonzero(states == STATES.index(state)).tolist():
+            uavs[int(trees[i]) if state == "hidden" else -1].append(i)
+        found += [(state, dict(uavs))] if uavs else []
+    return found or [("broken" if (states == BROKEN).all() else "out of view", {})]
+
+
+def view_text(state: str, uavs: Mapping[int, Sequence[int]]) -> str:
+    """A state of a person to cameras in words; `uavs` are those that have it, by the tree between, -1 for none."""
+    if state == "seen":
+        return f"seen by {fleet_text(uavs[-1])}"
+    if state == "missed":
+        return f"shown to {fleet_text(uavs[-1])}, not detected"
+    if state == "hidden":
+        hiding = ((f"tree {tree}" if tree >= 0 else "a person", fleet_text(uavs[tree])) for tree in sorted(uavs))
+        return "hidden " + ", ".join(f"by {what} from {fleet}" for what, fleet in hiding)
+    return "no UAV works" if state == "broken" else "outside every view"
+
+
+def fleet_text(uavs: Sequence[int]) -> str:
+    """UAVs in words: "UAV 0", "UAVs 0, 1 and 2"."""
+    *most, last = map(str, uavs)
+    return f"UAVs {', '.join(most)} and {last}" if most else f"UAV {last}"

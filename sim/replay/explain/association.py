@@ -28,13 +28,8 @@ class Association:
     covariances: Array  # (N, 2, 2) m²
     distances: Array  # (T, N), squared, of measurements in the innovation's standard deviations
     gated: Bools  # (T, N)
-    beta: Array  # (T, N + 1), probability of no measurement, and of each, to be the person's
+    beta: Array  # (T, N + 1), probability that none of the measurements is the person's, and that each is
     existence: Array  # (T,), after the scan, before the fleet's fusion
-
-    @property
-    def missed(self) -> Array:
-        """Probability (T,) that none of the measurements is the track's person, or that the track is false."""
-        return self.beta[:, 0]
 
     @staticmethod
     def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> "Association | None":

@@ -10,10 +10,10 @@ from sim.evaluation.score import HELD
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.event import UNHELD, UNMATCHED, Event
-from sim.replay.explain.observation import GatedMeasurement, Observation, PersonMeasurement
+from sim.replay.explain.association import Association
+from sim.replay.explain.observation import Observation, PersonMeasurement
 from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
-from sim.replay.history import History
-from sim.replay.views import fleet_text, view_texts
+from sim.replay.history import History, fleet_text
 from tracking.numerics.arrays import Array
 
 Group = tuple[str, list[str]]  # a heading, and facts under it
@@ -89,11 +89,11 @@ def _observation(w: Observation, facts: PersonFacts, recording: Recording) -> li
         return ["has broken down"]
     lines = [] if w.sighting.looked else ["took no frame at this scan; what geometry tells:"]
     lines += _view(w, recording)
-    if w.found:
-        lines += _detection(w, w.found)
+    if w.found and w.association:
+        lines += _detection(w.found, w.association)
     elif w.sighting.looked and w.sighting.pixels:
         lines.append("not detected")
-    return lines + _association(w, facts.holder)
+    return lines + (_association(w, w.association, facts.holder) if w.association and facts.holder else [])
 
 
 def _view(w: Observation, recording: Recording) -> list[str]:
@@ -108,32 +108,31 @@ def _view(w: Observation, recording: Recording) -> list[str]:
     return lines
 
 
-def _detection(w: Observation, found: PersonMeasurement) -> list[str]:
-    """The detection of the person, and the tracks that may have taken it for theirs."""
+def _detection(found: PersonMeasurement, a: Association) -> list[str]:
+    """The detection of the person, and the tracks that may have taken it for theirs, the likeliest first."""
     at = "measured" if found.pixel is None else f"detected at pixel ({found.pixel[0]:.1f}, {found.pixel[1]:.1f})"
     lines = [f"{at}: {place_text(found.place)}, an error of {found.error:.2f} m, {found.sigmas:.1f} σ"]
-    gates = [weight for weight in w.weights if weight.measurement == found.measurement]
-    if not gates:
-        return [*lines, "in the gate of no track"]
-    return lines + [
-        f"in the gate of track {weight.track} at {weight.sigmas:.1f} σ, weight {percent_text(weight.probability)}"
-        for weight in _by_weight(gates)
-    ]
+    weights, sigmas = a.beta[:, 1 + found.measurement], np.sqrt(a.distances[:, found.measurement])
+    tracks = np.flatnonzero(a.gated[:, found.measurement])
+    for t in tracks[np.argsort(-weights[tracks], kind="stable")]:
+        weight = percent_text(float(weights[t]))
+        lines.append(f"in the gate of track {a.numbers[t]} at {sigmas[t]:.1f} σ, weight {weight}")
+    return lines if len(tracks) else [*lines, "in the gate of no track"]
 
 
-def _association(w: Observation, holder: HoldingTrack | None) -> list[str]:
+def _association(w: Observation, a: Association, holder: HoldingTrack) -> list[str]:
     """The scan as the person's track expected it, and other measurements that it may have taken for its own."""
-    if holder is None or holder.number not in w.visible:
-        return []
-    lines = [f"expected track {holder.number} in plain view with {percent_text(w.visible[holder.number])}"]
-    mine = w.found.measurement if w.found else -1
-    for weight in _by_weight([x for x in w.weights if x.track == holder.number and x.measurement != mine]):
-        if weight.probability >= _LEAST:
-            owner = int(w.owners[weight.measurement])
-            source = f"of person {owner}" if owner >= 0 else "of a false alarm"
-            place = place_text(w.measurements[weight.measurement])
-            weighs = f"weight {percent_text(weight.probability)}"
-            lines.append(f"the measurement {source} at {place} was in the gate of track {weight.track} too, {weighs}")
+    lines = []
+    for t in np.flatnonzero(a.numbers == holder.number):
+        lines.append(f"expected track {holder.number} in plain view with {percent_text(float(a.before.visible[t]))}")
+        weights = a.beta[t, 1:]
+        for j in np.argsort(-weights, kind="stable"):
+            if a.gated[t, j] and weights[j] >= _LEAST and not (w.found and j == w.found.measurement):
+                source = f"of person {w.owners[j]}" if w.owners[j] >= 0 else "of a false alarm"
+                place, weight = place_text(a.measurements[j]), percent_text(float(weights[j]))
+                lines.append(
+                    f"the measurement {source} at {place} was in the gate of track {holder.number} too, weight {weight}"
+                )
     return lines
 
 
@@ -182,17 +181,13 @@ def stretches(history: History, person: int) -> list[tuple[float, float, str, st
     """A person's mission in stretches of one wording: first and last scan [s], state to tracks, and to cameras."""
     words = [
         (HOLDS[hold], seen)
-        for hold, seen in zip(history.hold_states[:, person], view_texts(history, person), strict=True)
+        for hold, seen in zip(history.hold_states[:, person], history.view_texts(person), strict=True)
     ]
     numbers = {text: n for n, text in enumerate(dict.fromkeys(words))}
     return [
         (float(history.times[e.first]), float(history.times[e.last]), *words[e.first])
         for e in episodes(np.array([numbers[text] for text in words], dtype=np.int64))
     ]
-
-
-def _by_weight(weights: list[GatedMeasurement]) -> list[GatedMeasurement]:
-    return sorted(weights, key=lambda w: -w.probability)
 
 
 def place_text(place: Array) -> str:

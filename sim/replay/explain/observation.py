@@ -2,7 +2,6 @@
 
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,22 +9,13 @@ from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.explain.association import Association
 from sim.replay.frames.rerender import Rerenderer
-from sim.replay.frames.sightings import Sighting, sightings
+from sim.replay.frames.sightings import Sighting
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from sim.sensing.detection_truth import matched_detections, visible_pixels
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import squared_distance
-
-
-class GatedMeasurement(NamedTuple):
-    """A measurement in the gate of a track."""
-
-    track: int  # number
-    measurement: int
-    sigmas: float  # how far it is from where the track was foreseen, in the innovation's standard deviations
-    probability: float  # that it is the track's person
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +40,7 @@ class Observation:
     whole: int | None  # pixels that the frame would show of the person without trees; None where it was not rendered
     found: PersonMeasurement | None
     owners: Ints  # (N,), the person of each measurement; -1 for a false alarm
-    measurements: Array  # (N, 2) m
-    weights: tuple[GatedMeasurement, ...]  # of all tracks
-    visible: dict[int, float]  # by number of track, the probability its tracker gave it to be in plain view
+    association: Association | None  # of all tracks and measurements; None where the camera took no frame
 
 
 class Observer:
@@ -73,7 +61,7 @@ class Observer:
     def observe(self, k: int, uav: int, person: int) -> Observation:
         """The observation of one person by one UAV at scan k."""
         recording, view = self.recording, view_of(self.scenario.uavs[uav], self.scenario)
-        sighting = sightings(recording, self.scenario, k, uav, view)[person]
+        sighting = Sighting.all_of(recording, self.scenario, k, uav, view)[person]
         works = bool(recording.working[k, uav])
         association = Association.of(recording, self.scenario, k, uav)
         rows = self._measured(k, uav) if association else np.full(recording.people.shape[1], -1)
@@ -85,11 +73,7 @@ class Observer:
             whole=self._whole(k, uav, sighting) if works else None,
             found=self._found(k, uav, person, int(rows[person])),
             owners=_owners(rows, len(recording.measurements_at(k, uav))),
-            measurements=recording.measurements_at(k, uav),
-            weights=_weights(association) if association else (),
-            visible=dict(zip(association.numbers.tolist(), association.before.visible.tolist(), strict=True))
-            if association
-            else {},
+            association=association,
         )
 
     def owners(self, k: int, uav: int) -> Ints:
@@ -146,10 +130,3 @@ def _owners(rows: Ints, count: int) -> Ints:
     people = np.flatnonzero(rows >= 0)
     owners[rows[people]] = people
     return owners
-
-
-def _weights(a: Association) -> tuple[GatedMeasurement, ...]:
-    return tuple(
-        GatedMeasurement(int(a.numbers[t]), j, float(np.sqrt(a.distances[t, j])), float(a.beta[t, 1 + j]))
-        for t, j in np.argwhere(a.gated).tolist()
-    )

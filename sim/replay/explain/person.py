@@ -10,7 +10,7 @@ from sim.recording.recording import Recording
 from sim.replay.explain.observation import Observation, Observer
 from sim.replay.history import History
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import planned_attitude, view_of
+from sim.sensing.cameras import vehicle_of, view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
@@ -40,7 +40,8 @@ def planned_visibility(
 
     None where there is no plan, and where nothing of it is left.
     """
-    plan = _due(recording, scenario, k)
+    due = recording.plan_times + scenario.network.plan_delay <= recording.times[k] + _SLACK
+    plan = int(np.count_nonzero(due)) - 1
     if plan < 0 or not recording.working[k, uav]:
         return None
     now, rate = float(recording.times[k]), scenario.rates.sensing
@@ -60,12 +61,6 @@ def planned_visibility(
     return PlannedVisibility(uav, float(recording.plan_times[plan]), times, path, ahead, track)
 
 
-def _due(recording: Recording, scenario: Scenario, k: int) -> int:
-    """The plan that is flown from scan k on, an index; -1 for none."""
-    due = recording.plan_times + scenario.network.plan_delay <= recording.times[k] + _SLACK
-    return int(np.count_nonzero(due)) - 1
-
-
 def _flight(recording: Recording, scenario: Scenario, plan: int, uav: int) -> tuple[Array, Array, Pose]:
     """Times (H + 1,) s and corners (H + 1, 2) m of a plan's path, and the camera's pose at its first.
 
@@ -76,8 +71,8 @@ def _flight(recording: Recording, scenario: Scenario, plan: int, uav: int) -> tu
     controls = controls[~np.isnan(controls[:, 0])]
     body = recording.snapshot(int(np.argmin(np.abs(recording.times - begun)))).poses[uav]
     corners = body.position[:2] + np.vstack([np.zeros(2), step * np.cumsum(controls, axis=0)])
-    attitude = planned_attitude(scenario.uavs[uav], body)
-    return begun + step * np.arange(len(corners)), corners, Pose(body.position, attitude)
+    camera = Pose(body.position, vehicle_of(uav, body, scenario).attitude)
+    return begun + step * np.arange(len(corners)), corners, camera
 
 
 def _states(recording: Recording, scenario: Scenario, uav: int, views: list[Pose], places: Array) -> Ints:

@@ -14,7 +14,7 @@ from sim.sensing.cameras import camera_of
 from sim.sensing.culling import NEAR
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags
 
 PERSON_RADIUS = 0.25  # m, of the cylinder that stands for a person
 _TURN = np.linspace(0.0, 2 * math.pi, 128, endpoint=False)
@@ -43,6 +43,27 @@ class Sighting:
             return f"{'partly ' * bool(self.pixels)}hidden by tree {' and '.join(map(str, self.hidden_by))}"
         return "in view" if self.pixels else "covered by another person"
 
+    @staticmethod
+    def all_of(recording: Recording, scenario: Scenario, k: int, uav: int, camera: Camera) -> "tuple[Sighting, ...]":
+        """All people to a camera at the pose of a UAV's at scan k."""
+        pose, people, forest = recording.scan_at(k, uav).pose, recording.people[k], recording.forest
+        looked = scenario.has_frame(uav, k)
+        inside, hiding = inside_and_hiding(camera, pose, people, forest)
+        # Without a frame, geometry tells what it would have shown.
+        pixels = recording.visible[k, uav] if looked else inside & ~hiding.any(axis=1)
+        return tuple(
+            Sighting(
+                person=m,
+                place=(float(people[m, 0]), float(people[m, 1])),
+                inside=bool(inside[m]),
+                hidden_by=tuple(np.flatnonzero(hiding[m]).tolist()),
+                pixels=int(pixels[m]),
+                detected=bool(recording.matched[k, uav, m]),
+                looked=looked,
+            )
+            for m in range(len(people))
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Sight:
@@ -68,33 +89,17 @@ class Sight:
     def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> "Sight":
         """The view of one UAV at scan k."""
         snapshot = with_numbers(recording.snapshot(k), recording.track_numbers)
-        people = sightings(recording, scenario, k, uav, camera_of(scenario.uavs[uav]))
+        people = Sighting.all_of(recording, scenario, k, uav, camera_of(scenario.uavs[uav]))
         if scenario.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
         return Sight(scenario, recording.forest, snapshot, uav, people)
 
 
-def sightings(recording: Recording, scenario: Scenario, k: int, uav: int, camera: Camera) -> tuple[Sighting, ...]:
-    """All people to a camera at the pose of a UAV's at scan k."""
-    pose, people, forest = recording.scan_at(k, uav).pose, recording.people[k], recording.forest
-    looked = scenario.has_frame(uav, k)
-    points = np.column_stack([people, np.full(len(people), TARGET_HEIGHT)])
+def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Flags]:
+    """People (M, 2) m, NaN where absent, inside one frame (M,), and the trees (M, T) that hide each of those."""
+    points = np.column_stack([np.nan_to_num(people), np.full(len(people), TARGET_HEIGHT)])
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
-    hiding = forest.hiding(pose.position, np.nan_to_num(points)) & inside[:, None]
-    # Without a frame, geometry tells what it would have shown.
-    pixels = recording.visible[k, uav] if looked else inside & ~hiding.any(axis=1)
-    return tuple(
-        Sighting(
-            person=m,
-            place=(float(people[m, 0]), float(people[m, 1])),
-            inside=bool(inside[m]),
-            hidden_by=tuple(np.flatnonzero(hiding[m]).tolist()),
-            pixels=int(pixels[m]),
-            detected=bool(recording.matched[k, uav, m]),
-            looked=looked,
-        )
-        for m in range(len(people))
-    )
+    return inside, np.asarray(forest.hiding(pose.position, points) & inside[:, None])
 
 
 def hidden_outlines(camera: Camera, pose: Pose, forest: Forest) -> list[list[Array]]:

@@ -16,7 +16,6 @@ from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, UNMATCHED, Event, lanes
 from sim.replay.history import STATES, History
-from sim.replay.views import view_texts
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.numerics.arrays import Array
@@ -31,7 +30,7 @@ def page_data(
 
     Lists run over scans, then UAVs, then people or tracks; null stands for what is absent or does not work.
     """
-    told = [view_texts(history, m) for m in range(recording.people.shape[1])]
+    told = [history.view_texts(m) for m in range(recording.people.shape[1])]
     false = [event for event in events if event.kind in UNMATCHED]
     texts = {text: n for n, text in enumerate(dict.fromkeys(text for column in told for text in column))}
     return {

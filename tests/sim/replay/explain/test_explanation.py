@@ -11,7 +11,7 @@ from helpers.flights import recorded
 
 from sim.replay.events import events_of
 from sim.replay.explain.association import Association
-from sim.replay.explain.explanation import explanation, stretches
+from sim.replay.explain.explanation import explanation, percent_text, stretches
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
@@ -81,9 +81,9 @@ def test_in_ideal_sensing_measurements_are_the_nearest_persons_who_are_in_view()
     with Observer(recording, scenario) as observer:
         for k, i, m in np.argwhere(recording.matched).tolist():
             w = observer.observe(k, i, m)
-            gaps = np.hypot(*(w.measurements - recording.people[k, m]).T)
+            gaps = np.hypot(*(w.association.measurements - recording.people[k, m]).T)
             assert w.whole is None and w.found.pixel is None and w.found.error == pytest.approx(gaps.min())
-            count += len(w.measurements) > 1
+            count += len(w.owners) > 1
     assert count > 5
     recording, scenario = recorded("sensing.mode=ideal", "sensing.field_of_view=unlimited", duration=1)
     far = 0
@@ -97,19 +97,25 @@ def test_in_ideal_sensing_measurements_are_the_nearest_persons_who_are_in_view()
     assert far > 5
 
 
-def test_weights_and_views_are_those_of_the_association(mission, all_facts):
+def test_weights_and_views_in_words_are_those_of_the_association(mission, all_facts):
     recording, scenario = mission[:2]
-    shared = 0
+    shared, events = 0, events_of(recording, scenario)
     for facts in all_facts:
+        groups = dict(explanation(facts, recording, events))
         for w in facts.observations:
-            made = Association.of(recording, scenario, facts.k, w.uav)
-            assert len(w.weights) == np.count_nonzero(made.gated)
-            for weight in w.weights:
-                t = made.numbers.tolist().index(weight.track)
-                assert weight.probability == made.beta[t, 1 + weight.measurement]
-                assert weight.sigmas == pytest.approx(made.distances[t, weight.measurement] ** 0.5)
-            assert list(w.visible.values()) == made.before.visible.tolist()
-            shared += len({x.track for x in w.weights}) < len(w.weights)
+            made, text = Association.of(recording, scenario, facts.k, w.uav), "\n".join(groups[f"UAV {w.uav}"])
+            np.testing.assert_array_equal(w.association.beta, made.beta)
+            found, own = w.found.measurement if w.found else -1, made.numbers.tolist().index(facts.holder.number)
+            told = re.findall(r"in the gate of track (\d+) at ([\d.]+) σ, weight (.+)", text)
+            assert len(told) == (np.count_nonzero(made.gated[:, found]) if w.found else 0)
+            for number, sigmas, weight in told:
+                t = made.numbers.tolist().index(int(number))
+                assert weight == percent_text(made.beta[t, 1 + found])
+                assert float(sigmas) == pytest.approx(made.distances[t, found] ** 0.5, abs=0.051)
+            assert f"in plain view with {percent_text(made.before.visible[own])}" in text
+            others = made.gated[own] & (made.beta[own, 1:] >= 0.005) & (np.arange(len(made.measurements)) != found)
+            assert text.count("too, weight") == np.count_nonzero(others)
+            shared += others.any()
     assert shared > 0
 
 

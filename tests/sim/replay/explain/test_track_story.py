@@ -10,8 +10,7 @@ from sim.recording.archive import save
 from sim.replay.events import events_of
 from sim.replay.explain.association import Association
 from sim.replay.explain.observation import Observer
-from sim.replay.explain.track import TrackFacts
-from sim.replay.explain.track_story import track_story
+from sim.replay.explain.track_story import TrackFacts, track_story
 from sim.replay.frames.rerender import scenario_of
 
 
