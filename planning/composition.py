@@ -6,20 +6,30 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from planning.coordination.decision import Coordination
-from planning.coordination.schemes import Sequential
+from planning.coordination.schemes import Decision, Sequential
 from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.optimizer import Optimizer, pursuits, turns
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import Nominal, Propagation, nominal_positions
-from planning.prediction.targets_in_reach import Hints, Objective, after_first_step, targets_in_reach
+from planning.prediction.targets_in_reach import Objective, after_first_step, targets_in_reach
 from tracking.geometry.visibility import Forest, Occlusion
 from tracking.numerics.arrays import Array
 
 Prediction = Literal["scans", "step"]
 Actions = Literal["all", "first"]
+
+
+class Coordination(Protocol):
+    """Makes a team's plans out of decisions."""
+
+    @property
+    def exchange(self) -> Exchange:
+        """Plans that the UAVs send at each decision."""
+
+    def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
+        """The plan of each UAV, in the team's order."""
 
 
 class Term(Protocol):
@@ -54,7 +64,7 @@ class Composition:
         return self.coordination.exchange
 
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
-        """As `coordination.decision.Decision.decide`."""
+        """As `coordination.schemes.Decision.decide`."""
         belief = self.propagation.predict(situation, self.horizon, rng)
         samples = belief.points.shape[1] // len(situation.tracks) if situation.tracks else 1
         if self.existence:
@@ -71,13 +81,12 @@ class Composition:
 
         in_reach = targets_in_reach(belief, uavs, speeds)
         if self.actions == "all":
-            return self.optimizer.minimise(value, starts, speeds, rng, Hints(value, in_reach)).plans
+            return self.optimizer.minimise(value, starts, speeds, rng, in_reach).plans
 
         def value_of_first(candidates: Array, ease: Array | None = None) -> Array:
             return value(self._completed(situation, uavs, candidates), ease)
 
-        hints = Hints(value_of_first, after_first_step(in_reach))
-        first = self.optimizer.minimise(value_of_first, starts, speeds, rng, hints).plans
+        first = self.optimizer.minimise(value_of_first, starts, speeds, rng, after_first_step(in_reach)).plans
         return np.asarray(self._completed(situation, uavs, first[None])[0])
 
     def _completed(self, situation: Situation, uavs: Sequence[int], firsts: Array) -> Array:

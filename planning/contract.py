@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import cast
 
-from planning.errors import planner_errors
+from planning.loading import planner_errors
 from planning.planner import Exchange, Planner
 from tracking.numerics.arrays import Array
 from tracking.plugins.containment import Unusable, contained

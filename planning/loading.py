@@ -1,21 +1,37 @@
-"""Planners loaded by name, with options, or by import string."""
+"""Planners loaded by name, with options, or by import string, and their errors, each told in one line."""
 
 from __future__ import annotations
 
 import ast
 import inspect
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib.machinery import PathFinder
 from typing import TYPE_CHECKING, Any, cast
 
-from planning.errors import PlannerError, planner_errors
 from planning.registry import PlannerSpec, installed_planners
+from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.importing import imported
+from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import nearest
 
 if TYPE_CHECKING:  # naming planners needs none of their code
     from planning.planner import Planner
+
+
+class PlannerError(InputError):
+    """A planner that cannot be used; the message is one line."""
+
+
+@contextmanager
+def planner_errors(name: str, what: str, *passing: type[BaseException]) -> Iterator[None]:
+    """Raises a PlannerError, "NAME cannot WHAT: why", for whatever a planner raises in the block."""
+    try:
+        with contained(*passing):
+            yield
+    except ForeignError as error:
+        raise PlannerError(f"planner: {name!r} cannot {what}: {error.explained}") from error
 
 
 def load_planner(text: str) -> Planner:

@@ -7,8 +7,7 @@ from typing import Literal, get_args, get_type_hints
 
 import numpy as np
 
-from planning.composition import Actions, Composition, Prediction
-from planning.coordination.decision import Coordination
+from planning.composition import Actions, Composition, Coordination, Prediction
 from planning.coordination.schemes import Centralised, Decentralised, Order, Parallel, Sequential
 from planning.objective.terms import Search, Separation
 from planning.optimizers.cross_entropy import CrossEntropy

@@ -19,8 +19,8 @@ LAYERS = {
         "measurement_files",
     ),
     "planning": (
-        *("planner", "errors", "contract", "prediction", "objective", "optimizers", "coordination", "composition"),
-        *("baselines", "pieces", "oracle", "registry", "loading", "conformance"),
+        *("planner", "registry", "loading", "contract", "prediction", "objective", "optimizers", "coordination"),
+        *("composition", "baselines", "pieces", "oracle", "conformance"),
     ),
     "sim": (
         *("installation", "scenario", "processes", "world", "sensing", "conformance", "mission", "recording"),

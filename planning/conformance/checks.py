@@ -2,25 +2,78 @@
 
 import pickle
 from collections.abc import Callable, Sequence
-from functools import partial
+from dataclasses import replace
+from functools import cached_property, partial
 from statistics import median
 
-from planning.conformance.calls import attempt, attempt_in_other_process, difference
-from planning.conformance.perturbations import (
+from planning.conformance.calls import Attempt, attempt, attempt_in_other_process, difference
+from planning.conformance.situations import (
     KNOWLEDGE,
     SITUATIONS,
     immobilised,
+    ordinary_team,
     out_of_contact,
-    plan_not_received,
     with_other_knowledge,
 )
-from planning.conformance.situations import ordinary_team
-from planning.conformance.subject import ROUNDING, Maker, Subject, difference_of_plans, proper_plans
+from planning.contract import exchange_of
 from planning.loading import load_planner
-from planning.planner import Situation
+from planning.planner import Planner, Situation
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
 
 _DECISIONS = 5  # that are timed
+Maker = Callable[[], Planner]
+ROUNDING = 1e-9  # m/s, by which a plan may depend on what should not matter
+
+
+class Subject:
+    """A planner under test: its maker, and its plans for the ordinary situation."""
+
+    def __init__(self, make: Maker, named: object) -> None:
+        self.make, self.text = make, named if isinstance(named, str) else None
+        self.team = ordinary_team()
+        planner = make()
+        self.claims = bool(getattr(planner, "decentralised", False))
+        self.rounds = exchange_of(planner).rounds
+        self.first = attempt(planner, self.team, watched=True)
+
+    @cached_property
+    def repeats(self) -> str:
+        """Difference of the plans of another instance with the same seed, in words; empty: none."""
+        return _difference_of_plans(self.first, attempt(self.make(), self.team))
+
+    def planned(self) -> Attempt:
+        """The first plans; `Untried` if there are none."""
+        if "plans" in self.first.defects:
+            raise Untried("it does not plan")
+        return self.first
+
+    def compare(self, other: Attempt, when: str, within: float = 0.0) -> None:
+        """Raise `Unfit` unless plans equal the first ones, within so many m/s."""
+        difference = _difference_of_plans(self.planned(), other, within)
+        if difference:
+            raise Unfit(f"{when}, {difference}")
+
+    def comparable(self) -> None:
+        """Raise `Untried` if the planner's plans never repeat, so that none can be compared."""
+        self.planned()
+        if self.repeats:
+            raise Untried("its plans do not repeat anyway")
+
+
+def _difference_of_plans(first: Attempt, other: Attempt, within: float = 0.0) -> str:
+    """Difference of two attempts beyond `within` m/s, in words; empty: none."""
+    if other.defects != first.defects:
+        return next((text for kind, text in other.defects.items() if kind not in first.defects), "plans differ")
+    gap = max(map(difference, first.controls, other.controls), default=0.0)
+    return f"plans differ by {gap:.3g} m/s" if gap > within else ""
+
+
+def _proper_plans(subject: Subject, team: Sequence[Situation]) -> Attempt:
+    """Plans for a team; `Unfit` if there are none."""
+    tried = attempt(subject.make(), team)
+    if "plans" in tried.defects:
+        raise Unfit(tried.defects["plans"])
+    return tried
 
 
 def check(planner: str | Maker, *, other_process: bool = True) -> list[Finding]:
@@ -119,7 +172,7 @@ def _pickling(subject: Subject) -> str:
         copy = pickle.loads(data)
     except Exception as error:  # a plug-in may raise anything
         raise Unfit(f"{type(error).__name__}: {error}") from error
-    found = difference_of_plans(attempt(planner, subject.team), attempt(copy, subject.team))
+    found = _difference_of_plans(attempt(planner, subject.team), attempt(copy, subject.team))
     if found:
         raise Unfit(f"of a pickled copy, {found}")
     return f"a copy of {len(data)} bytes plans the same"
@@ -145,13 +198,19 @@ def _exchange(subject: Subject) -> str:
         others, uav = [o.own.id for o in subject.team if o is not s], s.own.id
         silent = {
             "says nothing": immobilised(subject.team, uav),
-            "is lost": plan_not_received(subject.team, uav, subject.rounds),
+            "is lost": _plan_not_received(subject, uav),
         }
         for how, team in silent.items():
             found = _influence(subject, team, [uav], others)
             if found:
                 raise Unfit(f"UAV {uav}'s plan {how}, but its {found}")
     return "what a UAV holds reaches others through its plan alone"
+
+
+def _plan_not_received(subject: Subject, uav: int) -> list[Situation]:
+    """The team if no other UAV receives the plan of one UAV in any round; positions and last plans are known."""
+    heard = {s.own.id: tuple(v.id for v in s.neighbours if v.id != uav) for s in subject.team}
+    return [replace(s, reception=(heard[s.own.id],) * max(subject.rounds, 1)) for s in subject.team]
 
 
 def _claimed(subject: Subject) -> None:
@@ -162,10 +221,10 @@ def _claimed(subject: Subject) -> None:
 
 def _influence(subject: Subject, team: Sequence[Situation], changed: Sequence[int], kept: Sequence[int]) -> str:
     """Knowledge of UAVs `changed` that influences the plans of UAVs `kept`, in words; empty: none."""
-    base = proper_plans(subject, team)
+    base = _proper_plans(subject, team)
 
     def influence(kinds: Sequence[str]) -> str:
-        tried = proper_plans(subject, with_other_knowledge(team, changed, kinds))
+        tried = _proper_plans(subject, with_other_knowledge(team, changed, kinds))
         gaps = {s.own.id: gap for s, gap in zip(team, map(difference, base.controls, tried.controls), strict=True)}
         worst = max(kept, key=gaps.__getitem__)
         what = f"{', '.join(kinds)} change the plan of UAV {worst} by {gaps[worst]:.3g} m/s"

@@ -1,7 +1,9 @@
-"""Random situations to try planners on, without a mission."""
+"""Situations to try planners on, without a mission: random teams, and changed copies of a team."""
 
 import math
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
@@ -13,6 +15,20 @@ from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array
 from tracking.track import Track
 from tracking.undetected import Intensity
+
+_ASIDE = np.array([2.0, -1.0, 0.0])  # m
+# Kinds of knowledge, and how each is changed.
+KNOWLEDGE: dict[str, Callable[[Situation], Situation]] = {
+    "tracks": lambda s: replace(s, tracks=tuple(_displaced(t, np.array([3.0, -2.0, 0.5, 0.3]), 4.0) for t in s.tracks)),
+    "received intents": lambda s: replace(s, intents={i: Plan(-plan.controls) for i, plan in s.intents.items()}),
+    "own measured position": lambda s: replace(s, own=replace(s.own, position=s.own.position + _ASIDE)),
+    "neighbours' positions": lambda s: replace(
+        s, neighbours=tuple(replace(v, position=v.position - _ASIDE) for v in s.neighbours)
+    ),
+    "people not found": lambda s: replace(
+        s, unseen=s.unseen and replace(s.unseen, people=s.unseen.people[::-1].copy())
+    ),
+}
 
 
 def random_team(
@@ -61,7 +77,7 @@ def ordinary_team(seed: int = 0, targets: int = 4) -> list[Situation]:
             time=12.0,
             own=fleet[s.own.id],
             neighbours=tuple(fleet[v.id] for v in s.neighbours),
-            tracks=tuple(displaced(track, rng.normal(0.0, 0.5, 4), 1.0) for track in s.tracks),
+            tracks=tuple(_displaced(track, rng.normal(0.0, 0.5, 4), 1.0) for track in s.tracks),
             intents=dict(intents),
             unseen=_sprinkled(places),
         )
@@ -74,6 +90,67 @@ def _sprinkled(rng: np.random.Generator) -> Intensity:
     return Intensity(people, (-75.0, -50.0), (5.0, 5.0))
 
 
-def displaced(track: Track, by: Array, times: float) -> Track:
+def _displaced(track: Track, by: Array, times: float) -> Track:
     """The track with its mean displaced by a state (4,) and its covariance multiplied."""
     return replace(track, belief=Gaussian(track.belief.mean + by, times * track.belief.covariance))
+
+
+def _subteam(team: Sequence[Situation], ids: Collection[int]) -> list[Situation]:
+    """The team if only UAVs `ids` work."""
+    return [_in_contact(s, ids) for s in team if s.own.id in ids]
+
+
+def out_of_contact(team: Sequence[Situation], uav: int) -> list[Situation]:
+    """The team if one UAV has no contact to the others."""
+    ids = {s.own.id for s in team}
+    return [_in_contact(s, {uav} if s.own.id == uav else ids - {uav}) for s in team]
+
+
+def immobilised(team: Sequence[Situation], uav: int) -> list[Situation]:
+    """The team if one UAV can hardly move, so that its plan reveals nothing of its knowledge.
+
+    Its top speed is 1e-20 m/s: not zero, by which planners may divide, but too little to change a position.
+    """
+
+    def slow(vehicle: Vehicle) -> Vehicle:
+        return replace(vehicle, max_speed=1e-20) if vehicle.id == uav else vehicle
+
+    return [
+        replace(
+            s,
+            own=slow(s.own),
+            neighbours=tuple(slow(v) for v in s.neighbours),
+            intents={i: plan for i, plan in s.intents.items() if i != uav},
+        )
+        for s in team
+    ]
+
+
+def with_other_knowledge(team: Sequence[Situation], uavs: Collection[int], kinds: Collection[str]) -> list[Situation]:
+    """The team if UAVs `uavs` have other knowledge of some kinds of `KNOWLEDGE`; as many tracks as before."""
+    changes = [KNOWLEDGE[kind] for kind in kinds]
+    return [reduce(lambda known, change: change(known), changes, s) if s.own.id in uavs else s for s in team]
+
+
+def _in_contact(s: Situation, ids: Collection[int]) -> Situation:
+    return replace(
+        s,
+        neighbours=tuple(v for v in s.neighbours if v.id in ids),
+        intents={i: plan for i, plan in s.intents.items() if i in ids},
+    )
+
+
+def _situations() -> dict[str, list[Situation]]:
+    team = ordinary_team()
+    return {
+        "one UAV": _subteam(team, {0}),
+        "no tracks": [replace(s, tracks=()) for s in team],
+        "no trees": [replace(s, forest=Forest(())) for s in team],
+        "a UAV broken down": _subteam(team, {0, 2}),  # ids are not places
+        "out of contact": [out_of_contact(team, s.own.id)[k] for k, s in enumerate(team)],
+        "first decision": [replace(s, time=0.0, intents={}) for s in team],
+        "fifty tracks": ordinary_team(targets=50),
+    }
+
+
+SITUATIONS = _situations()

@@ -2,17 +2,27 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
-from planning.coordination.decision import Decision, expected_plans, own_row
 from planning.planner import Exchange, Plan, Situation
-from planning.prediction.intent import BASE_RANGE
+from planning.prediction.intent import BASE_RANGE, expected_plans
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 
 Order = Literal["fixed", "random", "worst-first"]
+
+
+class Decision(Protocol):
+    """Optimises plans of some UAVs on one UAV's belief."""
+
+    @property
+    def horizon(self) -> int:
+        """Steps of a plan."""
+
+    def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
+        """Plans (k, H, 2) m/s of the UAVs in rows `uavs` of `situation.vehicles` if others fly `controls` (n, H, 2)."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +49,7 @@ class Sequential:
             for situation in sequence:
                 sender = situation.own.id
                 plans = expected_plans(situation, decision.horizon, known[sender])
-                plan = decision.decide(situation, plans, [own_row(situation)], rng)[0]
+                plan = _own_plan(situation, plans, decision, rng)
                 for s in team:
                     if s.own.id == sender or s.receives(sender, sweep):
                         known[s.own.id][sender] = plan
@@ -51,6 +61,11 @@ class Sequential:
         if self.order == "worst-first":
             return sorted(team, key=_largest_trace, reverse=True)
         return list(team)
+
+
+def _own_plan(situation: Situation, plans: Array, decision: Decision, rng: np.random.Generator) -> Array:
+    """Plan (H, 2) m/s of the UAV itself, if others fly `plans` (n, H, 2) m/s."""
+    return np.asarray(decision.decide(situation, plans, [situation.vehicles.index(situation.own)], rng)[0])
 
 
 def _largest_trace(situation: Situation) -> float:
@@ -70,7 +85,7 @@ class Parallel:
 
     def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
         """As `Coordination.plans`."""
-        return [Plan(decision.decide(s, expected_plans(s, decision.horizon), [own_row(s)], rng)[0]) for s in team]
+        return [Plan(_own_plan(s, expected_plans(s, decision.horizon), decision, rng)) for s in team]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from planning.prediction.predicted_belief import (
     belief_transition,
     possibly_visible,
 )
-from planning.prediction.targets_in_reach import RelaxableObjective
+from planning.prediction.targets_in_reach import Objective
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 
@@ -35,7 +35,7 @@ def costs(
 
 def objective(
     belief: PredictedBelief, controls: Array, uavs: Sequence[int], beta: float, samples: int = 1
-) -> RelaxableObjective:
+) -> Objective:
     """The objective [m²] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly `controls` (n, H, 2).
 
     Σ over steps and targets of tr P (position block) times the target's weight, each P updated with the information

@@ -9,7 +9,7 @@ import numpy as np
 
 from planning.optimizers.mutations import chances, distinct, varied
 from planning.optimizers.optimizer import SearchResult, speed_limited
-from planning.prediction.targets_in_reach import NO_TARGETS, Hints, Objective
+from planning.prediction.targets_in_reach import NO_TARGETS, Objective, TargetsInReach
 from tracking.numerics.arrays import Array
 
 
@@ -19,11 +19,11 @@ class _Task(NamedTuple):
     objective: Objective
     starts: Array
     max_speeds: Array
-    hints: Hints | None
+    in_reach: TargetsInReach | None
 
     def costs(self, plans: Array, ease: float) -> Array:
         """Costs of plans (N, k, H, 2) m/s, with fields of view wider by `ease` maximum steps."""
-        return self.hints.relaxed(plans, ease * self.max_speeds) if self.hints and ease else self.objective(plans)
+        return self.objective(plans, ease * self.max_speeds) if ease else self.objective(plans)
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class CrossEntropy:
     Source: [Pinneri20] for elites and coloured noise.
 
     The best plans often bring a target just inside the frame at the last possible step. Plans nearby miss it, so random
-    noise hardly finds them. With hints, therefore, some changes bring a target just into view, and fields of view are
-    wider in the first rounds: a continuation from a relaxed problem (E. L. Allgower, K. Georg, Numerical Continuation
-    Methods, Springer, 1990).
+    noise hardly finds them. With targets in reach, therefore, some changes bring a target just into view, and fields of
+    view are wider in the first rounds: a continuation from a relaxed problem (E. L. Allgower, K. Georg, Numerical
+    Continuation Methods, Springer, 1990).
     """
 
     evaluations: int = 12_288  # the starts aside
@@ -69,14 +69,14 @@ class CrossEntropy:
         starts: Array,
         max_speeds: Array,
         rng: np.random.Generator,
-        hints: Hints | None = None,
+        in_reach: TargetsInReach | None = None,
     ) -> SearchResult:
         """As `Optimizer.minimise`."""
         end = perf_counter() + self.seconds if self.seconds else math.inf
         max_speeds = np.ascontiguousarray(np.broadcast_to(max_speeds, starts.shape[1]), dtype=float)
-        found = self._search(_Task(objective, starts, max_speeds, hints), rng, end)
+        found = self._search(_Task(objective, starts, max_speeds, in_reach), rng, end)
         while self.seconds and perf_counter() < end:
-            task = _Task(objective, np.concatenate([found.plans[None], starts]), max_speeds, hints)
+            task = _Task(objective, np.concatenate([found.plans[None], starts]), max_speeds, in_reach)
             again = self._search(task, rng, end)
             found = again._replace(evaluations=found.evaluations + again.evaluations)
         return found
@@ -86,7 +86,7 @@ class CrossEntropy:
 
         The number of random draws depends on no cost, so that later draws do not depend on beliefs.
         """
-        in_reach = task.hints.in_reach if task.hints else NO_TARGETS
+        in_reach = NO_TARGETS if task.in_reach is None else task.in_reach
         pool = speed_limited(task.starts, task.max_speeds)
         values = task.objective(pool)
         start, used, ease, scale = pool[np.argmin(values)], len(pool), 0.0, 1.0
@@ -98,7 +98,7 @@ class CrossEntropy:
             elite = distinct(pool, order, most, scale * self.apart, task.max_speeds)
             pool, values = pool[elite], values[elite]
             count = self.evaluations * (k + 1) // self.rounds - self.evaluations * k // self.rounds
-            before, ease = ease, self._ease(k, count) if task.hints else 0.0
+            before, ease = ease, 0.0 if task.in_reach is None else self._ease(k, count)
             if ease != before:
                 pool = pool if ease else np.concatenate([pool, start[None]])
                 values, used, count = task.costs(pool, ease), used + len(pool), count - most - (not ease)

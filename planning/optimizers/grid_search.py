@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from planning.optimizers.optimizer import SearchResult, speed_limited
-from planning.prediction.targets_in_reach import Hints, Objective
+from planning.prediction.targets_in_reach import Objective, TargetsInReach
 from tracking.numerics.arrays import Array
 from tracking.numerics.universal import cos_each, sin_each
 
@@ -39,7 +39,7 @@ class GridSearch:
         starts: Array,
         max_speeds: Array,
         rng: np.random.Generator,
-        hints: Hints | None = None,
+        in_reach: TargetsInReach | None = None,
     ) -> SearchResult:
         """As `Optimizer.minimise`; ValueError where there are too many plans."""
         end = perf_counter() + self.seconds if self.seconds else math.inf

@@ -8,7 +8,7 @@ import numpy as np
 
 from planning.planner import Vehicle
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
-from planning.prediction.targets_in_reach import Hints, Objective
+from planning.prediction.targets_in_reach import Objective, TargetsInReach
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.universal import cos_each, sin_each
@@ -31,11 +31,11 @@ class Optimizer(Protocol):
         starts: Array,
         max_speeds: Array,
         rng: np.random.Generator,
-        hints: Hints | None = None,
+        in_reach: TargetsInReach | None = None,
     ) -> SearchResult:
         """The best plans found from `starts` (S, k, H, 2) m/s, each control within `max_speeds` (k,) m/s.
 
-        An optimiser may use the hints or ignore them.
+        With targets in reach, which an optimiser may use or ignore, the objective takes `ease`, too.
         """
 
 

@@ -7,7 +7,7 @@ from time import perf_counter
 import numpy as np
 
 from planning.optimizers.optimizer import SearchResult, speed_limited
-from planning.prediction.targets_in_reach import Hints, Objective
+from planning.prediction.targets_in_reach import Objective, TargetsInReach
 from tracking.numerics.arrays import Array
 
 
@@ -32,7 +32,7 @@ class ParticleSwarm:
         starts: Array,
         max_speeds: Array,
         rng: np.random.Generator,
-        hints: Hints | None = None,
+        in_reach: TargetsInReach | None = None,
     ) -> SearchResult:
         """As `Optimizer.minimise`."""
         began = perf_counter()

@@ -1,7 +1,8 @@
 """The policy of intent and the base policy that extends it ([Li22] III-C)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -39,6 +40,12 @@ def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Ar
         controls.append(control)
         aimed = aimed + step * control
     return np.array(controls)
+
+
+def expected_plans(situation: Situation, horizon: int, decided: Mapping[int, Array] = MappingProxyType({})) -> Array:
+    """Plans (n, H, 2) m/s of all UAVs: decided ones, by id, else their policies of intent."""
+    plans = [decided[v.id] if v.id in decided else policy_of_intent(situation, v, horizon) for v in situation.vehicles]
+    return np.array(plans)
 
 
 def base_policy_plans(situation: Situation, vehicle: Vehicle, firsts: Array, horizon: int) -> Array:

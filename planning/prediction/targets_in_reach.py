@@ -1,7 +1,7 @@
 """Targets that UAVs can bring into view within the horizon: hints for a search over plans."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +10,9 @@ from planning.prediction.quadrangle import shortest_move
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
-Objective = Callable[[Array], Array]  # candidates (N, k, H, 2) m/s -> costs (N,)
+# Candidates (N, k, H, 2) m/s -> costs (N,) m². That of tracks also takes `ease` (k,) m/s: fields of view are then wider
+# on each side by this displacement in a step.
+Objective = Callable[..., Array]
 
 
 class TargetsInReach(NamedTuple):
@@ -19,23 +21,6 @@ class TargetsInReach(NamedTuple):
     which: Indices  # (S, 2): the UAV, and the step after which
     places: Array  # (S, 2) m/s: of the target, from the present position of that UAV
     views: Array  # (k, 5, 3): fields of view, see `field_of_view.view_quadrangle`, with lengths in m/s
-
-
-class RelaxableObjective(Protocol):
-    """An objective that can be relaxed by wider fields of view."""
-
-    def __call__(self, candidates: Array, ease: Array | None = None) -> Array:
-        """Costs (N,) m² of candidates (N, k, H, 2) m/s.
-
-        With `ease` (k,) m/s, their fields of view are wider on each side by that displacement in a step.
-        """
-
-
-class Hints(NamedTuple):
-    """Knowledge of the problem that a search may use besides the objective."""
-
-    relaxed: RelaxableObjective
-    in_reach: TargetsInReach
 
 
 NO_TARGETS = TargetsInReach(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 5, 3)))

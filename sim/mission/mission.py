@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.contract import exchange_of, with_truth
-from planning.errors import planner_errors
-from planning.loading import load_planner
+from planning.loading import load_planner, planner_errors
 from planning.planner import Plan, Planner, Situation
 from sim.mission.plan_check import checked_plans
 from sim.mission.plan_exchange import Links, PlanExchange, Sent, lost_messages, open_links

@@ -8,16 +8,15 @@ import pytest
 from helpers.nominal import knowing, nominal
 
 from planning.composition import Composition
-from planning.coordination.decision import expected_plans
 from planning.coordination.schemes import Centralised, Decentralised, Parallel, Sequential
 from planning.objective.nbo import objective, team_cost
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import pursuits, turns
 from planning.planner import Plan
-from planning.prediction.intent import BASE_RANGE, base_control, policy_of_intent
+from planning.prediction.intent import BASE_RANGE, base_control, expected_plans, policy_of_intent
 from planning.prediction.propagation import MonteCarlo, nominal_positions
-from planning.prediction.targets_in_reach import Hints, targets_in_reach
+from planning.prediction.targets_in_reach import targets_in_reach
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import Forest
 
@@ -39,7 +38,7 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
         np.concatenate([intent[None], chases[:, None]]),
         np.array([5.0]),
         np.random.default_rng(9),
-        Hints(value, targets_in_reach(view, [0], np.array([5.0]))),
+        targets_in_reach(view, [0], np.array([5.0])),
     )
     np.testing.assert_array_equal(planned(team, 9, horizon=3, coordination=coordination), alone.plans)
 

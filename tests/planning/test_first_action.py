@@ -7,12 +7,11 @@ import pytest
 from helpers.nominal import knowing
 
 from planning.composition import Composition
-from planning.coordination.decision import expected_plans
 from planning.coordination.schemes import Centralised
 from planning.loading import load_planner
 from planning.objective.nbo import team_cost
 from planning.optimizers.grid_search import GridSearch
-from planning.prediction.intent import base_control
+from planning.prediction.intent import base_control, expected_plans
 from planning.prediction.propagation import MonteCarlo
 
 

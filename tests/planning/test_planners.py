@@ -8,8 +8,7 @@ import pytest
 from planning.baselines import Lawnmower
 from planning.composition import Composition
 from planning.coordination.schemes import Sequential
-from planning.errors import PlannerError
-from planning.loading import load_planner
+from planning.loading import PlannerError, load_planner
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.particle_swarm import ParticleSwarm

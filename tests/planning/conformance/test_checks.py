@@ -9,7 +9,7 @@ import pytest
 from planning.composition import Composition
 from planning.conformance.checks import CHECKS, check
 from planning.coordination.schemes import Centralised, Sequential
-from planning.errors import PlannerError
+from planning.loading import PlannerError
 from planning.planner import Plan
 from planning.registry import PLANNERS
 

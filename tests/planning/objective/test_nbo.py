@@ -121,7 +121,7 @@ class Kept:
     def __init__(self, candidates):
         self.candidates = candidates
 
-    def minimise(self, objective, starts, max_speeds, rng, hints=None):
+    def minimise(self, objective, starts, max_speeds, rng, in_reach=None):
         self.values = objective(self.candidates)
         return type("Found", (), {"plans": starts[0]})()
 

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from helpers.flights import fly
 
-from planning.coordination.decision import expected_plans
 from planning.loading import load_planner
 from planning.objective.terms import Search, Separation, _closest
 from planning.prediction.field_of_view import view_quadrangle, viewing_range
-from planning.prediction.intent import camera_paths
+from planning.prediction.intent import camera_paths, expected_plans
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.undetected import Intensity
 

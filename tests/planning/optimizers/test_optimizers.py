@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from helpers.nominal import nominal
 
-from planning.coordination.decision import expected_plans
 from planning.loading import load_planner
 from planning.objective.nbo import costs
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import pursuits, speed_limited
 from planning.optimizers.particle_swarm import ParticleSwarm
+from planning.prediction.intent import expected_plans
 from planning.prediction.propagation import nominal_positions
 
 SEARCHES = {
@@ -137,8 +137,8 @@ class Both:
     def __init__(self, own, times):
         self.own, self.times = own, times
 
-    def minimise(self, objective, starts, max_speeds, rng, hints=None):
-        found = self.own.minimise(objective, starts, max_speeds, rng, hints)
+    def minimise(self, objective, starts, max_speeds, rng, in_reach=None):
+        found = self.own.minimise(objective, starts, max_speeds, rng, in_reach)
         self.evaluations = self.times * found.evaluations
         swarm = ParticleSwarm(self.evaluations).minimise(objective, starts, max_speeds, rng)
         assert swarm.evaluations >= self.evaluations

@@ -10,7 +10,7 @@ from helpers.nominal import nominal, squares
 from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.mutations import chances, varied
-from planning.prediction.targets_in_reach import Hints, TargetsInReach, targets_in_reach
+from planning.prediction.targets_in_reach import TargetsInReach, targets_in_reach
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
@@ -90,7 +90,7 @@ def test_what_only_the_straightest_flight_can_see_is_found_with_hints(random_tea
     value = objective(view, np.zeros((1, 5, 2)), [0], 0.0)
     hover, straight = np.zeros((1, 1, 5, 2)), np.tile([4.0, 3.0], (1, 1, 5, 1))
     assert value(straight)[0] < value(hover)[0]
-    hints = Hints(value, targets_in_reach(view, [0], SPEED))
+    hints = targets_in_reach(view, [0], SPEED)
     found = CrossEntropy(4096).minimise(value, hover, SPEED, np.random.default_rng(seed), hints)
     assert found.cost == pytest.approx(value(straight)[0], rel=1e-3)
     assert found.cost == pytest.approx(value(found.plans[None])[0], rel=1e-12)
@@ -105,7 +105,7 @@ def counting(random_team, uavs):
         asked.append((len(candidates), ease is not None))
         return value(candidates, ease)
 
-    return value, counted, asked, Hints(counted, targets_in_reach(view, range(uavs), np.full(uavs, 5.0)))
+    return value, counted, asked, targets_in_reach(view, range(uavs), np.full(uavs, 5.0))
 
 
 @pytest.mark.parametrize("uavs", [1, 3])

@@ -9,11 +9,10 @@ from helpers.flights import IDEAL, fly_ideal
 from helpers.summaries import shown
 
 from planning.composition import Composition
-from planning.coordination.decision import expected_plans
 from planning.coordination.schemes import Decentralised, Parallel, Sequential
 from planning.loading import load_planner
 from planning.planner import Exchange, Plan
-from planning.prediction.intent import policy_of_intent
+from planning.prediction.intent import expected_plans, policy_of_intent
 from sim.mission.plan_check import checked_plans
 from sim.mission.plan_exchange import Links, PlanExchange
 from sim.mission.trial import Trial

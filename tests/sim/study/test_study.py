@@ -8,8 +8,7 @@ from collections import Counter
 import msgspec
 import pytest
 
-from planning.errors import PlannerError
-from planning.loading import load_planner
+from planning.loading import PlannerError, load_planner
 from planning.registry import DEFAULT_PLANNER
 from sim.scenario.loading import _value, load
 from sim.scenario.scenario import Scenario
