@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from planning.registry import PlannerSpec, installed_planners
 from tracking.plugins.containment import ForeignError, contained
-from tracking.plugins.importing import imported
-from tracking.plugins.registry import InputError
+from tracking.plugins.registry import InputError, imported
 from tracking.plugins.spelling import nearest
 
 if TYPE_CHECKING:  # naming planners needs none of their code

@@ -9,7 +9,7 @@ from importlib.metadata import Distribution, EntryPoint, distributions, entry_po
 from pathlib import Path
 from typing import Any
 
-from tracking.plugins.importing import imported
+from tracking.plugins.registry import imported
 
 
 @dataclass(frozen=True)

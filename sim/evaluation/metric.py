@@ -21,9 +21,7 @@ from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
 from tracking.numerics.arrays import Array
 from tracking.plugins.containment import ForeignError, contained
-from tracking.plugins.importing import imported
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from tracking.plugins.registry import InputError, check_known, imported
 
 Better = Literal["lower", "higher", "neither"]
 UNKNOWN = "–"  # stands where there is no number
@@ -101,7 +99,7 @@ def metric(name: str) -> Metric:
     if name in METRICS:
         return METRICS[name]
     if ":" not in name:
-        raise InputError(f"--metric: {name!r} is unknown; {did_you_mean(name, METRICS)} (or yours, module:NAME)")
+        check_known("--metric", name, METRICS, " (or yours, module:NAME)")
     try:
         found = imported(name)
     except ImportError as error:

@@ -13,8 +13,7 @@ from sim.replay.frames.rerender import scenario_of
 from sim.sensing.cameras import view_of
 from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
 from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from tracking.plugins.registry import check_known
 
 Row = Sequence[float | int | str]
 STATE = ("x", "y", "vx", "vy")  # m, m/s
@@ -36,8 +35,7 @@ def export(recording: Recording, target: str, out: Path) -> None:
 
 def writer(target: str) -> Callable[[Recording, Path], None]:
     """The writer of a target's files; InputError names the nearest target if there is no such."""
-    if target not in TARGETS:
-        raise InputError(f"--to: {target!r} is unknown; {did_you_mean(target, TARGETS)}")
+    check_known("--to", target, TARGETS)
     return TARGETS[target]
 
 

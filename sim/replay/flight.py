@@ -32,8 +32,7 @@ from sim.replay.history import History
 from sim.replay.tables import TABLES, arrays, columns
 from sim.replay.timeline import timeline_figure
 from sim.scenario.scenario import Scenario
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from tracking.plugins.registry import InputError, check_known
 
 _MAP = 900  # pixels, width of the map
 _CELL = "text-align:left;padding:1px 12px 1px 0;border:0"
@@ -69,8 +68,7 @@ class Flight:
 
     def columns(self, table: str) -> dict[str, NDArray[Any]]:
         """The columns of a table, one of `TABLES`, by names with units; InputError names the nearest."""
-        if table not in TABLES:
-            raise InputError(f"table: {table!r} is unknown; {did_you_mean(table, TABLES)}")
+        check_known("table", table, TABLES)
         return columns(table, self.recording, self.scenario, self.history)
 
     def table(self, table: str) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise

@@ -12,8 +12,7 @@ from sim.evaluation.summary import marked
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import Rerenderer, scenario_of
 from sim.scenario.scenario import Scenario
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from tracking.plugins.registry import InputError, check_known
 
 AS_FLOWN = "map+cameras"
 
@@ -21,10 +20,7 @@ AS_FLOWN = "map+cameras"
 def check_layout(layout: str, scenario: Scenario) -> None:
     """InputError unless `layout` is one that a mission's film can have."""
     uavs = [f"uav{i}" for i in range(len(scenario.uavs))]
-    if layout not in (AS_FLOWN, "map", "cameras", *uavs):
-        raise InputError(
-            f"--layout: {layout!r} is unknown; {did_you_mean(layout, [AS_FLOWN, 'map', 'cameras', *uavs])}"
-        )
+    check_known("--layout", layout, [AS_FLOWN, "map", "cameras", *uavs])
     if not scenario.sensing.renders and layout not in (AS_FLOWN, "map"):
         raise InputError(f"--layout: {layout!r} is not allowed, ideal sensing takes no images; expected map")
 

@@ -9,7 +9,7 @@ from tracking.plugins.registry import Registry
 
 SENSOR_MODES = Registry(
     "sensing.mode",
-    {"camera": "sim.sensing.rendered_mode:RenderedMode", "ideal": "sim.sensing.line_of_sight_mode:LineOfSightMode"},
+    {"camera": "sim.sensing.rendered_mode:RenderedMode", "ideal": "sim.sensing.sensor_mode:LineOfSightMode"},
     ("sense(uav, time, pose, people)",),
 )
 _RENDERED = ("camera",)  # modes whose frames recordings can show again

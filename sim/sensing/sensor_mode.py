@@ -1,8 +1,10 @@
-"""The interface of sensor modes: from the world to detections on the ground, before noise, misses and false alarms."""
+"""Sensor modes, from the world to detections before noise, misses and false alarms: the interface, and geometry alone."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
+
+import numpy as np
 
 from sim.scenario.scenario import Scenario
 from sim.sensing.fault import Fault
@@ -10,7 +12,7 @@ from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import Forest
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array, Flags, Indices
 
 
@@ -43,3 +45,26 @@ class SensorMode(Protocol):
 
     def sense(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
         """Output of a UAV's sensor at a camera's `pose`; people (M, 2) m, NaN where absent, are those in the world."""
+
+
+class LineOfSightMode:
+    """The paper's Assumption 1, without images: exactly the people in view and not hidden, with the sampled noise."""
+
+    def __init__(self, setup: SensorSetup) -> None:
+        self._setup = setup
+
+    def sense(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
+        """As `SensorMode.sense`."""
+        with self._setup.clock.measure("detection"):
+            points = np.column_stack([people, np.full(len(people), TARGET_HEIGHT)])
+            present = ~np.isnan(people[:, 0])
+            points[~present] = 0.0
+            camera, forest = self._setup.cameras[uav], self._setup.forest
+            seen = present & camera.sees(pose, points) & forest.visible(pose.position, points)[0]
+
+        def matched(kept: Flags) -> Flags:
+            found: Flags = seen.copy()
+            found[seen] = kept
+            return found
+
+        return SensorOutput(people[seen], matched, seen.astype(np.int64))

@@ -44,13 +44,6 @@ def connect(pixels: int) -> int:
     return client
 
 
-def speck(client: int, place: tuple[float, float, float]) -> int:
-    """A visual shape too small to be seen."""
-    return int(
-        pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=1e-3, visualFramePosition=place, physicsClientId=client)
-    )
-
-
 def disconnect(client: int) -> None:
     """Close such a client."""
     _open.discard(client)

@@ -199,7 +199,9 @@ class World:
     def _add_ground(self) -> int:
         plane = self.engine.createCollisionShape(pybullet.GEOM_PLANE)
         # A plane without a visual shape is given a chequered one, which OpenGL fails at: there, a speck far below.
-        ground = self._fixed(plane, opengl.speck(self.client, _AWAY) if self.opengl else -1, (0.0, 0.0, 0.0))
+        speck = {"radius": 1e-3, "visualFramePosition": _AWAY}
+        visual = self.engine.createVisualShape(pybullet.GEOM_SPHERE, **speck) if self.opengl else -1
+        ground = self._fixed(plane, visual, (0.0, 0.0, 0.0))
         self.engine.changeVisualShape(ground, -1, rgbaColor=(0.0, 0.0, 0.0, 0.0))
         return ground
 

@@ -14,7 +14,7 @@ from planning.loading import load_planner
 from planning.registry import PLANNERS, PlannerSpec, catalogue, installed_planners
 from sim.running import isolated_run
 from sim.terminal import console
-from tracking.plugins.importing import imported
+from tracking.plugins.registry import imported
 
 EXAMPLE = ROOT / "docs" / "examples" / "shepherd"
 MODULES = {

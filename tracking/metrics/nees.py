@@ -15,17 +15,15 @@ def nees(errors: Array, covariances: Array) -> Array:
     return squared_distance(errors, covariances)
 
 
-def nees_interval(count: int, dof: int, probability: float = 0.95) -> tuple[float, float]:
-    """Interval of the mean NEES of `count` errors of `dof` dimensions for consistent beliefs, with a given probability.
+def nees_interval(count: int, dof: int) -> tuple[float, float]:
+    """Interval of the mean NEES of `count` errors of `dof` dimensions for consistent beliefs, with 95 %.
 
     The errors must be independent of one another, as those of different seeds are. Errors of one track at successive
     scans, and of UAVs that share measurements, are not: their mean varies more than the interval.
     Source: [BarShalom11].
     """
-    if count < 1 or dof < 1 or not 0 < probability < 1:
-        raise ValueError(
-            f"count and dof must be at least 1, probability in (0, 1); are {count}, {dof} and {probability}"
-        )
+    if count < 1 or dof < 1:
+        raise ValueError(f"count and dof must be at least 1, are {count} and {dof}")
     # Quantiles of the chi-square distribution; `scipy.stats` has them, too, but takes half a second to import.
-    low, high = 2.0 * gammaincinv(count * dof / 2, [(1 - probability) / 2, (1 + probability) / 2]) / count
+    low, high = 2.0 * gammaincinv(count * dof / 2, [(1 - 0.95) / 2, (1 + 0.95) / 2]) / count
     return float(low), float(high)

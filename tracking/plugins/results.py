@@ -6,13 +6,13 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.factorisation import eigen
 from tracking.plugins.containment import Unusable, numbers
 
-_MOST = 1_000_000  # numbers: more would take seconds
+_MOST = 1_000_000  # numbers of an array: more would take seconds
 _LEAST, _LARGEST = 1e-12, 1e12  # eigenvalues beyond spoil the arithmetic
 
 
-def checked_array(name: str, given: object, shape: tuple[int, ...], most: int = _MOST) -> Array:
-    """A new array of finite floats of a shape; `Unusable` for anything else, or for more than `most` numbers."""
-    array = numbers(name, given, most)
+def checked_array(name: str, given: object, shape: tuple[int, ...]) -> Array:
+    """A new array of finite floats of a shape; `Unusable` for anything else."""
+    array = numbers(name, given, _MOST)
     if array.shape != shape:
         raise Unusable(f"{name} of shape {array.shape}, not {shape}")
     if not np.all(np.isfinite(array)):
