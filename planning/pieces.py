@@ -12,7 +12,6 @@ from planning.coordination.schemes import Centralised, Decentralised, Order, Par
 from planning.objective.terms import Search, Separation
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
-from planning.optimizers.optimizer import Optimizer
 from planning.optimizers.particle_swarm import ParticleSwarm
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.propagation import MonteCarlo, Nominal
@@ -110,13 +109,19 @@ class Composed:
             "decentralised": Decentralised(),
             "centralised": Centralised(),
         }
+        optimizers: dict[str, CrossEntropy | ParticleSwarm | GridSearch] = {
+            "cross-entropy": CrossEntropy(),
+            "particle-swarm": ParticleSwarm(),
+            "grid": GridSearch(),
+        }
+        usual = optimizers[self.optimizer]
         nominal, monte_carlo = Nominal(self.visibility == "expected"), MonteCarlo(self.samples)
         return Composition(
             horizon=self.horizon,
             coordination=coordinations[self.coordination],
             propagation=nominal if self.propagation == "nominal" else monte_carlo,
             beta=self.beta,
-            optimizer=self._optimizer(),
+            optimizer=replace(usual, evaluations=self.evaluations or usual.evaluations, seconds=self.seconds),
             occlusion=self.occlusion or None,
             existence=self.existence,
             terms=(
@@ -126,12 +131,3 @@ class Composed:
             prediction=self.prediction,
             actions=self.actions,
         )
-
-    def _optimizer(self) -> Optimizer:
-        optimizers: dict[str, CrossEntropy | ParticleSwarm | GridSearch] = {
-            "cross-entropy": CrossEntropy(),
-            "particle-swarm": ParticleSwarm(),
-            "grid": GridSearch(),
-        }
-        usual = optimizers[self.optimizer]
-        return replace(usual, evaluations=self.evaluations or usual.evaluations, seconds=self.seconds)

@@ -83,16 +83,13 @@ def package_of(point: EntryPoint) -> str:
     return f"{point.dist.name} {point.dist.version}" if point.dist else point.value.partition(":")[0]
 
 
-_OURS = "Built in"
-_OPTIONS = "Options, each with what it is if not given"
-
-
 def catalogue() -> dict[str, dict[str, str]]:
     """Planners and their descriptions under a heading for each package, and options under another."""
-    groups: dict[str, dict[str, str]] = {_OURS: {}}
+    ours: dict[str, str] = {}
+    groups = {"Built in": ours}
     for name, spec in PLANNERS.items():
         marks = ["default"] * (name == DEFAULT_PLANNER) + ["upper bound: knows what no UAV can"] * spec.upper_bound
-        groups[_OURS][name] = " ".join([spec.summary, *(f"({mark})" for mark in marks)])
+        ours[name] = " ".join([spec.summary, *(f"({mark})" for mark in marks)])
     options = _ours()
     for point in plugin_entry_points():
         theirs = groups.setdefault(f"From {package_of(point)}", {})
@@ -106,7 +103,8 @@ def catalogue() -> dict[str, dict[str, str]]:
             theirs[point.name], options[point.name] = _described(point.value)
         except ImportError as error:
             theirs[point.name] = f"cannot be used: {error}"
-    return groups | {_OPTIONS: {name: text for name, text in options.items() if text}}
+    shown = {name: text for name, text in options.items() if text}
+    return groups | {"Options, each with what it is if not given": shown}
 
 
 def _ours() -> dict[str, str]:

@@ -33,12 +33,26 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
             times, mean[:, 1], mean[:, 0], color=rgb(ORANGE), alpha=0.45, lw=0, label="added by cardinality"
         )
         for i in range(ospa.shape[1]):
-            label = f"UAV {i}" if ospa.shape[1] <= 4 else None
-            axes.plot(times, ospa[:, i, 0], color=rgb(uav_colour(i)), lw=0.9, alpha=0.8, label=label)
-            _mark_end(axes, times, ospa[:, i, 0], rgb(uav_colour(i)))
+            errors, colour, label = ospa[:, i, 0], rgb(uav_colour(i)), f"UAV {i}" if ospa.shape[1] <= 4 else None
+            axes.plot(times, errors, color=colour, lw=0.9, alpha=0.8, label=label)
+            works = np.flatnonzero(~np.isnan(errors))
+            if 0 < len(works) < len(times):
+                axes.scatter(times[works[-1]], errors[works[-1]], marker="x", s=50, color=colour, lw=2.0, zorder=3)
         axes.plot(times, mean[:, 0], color=rgb(INK), lw=1.8, label="mean of UAVs")
         axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
-        _dress(axes, times, ospa[:, :, 0][~np.isnan(ospa[:, :, 0])])
+        distances = ospa[:, :, 0][~np.isnan(ospa[:, :, 0])]
+        _scale_errors(axes, float(distances.max(initial=0.0)))
+        axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel("OSPA [m]")
+        axes.set_title(
+            f"OSPA: mean {distances.mean():.2f} m, median {np.median(distances):.2f} m, "
+            f"under 1 m {100 * np.mean(distances < 1.0):.0f} %",
+            loc="left",
+            fontsize=12,
+            fontweight="bold",
+        )
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=6, frameon=False, fontsize=10)
     return figure
 
 
@@ -76,21 +90,6 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
         figure.savefig(part, format="png", dpi=150, metadata={"Software": None})
 
 
-def _dress(axes: Axes, times: Array, distances: Array) -> None:
-    _scale_errors(axes, float(distances.max(initial=0.0)))
-    axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("OSPA [m]")
-    axes.set_title(
-        f"OSPA: mean {distances.mean():.2f} m, median {np.median(distances):.2f} m, "
-        f"under 1 m {100 * np.mean(distances < 1.0):.0f} %",
-        loc="left",
-        fontsize=12,
-        fontweight="bold",
-    )
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=6, frameon=False, fontsize=10)
-
-
 def _scale_errors(axes: Axes, largest: float) -> None:
     """An upright axis for errors of up to `largest` m, linear below 1 m and logarithmic above."""
     top = max(1.5, 1.15 * largest)
@@ -100,12 +99,6 @@ def _scale_errors(axes: Axes, largest: float) -> None:
     axes.set_yticks([], minor=True)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="y", lw=0.5, alpha=0.4)
-
-
-def _mark_end(axes: Axes, times: Array, distance: Array, colour: tuple[float, float, float]) -> None:
-    held = np.flatnonzero(~np.isnan(distance))
-    if 0 < len(held) < len(times):
-        axes.scatter(times[held[-1]], distance[held[-1]], marker="x", s=50, color=colour, lw=2.0, zorder=3)
 
 
 def rgb(colour: Colour) -> tuple[float, float, float]:

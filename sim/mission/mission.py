@@ -12,7 +12,7 @@ from planning.contract import exchange_of, with_truth
 from planning.loading import load_planner, planner_errors
 from planning.planner import Plan, Planner, Situation
 from sim.mission.plan_check import checked_plans
-from sim.mission.plan_exchange import Links, PlanExchange, Sent, lost_messages, open_links
+from sim.mission.plan_exchange import Links, PlanExchange, lost_messages, open_links
 from sim.mission.snapshot import Snapshot
 from sim.mission.tracker_setup import initial_tracks, planned_motion, tracker_parameters
 from sim.mission.trial import Trial
@@ -32,7 +32,7 @@ from tracking.fusion.member import tracker
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
 from tracking.metrics.ospa import ospa
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.track import Track
 from tracking.undetected import UndetectedIntensity
 
@@ -69,7 +69,7 @@ class Mission:
         ]
         with planner_errors(type(planner).__qualname__, "say what it sends"):
             exchange = exchange_of(self._planner)
-        self._intents = PlanExchange(scenario.network, exchange, chance("intents"))
+        self._rounds, self._intents = exchange.rounds, PlanExchange(scenario.network, exchange, chance("intents"))
         self._first = round(scenario.first_decision * scenario.rates.sensing)  # scan
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
         self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
@@ -156,8 +156,8 @@ class Mission:
             matched=np.array([look.matched for look in looks]),
             contacts=self._world.take_contacts(),
             bytes_sent=sent,
-            plan_bytes=sent_plans.bytes,
-            plan_rounds=sent_plans.rounds,
+            plan_bytes=sent_plans,
+            plan_rounds=0 if plans is None else self._rounds,
         )
 
     def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
@@ -167,7 +167,7 @@ class Mission:
             errors[i] = ospa(np.array([t.belief.mean[:2] for t in tracks[i]]), present)
         return errors
 
-    def _track(self, time: float, looks: list[Observation], links: Links) -> NDArray[np.int64]:
+    def _track(self, time: float, looks: list[Observation], links: Links) -> Indices:
         """Update each tracker with its observation, fuse, and count the bytes that each UAV sends (n,)."""
         working, lost = self._working, links.lost
         for i in working:
@@ -183,14 +183,14 @@ class Mission:
             sent[working] = fuse(members, links.up[np.ix_(working, working)], self.scenario.network.rounds, lost)
         return sent
 
-    def _plan(self, k: int, time: float, bodies: list[Pose], links: Links) -> tuple[list[Plan] | None, Sent]:
-        """Plans of a decision and the bytes sent; a UAV that broke down has an empty plan.
+    def _plan(self, k: int, time: float, bodies: list[Pose], links: Links) -> tuple[list[Plan] | None, Indices]:
+        """Plans of a decision and the bytes (n,) that each UAV sends; a UAV that broke down has an empty plan.
 
         None between decisions, before the first, and if all UAVs have broken down.
         """
         rates = self.scenario.rates
         if k % (rates.sensing // rates.planning) or k < self._first or not self._working:
-            return None, Sent(np.zeros(len(bodies), dtype=np.int64), 0)
+            return None, np.zeros(len(bodies), dtype=np.int64)
         with self.clock.measure("planning"):
             team = self._team(k, time, bodies, links)
             made, faults = checked_plans(self._planner, team, self._intents.own, self._chance)

@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planning.planner import Exchange, Plan, Situation, Vehicle
 from sim.scenario.fleet import Link, Network
-from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.distances import length
 
 
@@ -57,13 +56,6 @@ def _adjacency(links: Sequence[Link], uavs: int) -> Flags:
 
 
 _NOTHING = Plan(np.zeros((0, 2)))
-
-
-class Sent(NamedTuple):
-    """Messages of the UAVs at one decision."""
-
-    bytes: NDArray[np.int64]  # (n,) by each
-    rounds: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +120,8 @@ class PlanExchange:
             reception=tuple(tuple(np.flatnonzero(received[own]).tolist()) for received in self._received),
         )
 
-    def end(self, plans: Mapping[int, Plan]) -> Sent:
-        """Take the plan of each working UAV; the UAVs that it reaches know it from now on."""
+    def end(self, plans: Mapping[int, Plan]) -> Indices:
+        """Take the plan of each working UAV, known from now on to those that it reaches; bytes (n,) that each sent."""
         self.own = dict(plans)
         reached = np.zeros_like(self._up) if self._exchange.centre or not self._received else self._received[-1]
         for i, j in ((i, j) for i in plans for j in plans if i != j):
@@ -140,9 +132,9 @@ class PlanExchange:
                 self._known[i, j] = _Known(self._fleet[j], Plan(plans[i].others[j]))
             elif known:
                 self._known[i, j] = replace(known, plan=Plan(known.plan.controls[1:]))
-        return Sent(self._sent(plans), self._exchange.rounds)
+        return self._sent(plans)
 
-    def _sent(self, plans: Mapping[int, Plan]) -> NDArray[np.int64]:
+    def _sent(self, plans: Mapping[int, Plan]) -> Indices:
         sent = np.zeros(len(self._fleet), dtype=np.int64)
         if self._exchange.centre:
             first, *others = plans

@@ -229,7 +229,7 @@ class Recorder:
         if not len(self):
             raise ValueError("nothing to record: the mission has no scan")
         dense: dict[str, Any] = {name: np.stack(rows) for name, rows in self._dense.items()}
-        uavs = dense["poses"].shape[1]
+        uavs, tracks = dense["poses"].shape[1], [track for held in self._tracks for track in held]
         rows = [(t.x, t.y, t.canopy_radius, t.canopy_base, t.canopy_top, t.trunk_radius) for t in forest.trees]
         return Recording(
             version=VERSION,
@@ -240,33 +240,22 @@ class Recorder:
             interrupted=interrupted,
             trees=np.array(rows, dtype=float).reshape(-1, 6),
             **dense,
-            **self._measurement_table(),
-            **self._track_table(),
+            measurement_offsets=_offsets(len(scan.measurements) for scan, _ in self._scans),
+            measurements=_joined((scan.measurements for scan, _ in self._scans), 2),
+            measurement_covariances=_joined((scan.covariances for scan, _ in self._scans), 2, 2),
+            pixels=_joined((pixels for _, pixels in self._scans), 2),
+            track_offsets=_offsets(len(held) for held in self._tracks),
+            track_ids=np.array([track.id for track in tracks], dtype=np.int64),
+            track_means=_joined((track.belief.mean for track in tracks), 4),
+            track_covariances=_joined((track.belief.covariance for track in tracks), 4, 4),
+            # Existence probabilities stay below one, which stands for tracks without any.
+            track_existence=np.array([t.existence if t.existence < 1.0 else math.nan for t in tracks], dtype=float),
             plan_times=np.array([time for time, _ in self._plans], dtype=float),
             plans=_padded([plans for _, plans in self._plans], uavs),
             contacts=np.array(self._contacts, dtype=np.int64).reshape(-1, 4),
             sees_truth=sees_truth,
             faults=recorded(self._faults),
         )
-
-    def _measurement_table(self) -> dict[str, NDArray[Any]]:
-        return {
-            "measurement_offsets": _offsets(len(scan.measurements) for scan, _ in self._scans),
-            "measurements": _joined((scan.measurements for scan, _ in self._scans), 2),
-            "measurement_covariances": _joined((scan.covariances for scan, _ in self._scans), 2, 2),
-            "pixels": _joined((pixels for _, pixels in self._scans), 2),
-        }
-
-    def _track_table(self) -> dict[str, NDArray[Any]]:
-        tracks = [track for held in self._tracks for track in held]
-        return {
-            "track_offsets": _offsets(len(held) for held in self._tracks),
-            "track_ids": np.array([track.id for track in tracks], dtype=np.int64),
-            "track_means": _joined((track.belief.mean for track in tracks), 4),
-            "track_covariances": _joined((track.belief.covariance for track in tracks), 4, 4),
-            # Existence probabilities stay below one, which stands for tracks without any.
-            "track_existence": np.array([t.existence if t.existence < 1.0 else math.nan for t in tracks], dtype=float),
-        }
 
 
 def _pixel_rows(scan: Scan, pixels: Array) -> Array:

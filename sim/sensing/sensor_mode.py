@@ -1,4 +1,4 @@
-"""Sensor modes, from the world to detections before noise, misses and false alarms: the interface, and geometry alone."""
+"""Sensor modes, from the world to detections before noise, misses and false alarms: the interface, and geometry."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scenario.environment import Appearance
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
 from tracking.numerics.arrays import Array
@@ -74,7 +73,10 @@ class AppearanceSample:
 
 def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int, repeat: int = 0) -> AppearanceSample:
     """Appearance of a map; every aspect has its own stream, so that none changes with another's strength."""
-    strength = _strengths(scenario.appearance)
+    strength: dict[str, float] = {}  # the scenario's, else that of full randomisation or none
+    for name, full in FULL.items():
+        given = getattr(scenario.appearance, name)
+        strength[name] = float(full * scenario.appearance.randomise if given is None else given)
     scene, clothing, leaves, cameras = stream(seed, "appearance").spawn(4)
     zenith, azimuth = strength["light_deg"] * scene.random(), scene.uniform(-180.0, 180.0)
     ambient = AMBIENT + strength["ambient"] * scene.uniform(-1, 1)
@@ -99,14 +101,6 @@ def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int,
         blur=strength["blur"],
         noise=strength["noise"],
     )
-
-
-def _strengths(settings: Appearance) -> dict[str, float]:
-    """Every strength as a number: the scenario's, else that of full randomisation or none."""
-    given = {name: getattr(settings, name) for name in FULL}
-    return {
-        name: float(full * settings.randomise if given[name] is None else given[name]) for name, full in FULL.items()
-    }
 
 
 def _towards(zenith: float, azimuth: float) -> tuple[float, float, float]:

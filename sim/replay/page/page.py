@@ -75,21 +75,17 @@ def page(recording: Recording, scenario: Scenario, *, video: bytes | Path | None
 
 
 def _check(film: bytes, recording: Recording) -> None:
-    """InputError unless the film has the size and the number of frames that this recording's has."""
-    wanted, found = (WIDTH, HEIGHT, len(recording.times)), _measures(film)
-    if found != wanted:
-        told = ["{} x {} with {} frames".format(*size) for size in (found, wanted)]
-        raise InputError(f"video: is {told[0]}, that of the recording is {told[1]}")
-
-
-def _measures(film: bytes) -> tuple[int, int, int]:
-    """Width and height [px] and number of frames; InputError if it is no film."""
+    """InputError unless it is a film of the size and the number of frames that this recording's has."""
     try:
         with av.open(io.BytesIO(film)) as container:
             stream = container.streams.video[0]
-            return stream.width, stream.height, stream.frames
+            found = stream.width, stream.height, stream.frames
     except (av.FFmpegError, IndexError) as error:
         raise InputError(f"video: cannot be read: {error}") from error
+    wanted = (WIDTH, HEIGHT, len(recording.times))
+    if found != wanted:
+        told = ["{} x {} with {} frames".format(*size) for size in (found, wanted)]
+        raise InputError(f"video: is {told[0]}, that of the recording is {told[1]}")
 
 
 def _asset(name: str) -> str:

@@ -253,7 +253,7 @@ def test_the_messages_of_a_centralised_planner_are_never_lost(random_team):
     intents = PlanExchange(Network(loss=1.0), Exchange(centre=True), np.random.default_rng(0))
     intents.begin(fleet, Links(none, none[None]), [0, 2], 1.0)
     sent = intents.end({0: Plan(np.ones((4, 2))), 2: Plan(np.ones((3, 2)))})
-    assert sent.bytes.tolist() == [8 * (5 + 6), 0, 0] and intents.own[2].controls.shape == (3, 2)
+    assert sent.tolist() == [8 * (5 + 6), 0, 0] and intents.own[2].controls.shape == (3, 2)
 
 
 @pytest.mark.parametrize("delay", [0.2, 1.0, 2.4])
