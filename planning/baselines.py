@@ -62,7 +62,8 @@ class Lawnmower:
         lengths = length(np.diff(corners, axis=0))
         run = self.pace * own.max_speed * (situation.time + situation.step)
         reached = np.concatenate([[0.0], np.cumsum(lengths)])
-        run = _to_and_fro(run, float(reached[-1]))
+        way = float(reached[-1])
+        run = way - abs(run % (2 * way) - way) if way else 0.0  # to and fro
         goal = np.array([np.interp(run, reached, corners[:, axis]) for axis in (0, 1)])
         gap = goal - aim_point(own) - own.position[:2]
         return Plan(speed_limited((gap / situation.step)[None, None], own.max_speed)[0])
@@ -77,8 +78,3 @@ def _lines(situation: Situation, strip: int, strips: int) -> Array:
     rows = low + height / strips * (np.arange(count) + 0.5) / count
     ends = np.array([-1.0, 1.0]) * max(width / 2 - half, 0.0)
     return np.array([(x, y) for k, y in enumerate(rows) for x in (ends if k % 2 == 0 else ends[::-1])])
-
-
-def _to_and_fro(run: float, length: float) -> float:
-    """Position [m] on a way of some length [m] after `run` m of going to and fro."""
-    return length - abs(run % (2 * length) - length) if length else 0.0

@@ -47,17 +47,13 @@ def objective(
     others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), np.asarray(uavs, dtype=np.int64))
 
     def values(candidates: Array, ease: Array | None = None) -> Array:
-        seen = belief if ease is None else _relaxed(belief, uavs, ease)
-        return _costs(seen, others, np.ascontiguousarray(candidates, dtype=float), beta, samples)
+        views = belief.views.copy()
+        if ease is not None:  # the margins of wider fields of view may lack some of the trees that hide targets
+            views[list(uavs), :4, 2] += belief.step * ease[:, None]
+        eased = belief._replace(views=views)
+        return _costs(eased, others, np.ascontiguousarray(candidates, dtype=float), beta, samples)
 
     return values
-
-
-def _relaxed(belief: PredictedBelief, uavs: Sequence[int], ease: Array) -> PredictedBelief:
-    """The belief with wider fields of view; their margins may lack some of the trees that hide targets."""
-    views = belief.views.copy()
-    views[list(uavs), :4, 2] += belief.step * ease[:, None]
-    return belief._replace(views=views)
 
 
 def terminal_matches(belief: PredictedBelief, controls: Array) -> tuple[Array, tuple[Match, ...]]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from sim.drawing.lettering import Image, TextStyle, width, write
-from sim.drawing.palette import INK, Colour
+from sim.drawing.palette import INK
 from sim.drawing.strokes import stroke
 from sim.mission.snapshot import Snapshot
 from tracking.numerics.arrays import Array
@@ -53,22 +53,16 @@ class Labels:
         choices = [(distance, _box(anchor, size, distance, side)) for distance in away for side in sides]
         distance, box = min(choices, key=lambda choice: 10.0 * self._covered(choice[1]) + choice[0])
         if distance > gap:
-            self._lead(anchor, np.clip(anchor, box[:2], box[2:]), style)
+            end = np.clip(anchor, box[:2], box[2:])
+            line = np.array([anchor + 0.7 * _GAP * (end - anchor) / np.hypot(*(end - anchor)), end])
+            stroke(self._image, line, style.halo or INK, thickness=3)
+            stroke(self._image, line, style.colour)
         if style.halo is not None and self._veil:
-            self._shade(box, style.halo)
+            left, top, right, bottom = np.round(box).clip(0).astype(int).tolist()
+            part = self._image[top:bottom, max(left - 3, 0) : right + 3]
+            part[:] = part * np.float32(1 - _VEIL) + np.array(style.halo, dtype=np.float32) * np.float32(_VEIL) + 0.5
         write(self._image, text, (float(box[0]), float(box[1] + box[3]) / 2), style)
         self._taken.append(box)
-
-    def _lead(self, mark: Array, end: Array, style: TextStyle) -> None:
-        away = (end - mark) / np.hypot(*(end - mark))
-        line = np.array([mark + 0.7 * _GAP * away, end])
-        stroke(self._image, line, style.halo or INK, thickness=3)
-        stroke(self._image, line, style.colour)
-
-    def _shade(self, box: Array, colour: Colour) -> None:
-        left, top, right, bottom = np.round(box).clip(0).astype(int).tolist()
-        part = self._image[top:bottom, max(left - 3, 0) : right + 3]
-        part[:] = part * np.float32(1 - _VEIL) + np.array(colour, dtype=np.float32) * np.float32(_VEIL) + 0.5
 
     def _covered(self, box: Array) -> float:
         """Pixels of other names and marks under a box, and those of it beyond the image."""

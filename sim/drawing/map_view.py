@@ -95,8 +95,11 @@ class MapView:
             else:
                 broken(image, at)
         for track in _shown(snapshot):
-            self._draw_track(image, track)
-            labels.reserve(self._pixels(track.belief.mean[:2]), 6.0)
+            colour, at = track_colour(track.id), self._pixels(track.belief.mean[:2])
+            ring = ellipse(track.belief.mean[:2], track.belief.covariance[:2, :2])
+            stroke(image, self._pixels(ring), colour, thickness=2, closed=True)
+            cross(image, at, colour)
+            labels.reserve(at, 6.0)
         for place in snapshot.people[~np.isnan(snapshot.people[:, 0])]:
             labels.reserve(self._pixels(place), 9.0)
         self._draw_contacts(image, snapshot, labels)
@@ -170,12 +173,6 @@ class MapView:
             for i in old.working:
                 inside |= self._views[i].sees(old.cameras[i], points)
         return ["seen" if s else "hidden" if h else "out of view" for s, h in zip(seen, inside, strict=True)]
-
-    def _draw_track(self, image: Image, track: Track) -> None:
-        colour, centre = track_colour(track.id), self._pixels(track.belief.mean[:2])
-        ring = ellipse(track.belief.mean[:2], track.belief.covariance[:2, :2])
-        stroke(image, self._pixels(ring), colour, thickness=2, closed=True)
-        cross(image, centre, colour)
 
     def _draw_contacts(self, image: Image, snapshot: Snapshot, labels: Labels) -> None:
         """A ring round each UAV that has just touched something, and what that was."""

@@ -53,7 +53,9 @@ def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
             alone[id_][:, i], places[id_][:, i] = free[:, column], held.means[:, column, :2]
     for id_, table in alone.items():
         # Where UAVs differ, the first for which the track stands for no person tells where it is.
-        gaps = _gaps(places[id_][np.arange(len(table)), table.argmax(axis=1)], people)
+        place = places[id_][np.arange(len(table)), table.argmax(axis=1)]
+        gaps = np.hypot(*np.moveaxis(people - place[:, None], 2, 0))  # (K, M) m
+        gaps[np.isnan(gaps)] = np.inf
         for first, last, value in episodes(np.asarray(table.any(axis=1), dtype=np.int64)):
             if value:
                 span = slice(first, last + 1)
@@ -71,12 +73,6 @@ def _unmatched_by(held: Held, standing: Ints, people: Array) -> Bools:
     k, m = np.nonzero(matched >= 0)
     free[scans[k], matched[k, m]] = False
     return free
-
-
-def _gaps(places: Array, people: Array) -> Array:
-    """Distances (K, M) m of places (K, 2) m from people (K, M, 2) m; infinite from absent ones."""
-    gaps = np.hypot(*np.moveaxis(people - places[:, None], 2, 0))
-    return np.where(np.isnan(gaps), np.inf, gaps)
 
 
 def _nearest(gaps: Array) -> tuple[int | None, float]:

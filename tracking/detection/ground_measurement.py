@@ -85,7 +85,8 @@ def _centre(frame: Frame, blob: Array) -> Array:
     centre = seen
     # Find the place where the silhouette, cut by the image's edge, has the centroid of the blob.
     for _ in range(8):
-        points = _outline(frame, centre)
+        ground = frame.camera.ground_points(frame.pose, centre, TARGET_HEIGHT)[0]
+        points = frame.camera.project(frame.pose, _OUTLINE + np.append(ground, 0.0))[0]
         if not np.isfinite(points).all():
             return seen
         outline = cv2.convexHull(points.astype(np.float32))[:, 0]
@@ -94,12 +95,6 @@ def _centre(frame: Frame, blob: Array) -> Array:
             break
         centre = seen + (_centroid(outline) - _centroid(np.asarray(inside[:, 0])))
     return centre
-
-
-def _outline(frame: Frame, pixel: Array) -> Array:
-    """Pixels (K, 2) whose convex hull is the silhouette of a person with the mid-height at a pixel (2,)."""
-    ground = frame.camera.ground_points(frame.pose, pixel, TARGET_HEIGHT)[0]
-    return frame.camera.project(frame.pose, _OUTLINE + np.append(ground, 0.0))[0]
 
 
 def _centroid(polygon: NDArray[Any]) -> Array:

@@ -9,7 +9,7 @@ from sim.mission.tracker_setup import initial_tracks, tracker_parameters
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
-from tracking.filter.negative_information import Viewpoint, miss_likelihood
+from tracking.filter.negative_information import miss_likelihood
 from tracking.geometry.visibility import Forest
 from tracking.measurement_update import ScanPrediction, associate, scan_prediction
 from tracking.numerics.arrays import Array
@@ -41,7 +41,8 @@ class Association:
         Note: of more than 10 000 pairs the tracker works on independent gating clusters, which
         rounds differently. A recording of an earlier version is read by the rules of this one.
         """
-        if not (recording.working[k, uav] and scenario.has_frame(uav, k)):
+        takes = recording.working[:, uav]
+        if not (takes[k] and scenario.has_frame(uav, k)):
             return None
         p = tracker_parameters(scenario)
         here, there = recording.people[[0, min(1, len(recording.people) - 1)]]
@@ -54,7 +55,8 @@ class Association:
         scan = recording.scan_at(k, uav)
         camera = view_of(scenario.uavs[uav], scenario)
         forest = Forest(recording.forest.trees, scenario.sensing.occlusion)  # as trackers take it to hide people
-        last = _last(recording, scenario, k, uav)
+        frames = (recording.scan_at(j, uav) for j in range(k - 1, -1, -1) if takes[j] and scenario.has_frame(uav, j))
+        last = next(((frame.time, frame.pose) for frame in frames), None)
         beliefs, now, certainty = (means, covariances), (scan.time, scan.pose), p.detection_probability
         shows = miss_likelihood(camera, forest, beliefs, now=now, last=last, detection_probability=certainty)
         before = scan_prediction(beliefs, existence, *shows, p)
@@ -64,12 +66,3 @@ class Association:
         off, spread = z[None] - before.means[:, None, :2], before.covariances[:, None, :2, :2] + R[None]
         distances = squared_distance(off, spread)
         return Association(ids, recording.numbers_of(ids), before, z, R, distances, likelihood > 0.0, beta, after)
-
-
-def _last(recording: Recording, scenario: Scenario, k: int, uav: int) -> Viewpoint | None:
-    """Time and pose of the last frame of the UAV before scan k."""
-    for j in range(k - 1, -1, -1):
-        if recording.working[j, uav] and scenario.has_frame(uav, j):
-            scan = recording.scan_at(j, uav)
-            return scan.time, scan.pose
-    return None

@@ -41,15 +41,11 @@ def explanation(facts: PersonFacts, recording: Recording, events: Sequence[Event
 def _person(facts: PersonFacts, recording: Recording, events: Sequence[Event]) -> list[str]:
     if np.isnan(facts.place[0]):
         return ["is not there at this time"]
-    lines = [f"is at {place_text(facts.place)}{_motion(facts.velocity)}"]
-    return [*lines, *_holding(facts, events), _seen(facts)]
-
-
-def _motion(velocity: Array) -> str:
-    if np.isnan(velocity[0]):
-        return ""
-    eighth = round(math.atan2(velocity[1], velocity[0]) / (math.pi / 4)) % 8
-    return f" and walks {math.hypot(*velocity):.1f} m/s to the {_COMPASS[eighth]}"
+    walks = ""
+    if not np.isnan(facts.velocity[0]):
+        eighth = round(math.atan2(facts.velocity[1], facts.velocity[0]) / (math.pi / 4)) % 8
+        walks = f" and walks {math.hypot(*facts.velocity):.1f} m/s to the {_COMPASS[eighth]}"
+    return [f"is at {place_text(facts.place)}{walks}", *_holding(facts, events), _seen(facts)]
 
 
 def _holding(facts: PersonFacts, events: Sequence[Event]) -> list[str]:

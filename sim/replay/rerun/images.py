@@ -39,7 +39,10 @@ class Cameras:
             root, camera = f"world/camera/{i}", camera_of(uav)
             self._log_image(i, self._again.image(k, i))
             spots = self._spots(k, i, camera)
-            self._stream.log(f"{root}/detections", _boxes(spots, camera))
+            inside = spots[~np.isnan(spots).any(axis=1)]
+            half = np.full(inside.shape, _BOX * camera.pixels)  # as large in all images
+            frames = rr.Boxes2D(centers=inside, half_sizes=half, radii=rr.Radius.ui_points(1), colors=[DETECTION])
+            self._stream.log(f"{root}/detections", frames)
             self._log_tracks(k, i, camera)
             self._log_weights(f"{root}/association", told, spots, self._project(k, i, camera, told.before.means))
             self._stream.log(f"association/{i}", rr.TextDocument(table(told), media_type="text/markdown"))
@@ -97,13 +100,6 @@ class Cameras:
             show_labels=False,
         )
         self._stream.log(path, lines)
-
-
-def _boxes(spots: Array, camera: Camera) -> rr.Boxes2D:
-    """A frame round each detection that is in the image, as large in all images."""
-    inside = spots[~np.isnan(spots).any(axis=1)]
-    half = np.full(inside.shape, _BOX * camera.pixels)
-    return rr.Boxes2D(centers=inside, half_sizes=half, radii=rr.Radius.ui_points(1), colors=[DETECTION])
 
 
 def table(told: Association) -> str:

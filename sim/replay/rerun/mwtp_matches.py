@@ -12,7 +12,6 @@ from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import vehicle_of
 from tracking.geometry.visibility import Forest
-from tracking.numerics.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,12 @@ def matches_at(recording: Recording, scenario: Scenario, k: int, believer: int) 
     plans, situation = recording.plans_at(k), situation_at(recording, scenario, k, believer)
     if plans is None or not situation.tracks:
         return ()
-    controls = _joint([plans[v.id].controls for v in situation.vehicles])
-    if not controls.shape[1]:
+    flown = [plans[v.id].controls for v in situation.vehicles]
+    horizon = max(map(len, flown))
+    if not horizon:
         return ()
-    view = Nominal().predict(situation, controls.shape[1], np.random.default_rng(0))  # draws nothing
+    controls = np.array([np.pad(plan, ((0, horizon - len(plan)), (0, 0))) for plan in flown])  # others hover then
+    view = Nominal().predict(situation, horizon, np.random.default_rng(0))  # draws nothing
     view = view._replace(weights=np.array([t.existence for t in situation.tracks]))
     targets, found = terminal_matches(view, controls)
     return tuple(
@@ -68,9 +69,3 @@ def situation_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> 
         area=(scenario.area.width, scenario.area.height),
         motion=planned_motion(scenario),
     )
-
-
-def _joint(plans: list[Array]) -> Array:
-    """Plans (n, H, 2) m/s of one length: a UAV with a shorter plan hovers then."""
-    horizon = max(len(plan) for plan in plans)
-    return np.array([np.vstack([plan, np.zeros((horizon - len(plan), 2))]) for plan in plans])
