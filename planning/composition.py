@@ -92,8 +92,7 @@ class Composition:
     def _completed(self, situation: Situation, uavs: Sequence[int], firsts: Array) -> Array:
         """Plans (N, k, H, 2) m/s of the UAVs in rows `uavs`: first controls (N, k, 1, 2), then the base policy."""
         plans = [
-            base_policy_plans(situation, situation.vehicles[i], firsts[:, j, 0], self.horizon)
-            for j, i in enumerate(uavs)
+            base_policy_plans(situation, situation.vehicles[i], firsts[:, j], self.horizon) for j, i in enumerate(uavs)
         ]
         return np.stack(plans, axis=1)
 

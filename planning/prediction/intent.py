@@ -29,17 +29,8 @@ def base_control(vehicle: Vehicle, position: Array, tracks: Sequence[Track], ahe
 
 def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Array:
     """Controls (H, 2) m/s that a UAV is expected to fly: its last plan shifted, extended by the base policy."""
-    known = situation.intents.get(vehicle.id, Plan(np.zeros((0, 2))))
-    controls = list(known.controls[1 : horizon + 1])
-    if len(controls) == horizon:
-        return np.array(controls)
-    step, tracks = situation.step, beliefs_of(situation.tracks)
-    aimed = vehicle.position[:2] + step * np.sum(controls, axis=0) + aim_point(vehicle)
-    while len(controls) < horizon:
-        control = _towards(aimed[None], tracks, len(controls) * step, step, vehicle.max_speed)[0]
-        controls.append(control)
-        aimed = aimed + step * control
-    return np.array(controls)
+    known = situation.intents.get(vehicle.id, Plan(np.zeros((0, 2)))).controls[1 : horizon + 1]
+    return np.asarray(base_policy_plans(situation, vehicle, known[None], horizon)[0])
 
 
 def expected_plans(situation: Situation, horizon: int, decided: Mapping[int, Array] = MappingProxyType({})) -> Array:
@@ -49,12 +40,12 @@ def expected_plans(situation: Situation, horizon: int, decided: Mapping[int, Arr
 
 
 def base_policy_plans(situation: Situation, vehicle: Vehicle, firsts: Array, horizon: int) -> Array:
-    """Plans (N, H, 2) m/s that begin with the controls `firsts` (N, 2) and go on by the base policy."""
-    step, tracks = situation.step, beliefs_of(situation.tracks)
+    """Plans (N, H, 2) m/s that begin with the controls `firsts` (N, h, 2) and go on by the base policy."""
+    step, tracks, begun = situation.step, beliefs_of(situation.tracks), firsts.shape[1]
     plans = np.empty((len(firsts), horizon, 2))
-    plans[:, 0] = firsts
-    aimed = vehicle.position[:2] + step * firsts + aim_point(vehicle)
-    for k in range(1, horizon):
+    plans[:, :begun] = firsts
+    aimed = vehicle.position[:2] + step * firsts.sum(axis=1) + aim_point(vehicle)
+    for k in range(begun, horizon):
         plans[:, k] = _towards(aimed, tracks, k * step, step, vehicle.max_speed)
         aimed = aimed + step * plans[:, k]
     return plans

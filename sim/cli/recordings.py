@@ -88,13 +88,12 @@ def frames(
     """Render frames of a recorded mission again; mark detections, tracks, truth, and the trees that hide people."""
     start, end = interval(time, "--time")
     edge = integer(size, "--size", least=256, most=4096)
-    from sim.replay.frames.pages import check_working, scans_between, write_frames
+    from sim.replay.frames.pages import scans_between, write_frames
     from sim.replay.frames.rerender import find
 
     recording = find(recorded)
     number = integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
-    scans = scans_between(recording, start, end)
-    check_working(recording, scans, number)
+    scans = scans_between(recording, start, end, number)
     span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
     folder = out or unused(_folder(recorded) / f"frames-uav{number}-{span}")
     with counted_progress(len(scans), "frames") as progress:

@@ -75,7 +75,7 @@ def _loaded(archive: Npz) -> Recording:
             if name not in archive.names:
                 raise ValueError(f"field '{name}' is missing")
             with _about(name):
-                _check(*archive.header(name), dtype, shape, sizes)
+                _check(*archive.header(name)[:2], dtype, shape, sizes)
                 if name == "version":
                     _check_version(int(archive.read(name)))
     values: dict[str, Any] = {}

@@ -57,13 +57,9 @@ class Npz:
         if total > most:
             raise ValueError(f"would inflate to {total} bytes; a file of {size} bytes is allowed {most}")
 
-    def header(self, name: str) -> tuple[str, tuple[int, ...]]:
-        """Data type, as `<f8`, and shape of an array that is there; ValueError if it cannot be read."""
-        return self._header(name)[:2]
-
     def read(self, name: str) -> NDArray[np.generic]:
         """An array whose header has been checked; ValueError unless it has as many bytes as that says."""
-        kind, shape, start = self._header(name)
+        kind, shape, start = self.header(name)
         held, needed = (
             self._archive.getinfo(f"{name}.npy").file_size - start,
             math.prod(shape) * np.dtype(kind).itemsize,
@@ -78,8 +74,11 @@ class Npz:
             raise ValueError(f"cannot be read: {line(error)}") from error
         return array
 
-    def _header(self, name: str) -> tuple[str, tuple[int, ...], int]:
-        """Data type and shape of an array, and the bytes before its values."""
+    def header(self, name: str) -> tuple[str, tuple[int, ...], int]:
+        """Data type, as `<f8`, and shape of an array that is there, and the bytes before its values.
+
+        ValueError if it cannot be read.
+        """
         try:
             with self._archive.open(f"{name}.npy") as member:
                 prefix = member.read(len(_MAGIC) + 2)

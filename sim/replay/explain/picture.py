@@ -16,7 +16,7 @@ from sim.replay.explain.explanation import Group
 from sim.replay.explain.observation import Observation, Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.frames.annotation import annotated
-from sim.replay.frames.panel import MARK, marks_of
+from sim.replay.frames.pages import MARK, marks_of
 from sim.replay.frames.sightings import Sight
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array

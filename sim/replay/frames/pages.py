@@ -1,4 +1,4 @@
-"""Annotated frames of a recording with their panels, of scans that a user asks for by time, as PNG files."""
+"""Annotated frames of a recording as pages: the frame, and a panel with time, field of view, people and tracks."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,18 +7,29 @@ import cv2
 import numpy as np
 
 from sim.drawing.layout import GAP
-from sim.drawing.lettering import Image
-from sim.drawing.palette import PAPER, uav_colour
+from sim.drawing.lettering import Image, TextStyle, wrapped, write
+from sim.drawing.map_view import ellipse, looks_down
+from sim.drawing.marks import detection
+from sim.drawing.palette import FAINT, PANEL, PAPER, uav_colour
 from sim.drawing.tiles import BORDER
 from sim.evaluation.summary import titled
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
-from sim.replay.frames.annotation import annotated
-from sim.replay.frames.panel import WIDTH, draw_panel
+from sim.replay.frames.annotation import annotated, draw_measurement, draw_rim, draw_track, draw_truth
 from sim.replay.frames.rerender import Rerenderer
-from sim.replay.frames.sightings import Sight
+from sim.replay.frames.sightings import Sight, Sighting
+from tracking.geometry.camera import Camera, Pose
+from tracking.numerics.arrays import Array
 from tracking.plugins.registry import InputError
 
+_WIDTH = 340  # pixels of the panel
+MARK = 36  # pixels: height of a mark in the legend
+_LINE, _GAP = 19, 12  # pixels: heights of a line, and between sections
+_TEXT, _HEADING, _TITLE = TextStyle(13), TextStyle(13, FAINT), TextStyle(20, bold=True)
+_MOST = 12  # people or tracks that are listed
+
+Section = tuple[str, list[str]]
+Mark = tuple[Callable[[Image, Array], None], str]
 _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6]  # less than half the size of OpenCV's default
 _SLACK = 1e-6  # s, for times that were typed
 
@@ -34,9 +45,9 @@ def draw(recording: Recording, again: Rerenderer, k: int, uav: int, *, size: int
         notes.append("ideal sensing: this image was not used")
     elif not again.scenario.has_frame(uav, k):
         notes.append("the camera took no image at this scan")
-    panel = draw_panel(sight, notes, height=side)
-    page = np.full((panel.shape[0] + 2 * GAP, side + WIDTH + 3 * GAP, 3), PAPER, dtype=np.uint8)
-    page[GAP:-GAP, -GAP - WIDTH : -GAP] = panel
+    panel = _draw_panel(sight, notes, height=side)
+    page = np.full((panel.shape[0] + 2 * GAP, side + _WIDTH + 3 * GAP, 3), PAPER, dtype=np.uint8)
+    page[GAP:-GAP, -GAP - _WIDTH : -GAP] = panel
     framed = page[GAP : GAP + side, GAP : GAP + side]
     framed[:] = uav_colour(uav)
     framed[BORDER:-BORDER, BORDER:-BORDER] = view
@@ -62,25 +73,130 @@ def write_frames(
             progress(k)
 
 
-def scans_between(recording: Recording, start: float, end: float | None) -> list[int]:
-    """Scans from `start` to `end` s, or the one nearest to `start`; InputError if a time is not in the recording."""
+def scans_between(recording: Recording, start: float, end: float | None, uav: int | None = None) -> list[int]:
+    """Scans from `start` to `end` s, or the one nearest to `start`.
+
+    InputError if a time is not in the recording, or if the UAV, where one is named, had broken down at one of them.
+    """
     times, last = recording.times, float(recording.times[-1])
     for time in (start, *([] if end is None else [end])):
         if time > last + _SLACK:
             raise InputError(f"--time: {time:g} s is not in the recording; allowed are 0 to {last:g} s")
-    if end is None:
-        return [int(np.argmin(np.abs(times - start)))]
-    found = np.flatnonzero((times >= start - _SLACK) & (times <= end + _SLACK)).tolist()
+    found = [int(np.argmin(np.abs(times - start)))]
+    if end is not None:
+        found = np.flatnonzero((times >= start - _SLACK) & (times <= end + _SLACK)).tolist()
     if not found:
         near = ", ".join(f"{times[k]:g}" for k in sorted(np.argsort(np.abs(times - start))[:2].tolist()))
         raise InputError(f"--time: no scan lies between {start:g} and {end:g} s; the nearest are at {near} s")
+    works = recording.working[:, uav] if uav is not None else np.ones(len(times), dtype=np.bool_)
+    if not np.all(works[found]):
+        until = f"its last scan is that at {times[works][-1]:g} s" if np.any(works) else "it never worked"
+        time = float(times[next(k for k in found if not works[k])])
+        raise InputError(f"--time: at {time:g} s UAV {uav} had broken down; {until}")
     return found
 
 
-def check_working(recording: Recording, scans: list[int], uav: int) -> None:
-    """InputError if the UAV had broken down at one of the scans."""
-    works = recording.working[:, uav]
-    if not np.all(works[scans]):
-        last = f"its last scan is that at {recording.times[works][-1]:g} s" if np.any(works) else "it never worked"
-        time = recording.times[next(k for k in scans if not works[k])]
-        raise InputError(f"--time: at {time:g} s UAV {uav} had broken down; {last}")
+def _field_of_view(camera: Camera, pose: Pose) -> list[str]:
+    """The numbers of a view: altitude, tilt, edges on the ground, ground sample distance at the centre."""
+    n = float(camera.pixels)
+    tilt = np.degrees(np.arccos(np.clip(pose.rotation[2, 2], -1.0, 1.0)))
+    lines = [f"{camera.pixels} pixels, {np.degrees(camera.fov):.0f}°", f"altitude {pose.position[2]:.1f} m"]
+    lines[1] += f", {tilt:.1f}° off nadir"
+    corners = np.array([[0.0, n], [n, n], [n, 0.0], [0.0, 0.0]])
+    if not looks_down(camera, pose, corners):
+        return [*lines, "reaches the horizon"]
+    ground = camera.footprint(pose)
+    edges = np.hypot(*(np.roll(ground, -1, axis=0) - ground).T)
+    bottom, right, top, left = (f"{edge:.1f}" for edge in edges)
+    if np.ptp(edges) < 0.05:
+        lines.append(f"edges {bottom} m on the ground")
+    else:
+        lines += ["edges on the ground:", f"bottom {bottom}, right {right}, top {top}, left {left} m"]
+    centre = n / 2 + np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
+    points = 100 * camera.ground_points(pose, centre)
+    across, along = np.hypot(*(points[1] - points[0])), np.hypot(*(points[3] - points[2]))
+    return [*lines, f"{across:.1f} × {along:.1f} cm a pixel in the middle"]
+
+
+def _draw_panel(sight: Sight, notes: list[str], *, height: int) -> Image:
+    """The panel (H, 340, 3) RGB of a view, at least `height` pixels high; `notes` end its first section."""
+    sections = [
+        (heading, [line for text in texts for line in wrapped(text, _WIDTH - 28, _TEXT)])
+        for heading, texts in _sections(sight, notes)
+    ]
+    marks = marks_of(sight.scenario.sensing.renders)
+    lines = sum(len(texts) for _, texts in sections)
+    needed = 44 + lines * _LINE + len(sections) * (_LINE + _GAP) + len(marks) * MARK
+    image = np.full((max(height, needed), _WIDTH, 3), PANEL, dtype=np.uint8)
+    write(image, f"{sight.snapshot.time:.1f} s", (14, 22), _TITLE)
+    write(image, f"UAV {sight.uav}", (_WIDTH - 14, 22), _TITLE, align=1.0)
+    y = 44.0
+    for heading, texts in sections:
+        for text, style in ((heading, _HEADING), *((text, _TEXT) for text in texts)):
+            write(image, text, (14, y + _LINE / 2), style)
+            y += _LINE
+        y += _GAP
+    for k, (mark, text) in enumerate(reversed(marks)):
+        middle = image.shape[0] - (k + 0.5) * MARK
+        mark(image, np.array([34.0, middle]))
+        write(image, text, (72, middle), _TEXT)
+    return image
+
+
+def _sections(sight: Sight, notes: list[str]) -> list[Section]:
+    distance, localisation, cardinality = sight.snapshot.ospa[sight.uav]
+    error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
+    ideal = not sight.scenario.sensing.renders
+    tracks = [
+        f"track {track.id}: ± {ring.max():.2f} × {ring.min():.2f} m"
+        for track in sight.snapshot.tracks[sight.uav]
+        for ring in [np.hypot(*ellipse(np.zeros(2), track.belief.covariance[:2, :2]).T)]
+    ]
+    return [
+        ("mission", [*notes, *error]),
+        ("field of view", _field_of_view(sight.camera, sight.pose)),
+        ("truth", _people(sight, ideal)),
+        ("tracks, 95 %", _shortened(tracks)),
+    ]
+
+
+def _people(sight: Sight, ideal: bool) -> list[str]:
+    """Those in the view one by one, the rest together."""
+    near = [sighting for sighting in sight.people if sighting.inside or sighting.pixels]
+    lines = _shortened([_described(sighting, ideal) for sighting in near])
+    for status in ("outside the view", "absent"):
+        others = [str(sighting.person) for sighting in sight.people if sighting.status == status]
+        lines += [f"{status}: {', '.join(others)}"] if others else []
+    return lines
+
+
+def _described(sighting: Sighting, ideal: bool) -> str:
+    text = f"person {sighting.person}: {sighting.status}"
+    if not sighting.looked:
+        return text
+    if sighting.pixels and not ideal:
+        text += f", {sighting.pixels} px"
+    if sighting.detected:
+        return text + (", measured" if ideal else ", detected")
+    return text + (", missed" if sighting.pixels else "")
+
+
+def _shortened(lines: list[str]) -> list[str]:
+    return lines if len(lines) <= _MOST else [*lines[:_MOST], f"and {len(lines) - _MOST} more"]
+
+
+def marks_of(camera: bool) -> list[Mark]:
+    """The marks of annotated frames, each drawn at a pixel of an image, and what they mean."""
+    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    marks: list[Mark] = [
+        (lambda image, at: detection(image, at, 10.0), "detection"),
+        (
+            lambda image, at: draw_measurement(image, at, ellipse(at, np.diag([50.0, 20.0]))),
+            "measurement, 95 % ellipse",
+        ),
+        (lambda image, at: draw_track(image, at, ellipse(at, np.diag([50.0, 25.0])), 0), "track, 95 % ellipse"),
+        (lambda image, at: draw_truth(image, ellipse(at, np.diag([20.0, 20.0]))), "truth: person"),
+        (lambda image, at: draw_rim(image, [at + 9.0 * square]), "rim of what trees hide"),
+        (lambda image, at: draw_rim(image, [at + 7.0 * square], hiding=True), "tree that hides a person"),
+    ]
+    return marks if camera else marks[1:]

@@ -1,9 +1,8 @@
 """Matches of UAVs and unseen tracks at the end of the plans of a recording, as the MWTP makes them."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from planning.objective.mwtp import Match
 from planning.objective.nbo import terminal_matches
 from planning.planner import Situation
 from planning.prediction.propagation import Nominal
@@ -12,23 +11,14 @@ from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import vehicle_of
 from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Array
 
 
-@dataclass(frozen=True)
-class TrackMatch:
-    """A track in no UAV's field of view at the end of the plans, and the UAV that is nearest, [Li22] Algorithm 2."""
-
-    uav: int
-    track: int  # id
-    end: tuple[float, float]  # m, where the track is then expected
-    distance: float  # m, from where the camera looks after the UAV's earlier matches
-    penalty: float  # m³; only the first match of a UAV has one
-
-
-def matches_at(recording: Recording, scenario: Scenario, k: int, believer: int) -> tuple[TrackMatch, ...]:
+def matches_at(recording: Recording, scenario: Scenario, k: int, believer: int) -> tuple[tuple[Match, Array], ...]:
     """The matches at the end of the plans made at scan k on what one UAV believed then, the strongest first.
 
-    They are what the MWTP would make of these plans, whether or not the planner had it as a cost-to-go.
+    They are by ids of UAVs and tracks, each with where the track is then expected (2,) m. They are what the MWTP would
+    make of these plans, [Li22] Algorithm 2, whether or not the planner had it as a cost-to-go.
     """
     plans, situation = recording.plans_at(k), situation_at(recording, scenario, k, believer)
     if plans is None or not situation.tracks:
@@ -41,16 +31,8 @@ def matches_at(recording: Recording, scenario: Scenario, k: int, believer: int) 
     view = Nominal().predict(situation, horizon, np.random.default_rng(0))  # draws nothing
     view = view._replace(weights=np.array([t.existence for t in situation.tracks]))
     targets, found = terminal_matches(view, controls)
-    return tuple(
-        TrackMatch(
-            uav=situation.vehicles[m.uav].id,
-            track=situation.tracks[m.target].id,
-            end=(float(targets[m.target, 0]), float(targets[m.target, 1])),
-            distance=m.distance,
-            penalty=m.penalty,
-        )
-        for m in found
-    )
+    ids = [v.id for v in situation.vehicles], [t.id for t in situation.tracks]
+    return tuple((m._replace(uav=ids[0][m.uav], target=ids[1][m.target]), targets[m.target, :2]) for m in found)
 
 
 def situation_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> Situation:

@@ -14,7 +14,7 @@ from sim.drawing.map_view import ellipse, intended
 from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, PANEL, TRUNK, Colour, on_dark, track_colour, uav_colour
 from sim.mission.snapshot import Ints, Snapshot
 from sim.recording.recording import Recording
-from sim.replay.rerun.mwtp_matches import TrackMatch, matches_at
+from sim.replay.rerun.mwtp_matches import matches_at
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -120,8 +120,7 @@ class Scene:
         if snapshot.plans is not None:
             self._plans = (snapshot.time, snapshot.plans)
             for i in snapshot.working:
-                found = matches_at(self._recording, self._scenario, k, i)
-                self._log_matches(i, snapshot, [match for match in found if match.uav == i])
+                self._log_matches(k, i, snapshot)
         self._log_intents(snapshot)
 
     def _log_people(self, snapshot: Snapshot, held: Ints) -> None:
@@ -201,14 +200,15 @@ class Scene:
             end = rr.Points3D(path[-1:], radii=0.35, colors=[uav_colour(i)])
             self._stream.log(f"world/intents/{i}/end", end)
 
-    def _log_matches(self, uav: int, snapshot: Snapshot, matches: Sequence[TrackMatch]) -> None:
+    def _log_matches(self, k: int, uav: int, snapshot: Snapshot) -> None:
         """Lines from a UAV to where its matches are expected when the plans end; bold, what has a penalty."""
-        numbers = [self._recording.track_numbers[match.track] for match in matches]
+        matches = [(m, end) for m, end in matches_at(self._recording, self._scenario, k, uav) if m.uav == uav]
+        numbers = [self._recording.track_numbers[match.target] for match, _ in matches]
         lines = rr.LineStrips3D(
-            [np.array([snapshot.poses[uav].position, (*match.end, TARGET_HEIGHT)]) for match in matches],
+            [np.array([snapshot.poses[uav].position, (*end, TARGET_HEIGHT)]) for _, end in matches],
             colors=[on_dark(track_colour(number)) for number in numbers],
-            radii=[0.12 if match.penalty > 0 else 0.05 for match in matches],
-            labels=[f"track {n}, {match.distance:.0f} m" for n, match in zip(numbers, matches, strict=True)],
+            radii=[0.12 if match.penalty > 0 else 0.05 for match, _ in matches],
+            labels=[f"track {n}, {match.distance:.0f} m" for n, (match, _) in zip(numbers, matches, strict=True)],
         )
         self._stream.log(f"world/mwtp/{uav}", lines)
 

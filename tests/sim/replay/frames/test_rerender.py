@@ -17,8 +17,7 @@ from sim.drawing.palette import INK, PANEL, track_colour
 from sim.recording.archive import save
 from sim.replay.frames import pages
 from sim.replay.frames.annotation import annotated
-from sim.replay.frames.pages import scans_between, write_frames
-from sim.replay.frames.panel import draw_panel, field_of_view
+from sim.replay.frames.pages import _draw_panel, _field_of_view, scans_between, write_frames
 from sim.replay.frames.rerender import Rerenderer, scenario_of
 from sim.replay.frames.sightings import Sight
 from sim.world.world import World
@@ -122,7 +121,7 @@ def test_the_rim_is_round_what_trees_hide_and_covers_none_of_it():
 def test_numbers_of_the_view_are_those_of_the_geometry():
     altitude = 20 / (2 * math.tan(math.radians(30)))
     camera = Camera(math.radians(60), 128)
-    assert field_of_view(camera, Pose.level(5.0, 0.0, altitude)) == [
+    assert _field_of_view(camera, Pose.level(5.0, 0.0, altitude)) == [
         "128 pixels, 60°",
         "altitude 17.3 m, 0.0° off nadir",
         "edges 20.0 m on the ground",
@@ -131,11 +130,11 @@ def test_numbers_of_the_view_are_those_of_the_geometry():
     # Tilted by 30 degrees to the north, the lower edge looks straight down.
     tilted = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(math.radians(15)), 0, 0, math.cos(math.radians(15))]))
     bottom, top = 2 * 10 * math.tan(math.radians(30)) * math.cos(math.radians(30)) / np.array([1.0, 0.5])
-    assert field_of_view(camera, tilted)[1] == "altitude 10.0 m, 30.0° off nadir"
-    assert f"bottom {bottom:.1f}, " in field_of_view(camera, tilted)[3]
-    assert f"top {top:.1f}, " in field_of_view(camera, tilted)[3]
+    assert _field_of_view(camera, tilted)[1] == "altitude 10.0 m, 30.0° off nadir"
+    assert f"bottom {bottom:.1f}, " in _field_of_view(camera, tilted)[3]
+    assert f"top {top:.1f}, " in _field_of_view(camera, tilted)[3]
     level = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(math.radians(45)), 0, 0, math.cos(math.radians(45))]))
-    assert field_of_view(camera, level)[-1] == "reaches the horizon"
+    assert _field_of_view(camera, level)[-1] == "reaches the horizon"
 
 
 @pytest.mark.parametrize(("anchor", "count"), [((150.0, 150.0), 4), ((290.0, 9.0), 2)])
@@ -162,7 +161,7 @@ def test_views_of_anything_can_be_drawn():
     level = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(math.radians(45)), 0, 0, math.cos(math.radians(45))]))
     seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=level)
     assert annotated(np.zeros((128, 128, 3), np.uint8), seen, 256).shape == (256, 256, 3)
-    assert draw_panel(seen, [], height=100).shape[0] > 300
+    assert _draw_panel(seen, [], height=100).shape[0] > 300
 
 
 def test_scans_are_those_in_a_window_and_a_failure_leaves_no_folder(mission, tmp_path, monkeypatch):

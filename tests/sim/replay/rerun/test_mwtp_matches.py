@@ -62,7 +62,7 @@ def test_matches_of_a_recording_are_those_its_plans_would_pay_for():
         view = Nominal().predict(situation_at(recording, scenario, k, 1), 5, np.random.default_rng(0))
         paid = [float(costs(view, controls, range(3), controls[None], beta, 1)[0]) for beta in (0.0, 1.0)]
         found = matches_at(recording, scenario, k, 1)
-        assert sum(m.penalty for m in found) == pytest.approx(paid[1] - paid[0])
-        assert {m.track for m in found} <= {t.id for t in recording.tracks_at(k, 1)}
+        assert sum(m.penalty for m, _ in found) == pytest.approx(paid[1] - paid[0])
+        assert {m.target for m, _ in found} <= {t.id for t in recording.tracks_at(k, 1)}
         count += len(found)
     assert count > 3

@@ -110,8 +110,8 @@ def test_beliefs_intents_and_matches_are_drawn(recording, entities):
             assert drawn[k] == [f"track {numbers[t.id]}" for t in recording.tracks_at(k, i)]
         matched = rows(entities, f"/world/mwtp/{i}", "labels")
         for k in [k for k in (0, 5, 10, 15) if recording.working[k, i]]:
-            told = [m for m in matches_at(recording, scenario, k, i) if m.uav == i]
-            assert matched[k] == [f"track {numbers[m.track]}, {m.distance:.0f} m" for m in told]
+            told = [m for m, _ in matches_at(recording, scenario, k, i) if m.uav == i]
+            assert matched[k] == [f"track {numbers[m.target]}, {m.distance:.0f} m" for m in told]
         intents = rows(entities, f"/world/intents/{i}", "strips")
         np.testing.assert_allclose(intents[5][0][0], recording.poses[5, i, :3], atol=1e-5)
     apart = rows(entities, "/world/agreement", "labels")
