@@ -72,13 +72,13 @@ def arrange(panel: Box, aspect: float, tiles: int) -> View:
     """
     if tiles == 0:
         return View(_fitted(panel, aspect), {})
-    options = [
-        _beside(panel, aspect, (tiles, lines, side), below)
-        for below in (False, True)
-        for lines in range(1, tiles + 1)
-        for side in range(40, (panel.width if below else panel.height) + 1, 4)
-        if _fits(panel, (tiles, lines, side), below)
-    ]
+    options = []
+    for below in (False, True):
+        along, across = (panel.width, panel.height) if below else (panel.height, panel.width)
+        for lines in range(1, tiles + 1):
+            # Tiles that fit along their lines, and leave the map a third of the panel or more across them.
+            most = min((along + GAP) // math.ceil(tiles / lines), int(across * 2 / 3) // lines) - GAP
+            options += [_beside(panel, aspect, (tiles, lines, side), below) for side in range(40, most + 1, 4)]
     return max(options, key=_merit)
 
 
@@ -86,14 +86,6 @@ def _merit(view: View) -> float:
     """Large when both the map and the tiles are, the map first."""
     assert view.map is not None
     return float(view.map.area * sum(tile.area for tile in view.tiles.values()) ** 0.75)
-
-
-def _fits(panel: Box, grid: tuple[int, int, int], below: bool) -> bool:
-    """True if the tiles fit along their lines, and leave the map a third of the panel or more across them."""
-    tiles, lines, side = grid
-    along, across = (panel.width, panel.height) if below else (panel.height, panel.width)
-    per_line = math.ceil(tiles / lines)
-    return per_line * (side + GAP) - GAP <= along and lines * (side + GAP) <= across * 2 / 3
 
 
 def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) -> View:

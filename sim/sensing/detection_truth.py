@@ -1,6 +1,6 @@
 """Ground truth of detections from the renderer's mask of people, which no other part may see."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,14 +46,14 @@ def matched_detections(pixels: Array, people: NDArray[np.int32], count: int) -> 
     return found
 
 
+@dataclass(frozen=True, eq=False)
 class MaskDetector:
     """Assumption 1 of [Li22] on rendered frames: one detection of each person with a visible pixel, and no other.
 
     Locations and covariances are computed from these pixels as by the blob detector.
     """
 
-    def __init__(self, forest: Forest | None = None) -> None:
-        self._forest = forest
+    forest: Forest | None = None
 
     def detect(self, frame: Frame, people: NDArray[np.int32]) -> Detections:
         """Detections of the people of a mask (P, P), -1 elsewhere, from the image's top to its bottom."""
@@ -63,7 +63,7 @@ class MaskDetector:
         # In the order of their topmost pixels, so that it does not reveal identities.
         first = np.unique(owners, return_index=True)[1]
         blobs = [pixels[owners == owners[k]] for k in np.sort(first)]
-        found = located_detections(frame, blobs, self._forest)
+        found = located_detections(frame, blobs, self.forest)
         # Each is placed on a pixel of the person, so that a score takes no person at the edge for a false alarm.
         own = [blob[np.argmin(length(blob - blob.mean(axis=0)))] for blob in blobs]
         return replace(found, pixels=np.array(own).reshape(-1, 2))

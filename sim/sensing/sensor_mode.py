@@ -47,19 +47,19 @@ class SensorMode(Protocol):
         """Output of a UAV's sensor at a camera's `pose`; people (M, 2) m, NaN where absent, are those in the world."""
 
 
+@dataclass(frozen=True, eq=False)
 class LineOfSightMode:
     """The paper's Assumption 1, without images: exactly the people in view and not hidden, with the sampled noise."""
 
-    def __init__(self, setup: SensorSetup) -> None:
-        self._setup = setup
+    setup: SensorSetup
 
     def sense(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
         """As `SensorMode.sense`."""
-        with self._setup.clock.measure("detection"):
+        with self.setup.clock.measure("detection"):
             points = np.column_stack([people, np.full(len(people), TARGET_HEIGHT)])
             present = ~np.isnan(people[:, 0])
             points[~present] = 0.0
-            camera, forest = self._setup.cameras[uav], self._setup.forest
+            camera, forest = self.setup.cameras[uav], self.setup.forest
             seen = present & camera.sees(pose, points) & forest.visible(pose.position, points)[0]
 
         def matched(kept: Flags) -> Flags:

@@ -2,11 +2,9 @@
 
 import csv
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -86,20 +84,21 @@ def read(path: Path, area: Area, *, duration: float) -> Trajectories:
 def _people(path: Path, area: Area) -> dict[str, dict[float, Array]]:
     """Position (2,) m by time [s], by person in order of appearance in the file."""
     people: dict[str, dict[float, Array]] = {}
-    table = csv.reader(_lines(path))
-    header = [name.strip() for name in next(_rows(path, table), [])]
-    if sorted(header) != sorted(COLUMNS):
-        raise InputError(f"{path}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
-    for fields in _rows(path, table):
-        if fields:
+    table = csv.DictReader(_lines(path), restval="")
+    try:
+        table.fieldnames = header = [name.strip() for name in table.fieldnames or []]
+        if sorted(header) != sorted(COLUMNS):
+            raise InputError(f"{path}, line 1: columns are {','.join(header) or 'missing'}, not {','.join(COLUMNS)}")
+        for row in table:
             where = f"{path}, line {table.line_num}"
-            if len(fields) > len(header):
-                raise InputError(f"{where}: {fields[len(header)]!r} stands in a column without a name")
-            person, time, position = _row(where, dict(zip(header, fields, strict=False)), area)
-            rows = people.setdefault(person, {})
-            if time in rows:
+            if None in row:
+                raise InputError(f"{where}: {row[None][0]!r} stands in a column without a name")
+            person, time, position = _row(where, row, area)
+            if time in people.setdefault(person, {}):
                 raise InputError(f"{where}, column t: id {person} has a second row at {time:g} s")
-            rows[time] = position
+            people[person][time] = position
+    except csv.Error as error:  # a field longer than Python's reader allows
+        raise InputError(f"{path}, line {table.reader.line_num}: {error}") from error
     if not people:
         raise InputError(f"{path}: has no rows below the names of its columns; a path needs two or more")
     return people
@@ -116,19 +115,11 @@ def _lines(path: Path) -> list[str]:
     return lines
 
 
-def _rows(path: Path, table: Any) -> Iterator[list[str]]:  # noqa: ANN401 - a reader of `csv`, a type without a name
-    """Rows of a table; InputError if one is longer than Python's reader allows."""
-    try:
-        yield from table
-    except csv.Error as error:
-        raise InputError(f"{path}, line {table.line_num}: {error}") from error
-
-
 def _row(where: str, row: dict[str, str], area: Area) -> tuple[str, float, Array]:
     """Person, time [s] and position (2,) m of one line."""
     number = {}
     for column in COLUMNS:
-        value = row.get(column, "").strip()
+        value = row[column].strip()
         if not value:
             raise InputError(f"{where}, column {column}: is empty")
         if column != "id":

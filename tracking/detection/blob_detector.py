@@ -3,7 +3,7 @@
 import heapq
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -127,19 +127,19 @@ def _meets_ground(lens: Lens, blob: Array) -> bool:
     return image_point(lens, (x, y, TARGET_HEIGHT))[2] > 0.0
 
 
+@dataclass(frozen=True, eq=False)
 class BlobDetector:
     """Detector by colour and connected components, with one detection per person who is visible at all.
 
     With a forest, a person hidden in part by trees or by the image's edge is located where such a part would show.
     """
 
-    def __init__(self, forest: Forest | None = None) -> None:
-        self._forest = forest
+    forest: Forest | None = None
 
     def detect(self, frame: Frame) -> Detections:
         """Detect the people in one frame, from the image's top to its bottom."""
         blobs, components = blobs_of(frame)
-        return located_detections(frame, blobs, self._forest, components)
+        return located_detections(frame, blobs, self.forest, components)
 
 
 def located_detections(
