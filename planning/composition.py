@@ -13,7 +13,7 @@ from planning.optimizers.optimizer import Optimizer, pursuits, turns
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import Nominal, Propagation, nominal_positions
-from planning.prediction.targets_in_reach import Objective, after_first_step, targets_in_reach
+from planning.prediction.targets_in_reach import Objective, targets_in_reach
 from tracking.geometry.visibility import Forest, Occlusion
 from tracking.numerics.arrays import Array
 
@@ -86,7 +86,9 @@ class Composition:
         def value_of_first(candidates: Array, ease: Array | None = None) -> Array:
             return value(self._completed(situation, uavs, candidates), ease)
 
-        first = self.optimizer.minimise(value_of_first, starts, speeds, rng, after_first_step(in_reach)).plans
+        soon = in_reach.which[:, 1] == 0
+        in_reach = in_reach._replace(which=in_reach.which[soon], places=in_reach.places[soon])
+        first = self.optimizer.minimise(value_of_first, starts, speeds, rng, in_reach).plans
         return np.asarray(self._completed(situation, uavs, first[None])[0])
 
     def _completed(self, situation: Situation, uavs: Sequence[int], firsts: Array) -> Array:

@@ -36,12 +36,6 @@ def targets_in_reach(belief: PredictedBelief, uavs: Sequence[int], max_speeds: A
     return _within_reach(belief, rows, np.ascontiguousarray(views), max_speeds)
 
 
-def after_first_step(in_reach: TargetsInReach) -> TargetsInReach:
-    """Targets that can be in view after the first step."""
-    first = in_reach.which[:, 1] == 0
-    return in_reach._replace(which=in_reach.which[first], places=in_reach.places[first])
-
-
 @compiled
 def _within_reach(belief: PredictedBelief, uavs: Indices, views: Array, max_speeds: Array) -> TargetsInReach:
     points, (H, T, K) = belief.points, belief.points.shape[:3]

@@ -117,10 +117,6 @@ class Recording:
             self.measurement_covariances[rows],
         )
 
-    def measurements_at(self, k: int, uav: int) -> Array:
-        """Ground measurements (N, 2) m of one UAV at scan k."""
-        return self.measurements[self._rows(self.measurement_offsets, k, uav)]
-
     def pixels_at(self, k: int, uav: int) -> Array:
         """Detections (N, 2) in the image of one UAV at scan k; none in ideal sensing."""
         pixels = self.pixels[self._rows(self.measurement_offsets, k, uav)]

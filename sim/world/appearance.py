@@ -78,12 +78,13 @@ def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int,
         given = getattr(scenario.appearance, name)
         strength[name] = float(full * scenario.appearance.randomise if given is None else given)
     scene, clothing, leaves, cameras = stream(seed, "appearance").spawn(4)
-    zenith, azimuth = strength["light_deg"] * scene.random(), scene.uniform(-180.0, 180.0)
+    zenith, azimuth = math.radians(strength["light_deg"] * scene.random()), math.radians(scene.uniform(-180.0, 180.0))
     ambient = AMBIENT + strength["ambient"] * scene.uniform(-1, 1)
     tint = 1 + strength["ground_tint"] * scene.uniform(-1, 1, 3)
     place = strength["ground_moved"] * scene.uniform(-1, 1, 3) * [math.pi, _TILE / 2, _TILE / 2]
     turn, east, north = place.tolist()
-    light = _towards(zenith, azimuth) if strength["light_deg"] else LIGHT
+    towards = sin(zenith) * cos(azimuth), sin(zenith) * sin(azimuth), cos(zenith)
+    light = towards if strength["light_deg"] else LIGHT
     hue = strength["clothing_hue_deg"] * clothing.uniform(-1, 1, people)
     shade = 1 - strength["clothing_shade"] * clothing.random(people)
     season = strength["canopy_tint"] * leaves.uniform(-1, 1, 3)
@@ -101,12 +102,6 @@ def sample_appearance(scenario: Scenario, seed: int, *, trees: int, people: int,
         blur=strength["blur"],
         noise=strength["noise"],
     )
-
-
-def _towards(zenith: float, azimuth: float) -> tuple[float, float, float]:
-    """Unit vector from angles in degrees."""
-    z, a = math.radians(zenith), math.radians(azimuth)
-    return sin(z) * cos(a), sin(z) * sin(a), cos(z)
 
 
 def _on_the_ground(light: tuple[float, float, float], ambient: float) -> float:

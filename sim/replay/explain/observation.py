@@ -72,13 +72,13 @@ class Observer:
             away=float(np.hypot(*(recording.people[k, person] - recording.cameras[k, uav, :2]))),
             whole=self._whole(k, uav, sighting) if works else None,
             found=self._found(k, uav, person, int(rows[person])),
-            owners=_owners(rows, len(recording.measurements_at(k, uav))),
+            owners=_owners(rows, len(recording.scan_at(k, uav).measurements)),
             association=association,
         )
 
     def owners(self, k: int, uav: int) -> Ints:
         """The person of each measurement (N,) of one UAV at scan k; -1 for a false alarm."""
-        return _owners(self._measured(k, uav), len(self.recording.measurements_at(k, uav)))
+        return _owners(self._measured(k, uav), len(self.recording.scan_at(k, uav).measurements))
 
     def _renders(self, k: int, uav: int) -> bool:
         return self.scenario.sensing.renders and self.scenario.has_frame(uav, k)
@@ -105,7 +105,7 @@ class Observer:
             mask = self.again.rendered(k, uav).people
             rows = matched_detections(recording.pixels_at(k, uav), mask, len(people))
         elif detected.any():
-            gaps = recording.measurements_at(k, uav)[None] - people[detected][:, None]
+            gaps = recording.scan_at(k, uav).measurements[None] - people[detected][:, None]
             seen = np.flatnonzero(detected)
             for target, found in pairs_within(np.sum(gaps**2, axis=2), np.inf):
                 rows[seen[target]] = found

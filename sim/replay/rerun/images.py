@@ -70,7 +70,7 @@ class Cameras:
     def _spots(self, k: int, uav: int, camera: Camera) -> Array:
         """Pixels (N, 2) of the measurements; in ideal sensing of their places on the ground."""
         pixels = self._recording.pixels_at(k, uav)
-        places = self._recording.measurements_at(k, uav)
+        places = self._recording.scan_at(k, uav).measurements
         return pixels if len(pixels) == len(places) else self._project(k, uav, camera, places)
 
     def _log_tracks(self, k: int, uav: int, camera: Camera) -> None:

@@ -54,7 +54,7 @@ def test_snapshots_and_accessors_give_back_what_was_recorded():
     assert sum(len(scan.measurements) for snapshot in given for scan in snapshot.scans) > 20
     for k, snapshot in enumerate(given):
         for i in range(3):
-            np.testing.assert_array_equal(recording.measurements_at(k, i), snapshot.scans[i].measurements)
+            np.testing.assert_array_equal(recording.scan_at(k, i).measurements, snapshot.scans[i].measurements)
             np.testing.assert_array_equal(recording.pixels_at(k, i), snapshot.pixels[i])
             scan, held = recording.scan_at(k, i), recording.tracks_at(k, i)
             assert (scan.uav, scan.time) == (i, snapshot.time)

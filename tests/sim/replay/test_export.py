@@ -110,7 +110,7 @@ def test_stone_soup_reads_detections_truth_tracks_and_sensors(recording, folders
         assert sorted(map(tuple, ours.measurements)) == sorted(tuple(d.state_vector.ravel()) for d in found)
         assert {float(d.metadata["xx"]) for d in found} == set(ours.covariances[:, 0, 0])
         seen += len(found)
-    assert seen == sum(len(recording.measurements_at(k, 1)) for k in range(21)) > 0
+    assert seen == sum(len(recording.scan_at(k, 1).measurements) for k in range(21)) > 0
 
     path = str(folder / "groundtruth.csv")
     truth = CSVGroundTruthReader(path, state_vector_fields=STATE, path_id_field="id", **SECONDS)
@@ -155,7 +155,7 @@ def test_mot_sequences_hold_truth_detections_and_tracks(recording, folders):
         np.testing.assert_array_equal(truth[:, 7:9], recording.people[present])
         assert not truth[:, 9].any()
         found = np.array(rows(sequence / "det" / "det.txt"))
-        scans = [recording.measurements_at(k, i) for k in range(21)]
+        scans = [recording.scan_at(k, i).measurements for k in range(21)]
         np.testing.assert_array_equal(found[:, 0], np.repeat(np.arange(1, 22), list(map(len, scans))))
         np.testing.assert_array_equal(found[:, 7:9], np.concatenate(scans))
         assert set(found[:, 1]) == {-1}

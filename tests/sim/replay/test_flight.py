@@ -55,7 +55,7 @@ def test_each_row_of_a_table_is_what_the_recording_says(flight):
             assert tracks[name][rows].tolist() == [track.belief.mean[axis] for track in held]
         rows = (measured["time_s"] == r.times[k]) & (measured["uav"] == i)
         found = np.column_stack([measured["x_m"][rows], measured["y_m"][rows]])
-        np.testing.assert_array_equal(found, r.measurements_at(k, i))
+        np.testing.assert_array_equal(found, r.scan_at(k, i).measurements)
         pixels = np.column_stack([measured["u_px"][rows], measured["v_px"][rows]])
         np.testing.assert_array_equal(pixels, r.pixels_at(k, i))
     np.testing.assert_array_equal(ospa["ospa_m"].reshape(21, 3), r.ospa[..., 0])

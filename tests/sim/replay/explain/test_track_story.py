@@ -41,7 +41,9 @@ def test_tracks_are_born_from_the_measurements_that_their_trackers_had(mission):
         first, last = facts.origins[0], facts.origins[-1]
         assert (first.k, last.k) == (k - scans, k)
         for origin in facts.origins:
-            np.testing.assert_array_equal(origin.place, recording.measurements_at(origin.k, uav)[origin.measurement])
+            np.testing.assert_array_equal(
+                origin.place, recording.scan_at(origin.k, uav).measurements[origin.measurement]
+            )
             assert observer.owners(origin.k, uav)[origin.measurement] == origin.person
         false += first.person < 0
     assert len(recording.track_numbers) >= 6 and false >= 2
