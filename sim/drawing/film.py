@@ -69,8 +69,7 @@ class Film:
 
     def draw(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> Image:
         """One frame (720, 1280, 3) RGB; `frames` holds each camera's image (P, P, 3) RGB, if there are any."""
-        snapshot = with_numbers(snapshot, self._numbers)
-        holds = self._held(snapshot)
+        snapshot, holds = self._taken(snapshot)
         image = self._empty.copy()
         if self._layout.map is not None:
             self._map.draw(image[self._layout.map.slices], snapshot, holds)
@@ -83,10 +82,8 @@ class Film:
 
         `frames` as in `draw`; they matter where a camera is slower than the scans, and only its last one does.
         """
-        snapshot = with_numbers(snapshot, self._numbers)
-        self._held(snapshot)
+        snapshot, _ = self._taken(snapshot)
         self._map.follow(snapshot)
-        self._sparkline.add(snapshot.time, snapshot.error)
         if frames is not None:
             self._draw_tiles(self._empty.copy(), snapshot, frames)
 
@@ -101,10 +98,12 @@ class Film:
                 self._last[i] = image[tile.slices].copy()
             image[tile.slices] = self._last[i]
 
-    def _held(self, snapshot: Snapshot) -> Ints:
-        """States of people to the tracks (M,), which follow from this snapshot and those before."""
+    def _taken(self, snapshot: Snapshot) -> tuple[Snapshot, Ints]:
+        """The snapshot with numbered tracks, and states of people to these (M,), which follow from earlier ones, too."""
         self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses))
-        return self._holding.step(snapshot)
+        self._sparkline.add(snapshot.time, snapshot.error)
+        numbered = with_numbers(snapshot, self._numbers)
+        return numbered, self._holding.step(numbered)
 
     def _draw_header(self, image: Image, snapshot: Snapshot) -> None:
         middle, big = _HEADER / 2, TextStyle(20, bold=True)
@@ -115,7 +114,6 @@ class Film:
         write(image, "-" if math.isnan(error) else f"{error:.2f} m", (right - 14, middle), big, align=1.0)
         label = TextStyle(13, FAINT)
         write(image, "OSPA, mean of UAVs", (right - 124, middle), label, align=1.0)
-        self._sparkline.add(snapshot.time, error)
         self._sparkline.draw(image[6:-4, right:])
 
 

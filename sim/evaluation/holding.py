@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.evaluation.score import HELD
-from sim.mission.snapshot import Ints, Snapshot
+from sim.mission.snapshot import Bools, Ints, Snapshot
 from tracking.metrics.clearmot import Matcher
 
 
@@ -43,17 +43,15 @@ class Holding:
             places[own] = np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2)
             count += matcher.step(places, snapshot.people) >= 0
         self._found |= count > 0
-        states = hold_states(count, self._found, len(snapshot.working))
-        states[np.isnan(snapshot.people[:, 0])] = HOLDS.index("absent")
-        return states
+        return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]))
 
 
-def hold_states(held: Ints, found: Ints | np.ndarray, fleet: int | Ints) -> Ints:
-    """States, indices into `HOLDS`, of present people.
+def hold_states(held: Ints, found: Bools, fleet: int | Ints, present: Bools) -> Ints:
+    """States of people, indices into `HOLDS`.
 
     held: by how many UAVs; found: they have been held before; fleet: UAVs that work.
     """
     states = np.where(found, HOLDS.index("lost"), HOLDS.index("not found yet"))
     states[held > 0] = HOLDS.index("held by some")
     states[(held > 0) & (held == fleet)] = HOLDS.index("held")
-    return np.asarray(states, dtype=np.int64)
+    return np.where(present, states, HOLDS.index("absent"))

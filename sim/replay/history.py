@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sim.evaluation.holding import HOLDS, episodes, hold_states
+from sim.evaluation.holding import episodes, hold_states
 from sim.evaluation.score import held_by
 from sim.evaluation.unmatched import standing
 from sim.mission.snapshot import Bools, Ints
@@ -118,9 +118,7 @@ class History:
     def hold_states(self) -> Ints:
         """State of each person to the tracks of the UAVs that work (K, M), an index into `HOLDS`."""
         fleet = np.count_nonzero(self.working, axis=1)[:, None]
-        states = hold_states(self.held, np.maximum.accumulate(self.held > 0, axis=0), fleet)
-        states[~self.present] = HOLDS.index("absent")
-        return states
+        return hold_states(self.held, np.maximum.accumulate(self.held > 0, axis=0), fleet, self.present)
 
     @cached_property
     def losses(self) -> tuple[Loss, ...]:
