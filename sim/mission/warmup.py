@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 
 import numpy as np
 from numba.core import event
@@ -55,9 +56,9 @@ def announced(say: Say) -> Iterator[None]:
         say(f"Compiled in {watch.seconds:.0f} s; {_LOST if not_kept else 'it is kept for later runs'}.")
 
 
-def warm_up() -> float:
-    """Fly a second in an open forest, so that all compiled code is loaded, or made and cached; wall time [s]."""
-    start = time.perf_counter()
+@cache
+def warm_up() -> None:
+    """Fly a second in an open forest, once in each process: all compiled code is then loaded, or made and cached."""
     windy = Scenario(duration=1.0, trees=Trees(density=5.0), sensing=Sensing(mode="ideal"), wind=Wind(gust=1.0))
     rendered = Scenario(duration=1.0, trees=Trees(density=5.0), tracking=Tracking(initial_tracks="none"))  # and search
     for scenario in (windy, rendered):
@@ -69,4 +70,3 @@ def warm_up() -> float:
     image[28:36, 28:36] = image[:4, :4] = (230, 62, 0)  # a person in front of a tree, and one at the edge
     under = Forest((Tree(4.0, 0.0),))
     BlobDetector(under).detect(Frame(0, 0.0, Camera(1.0, 64), Pose.level(0.0, 0.0, 20.0), image))  # only images need it
-    return time.perf_counter() - start

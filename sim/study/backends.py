@@ -10,9 +10,10 @@ from contextlib import contextmanager
 from multiprocessing.process import BaseProcess
 from typing import Any, Protocol, cast
 
+from sim.mission.warmup import warm_up
 from sim.processes.isolation import kill_session, lead_session
 from sim.study.tasks import Task
-from sim.study.trial import Flown, failed, fly, warm
+from sim.study.trial import Flown, failed, fly
 from tracking.plugins.registry import InputError
 
 
@@ -209,7 +210,7 @@ def _begin() -> None:
     """Start of a process: leave Ctrl-C to its parent, not outlive it, and load compiled code."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     lead_session()
-    warm()
+    warm_up()
 
 
 def _fly(task: Task, *, keep: bool, timeout: float | None) -> Flown:

@@ -5,7 +5,6 @@ import tempfile
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +37,7 @@ def fly(task: Task, *, keep: bool = False, timeout: float | None = None) -> Flow
     try:
         if release() != task.version:
             raise RuntimeError(f"understory is {release()} here, not {task.version}")
-        warm()
+        warm_up()  # so that the first trial's times are those of the others
         with contained():
             return _flown(task, keep, timeout)
     except ForeignError as error:
@@ -50,12 +49,6 @@ def fly(task: Task, *, keep: bool = False, timeout: float | None = None) -> Flow
 def failed(task: Task, error: str) -> Flown:
     """A trial without a result, and why."""
     return Flown(Row(**task.shared, status="failed", error=" ".join(error.split())))
-
-
-@cache
-def warm() -> float:
-    """Load compiled code once in each process, so that the first trial's times are those of the others."""
-    return warm_up()
 
 
 def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:

@@ -15,14 +15,14 @@ from pathlib import Path
 
 import cv2
 
-import sim.running.run
+import sim.running.run  # noqa: F401 - what commands import late is loaded once
 from helpers.studies import Serial
 from sim import __main__ as cli
 from sim.cli import study_flight
 from sim.mission.warmup import warm_up
 from sim.replay import redrawn_film  # noqa: F401
 from sim.replay.explain import explanation  # noqa: F401
-from sim.replay.frames.rerender import find  # noqa: F401 - what commands import late is loaded once
+from sim.replay.frames.rerender import find  # noqa: F401
 from sim.replay.page import page  # noqa: F401
 from sim.replay.rerun import viewer  # noqa: F401
 from sim.report import report, tables  # noqa: F401
@@ -84,7 +84,6 @@ def main():
     os.waitpid(compiling, 0)
     warm_up()
     release()
-    sim.running.run.warm_up = lambda: 0.0  # which is done
     print("ready", flush=True)
     for line in sys.stdin:
         asked = json.loads(line)
