@@ -84,7 +84,7 @@ def test_ctrl_c_in_flight_keeps_what_was_flown_before_or_twice_nothing(tmp_path,
     assert names(tmp_path) == ["out"]
 
 
-def test_ctrl_c_after_landing_changes_nothing(tmp_path, monkeypatch):
+def test_ctrl_c_after_landing_changes_nothing_and_is_handled_as_before_a_run(tmp_path, monkeypatch):
     write = module.write_results
 
     def interrupted(*arguments):
@@ -92,13 +92,9 @@ def test_ctrl_c_after_landing_changes_nothing(tmp_path, monkeypatch):
         write(*arguments)
 
     monkeypatch.setattr(module, "write_results", interrupted)
-    assert not run(trial(), tmp_path / "out")["interrupted"] and names(tmp_path / "out") == FILES
-
-
-def test_a_run_without_video_leaves_none_and_ctrl_c_as_it_was(tmp_path):
     before = signal.getsignal(signal.SIGINT)
-    run(trial(duration=0.2), tmp_path / "out", video=False)
-    assert signal.getsignal(signal.SIGINT) is before and names(tmp_path / "out") == FILES[2:]
+    assert not run(trial(duration=0.2), tmp_path / "out")["interrupted"] and names(tmp_path / "out") == FILES
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 @pytest.mark.parametrize(
