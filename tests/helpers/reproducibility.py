@@ -6,12 +6,14 @@ of its dependencies, are named by `--python PATH`.
 """
 
 import argparse
+import io
 import json
 import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -68,11 +70,10 @@ print(images.hexdigest())
 
 def hashes(python: str, missions: Sequence[str], *, duration: float = 40.0, **environment: str) -> list[str]:
     """SHA-256 of missions' recordings, then that of images, by an interpreter in its own environment and folder."""
-    wanted = [(seed, [f"duration={duration}", *overrides]) for seed, overrides in map(_SETTINGS.get, missions)]
     paths = {"PYTHONPATH": str(ROOT)} if python == sys.executable else {}
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
-            [python, "-c", _FLY, json.dumps(wanted)],
+            [python, "-c", _FLY, _wanted(missions, duration)],
             cwd=folder,
             env={**os.environ, **paths, **environment},
             capture_output=True,
@@ -82,6 +83,24 @@ def hashes(python: str, missions: Sequence[str], *, duration: float = 40.0, **en
     if done.returncode:
         raise RuntimeError(f"{python} in {environment} did not fly:\n{done.stderr[-2000:]}")
     return done.stdout.split()
+
+
+def hashes_here(missions: Sequence[str], *, duration: float = 40.0) -> list[str]:
+    """The same in this process, which has imported and compiled all that flies."""
+    before, said = sys.argv, io.StringIO()
+    sys.argv = ["", _wanted(missions, duration)]
+    try:
+        with redirect_stdout(said):
+            exec(_FLY, {})
+    finally:
+        sys.argv = before
+    return said.getvalue().split()
+
+
+def _wanted(missions: Sequence[str], duration: float) -> str:
+    """Seeds and settings of missions as JSON."""
+    found = (_SETTINGS[name] for name in missions)
+    return json.dumps([(seed, [f"duration={duration}", *overrides]) for seed, overrides in found])
 
 
 def main() -> int:

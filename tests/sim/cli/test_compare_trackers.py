@@ -1,13 +1,17 @@
 """`understory compare --tracker`: trackers are compared as planners are, by planner and map."""
 
+from contextlib import nullcontext
+
 import pytest
 from helpers.commands import called
+from helpers.studies import Serial
 from helpers.trials import row
 
 from sim.analysis.answers import answers
 from sim.analysis.cells import grouped
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of, labels_of, short_labels
+from sim.cli import study_flight
 from sim.study.cells import cells, with_trackers
 from sim.study.study import Study
 from sim.terminal import console
@@ -15,7 +19,7 @@ from tracking.plugins.registry import InputError
 
 MINE = "mine:Mine"
 MEAN = metric_shown("ospa.mean_m")
-FLAGS = ["--duration", "1", "--sensing", "ideal", "--seeds", "0,1", "--workers", "1", "--metric", "ospa.mean_m"]
+FLAGS = ["--duration", "1", "--sensing", "ideal", "--seeds", "0,1", "--metric", "ospa.mean_m"]
 SAME = "from tracking.tracker import Tracker\n\n\nclass Same(Tracker):\n    pass\n"
 
 
@@ -80,6 +84,7 @@ def test_the_command_shows_trackers_side_by_side(tmp_path, monkeypatch, capsys):
     (tmp_path / "sametracker.py").write_text(SAME)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(console.console, "width", 160)
+    monkeypatch.setattr(study_flight, "_backend", lambda workers, dask: nullcontext(Serial()))
     options = ["--planner", "hover", "--tracker", "jpda", "--tracker", "sametracker:Same"]
     code, out, err = called(["compare", *options, *FLAGS], monkeypatch, capsys)
     assert (code, err) == (0, ""), err

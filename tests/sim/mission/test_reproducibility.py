@@ -3,9 +3,10 @@
 import json
 import re
 import sys
+from functools import partial
 
 import pytest
-from helpers.reproducibility import ROOT, SHORT, VARIANTS, hashes
+from helpers.reproducibility import ROOT, SHORT, VARIANTS, hashes, hashes_here
 
 from planning.registry import DEFAULT_PLANNER
 from sim.evaluation.machine import machine, machine_line
@@ -13,6 +14,8 @@ from sim.mission.trial import Trial
 from sim.recording.archive import digest, load
 from sim.running.run import run
 from sim.scenario.loading import load as load_scenario
+from sim.study.tasks import task_of
+from sim.study.trial import fly
 
 # Of the short mission and of images, on any machine: what `python tests/helpers/reproducibility.py --short` prints.
 EXPECTED = [
@@ -30,17 +33,19 @@ EVERYTHING = {
 }
 
 
-@pytest.mark.parametrize("environment", [{}, EVERYTHING], ids=["here", "other kernels everywhere"])
-def test_recordings_and_images_have_the_same_bytes_on_every_processor(environment):
+@pytest.mark.parametrize(
+    "flown", [hashes_here, partial(hashes, sys.executable, **EVERYTHING)], ids=["here", "other kernels everywhere"]
+)
+def test_recordings_and_images_have_the_same_bytes_on_every_processor(flown):
     mission, duration = SHORT
-    assert hashes(sys.executable, [mission], duration=duration, **environment) == EXPECTED
+    assert flown([mission], duration=duration) == EXPECTED
 
 
-def test_the_readme_has_the_figure_of_its_first_command(tmp_path):
+def test_the_readme_has_the_figure_of_its_first_command():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     (figure,) = re.findall(r"Seed 0,\s+which\s+the\s+first\s+command\s+flies,\s+has\s+([0-9.]+) %", readme)
-    summary = run(Trial(load_scenario("forest"), DEFAULT_PLANNER, 0), tmp_path / "out", video=False)
-    assert f"{100 * summary['ospa']['share_under_1m']:.1f}" == figure
+    row = fly(task_of(load_scenario("forest"), DEFAULT_PLANNER, 0)).row
+    assert f"{100 * row.metrics['ospa.share_under_1m']:.1f}" == figure
 
 
 def test_the_summary_names_the_machine_and_the_recordings_hash(tmp_path):
