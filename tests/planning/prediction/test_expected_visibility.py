@@ -12,7 +12,7 @@ from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 from tracking.track import Track
 
-HORIZON, DRAWS = 5, 3000
+HORIZON, DRAWS = 5, 1000
 # Half of the field of view's edge is 11.0 m at 20 m: targets inside, at and outside the edges and a corner.
 PLACES = [(0, 0), (8, 0), (10, 3), (11, -2), (12, 0), (14, 5), (9, 9), (11, 11), (0, 10), (0, 12), (18, 0)]
 TREES = (Tree(6.0, 3.0), Tree(-5.0, -8.0))
