@@ -83,33 +83,10 @@ def test_people_at_any_walking_speed_are_picked_up_in_two_scans(speed):
     assert found >= 95
 
 
-def test_the_order_of_measurements_does_not_matter():
-    rng = np.random.default_rng(2)
-    walkers = rng.uniform(-6, 6, (5, 2))
-    subjects = [tracker(track(1, *walkers[0], 0, 0), track(2, *walkers[1], 0, 0)) for _ in range(2)]
-    for k in range(20):
-        walkers += rng.normal(scale=0.1, size=(5, 2))
-        z = walkers + rng.normal(scale=0.2, size=(5, 2))
-        play(subjects[0], [scan(k, *z)])
-        play(subjects[1], [scan(k, *z[rng.permutation(5)])])
-    beliefs = [np.array(sorted(tuple(t.belief.mean) for t in s.tracks)) for s in subjects]
-    np.testing.assert_allclose(beliefs[0], beliefs[1], rtol=1e-8)
-    assert len(beliefs[0]) == 5
-
-
 def crossing(k: int) -> np.ndarray:
     """Two people that meet after 4 s at 60 degrees, 1.4 m/s each."""
     t = 0.2 * k - 4
     return np.array([[1.21 * t, 0.7 * t], [1.21 * t, -0.7 * t]])
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_crossing_people_keep_their_two_tracks(seed):
-    rng = np.random.default_rng(seed)
-    subject = tracker(track(1, *crossing(0)[0], 1.21, 0.7), track(2, *crossing(0)[1], 1.21, -0.7))
-    ids = play(subject, [scan(k, *(crossing(k) + rng.normal(scale=0.15, size=(2, 2)))) for k in range(41)])
-    assert ids == [(1, 2)] * 41
-    np.testing.assert_allclose([t.belief.mean[:2] for t in subject.tracks], crossing(40), atol=0.5)
 
 
 def test_people_merged_in_the_image_while_they_cross_keep_two_tracks():

@@ -132,17 +132,6 @@ def test_a_split_fleet_disagrees_and_agrees_again_in_the_scan_it_heals():
             assert ids[0] == ids[1] == ids[2] and between < 0.02
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_people_found_by_both_parts_of_a_fleet_are_not_duplicated(seed):
-    cuts = "network.cuts=[{links=[[0, 1], [0, 2]], end=3}]"
-    _, snapshots = fly_ideal(cuts, "tracking.initial_tracks=none", "trees.density=0", seed=seed, duration=4)
-    before, after = ([{t.id for t in held} for held in s.tracks] for s in (snapshots[14], snapshots[15]))
-    assert before[0] and before[0].isdisjoint(before[1] | before[2])  # each part gave ids of its own
-    assert after[0] == after[1] == after[2] and len(after[0]) <= 4
-    seen = snapshots[15].visible.any(axis=0) & np.any([s.visible.any(axis=0) for s in snapshots[12:15]], axis=0)
-    assert len(after[0]) >= seen.sum() > 1
-
-
 @pytest.mark.parametrize("fusion", ["kla", "hcmci"])
 @pytest.mark.parametrize("initial", ["known", "none"])
 def test_with_half_of_all_messages_lost_the_fleet_agrees(fusion, initial):

@@ -120,22 +120,6 @@ def test_a_slow_camera_alone_needs_two_of_its_own_frames_for_a_track():
     assert held == [k >= 5 for k in range(16)]
 
 
-def test_scans_without_a_frame_are_neither_hits_nor_misses():
-    """Over an empty place in plain view a track dies of five misses; scans without a frame do it no harm."""
-    nothing = (np.zeros((0, 2)), np.zeros((0, 2, 2)))
-    counting = TrackerParameters(MOTION, life="m_of_n")
-    looking, resting = (Tracker(0, CAMERA, OPEN, counting, [track(0, 0, 0, 0, 0)]) for _ in range(2))
-    for k in range(60):
-        looking.step(Scan(0, 0.2 * k, Pose.level(0, 0, 19), *nothing))
-        if k % 15:
-            resting.coast(0.2 * k)
-        else:
-            resting.step(Scan(0, 0.2 * k, Pose.level(0, 0, 19), *nothing))
-        for each in (looking, resting):
-            fuse([each], np.zeros((1, 1), dtype=bool), 5)
-        assert (len(looking.tracks), len(resting.tracks)) == (int(k < 4), 1)
-
-
 def test_coasting_is_prediction_and_takes_what_neighbours_saw():
     known = track(0, 1.0, 2.0, 0.5, -1.0)
     tracker = Tracker(0, CAMERA, OPEN, TrackerParameters(MOTION), [known])

@@ -32,17 +32,6 @@ def test_a_track_lives_while_one_uav_sees_the_person_and_ends_for_all():
         assert [len(t.tracks) for t in trackers] == [int(k < 4)] * 4
 
 
-def test_a_person_first_detected_by_all_uavs_at_once_gets_one_id():
-    rng = np.random.default_rng(5)
-    trackers = fleet(5)
-    for k in range(10):
-        for u, t in enumerate(trackers):
-            t.step(scan(k, *(np.array([[0, 0], [4, 4]]) + rng.normal(scale=0.15, size=(2, 2))), uav=u))
-        fuse(trackers, graph("line", 5), 5)
-        held = {tuple(t.id for t in s.tracks) for s in trackers}
-        assert len(held) == 1 and len(held.pop()) == (2 if k else 0)
-
-
 def test_a_track_taken_over_from_a_neighbour_brings_its_misses_along():
     trackers = [tracker(track(3, 0, 0, 0, 0)), tracker(uav=1)]
     for k in range(5):

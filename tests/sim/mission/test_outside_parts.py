@@ -1,0 +1,238 @@
+"""Trackers, motion models, fusion rules, sensor modes and walks from outside fly, or end a run in one line."""
+
+import json
+import os
+import re
+import shutil
+import sys
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers.pages import DOCS, ROOT, blocks
+from helpers.processes import python
+
+from planning.registry import DEFAULT_PLANNER
+from sim.mission.trial import Trial
+from sim.recording.archive import digest, load
+from sim.running.run import run
+from sim.scenario.loading import load as load_scenario
+from sim.study.tasks import task_of
+from sim.study.trial import fly
+from tracking.filter.motion import motion_model
+from tracking.fusion.rule import LocalBeliefs, fusion_rule
+from tracking.plugins.registry import InputError
+
+NEAREST = next(code for kind, code in blocks((DOCS / "how-to" / "trackers.md").read_text("utf-8")) if kind == "python")
+PAGE = (DOCS / "how-to" / "plugins.md").read_text("utf-8")
+MODELS, MODES, WAYS = (content for language, content in blocks(PAGE) if language == "py")
+SOUP = DOCS / "examples" / "soup"
+SHORT = ("duration=1", "sensing.mode=ideal")
+OPEN = ("duration=5", "sensing.mode=ideal", "trees.density=0")
+MEAN, COVARIANCE = "t.belief.mean", "t.belief.covariance"
+
+
+@pytest.fixture
+def module(tmp_path, monkeypatch):
+    """Makes a module of the test's."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def make(name, text):
+        (tmp_path / f"{name}.py").write_text(text)
+        monkeypatch.delitem(sys.modules, name, raising=False)
+
+    return make
+
+
+def flown(folder, *overrides, planner="greedy"):
+    """Recording and summary of a mission."""
+    summary = run(Trial(load_scenario("forest", overrides), planner, 0), folder, video=False)
+    return load(folder / "mission.npz"), summary
+
+
+@pytest.mark.parametrize("name", ["mytracker:Nearest", "soup:SoupJPDA"])
+def test_a_tracker_from_outside_keeps_all_people_of_an_open_scene(tmp_path, monkeypatch, module, name):
+    module("mytracker", NEAREST)
+    monkeypatch.syspath_prepend(str(SOUP))
+    recording, summary = flown(tmp_path / "out", *OPEN, f"tracking.tracker={name}")
+    assert summary["faults"] == [] and f'"tracker":"{name}"' in recording.scenario
+    assert set(recording.track_ids.tolist()) == {0, 1, 2, 3} and recording.ospa[..., 0].max() < 1.5
+
+
+def test_stone_soups_tracks_of_unknown_people_are_found(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(SOUP))
+    name, unknown = "tracking.tracker=soup:SoupJPDA", "tracking.initial_tracks=none"
+    recording, _ = flown(tmp_path / "out", *OPEN, name, unknown, "sensing.field_of_view=unlimited", planner="hover")
+    assert len(set(recording.track_ids.tolist())) == 4 and recording.ospa[10:, :, 0].max() < 1.5
+
+
+@cache
+def digest_of(*overrides):
+    """Digest of the recording of a short mission."""
+    return fly(task_of(load_scenario("forest", [*SHORT, *overrides]), "hover", 0)).row.recording
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        *("tracking.motion=mymodels:Standing", "network.fusion=mymodels:EqualWeights", "sensing.mode=mymode:Radar"),
+        'people.walks=["myways:Patrol", "levy"]',
+    ],
+)
+def test_one_file_from_outside_changes_the_tracks(tmp_path, module, override):
+    assert override in PAGE
+    for name, code in (("mymodels", MODELS), ("mymode", MODES), ("myways", WAYS)):
+        module(name, code)
+    recording, summary = flown(tmp_path / "theirs", *SHORT, override, planner="hover")
+    assert override.partition("=")[2] in json.dumps(summary["scenario"]) and summary["faults"] == []
+    assert digest(recording) == digest_of(override) != digest_of()
+
+
+def test_built_in_names_give_built_in_classes_that_know_a_lone_uavs_belief():
+    assert type(motion_model("ncv", 0.2, 0.5, 3.0)).__name__ == "NearlyConstantVelocity"
+    assert type(fusion_rule("hcmci")).__name__ == "HybridConsensus"
+    mean, P = np.array([[1.0, 2.0, 0.5, 0.0]]), np.eye(4)[None] * 4.0
+    nothing = np.zeros((0, 4)), np.zeros((0, 4, 4))
+    local = LocalBeliefs(0, mean, P, np.ones(1), nothing, np.zeros((0, 2)), np.zeros((0, 2), int), np.zeros(0, int))
+    for name in ("kla", "hcmci"):
+        averaged, summed, _ = fusion_rule(name).contribution(local)
+        assert averaged[0, :4].tolist() == (mean[0] / 4).tolist() and not summed.any()
+
+
+LACKING = """
+import sys
+
+
+class Half:
+    tracks = ()
+
+    def __init__(self, *given):
+        self.step = self.coast = self.message = print
+
+
+class Trackless:
+    def __init__(self, *given):
+        self.step = self.coast = self.message = self.accept = print
+
+
+class Raising:
+    def __init__(self, *given):
+        raise ValueError("no table")
+
+
+class Exits:
+    def __init__(self, *given):
+        sys.exit(3)
+
+
+class Timeless:
+    def __init__(self, dt, sigma_a, max_speed):
+        self.predict = self.predict_all = print
+"""
+
+
+JDPA = "tracking.tracker: 'jdpa' is unknown; allowed are jpda; did you mean jpda? (or package.module:Class)"
+
+
+@pytest.mark.parametrize(
+    ("override", "complaint"),
+    [
+        ("tracking.tracker=jdpa", JDPA),
+        ("tracking.tracker=no_such_module:Mine", "tracking.tracker: 'no_such_module:Mine' cannot be imported: "),
+        ("tracking.tracker=lacking:Hal", "'lacking:Hal' cannot be imported: lacking has no class 'Hal'"),
+        ("tracking.tracker=lacking:Half", "tracking.tracker: 'lacking:Half' has no method accept(message)"),
+        ("tracking.tracker=lacking:Trackless", "'lacking:Trackless' cannot give its tracks: AttributeError: "),
+        ("tracking.tracker=lacking:Raising", "tracking.tracker: 'lacking:Raising' cannot be made: no table ("),
+        ("network.fusion=pathlib:Path", "network.fusion: 'pathlib:Path' has no method contribution(local)"),
+        ("network.fusion=lacking:Raising", "network.fusion: 'lacking:Raising' cannot be made: no table ("),
+        ("network.fusion=lacking:Exits", "network.fusion: 'lacking:Exits' cannot be made: SystemExit: 3"),
+        ("tracking.motion=no_such_module:Model", "tracking.motion: 'no_such_module:Model' cannot be imported: "),
+        ("tracking.motion=lacking:Raising", "tracking.motion: 'lacking:Raising' cannot be made: no table ("),
+        ("tracking.motion=lacking:Timeless", "must have the attribute dt = 0.2, has nan"),
+    ],
+)
+def test_what_is_no_tracker_rule_or_model_is_refused_before_the_flight(tmp_path, module, override, complaint):
+    module("lacking", LACKING)
+    with pytest.raises(InputError, match=re.escape(complaint)) as error:
+        flown(tmp_path / "out", *SHORT, override, planner=DEFAULT_PLANNER)
+    assert "\n" not in str(error.value) and not (tmp_path / "out").exists()
+
+
+# By key and method: the class, the method's arguments, and what it gives, of which a line makes nonsense.
+MODEL = "from tracking.filter.kalman import NearlyConstantVelocity\n", "NearlyConstantVelocity"
+RULE = "from tracking.fusion.kla import KullbackLeiblerAverage\n", "KullbackLeiblerAverage"
+TRACKER = f"{NEAREST}\n\n", "Nearest"
+METHODS = {
+    "step": ("tracking.tracker", *TRACKER, "scan"),
+    "coast": ("tracking.tracker", *TRACKER, "time"),
+    "message": ("tracking.tracker", *TRACKER, "degree"),
+    "accept": ("tracking.tracker", *TRACKER, "message"),
+    "predict_all": ("tracking.motion", *MODEL, "means, covariances"),
+    "contribution": ("network.fusion", *RULE, "local"),
+}
+MADE = {"predict_all": "def __init__(self, dt, sigma_a, max_speed):\n        super().__init__(dt, sigma_a)\n\n    "}
+
+
+@pytest.mark.parametrize(
+    ("call", "line", "complaint"),
+    [
+        ("step", f"for t in self.tracks: {MEAN}[:] = np.nan", "cannot give a message: "),
+        ("accept", f"for t in self.tracks: {MEAN}[:] = np.nan", "give its tracks: means of tracks are not finite"),
+        ("accept", f"for t in self.tracks: {COVARIANCE}[:] *= -1", "are not symmetric and positive definite"),
+        ("accept", "self.tracks *= 2", "cannot give its tracks: ids of tracks are there twice: [0, 1, 2, 3]"),
+        ("accept", "self.tracks = None", "cannot give its tracks: "),
+        ("accept", "self.tracks = tuple(replace(t, existence=0.0) for t in self.tracks)", "existence of tracks is not"),
+        ("accept", "self.tracks = tuple(replace(t, id=-t.id) for t in self.tracks)", "not whole numbers of at least 0"),
+        ("accept", "raise KeyError('table')", "cannot accept a message: KeyError: 'table' ("),
+        ("step", "raise SystemExit(3)", "cannot take a scan: SystemExit: 3 ("),
+        ("coast", "1 / 0", "cannot take a scan: ZeroDivisionError: "),
+        ("message", "return None", "cannot give a message: it is no tracking.fusion.message.Message but NoneType"),
+        ("message", "return replace(given, ids=given.ids[::-1])", "cannot give a message: ids are not ascending"),
+        ("message", "return replace(given, shares=given.shares[1:])", "shares of shape (3, 22), not (4, 22)"),
+        ("message", "return replace(given, shares=0 * given.shares)", "are not positive"),
+        ("message", "return replace(given, misses=given.misses / 2)", "misses are no table (4,) of whole numbers"),
+        ("message", "return replace(given, partition=None)", "cannot give a message: partition are no"),
+        ("message", "return replace(given, scan=None)", "scan are no table () of whole numbers"),
+        ("message", "return replace(given, deleted=((1,),))", "deleted are no table (1, 2) of numbers"),
+        ("message", "return replace(given, times=given.times + np.nan)", "times are no table (4, 3) of numbers"),
+        ("predict_all", "given[0][:] = np.nan", "cannot predict: means are not finite"),
+        ("predict_all", "given = given[0][:-1], given[1]", "cannot predict: means of shape (3, 4), not (4, 4)"),
+        ("predict_all", "given[1][:] *= -1.0", "cannot predict: covariances are not symmetric and positive definite"),
+        ("predict_all", "raise KeyError('table')", "cannot predict: KeyError: 'table' ("),
+        ("contribution", "given.averaged[0] = np.inf", "cannot contribute: averaged are not finite"),
+        ("contribution", "given = given._replace(weights=np.ones((4, 1)))", "contribute: weights of shape (4, 1)"),
+        ("contribution", "given.averaged[:, 4:] *= -1.0", "are not symmetric and positive definite"),
+        ("contribution", "return None", "cannot contribute: "),
+    ],
+)
+def test_nonsense_in_flight_ends_the_run_in_one_line(tmp_path, module, call, line, complaint):
+    key, code, base, arguments = METHODS[call]
+    code += f"import numpy as np\n\n\nclass Wrong({base}):\n    {MADE.get(call, '')}def {call}(self, {arguments}):\n"
+    code += f"        given = super().{call}({arguments})\n        {line}\n        return given\n"
+    module("wrong", code)
+    with pytest.raises(InputError, match=re.escape(complaint)) as error:
+        flown(tmp_path / "out", *SHORT, f"{key}=wrong:Wrong", planner="hover")
+    assert str(error.value).startswith(f"{key}: 'wrong:Wrong' ") and "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_tracker_that_changes_what_it_is_given_changes_nothing(module):
+    module("mytracker", NEAREST)
+    code = "class Spoils(Nearest):\n    def step(self, scan):\n        super().step(scan)\n"
+    code += "        scan.measurements[:] = scan.pose.position[:] = np.nan\n"
+    code += "    def accept(self, message):\n        super().accept(message)\n        message.ids[:] = 0\n"
+    module("spoils", f"{NEAREST}\n\n{code}")
+    recordings = []
+    for name in ("mytracker:Nearest", "spoils:Spoils"):
+        setting = load_scenario("forest", [*SHORT, f"tracking.tracker={name}"])
+        recordings.append(fly(task_of(setting, "greedy", 0)).row)
+    assert recordings[0].ospa.tobytes() == recordings[1].ospa.tobytes() and recordings[1].error == ""
+
+
+@pytest.mark.docs
+def test_the_example_passes_its_own_tests(tmp_path):
+    shutil.copytree(SOUP, tmp_path / "soup")
+    path = os.pathsep.join([str(tmp_path / "soup"), str(ROOT)])
+    words = ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "tests"]
+    done = python(*words, cwd=tmp_path / "soup", PYTHONPATH=path)
+    assert "2 passed" in done.stdout, done.stdout
