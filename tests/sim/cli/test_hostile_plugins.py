@@ -14,6 +14,7 @@ import pytest
 from helpers.hostile import DETECTED, DETECTOR, FLOWN, HEAD, PLANNER, REFUSED, UNDETECTED, planner
 from helpers.processes import ROOT, python, started_with
 
+from planning.planner import Plan
 from sim.mission.plan_check import checked_plans
 from sim.sensing.rendered_mode import RenderedMode
 from tracking.detection.detector import Frame
@@ -100,15 +101,19 @@ HARMLESS = [claim for claim in FLOWN if claim not in PROCESS]
 
 
 @pytest.mark.parametrize("claim", HARMLESS)
-def test_a_planner_that_does_wrong_is_a_fault_and_the_team_hovers(claim, random_team):
+def test_a_planner_that_does_wrong_is_a_fault_and_the_team_flies_its_last_intents(claim, random_team):
     code, words = FLOWN[claim]
     names = {}
     exec(compile(HEAD + code, "hostile.py", "exec"), names)
-    team = random_team(0)
-    plans, faults = checked_plans(names["Mine"](), team, {}, np.random.default_rng(0))
+    team, last = random_team(0), {i: Plan(np.array([[1.0, 0.0], [0.0, 2.0]])) for i in range(3)}
+    plans, faults = checked_plans(names["Mine"](), team, last, np.random.default_rng(0))
     assert bool(faults) == bool(words) and all(words in fault.message for fault in faults)
     for plan, situation in zip(plans, team, strict=True):
-        assert plan.controls.shape[1] == 2 and np.linalg.norm(plan.controls, axis=1).max() <= situation.own.max_speed
+        if not words:
+            np.testing.assert_array_equal(plan.controls, [[0.0, 0.0]])  # as it planned
+        elif "exceeds" not in faults[0].message:
+            np.testing.assert_array_equal(plan.controls, [[0.0, 2.0]])
+        assert np.linalg.norm(plan.controls, axis=1).max() <= situation.own.max_speed
     assert all(fault.trace == () or "hostile.py" in fault.trace[0] for fault in faults)
 
 

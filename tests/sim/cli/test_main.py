@@ -17,25 +17,11 @@ from sim.running import isolated_run
 from sim.scenario.loading import SCENARIOS
 from sim.study.study import STUDIES
 
-PLANNER = """
-class Wrong:
-    def __init__(self):
-        raise ValueError("a fault of the program, not of its user")
-"""
 AILING = """
 class Ailing:
     def plan(self, team, rng):
         raise RuntimeError("[bold]lost")
 """
-
-
-@pytest.mark.parametrize("command", [["run", "--planner"], ["compare", "--planner"], ["check-planner"]])
-def test_an_error_in_a_planners_constructor_is_one_line_that_says_where(refused, tmp_path, monkeypatch, command):
-    monkeypatch.delitem(sys.modules, "faulty", raising=False)
-    (tmp_path / "faulty.py").write_text(PLANNER)
-    err = refused(*command, "faulty:Wrong")
-    place = f"({tmp_path / 'faulty.py'}:4, in __init__)"
-    assert f"'faulty:Wrong' cannot be made: a fault of the program, not of its user {place}" in err
 
 
 def test_the_bare_command_shows_how_to_start_within_80_columns(call):
