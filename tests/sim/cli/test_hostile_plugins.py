@@ -101,7 +101,7 @@ HARMLESS = [claim for claim in FLOWN if claim not in PROCESS]
 
 
 @pytest.mark.parametrize("claim", HARMLESS)
-def test_a_planner_that_does_wrong_is_a_fault_and_the_team_flies_its_last_intents(claim, random_team):
+def test_of_a_planner_that_does_wrong_the_team_flies_its_last_intents(claim, random_team):
     code, words = FLOWN[claim]
     names = {}
     exec(compile(HEAD + code, "hostile.py", "exec"), names)
