@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 from helpers.flights import recorded
 from helpers.studies import invented, plain, short
-from helpers.trials import row
 
 from sim.mission.mission import Mission, forest_and_people
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.replay.events import links_of
-from sim.report.single_trials import command
 from sim.scenario.loading import load
-from sim.scenario.random_streams import numbered, stream
+from sim.scenario.random_streams import stream
 from sim.study.backends import Borrowed
 from sim.study.engine import complete
 from sim.study.store import _COLUMNS, NAME, SCHEMA, Store, read_rows
@@ -108,13 +106,6 @@ def test_a_study_flies_all_maps_before_it_repeats_them(tmp_path):
     assert [t.key for t in once] == [t.key for t in tasks(study)[:4]]
 
 
-@pytest.mark.parametrize(("repeats", "told"), [("0", " >= 1"), ("10001", " <= 10000"), ("1.5", ", got float")])
-def test_a_study_file_with_a_wrong_number_of_repeats_is_refused(tmp_path, repeats, told):
-    (tmp_path / "mine.toml").write_text(f'study = {{ planners = ["hover"], repeats = {repeats} }}')
-    with pytest.raises(ValueError, match=rf"mine\.toml: repeats: expected int{told}"):
-        read(str(tmp_path / "mine.toml"))
-
-
 def test_the_store_keeps_repeats_apart_and_flies_only_new_ones(tmp_path):
     made = short(["hover"], "0-1", repeats=3)
     with Store.opened(tmp_path, "short") as store:
@@ -153,9 +144,3 @@ def test_a_store_of_the_first_version_reads_as_the_first_repeat_and_goes_on(tmp_
     assert sql.execute("PRAGMA user_version").fetchone() == (SCHEMA,)
     assert {name for _, name, *_ in sql.execute("PRAGMA table_info(trials)")} >= set(_COLUMNS.split(", "))
     sql.close()
-
-
-def test_the_command_of_a_trial_flies_its_repeat():
-    assert "--seed 3 --repeat 2 --set" in command(row(seed=3, repeat=2))
-    assert "--repeat" not in command(row(seed=3))
-    assert [numbered(3, repeat) for repeat in (0, 2)] == ["seed 3", "seed 3, repeat 2"]

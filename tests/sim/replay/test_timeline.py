@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.recordings import record
-from helpers.summaries import summary
 from matplotlib.collections import PolyCollection
 
 from sim.drawing.palette import FALSE, HIDDEN, LOST, UAV_COLOURS, uav_colour
@@ -59,16 +58,6 @@ def test_stretches_states_and_holds_are_those_counted_by_hand():
     working = np.array([[True, True], [True, False], [False, False]])
     made = history(["---", "---"], ["---", "---"], ["---", "---"], [[1, 1, -1], [-1, -1, -1]], working=working)
     assert [HOLDS[s] for s in made.hold_states[:, 0]] == ["held by some", "held", "lost"]
-
-
-def test_switches_are_those_that_the_summary_counts():
-    recording = record(21)
-    ids = recording.track_ids.copy()
-    ids[recording.track_offsets[30] :] += 10
-    switched = replace(recording, track_ids=ids)
-    counted = sum(row["switches"] for row in summary(switched)["uavs"])
-    events = events_of(switched, scenario_of(recording))
-    assert counted == sum(len(event.uavs) for event in events if event.kind == "identity switch") > 0
 
 
 def shades(figure):

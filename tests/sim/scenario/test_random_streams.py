@@ -19,15 +19,3 @@ def test_each_seed_and_component_has_one_stream_of_its_own_for_good():
     # Numbers once drawn: a hash that depends on the process, or another derivation, would change them.
     first = [stream(0, name).bit_generator.random_raw() for name in ("forest", "walkers")]
     assert first == [9347971557553004297, 7514059325403089197]
-
-
-def test_what_other_components_draw_changes_nothing():
-    alone = draws(3, "walkers")
-    others = [stream(3, name) for name in ("forest", "a component of later", "planner")]
-    subject = stream(3, "walkers")
-    mixed = []
-    for _ in range(4):
-        for other in others:
-            other.random(7)
-        mixed.append(int(subject.integers(2**63)))
-    assert mixed == alone

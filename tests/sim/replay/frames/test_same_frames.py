@@ -56,10 +56,9 @@ def test_the_same_view_is_the_same_image_again(place, quaternion):
         np.testing.assert_array_equal(image, images[0])
 
 
-@pytest.mark.parametrize("mount", ["gimbal", "body"])
-@pytest.mark.parametrize("overrides", APPEARANCE.values(), ids=APPEARANCE)
-def test_frames_rendered_again_in_any_order_are_those_flown_byte_for_byte(mount, overrides, tmp_path):
-    recording, images = filmed("trees.density=75", PAIR.format(mount), *overrides, duration=2)
+@pytest.mark.parametrize(("mount", "look"), [*(("body", look) for look in APPEARANCE), ("gimbal", "all")])
+def test_frames_rendered_again_in_any_order_are_those_flown_byte_for_byte(mount, look, tmp_path):
+    recording, images = filmed("trees.density=75", PAIR.format(mount), *APPEARANCE[look], duration=2)
     save(recording, tmp_path / "mission.npz")
     recording = load(tmp_path / "mission.npz")
     order = np.random.default_rng(0).permutation(len(images)).tolist()
