@@ -38,11 +38,6 @@ class Drawn:
         return [Plan(self.made[-1][s.own.id]) for s in team]
 
 
-def intents_of(team, i):
-    """Of the UAV in place i: controls by id."""
-    return {j: plan.controls for j, plan in team[i].intents.items()}
-
-
 class Checked:
     """Plans, and plans once more on a team that knows all positions and last plans."""
 
@@ -103,7 +98,7 @@ def test_a_lost_plan_leaves_the_one_before_until_the_link_heals():
     lost = 0
     for k, team in enumerate(planner.teams):
         for i, situation in enumerate(team):
-            assert {j for j in intents_of(team, i) if j != i} == {j for j in known[i] if len(known[i][j])}
+            assert {j for j in situation.intents if j != i} == {j for j in known[i] if len(known[i][j])}
             for j, controls in known[i].items():
                 if len(controls):
                     np.testing.assert_array_equal(situation.intents[j].controls, controls)

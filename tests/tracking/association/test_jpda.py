@@ -11,12 +11,6 @@ from tracking.association.marginals import EXACT_SIDE, marginals
 from tracking.filter.kalman import Gaussian, update
 
 
-def random_case(rng: np.random.Generator, T: int, N: int, density: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Random gates, likelihoods over four decades, and probabilities of detection of which a third is zero."""
-    likelihood = 10 ** rng.uniform(-4, 0, (T, N)) * (rng.random((T, N)) < density)
-    return likelihood, rng.random(T) * (rng.random(T) < 2 / 3), 10 ** rng.uniform(-5, 0)
-
-
 def test_probabilities_are_exact_up_to_the_stated_size_and_sum_to_one_beyond():
     rng = np.random.default_rng(4)
     for size in (EXACT_SIDE, EXACT_SIDE + 1, 40):
@@ -26,10 +20,6 @@ def test_probabilities_are_exact_up_to_the_stated_size_and_sum_to_one_beyond():
     # All tracks alike and all measurements alike: by symmetry each row is the same, exact or not.
     alike = association_probabilities(np.ones((20, 20)), np.full(20, 0.9), 0.01)
     np.testing.assert_allclose(alike, np.tile(alike[0], (20, 1)), rtol=1e-9)
-
-
-def weights(likelihood: np.ndarray, detection: np.ndarray, clutter: float) -> tuple[np.ndarray, np.ndarray]:
-    return 1 - detection, detection[:, None] * likelihood / clutter
 
 
 def test_belief_propagation_is_exact_on_trees():
@@ -46,9 +36,11 @@ def test_belief_propagation_is_exact_on_trees():
             elif node >= tracks:
                 linked[rng.choice(reached_rows), node - tracks] = True
                 reached_columns.append(node - tracks)
-        likelihood, detection, clutter = random_case(rng, tracks, measurements, 1.0)
-        misses, pairs = weights(likelihood * linked, detection, clutter)
-        np.testing.assert_allclose(marginals(misses, pairs, 0), marginals(misses, pairs, 12), rtol=1e-8, atol=1e-14)
+        # Likelihoods over four decades, and probabilities of detection of which a third is zero.
+        likelihood = linked * 10 ** rng.uniform(-4, 0, (tracks, measurements))
+        detection = rng.random(tracks) * (rng.random(tracks) < 2 / 3)
+        parts = 1 - detection, detection[:, None] * likelihood / 10 ** rng.uniform(-5, 0)
+        np.testing.assert_allclose(marginals(*parts, 0), marginals(*parts, 12), rtol=1e-8, atol=1e-14)
 
 
 @pytest.mark.parametrize("detection", [[1.0], [-0.1], [math.nan]])
@@ -102,9 +94,9 @@ def test_likelihoods_are_the_innovations_density_and_integrate_to_one():
 
 def test_the_mixture_update_has_the_moments_of_the_mixture():
     rng = np.random.default_rng(9)
-    for _ in range(30):
+    for k in range(30):
         means, covariances, z, noise = random_scene(rng, 3, 4)
-        beta = rng.dirichlet(np.ones(5), 3)
+        beta = rng.dirichlet(np.ones(5), 3) if k else np.eye(5)[[0, 1, 4]]  # at first, all is certain
         undetected = means + rng.normal(0, 0.3, means.shape), 0.7 * covariances
         new_means, new_covariances = mixture_update((means, covariances), undetected, z, noise, beta)
         for i in range(3):
@@ -117,18 +109,6 @@ def test_the_mixture_update_has_the_moments_of_the_mixture():
             np.testing.assert_allclose(new_covariances[i], second - np.outer(mean, mean), rtol=1e-8, atol=1e-9)
             np.testing.assert_array_equal(new_covariances[i], new_covariances[i].T)
             assert np.linalg.eigvalsh(new_covariances[i]).min() > 0
-
-
-def test_a_certain_association_is_a_kalman_update_and_none_is_the_undetected_belief():
-    means, covariances, z, noise = random_scene(np.random.default_rng(10), 2, 2)
-    undetected = means + 0.5, 0.5 * covariances
-    beta = np.array([[1.0, 0, 0], [0, 0, 1.0]])
-    new_means, new_covariances = mixture_update((means, covariances), undetected, z, noise, beta)
-    np.testing.assert_allclose(new_means[0], undetected[0][0], rtol=1e-14)
-    np.testing.assert_array_equal(new_covariances[0], undetected[1][0])
-    certain = update(Gaussian(means[1], covariances[1]), z[1], noise[1])
-    np.testing.assert_allclose(new_means[1], certain.mean, rtol=1e-10)
-    np.testing.assert_allclose(new_covariances[1], certain.covariance, rtol=1e-9, atol=1e-11)
 
 
 def test_the_weighted_innovation_form_of_bar_shalom_gives_the_same_moments():

@@ -34,13 +34,9 @@ def test_sine_and_cosine_are_exact_to_three_ten_quadrillionths(name):
     assert np.abs(found - true).max() < 3e-16
 
 
-def logarithms(xs):
-    return np.array([exponential.log(x) for x in xs.tolist()])
-
-
 PRECISE = {
     "exponential": (universal.exp_each, mpmath.exp, _WIDE),
-    "logarithm": (logarithms, mpmath.log, _POSITIVE),
+    "logarithm": (lambda xs: np.array([exponential.log(x) for x in xs.tolist()]), mpmath.log, _POSITIVE),
     "sine of small angles": (universal.sin_each, mpmath.sin, _SMALL),
     "direction": (universal.arctan2_each, mpmath.atan2, *_DIRECTIONS.T),
 }

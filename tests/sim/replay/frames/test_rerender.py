@@ -81,10 +81,6 @@ def test_each_pixel_of_the_camera_is_a_square_or_the_frame_is_shrunk(pixels, siz
         assert np.any(view != enlarged)
 
 
-def colours_at(view, points):
-    return [tuple(view[y, x].tolist()) for x, y in np.floor(points).astype(int)]
-
-
 def test_a_track_is_drawn_with_its_ellipse_where_the_camera_would_see_it():
     belief = Gaussian(np.array([3.0, -2.0, 0.0, 0.0]), np.diag([1.0, 0.25, 1.0, 1.0]))
     seen = bare(scene(tracks=(Track(2, belief),)))
@@ -92,7 +88,7 @@ def test_a_track_is_drawn_with_its_ellipse_where_the_camera_would_see_it():
     ring = ellipse(belief.mean[:2], belief.covariance[:2, :2])
     points = np.column_stack([ring, np.full(len(ring), TARGET_HEIGHT)])
     on_it = 8 * seen.camera.project(seen.pose, points)[0]
-    right = [colour == track_colour(2) for colour in colours_at(view, on_it)]
+    right = [tuple(view[y, x].tolist()) == track_colour(2) for x, y in np.floor(on_it).astype(int)]
     assert np.mean(right) > 0.8 and np.ptp(on_it[:, 0]) == pytest.approx(2 * np.ptp(on_it[:, 1]), rel=0.01)
 
 
