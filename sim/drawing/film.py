@@ -99,7 +99,7 @@ class Film:
             image[tile.slices] = self._last[i]
 
     def _taken(self, snapshot: Snapshot) -> tuple[Snapshot, Ints]:
-        """The snapshot with numbered tracks, and states of people to these (M,), which follow from earlier ones, too."""
+        """The snapshot with numbered tracks, and the states of people to these (M,), which depend on the past."""
         self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses))
         self._sparkline.add(snapshot.time, snapshot.error)
         numbered = with_numbers(snapshot, self._numbers)
