@@ -43,20 +43,14 @@ class Observation:
     association: Association | None  # of all tracks and measurements; None where the camera took no frame
 
 
-class Observer:
+class Observer(ExitStack):
     """Observations of people in a recording; renders frames again where these were rendered."""
 
     def __init__(self, recording: Recording, scenario: Scenario) -> None:
+        super().__init__()
         self.recording, self.scenario = recording, scenario
-        self._open = ExitStack()
-        self.again = self._open.enter_context(Rerenderer(recording))
+        self.again = self.enter_context(Rerenderer(recording))
         self._bare: Rerenderer | None = None
-
-    def __enter__(self) -> "Observer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._open.close()
 
     def observe(self, k: int, uav: int, person: int) -> Observation:
         """The observation of one person by one UAV at scan k."""
@@ -89,7 +83,7 @@ class Observer:
             return None
         if self._bare is None:
             treeless = replace(self.recording, trees=np.zeros((0, 6)))
-            self._bare = self._open.enter_context(Rerenderer(treeless))
+            self._bare = self.enter_context(Rerenderer(treeless))
         people = self._bare.rendered(k, uav).people
         return int(visible_pixels(people, self.recording.people.shape[1])[sighting.person])
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from sim.drawing.lettering import Image
@@ -17,7 +18,7 @@ from sim.world.world import World
 from tracking.plugins.registry import InputError
 
 
-class Rerenderer:
+class Rerenderer(ExitStack):
     """The world of a recording, in which any of its frames can be rendered again; nothing flies.
 
     The images are those of the mission, byte for byte: they follow from the scenario, seed, repeat and the poses
@@ -25,10 +26,12 @@ class Rerenderer:
     """
 
     def __init__(self, recording: Recording) -> None:
+        super().__init__()
         self._recording = recording
         self.scenario = scenario_of(recording)
         people = recording.people.shape[1]
-        self._world = World(self.scenario, recording.forest, people, recording.seed, repeat=recording.repeat)
+        world = World(self.scenario, recording.forest, people, recording.seed, repeat=recording.repeat)
+        self._world = self.enter_context(world)
         self._renderer = Renderer(self._world)
 
     def image(self, k: int, uav: int) -> Image:
@@ -54,12 +57,6 @@ class Rerenderer:
                 if self._recording.working[k, i] and self.scenario.has_frame(i, k):
                     taken[i] = self.image(k, i)
         return taken
-
-    def __enter__(self) -> "Rerenderer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._world.close()
 
 
 def scenario_of(recording: Recording) -> Scenario:
