@@ -50,8 +50,9 @@ def checked_plans(
 
 
 def _handed(situation: Situation) -> Situation:
-    """A copy that a planner may do anything to; map and motion model are planners' own already."""
-    return deepcopy(situation, {id(own): own for own in (situation.forest, situation.motion)})
+    """A copy that a planner may do anything to; map, cameras and motion model are planners' own already."""
+    cameras = [part for vehicle in situation.vehicles for part in (vehicle.camera, vehicle.noise)]
+    return deepcopy(situation, {id(own): own for own in (situation.forest, situation.motion, *cameras)})
 
 
 def _proposed(plans: Iterable[object], uavs: int) -> list[object]:
