@@ -114,7 +114,7 @@ class Search:
         rasters = [_raster(situation, i, fleet, (centres, points, left[-1])) for i in uavs]
         to_come = np.cumsum(left[::-1], axis=0)[::-1].copy()  # people still to be counted from each step on
         own = np.array([vehicles[i].position[:2] for i in uavs], dtype=float)
-        return partial(_costs, self.weight, to_come, _joined(rasters), own, situation.step)
+        return partial(_costs, float(self.weight), to_come, _joined(rasters), own, situation.step)
 
 
 def _raster(situation: Situation, uav: int, fleet: Array, unseen: tuple[Array, Array, Array]) -> _Raster:

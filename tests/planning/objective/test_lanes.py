@@ -32,7 +32,8 @@ def test_side_by_side_the_penalty_is_that_of_each_plan(random_team, kind):
     for case in range(60):
         n, T = int(rng.integers(1, 6)), int(rng.integers(0, 9))
         fields = views(random_team(case, uavs=n, targets=1), rng, kind)
-        targets, sensors = rng.uniform(-40, 40, (T, 3)), rng.uniform(-40, 40, (n, 2, LANES))
+        # Of points by axis and sample, as planners have them.
+        targets, sensors = rng.uniform(-40, 40, (T, 3, 2))[:, :, 0], rng.uniform(-40, 40, (n, 2, LANES))
         traces = rng.uniform(0.1, 9.0, (T, LANES))
         if case % 3 == 0:
             traces = np.ceil(traces)  # some are equal
