@@ -76,7 +76,7 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
     flown = len({row.seed for row in (*group.done, *group.failed)})
     undefined = np.sum(~np.isfinite(values), axis=0).tolist()
     spread = spreads(values, np.array([seed for seed, _ in runs], dtype=object))
-    return [
+    return [  # intervals end where values do
         Answer(
             *(group.cell, group.planner, metric),
             maps=int(np.isfinite(of_maps[:, j]).sum()),
@@ -84,9 +84,7 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
             trials=len(runs),
             failed=len(group.failed),
             undefined=undefined[j],
-            mean=replace(
-                mean, low=max(mean.low, metric.least), high=min(mean.high, metric.most)
-            ),  # where values can be
+            mean=replace(mean, low=max(mean.low, metric.least), high=min(mean.high, metric.most)),
             median=median,
             spread=spread[j],
         )

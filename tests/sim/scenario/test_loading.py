@@ -134,11 +134,12 @@ def test_the_largest_files_and_deepest_nests_are_read_and_long_integers_refused(
         f"x = {'{a=' * 5000}1{'}' * 5000}",
         f"{'a.' * 300_000}a = 1",
         f"[{'a.' * 300_000}a]",
+        "a . " * 300_000 + "a = 1",
         f"x = {'[' * 31}{']' * 31}",
         '"a,=".' * 300_000 + "a = 1",
         r'x = {y = """a\"""""", ' + "'b'." * 300_000 + "a = 1}",
     ],
-    ids=["lists", "tables", "key", "header", "a few too many", "quoted key", "key behind a string"],
+    ids=["lists", "tables", "key", "header", "spaced key", "a few too many", "quoted key", "key behind a string"],
 )
 def test_nests_are_refused_at_once(written):
     with pytest.raises(InputError, match=r"^field: is nested too deep; at most 30 levels are allowed$"):
