@@ -183,6 +183,11 @@ def test_modules_have_few_public_names_and_tests_short_ones():
             assert len([name for name in names if not name.startswith("_")]) <= MOST_NAMES, (named(path), names)
 
 
+def test_a_class_has_a_name_of_its_own():
+    classes = [node.name for path in MODULES for node in parsed(path)[1].body if isinstance(node, ast.ClassDef)]
+    assert not [name for name, count in Counter(classes).items() if count > 1 and not name.startswith("_")]
+
+
 # What chooses its code by processor (BLAS, LAPACK, NumPy's elementary functions, sorting without a stable order, the
 # C library's functions) may differ in the last bit. None of it computes on a mission's path.
 EXACT = {"inf", "nan", "pi", "tau", "sqrt", "floor", "ceil", "isnan", "isfinite", "isclose", "radians", "prod"}

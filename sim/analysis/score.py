@@ -14,7 +14,7 @@ from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
 from sim.study.cells import VIEW, with_options
-from sim.study.study import Score
+from sim.study.study import ScoreScale
 from sim.study.tasks import Row
 
 SCORE = Metric("place between floor and bound", unit="%", better="higher", scale=100.0, digits=0, least=-np.inf)
@@ -39,7 +39,7 @@ class Scored(NamedTuple):
 
 
 def scored(
-    rows: Sequence[Row], groups: Sequence[Group], score: Score | None, given: Mapping[str, str] = {}
+    rows: Sequence[Row], groups: Sequence[Group], score: ScoreScale | None, given: Mapping[str, str] = {}
 ) -> Scored | None:
     """The scores of groups of rows; None where the study has none, or no map has both floor and bound."""
     if score is None:
@@ -49,7 +49,7 @@ def scored(
     return Scored(found, metric, ends) if found else None
 
 
-def ends_of(rows: Sequence[Placed], score: Score, given: Mapping[str, str] = {}) -> tuple[str, str]:
+def ends_of(rows: Sequence[Placed], score: ScoreScale, given: Mapping[str, str] = {}) -> tuple[str, str]:
     """Labels of floor and bound; InputError where the rows lack one."""
     bound = with_options(score.bound, {VIEW: "unlimited"})
     return baseline_of(rows, score.floor, given), baseline_of(rows, bound, given)

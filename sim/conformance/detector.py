@@ -35,7 +35,7 @@ _ALTITUDE = 25.0  # m
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class StagedFrame:
     """A frame, what the renderer showed in it, and the places of the people (M, 2) m."""
 
     frame: Frame
@@ -44,7 +44,7 @@ class View:
 
 
 @cache
-def views() -> dict[str, View]:
+def views() -> dict[str, StagedFrame]:
     """Views by name; the first is the ordinary one."""
     tilted = Uav(start=(0.0, 0.0), tilt_deg=30.0)
     low, level = Pose.level(0.0, 0.0, 15.0), Pose.level(0.0, 0.0, _ALTITUDE)
@@ -63,7 +63,7 @@ def views() -> dict[str, View]:
             world.place_people(people, np.linspace(0.0, 5.0, len(people)))
             camera = Camera(math.radians(60), pixels)
             rendered = renderer.render(camera, pose)
-            found[name] = View(Frame(0, 0.0, camera, pose, rendered.image), rendered, people)
+            found[name] = StagedFrame(Frame(0, 0.0, camera, pose, rendered.image), rendered, people)
         return found
 
 
@@ -93,10 +93,10 @@ class _Subject:
         except Unfit as error:
             self.first = error
 
-    def make(self) -> Callable[[View], Detections]:
+    def make(self) -> Callable[[StagedFrame], Detections]:
         made = DETECTORS.make(self._name, FOREST)
 
-        def detect(view: View) -> Detections:
+        def detect(view: StagedFrame) -> Detections:
             try:
                 with contained():
                     frame = deepcopy(view.frame)
@@ -108,7 +108,7 @@ class _Subject:
 
         return detect
 
-    def detect(self, view: View) -> Detections:
+    def detect(self, view: StagedFrame) -> Detections:
         return self.make()(view)
 
     def found(self) -> Detections:
@@ -123,7 +123,7 @@ def _detections(subject: _Subject) -> str:
     return f"{len(subject.first.ground)} in a frame of {len(views()['ordinary'].people)} people"
 
 
-def _matched(view: View, found: Detections) -> tuple[NDArray[np.int64], int]:
+def _matched(view: StagedFrame, found: Detections) -> tuple[NDArray[np.int64], int]:
     """Detections of the people (M,), -1 for none, and the number of people that the frame shows."""
     of_people = matched_detections(found.pixels, view.rendered.people, len(view.people))
     shown = view.rendered.people

@@ -26,7 +26,7 @@ from sim.report.page import commanded, listed, page, paragraph
 from sim.report.page_tables import html_table, result_tables, runtime_tables, verdict
 from sim.report.single_trials import failures, maps
 from sim.report.tables import notes, score_table, shortfalls
-from sim.study.study import Score
+from sim.study.study import ScoreScale
 from sim.study.tasks import Row
 from tracking.plugins.registry import InputError
 
@@ -64,7 +64,7 @@ class About:
     baseline: str | None = None  # a planner of the rows; None: the first
     labels: Mapping[str, str] = field(default_factory=dict)  # of planners, as from `labels_of`
     metrics: tuple[str, ...] = ()  # flat names; none: the usual ones
-    score: Score | None = None  # of the study
+    score: ScoreScale | None = None  # of the study
 
 
 def write(rows: Sequence[Row], folder: Path, about: About) -> None:

@@ -16,7 +16,7 @@ from tracking.plugins.spelling import did_you_mean
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
 
 
-class Score(Struct, frozen=True, forbid_unknown_fields=True):
+class ScoreScale(Struct, frozen=True, forbid_unknown_fields=True):
     """Ends between which a study places its planners; both are flown, whatever planners are compared."""
 
     floor: str  # a planner
@@ -36,7 +36,7 @@ class Study(Struct, frozen=True):
     settings: dict[str, str] = {}  # overrides for all trials, values as --set takes them
     factors: dict[str, dict[str, dict[str, Any]]] = {}  # of each name and level: overrides, and `planner` options
     exclude: tuple[dict[str, str | list[str]], ...] = ()  # trials that match all entries of one are left out
-    score: Score | None = None
+    score: ScoreScale | None = None
 
 
 def read(name: str) -> Study:

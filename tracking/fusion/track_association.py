@@ -21,7 +21,7 @@ _UNKNOWN = 1e-5  # 1/m², density of people that only one of two UAVs has a trac
 _TURNED = 0.05  # probability that an unseen person is anywhere within reach, rather than where the belief is
 
 
-class People(NamedTuple):
+class LatestTracks(NamedTuple):
     """Tracks of G people as the UAV that saw each last has them."""
 
     means: Array  # (G, 4)
@@ -72,7 +72,7 @@ def _latest(rows: Sequence[Indices], times: Sequence[Array], count: int) -> Arra
     return latest
 
 
-def likelihood_ratios(people: People, max_speed: float) -> Array:
+def likelihood_ratios(people: LatestTracks, max_speed: float) -> Array:
     """Logarithms (G, G) of the likelihood that two tracks are of one person, over that of two people.
 
     Of one person the states are equal: the density is that of the difference of the beliefs. A person out of
@@ -94,7 +94,7 @@ def _turned(reach: float) -> float:
     return log(_TURNED / (math.pi * reach * reach * _UNKNOWN))
 
 
-def _reach(people: People, max_speed: float) -> tuple[Array, Flags]:
+def _reach(people: LatestTracks, max_speed: float) -> tuple[Array, Flags]:
     """Distances (G, G) [m] that each can have moved from its last detection to that of another, flags if it can have.
 
     Flags are set only where the other was seen later.
@@ -105,9 +105,9 @@ def _reach(people: People, max_speed: float) -> tuple[Array, Flags]:
     return reach, (unseen > 0.0) & (gap <= reach)
 
 
-def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> People:
+def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> LatestTracks:
     """Each track as the message has it that tells of its last detection, the first of such."""
-    people = People(np.zeros((count, 4)), np.zeros((count, 4, 4)), np.full(count, -np.inf), np.zeros((count, 2)))
+    people = LatestTracks(np.zeros((count, 4)), np.zeros((count, 4, 4)), np.full(count, -np.inf), np.zeros((count, 2)))
     known = np.zeros(count, dtype=np.bool_)
     for message, rows in zip(messages, tracks, strict=True):
         seen, places = last_seen(message)
@@ -127,7 +127,9 @@ def _claims(messages: Sequence[Message], tracks: Sequence[Indices], count: int) 
     return claims
 
 
-def _joined(people: People, claims: Sequence[set[int]], holders: Flags, max_speed: float) -> tuple[Indices, Flags]:
+def _joined(
+    people: LatestTracks, claims: Sequence[set[int]], holders: Flags, max_speed: float
+) -> tuple[Indices, Flags]:
     """Group (G,) of each track, named by its first one, and flags (G,) of tracks that end.
 
     claims: ids of each track; holders (G, N): flags of the UAVs that hold each.

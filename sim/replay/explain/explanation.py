@@ -11,7 +11,7 @@ from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.event import UNHELD, UNMATCHED, Event
 from sim.replay.explain.association import Association
-from sim.replay.explain.observation import Observation, PersonMeasurement
+from sim.replay.explain.observation import PersonMeasurement, PersonObservation
 from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
 from sim.replay.history import History, fleet_text
 from tracking.numerics.arrays import Array
@@ -80,7 +80,7 @@ def _ago(times: Array, scan: int, k: int) -> str:
     return f", {times[k] - times[scan]:.1f} s ago" if k > scan else ""
 
 
-def _observation(w: Observation, facts: PersonFacts, recording: Recording) -> list[str]:
+def _observation(w: PersonObservation, facts: PersonFacts, recording: Recording) -> list[str]:
     if not w.works:
         return ["has broken down"]
     lines = [] if w.sighting.looked else ["took no frame at this scan; what geometry tells:"]
@@ -92,7 +92,7 @@ def _observation(w: Observation, facts: PersonFacts, recording: Recording) -> li
     return lines + (_association(w, w.association, facts.holder) if w.association and facts.holder else [])
 
 
-def _view(w: Observation, recording: Recording) -> list[str]:
+def _view(w: PersonObservation, recording: Recording) -> list[str]:
     sighting = w.sighting
     lines = [f"{sighting.status}, {w.away:.1f} m from below the camera"]
     for tree in sighting.hidden_by:
@@ -116,7 +116,7 @@ def _detection(found: PersonMeasurement, a: Association) -> list[str]:
     return lines if len(tracks) else [*lines, "in the gate of no track"]
 
 
-def _association(w: Observation, a: Association, holder: HoldingTrack) -> list[str]:
+def _association(w: PersonObservation, a: Association, holder: HoldingTrack) -> list[str]:
     """The scan as the person's track expected it, and other measurements that it may have taken for its own."""
     lines = []
     for t in np.flatnonzero(a.numbers == holder.number):

@@ -30,7 +30,7 @@ class PersonMeasurement:
 
 
 @dataclass(frozen=True, eq=False)
-class Observation:
+class PersonObservation:
     """One person to one UAV at one scan."""
 
     uav: int
@@ -52,14 +52,14 @@ class Observer(ExitStack):
         self.again = self.enter_context(Rerenderer(recording))
         self._bare: Rerenderer | None = None
 
-    def observe(self, k: int, uav: int, person: int) -> Observation:
+    def observe(self, k: int, uav: int, person: int) -> PersonObservation:
         """The observation of one person by one UAV at scan k."""
         recording, view = self.recording, view_of(self.scenario.uavs[uav], self.scenario)
         sighting = Sighting.all_of(recording, self.scenario, k, uav, view)[person]
         works = bool(recording.working[k, uav])
         association = Association.of(recording, self.scenario, k, uav)
         rows = self._measured(k, uav) if association else np.full(recording.people.shape[1], -1)
-        return Observation(
+        return PersonObservation(
             uav=uav,
             works=works,
             sighting=sighting,

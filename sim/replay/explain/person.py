@@ -7,7 +7,7 @@ import numpy as np
 from sim.evaluation.score import velocities
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
-from sim.replay.explain.observation import Observation, Observer
+from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.history import History
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import vehicle_of, view_of
@@ -120,7 +120,7 @@ class PersonFacts:
     place: Array  # (2,) m, NaN where absent
     velocity: Array  # (2,) m/s, NaN where unknown
     holder: HoldingTrack | None  # None for a person that no track has stood for yet
-    observations: tuple[Observation, ...]
+    observations: tuple[PersonObservation, ...]
     planned: tuple[PlannedVisibility | None, ...]
     history: History
 

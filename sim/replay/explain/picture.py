@@ -13,7 +13,7 @@ from sim.drawing.palette import FAINT, INK, PANEL, PAPER, uav_colour
 from sim.drawing.strokes import disc, stroke
 from sim.evaluation.holding import HOLDS
 from sim.replay.explain.explanation import Group
-from sim.replay.explain.observation import Observation, Observer
+from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.explain.person import PersonFacts
 from sim.replay.frames.annotation import annotated
 from sim.replay.frames.pages import MARK, marks_of
@@ -48,19 +48,19 @@ def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Gr
     return page
 
 
-def _nearest(facts: PersonFacts) -> list[Observation]:
+def _nearest(facts: PersonFacts) -> list[PersonObservation]:
     """The UAVs with frames to show: first those with the person inside, then the nearest."""
     working = [w for w in facts.observations if w.works]
     outside = {w.uav: not (w.sighting.inside or w.sighting.pixels) for w in working}
     return sorted(working, key=lambda w: (outside[w.uav], np.nan_to_num(w.away)))[:_FRAMES]
 
 
-def _heading(w: Observation) -> str:
+def _heading(w: PersonObservation) -> str:
     found = "" if w.found is None else ", measured" if w.found.pixel is None else ", detected"
     return f"UAV {w.uav}: {w.sighting.status}{found}"
 
 
-def _frame(observer: Observer, facts: PersonFacts, w: Observation) -> Image:
+def _frame(observer: Observer, facts: PersonFacts, w: PersonObservation) -> Image:
     """The annotated frame of one UAV, and in its corner the pixels round the person as the camera gave them."""
     sight = Sight.of(observer.recording, observer.scenario, facts.k, w.uav)
     image = observer.again.image(facts.k, w.uav)

@@ -9,11 +9,11 @@ from sim.analysis.intervals import means
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import planner_labels
 from sim.analysis.score import ends_of, places
-from sim.study.study import Score
+from sim.study.study import ScoreScale
 from tracking.plugins.registry import InputError
 
 GOSPA, SHARE = metric_shown("gospa.mean_m"), metric_shown("ospa.share_under_1m")
-SCORED = Score(floor="hover", bound="sma-nbo")
+SCORED = ScoreScale(floor="hover", bound="sma-nbo")
 VIEW = ("view", "unlimited")
 
 

@@ -9,9 +9,9 @@ from rich.console import Console
 from sim.report.report import About, made
 from sim.report.tables import SCORES
 from sim.report.terminal import show
-from sim.study.study import Score
+from sim.study.study import ScoreScale
 
-SCORE = Score(floor="hover", bound="sma-nbo")
+SCORE = ScoreScale(floor="hover", bound="sma-nbo")
 
 
 def rows():
