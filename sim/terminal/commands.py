@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
@@ -86,7 +87,7 @@ def run_alone(function: Callable[..., None]) -> None:
 def concluded(app: Callable[..., Any]) -> None:
     """Run a command line: exit code 0 done, 2 the input is wrong (one line says what), 1 anything else."""
     sys.path.append(os.getcwd())  # so that a plug-in in the current folder can be named; last, so it hides nothing
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what schedulers send is Ctrl-C to us
+    _take_signals()
     try:
         if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes other than zero
             fail("interrupted; nothing is kept", code=1)
@@ -104,3 +105,16 @@ def concluded(app: Callable[..., Any]) -> None:
         if not hasattr(error, "format_message"):
             raise
         fail(error.format_message(), code=2)
+
+
+def _take_signals() -> None:
+    """Make Ctrl-C and SIGTERM, which schedulers send, KeyboardInterrupts that say no more than that."""
+    signal.signal(signal.SIGTERM, _interrupted)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored, or handled by a caller
+        signal.signal(signal.SIGINT, _interrupted)
+
+
+def _interrupted(number: int, frame: FrameType | None) -> None:
+    # Objects that are half made now, such as a compiler's, would complain of it as they go.
+    sys.unraisablehook = lambda _: None
+    raise KeyboardInterrupt

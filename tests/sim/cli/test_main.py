@@ -99,3 +99,22 @@ def test_errors_of_files_other_than_a_full_disk_are_not_hidden(call, monkeypatch
     with pytest.raises(FileNotFoundError):
         call("run", "--duration", "1", "--no-video", "--planner", "hover", "--set", "sensing.mode=ideal", "--out", "r")
     assert not list(Path().iterdir())
+
+
+def test_ctrl_c_while_something_is_half_made_is_said_in_one_line():
+    code = """
+import signal
+from sim.terminal.commands import concluded
+
+class Half:
+    def __init__(self):
+        signal.raise_signal(signal.SIGINT)
+        self.whole = True
+
+    def __del__(self):
+        del self.whole
+
+concluded(lambda standalone_mode: Half())
+"""
+    ended = python("-c", code)
+    assert (ended.returncode, ended.stderr) == (1, "understory: interrupted; nothing is kept\n")
