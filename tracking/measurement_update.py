@@ -63,42 +63,47 @@ def scan_prediction(
     return ScanPrediction(*beliefs, undetected, existence, seen.mean(axis=1), detectable)
 
 
-def scan_update(before: ScanPrediction, z: Array, R: Array, p: TrackerParameters) -> ScanUpdate:
-    """Associate a scan's measurements z (N, 2) m, R (N, 2, 2) m², and update.
+def scan_update(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
+    """Associate a scan's measurements z (N, 2) m, R (N, 2, 2) m², and update; lost (N,) as in `associate`.
 
     Large scenes are updated by independent gating clusters. The result is the same, up to the rounding of existence.
     """
-    count, found = len(before.means), len(z)
-    if count * found <= _AT_ONCE:
-        return _at_once(before, z, R, p)
+    count = len(before.means)
+    if count * len(z) <= _AT_ONCE:
+        return _at_once(before, z, R, lost, p)
     means, covariances, existence, missed = (
         np.empty((count, 4)),
         np.empty((count, 4, 4)),
         np.empty(count),
         np.empty(count),
     )
-    explained, gates = np.zeros(found, np.bool_), []
+    explained, gates = np.zeros(len(z), np.bool_), []
     for rows, columns in gating_clusters(before.means, before.covariances, z, R, p.measurement_gate):
-        part = _at_once(before[rows], z[columns], R[columns], p)
+        part = _at_once(before[rows], z[columns], R[columns], lost[columns], p)
         means[rows], covariances[rows], existence[rows] = part.means, part.covariances, part.existence
         missed[rows], explained[columns] = part.missed, part.explained
         gates.append(np.column_stack([rows[part.gates[:, 0]], columns[part.gates[:, 1]]]))
     return ScanUpdate(means, covariances, existence, missed, np.concatenate(gates), explained)
 
 
-def associate(before: ScanPrediction, z: Array, R: Array, p: TrackerParameters) -> tuple[Array, Array, Array, Array]:
+def associate(
+    before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters
+) -> tuple[Array, Array, Array, Array]:
     """Associate the measurements z (N, 2) m, R (N, 2, 2) m².
 
+    lost (N,) 1/m²: density there of lost people who are not where their tracks are. It adds to that of clutter, which
+    here is the same as to lower the likelihoods.
     Returns the likelihood (T, N) 1/m² of each for each track, zero outside its gate; and the result of
     `tracking.association.jipda.existence_association`.
     """
     likelihood = gated_likelihood(before.means, before.covariances, z, R, p.gate_probability)
+    likelihood *= p.clutter_density / (p.clutter_density + lost)
     detection = p.detection(before.detectable, len(z))
     return likelihood, *existence_association(likelihood, detection, p.clutter_density, before.existence)
 
 
-def _at_once(before: ScanPrediction, z: Array, R: Array, p: TrackerParameters) -> ScanUpdate:
-    likelihood, beta, given, existence = associate(before, z, R, p)
+def _at_once(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
+    likelihood, beta, given, existence = associate(before, z, R, lost, p)
     means, covariances = mixture_update((before.means, before.covariances), before.undetected, z, R, given)
     # A wide belief must not take measurements of new people: it explains those that it makes likelier than clutter.
     explained = p.detection_probability * likelihood.max(axis=0, initial=0.0) > p.clutter_density

@@ -14,7 +14,7 @@ from tracking.measurement_update import associate, scan_prediction
 from tracking.tracker import Scan, Track, TrackerParameters
 
 # No track is confirmed, deleted or joined to another: what is left is the filter.
-FILTER = {"sure": 1 - 1e-12, "doubt": 1e-300, "seen": 1 - 1e-12, "max_variance": 1e9}
+FILTER = {"sure": 1 - 1e-12, "doubt": 1e-300, "seen": 1 - 1e-12, "max_variance": 1e9, "recovery_after": math.inf}
 
 
 def normal(x, covariance):
@@ -52,14 +52,18 @@ def missed(people, visible, p):
     return out
 
 
-def hypotheses(people, scan, misses, p):
-    """Each hypothesis as the measurement of each person, 0 for none and None for no such person, and its weight."""
+def hypotheses(people, scan, misses, p, lost=0.0):
+    """Each hypothesis as the measurement of each person, 0 for none and None for no such person, and its weight.
+
+    lost (N,): density at each measurement of people without a track; any other is clutter.
+    """
     found = list(zip(scan.measurements, scan.covariances, strict=True))
+    others = p.clutter_density + lost * np.ones(len(found))
     for event in itertools.product((None, *range(len(found) + 1)), repeat=len(people)):
         given = [j for j in event if j]
         if len(set(given)) < len(given):
             continue
-        weight = p.clutter_density ** (len(found) - len(given))
+        weight = math.prod(others[j] for j in range(len(found)) if j + 1 not in given)
         for person, miss, j in zip(people, misses, event, strict=True):
             if j is None:
                 weight *= 1 - person.r
@@ -70,9 +74,9 @@ def hypotheses(people, scan, misses, p):
         yield event, weight
 
 
-def after(people, scan, misses, p):
+def after(people, scan, misses, p, lost=0.0):
     """People after a scan, each by the moments over all hypotheses with it, and the association probabilities."""
-    every = list(hypotheses(people, scan, misses, p))
+    every = list(hypotheses(people, scan, misses, p, lost))
     total, out = math.fsum(weight for _, weight in every), []
     beta = np.zeros((len(people), len(scan.measurements) + 1))
     for i, person in enumerate(people):
@@ -141,8 +145,9 @@ def test_association_probabilities_are_those_of_all_hypotheses(seed):
         seen = np.full((len(people), 36), bool(visible))
         empty = 1 - p.detection_probability * seen
         before = scan_prediction(beliefs, np.array([a.r for a in people]), seen, empty, p)
-        _, beta, given, existence = associate(before, scan.measurements, scan.covariances, p)
-        people, expected = after(people, scan, missed(people, visible, p), p)
+        lost = 10 ** rng.uniform(-6, 0, len(scan.measurements))
+        _, beta, given, existence = associate(before, scan.measurements, scan.covariances, lost, p)
+        people, expected = after(people, scan, missed(people, visible, p), p, lost)
         np.testing.assert_allclose(beta, expected, rtol=0, atol=1e-9)
         np.testing.assert_allclose(existence, [a.r for a in people], rtol=0, atol=1.1e-9)
         assert np.all(given[expected < 1e-15] < 1e-9)

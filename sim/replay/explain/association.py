@@ -61,7 +61,7 @@ class Association:
         shows = miss_likelihood(camera, forest, beliefs, now=now, last=last, detection_probability=certainty)
         before = scan_prediction(beliefs, existence, *shows, p)
         z, R = (np.ascontiguousarray(table) for table in (scan.measurements, scan.covariances))
-        likelihood, beta, _, after = associate(before, z, R, p)
+        likelihood, beta, _, after = associate(before, z, R, np.zeros(len(z)), p)
         ids = np.array([t.id for t in tracks], dtype=np.int64)
         off, spread = z[None] - before.means[:, None, :2], before.covariances[:, None, :2, :2] + R[None]
         distances = squared_distance(off, spread)

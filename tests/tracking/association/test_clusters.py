@@ -13,6 +13,7 @@ from tracking.measurement_update import ScanPrediction, scan_update
 from tracking.tracker import TrackerParameters
 
 PARAMETERS = TrackerParameters(MOTION, clutter_density=1e-3)
+LOST = np.random.default_rng(5).uniform(0.0, 2e-3, 1000)  # 1/m², at each measurement
 
 
 def scene(rng, people, side):
@@ -39,10 +40,10 @@ def test_a_scan_in_blocks_gives_the_tracks_of_the_whole_scan(side, certain, monk
         before, z, noise = scene(rng, people, side)
         before = replace(before, existence=np.ones(people)) if certain else before
         assert people * len(z) > correction._AT_ONCE
-        blockwise = scan_update(before, z, noise, PARAMETERS)
+        blockwise = scan_update(before, z, noise, LOST[: len(z)], PARAMETERS)
         with monkeypatch.context() as patch:
             patch.setattr(correction, "_AT_ONCE", people * len(z))
-            whole = scan_update(before, z, noise, PARAMETERS)
+            whole = scan_update(before, z, noise, LOST[: len(z)], PARAMETERS)
         for name in ("means", "covariances", "existence", "missed", "explained"):
             ours, theirs = getattr(blockwise, name), getattr(whole, name)
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=0.0 if certain else 1e-12, err_msg=name)
@@ -66,6 +67,6 @@ def test_no_measurement_is_in_a_gate_of_another_block(side):
 
 def test_a_scan_without_measurements_leaves_what_was_given_nothing():
     before, _, _ = scene(np.random.default_rng(0), 150, 100.0)
-    after = scan_update(before, np.zeros((0, 2)), np.zeros((0, 2, 2)), PARAMETERS)
+    after = scan_update(before, np.zeros((0, 2)), np.zeros((0, 2, 2)), LOST[:0], PARAMETERS)
     np.testing.assert_allclose(after.means, before.undetected[0], rtol=1e-14)
     assert np.all(after.missed == 1.0) and after.gates.shape == (0, 2)

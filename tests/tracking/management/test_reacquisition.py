@@ -1,9 +1,14 @@
 """Re-acquisition of lost tracks by new ones."""
 
+import math
+
 import numpy as np
 import pytest
+from helpers.fleets import fleet, ids, play
+from helpers.scenes import track
+from scipy.stats import multivariate_normal
 
-from tracking.management.reacquisition import reacquisitions
+from tracking.management.reacquisition import reacquisitions, turned_density
 
 LOST = np.array([[0.0, 0, 0, 0], [10.0, 0, 0, 0], [0.0, 10, 0, 0]]), np.tile(np.eye(4), (3, 1, 1))
 SEEN = np.array([[0.0, 0, 8.0], [10.0, 0, 8.0], [0.0, 10, 8.0]])
@@ -35,3 +40,38 @@ def test_two_new_tracks_are_two_people():
     assert pairs((4.0, 0), (1.0, 0), lost=(LOST[0][:1], LOST[1][:1]), seen=SEEN[:1]) == [(1, 0)]
     # Both are nearest to the first; only the first of them can have reached the second.
     assert pairs((4.0, 0), (-1.0, 0)) == [(0, 1), (1, 0)]
+
+
+def test_people_who_turned_are_about_their_last_places():
+    rng = np.random.default_rng(0)
+    sightings = np.column_stack([rng.uniform(-9, 9, (5, 2)), 10.0 - rng.uniform(0.2, 20.0, 5)])
+    existence, z, roots = rng.uniform(0.1, 1.0, 5), rng.uniform(-9, 9, (7, 2)), rng.normal(size=(7, 2, 2))
+    noise = roots @ np.swapaxes(roots, 1, 2) + 0.02 * np.eye(2)
+    expected = [
+        sum(
+            r
+            * (1 - math.exp((t - 10.0) / 10))
+            * multivariate_normal((x, y), (1.5 * (10.0 - t)) ** 2 * np.eye(2) + R).pdf(p)
+            for (x, y, t), r in zip(sightings, existence, strict=True)
+        )
+        for p, R in zip(z, noise, strict=True)
+    ]
+    np.testing.assert_allclose(turned_density(sightings, existence, z, noise, 10.0, 3.0), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("fusion", ["kla", "hcmci"])
+def test_a_lost_person_found_at_the_edge_of_the_gate_by_one_uav_and_beyond_it_by_another_has_one_track(fusion):
+    """Unseen for 2 s, somebody turned: a track that follows a measurement 3.4 deviations away is not the person's."""
+    trackers = fleet(2, track(3, -6.0, 0.0, 1.0, 0.0), fusion=fusion)
+    both, counts = ~np.eye(2, dtype=bool), []
+    play(trackers, 0, [[(-6.0, 0.0)]] * 2, both)
+    for k in range(1, 11):
+        play(trackers, k, [None, None], both)
+    mean, P = trackers[0].tracks[0].belief.mean, trackers[0].tracks[0].belief.covariance
+    place = mean[:2] + [0.0, 3.4 * math.sqrt(P[1, 1] + 0.05)]
+    play(trackers, 11, [None, [place + [0.0, 1.5]]], both)
+    play(trackers, 12, [[place], [place + [0.0, 1.5]]], both)
+    for k in range(13, 25):
+        play(trackers, k, [None, [place + [0.0, 1.5]]], both)
+        counts.append(len(trackers[0].tracks))
+    assert counts == [1] * 12 and ids(trackers) == [(3,)] * 2, counts
