@@ -1,7 +1,7 @@
 """Scans and tracks: what a tracker is given, and what it holds."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,12 +28,17 @@ class Track:
     id: int
     belief: Gaussian
     existence: float = 1.0  # probability; 1 where the tracker has none, as where life is m_of_n
+    # (3,) position [m] and time [s] of the fleet's last sure detection; NaN where the tracker does not tell
+    sighting: Array = field(default_factory=lambda: np.full(3, np.nan))
 
 
-def tracks_of(ids: Indices, means: Array, covariances: Array, existence: Array) -> tuple[Track, ...]:
-    """Tracks with ids (T,), means (T, 4), covariances (T, 4, 4) and existence (T,), of which they are copies."""
-    rows = zip(ids.tolist(), means, covariances, existence.tolist(), strict=True)
-    return tuple(Track(id, Gaussian(mean.copy(), covariance.copy()), r) for id, mean, covariance, r in rows)
+def tracks_of(
+    ids: Indices, means: Array, covariances: Array, existence: Array, sightings: Array | None = None
+) -> tuple[Track, ...]:
+    """Tracks with copies of ids (T,), means (T, 4), covariances (T, 4, 4), existence (T,) and sightings (T, 3)."""
+    told = np.full((len(ids), 3), np.nan) if sightings is None else sightings.copy()
+    rows = zip(ids.tolist(), means.copy(), covariances.copy(), existence.tolist(), told, strict=True)
+    return tuple(Track(id, Gaussian(mean, covariance), r, sighting) for id, mean, covariance, r, sighting in rows)
 
 
 def beliefs_of(tracks: Sequence[Track]) -> tuple[Array, Array]:

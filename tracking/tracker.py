@@ -15,10 +15,10 @@ from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest, visible_samples
 from tracking.management.deletion import counted_misses, missed, shared_people, without_measurement
 from tracking.management.initiation import Initiator, Tentative
-from tracking.management.reacquisition import reacquisitions, turned_density
+from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
 from tracking.management.validation import check_track, checked_scan
 from tracking.measurement_update import scan_prediction, scan_update
-from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
 from tracking.track import Scan, Track, beliefs_of, tracks_of
@@ -79,7 +79,7 @@ class Tracker:
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks by ascending id."""
         table = self._table
-        return tracks_of(table.ids, table.means, table.covariances, table.existence)
+        return tracks_of(table.ids, table.means, table.covariances, table.existence, table.sightings)
 
     @property
     def max_speed(self) -> float:
@@ -108,7 +108,7 @@ class Tracker:
             self._camera, self._forest, beliefs, now=now, last=last, detection_probability=certainty
         )
         before = scan_prediction(beliefs, table.existence, *likelihood, p)
-        lost = self._lost(table, last_scan)
+        lost = lost_tracks(table.sightings, last_scan, p)
         turned = turned_density(table.sightings[lost], table.existence[lost], z, R, scan.time, p.max_speed)
         after = scan_update(before, z, R, turned, p)
         self._predicted = *beliefs, z, after.gates
@@ -217,7 +217,7 @@ class Tracker:
         born = np.flatnonzero(is_new_label(table.ids, self._scans))
         if len(born) == 0:
             return table
-        lost = self._lost(table, self._time)
+        lost = lost_tracks(table.sightings, self._time, p)
         pairs = reacquisitions(
             (table.means[born], table.covariances[born]),
             (table.means[lost], table.covariances[lost]),
@@ -231,12 +231,6 @@ class Tracker:
         left = np.setdiff1d(np.arange(len(ids)), [lost[k] for _, k in pairs])
         order = left[np.argsort(ids[left], kind="stable")]
         return replace(table, ids=ids)[order]
-
-    def _lost(self, table: TrackTable, time: float) -> Indices:
-        """Rows of the tracks whose people no UAV had sighted lately at the time of a scan."""
-        unseen = time - table.sightings[:, 2]
-        rounded = self.parameters.recovery_after - self.parameters.motion.dt / 2
-        return np.flatnonzero((unseen > 0.0) & (unseen > rounded))
 
 
 def _tabulated(tracks: Sequence[Track], *, weight: float, seen: float, sighted: float) -> TrackTable:

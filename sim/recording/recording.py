@@ -69,6 +69,8 @@ class Recording:
     sees_truth: Annotated[bool, "|b1", ""] = field(default_factory=bool)  # whether the planner does: an upper bound
     # Existence probability; NaN where the tracker has none, as in life m_of_n; -1 where it was not recorded.
     track_existence: Annotated[Array, "<f8", "S"] = field(default_factory=lambda: np.zeros(0))
+    # Position [m] and time [s] of the fleet's last sure detection; NaN where the tracker does not tell, -1 as above.
+    track_sightings: Annotated[Array, "<f8", "S 3"] = field(default_factory=lambda: np.zeros((0, 3)))
     faults: Annotated[str, "<U", ""] = field(default_factory=str)  # JSON, see `fault_text`; "" where not recorded
     repeat: Annotated[int, "<i8", ""] = field(default_factory=int)  # of the chance on the map of the seed
 
@@ -127,7 +129,10 @@ class Recording:
         rows = self._rows(self.track_offsets, k, uav)
         existence = self.existence_at(k, uav)
         certain = np.where(np.isnan(existence), 1.0, existence)
-        return tracks_of(self.track_ids[rows], self.track_means[rows], self.track_covariances[rows], certain)
+        told = self.track_sightings[rows]
+        sightings = np.where(told[:, 2:] >= 0.0, told, math.nan)
+        beliefs = self.track_means[rows], self.track_covariances[rows]
+        return tracks_of(self.track_ids[rows], *beliefs, certain, sightings)
 
     def track_ids_at(self, k: int, uav: int) -> Ints:
         """Ids (N,) of the tracks of one UAV after scan k."""
@@ -246,6 +251,7 @@ class Recorder:
             track_covariances=_joined((track.belief.covariance for track in tracks), 4, 4),
             # Existence probabilities stay below one, which stands for tracks without any.
             track_existence=np.array([t.existence if t.existence < 1.0 else math.nan for t in tracks], dtype=float),
+            track_sightings=_joined((track.sighting for track in tracks), 3),
             plan_times=np.array([time for time, _ in self._plans], dtype=float),
             plans=_padded([plans for _, plans in self._plans], uavs),
             contacts=np.array(self._contacts, dtype=np.int64).reshape(-1, 4),

@@ -51,6 +51,7 @@ def arrays(r: Recording) -> dict[str, NDArray[Any]]:
         "track_m_per_s": r.track_means[:, 2:],
         "track_covariance": r.track_covariances,
         "track_existence": np.where(r.track_existence >= 0, r.track_existence, np.nan),
+        "track_sighting": np.where(r.track_sightings[:, 2:] >= 0, r.track_sightings, np.nan),
     }
     views = {name: array.view() for name, array in found.items()}
     for view in views.values():

@@ -42,6 +42,7 @@ def bare(people, tracks, **changes):
         "track_means": means,
         "track_covariances": np.tile(np.eye(4), (len(means), 1, 1)),
         "track_existence": np.full(len(means), np.nan),
+        "track_sightings": np.full((len(means), 3), np.nan),
     }
     truth = {"ospa": np.ones((scans, uavs, 3)), "visible": np.zeros((scans, uavs, count), dtype=np.int64)}
     truth |= {"matched": np.zeros((scans, uavs, count), dtype=bool)}

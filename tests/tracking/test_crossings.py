@@ -26,10 +26,9 @@ SCANS = 41  # 8 s; the people are closest at 4 s
 CAMERA = Camera(math.radians(60), 128)
 POSE = Pose.level(-10.0, 0.0, 60.0)  # 10 m beside the crossing, sees 34 m each way
 NOISE = NoiseModel.range_bearing(0.1)
-# Association alone, as Stone Soup does it: no track begins or ends.
-HARD = TrackerParameters(
-    MOTION, detection_probability=0.9, clutter_density=1e-4, confirm=(62, 62), delete=(62, 62), life="m_of_n"
-)
+# Association alone, as Stone Soup does it: no track begins or ends, and people who are lost have not turned.
+_ALONE = {"confirm": (62, 62), "delete": (62, 62), "life": "m_of_n", "recovery_after": math.inf}
+HARD = TrackerParameters(MOTION, detection_probability=0.9, clutter_density=1e-4, **_ALONE)
 # All of the tracker, and what the testbed's cameras give by default: hardly a miss, no false alarms.
 WHOLE = TrackerParameters(MOTION)
 COUNTED = TrackerParameters(MOTION, life="m_of_n")

@@ -117,7 +117,7 @@ class TrackExchange:
         self._partition, self._born = message.partition, 0
         histories = np.concatenate([message.times, sightings], axis=1)
         self._known = dict(zip(message.ids.tolist(), histories, strict=True))
-        return tracks_of(message.ids, means, covariances, existence)
+        return tracks_of(message.ids, means, covariances, existence, sightings)
 
     def _here(self, means: Array) -> Array:
         return np.column_stack([means[:, :2], np.full(len(means), self._time)])

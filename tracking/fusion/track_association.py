@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tracking.fusion.labels import LABELS_PER_SCAN, new_label
+from tracking.fusion.labels import LABELS_PER_SCAN, is_new_label, new_label
 from tracking.fusion.message import Message, alike, last_seen
 from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -52,7 +52,7 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     valid = [m.sightings[:, 2] >= told[of] for m, of in zip(messages, tracks, strict=True)]
     holders = np.array([np.isin(np.arange(len(names)), tracks[k][valid[k]]) for k in order]).T
     claims = _claims(messages, tracks, len(names))
-    group, ends = _joined(people, claims, holders, max_speed)
+    group, ends = _joined(people, claims, holders, is_new_label(names[:, 1], own.scan), max_speed)
     ids = _ids(names, claims, group, ends, own.scan)
     kept, first = np.unique(ids, return_index=True)
     kept, first = kept[kept >= 0], first[kept >= 0]
@@ -128,13 +128,14 @@ def _claims(messages: Sequence[Message], tracks: Sequence[Indices], count: int) 
 
 
 def _joined(
-    people: LatestTracks, claims: Sequence[set[int]], holders: Flags, max_speed: float
+    people: LatestTracks, claims: Sequence[set[int]], holders: Flags, born: Flags, max_speed: float
 ) -> tuple[Indices, Flags]:
     """Group (G,) of each track, named by its first one, and flags (G,) of tracks that end.
 
-    claims: ids of each track; holders (G, N): flags of the UAVs that hold each.
-    UAV by UAV one assignment joins the tracks that the UAVs before do not hold to groups of others. A group out of
-    sight ends if its person was seen later, within reach, as another track of its only id.
+    claims: ids of each track; holders (G, N): flags of the UAVs that hold each; born (G,): flags of tracks begun in
+    this scan. UAV by UAV one assignment joins the tracks that the UAVs before do not hold to groups of others, new
+    tracks after all others: a new track and a lost one of the same UAV may both be of the person that another UAV has.
+    A group out of sight ends if its person was seen later, within reach, as another track of its only id.
     """
     common = np.array([[not one.isdisjoint(other) for other in claims] for one in claims], dtype=np.bool_)
     common = common.reshape(len(claims), len(claims))
@@ -142,8 +143,8 @@ def _joined(
     ratios = likelihood_ratios(people, max_speed) + _LABELLED * (common & together)
     every = np.arange(len(claims))
     group, known = every.copy(), np.zeros(len(claims), dtype=np.bool_)
-    for k in range(holders.shape[1]):
-        new, old = np.flatnonzero(holders[:, k] & ~known), np.flatnonzero(known & (group == every))
+    for held in (*(holders & ~born[:, None]).T, *(holders & born[:, None]).T):
+        new, old = np.flatnonzero(held & ~known), np.flatnonzero(known & (group == every))
         cost = np.full((len(new), len(old)), np.inf)
         for b, members in enumerate([np.flatnonzero(group == g) for g in old]):
             last = members[people.seen[members] == people.seen[members].max()]

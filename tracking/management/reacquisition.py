@@ -4,15 +4,25 @@ import math
 
 import numpy as np
 
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.assignment import most_pairs
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length, pair_distances
 from tracking.numerics.exponential import exp
+from tracking.parameters import TrackerParameters
 
 # Sum of the errors of the last measurement and of the present one, at most [m].
 _MARGIN = 1.0
 _TURN = 10.0  # s, mean time in which people turn or change speed as no motion model foresees; 3 to 20 s do as well
+
+
+def lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
+    """Rows of the tracks that no UAV has detected surely for `recovery_after` s, after the scan at `time` s.
+
+    sightings (T, 3): position [m] and time [s] of the last sure detection of each.
+    """
+    unseen = time - sightings[:, 2]
+    return np.flatnonzero((unseen > 0.0) & (unseen > p.recovery_after - p.motion.dt / 2))  # but for rounding
 
 
 @compiled

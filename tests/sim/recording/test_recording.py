@@ -148,12 +148,13 @@ def test_truncated_and_flipped_bytes_never_pass_or_crash(saved, tmp_path):
 DATA = ROOT / "tests" / "data"
 # What the recordings in `data` lack. They were flown by `understory run --planner hover --duration 2` of the commits
 # that recorded first, then contacts, then bytes sent, and then, on two branches, plans sent and existence.
-LATER = {"contacts", "bytes_sent", "plan_bytes", "plan_rounds", "sees_truth", "track_existence", "faults", "repeat"}
+PLANS, TRACKS = {"plan_bytes", "plan_rounds", "sees_truth"}, {"track_existence", "track_sightings"}
+LATER = {"contacts", "bytes_sent", "faults", "repeat"} | PLANS | TRACKS
 LACKED = {
     "first": LATER,
     "contacts": LATER - {"contacts"},
     "bytes": LATER - {"contacts", "bytes_sent"},
-    "plans": {"track_existence", "faults", "repeat"},
+    "plans": {"faults", "repeat"} | TRACKS,
     "existence": LATER - {"contacts", "bytes_sent", "track_existence"},
 }
 
@@ -183,6 +184,18 @@ def test_an_older_form_loads_with_defaults_for_what_it_lacks_renders_and_exports
         export(recording, target, tmp_path / target)
     rows = (tmp_path / "csv" / "tracks.csv").read_text().splitlines()
     assert len(rows) == 1 + len(recording.track_ids)
+
+
+def test_sightings_come_back_to_the_last_bit(tmp_path):
+    flown = fly("sensing.mode=ideal", "trees.density=0", seed=1, duration=2)
+    told = [t.sighting.tolist() for s in flown[1] for held in s.tracks for t in held]
+    recording = recording_of(*flown, seed=1)
+    save(recording, tmp_path / "mission.npz")
+    again = load(tmp_path / "mission.npz")
+    found = np.array([t.sighting for k in range(11) for i in range(3) for t in again.tracks_at(k, i)])
+    assert found.tolist() == told and len({t for _, _, t in told}) > 1
+    old = load(rewritten(tmp_path / "mission.npz", tmp_path / "old.npz", track_sightings=None))
+    assert all(np.isnan(t.sighting).all() for t in old.tracks_at(10, 0)) and np.all(old.track_sightings == -1.0)
 
 
 def lived(life: str):

@@ -74,7 +74,14 @@ def test_one_track_follows_musickis_recursion():
 
 
 def test_a_tracker_follows_the_recursion_over_hits_and_misses():
-    subject = tracker(maybe(0.6, 0, 0, 1, 0), life="existence", survival=0.98, clutter_density=0.01, absence_weight=0.0)
+    subject = tracker(
+        maybe(0.6, 0, 0, 1, 0),
+        life="existence",
+        survival=0.98,
+        clutter_density=0.01,
+        absence_weight=0.0,
+        recovery_after=math.inf,
+    )
     belief, r = maybe(0.6, 0, 0, 1, 0).belief, 0.6
     for k, seen in enumerate([True, False, False, True, False, True, True]):
         z = np.array([0.2 * k + 0.1, 0.05])

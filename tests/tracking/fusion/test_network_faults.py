@@ -132,6 +132,19 @@ def test_a_person_lost_by_one_half_is_where_the_other_half_sees_them():
     np.testing.assert_allclose(trackers[3].tracks[0].belief.mean[:2], [0.0, 5.9], atol=0.2)
 
 
+@FUSIONS
+@pytest.mark.parametrize("adjacency", [WHOLE, graph("ring", 4)])
+def test_a_person_found_again_in_the_scan_of_healing_has_one_track(adjacency, fusion):
+    """The half that lost the person begins a new track of the person whom the other half has tracked all the time."""
+    trackers = fleet(4, fusion=fusion)
+    for k in range(18):
+        place = (0.4 * k, 0.0) if k < 6 else (2.0, -0.4 * (k - 5))  # turns when only the second half looks
+        first = None if 6 <= k < 16 else [place]
+        play(trackers, k, [first, None, [place], [place]], adjacency if k == 17 else HALVES & adjacency)
+    assert [len(held) for held in ids(trackers)] == [1] * 4 and len(set(ids(trackers))) == 1
+    np.testing.assert_allclose(trackers[1].tracks[0].belief.mean[:2], place, atol=0.1)
+
+
 @pytest.mark.parametrize("adjacency", [WHOLE, graph("line", 4)])
 def test_a_person_known_to_both_halves_and_lost_by_one_keeps_the_older_id(adjacency):
     """No UAV has a view when the halves meet, and the beliefs differ: the last detection counts."""

@@ -68,10 +68,11 @@ def test_a_lost_person_found_at_the_edge_of_the_gate_by_one_uav_and_beyond_it_by
     for k in range(1, 11):
         play(trackers, k, [None, None], both)
     mean, P = trackers[0].tracks[0].belief.mean, trackers[0].tracks[0].belief.covariance
-    place = mean[:2] + [0.0, 3.4 * math.sqrt(P[1, 1] + 0.05)]
-    play(trackers, 11, [None, [place + [0.0, 1.5]]], both)
-    play(trackers, 12, [[place], [place + [0.0, 1.5]]], both)
+    place = mean[:2] + np.array([0.0, 3.4 * math.sqrt(P[1, 1] + 0.05)])
+    beyond = place + np.array([0.0, 1.5])
+    play(trackers, 11, [None, [beyond]], both)
+    play(trackers, 12, [[place], [beyond]], both)
     for k in range(13, 25):
-        play(trackers, k, [None, [place + [0.0, 1.5]]], both)
+        play(trackers, k, [None, [beyond]], both)
         counts.append(len(trackers[0].tracks))
     assert counts == [1] * 12 and ids(trackers) == [(3,)] * 2, counts

@@ -25,9 +25,9 @@ def flown(case, monkeypatch):
     spied = []
     weigh = tracking.measurement_update.associate
 
-    def weighed(before, z, R, p):
-        spied.append((before, z, R, *weigh(before, z, R, p)))
-        return spied[-1][3:]
+    def weighed(before, z, R, lost, p):
+        spied.append((before, z, R, lost, *weigh(before, z, R, lost, p)))
+        return spied[-1][4:]
 
     monkeypatch.setattr(tracking.measurement_update, "associate", weighed)
     return *recorded("sensing.mode=ideal", *CASES[case], duration=5), spied
@@ -36,13 +36,13 @@ def flown(case, monkeypatch):
 @pytest.mark.parametrize("case", CASES)
 def test_associations_are_those_of_the_flight(case, monkeypatch):
     recording, scenario, spied = flown(case, monkeypatch)
-    hidden, ambiguous = 0, 0
+    hidden, ambiguous, turned = 0, 0, 0
     for k, uav in np.ndindex(recording.poses.shape[:2]):
         found = Association.of(recording, scenario, k, uav)
         if found is None:
             assert (uav == 1 and k % 5) or (uav == 2 and k >= 10)
             continue
-        before, z, R, likelihood, beta, _, existence = spied.pop(0)
+        before, z, R, lost, likelihood, beta, _, existence = spied.pop(0)
         np.testing.assert_array_equal(found.before.means, before.means)
         np.testing.assert_array_equal(found.before.covariances, before.covariances)
         np.testing.assert_array_equal(found.before.visible, before.visible)
@@ -55,9 +55,10 @@ def test_associations_are_those_of_the_flight(case, monkeypatch):
         np.testing.assert_array_equal(found.gated, likelihood > 0)
         np.testing.assert_array_equal(found.beta, beta)
         np.testing.assert_array_equal(found.existence, existence)
+        turned += np.count_nonzero(lost)
         hidden += np.count_nonzero(found.before.visible < 0.5)
         ambiguous += np.count_nonzero((found.beta[:, 1:] > 0.01) & (found.beta[:, 1:] < 0.99))
-    assert spied == [] and hidden > 5
+    assert spied == [] and hidden > 5 and turned > 5
     assert ambiguous > 0 or case != "existence"
 
 
@@ -85,4 +86,4 @@ def test_a_mission_of_one_scan_has_its_first_association(monkeypatch):
     names = "times people headings poses cameras commands ospa visible matched".split()
     one = replace(recording, **{name: getattr(recording, name)[:1] for name in names})
     for uav in range(3):
-        np.testing.assert_array_equal(Association.of(one, scenario, 0, uav).beta, spied[uav][4])
+        np.testing.assert_array_equal(Association.of(one, scenario, 0, uav).beta, spied[uav][5])
