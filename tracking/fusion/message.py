@@ -94,8 +94,8 @@ def alike(messages: Sequence[Message]) -> bool:
 
 
 def last_seen(message: Message) -> tuple[Array, Array]:
-    """Times (T,) [s] and places (T, 2) [m] of the last detections: in this scan, or else the last sure one."""
-    now = message.times[:, 0] >= message.time
+    """Times (T,) [s] and places (T, 2) [m] of the last sure detections, in this scan or before."""
+    now = message.times[:, 2] >= message.time
     means, _ = message.beliefs
     return (
         np.where(now, message.time, message.sightings[:, 2]),

@@ -3,6 +3,8 @@
 `pytest -m slow -s -n 0 tests/tracking/fusion/test_random_splits.py` plays 260 of them and prints the counts.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 from helpers.fleets import fleet, ids
@@ -76,14 +78,15 @@ def played(seed: int) -> tuple[int, np.ndarray, np.ndarray]:
     return team.people, counts, np.array([sum(apart), len(apart)])
 
 
-def totals(seeds: range) -> tuple[int, np.ndarray, np.ndarray]:
+def totals(seeds: Iterable[int]) -> tuple[int, np.ndarray, np.ndarray]:
     """The same, added up over seeds."""
     people, counts, apart = zip(*(played(seed) for seed in seeds), strict=True)
     return sum(people), np.sum(counts, axis=0), np.sum(apart, axis=0)
 
 
 def test_a_second_after_healing_no_person_is_doubled_or_lost():
-    _, counts, apart = totals(range(12))
+    # In the last three a UAV finds a person anew in the scan of healing, whom another partition tracks.
+    _, counts, apart = totals([*range(12), 101, 201, 325])
     assert counts.sum() == 0 and apart[0] == 0
 
 
