@@ -92,7 +92,7 @@ class Tracker:
         if scan.uav != self.uav:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
         z, R = checked_scan(scan.time, scan.pose, scan.measurements, scan.covariances)
-        last_scan = self._time
+        times = self._time, scan.time
         self.coast(scan.time)
         elapsed, self._waited = self._waited, 0
 
@@ -103,13 +103,10 @@ class Tracker:
         beliefs = table.means, table.covariances
         now, last = (scan.time, scan.pose), self._viewpoint
         self._viewpoint = now
-        certainty = p.detection_probability
-        likelihood = miss_likelihood(
-            self._camera, self._forest, beliefs, now=now, last=last, detection_probability=certainty
-        )
+        views = self._camera, self._forest, beliefs
+        likelihood = miss_likelihood(*views, now=now, last=last, detection_probability=p.detection_probability)
         before = scan_prediction(beliefs, table.existence, *likelihood, p)
-        lost = lost_tracks(table.sightings, last_scan, p)
-        turned = turned_density(table.sightings[lost], table.existence[lost], z, R, scan.time, p.max_speed)
+        turned = turned_density(table.sightings, table.existence, z, R, times, p)
         after = scan_update(before, z, R, turned, p)
         self._predicted = *beliefs, z, after.gates
         detected = 1.0 - after.missed

@@ -25,17 +25,24 @@ def lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
     return np.flatnonzero((unseen > 0.0) & (unseen > p.recovery_after - p.motion.dt / 2))  # but for rounding
 
 
-@compiled
-def turned_density(sightings: Array, existence: Array, z: Array, R: Array, now: float, max_speed: float) -> Array:
+def turned_density(
+    sightings: Array, existence: Array, z: Array, R: Array, times: tuple[float, float], p: TrackerParameters
+) -> Array:
     """Density (N,) 1/m² of lost people who have turned since, at measurements z (N, 2) m with noise R (N, 2, 2) m².
 
-    sightings (T, 3): places [m] and times [s] of the last detections; existence (T,); now in s, max_speed in m/s.
-    Somebody who has turned is about the last place, with a standard deviation of half the distance within reach. So the
+    sightings (T, 3) as in `lost_tracks`; existence (T,); times: of the scan before and of this one [s].
+    A person who has turned is about the last place, with a standard deviation of half the distance within reach. So the
     motion model is right but for rare turns, and lost people are in part a Poisson process as unknown ones are. What
     is rather of this process than of a track starts a new track: a belief that missed a turn is not to be mended by a
     far measurement, but to be replaced.
     Source: [Williams15], recycling, here by the time since the last detection.
     """
+    rows = lost_tracks(sightings, times[0], p)
+    return _turned_density(sightings[rows], existence[rows], z, R, times[1], p.max_speed)
+
+
+@compiled
+def _turned_density(sightings: Array, existence: Array, z: Array, R: Array, now: float, max_speed: float) -> Array:
     density = np.zeros(len(z))
     for t in range(len(sightings)):
         unseen = now - sightings[t, 2]

@@ -11,7 +11,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.filter.negative_information import miss_likelihood
 from tracking.geometry.visibility import Forest
-from tracking.management.reacquisition import lost_tracks, turned_density
+from tracking.management.reacquisition import turned_density
 from tracking.measurement_update import ScanPrediction, associate, scan_prediction
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
@@ -63,8 +63,7 @@ class Association:
         before = scan_prediction(beliefs, existence, *shows, p)
         z, R = (np.ascontiguousarray(table) for table in (scan.measurements, scan.covariances))
         sightings = np.array([t.sighting for t in tracks]).reshape(-1, 3)
-        lost = lost_tracks(sightings, float(recording.times[max(k - 1, 0)]), p)
-        turned = turned_density(sightings[lost], existence[lost], z, R, scan.time, p.max_speed)
+        turned = turned_density(sightings, existence, z, R, (float(recording.times[max(k - 1, 0)]), scan.time), p)
         likelihood, beta, _, after = associate(before, z, R, turned, p)
         ids = np.array([t.id for t in tracks], dtype=np.int64)
         off, spread = z[None] - before.means[:, None, :2], before.covariances[:, None, :2, :2] + R[None]

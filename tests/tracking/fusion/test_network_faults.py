@@ -135,7 +135,7 @@ def test_a_person_lost_by_one_half_is_where_the_other_half_sees_them():
 @FUSIONS
 @pytest.mark.parametrize("adjacency", [WHOLE, graph("ring", 4)])
 def test_a_person_found_again_in_the_scan_of_healing_has_one_track(adjacency, fusion):
-    """The half that lost the person begins a new track of the person whom the other half has tracked all the time."""
+    """The half that lost the person begins a new track, and the other half has tracked the person all the time."""
     trackers = fleet(4, fusion=fusion)
     for k in range(18):
         place = (0.4 * k, 0.0) if k < 6 else (2.0, -0.4 * (k - 5))  # turns when only the second half looks

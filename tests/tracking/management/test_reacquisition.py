@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 from helpers.fleets import fleet, ids, play
-from helpers.scenes import track
+from helpers.scenes import MOTION, track
 from scipy.stats import multivariate_normal
 
 from tracking.management.reacquisition import reacquisitions, turned_density
+from tracking.tracker import TrackerParameters
 
 LOST = np.array([[0.0, 0, 0, 0], [10.0, 0, 0, 0], [0.0, 10, 0, 0]]), np.tile(np.eye(4), (3, 1, 1))
 SEEN = np.array([[0.0, 0, 8.0], [10.0, 0, 8.0], [0.0, 10, 8.0]])
@@ -42,9 +43,9 @@ def test_two_new_tracks_are_two_people():
     assert pairs((4.0, 0), (-1.0, 0)) == [(0, 1), (1, 0)]
 
 
-def test_people_who_turned_are_about_their_last_places():
+def test_lost_people_after_a_turn_are_about_their_last_places():
     rng = np.random.default_rng(0)
-    sightings = np.column_stack([rng.uniform(-9, 9, (5, 2)), 10.0 - rng.uniform(0.2, 20.0, 5)])
+    sightings = np.column_stack([rng.uniform(-9, 9, (5, 2)), 10.0 - rng.uniform(0.5, 20.0, 5)])
     existence, z, roots = rng.uniform(0.1, 1.0, 5), rng.uniform(-9, 9, (7, 2)), rng.normal(size=(7, 2, 2))
     noise = roots @ np.swapaxes(roots, 1, 2) + 0.02 * np.eye(2)
     expected = [
@@ -56,12 +57,13 @@ def test_people_who_turned_are_about_their_last_places():
         )
         for p, R in zip(z, noise, strict=True)
     ]
-    np.testing.assert_allclose(turned_density(sightings, existence, z, noise, 10.0, 3.0), expected, rtol=1e-12)
+    found = turned_density(sightings, existence, z, noise, (9.8, 10.0), TrackerParameters(MOTION))
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("fusion", ["kla", "hcmci"])
-def test_a_lost_person_found_at_the_edge_of_the_gate_by_one_uav_and_beyond_it_by_another_has_one_track(fusion):
-    """Unseen for 2 s, somebody turned: a track that follows a measurement 3.4 deviations away is not the person's."""
+def test_a_person_found_at_the_edge_of_the_gate_and_beyond_has_one_track(fusion):
+    """Unseen for 2 s, a person turned. One UAV has a measurement 3.4 deviations off, another one beyond the gate."""
     trackers = fleet(2, track(3, -6.0, 0.0, 1.0, 0.0), fusion=fusion)
     both, counts = ~np.eye(2, dtype=bool), []
     play(trackers, 0, [[(-6.0, 0.0)]] * 2, both)
