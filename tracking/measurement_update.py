@@ -91,7 +91,7 @@ def associate(
 ) -> tuple[Array, Array, Array, Array]:
     """Associate the measurements z (N, 2) m, R (N, 2, 2) m².
 
-    lost (N,) 1/m²: density there of lost people who are not where their tracks are. It adds to that of clutter, which
+    lost (N,) 1/m²: density there of lost people away from their tracks. It adds to that of clutter, which
     here is the same as to lower the likelihoods.
     Returns the likelihood (T, N) 1/m² of each for each track, zero outside its gate; and the result of
     `tracking.association.jipda.existence_association`.

@@ -1,4 +1,4 @@
-"""Re-acquisition: lost people who turn up where their tracks are not, and new tracks that continue lost ones."""
+"""Re-acquisition: lost people away from their tracks, and new tracks that continue lost ones."""
 
 import math
 
@@ -28,10 +28,10 @@ def lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
 def turned_density(
     sightings: Array, existence: Array, z: Array, R: Array, times: tuple[float, float], p: TrackerParameters
 ) -> Array:
-    """Density (N,) 1/m² of lost people who have turned since, at measurements z (N, 2) m with noise R (N, 2, 2) m².
+    """Density (N,) 1/m² of lost people after a turn, at measurements z (N, 2) m with noise R (N, 2, 2) m².
 
     sightings (T, 3) as in `lost_tracks`; existence (T,); times: of the scan before and of this one [s].
-    A person who has turned is about the last place, with a standard deviation of half the distance within reach. So the
+    After a turn a person is about the last place, with a standard deviation of half the distance within reach. So the
     motion model is right but for rare turns, and lost people are in part a Poisson process as unknown ones are. What
     is rather of this process than of a track starts a new track: a belief that missed a turn is not to be mended by a
     far measurement, but to be replaced.
