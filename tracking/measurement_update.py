@@ -60,7 +60,7 @@ def scan_prediction(
     detectable = (1.0 - missed.mean(axis=1)) / p.detection_probability
     if p.life == "existence":
         detectable = detectable * (1.0 - unresolved(beliefs[0], existence))
-    return ScanPrediction(*beliefs, undetected, existence, seen.mean(axis=1), detectable)
+    return ScanPrediction(*beliefs, undetected, existence, seen.sum(axis=1) / seen.shape[1], detectable)
 
 
 def scan_update(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:

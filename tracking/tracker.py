@@ -113,7 +113,7 @@ class Tracker:
         hits = detected >= p.seen
         if p.life == "m_of_n":
             hits &= ~without_measurement(after.gates, detected)
-        marks = np.column_stack([hits, before.visible >= p.expected, detected >= SURE])
+        marks = np.array([hits, before.visible >= p.expected, detected >= SURE]).T
         self._table = replace(
             table,
             means=after.means,
@@ -166,7 +166,7 @@ class Tracker:
             time=self._time,
             partition=partition,
             ids=table.ids,
-            names=np.column_stack([np.full(len(table), partition[0]), table.ids]),
+            names=np.array([[partition[0], id] for id in table.ids.tolist()], dtype=np.int64).reshape(-1, 2),
             shares=shares_of(averaged, weights, table.existence),
             times=table.times,
             misses=table.misses,
@@ -182,7 +182,7 @@ class Tracker:
         existence = message.existence() if p.life == "existence" else np.ones(len(means))
         misses = counted_misses(message.misses, message.times, self._time, p.delete[1])
         ends = existence < p.doubt if p.life == "existence" else missed(misses, p.delete[0])
-        ends |= np.trace(covariances[:, :2, :2], axis1=1, axis2=2) > p.max_variance
+        ends |= covariances[:, 0, 0] + covariances[:, 1, 1] > p.max_variance
         # Those of hidden people may agree without a measurement for which they compete.
         lately = message.times[:, 0] > self._time - _LATELY
         ids, shared, alive = message.ids.copy(), np.zeros_like(ends), np.flatnonzero(~ends & lately)
@@ -196,10 +196,8 @@ class Tracker:
         ended.update((id, self._time) for id in ids[ends | shared].tolist())
         self._deleted = tuple(sorted(ended.items()))
         self._predicted, self._partition = _NOTHING, message.partition
-        here = np.column_stack([means[:, :2], np.full(len(means), self._time)])
-        sightings = np.where(message.times[:, 2:] < self._time, message.sightings, here)
         weights = np.full(len(means), UNSEEN)
-        table = TrackTable(ids, means, covariances, existence, weights, message.times, misses, sightings)
+        table = TrackTable(ids, means, covariances, existence, weights, message.times, misses, message.sighted())
         if (gone := ends | shared).any():
             order = np.argsort(ids, kind="stable")
             table = table[order[~gone[order]]]

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from tracking.association.jpda import association_probabilities
+from tracking.association.jpda import joint_weights
+from tracking.association.marginals import EXACT_SIDE, marginals
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import elementwise
+from tracking.numerics.compiled import compiled, elementwise
 from tracking.numerics.exponential import exp, log
 
 _SUREST = 1e-9  # least probability of existing, or of not: however long the history, later scans can outweigh it
@@ -23,6 +24,7 @@ def from_log_odds(odds: float) -> float:
     return 1.0 / (1.0 + exp(-odds))
 
 
+@compiled
 def existence_association(
     likelihood: Array, detection_probability: Array, clutter_density: float, existence: Array
 ) -> tuple[Array, Array, Array]:
@@ -34,11 +36,18 @@ def existence_association(
     after the scan. Every joint event has factors 1 - r P_D and r P_D likelihood / clutter_density in place of
     JPDA's; certain tracks are JPDA's. Source: [Musicki04], with a P_D that depends on the person's position.
     """
-    detection = existence[:, None] * detection_probability
-    beta = association_probabilities(likelihood, detection, clutter_density)
+    detection = existence.reshape(-1, 1) * detection_probability
+    misses, pairs = joint_weights(likelihood, detection, clutter_density)
+    beta = marginals(misses, pairs, EXACT_SIDE)
     if np.all(existence == 1.0):
         return beta, beta, existence
-    given = beta.copy()
-    given[:, 0] *= existence * (1.0 - detection_probability[:, 0]) / (1.0 - detection[:, 0])
-    after = given.sum(axis=1)
-    return beta, given / after[:, None], np.minimum(after, 1.0)
+    given, after = beta.copy(), np.empty(len(beta))
+    for t in range(len(beta)):
+        given[t, 0] *= existence[t] * (1.0 - detection_probability[t, 0]) / (1.0 - detection[t, 0])
+        detected = 0.0
+        for j in range(1, beta.shape[1]):
+            detected += given[t, j]
+        after[t] = given[t, 0] + detected
+        given[t] /= after[t]
+        after[t] = min(after[t], 1.0)
+    return beta, given, after

@@ -26,12 +26,12 @@ def association_probabilities(likelihood: Array, detection_probability: Array, c
         raise ValueError("detection_probability must be in [0, 1)")
     if not clutter_density > 0.0:
         raise ValueError(f"clutter_density must be positive, is {clutter_density}")
-    misses, pairs = _weights(likelihood, detection, clutter_density)
+    misses, pairs = joint_weights(likelihood, detection, clutter_density)
     return marginals(misses, pairs, EXACT_SIDE)
 
 
 @compiled
-def _weights(likelihood: Array, detection: Array, clutter_density: float) -> tuple[Array, Array]:
+def joint_weights(likelihood: Array, detection: Array, clutter_density: float) -> tuple[Array, Array]:
     """Weights of misses (T,) and of pairs (T, N), relative to the largest of their track.
 
     Every joint event has one factor of each track: scaling a track's row keeps products in range.

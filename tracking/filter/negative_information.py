@@ -5,10 +5,13 @@ import math
 import numpy as np
 
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, visible_samples
+from tracking.geometry.lens import Lens
+from tracking.geometry.line_of_sight import Grid
+from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, seen_samples
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
-from tracking.numerics.universal import exp_each
+from tracking.numerics.exponential import exp
+from tracking.numerics.stacks import cholesky_factors
 
 Viewpoint = tuple[float, Pose]  # time of a frame [s], and pose of its camera
 
@@ -37,24 +40,44 @@ def miss_likelihood(
     frame is taken to be in the belief also if it showed all of it, which is no information, or if the UAV did not hold
     the track then. Frames of other UAVs are left out: consensus averages those of one time.
     """
-    means, covariances = beliefs
-    seen = visible_samples(camera, now[1], means[:, :2], covariances[:, :2, :2], forest)
-    missed = np.asarray(1.0 - detection_probability * seen, dtype=float)
-    partly = np.flatnonzero(seen.any(axis=1) & ~seen.all(axis=1))
-    if last is not None and len(partly):
-        some, spreads = means[partly], covariances[partly]
-        before = visible_samples(camera, last[1], some[:, :2], spreads[:, :2, :2], forest)
-        again = exp_each(-_AGAIN * share_crossed((some, spreads), now[0] - last[0]))[:, None]
-        missed[partly] = np.where(before & seen[partly], np.maximum(missed[partly], again), missed[partly])
+    means, covariances = (np.ascontiguousarray(part) for part in beliefs)
+    views = camera.lens(now[1]), camera.lens((last or now)[1])
+    elapsed = now[0] - last[0] if last else 0.0
+    return _miss_likelihood(means, covariances, views, elapsed, (forest.blockers, forest.grid), detection_probability)
+
+
+@compiled
+def _miss_likelihood(
+    means: Array,
+    covariances: Array,
+    views: tuple[Lens, Lens],
+    elapsed: float,
+    trees: tuple[Array, Grid],
+    detection_probability: float,
+) -> tuple[Flags, Array]:
+    """As `miss_likelihood`, from the views now and `elapsed` s before; 0 s stands for the first frame."""
+    places, roots = means[:, :2].copy(), cholesky_factors(covariances[:, :2, :2].copy())
+    seen = seen_samples(places, roots, views[0], *trees)
+    missed = np.where(seen, 1.0 - detection_probability, 1.0)
+    for t in range(len(seen)):
+        if elapsed > 0.0 and np.any(seen[t]) and not np.all(seen[t]):
+            before = seen_samples(places[t : t + 1], roots[t : t + 1], views[1], *trees)[0]
+            again = exp(-_AGAIN * share_crossed(means[t], covariances[t], elapsed))
+            for k in range(len(before)):
+                if before[k] and seen[t, k]:
+                    missed[t, k] = max(missed[t, k], again)
     return seen, missed
 
 
-def share_crossed(beliefs: tuple[Array, Array], elapsed: float) -> Array:
-    """Share (T,) of its belief's width that each person crosses in `elapsed` seconds, in root mean squares."""
-    means, covariances = beliefs
-    width = np.trace(covariances[:, :2, :2], axis1=1, axis2=2)
-    speed = np.trace(covariances[:, 2:, 2:], axis1=1, axis2=2) + np.sum(np.square(means[:, 2:]), axis=1)
-    return np.asarray(elapsed * np.sqrt(speed / width))
+@compiled
+def share_crossed(mean: Array, covariance: Array, elapsed: float) -> float:
+    """Share of its belief's width that a person crosses in `elapsed` seconds, in root mean squares.
+
+    mean (4,) and covariance (4, 4) of the belief.
+    """
+    width = covariance[0, 0] + covariance[1, 1]
+    speed = covariance[2, 2] + covariance[3, 3] + (mean[2] * mean[2] + mean[3] * mean[3])
+    return elapsed * math.sqrt(speed / width)
 
 
 def negative_information_update(predicted: tuple[Array, Array], missed: Array) -> tuple[Array, Array]:

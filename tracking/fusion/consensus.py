@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from tracking.fusion.member import Member
-from tracking.fusion.message import Message, alike, joint_partition, message_size
+from tracking.fusion.message import Message, alike, joint_partition, novel_numbers, numbers_of_tracks
 from tracking.fusion.track_association import associate_tracks
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
@@ -38,16 +38,17 @@ def fuse(
     if lost is not None and lost.shape != (rounds, *adjacency.shape):
         raise ValueError(f"lost must have shape {(rounds, *adjacency.shape)}, has {lost.shape}")
     linked = adjacency & ~np.eye(len(members), dtype=np.bool_)
-    messages = [m.message(int(row.sum())) for m, row in zip(members, linked, strict=True)]
+    messages = [m.message(row.count(True)) for m, row in zip(members, linked.tolist(), strict=True)]
     _check(messages)
     sent = np.zeros(len(members), dtype=np.int64)
-    heard = [linked if lost is None else linked & ~lost[k] for k in range(rounds)]
-    sends = linked.any(axis=1)
-    while heard and not alike(messages):
+    heard = np.repeat(linked[None], rounds, axis=0) if lost is None else linked & ~lost
+    sends, k = linked.any(axis=1), 0
+    while k < rounds and not alike(messages):
         sent += sends * np.array([message.size for message in messages])
-        messages = _after_a_round(members, messages, heard.pop(0))
-    if heard and sends.any():  # one table serves all UAVs and rounds
-        messages, sizes = _mixed(messages, heard)
+        messages = _after_a_round(members, messages, heard[k])
+        k += 1
+    if k < rounds and sends.any():  # one table serves all UAVs and rounds
+        messages, sizes = _mixed(messages, heard[k:])
         sent += sends * sizes
     for member, message in zip(members, messages, strict=True):
         member.accept(message)
@@ -59,7 +60,7 @@ def combine(own: Message, received: Sequence[Message], max_speed: float) -> Mess
     if not received:
         return own
     same = associate_tracks(own, received, max_speed)
-    return _mixed(same, [np.arange(len(same))[None] > 0])[0][0]
+    return _mixed(same, np.arange(len(same))[None, None] > 0)[0][0]
 
 
 def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard: Flags) -> list[Message]:
@@ -70,35 +71,46 @@ def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard
     ]
 
 
-def _mixed(messages: Sequence[Message], rounds: Sequence[Flags]) -> tuple[list[Message], Indices]:
+def _mixed(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indices]:
     """Messages after rounds, from N messages about the same tracks in the same rows, and the bytes of each UAV's (M,).
 
-    rounds: for each the UAVs heard by the first M UAVs (M, N), row i those that UAV i heard. Where M is less than N
-    there is one round.
+    heard (R, M, N): flags of the UAVs that each of the first M UAVs heard in each round. Where M is less than N there
+    is one round.
     """
     # Columns stand for UAVs; messages from UAVs that have not heard of the last ones lack theirs.
     novel = np.zeros((len(messages), len(messages[0].ids), max(m.novel.shape[1] for m in messages)))
     for row, m in zip(novel, messages, strict=True):
         row[:, : m.novel.shape[1]] = m.novel
     degrees = np.array([m.degree for m in messages], dtype=float)
-    shares = np.array([m.shares for m in messages])
-    told = (
-        np.array([m.times for m in messages]),
-        np.array([m.misses for m in messages]),
-        np.array([m.sightings for m in messages]),
+    shares, times, misses, sightings = (
+        np.array([getattr(m, name) for m in messages]) for name in ("shares", "times", "misses", "sightings")
     )
+    *tables, numbers = _after_rounds(novel, shares, (times, misses, sightings), degrees, heard)
     partitions = [m.partition for m in messages]
-    sent = np.zeros(len(rounds[0]), dtype=np.int64)
-    for heard in rounds:
-        sent += [message_size(row, m.deleted) for row, m in zip(novel, messages[: len(heard)], strict=False)]
-        shares = _averaged(shares, degrees, heard)
-        novel = _averaged(novel, degrees, heard) if novel.size else novel
-        told = _latest(*told, heard)
+    for of in heard:
         if len(set(partitions)) > 1:
-            partitions = _joint_partitions(partitions, heard)
-    names = ("shares", "novel", "times", "misses", "sightings", "partition")
-    columns = zip(shares, novel, *told, partitions, strict=False)
-    return [replace(m, **dict(zip(names, row, strict=True))) for m, row in zip(messages, columns, strict=False)], sent
+            partitions = _joint_partitions(partitions, of)
+    names = ("novel", "shares", "times", "misses", "sightings", "partition")
+    columns = zip(*tables, partitions, strict=False)
+    mixed = [replace(m, **dict(zip(names, row, strict=True))) for m, row in zip(messages, columns, strict=False)]
+    return mixed, 8 * (numbers + len(heard) * np.array([numbers_of_tracks(m) for m in mixed]))
+
+
+@compiled
+def _after_rounds(
+    novel: Array, shares: Array, told: tuple[Array, Indices, Array], degrees: Array, heard: Flags
+) -> tuple[Array, Array, Array, Indices, Array, Indices]:
+    """Columns of M messages after rounds `heard` (R, M, N), and numbers of novel information sent by each (M,)."""
+    numbers = np.zeros(heard.shape[1], np.int64)
+    times, misses, sightings = told
+    for k in range(len(heard)):
+        for i in range(len(numbers)):
+            numbers[i] += novel_numbers(novel[i])
+        shares = _averaged(shares, degrees, heard[k])
+        if novel.shape[2]:
+            novel = _averaged(novel, degrees, heard[k])
+        times, misses, sightings = _latest(times, misses, sightings, heard[k])
+    return novel[: len(numbers)], shares, times, misses, sightings, numbers
 
 
 def _joint_partitions(partitions: Sequence[tuple[int, float]], heard: Flags) -> list[tuple[int, float]]:

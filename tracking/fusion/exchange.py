@@ -7,7 +7,7 @@ import numpy as np
 
 from tracking.association.jipda import log_odds
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
-from tracking.fusion.message import Message
+from tracking.fusion.message import INFORMATION, Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
 from tracking.numerics.arrays import Array
 from tracking.parameters import TrackerParameters
@@ -25,8 +25,10 @@ _NEW, _UNKNOWN = np.full(6, -np.inf), np.full(6, -np.inf)
 
 def shares_of(averaged: Array, weights: Array, existence: Array) -> Array:
     """Shares (T, 22) as in a message, of information (T, 20) to average, its weights (T,) and existence (T,)."""
-    columns = np.ones((len(weights), 1)), averaged, log_odds(existence)[:, None]
-    return np.asarray(np.concatenate(columns, axis=1) * weights[:, None])
+    shares = np.empty((len(weights), 1 + INFORMATION + 1))
+    shares[:, 0], shares[:, 1:-1], shares[:, -1] = 1.0, averaged, log_odds(existence)
+    shares *= weights[:, None]
+    return shares
 
 
 def partition_of(uav: int, heard: tuple[int, float], time: float) -> tuple[int, float]:
@@ -111,7 +113,7 @@ class TrackExchange:
         means, covariances = message.beliefs
         existence = message.existence()
         existence[existence >= _CERTAIN] = 1.0
-        sightings = np.where(message.times[:, 2:] < self._time, message.sightings, self._here(means))
+        sightings = message.sighted()
         kept = self._time - self._parameters.forget_after
         self._deleted = tuple((id, until) for id, until in message.deleted if until >= kept)
         self._partition, self._born = message.partition, 0

@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from tracking.filter.information import information_form
 from tracking.fusion.message import INFORMATION
 from tracking.fusion.rule import Contribution, LocalBeliefs
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
-from tracking.numerics.distances import squared_distance
-from tracking.numerics.factorisation import eigensystems
+from tracking.numerics.distances import squared_distances
+from tracking.numerics.factorisation import eigensystems, inverses
 from tracking.numerics.matrices import products
 from tracking.numerics.stacks import cholesky_factors, forward_solutions
 
@@ -27,31 +26,50 @@ class HybridConsensus:
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
         """As `FusionRule.contribution`."""
-        q, omega = information_form(local.means, local.covariances)
-        averaged = np.concatenate([q, omega.reshape(-1, 16)], axis=1)
-        novel = np.zeros((len(averaged), INFORMATION + local.uav + 1))
-        spread = np.trace(local.covariances[:, :2, :2], axis1=1, axis2=2)
-        seen = local.detected
-        if len(seen):
-            reach = largest_innovation(*local.prior, local.measurements, local.gates)[seen]
-            means, covariances = (prior[seen] for prior in local.prior)
-            spread[seen] = np.trace(covariances[:, :2, :2], axis1=1, axis2=2)
-            averaged[seen], gained = split_information((means, covariances), (q[seen], omega[seen]), reach)
-            novel[seen, :INFORMATION] = gained
-            novel[seen, -1] = gained.any(axis=1)
-        return Contribution(averaged, novel, local.weights / spread)
+        beliefs = np.ascontiguousarray(local.means), np.ascontiguousarray(local.covariances), local.weights
+        return Contribution(*_parts(local.uav, beliefs, local.prior, (local.measurements, local.gates), local.detected))
 
 
+@compiled
+def _parts(
+    uav: int,
+    beliefs: tuple[Array, Array, Array],
+    prior: tuple[Array, Array],
+    measured: tuple[Array, Indices],
+    seen: Indices,
+) -> tuple[Array, Array, Array]:
+    """Information (T, 20) to average, novel information (T, 20 + uav + 1), and weights (T,) of the average."""
+    means, covariances, weights = beliefs
+    omega = inverses(covariances)
+    q = products(omega, means.reshape(-1, 4, 1))[:, :, 0].copy()
+    averaged, novel = np.empty((len(means), INFORMATION)), np.zeros((len(means), INFORMATION + uav + 1))
+    averaged[:, :4], averaged[:, 4:] = q, omega.reshape(-1, 16)
+    spread = covariances[:, 0, 0] + covariances[:, 1, 1]
+    if len(seen):
+        reach = largest_innovation(*prior, *measured)[seen]
+        before, spreads = prior[0][seen], prior[1][seen]
+        held, gained = _split(before, spreads, q[seen], omega[seen], reach)
+        for k in range(len(seen)):
+            t = seen[k]
+            spread[t] = spreads[k, 0, 0] + spreads[k, 1, 1]
+            averaged[t], novel[t, :INFORMATION] = held[k], gained[k]
+            novel[t, -1] = 1.0 if np.any(gained[k] != 0.0) else 0.0
+    return averaged, novel, weights / spread
+
+
+@compiled
 def largest_innovation(means: Array, covariances: Array, z: Array, gates: Indices) -> Array:
     """Largest distance in prior standard deviations of the measurements z (N, 2) m in the gates of beliefs (T,).
 
     means (T, 4), covariances (T, 4, 4), gates (G, 2): pairs of a track and a measurement in its gate.
     """
-    track, measurement = gates.T
-    nu = z[measurement] - means[track, :2]
-    squared = squared_distance(nu, covariances[track, :2, :2])
-    most = np.zeros(len(means))
-    np.maximum.at(most, track, squared)
+    nu, spreads = np.empty((len(gates), 2)), np.empty((len(gates), 2, 2))
+    for g in range(len(gates)):
+        t = gates[g, 0]
+        nu[g], spreads[g] = z[gates[g, 1]] - means[t, :2], covariances[t, :2, :2]
+    squared, most = squared_distances(nu, spreads), np.zeros(len(means))
+    for g in range(len(gates)):
+        most[gates[g, 0]] = max(most[gates[g, 0]], squared[g])
     return np.sqrt(most)
 
 

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from tracking.association.jipda import from_log_odds
-from tracking.filter.information import moment_form
 from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.compiled import compiled
+from tracking.numerics.factorisation import inverses
+from tracking.numerics.matrices import products
 
 INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
@@ -46,23 +48,21 @@ class Message:
 
     @property
     def size(self) -> int:
-        """Bytes of the message."""
-        return message_size(self.novel, self.deleted)
+        """Bytes of the message, eight for each number, with symmetric matrices as upper triangles."""
+        return 8 * (numbers_of_tracks(self) + int(novel_numbers(self.novel)))
 
     @cached_property
     def beliefs(self) -> tuple[Array, Array]:
         """Means (T, 4) and covariances (T, 4, 4) of the tracks."""
-        packed = self.shares[:, 1 : 1 + INFORMATION] / self.shares[:, :1]
-        if self.novel.shape[1] > INFORMATION:
-            # Mixing has left a share of every UAV's information. Division by the largest share undoes the mixing where
-            # it has converged, and counts no information more than once where it has not.
-            most = self.novel[:, INFORMATION:].max(axis=1, keepdims=True)
-            packed = packed + self.novel[:, :INFORMATION] / np.where(most > 0.0, most, 1.0)
-        return moment_form(packed[:, :4], packed[:, 4:].reshape(-1, 4, 4))
+        return _beliefs(np.ascontiguousarray(self.shares), np.ascontiguousarray(self.novel))
 
     def existence(self) -> Array:
         """Existence probabilities (T,)."""
         return from_log_odds(self.shares[:, 1 + INFORMATION] / self.shares[:, 0])
+
+    def sighted(self) -> Array:
+        """Position [m] and time [s] of the last sure detections (T, 3), with those of this scan."""
+        return _sighted(self.sightings, self.times, self.beliefs[0], self.time)
 
     def only(self, rows: Indices) -> Message:
         """The message about some of the tracks."""
@@ -80,15 +80,45 @@ class Message:
         return replace(self, **{**columns, "ids": ids, "names": names})
 
 
+@compiled
+def _beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
+    q, omega = np.empty((len(shares), 4, 1)), np.empty((len(shares), 4, 4))
+    for t in range(len(shares)):
+        # Mixing has left a share of every UAV's information. Division by the largest share undoes the mixing where it
+        # has converged, and counts no information more than once where it has not.
+        most = 0.0
+        for share in novel[t, INFORMATION:]:
+            most = max(most, share)
+        for c in range(INFORMATION):
+            packed = shares[t, 1 + c] / shares[t, 0]
+            if novel.shape[1] > INFORMATION:
+                packed += novel[t, c] / (most if most > 0.0 else 1.0)
+            if c < 4:
+                q[t, c, 0] = packed
+            else:
+                omega[t, (c - 4) // 4, (c - 4) % 4] = packed
+    covariances = inverses(omega)
+    return products(covariances, q)[:, :, 0].copy(), covariances
+
+
+@compiled
+def _sighted(sightings: Array, times: Array, means: Array, now: float) -> Array:
+    latest = sightings.copy()
+    for t in range(len(latest)):
+        if times[t, 2] >= now:
+            latest[t, 0], latest[t, 1], latest[t, 2] = means[t, 0], means[t, 1], now
+    return latest
+
+
 def alike(messages: Sequence[Message]) -> bool:
     """Test if messages are about the same tracks in the same rows, last seen at the same times but for this scan."""
     first = messages[0]
     return all(
         m.partition[0] == first.partition[0]
         and m.deleted == first.deleted
-        and np.array_equal(m.ids, first.ids)
-        and np.array_equal(m.names, first.names)
-        and np.array_equal(m.sightings[:, 2], first.sightings[:, 2])
+        and m.ids.tobytes() == first.ids.tobytes()
+        and m.names.tobytes() == first.names.tobytes()
+        and m.sightings[:, 2].tobytes() == first.sightings[:, 2].tobytes()
         for m in messages
     )
 
@@ -108,14 +138,16 @@ def joint_partition(partitions: Iterable[tuple[int, float]]) -> tuple[int, float
     return min(partitions, key=lambda partition: (partition[0], -partition[1]))
 
 
-def message_size(novel: Array, deleted: tuple[tuple[int, float], ...]) -> int:
-    """Bytes of a message, eight for each number, with symmetric matrices as upper triangles.
+def numbers_of_tracks(message: Message) -> int:
+    """Count of the numbers in a message but for novel information: 6, 26 for each track, 2 for each deleted id."""
+    return 6 + _PER_TRACK * len(message.ids) + 2 * len(message.deleted)
 
-    6 numbers, 26 for each track, 2 for each deleted id; 14 more for novel information, and 2 for each UAV with a
-    share in it.
-    """
-    numbers = 6 + _PER_TRACK * len(novel) + 2 * len(deleted)
-    if novel.shape[1] > INFORMATION:
-        rows, _ = np.nonzero(novel[:, INFORMATION:])
-        numbers += 2 * len(rows) + (INFORMATION - _REDUNDANT) * len(set(rows.tolist()))
-    return 8 * numbers
+
+@compiled
+def novel_numbers(novel: Array) -> int:
+    """Count of the numbers of novel information (T, ...): 14 where there is any, and 2 for each UAV with a share."""
+    total = 0
+    for t in range(len(novel)):
+        shares = int(np.count_nonzero(novel[t, INFORMATION:]))
+        total += 2 * shares + (INFORMATION - _REDUNDANT if shares else 0)
+    return total

@@ -12,8 +12,8 @@ from tracking.geometry.lens import Lens, in_image
 from tracking.geometry.line_of_sight import Grid, blocked, gridded, unobstructed
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
-from tracking.numerics.factorisation import cholesky
 from tracking.numerics.normal import normal_quantile_each
+from tracking.numerics.stacks import cholesky_factors
 from tracking.numerics.universal import exp_each
 
 # Half of a walking person's 1.7 m: the height of the one point that stands for a person.
@@ -123,13 +123,13 @@ def visible_samples(camera: Camera, pose: Pose, means: Array, covariances: Array
 
     means (N, 2) m, covariances (N, 2, 2) m²; the points are mean + L `SAMPLES`, with L Lᵀ the covariance.
     """
-    roots = cholesky(covariances)
-    return _seen(means, roots, camera.lens(pose), forest.blockers, forest.grid)
+    spreads = np.ascontiguousarray(covariances)
+    return seen_samples(means, cholesky_factors(spreads), camera.lens(pose), forest.blockers, forest.grid)
 
 
 @compiled
-def _seen(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
-    """Flags (N, 36) of the points mean + root `SAMPLES` that are inside the image and not hidden."""
+def seen_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
+    """Flags (N, 36) of the points mean + root `SAMPLES` that are inside the image and not hidden, for compiled code."""
     origin = lens[0][0], lens[0][1], lens[0][2]
     seen = np.empty((len(means), len(SAMPLES)), dtype=np.bool_)
     for i in range(len(means)):

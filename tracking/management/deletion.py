@@ -5,6 +5,7 @@ from itertools import combinations
 import numpy as np
 
 from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import pair_distances
 
 # Sum of two probabilities, of existence or of a detection, below which they are rather of one person than of two.
@@ -12,15 +13,19 @@ _ONE = 1.5
 _LIKELIER = 3.0  # ratio of two probabilities from which on the larger decides which track is kept
 
 
+@compiled
 def counted_misses(misses: Indices, times: Array, now: float, window: int) -> Indices:
     """Bits (T,) of the misses with the scan at `now` counted, once the fleet agrees on the times (T, 3).
 
     A scan is a hit if any UAV detected the person, and a miss if none did although one had the person in view.
     Otherwise it does not count.
     """
-    seen, expected, _ = (times >= now).T
-    shifted = ((misses << 1) | ~seen) & ((1 << window) - 1)
-    return np.where(seen | expected, shifted, misses)
+    counted = misses.copy()
+    for t in range(len(misses)):
+        seen, expected = times[t, 0] >= now, times[t, 1] >= now
+        if seen or expected:
+            counted[t] = ((misses[t] << 1) | (0 if seen else 1)) & ((1 << window) - 1)
+    return counted
 
 
 def missed(misses: Indices, m: int) -> Flags:

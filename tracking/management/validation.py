@@ -8,7 +8,6 @@ from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.distances import length
 from tracking.numerics.factorisation import eigen
 
 # Rounding may leave this share of a covariance's trace between its off-diagonal elements.
@@ -58,10 +57,11 @@ def _definite(covariance: Array) -> bool:
 
 def _check_pose(pose: Pose) -> None:
     position, quaternion = _floats("pose.position", pose.position), _floats("pose.quaternion", pose.quaternion)
+    if position.shape == (3,) and quaternion.shape == (4,) and _usable(position, quaternion):
+        return
     if position.shape != (3,) or not np.isfinite(position).all():
         raise ValueError(f"pose.position of a scan must be three finite numbers, is {position.tolist()}")
-    if quaternion.shape != (4,) or not abs(length(quaternion) - 1.0) <= QUATERNION_TOLERANCE:
-        raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
+    raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
 
 
 def _floats(name: str, values: Array) -> Array:
@@ -69,6 +69,12 @@ def _floats(name: str, values: Array) -> Array:
         return np.ascontiguousarray(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} of a scan must be an array of numbers, are {values!r}") from error
+
+
+@compiled
+def _usable(position: Array, quaternion: Array) -> bool:
+    norm = math.sqrt(np.sum(quaternion * quaternion))
+    return abs(norm - 1.0) <= QUATERNION_TOLERANCE and np.sum(np.abs(position)) < np.inf
 
 
 @compiled

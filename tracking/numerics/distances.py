@@ -23,7 +23,7 @@ def squared_distance(differences: Array, covariances: Array) -> Array:
     """
     differences, covariances = np.asarray(differences, dtype=float), np.asarray(covariances, dtype=float)
     lead = common_lead(differences.shape[:-1], covariances.shape[:-2])
-    return _squared_distances(stacked(differences, lead, 1), stacked(covariances, lead, 2)).reshape(lead)
+    return squared_distances(stacked(differences, lead, 1), stacked(covariances, lead, 2)).reshape(lead)
 
 
 def log_determinant(matrices: Array) -> Array:
@@ -52,8 +52,11 @@ def _log_determinants(matrices: Array) -> Array:
 
 
 @compiled
-def _squared_distances(differences: Array, covariances: Array) -> Array:
-    """Sums of squares of the solutions y of L y = d."""
+def squared_distances(differences: Array, covariances: Array) -> Array:
+    """Squared Mahalanobis distances (T,) of stacks (T, n) and (T, n, n), for compiled code.
+
+    They are the sums of squares of the solutions y of L y = d.
+    """
     roots, out = cholesky_factors(covariances), np.zeros(len(differences))
     y = np.empty(differences.shape[1])
     for t in range(len(differences)):

@@ -31,7 +31,7 @@ def forward_substitution(roots: Array, right: Array) -> Array:
 
 def inverse(matrices: Array) -> Array:
     """Inverses (..., n, n), exactly symmetric, of symmetric positive definite matrices; NaN for others."""
-    return mapped_over_stack(_inverses, matrices)
+    return mapped_over_stack(inverses, matrices)
 
 
 def eigen(matrices: Array) -> tuple[Array, Array]:
@@ -45,8 +45,8 @@ def eigen(matrices: Array) -> tuple[Array, Array]:
 
 
 @compiled
-def _inverses(matrices: Array) -> Array:
-    """Inverses Yᵀ Y, with Y the inverse of the Cholesky factor."""
+def inverses(matrices: Array) -> Array:
+    """Inverses (T, n, n) of a stack, Yᵀ Y with Y the inverse of the Cholesky factor, for compiled code."""
     n = matrices.shape[1]
     identities = np.zeros_like(matrices)
     for i in range(n):
