@@ -44,10 +44,9 @@ def existence_association(
     given, after = beta.copy(), np.empty(len(beta))
     for t in range(len(beta)):
         given[t, 0] *= existence[t] * (1.0 - detection_probability[t, 0]) / (1.0 - detection[t, 0])
-        detected = 0.0
-        for j in range(1, beta.shape[1]):
-            detected += given[t, j]
-        after[t] = given[t, 0] + detected
+        after[t] = 0.0
+        for j in range(beta.shape[1]):
+            after[t] += given[t, j]
         given[t] /= after[t]
         after[t] = min(after[t], 1.0)
     return beta, given, after

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from tracking.fusion.member import Member
-from tracking.fusion.message import Message, alike, joint_partition, novel_numbers, numbers_of_tracks
+from tracking.fusion.message import Message, alike, joint_partition, novel_numbers
 from tracking.fusion.track_association import associate_tracks
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
@@ -93,7 +93,7 @@ def _mixed(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], In
     names = ("novel", "shares", "times", "misses", "sightings", "partition")
     columns = zip(*tables, partitions, strict=False)
     mixed = [replace(m, **dict(zip(names, row, strict=True))) for m, row in zip(messages, columns, strict=False)]
-    return mixed, 8 * (numbers + len(heard) * np.array([numbers_of_tracks(m) for m in mixed]))
+    return mixed, 8 * (numbers + len(heard) * np.array([m.numbers for m in mixed]))
 
 
 @compiled

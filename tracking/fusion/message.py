@@ -49,7 +49,12 @@ class Message:
     @property
     def size(self) -> int:
         """Bytes of the message, eight for each number, with symmetric matrices as upper triangles."""
-        return 8 * (numbers_of_tracks(self) + int(novel_numbers(self.novel)))
+        return 8 * (self.numbers + int(novel_numbers(self.novel)))
+
+    @property
+    def numbers(self) -> int:
+        """Count of the numbers but for novel information: 6, 26 for each track, 2 for each deleted id."""
+        return 6 + _PER_TRACK * len(self.ids) + 2 * len(self.deleted)
 
     @cached_property
     def beliefs(self) -> tuple[Array, Array]:
@@ -136,11 +141,6 @@ def last_seen(message: Message) -> tuple[Array, Array]:
 def joint_partition(partitions: Iterable[tuple[int, float]]) -> tuple[int, float]:
     """The smallest leader of partitions, and the time of its last message."""
     return min(partitions, key=lambda partition: (partition[0], -partition[1]))
-
-
-def numbers_of_tracks(message: Message) -> int:
-    """Count of the numbers in a message but for novel information: 6, 26 for each track, 2 for each deleted id."""
-    return 6 + _PER_TRACK * len(message.ids) + 2 * len(message.deleted)
 
 
 @compiled

@@ -188,8 +188,9 @@ def test_people_cross_a_share_of_their_belief():
     covariances = np.array([np.diag(row) for row in ([4.0, 4, 1, 1], [3.0, 0, 0, 2], [9.0, 9, 1, 1])])
     means = np.array([[5.0, 5.0, 0.0, 0.0], [0.0, 0.0, 3.0, 4.0], [1.0, 0.0, 0.0, 4.0]])
     expected = [0.2 * math.sqrt(2 / 8), 0.2 * math.sqrt(27 / 3), 0.2 * math.sqrt(18 / 18)]
-    np.testing.assert_allclose(share_crossed((means, covariances), 0.2), expected, rtol=1e-12)
-    np.testing.assert_allclose(share_crossed((means, covariances), 1.5), 7.5 * np.array(expected), rtol=1e-12)
+    for elapsed in (0.2, 1.5):
+        found = [share_crossed(*belief, elapsed) for belief in zip(means, covariances, strict=True)]
+        np.testing.assert_allclose(found, elapsed / 0.2 * np.array(expected), rtol=1e-12)
 
 
 def test_a_frame_counts_in_full_beyond_the_last_frames_view():
