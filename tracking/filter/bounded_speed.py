@@ -10,8 +10,9 @@ from tracking.geometry.visibility import SAMPLES
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
-from tracking.numerics.factorisation import cholesky, forward_substitution
+from tracking.numerics.factorisation import cholesky
 from tracking.numerics.matrices import product, symmetric
+from tracking.numerics.stacks import forward_solutions
 
 # Equally probable points of the plane (36, 2) with the moments of a standard normal distribution.
 _POINTS = SAMPLES / SAMPLES.std(axis=0)
@@ -56,7 +57,7 @@ def _limited(means: Array, covariances: Array, max_speed: float) -> tuple[Array,
     roots = cholesky(covariances[:, 2:, 2:])
     moments = _shortened(means[:, 2:], roots, max_speed) / len(_POINTS)
     shift, within, across = moments[:, 0], moments[:, 1:3], moments[:, 3:]
-    G = np.swapaxes(forward_substitution(roots, covariances[:, 2:, :]), 1, 2)
+    G = np.swapaxes(forward_solutions(roots, np.ascontiguousarray(covariances[:, 2:, :])), 1, 2)
     limited = covariances.copy()
     both = product(G, across)
     limited[:, :, 2:] += both

@@ -9,7 +9,7 @@ import numpy as np
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.stacks import cholesky_factors, common_lead, forward_solutions, mapped_over_stack, stacked
+from tracking.numerics.stacks import cholesky_factors, forward_solutions, mapped_over_stack, stacked
 
 _SWEEPS = 30  # of Jacobi's method, at most; matrices of 4 x 4 take four to six
 
@@ -20,13 +20,6 @@ def cholesky(matrices: Array) -> Array:
     An axis without any variance gives a column of zeros; for other semidefinite matrices rounding decides.
     """
     return mapped_over_stack(cholesky_factors, matrices)
-
-
-def forward_substitution(roots: Array, right: Array) -> Array:
-    """Solution X (..., n, m) of L X = B, L (..., n, n) lower triangular, B (..., n, m); leading axes broadcast."""
-    roots, right = np.asarray(roots, dtype=float), np.asarray(right, dtype=float)
-    lead = common_lead(roots.shape[:-2], right.shape[:-2])
-    return forward_solutions(stacked(roots, lead, 2), stacked(right, lead, 2)).reshape(*lead, *right.shape[-2:])
 
 
 def inverse(matrices: Array) -> Array:
