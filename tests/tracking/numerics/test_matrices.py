@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tracking.numerics import distances, factorisation, matrices
+from tracking.numerics.stacks import forward_solutions
 
 _RNG = np.random.default_rng(7)
 
@@ -71,8 +72,8 @@ def test_eigenvalues_ascend_and_rebuild_the_matrix(n):
 def test_equal_eigenvalues_keep_axes_and_forward_solutions_solve():
     values, vectors = factorisation.eigen(np.diag([2.0, 1.0, 2.0]))
     assert values.tolist() == [1.0, 2.0, 2.0] and np.array_equal(np.abs(vectors) @ [1.0, 2.0, 3.0], [2.0, 1.0, 3.0])
-    L, B = factorisation.cholesky(_definite(4, 7, spread=1.0)), _RNG.normal(size=(4, 3))
-    np.testing.assert_allclose(L @ factorisation.forward_substitution(L, B), np.broadcast_to(B, (7, 4, 3)), atol=1e-10)
+    L, B = factorisation.cholesky(_definite(4, 7, spread=1.0)), _RNG.normal(size=(7, 4, 3))
+    np.testing.assert_allclose(L @ forward_solutions(L, B), B, atol=1e-10)
 
 
 def test_congruence_is_exactly_symmetric_and_lengths_are_euclidean():
