@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from sim.mission.mission import Mission
     from sim.recording.recording import Recording
     from sim.replay.flight import Flight, load
+    from sim.running.run import record
     from sim.scenario.scenario import Scenario
     from tracking.detection.detector import Detections, Detector, Frame
     from tracking.filter.kalman import Gaussian
@@ -51,6 +52,7 @@ _HOMES = {
     "Mission": "sim.mission.mission",
     "Recording": "sim.recording.recording",
     **dict.fromkeys(("Flight", "load"), "sim.replay.flight"),
+    "record": "sim.running.run",
     "Scenario": "sim.scenario.scenario",
     **dict.fromkeys(("Detections", "Detector", "Frame"), "tracking.detection.detector"),
     **dict.fromkeys(("Camera", "Pose"), "tracking.geometry.camera"),
@@ -92,6 +94,7 @@ __all__ = [
     "check_tracker",
     "compare",
     "load",
+    "record",
     "run",
 ]
 

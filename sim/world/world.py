@@ -4,7 +4,9 @@ import colorsys
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal
 
 import numpy as np
 
@@ -43,6 +45,7 @@ class World:
     `bodies` lists canopies, trunks, people and UAVs, each kind in the order of the forest, the people and the
     scenario; `centres` gives their places. Trees stand still, people are placed, UAVs obey velocity commands.
     The seed gives its appearance, if the scenario varies that; the repeat gives the noise of its images.
+    It can be copied and pickled, except with OpenGL: the copy has a client of its own in the same state.
     """
 
     def __init__(
@@ -59,6 +62,7 @@ class World:
         self.opengl = client is None and scenario.sensing.renders and scenario.sensing.renderer == "egl"
         self.style = sample_appearance(scenario, seed, trees=len(forest.trees), people=people, repeat=repeat)
         self._scenario = scenario
+        self._origin = scenario, forest, people, seed, repeat
         self.trees = forest.trees
         largest = max(uav.pixels for uav in scenario.uavs)
         if client is None:
@@ -137,6 +141,29 @@ class World:
         """Free the client."""
         if self.engine.isConnected():
             (opengl.disconnect if self.opengl else pybullet.disconnect)(self.client)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Recipe by which `copy` and `pickle` make it again."""
+        if self.opengl:
+            raise TypeError('worlds of sensing.renderer "egl" cannot be copied: OpenGL would mix up their bodies')
+        state = None
+        if self.engine.isConnected():
+            with TemporaryDirectory() as folder:
+                path = Path(folder, "world.bullet")
+                self.engine.saveBullet(str(path))
+                state = path.read_bytes()
+        return _made_again, (*self._origin, state, self._memories, self._people_centres, self._touched)
+
+    def restore(self, state: bytes | None, memories: Array, people_centres: Array, touched: set[Contact]) -> None:
+        """Take over the state of a world of the same scenario and forest; None: it was closed."""
+        self._memories, self._people_centres, self._touched = memories, people_centres, touched
+        if state is None:
+            self.close()
+            return
+        with TemporaryDirectory() as folder:
+            path = Path(folder, "world.bullet")
+            path.write_bytes(state)
+            self.engine.restoreState(fileName=str(path))
 
     def __enter__(self) -> "World":
         return self
@@ -242,6 +269,12 @@ class World:
         id_ = self.engine.loadURDF(str(ASSETS / "quadrotor.urdf"), (x, y, z), flags=flags)
         self.engine.changeDynamics(id_, -1, linearDamping=0.0, angularDamping=0.0)
         return self._paint(Body(id_, "uav", _WHITE, 0.45))
+
+
+def _made_again(scenario: Scenario, forest: Forest, people: int, seed: int, repeat: int, *state: Any) -> World:  # noqa: ANN401 - as `restore` takes it
+    made = World(scenario, forest, people, seed, repeat=repeat)
+    made.restore(*state)
+    return made
 
 
 _ROTORS: list[list[float]] = ROTORS.tolist()
