@@ -26,7 +26,7 @@ LAYERS = {
         *("installation", "scenario", "processes", "world", "sensing", "conformance", "mission", "recording"),
         *("evaluation", "drawing"),
         *("replay.frames", "replay", "replay.explain", "replay.page", "replay.rerun", "running", "terminal"),
-        *("calibration", "study", "analysis", "report.figures", "report", "cli", "__main__"),
+        *("calibration", "study", "environments", "analysis", "report.figures", "report", "cli", "__main__"),
     ),
 }
 BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}}

@@ -1,5 +1,6 @@
 """Scans and tracks: what a tracker is given, and what it holds."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -28,12 +29,16 @@ class Track:
     id: int
     belief: Gaussian
     existence: float = 1.0  # probability; 1 where the tracker has none, as where life is m_of_n
+    seen: float = -math.inf  # s, last detection of this UAV's fleet that it knows of; -inf: none, or not known
 
 
-def tracks_of(ids: Indices, means: Array, covariances: Array, existence: Array) -> tuple[Track, ...]:
-    """Tracks with ids (T,), means (T, 4), covariances (T, 4, 4) and existence (T,), of which they are copies."""
-    rows = zip(ids.tolist(), means, covariances, existence.tolist(), strict=True)
-    return tuple(Track(id, Gaussian(mean.copy(), covariance.copy()), r) for id, mean, covariance, r in rows)
+def tracks_of(
+    ids: Indices, means: Array, covariances: Array, existence: Array, seen: Array | None = None
+) -> tuple[Track, ...]:
+    """Tracks with ids (T,), means (T, 4), covariances (T, 4, 4), existence and, if known, `seen` (T,), all copied."""
+    known = np.full(len(ids), -math.inf) if seen is None else seen
+    rows = zip(ids.tolist(), means, covariances, existence.tolist(), known.tolist(), strict=True)
+    return tuple(Track(id, Gaussian(mean.copy(), covariance.copy()), r, last) for id, mean, covariance, r, last in rows)
 
 
 def beliefs_of(tracks: Sequence[Track]) -> tuple[Array, Array]:

@@ -79,7 +79,7 @@ class Tracker:
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks by ascending id."""
         table = self._table
-        return tracks_of(table.ids, table.means, table.covariances, table.existence)
+        return tracks_of(table.ids, table.means, table.covariances, table.existence, table.times[:, 0])
 
     @property
     def max_speed(self) -> float:

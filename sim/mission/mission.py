@@ -104,6 +104,12 @@ class Mission:
         """
         return [] if self.over else [handed(situation) for situation in self._situations()]
 
+    @property
+    def present(self) -> Snapshot:
+        """Present scan before its decision, ground truth included; RuntimeError if the mission is over."""
+        self._check_not_over()
+        return self._sense().snapshot
+
     def fly(self) -> Iterator[Snapshot]:
         """The rest of the mission by its planner, one snapshot per scan. Ends cleanly when no more are asked for."""
         with self:
@@ -123,8 +129,7 @@ class Mission:
                 taken again.
             RuntimeError: If the mission is over.
         """
-        if self.over:
-            raise RuntimeError(f"the mission is over: its last scan was at {self.time:g} s")
+        self._check_not_over()
         sensed = self._sense()
         made, sent = self._decide(plans)
         snapshot = replace(
@@ -150,6 +155,10 @@ class Mission:
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+    def _check_not_over(self) -> None:
+        if self.over:
+            raise RuntimeError(f"the mission is over: its last scan was at {self.time:g} s")
 
     def _next_commands(self, plans: list[Plan] | None) -> Array:
         """Commands (n, 2) m/s from now on: the first of the plans due now, else as before.
