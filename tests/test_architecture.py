@@ -32,7 +32,7 @@ LAYERS = {
 BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}}
 BELOW["sim"] = {"sim", "planning", "tracking"}
 MOST_MODULES = 12
-ENGINE = {"world", "opengl", "renderer", "window"}
+ENGINE = {"world", "bodies", "opengl", "renderer", "window"}
 # Of these, mwtp_matches.py asks what the MWTP makes of plans that were flown.
 PLANNING = {
     "sim/mission/plan_check.py",

@@ -25,7 +25,7 @@ from sim.sensing.cameras import camera_pose
 from sim.sensing.fault import Fault
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
-from sim.world.wind import Air
+from sim.world.quadrotor import Air
 from sim.world.world import World
 from tracking.geometry.camera import Pose
 from tracking.metrics.ospa import ospa
@@ -178,8 +178,8 @@ class Mission:
         rates = self.scenario.rates
         with self.clock.measure("physics"):
             steps = rates.physics // rates.sensing
-            for wind in [None] * steps if self._air is None else self._air.steps(steps):
-                self._world.step(self._commands, wind)
+            winds = [None] * steps if self._air is None else list(self._air.steps(steps))
+            self._world.advance(self._commands, winds)
 
     def _break_down(self, time: float) -> None:
         for i in self._working:

@@ -8,8 +8,7 @@ from helpers.flights import fly as fly_mission
 
 from sim.scenario.environment import Wind
 from sim.scenario.scenario import Scenario
-from sim.world.quadrotor import DRAG, GRAVITY, MASS
-from sim.world.wind import Air
+from sim.world.quadrotor import DRAG, GRAVITY, MASS, Air
 
 RATE = 240
 
