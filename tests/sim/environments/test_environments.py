@@ -1,5 +1,6 @@
 """Environments keep to Gymnasium's and PettingZoo's rules, fly what missions fly, and refuse wrong input."""
 
+import copy
 import warnings
 
 import gymnasium
@@ -88,6 +89,18 @@ def test_five_hundred_steps_are_the_same_again():
         assert equal(told, other.step({agent: action.copy() for agent, action in actions.items()})), step
     assert not one.agents and set(told[3].values()) == {True}
     assert digest(one.flight().recording) == digest(other.flight().recording)
+
+
+def test_a_copy_of_an_environment_goes_on_as_it_does():
+    env = understory.parallel_env("forest", settings={**IDEAL, "dynamics": "quadrotor"}, render_mode="rgb_array")
+    env.reset(seed=2)
+    given = dict.fromkeys(env.agents, np.array([0.4, -0.2]))
+    env.step(given)
+    env.render()
+    other = copy.deepcopy(env)
+    while env.agents:
+        assert equal(env.step(given), other.step(given)) and np.array_equal(env.render(), other.render())
+    assert digest(env.flight().recording) == digest(other.flight().recording)
 
 
 def test_vectors_of_environments_step_as_single_ones():

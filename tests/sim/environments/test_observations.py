@@ -55,6 +55,13 @@ def test_rows_are_the_nearest_with_offsets_beliefs_and_times(teams):
     assert full > 5
 
 
+def test_where_undetected_people_are_not_estimated_none_are_expected(random_team):
+    situation = random_team(0)[0]
+    found = Observations(2).of(situation)
+    assert situation.unseen is None and found["unseen"].shape == (20, 30) and not found["unseen"].any()
+    assert "neighbours" not in Observations(0).of(situation)
+
+
 def test_own_state_and_neighbours_come_with_what_they_intended(teams):
     for k, team in enumerate(teams):
         for situation, edge in zip(team, (20.0, 25.0, 22.0), strict=True):
