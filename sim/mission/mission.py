@@ -18,6 +18,7 @@ from sim.mission.plan_exchange import Links, lost_messages, open_links
 from sim.mission.snapshot import Snapshot
 from sim.mission.tracker_setup import initial_tracks
 from sim.mission.trial import Trial
+from sim.mission.wind import Air
 from sim.mission.world_setup import forest_and_people
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
@@ -25,7 +26,6 @@ from sim.sensing.cameras import camera_pose
 from sim.sensing.fault import Fault
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
-from sim.world.quadrotor import Air
 from sim.world.world import World
 from tracking.geometry.camera import Pose
 from tracking.metrics.ospa import ospa

@@ -1,15 +1,13 @@
-"""Quadrotor: its constants, the controller that turns velocity commands into rotor thrusts, kinematics, and wind."""
+"""Quadrotor: its constants, the controller that turns velocity commands into rotor thrusts, and kinematics."""
 
 import math
 
 import numpy as np
 
-from sim.scenario.environment import Wind
 from tracking.geometry.camera import rotation
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
-from tracking.numerics.normal import standard_normal
 from tracking.numerics.trigonometry import arctan2, cos, hypot, sin, tan
 
 GRAVITY = 9.81  # m/s²
@@ -158,27 +156,3 @@ def settled(quaternions: Array) -> Array:
             out[i, 2] = root * 0.5
             out[i, 3] = (sine + sine) * (0.5 / root)
     return out
-
-
-class Air:
-    """The velocity of the air, step by step: first-order Gauss-Markov gusts round the mean.
-
-    Both components are independent, of the scenario's standard deviation and correlation time; the process starts in
-    its steady state and is discretised exactly, so that its statistics do not depend on the rate. All UAVs meet the
-    same gust at the same time: eddies that last for seconds are larger than a fleet.
-    """
-
-    def __init__(self, wind: Wind, rate: int, rng: np.random.Generator) -> None:
-        self._wind = wind
-        self._kept = exp(-1.0 / (rate * wind.gust_time))
-        self._rng = rng
-        self._gust = wind.gust * standard_normal(rng, 2)
-
-    def steps(self, count: int) -> Array:
-        """Velocities (count, 2) m/s, east and north, of the air in the next physics steps."""
-        drawn = self._wind.gust * math.sqrt(1.0 - self._kept * self._kept) * standard_normal(self._rng, (count, 2))
-        gusts = np.empty((count, 2))
-        for k in range(count):
-            gusts[k] = self._gust
-            self._gust = self._kept * self._gust + drawn[k]
-        return np.asarray(gusts + self._wind.velocity)
