@@ -9,7 +9,7 @@ from gymnasium import error, logger, spaces
 from numpy.typing import NDArray
 
 from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observations, Observed
-from sim.environments.rewards import Reward, reward_of
+from sim.environments.rewards import ON_BELIEF, Reward, reward_of
 from sim.environments.rollout import Rollout, decision_times
 from sim.scenario.quantities import REPEATS
 from sim.scenario.scenario import Scenario
@@ -50,6 +50,11 @@ class Course:
         self.uavs = range(len(self.scenario.uavs))
         self.observations = Observations(len(self.uavs) - 1, given["tracks"], given["trees"])
         self.reward = reward_of(reward)
+        self.metadata = {
+            "render_modes": RENDER_MODES,
+            "render_fps": self.scenario.rates.planning,
+            "reward_sees_truth": reward not in ON_BELIEF,
+        }
         if render_mode not in (None, *RENDER_MODES):
             raise error.UnsupportedMode(f"render_mode: {render_mode!r} is not allowed; expected None or 'rgb_array'")
         self.render_mode = render_mode
@@ -121,15 +126,17 @@ class Course:
 
     def render(self) -> NDArray[np.uint8] | None:
         """A frame (720, 1280, 3) RGB as films have them; None, and a warning, without a `render_mode`."""
+        rollout = self.rollout
         if self.render_mode is None:
             logger.warn("render: made without a render_mode; 'rgb_array' gives frames")
             return None
-        return self.rollout.draw()
+        return rollout.draw()
 
     def close(self) -> None:
-        """End the mission."""
+        """End the mission; a reset starts another one."""
         if self._rollout is not None:
             self._rollout.close()
+            self._rollout = None
 
     def _blank(self, uav: int) -> NDArray[np.uint8]:
         edge = self.scenario.uavs[uav].pixels

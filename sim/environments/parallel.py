@@ -34,7 +34,7 @@ class TeamParallelEnv(ParallelEnv[str, Observed, NDArray[np.floating[Any]]]):  #
         """As `understory.parallel_env`."""
         self._course = Course(scenario, settings, reward, observe, render_mode)
         self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": self._course.scenario.rates.planning}
+        self.metadata = {**self.metadata, **self._course.metadata}
         self.possible_agents = [f"uav_{i}" for i in self._course.uavs]
         self.agents: list[str] = []
         self.observation_spaces = {f"uav_{i}": self._course.space(i) for i in self._course.uavs}

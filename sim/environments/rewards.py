@@ -43,6 +43,7 @@ def trace(situation: Situation, people: Array) -> float:
 
 
 REWARDS: Mapping[str, Reward] = {"gospa": expected_gospa, "true_gospa": true_gospa, "trace": trace}
+ON_BELIEF = ("gospa", "trace")  # those that know no truth; all others are for training alone
 
 
 def reward_of(given: str | Reward) -> Reward:

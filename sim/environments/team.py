@@ -39,7 +39,7 @@ class TeamEnv(gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
         if course.image and len({uav.pixels for uav in course.scenario.uavs}) > 1:
             raise InputError("observe: images of several sizes are not one array; set uavs.N.pixels alike")
         self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": course.scenario.rates.planning}
+        self.metadata = course.metadata
         one = course.space(0)
         self.observation_space = spaces.Dict(
             {

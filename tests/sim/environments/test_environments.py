@@ -192,6 +192,26 @@ def test_unknown_names_modes_and_repeats_are_refused():
         env.reset(seed=-1)
 
 
+def test_a_reward_that_sees_the_truth_is_marked_and_given_true_positions():
+    asked = []
+
+    def nearness(situation, people):
+        asked.append(people)
+        return float(situation.own.id)
+
+    marks = {"gospa": False, "trace": False, "true_gospa": True, nearness: True}
+    for reward, mark in marks.items():
+        env = understory.parallel_env("forest", settings=IDEAL, reward=reward)
+        assert env.metadata["reward_sees_truth"] == mark
+        team = gymnasium.make("understory/Forest-v0", settings=IDEAL, reward=reward)
+        assert team.unwrapped.metadata["reward_sees_truth"] == mark
+    env.reset(seed=0)
+    rewards = env.step(dict.fromkeys(env.agents, FINE))[1]
+    assert rewards == {"uav_0": 0.0, "uav_1": 1.0, "uav_2": 2.0}
+    env.step(dict.fromkeys(env.agents, FINE))
+    np.testing.assert_array_equal(asked[0], env.flight().recording.people[5])
+
+
 FINE = np.zeros(2)
 ACTIONS = {
     "action of UAV 1: of shape (3,) is not allowed; expected two numbers in [-1, 1]": {"uav_1": np.zeros(3)},
@@ -220,6 +240,10 @@ def test_actions_that_cannot_be_used_are_refused_and_change_nothing():
         assert equal(env.step(given), other.step(given))
     with pytest.raises(ResetNeeded, match="the episode is over; call reset"):
         env.step({})
+    env.close()
+    for late in (env.flight, env.render, lambda: env.step({})):
+        with pytest.raises(ResetNeeded, match="call reset first"):
+            late()
     team = gymnasium.make("understory/Forest-v0", settings=IDEAL, disable_env_checker=True)
     team.reset(seed=0)
     with pytest.raises(InvalidAction, match=r"action: of shape \(2,\), not \(3, 2\)"):
