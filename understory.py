@@ -9,13 +9,15 @@ Example:
     print(flight.columns("losses"))
     ```
 
-All names but `run` and `compare` stand for classes and functions of the packages, imported at their first use.
+The functions `run`, `mission`, `compare` and `parallel_env` stand here; all other names are those of classes and
+functions of the packages, imported at their first use.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from importlib import import_module
 from importlib.util import find_spec
@@ -27,9 +29,11 @@ if TYPE_CHECKING:
     from planning.planner import Exchange, Plan, Planner, Situation, Vehicle
     from sim.conformance.detector import check as check_detector
     from sim.conformance.tracker import check as check_tracker
+    from sim.environments.observations import Observations
     from sim.mission.mission import Mission
     from sim.recording.recording import Recording
     from sim.replay.flight import Flight, load
+    from sim.running.run import record
     from sim.scenario.scenario import Scenario
     from tracking.detection.detector import Detections, Detector, Frame
     from tracking.filter.kalman import Gaussian
@@ -51,6 +55,7 @@ _HOMES = {
     "Mission": "sim.mission.mission",
     "Recording": "sim.recording.recording",
     **dict.fromkeys(("Flight", "load"), "sim.replay.flight"),
+    "record": "sim.running.run",
     "Scenario": "sim.scenario.scenario",
     **dict.fromkeys(("Detections", "Detector", "Frame"), "tracking.detection.detector"),
     **dict.fromkeys(("Camera", "Pose"), "tracking.geometry.camera"),
@@ -58,6 +63,7 @@ _HOMES = {
     "Gaussian": "tracking.filter.kalman",
     "InputError": "tracking.plugins.registry",
     "Member": "tracking.fusion.member",
+    "Observations": "sim.environments.observations",
     "Message": "tracking.fusion.message",
     **dict.fromkeys(("Scan", "Track"), "tracking.track"),
     "TrackExchange": "tracking.fusion.exchange",
@@ -76,6 +82,7 @@ __all__ = [
     "Member",
     "Message",
     "Mission",
+    "Observations",
     "Plan",
     "Planner",
     "Pose",
@@ -92,6 +99,9 @@ __all__ = [
     "check_tracker",
     "compare",
     "load",
+    "mission",
+    "parallel_env",
+    "record",
     "run",
 ]
 
@@ -129,12 +139,10 @@ def run(
     from sim.mission.trial import Trial
     from sim.replay.flight import Flight, load
     from sim.running.flight import fly as flown
-    from sim.scenario.loading import load as load_scenario
+    from sim.study.settings_text import chosen
     from tracking.plugins.registry import InputError
 
-    setting = load_scenario(scenario, _overrides(settings)) if isinstance(scenario, str) else scenario
-    if setting is scenario and settings:
-        raise InputError("settings: not allowed with a Scenario; set its fields")
+    setting = chosen(scenario, settings)
     if out is not None:
         from sim.running.run import run as fly
 
@@ -145,6 +153,34 @@ def run(
     name, made = (planner, None) if isinstance(planner, str) else (type(planner).__qualname__, planner)
     trial = Trial(setting, name, seed, repeat)
     return Flight(flown(trial, lambda mission: nullcontext(lambda snapshot: True), planner=made).recording)
+
+
+def mission(
+    scenario: str | Scenario = "forest",
+    planner: str | Planner | None = None,
+    *,
+    seed: int = 0,
+    repeat: int = 0,
+    settings: Mapping[str, Any] | None = None,
+) -> Mission:
+    """A mission to fly scan by scan with `Mission.step`, from outside or, with a planner, by that.
+
+    Args:
+        scenario: Name of a packaged scenario, a .toml file, or a `Scenario`.
+        planner: What decides where no plans are given, as `run` takes it.
+        seed: Gives the forest and the people.
+        repeat: Gives, with the seed, all other chance.
+        settings: Keys of the scenario that differ, as {"trees.density": 75}.
+
+    Raises:
+        InputError: Where scenario, settings or planner cannot be used.
+    """
+    from planning.loading import load_planner
+    from sim.mission.mission import Mission
+    from sim.study.settings_text import chosen
+
+    made = load_planner(planner) if isinstance(planner, str) else planner
+    return Mission(chosen(scenario, settings), made, seed, repeat)
 
 
 def compare(
@@ -179,6 +215,7 @@ def compare(
     from sim.recording.dataframes import dataframe
     from sim.study.backends import Pool
     from sim.study.engine import rows_of
+    from sim.study.settings_text import overrides
     from sim.study.store import frame_of
     from sim.study.study import Study
     from sim.study.tasks import tasks
@@ -190,17 +227,50 @@ def compare(
         scenarios=(scenarios,) if isinstance(scenarios, str) else tuple(scenarios),
         seeds=",".join(map(str, seeds)),
         repeats=repeats,
-        settings=dict(item.split("=", 1) for item in _overrides(settings)),
+        settings=dict(item.split("=", 1) for item in overrides(settings)),
     )
     with Pool(workers or os.cpu_count() or 1) as pool:
         return frame_of(rows_of(tasks(study), pool))
 
 
-def _overrides(settings: Mapping[str, Any] | None) -> list[str]:
-    """Settings as `--set` takes them."""
-    from sim.study.settings_text import flat, toml
+def parallel_env(
+    scenario: str | Scenario = "forest",
+    *,
+    settings: Mapping[str, Any] | None = None,
+    reward: str | Callable[[Situation, Any], float] = "gospa",
+    observe: Mapping[str, Any] | None = None,
+    render_mode: str | None = None,
+) -> Any:  # noqa: ANN401 - PettingZoo's class, which is not needed otherwise
+    """PettingZoo environment of a mission: each UAV is an agent, each step flies from one decision to the next.
 
-    return [f"{key}={toml(value)}" for key, value in flat(settings or {}).items()]
+    With Gymnasium the team is one agent: `gymnasium.make("understory/Forest-v0")`, which takes the same arguments.
+    Actions are velocities east and north, in shares of the UAV's limit; faster ones are shortened to it. Observations
+    hold what a UAV knows, and no ground truth, see `understory.Observations`. An agent is terminated when its UAV
+    breaks down, and truncated at the last decision. Infos hold the time and, by the truth, OSPA and GOSPA. `flight()`
+    of the environment gives the recording so far.
+
+    `reset(seed=3)` flies the map of seed 3, as `understory run --seed 3`; without a seed one of 2**32 or more is drawn,
+    so that maps of reports stay new to what is learned. The option `{"repeat": 1}` gives a map other noise.
+
+    Args:
+        scenario: Name of a packaged scenario, a .toml file, or a `Scenario`.
+        settings: Keys of the scenario that differ, as {"trees.density": 75}.
+        reward: `"gospa"`: expected by the UAV's own belief; `"trace"`: of its covariances; `"true_gospa"`: by the
+            truth, for training alone; or a function of a `Situation` and of true positions (M, 2) m, for training
+            alone, too.
+        observe: Rows of `tracks` and `trees`, 10 each by default, and whether there is an `image`.
+        render_mode: `"rgb_array"` lets `render()` give frames as films have them, true people included.
+
+    Raises:
+        InputError: Where something cannot be used, or PettingZoo is not installed.
+    """
+    from tracking.plugins.registry import InputError
+
+    try:
+        from sim.environments.parallel import TeamParallelEnv
+    except ModuleNotFoundError as error:
+        raise InputError(f"{error.name} is not installed; environments need pip install 'understory[rl]'") from error
+    return TeamParallelEnv(scenario, settings=settings, reward=reward, observe=observe, render_mode=render_mode)
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - what the name stands for
@@ -209,6 +279,10 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - what the name stands for
         module, _, target = _HOMES[name].partition(":")
         return getattr(import_module(module), target or name)
     raise AttributeError(f"module 'understory' has no attribute {name!r}")
+
+
+if "gymnasium" in sys.modules:  # importing it takes a second
+    import_module("sim.environments.registration")
 
 
 def __dir__() -> list[str]:

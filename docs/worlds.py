@@ -10,7 +10,7 @@ from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from sim.mission.mission import forest_and_people
+from sim.mission.world_setup import forest_and_people
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
 from sim.study.study import read

@@ -26,13 +26,13 @@ LAYERS = {
         *("installation", "scenario", "processes", "world", "sensing", "conformance", "mission", "recording"),
         *("evaluation", "drawing"),
         *("replay.frames", "replay", "replay.explain", "replay.page", "replay.rerun", "running", "terminal"),
-        *("calibration", "study", "analysis", "report.figures", "report", "cli", "__main__"),
+        *("calibration", "study", "environments", "analysis", "report.figures", "report", "cli", "__main__"),
     ),
 }
 BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets": {"assets"}}
 BELOW["sim"] = {"sim", "planning", "tracking"}
 MOST_MODULES = 12
-ENGINE = {"world", "opengl", "renderer", "window"}
+ENGINE = {"world", "bodies", "opengl", "renderer", "window"}
 # Of these, mwtp_matches.py asks what the MWTP makes of plans that were flown.
 PLANNING = {
     "sim/mission/plan_check.py",

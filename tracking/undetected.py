@@ -75,7 +75,7 @@ class UndetectedIntensity:
                 np.ascontiguousarray(_blurred(people, sigma / height).T), sigma / width
             ).T  # the area keeps all people
         people = people + self._recycled(tracks)
-        for camera, pose in looks:
+        for camera, pose in looks if people.any() else ():
             people = self._thinned(people, camera, pose, forest)
         self._now = Intensity(people, self._now.low, self._now.cell)
         self._tracks = {track.id: track.belief for track in tracks}

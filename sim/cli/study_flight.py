@@ -12,7 +12,7 @@ from rich.markup import escape
 
 from sim.analysis.planner_labels import entrant
 from sim.evaluation.machine import versions
-from sim.mission.mission import forest_and_people
+from sim.mission.world_setup import forest_and_people
 from sim.report.report import About, write
 from sim.report.terminal import show
 from sim.scenario.random_streams import numbered

@@ -1,116 +1,185 @@
 """The mission loop: sense, track, communicate, plan, fly."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planning.contract import exchange_of, with_truth
 from planning.loading import load_planner, planner_errors
-from planning.planner import Plan, Planner, Situation
-from sim.mission.plan_check import checked_plans
-from sim.mission.plan_exchange import Links, PlanExchange, lost_messages, open_links
+from planning.planner import Exchange, Plan, Planner, Situation
+from sim.mission.knowledge import Knowledge
+from sim.mission.plan_check import checked_plans, handed, usable_plans
+from sim.mission.plan_exchange import Links, lost_messages, open_links
 from sim.mission.snapshot import Snapshot
-from sim.mission.tracker_setup import initial_tracks, planned_motion, tracker_parameters
+from sim.mission.tracker_setup import initial_tracks
 from sim.mission.trial import Trial
+from sim.mission.wind import Air
+from sim.mission.world_setup import forest_and_people
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import camera_pose, vehicle_of
+from sim.sensing.cameras import camera_pose
 from sim.sensing.fault import Fault
-from sim.sensing.sensors import Observation, Sensors
+from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
-from sim.world.forest import grow
-from sim.world.trajectories import Trajectories, read
-from sim.world.walkers import walk
-from sim.world.wind import Air
 from sim.world.world import World
-from tracking.fusion.consensus import fuse
-from tracking.fusion.member import tracker
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import Forest
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Indices
+from tracking.plugins.registry import InputError
 from tracking.track import Track
-from tracking.undetected import UndetectedIntensity
 
 
 class Mission:
-    """A mission that is ready to fly. The seed gives forest and people, seed and repeat all other chance."""
+    """A mission, scan by scan. The seed gives forest and people, seed and repeat all other chance.
 
-    def __init__(self, scenario: Scenario, planner: Planner, seed: int, repeat: int = 0) -> None:
+    `fly` flies it with its planner. Without a planner, or with plans from elsewhere, `step` flies it from scan to scan:
+
+        mission = Mission(scenario, seed=3)
+        while not mission.over:
+            snapshot = mission.step([Plan(...) for situation in mission.team])
+    """
+
+    def __init__(self, scenario: Scenario, planner: Planner | None = None, seed: int = 0, repeat: int = 0) -> None:
         """Grow the forest, let the people walk and build the world; ValueError where the scenario cannot be built."""
-        self.scenario = scenario
+        self.scenario, self.seed, self.repeat = scenario, seed, repeat
         self.clock = Stopwatch()
         self.faults: list[Fault] = []
         self.frames: list[NDArray[np.uint8] | None] = []  # of the last scan, one per UAV; None without rendering
         self.forest, self.people = forest_and_people(scenario, seed)
-        # An oracle is given the truth here, since situations hold none.
-        self._planner, self.sees_truth = with_truth(planner, lambda time: self.people.at(time)[0])
+        self.planner, self.sees_truth, exchange = self._known_of(planner)
         chance = partial(stream, seed, repeat=repeat)
-        self._chance = chance("planner")
+        self.rng = chance("planner")  # the planner's only source of chance
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
-        # Planners get their own copies of map and motion model, so that changes have no effect on sensing.
-        self._known_forest = Forest(tuple(map(replace, self.forest.trees)), self.forest.occlusion)
-        self._known_motion = planned_motion(scenario)
-        first, second = (self.people.at(time)[0] for time in (0.0, 1 / scenario.rates.sensing))
-        name, cameras = scenario.tracking.tracker, self._sensors.cameras
-        self._trackers = [  # each with parameters and tracks of its own, as one from outside may change them
-            tracker(name, i, c, self.forest, tracker_parameters(scenario), initial_tracks(scenario, first, second))
-            for i, c in enumerate(cameras)
-        ]
-        size, settings = (scenario.area.width, scenario.area.height), scenario.tracking
-        people = settings.unseen if settings.initial_tracks == "none" else 0.0
-        self._undetected = [
-            UndetectedIntensity(size, people, settings.detection_probability, settings.max_speed) for _ in cameras
-        ]
-        with planner_errors(type(planner).__qualname__, "say what it sends"):
-            exchange = exchange_of(self._planner)
-        self._rounds, self._intents = exchange.rounds, PlanExchange(scenario.network, exchange, chance("intents"))
+        starts = [self.people.at(time)[0] for time in (0.0, 1 / scenario.rates.sensing)]
+        self._knowledge = Knowledge(
+            scenario, self.forest, initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
+        )
+        self._rounds = exchange.rounds
         self._first = round(scenario.first_decision * scenario.rates.sensing)  # scan
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
         self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
         self._working = list(range(len(scenario.uavs)))  # UAVs that have not broken down, at the last scan
         self._radio = chance("network")
         self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, chance("wind"))
+        self._times = scenario.scan_times
+        self._k = 0  # the present scan
+        self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, in force
+        self._sensed: _Sensed | None = None  # at the present scan
+        self._team: list[Situation] | None = None  # as of the present scan
+
+    def _known_of(self, planner: Planner | None) -> tuple[Planner | None, bool, Exchange]:
+        """The planner to fly, whether it is an oracle, and what it sends. An oracle is given the truth here."""
+        if planner is None:
+            return None, False, Exchange()
+        flown, sees_truth = with_truth(planner, lambda time: self.people.at(time)[0])
+        with planner_errors(type(planner).__qualname__, "say what it sends"):
+            return flown, sees_truth, exchange_of(flown)
 
     @staticmethod
     def of(trial: Trial) -> "Mission":
         """The mission of a trial, its planner loaded."""
         return Mission(trial.scenario, load_planner(trial.planner), trial.seed, trial.repeat)
 
-    def fly(self) -> Iterator[Snapshot]:
-        """The whole mission, one snapshot per scan. Ends early, cleanly, when no further scan is asked for."""
-        rates = self.scenario.rates
-        times = self.scenario.scan_times
-        commands = np.zeros((len(self._trackers), 2))
-        with self._world:
-            for k, time in enumerate(times):
-                known = len(self.faults)
-                snapshot = replace(self._scan(k, time, commands), faults=tuple(self.faults[known:]))
-                commands = self._commands(k, commands, snapshot.plans)
-                yield snapshot
-                if k + 1 < len(times):
-                    with self.clock.measure("physics"):
-                        steps = rates.physics // rates.sensing
-                        for wind in [None] * steps if self._air is None else self._air.steps(steps):
-                            self._world.step(commands, wind)
+    @property
+    def over(self) -> bool:
+        """True after the last scan, and once closed."""
+        return self._k >= len(self._times)
 
-    def _commands(self, k: int, before: Array, plans: list[Plan] | None) -> Array:
+    @property
+    def time(self) -> float:
+        """Time of the present scan, or, when the mission is over, of the last one [s]."""
+        return self._times[min(self._k, len(self._times) - 1)]
+
+    @property
+    def team(self) -> list[Situation]:
+        """Knowledge of each UAV that works, if it has to decide now, to do anything with.
+
+        Empty between decisions, before the first one, and when all UAVs have broken down or the mission is over.
+        """
+        return [] if self.over else [handed(situation) for situation in self._situations()]
+
+    @property
+    def present(self) -> Snapshot:
+        """Present scan before its decision, ground truth included; RuntimeError if the mission is over."""
+        self._check_not_over()
+        return self._sense().snapshot
+
+    def fly(self) -> Iterator[Snapshot]:
+        """The rest of the mission by its planner, one snapshot per scan. Ends cleanly when no more are asked for."""
+        with self:
+            while not self.over:
+                yield self.step()
+
+    def step(self, plans: Sequence[Plan | Array] | Array | None = None) -> Snapshot:
+        """Decide at the present scan, and go on to the next one; returns the scan that was decided at.
+
+        Args:
+            plans: For each situation of `team` a plan, or a velocity (2,) m/s east and north; as `team`, empty between
+                decisions. Without any the planner is asked. A velocity above the UAV's limit is shortened to it, which
+                is a fault.
+
+        Raises:
+            InputError: Where plans cannot be used, or are missing; the mission is as before, and the step can be
+                taken again.
+            RuntimeError: If the mission is over.
+        """
+        self._check_not_over()
+        sensed = self._sense()
+        made, sent = self._decide(plans)
+        snapshot = replace(
+            sensed.snapshot,
+            plans=made,
+            plan_bytes=sent,
+            plan_rounds=0 if made is None else self._rounds,
+            faults=tuple(self.faults[sensed.faults :]),
+        )
+        self._commands = self._next_commands(made)
+        self._k, self._sensed, self._team = self._k + 1, None, None
+        if self.over:
+            self.close()
+        return snapshot
+
+    def close(self) -> None:
+        """End the mission and free its world."""
+        self._k = len(self._times)
+        self._world.close()
+
+    def __enter__(self) -> "Mission":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def _check_not_over(self) -> None:
+        if self.over:
+            raise RuntimeError(f"the mission is over: its last scan was at {self.time:g} s")
+
+    def _next_commands(self, plans: list[Plan] | None) -> Array:
         """Commands (n, 2) m/s from now on: the first of the plans due now, else as before.
 
         Plans are due `network.plan_delay` after their decision. UAVs that broke down hover.
         """
         if plans is not None:
-            self._coming.append((k + self._delay, plans))
-        due = self._coming.popleft()[1] if self._coming and self._coming[0][0] == k else None
-        commands = np.zeros_like(before)
+            self._coming.append((self._k + self._delay, plans))
+        due = self._coming.popleft()[1] if self._coming and self._coming[0][0] == self._k else None
+        commands = np.zeros_like(self._commands)
         for i in self._working:
-            commands[i] = before[i] if due is None else due[i].controls[0]
+            commands[i] = self._commands[i] if due is None else due[i].controls[0]
         return commands
+
+    def _move(self) -> None:
+        """Fly from the scan before the present one to it."""
+        rates = self.scenario.rates
+        with self.clock.measure("physics"):
+            steps = rates.physics // rates.sensing
+            winds = [None] * steps if self._air is None else list(self._air.steps(steps))
+            self._world.advance(self._commands, winds)
 
     def _break_down(self, time: float) -> None:
         for i in self._working:
@@ -118,7 +187,16 @@ class Mission:
                 self.faults.append(Fault(self.scenario.uavs[i].fails_at or 0.0, i, "broke down, hovers from now on"))
         self._working = [i for i in self._working if self.scenario.works(i, time)]
 
-    def _scan(self, k: int, time: float, commands: Array) -> Snapshot:
+    def _sense(self) -> "_Sensed":
+        """Fly to the present scan, sense and track, unless that is done."""
+        if self._sensed is None:
+            if self._k:
+                self._move()
+            self._sensed = self._scan(self._k, self.time)
+        return self._sensed
+
+    def _scan(self, k: int, time: float) -> "_Sensed":
+        known = len(self.faults)
         self._break_down(time)
         people, headings = self.people.at(time)
         with self.clock.measure("physics"):
@@ -132,33 +210,37 @@ class Mission:
         ]
         self.frames = [look.image for look in looks]
         self.faults += [fault for look in looks for fault in look.faults]
-        network = self.scenario.network
-        up = open_links(network, time, np.array([body.position for body in bodies]))
-        links = Links(up, lost_messages(network, len(bodies), self._radio))
+        links = self._links(time, bodies)
         with self.clock.measure("tracking"):
-            sent = self._track(time, looks, links)
-        tracks = [tracker.tracks if i in self._working else () for i, tracker in enumerate(self._trackers)]
+            sent = self._knowledge.track(time, looks, links, self._working)
+        tracks = self._knowledge.tracks(self._working)
         present = people[~np.isnan(people[:, 0])]
-        plans, sent_plans = self._plan(k, time, bodies, links)
-        return Snapshot(
+        snapshot = Snapshot(
             time=time,
             people=people,
             headings=headings,
             poses=bodies,
             cameras=cameras,
-            commands=commands,
+            commands=self._commands,
             scans=[look.scan for look in looks],
             pixels=[look.pixels for look in looks],
             tracks=tracks,
-            plans=plans,
+            plans=None,
             ospa=self._errors(tracks, present),
             visible=np.array([look.visible for look in looks]),
             matched=np.array([look.matched for look in looks]),
             contacts=self._world.take_contacts(),
             bytes_sent=sent,
-            plan_bytes=sent_plans,
-            plan_rounds=0 if plans is None else self._rounds,
+            plan_bytes=np.zeros(len(bodies), dtype=np.int64),
+            plan_rounds=0,
         )
+        return _Sensed(snapshot, links, known)
+
+    def _links(self, time: float, bodies: list[Pose]) -> Links:
+        """Links between UAVs with bodies at these poses, and the messages that get lost."""
+        network = self.scenario.network
+        up = open_links(network, time, np.array([body.position for body in bodies]))
+        return Links(up, lost_messages(network, len(bodies), self._radio))
 
     def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
         """OSPA and its parts (n, 3) m of each UAV's tracks against people (P, 2) m; NaN for UAVs that broke down."""
@@ -167,79 +249,44 @@ class Mission:
             errors[i] = ospa(np.array([t.belief.mean[:2] for t in tracks[i]]), present)
         return errors
 
-    def _track(self, time: float, looks: list[Observation], links: Links) -> Indices:
-        """Update each tracker with its observation, fuse, and count the bytes that each UAV sends (n,)."""
-        working, lost = self._working, links.lost
-        for i in working:
-            if looks[i].taken:
-                self._trackers[i].step(looks[i].scan)
-            else:
-                self._trackers[i].coast(time)
-        if lost is not None:
-            lost = lost[:, working][:, :, working]
-        sent = np.zeros(len(looks), dtype=np.int64)
-        if working:
-            members = [self._trackers[i] for i in working]
-            sent[working] = fuse(members, links.up[np.ix_(working, working)], self.scenario.network.rounds, lost)
-        return sent
-
-    def _plan(self, k: int, time: float, bodies: list[Pose], links: Links) -> tuple[list[Plan] | None, Indices]:
+    def _decide(self, given: Sequence[Plan | Array] | Array | None) -> tuple[list[Plan] | None, Indices]:
         """Plans of a decision and the bytes (n,) that each UAV sends; a UAV that broke down has an empty plan.
 
         None between decisions, before the first, and if all UAVs have broken down.
         """
-        rates = self.scenario.rates
-        if k % (rates.sensing // rates.planning) or k < self._first or not self._working:
-            return None, np.zeros(len(bodies), dtype=np.int64)
+        count = len(self.scenario.uavs)
+        if not self._decides():
+            usable_plans(given if given is not None else [], [])
+            return None, np.zeros(count, dtype=np.int64)
         with self.clock.measure("planning"):
-            team = self._team(k, time, bodies, links)
-            made, faults = checked_plans(self._planner, team, self._intents.own, self._chance)
+            team = self._situations()
+            if given is not None:
+                made, faults = usable_plans(given, team)
+            elif self.planner is not None:
+                made, faults = checked_plans(self.planner, team, self._knowledge.plans.own, self.rng)
+            else:
+                raise InputError(f"plans: none are given, and the mission has no planner; expected {len(team)}")
         self.faults += faults
         plans = dict(zip(self._working, made, strict=True))
-        return [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(len(bodies))], self._intents.end(plans)
+        return [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(count)], self._knowledge.plans.end(plans)
 
-    def _team(self, k: int, time: float, bodies: list[Pose], links: Links) -> list[Situation]:
-        """One situation per working UAV: itself, its own tracks, and its knowledge of the others."""
-        fleet = [vehicle_of(i, body, self.scenario) for i, body in enumerate(bodies)]
-        self._intents.begin(fleet, links, self._working, 1 / self.scenario.rates.planning)
-        area = (self.scenario.area.width, self.scenario.area.height)
-        for i in self._working:
-            known = [v for v in fleet if v.id == i or (links.contact[i, v.id] and v.id in self._working)]
-            looks = [
-                (self._sensors.cameras[v.id], Pose(v.position, v.attitude))
-                for v in known
-                if self.scenario.has_frame(v.id, k)
-            ]
-            self._undetected[i].step(time, looks, self._trackers[i].tracks, self.forest)
-        return [
-            self._intents.informed(
-                Situation(
-                    time=time,
-                    own=fleet[i],
-                    neighbours=(),
-                    tracks=self._trackers[i].tracks,
-                    forest=self._known_forest,
-                    area=area,
-                    motion=self._known_motion,
-                    unseen=self._undetected[i].belief,
-                )
-            )
-            for i in self._working
-        ]
+    def _decides(self) -> bool:
+        rates = self.scenario.rates
+        self._sense()
+        return bool(self._working) and self._k >= self._first and self._k % (rates.sensing // rates.planning) == 0
+
+    def _situations(self) -> list[Situation]:
+        """One situation per working UAV at a decision: itself, its own tracks, and its knowledge of the others."""
+        if self._team is None:
+            sensed = self._sense()
+            about = self._k, sensed.snapshot.poses, sensed.links, self._working
+            self._team = self._knowledge.situations(*about) if self._decides() else []
+        return self._team
 
 
-def forest_and_people(scenario: Scenario, seed: int) -> tuple[Forest, Trajectories]:
-    """The trees of a scenario and seed, and its people, walking or from the scenario's file.
+class _Sensed(NamedTuple):
+    """A scan before its decision."""
 
-    Walkers go round trunks; recorded people do not, so trunks keep off their paths. People are present for two scans at
-    least, which a velocity needs.
-    """
-    people, duration = scenario.people, max(scenario.duration, 1 / scenario.rates.sensing)
-    file = people.trajectory_file
-    recorded = None if file is None else read(file, scenario.area, duration=duration)
-    paths = np.zeros((0, 2)) if recorded is None else recorded.positions[~np.isnan(recorded.positions[..., 0])]
-    grown = grow(scenario.trees, scenario.area, stream(seed, "forest"), paths)
-    forest = Forest(grown.trees, scenario.sensing.occlusion)
-    if recorded is not None:
-        return forest, recorded
-    return forest, walk(people, scenario.area, forest, duration=duration, rng=stream(seed, "walkers"))
+    snapshot: Snapshot
+    links: Links
+    faults: int  # number of those before it

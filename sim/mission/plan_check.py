@@ -12,6 +12,7 @@ from sim.sensing.fault import Fault
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.plugins.containment import ForeignError, Unusable, contained, numbers
+from tracking.plugins.registry import InputError
 
 _MOST_OTHERS = 1000
 
@@ -27,29 +28,65 @@ def checked_plans(
     time = team[0].time
     try:
         with contained():
-            proposed = _proposed(planner.plan([_handed(situation) for situation in team], rng), len(team))
+            proposed = _proposed(planner.plan([handed(situation) for situation in team], rng), len(team))
     except ForeignError as error:
         return [_shifted(last.get(s.own.id)) for s in team], [Fault(time, None, str(error), error.trace)]
     plans, faults = [], []
     for situation, given in zip(team, proposed, strict=True):
-        own = situation.own
         try:
             with contained():
                 plan = _usable(given)
         except ForeignError as error:
-            plans.append(_shifted(last.get(own.id)))
-            faults.append(Fault(time, own.id, str(error), error.trace))
+            plans.append(_shifted(last.get(situation.own.id)))
+            faults.append(Fault(time, situation.own.id, str(error), error.trace))
             continue
-        controls = plan.controls
-        with np.errstate(over="ignore"):  # of huge, though finite, speeds
-            fastest = length(controls).max()
-            plans.append(Plan(speed_limited(controls[None], own.max_speed)[0], plan.others))
-        if fastest > own.max_speed * (1 + 1e-6):
-            faults.append(Fault(time, own.id, f"speed {fastest:.3g} m/s exceeds {own.max_speed:g} m/s; clipped"))
+        plans.append(_limited(plan, situation, faults))
     return plans, faults
 
 
-def _handed(situation: Situation) -> Situation:
+def usable_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tuple[list[Plan], list[Fault]]:
+    """One valid plan per situation from plans, or velocities (2,) m/s, from outside; and faults of speed.
+
+    InputError says what cannot be used.
+    """
+    plans: list[Plan] = []
+    faults: list[Fault] = []
+    try:
+        with contained():
+            proposed = _proposed(given, len(team))
+    except ForeignError as error:
+        raise InputError(f"plans: {error}") from error
+    for situation, each in zip(team, proposed, strict=True):
+        try:
+            with contained():
+                plan = _usable(each if hasattr(each, "controls") else Plan(_velocity(each)))
+        except ForeignError as error:
+            raise InputError(f"plans: of UAV {situation.own.id}: {error}") from error
+        plans.append(_limited(plan, situation, faults))
+    return plans, faults
+
+
+def _velocity(given: object) -> Array:
+    """One control (1, 2) m/s."""
+    velocity = numbers("velocities", given, 2 * LONGEST_PLAN)
+    if velocity.shape != (2,):
+        raise Unusable(f"velocity of shape {velocity.shape}, not (2,)")
+    return velocity[None]
+
+
+def _limited(plan: Plan, situation: Situation, faults: list[Fault]) -> Plan:
+    """The plan within the UAV's speed limit; what is beyond that adds a fault."""
+    own, controls = situation.own, plan.controls
+    with np.errstate(over="ignore"):  # of huge, though finite, speeds
+        fastest = length(controls).max()
+        limited = Plan(speed_limited(controls[None], own.max_speed)[0], plan.others)
+    if fastest > own.max_speed * (1 + 1e-6):
+        text = f"speed {fastest:.3g} m/s exceeds {own.max_speed:g} m/s; clipped"
+        faults.append(Fault(situation.time, own.id, text))
+    return limited
+
+
+def handed(situation: Situation) -> Situation:
     """A copy that a planner may do anything to; map, cameras and motion model are planners' own already."""
     cameras = [part for vehicle in situation.vehicles for part in (vehicle.camera, vehicle.noise)]
     return deepcopy(situation, {id(own): own for own in (situation.forest, situation.motion, *cameras)})

@@ -10,7 +10,7 @@ from sim.evaluation.metric import Outcome
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial
-from sim.recording.recording import Recorder
+from sim.recording.recording import Recorder, Recording
 from sim.scenario.scenario import resolved
 
 Watch = Callable[[Snapshot], bool]  # sees each scan, and says whether the mission goes on
@@ -41,18 +41,22 @@ def fly(
             if not watch(snapshot):
                 break
     wall = time.perf_counter() - start
-    recording = recorder.recording(
-        scenario=resolved(trial.scenario),
-        planner=trial.planner,
-        seed=trial.seed,
-        forest=mission.forest,
-        interrupted=len(recorder) < len(trial.scenario.scan_times),
-        sees_truth=mission.sees_truth,
-    )
     return Outcome(
-        recording,
+        recording_of(mission, recorder, trial.planner),
         seconds={**mission.clock.seconds, "start_up": start_up},
         wall_s=wall,
         faults=mission.faults,
         planning_s=mission.clock.laps["planning"],
+    )
+
+
+def recording_of(mission: Mission, recorder: Recorder, planner: str) -> Recording:
+    """Recording of what was flown of a mission; it is marked as interrupted unless that is all."""
+    return recorder.recording(
+        scenario=resolved(mission.scenario),
+        planner=planner,
+        seed=mission.seed,
+        forest=mission.forest,
+        interrupted=len(recorder) < len(mission.scenario.scan_times),
+        sees_truth=mission.sees_truth,
     )

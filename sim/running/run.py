@@ -1,7 +1,7 @@
 """One mission from its parts to its folder: recording, summary, video, page, OSPA curve and timeline."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import count
 from pathlib import Path
@@ -18,10 +18,11 @@ from sim.mission.warmup import announced, warm_up
 from sim.processes.isolation import stop_request
 from sim.recording.archive import save
 from sim.recording.atomic_files import new_folder
-from sim.recording.recording import Recording
+from sim.recording.recording import Recorder, Recording
 from sim.replay.flight import Flight
 from sim.replay.page.page import write_page
 from sim.running.flight import fly as flown
+from sim.running.flight import recording_of
 from sim.running.isolated_run import Results
 
 Progress = Callable[[ScanProgress], None]
@@ -98,6 +99,17 @@ def _film(trial: Trial, mission: Mission, path: Path | None) -> Iterator[Callabl
         raise
     with mission.clock.measure("video"):
         video.close()
+
+
+def record(mission: Mission, snapshots: Iterable[Snapshot], planner: str = "from outside") -> Flight:
+    """A mission that was flown by `Mission.step`, to look into; it is marked as interrupted unless all was flown.
+
+    snapshots: all that its steps returned, in order. planner: a name for what decided.
+    """
+    recorder = Recorder(mission.repeat)
+    for snapshot in snapshots:
+        recorder.add(snapshot)
+    return Flight(recording_of(mission, recorder, planner))
 
 
 def write_results(folder: Path, recording: Recording, summary: dict[str, Any]) -> None:

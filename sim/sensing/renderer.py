@@ -131,6 +131,10 @@ class Renderer:
         self._people[people] = np.arange(len(people))
         self._ground = Ground(self._style.ground_tint, self._style.ground_place)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """State of a copy: its world, a new one, shows all bodies."""
+        return {**vars(self), "_shown": np.ones_like(self._shown)}
+
     def take(self, uav: int, time: float, camera: Camera, pose: Pose) -> Rendered:
         """The frame that a UAV's camera delivers at a time [s]: the view with the camera's own faults."""
         view = self.render(camera, pose)

@@ -5,6 +5,10 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from sim.scenario.loading import load
+from sim.scenario.scenario import Scenario
+from tracking.plugins.registry import InputError
+
 _PLAIN = re.compile(r"(?!(?:true|false|inf|nan)$)[A-Za-z_][\w.:/-]*")
 
 
@@ -19,6 +23,20 @@ def flat(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 def toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data
     """A value as `--set key=value` reads it: TOML, a plain word without quotes."""
     return value if isinstance(value, str) and _PLAIN.fullmatch(value) else _toml(value)
+
+
+def overrides(settings: Mapping[str, Any] | None) -> list[str]:
+    """Settings as `--set` takes them, each `key=value`."""
+    return [f"{key}={toml(value)}" for key, value in flat(settings or {}).items()]
+
+
+def chosen(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scenario:
+    """A packaged scenario or .toml file with settings that differ, or a scenario as it is; InputError if neither."""
+    if isinstance(scenario, str):
+        return load(scenario, overrides(settings))
+    if settings:
+        raise InputError("settings: not allowed with a Scenario; set its fields")
+    return scenario
 
 
 def option(value: Any) -> str:  # noqa: ANN401 - plain TOML data

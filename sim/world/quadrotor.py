@@ -1,4 +1,4 @@
-"""Quadrotor: its constants and the controller that turns velocity commands into rotor thrusts."""
+"""Quadrotor: its constants, the controller that turns velocity commands into rotor thrusts, and kinematics."""
 
 import math
 
@@ -8,7 +8,7 @@ from tracking.geometry.camera import rotation
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
-from tracking.numerics.trigonometry import hypot, tan
+from tracking.numerics.trigonometry import arctan2, cos, hypot, sin, tan
 
 GRAVITY = 9.81  # m/s²
 MASS = 1.2  # kg
@@ -115,4 +115,44 @@ def _mix(lift: float, torque: Array) -> Array:
     out = np.empty(5)
     out[:4] = np.minimum(np.maximum(mean + scale * difference, 0.0), MAX_ROTOR_THRUST)
     out[4] = min(max(torque[2], -MAX_YAW_TORQUE), MAX_YAW_TORQUE)
+    return out
+
+
+@compiled
+def glide(positions: Array, quaternions: Array, commands: Array, dt: float, steps: int) -> tuple[Array, Array]:
+    """Positions (n, 3) m and quaternions (n, 4) after steps of dt s by [Li22] eq. (5), facing where they fly.
+
+    At zero velocity the heading is kept. The engine turns a quaternion into a matrix and back, as `settled` does, at
+    each step; those returned are what it would be given at the last one.
+    """
+    moved, turned, put = positions.copy(), quaternions, quaternions
+    for _ in range(steps):
+        put = np.zeros_like(turned)
+        for i in range(len(moved)):
+            east, north = commands[i]
+            moved[i, 0] += east * dt
+            moved[i, 1] += north * dt
+            yaw = arctan2(north, east) if east != 0.0 or north != 0.0 else 2 * arctan2(turned[i, 2], turned[i, 3])
+            put[i, 2], put[i, 3] = sin(yaw / 2), cos(yaw / 2)
+        turned = settled(put)
+    return moved, put
+
+
+@compiled
+def settled(quaternions: Array) -> Array:
+    """Quaternions (n, 4) of turns about z as the engine gives them back: made from the matrix that each makes."""
+    out = np.zeros_like(quaternions)
+    for i in range(len(quaternions)):
+        z, w = quaternions[i, 2], quaternions[i, 3]
+        scaled = z * (2.0 / (z * z + w * w))
+        sine, diagonal = w * scaled, 1.0 - z * scaled
+        trace = diagonal + diagonal + 1.0
+        if trace > 0.0:
+            root = math.sqrt(trace + 1.0)
+            out[i, 3] = root * 0.5
+            out[i, 2] = (sine + sine) * (0.5 / root)
+        else:
+            root = math.sqrt(1.0 - diagonal - diagonal + 1.0)
+            out[i, 2] = root * 0.5
+            out[i, 3] = (sine + sine) * (0.5 / root)
     return out

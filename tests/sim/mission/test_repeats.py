@@ -9,8 +9,9 @@ import pytest
 from helpers.flights import recorded
 from helpers.studies import invented, plain, short
 
-from sim.mission.mission import Mission, forest_and_people
+from sim.mission.mission import Mission
 from sim.mission.trial import Trial
+from sim.mission.world_setup import forest_and_people
 from sim.recording.archive import load as load_recording
 from sim.replay.events import links_of
 from sim.scenario.loading import load

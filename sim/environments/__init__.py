@@ -1,0 +1,1 @@
+"""Missions as environments for learning: PettingZoo's with an agent a UAV, Gymnasium's with the team as one."""

@@ -1,0 +1,159 @@
+"""Course of an environment: its settings, checked once, and the mission that it flies now."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium import error, logger, spaces
+from numpy.typing import NDArray
+
+from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observations, Observed
+from sim.environments.rewards import ON_BELIEF, Reward, reward_of
+from sim.environments.rollout import Rollout, decision_times
+from sim.scenario.quantities import REPEATS
+from sim.scenario.scenario import Scenario
+from sim.study.settings_text import chosen
+from tracking.numerics.arrays import Array
+from tracking.plugins.registry import InputError, check_known
+from tracking.undetected import UndetectedIntensity
+
+RENDER_MODES = ["rgb_array"]
+_OBSERVE = {"tracks": 10, "trees": 10, "image": False}
+_MOST_ROWS = 10_000
+_REPORTED = 2**32  # seeds below are left to reports
+
+
+class Course:
+    """Scenario, observations, reward and rendering of an environment, and the mission that it flies now."""
+
+    def __init__(
+        self,
+        scenario: str | Scenario,
+        settings: Mapping[str, Any] | None,
+        reward: str | Reward,
+        observe: Mapping[str, Any] | None,
+        render_mode: str | None,
+    ) -> None:
+        """As `understory.parallel_env` takes them; InputError says what is wrong."""
+        self.scenario = chosen(scenario, settings)
+        if len(decision_times(self.scenario)) < 2:
+            raise InputError(f"duration: {self.scenario.duration:g} s is too short; an episode needs two decisions")
+        given = {**_OBSERVE, **(observe or {})}
+        for name, value in given.items():
+            check_known("observe", name, _OBSERVE)
+            if name != "image" and not (type(value) is int and 1 <= value <= _MOST_ROWS):
+                raise InputError(f"observe: {name} {value!r} is not allowed; expected an integer, 1 to {_MOST_ROWS}")
+        self.image = bool(given["image"])
+        if self.image and not self.scenario.sensing.renders:
+            raise InputError(f"observe: image is not there with sensing.mode {self.scenario.sensing.mode!r}")
+        self.uavs = range(len(self.scenario.uavs))
+        self.observations = Observations(len(self.uavs) - 1, given["tracks"], given["trees"])
+        self.reward = reward_of(reward)
+        self.metadata = {
+            "render_modes": RENDER_MODES,
+            "render_fps": self.scenario.rates.planning,
+            "reward_sees_truth": reward not in ON_BELIEF,
+        }
+        if render_mode not in (None, *RENDER_MODES):
+            raise error.UnsupportedMode(f"render_mode: {render_mode!r} is not allowed; expected None or 'rgb_array'")
+        self.render_mode = render_mode
+        self._rollout: Rollout | None = None
+        self._images: dict[int, NDArray[np.uint8]] = {}
+
+    @property
+    def rollout(self) -> Rollout:
+        """Mission since the last reset; `ResetNeeded` without one."""
+        if self._rollout is None:
+            raise error.ResetNeeded("call reset first")
+        return self._rollout
+
+    def space(self, uav: int) -> spaces.Dict:
+        """Space of observations of one UAV."""
+        o, area = self.observations, (self.scenario.area.width, self.scenario.area.height)
+        tables = {"tracks": (o.tracks, TRACK), "neighbours": (o.neighbours, NEIGHBOUR), "trees": (o.trees, TREE)}
+        found: dict[str, spaces.Space[Any]] = {"own": _reals(len(OWN))}
+        if not o.neighbours:
+            del tables["neighbours"]
+        for name, (rows, columns) in tables.items():
+            found[name], found[f"{name}_mask"] = _reals(rows, len(columns)), spaces.MultiBinary(rows)
+        found["unseen"] = spaces.Box(0.0, np.inf, UndetectedIntensity(area, 0.0, 0.5, 1.0).belief.people.shape)
+        if self.image:
+            found["image"] = spaces.Box(0, 255, self._blank(uav).shape, np.uint8)
+        return spaces.Dict(found)
+
+    def begin(self, seed: int | None, options: Mapping[str, Any] | None, rng: np.random.Generator) -> None:
+        """Start the mission of a seed, or of one that `rng` draws; the option `repeat` gives it other noise.
+
+        Drawn seeds are 2**32 or more, so that what is learned from them is new to the maps of reports.
+        """
+        repeat = 0
+        for name, value in (options or {}).items():
+            if name != "repeat":
+                logger.warn(f"options: {name!r} is unknown and has no effect; allowed is 'repeat'")
+            elif not (type(value) is int and 0 <= value < REPEATS):
+                raise InputError(f"options: repeat {value!r} is not allowed; expected an integer, 0 to {REPEATS - 1}")
+            else:
+                repeat = value
+        self.close()
+        drawn = int(rng.integers(_REPORTED, 2**63))
+        self._images = {}
+        self._rollout = Rollout(self.scenario, drawn if seed is None else seed, repeat)
+
+    def step(self, actions: Mapping[int, object]) -> None:
+        """Fly to the next decision; `InvalidAction` says what is wrong, `ResetNeeded` if the mission is over."""
+        if self.rollout.over:
+            raise error.ResetNeeded("the episode is over; call reset")
+        self.rollout.step({uav: self._velocity(uav, action) for uav, action in actions.items()})
+
+    def observe(self, uav: int) -> Observed:
+        """Observation of a UAV that works; zeros of one that does not."""
+        situation = self.rollout.team.get(uav)
+        if situation is None:
+            return {name: np.zeros_like(space.sample()) for name, space in self.space(uav).items()}
+        found = self.observations.of(situation)
+        if self.image:
+            frame = self.rollout.frames[uav]
+            if frame is not None:  # a camera slower than decisions keeps its last one
+                self._images[uav] = frame
+            found["image"] = self._images.get(uav, self._blank(uav)).copy()
+        return found
+
+    def rewarded(self, uav: int) -> float:
+        """Reward of a UAV now, 0 if it has broken down."""
+        situation = self.rollout.team.get(uav)
+        return 0.0 if situation is None else float(self.reward(situation, self.rollout.people))
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """A frame (720, 1280, 3) RGB as films have them; None, and a warning, without a `render_mode`."""
+        rollout = self.rollout
+        if self.render_mode is None:
+            logger.warn("render: made without a render_mode; 'rgb_array' gives frames")
+            return None
+        return rollout.draw()
+
+    def close(self) -> None:
+        """End the mission; a reset starts another one."""
+        if self._rollout is not None:
+            self._rollout.close()
+            self._rollout = None
+
+    def _blank(self, uav: int) -> NDArray[np.uint8]:
+        edge = self.scenario.uavs[uav].pixels
+        return np.zeros((edge, edge, 3), dtype=np.uint8)
+
+    def _velocity(self, uav: int, action: object) -> Array:
+        """Velocity (2,) m/s of an action, within the UAV's limit."""
+        try:
+            given = np.asarray(action, dtype=float)
+        except (TypeError, ValueError):
+            raise error.InvalidAction(f"action of UAV {uav}: {action!r} is not two numbers in [-1, 1]") from None
+        if given.shape != (2,) or not np.all(np.isfinite(given)):
+            what = f"of shape {given.shape}" if given.shape != (2,) else f"{given.tolist()}"
+            raise error.InvalidAction(f"action of UAV {uav}: {what} is not allowed; expected two numbers in [-1, 1]")
+        east, north = np.clip(given, -1.0, 1.0).tolist()
+        return np.array([east, north]) * (self.scenario.uavs[uav].max_speed / max(1.0, math.hypot(east, north)))
+
+
+def _reals(*shape: int) -> spaces.Box:
+    return spaces.Box(-np.inf, np.inf, shape, np.float32)

@@ -1,0 +1,96 @@
+"""Observations: what a UAV knows, as arrays of fixed shape, in training and in a planner that was learned."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.planner import Situation, Vehicle
+from tracking.geometry.camera import ALL_ROUND
+from tracking.numerics.arrays import Array
+from tracking.track import beliefs_of
+from tracking.undetected import UndetectedIntensity
+
+OWN = ("x", "y", "z", "vx", "vy", "edge")
+TRACK = ("dx", "dy", "vx", "vy", "xx", "xy", "yy", "existence", "unseen")
+NEIGHBOUR = ("dx", "dy", "dz", "vx", "vy", "edge")
+TREE = ("dx", "dy", "radius")
+Observed = dict[str, Any]  # arrays by name
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Arrays of fixed shape of what a UAV knows; nothing in them is ground truth.
+
+    The nearest come first, each list is padded with zeros, and a mask of ones and zeros `*_mask` says which rows count:
+
+    - `own` (6,): x, y, z [m], velocity of its last plan east and north [m/s], edge of its field of view [m];
+    - `tracks` (T, 9): offset [m] and velocity [m/s] east and north, covariance xx, xy and yy of the position [m²],
+      probability of existence, time since the last sure detection that it knows of, at most since the start [s];
+    - `neighbours` (N, 6): offset east, north and up [m], velocity of the last plan known of it [m/s], edge [m]; not
+      there for a fleet of one;
+    - `trees` (K, 3): offset east and north, radius of the canopy [m];
+    - `unseen` (rows, columns): expected number of undetected people in each cell of the area, from south to north.
+    """
+
+    neighbours: int  # rows of neighbours, such as the size of the fleet less one
+    tracks: int = 10
+    trees: int = 10
+
+    def of(self, situation: Situation) -> Observed:
+        """Observation of one UAV, as 32-bit floats and masks of 8-bit integers."""
+        here = situation.own.position
+        found: Observed = {
+            "own": _float32([*here, *_velocity(situation, situation.own), _edge(situation, situation.own)])
+        }
+        others = [[*(v.position - here), *_velocity(situation, v), _edge(situation, v)] for v in situation.neighbours]
+        canopies = situation.forest.cylinders[len(situation.forest.trees) :, :3]
+        parts = {
+            "tracks": (_tracks(situation), self.tracks),
+            "neighbours": (np.array(others).reshape(-1, len(NEIGHBOUR)), self.neighbours),
+            "trees": (canopies - np.append(here[:2], 0.0), self.trees),
+        }
+        if not self.neighbours:
+            del parts["neighbours"]
+        for name, (rows, most) in parts.items():
+            found[name], found[f"{name}_mask"] = _padded(rows, most)
+        unseen = situation.unseen or UndetectedIntensity(situation.area, 0.0, 0.5, 1.0).belief
+        found["unseen"] = _float32(unseen.people)
+        return found
+
+
+def _tracks(situation: Situation) -> Array:
+    """Rows (T, 9) of the tracks."""
+    means, covariances = beliefs_of(situation.tracks)
+    existence = [track.existence for track in situation.tracks]
+    seen = np.array([track.sighting[2] for track in situation.tracks], dtype=float)
+    offsets = means[:, :2] - situation.own.position[:2]
+    spreads = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
+    return np.column_stack([offsets, means[:, 2:], *spreads, existence, situation.time - np.nan_to_num(seen)])
+
+
+def _padded(rows: Array, most: int) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
+    """The `most` nearest rows, which begin with an offset, and their mask."""
+    nearest = np.argsort(np.square(rows[:, :2]).sum(axis=1), kind="stable")[:most]
+    table, mask = np.zeros((most, rows.shape[1]), dtype=np.float32), np.zeros(most, dtype=np.int8)
+    table[: len(nearest)] = rows[nearest]
+    mask[: len(nearest)] = 1
+    return table, mask
+
+
+def _velocity(situation: Situation, vehicle: Vehicle) -> Array:
+    """First control (2,) m/s of the last plan known of a vehicle; zero without one."""
+    plan = situation.intents.get(vehicle.id)
+    return np.zeros(2) if plan is None or not len(plan.controls) else np.asarray(plan.controls[0])
+
+
+def _edge(situation: Situation, vehicle: Vehicle) -> float:
+    """Edge [m] on the ground of the field of view of a camera that looks down; that of the area if it sees all."""
+    if vehicle.camera.fov >= ALL_ROUND:
+        return max(situation.area)
+    return float(vehicle.position[2] * vehicle.camera.pixels / vehicle.camera.focal)
+
+
+def _float32(values: object) -> NDArray[np.float32]:
+    return np.asarray(values, dtype=np.float32)

@@ -1,0 +1,104 @@
+"""PettingZoo environment: an agent a UAV."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium import error, spaces
+from gymnasium.utils import seeding
+from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
+
+from sim.environments.course import RENDER_MODES, Course
+from sim.environments.observations import Observed
+from sim.environments.rewards import Reward
+from sim.replay.flight import Flight
+from sim.scenario.scenario import Scenario
+from tracking.plugins.spelling import did_you_mean
+
+
+class TeamParallelEnv(ParallelEnv[str, Observed, NDArray[np.floating[Any]]]):  # type: ignore[misc]
+    """Mission with UAVs `uav_0`, `uav_1`, ... as agents; see `understory.parallel_env`."""
+
+    metadata: dict[str, Any] = {"name": "understory_v0", "render_modes": RENDER_MODES}  # noqa: RUF012 - PettingZoo's
+
+    def __init__(
+        self,
+        scenario: str | Scenario = "forest",
+        *,
+        settings: Mapping[str, Any] | None = None,
+        reward: str | Reward = "gospa",
+        observe: Mapping[str, Any] | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        """As `understory.parallel_env`."""
+        self._course = Course(scenario, settings, reward, observe, render_mode)
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, **self._course.metadata}
+        self.possible_agents = [f"uav_{i}" for i in self._course.uavs]
+        self.agents: list[str] = []
+        self.observation_spaces = {f"uav_{i}": self._course.space(i) for i in self._course.uavs}
+        self.action_spaces = {agent: spaces.Box(-1.0, 1.0, (2,), np.float32) for agent in self.possible_agents}
+        self._last: dict[str, Observed] = {}
+        self._rng: np.random.Generator | None = None
+
+    def observation_space(self, agent: str) -> spaces.Dict:
+        """Space of an agent's observations."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Box:
+        """Velocities east and north, in shares of the UAV's limit."""
+        return self.action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Observed], dict[str, dict[str, Any]]]:
+        """Start the mission of a seed, or of one drawn by the generator that the last seed began."""
+        if seed is not None or self._rng is None:
+            self._rng, _ = seeding.np_random(seed)
+        self._course.begin(seed, options, self._rng)
+        self.agents = [f"uav_{i}" for i in self._course.rollout.team]
+        self._last = {agent: self._course.observe(_id(agent)) for agent in self.agents}
+        return dict(self._last), self._infos(self.agents)
+
+    def step(
+        self, actions: dict[str, NDArray[np.floating[Any]]]
+    ) -> tuple[dict[str, Observed], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+        """Fly to the next decision; an agent that breaks down is terminated and keeps its last observation."""
+        course, flying = self._course, self.agents
+        for agent in actions:
+            if agent not in flying and flying:
+                raise error.InvalidAction(f"actions: {agent!r} is no agent now; {did_you_mean(agent, flying)}")
+        for agent in flying:
+            if agent not in actions:
+                raise error.InvalidAction(f"actions: that of {agent} is missing; expected one of each of {flying}")
+        course.step({_id(agent): actions[agent] for agent in flying})
+        left = [agent for agent in flying if _id(agent) in course.rollout.team]
+        self._last |= {agent: course.observe(_id(agent)) for agent in left}
+        self.agents = [] if course.rollout.over else left
+        return (
+            {agent: self._last[agent] for agent in flying},
+            {agent: course.rewarded(_id(agent)) for agent in flying},
+            {agent: agent not in left for agent in flying},
+            {agent: agent in left and course.rollout.over for agent in flying},
+            self._infos(flying),
+        )
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """A frame (720, 1280, 3) RGB as films have them, true people included."""
+        return self._course.render()
+
+    def close(self) -> None:
+        """End the mission."""
+        self._course.close()
+
+    def flight(self) -> Flight:
+        """Recording since the last reset, to look into; ValueError before the first step."""
+        return self._course.rollout.flight()
+
+    def _infos(self, agents: list[str]) -> dict[str, dict[str, Any]]:
+        return {agent: self._course.rollout.metrics(_id(agent)) for agent in agents}
+
+
+def _id(agent: str) -> int:
+    return int(agent.removeprefix("uav_"))

@@ -1,0 +1,54 @@
+"""Rewards of one UAV at a decision, from what it believes or, for training alone, from the truth."""
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from planning.planner import Situation
+from sim.evaluation.score import FAR
+from tracking.metrics.gospa import gospa
+from tracking.numerics.arrays import Array
+from tracking.plugins.registry import check_known
+from tracking.track import beliefs_of
+
+Reward = Callable[[Situation, Array], float]  # of a situation, and true positions (M, 2) m of all people there
+
+
+def expected_gospa(situation: Situation, people: Array) -> float:
+    """Negative root of the expected square of GOSPA [m] by the UAV's own belief, cut-off 10 m; no truth.
+
+    A track adds r min(tr P, c²) + (1 - r) c² / 2, for its existence r and the covariance P of its position; each
+    undetected person that is expected adds c² / 2. Tracks are taken as far apart, and the first term is an upper bound.
+    Source: [GarciaFernandez21].
+    """
+    _, covariances = beliefs_of(situation.tracks)
+    spread = np.minimum(covariances[:, 0, 0] + covariances[:, 1, 1], FAR * FAR)
+    r = np.array([track.existence for track in situation.tracks])
+    unseen = 0.0 if situation.unseen is None else float(situation.unseen.people.sum())
+    square = float((r * spread).sum()) + (float((1.0 - r).sum()) + unseen) * FAR * FAR / 2
+    return -math.sqrt(square)
+
+
+def true_gospa(situation: Situation, people: Array) -> float:
+    """Negative GOSPA distance [m] of the UAV's tracks to the true people, cut-off 10 m: for training alone."""
+    means, _ = beliefs_of(situation.tracks)
+    return -gospa(means[:, :2], people, FAR).distance
+
+
+def trace(situation: Situation, people: Array) -> float:
+    """Negative sum of the variances [m²] of the positions of the UAV's tracks, which [Li22] minimises; no truth."""
+    _, covariances = beliefs_of(situation.tracks)
+    return -float((covariances[:, 0, 0] + covariances[:, 1, 1]).sum())
+
+
+REWARDS: Mapping[str, Reward] = {"gospa": expected_gospa, "true_gospa": true_gospa, "trace": trace}
+ON_BELIEF = ("gospa", "trace")  # those that know no truth; all others are for training alone
+
+
+def reward_of(given: str | Reward) -> Reward:
+    """The reward of a key, or the function given; InputError for an unknown key."""
+    if callable(given):
+        return given
+    check_known("reward", given, REWARDS, " (or a function of situation and true people)")
+    return REWARDS[given]

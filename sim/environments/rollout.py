@@ -1,0 +1,98 @@
+"""One mission from decision to decision, as environments fly it."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planning.planner import Situation
+from sim.drawing.film import Film
+from sim.evaluation.score import FAR
+from sim.mission.mission import Mission
+from sim.mission.snapshot import Snapshot
+from sim.replay.flight import Flight
+from sim.running.run import record
+from sim.scenario.scenario import Scenario
+from tracking.metrics.gospa import gospa
+from tracking.numerics.arrays import Array
+from tracking.track import beliefs_of
+
+NAME = "environment"  # of what decides, on films and in recordings
+
+
+class Rollout:
+    """One mission from decision to decision; after the last decision UAVs hover until the end of the mission."""
+
+    def __init__(self, scenario: Scenario, seed: int, repeat: int) -> None:
+        """Fly to the first decision."""
+        self.mission = Mission(scenario, seed=seed, repeat=repeat)
+        self.team: dict[int, Situation] = {}  # of the UAVs that work at this decision, by id
+        self.over = False  # at the last decision, or when all UAVs have broken down
+        self.now: Snapshot  # this scan, without its plans
+        self.frames: Sequence[NDArray[np.uint8] | None] = ()  # of this scan
+        self._flown: list[Snapshot] = []
+        self._film: Film | None = None
+        self._drawn = -math.inf  # s, the last scan that the film knows
+        self._image: NDArray[np.uint8]  # of that scan
+        self._last = decision_times(scenario)[-1]
+        self._go_on()
+
+    def step(self, velocities: Mapping[int, Array]) -> None:
+        """Fly to the next decision by a velocity (2,) m/s of each UAV of the team."""
+        self._flown.append(self.mission.step([velocities[i] for i in self.team]))
+        self._go_on()
+
+    def _go_on(self) -> None:
+        mission = self.mission
+        while not mission.over and not (team := mission.team):
+            self._flown.append(mission.step())
+        if mission.over:  # all have broken down
+            self.team, self.over, self.now = {}, True, self._flown[-1]
+            return
+        self.team = {situation.own.id: situation for situation in team}
+        self.now, self.frames, self.over = mission.present, mission.frames, mission.time >= self._last
+        if self.over:
+            while not mission.over:
+                self._flown.append(mission.step(np.zeros((len(mission.team), 2))))
+
+    @property
+    def people(self) -> Array:
+        """True positions (M, 2) m of the people there."""
+        return self.now.people[~np.isnan(self.now.people[:, 0])]
+
+    def metrics(self, uav: int) -> dict[str, Any]:
+        """Time, and OSPA and GOSPA of one UAV's tracks, by the truth; without these for one that has broken down."""
+        told: dict[str, Any] = {"time": self.now.time}
+        if uav in self.now.working:
+            means, _ = beliefs_of(self.now.tracks[uav])
+            told["ospa"] = float(self.now.ospa[uav, 0])
+            told["gospa"] = gospa(means[:, :2], self.people, FAR).distance
+        return told
+
+    def draw(self) -> NDArray[np.uint8]:
+        """This scan as a frame (720, 1280, 3) RGB of a film: map, true people, tracks, and frames of cameras."""
+        if self._film is None:
+            self._film = Film(self.mission.scenario, self.mission.forest, planner=NAME)
+        if self._drawn < self.now.time:
+            for snapshot in self._flown:
+                if self._drawn < snapshot.time < self.now.time:
+                    self._film.follow(snapshot, None)
+            self._drawn, self._image = self.now.time, self._film.draw(self.now, self.frames or None)
+        return self._image.copy()
+
+    def flight(self) -> Flight:
+        """Recording so far, to look into; ValueError before the first step."""
+        return record(self.mission, self._flown, NAME)
+
+    def close(self) -> None:
+        """End the mission."""
+        self.mission.close()
+
+
+def decision_times(scenario: Scenario) -> list[float]:
+    """Times of the decisions of a mission [s]."""
+    every = scenario.rates.sensing // scenario.rates.planning
+    first = round(scenario.first_decision * scenario.rates.sensing)
+    return [time for k, time in enumerate(scenario.scan_times) if k % every == 0 and k >= first]

@@ -1,0 +1,99 @@
+"""Knowledge of each UAV: its tracks, where undetected people may be, and positions and plans of the others."""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+
+from planning.planner import Exchange, Situation
+from sim.mission.plan_exchange import Links, PlanExchange
+from sim.mission.tracker_setup import planned_motion, tracker_parameters
+from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import vehicle_of, view_of
+from sim.sensing.sensors import Observation
+from tracking.fusion.consensus import fuse
+from tracking.fusion.member import tracker
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Indices
+from tracking.track import Track
+from tracking.undetected import UndetectedIntensity
+
+
+class Knowledge:
+    """Knowledge of each UAV of a fleet, without ground truth but for the initial tracks."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        forest: Forest,
+        initial: Sequence[Track],
+        *,
+        exchange: Exchange,
+        rng: np.random.Generator,
+    ) -> None:
+        """`exchange` is that of the planner's plans; `rng` loses messages of it."""
+        self._scenario, self._forest = scenario, forest
+        # Planners get their own copies of map and motion model, so that changes have no effect on sensing.
+        self._known_forest = Forest(tuple(map(replace, forest.trees)), forest.occlusion)
+        self._known_motion = planned_motion(scenario)
+        self._cameras, settings = [view_of(uav, scenario) for uav in scenario.uavs], scenario.tracking
+        self._trackers = [  # each with parameters and tracks of its own, as one from outside may change them
+            tracker(settings.tracker, i, camera, forest, tracker_parameters(scenario), deepcopy(initial))
+            for i, camera in enumerate(self._cameras)
+        ]
+        self._area = (scenario.area.width, scenario.area.height)
+        people = settings.unseen if settings.initial_tracks == "none" else 0.0
+        self._undetected = [
+            UndetectedIntensity(self._area, people, settings.detection_probability, settings.max_speed)
+            for _ in self._cameras
+        ]
+        self.plans = PlanExchange(scenario.network, exchange, rng)
+
+    def tracks(self, working: Sequence[int]) -> list[tuple[Track, ...]]:
+        """Tracks of each UAV, none of those that do not work."""
+        return [tracker.tracks if i in working else () for i, tracker in enumerate(self._trackers)]
+
+    def track(self, time: float, looks: Sequence[Observation], links: Links, working: Sequence[int]) -> Indices:
+        """Update each tracker with its observation, fuse, and count the bytes that each UAV sends (n,)."""
+        lost = links.lost
+        for i in working:
+            if looks[i].taken:
+                self._trackers[i].step(looks[i].scan)
+            else:
+                self._trackers[i].coast(time)
+        if lost is not None:
+            lost = lost[:, working][:, :, working]
+        sent = np.zeros(len(looks), dtype=np.int64)
+        if working:
+            members = [self._trackers[i] for i in working]
+            sent[working] = fuse(members, links.up[np.ix_(working, working)], self._scenario.network.rounds, lost)
+        return sent
+
+    def situations(self, k: int, bodies: Sequence[Pose], links: Links, working: Sequence[int]) -> list[Situation]:
+        """One situation per working UAV at a decision at scan k: itself, its own tracks, and the others."""
+        time = k / self._scenario.rates.sensing
+        fleet = [vehicle_of(i, body, self._scenario) for i, body in enumerate(bodies)]
+        self.plans.begin(fleet, links, working, 1 / self._scenario.rates.planning)
+        for i in working:
+            known = [v for v in fleet if v.id == i or (links.contact[i, v.id] and v.id in working)]
+            looks = [
+                (self._cameras[v.id], Pose(v.position, v.attitude)) for v in known if self._scenario.has_frame(v.id, k)
+            ]
+            self._undetected[i].step(time, looks, self._trackers[i].tracks, self._forest)
+        return [
+            self.plans.informed(
+                Situation(
+                    time=time,
+                    own=fleet[i],
+                    neighbours=(),
+                    tracks=self._trackers[i].tracks,
+                    forest=self._known_forest,
+                    area=self._area,
+                    motion=self._known_motion,
+                    unseen=self._undetected[i].belief,
+                )
+            )
+            for i in working
+        ]

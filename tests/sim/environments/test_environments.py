@@ -1,0 +1,288 @@
+"""Environments keep to Gymnasium's and PettingZoo's rules, fly what missions fly, and refuse wrong input."""
+
+import copy
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import InvalidAction, ResetNeeded, UnsupportedMode
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from helpers.flights import fly
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+import understory
+from planning.planner import Plan
+from sim.mission import mission as mission_module
+from sim.recording.archive import digest
+from sim.scenario.loading import SCENARIOS
+from sim.world.trajectories import Trajectories
+from tracking.plugins.registry import InputError
+
+IDEAL = {"sensing.mode": "ideal", "dynamics": "kinematic", "duration": 4}
+WORLDS = [pytest.param(name, {"duration": 4}, marks=pytest.mark.slow) for name in SCENARIOS]
+UNBOUNDED = "ignore:.*Box observation space m.*imum value"
+
+
+def equal(one, other):
+    return data_equivalence(one, other, exact=True)
+
+
+@pytest.mark.filterwarnings("error", UNBOUNDED, "ignore:.*'options' is unknown")
+@pytest.mark.parametrize(("name", "settings"), [("forest", IDEAL), ("paper", {"duration": 4}), *WORLDS])
+def test_a_scenario_keeps_to_the_rules_of_gymnasium_and_pettingzoo(name, settings):
+    check_env(gymnasium.make(f"understory/{name.capitalize()}-v0", settings=settings).unwrapped)
+    parallel_api_test(understory.parallel_env(name, settings=settings))
+    parallel_seed_test(lambda: understory.parallel_env(name, settings=settings))
+
+
+@pytest.mark.filterwarnings("error", UNBOUNDED)
+def test_a_team_that_renders_and_sees_keeps_to_the_rules():
+    """One step less than the rules need to see how it ends is enough for the frames."""
+    settings = {"duration": 3, "sensing.mode": "camera", "dynamics": "kinematic"}
+    env = gymnasium.make("understory/Forest-v0", settings=settings, observe={"image": True}, render_mode="rgb_array")
+    check_env(env.unwrapped, skip_render_check=True)
+    observation, _ = env.reset(seed=1)
+    assert observation["image"].shape == (3, 128, 128, 3) and observation["image"].std() > 1
+    first = env.render()
+    assert first.shape == (720, 1280, 3) and first.dtype == np.uint8 and np.array_equal(first, env.render())
+    observation, *_ = env.step(np.ones((3, 2)))
+    assert not np.array_equal(first, env.render())
+    mission, _ = fly("dynamics=kinematic", planner=Eastward(1.0, 1.0), seed=1, duration=1)
+    assert np.array_equal(observation["image"], mission.frames)
+
+
+class Eastward:
+    """All UAVs fly with these shares of their limit."""
+
+    def __init__(self, east, north):
+        self._share = np.array([[east, north]]) / max(1.0, np.hypot(east, north))
+
+    def plan(self, team, rng):
+        return [Plan(self._share * situation.own.max_speed) for situation in team]
+
+
+def test_an_environment_flies_the_mission_of_its_seed_and_repeat():
+    env = understory.parallel_env("forest", settings=IDEAL)
+    env.reset(seed=3, options={"repeat": 2})
+    while env.agents:
+        env.step(dict.fromkeys(env.agents, np.array([0.5, -2.0], dtype=np.float32)))
+    recording = env.flight().recording
+    _, snapshots = fly(
+        "sensing.mode=ideal", "dynamics=kinematic", planner=Eastward(0.5, -1), seed=3, repeat=2, duration=4
+    )
+    assert (recording.seed, recording.repeat, recording.interrupted) == (3, 2, False)
+    np.testing.assert_array_equal(recording.ospa, [snapshot.ospa for snapshot in snapshots])
+    env.reset()
+    env.step(dict.fromkeys(env.agents, np.zeros(2)))
+    assert env.flight().recording.seed >= 2**32
+
+
+def test_five_hundred_steps_are_the_same_again():
+    settings = {**IDEAL, "duration": 100, "rates.planning": 5, "sensing.false_alarms": 0.2, "network.loss": 0.1}
+    one, other = (understory.parallel_env("forest", settings=settings) for _ in range(2))
+    assert equal(one.reset(seed=7), other.reset(seed=7))
+    chance = np.random.default_rng(0)
+    for step in range(500):
+        actions = {agent: chance.uniform(-1, 1, 2) for agent in one.agents}
+        told = one.step(actions)
+        assert equal(told, other.step({agent: action.copy() for agent, action in actions.items()})), step
+    assert not one.agents and set(told[3].values()) == {True}
+    assert digest(one.flight().recording) == digest(other.flight().recording)
+
+
+def test_a_copy_of_an_environment_goes_on_as_it_does():
+    env = understory.parallel_env("forest", settings={**IDEAL, "dynamics": "quadrotor"}, render_mode="rgb_array")
+    env.reset(seed=2)
+    given = dict.fromkeys(env.agents, np.array([0.4, -0.2]))
+    env.step(given)
+    env.render()
+    other = copy.deepcopy(env)
+    while env.agents:
+        assert equal(env.step(given), other.step(given)) and np.array_equal(env.render(), other.render())
+    assert digest(env.flight().recording) == digest(other.flight().recording)
+
+
+def test_vectors_of_environments_step_as_single_ones():
+    vector = gymnasium.make_vec("understory/Forest-v0", num_envs=2, vectorization_mode="sync", settings=IDEAL)
+    single = gymnasium.make("understory/Forest-v0", settings=IDEAL)
+    seen, _ = vector.reset(seed=[4, 5])
+    alone, _ = single.reset(seed=5)
+    for _ in range(3):
+        assert all(np.array_equal(seen[name][1], alone[name]) for name in alone)
+        seen, rewards, *_ = vector.step(np.full((2, 3, 2), 0.3))
+        alone, reward, *_ = single.step(np.full((3, 2), 0.3))
+        assert rewards[1] == reward
+
+
+def test_a_uav_that_breaks_down_is_terminated_and_the_others_are_truncated():
+    settings = {**IDEAL, "uavs.0.fails_at": 0, "uavs.1.fails_at": 1.5}
+    env = understory.parallel_env("forest", settings=settings)
+    seen, _ = env.reset(seed=0)
+    assert env.agents == ["uav_1", "uav_2"] == sorted(seen)
+    ends = []
+    while env.agents:
+        last = seen
+        seen, rewards, terminated, truncated, infos = env.step(dict.fromkeys(env.agents, np.zeros(2)))
+        ends.append((terminated, truncated))
+        if terminated.get("uav_1"):
+            assert equal(seen["uav_1"], last["uav_1"]) and rewards["uav_1"] == 0.0 and set(infos["uav_1"]) == {"time"}
+    on = {"uav_2": False}
+    assert ends == [
+        ({"uav_1": False, **on}, {"uav_1": False, **on}),
+        ({"uav_1": True, **on}, {"uav_1": False, **on}),
+        (on, on),
+        (on, {"uav_2": True}),
+    ]
+    settings = {**IDEAL, **{f"uavs.{i}.fails_at": 1.5 for i in range(3)}}
+    team = gymnasium.make("understory/Forest-v0", settings=settings)
+    team.reset(seed=0)
+    assert team.step(np.zeros((3, 2)))[2:4] == (False, False)
+    observation, reward, terminated, truncated, _ = team.step(np.zeros((3, 2)))
+    assert (reward, terminated, truncated) == (0.0, True, False) and not observation["working"].any()
+    assert len(team.unwrapped.flight().recording.times) == 21
+
+
+MADE = {
+    "scenario: 'forst' is unknown; allowed are ": lambda: understory.parallel_env("forst"),
+    "people.cuont": lambda: understory.parallel_env(settings={"people.cuont": 3}),
+    "reward: 'gopsa' is unknown; allowed are gospa, true_gospa, trace; did you mean gospa?": lambda: (
+        understory.parallel_env(reward="gopsa")
+    ),
+    "observe: 'track' is unknown; allowed are tracks, trees, image; did you mean tracks?": lambda: (
+        understory.parallel_env(observe={"track": 3})
+    ),
+    "observe: trees 0 is not allowed; expected an integer, 1 to 10000": lambda: understory.parallel_env(
+        observe={"trees": 0}
+    ),
+    "observe: image is not there with sensing.mode 'ideal'": lambda: understory.parallel_env(
+        settings=IDEAL, observe={"image": True}
+    ),
+    "observe: images of several sizes are not one array": lambda: gymnasium.make(
+        "understory/Forest-v0", settings={"uavs.1.pixels": 64}, observe={"image": True}
+    ),
+    "duration: 0.5 s is too short; an episode needs two decisions": lambda: understory.parallel_env(
+        settings={"duration": 0.5}
+    ),
+    "settings: not allowed with a Scenario; set its fields": lambda: understory.parallel_env(
+        understory.Scenario(), settings=IDEAL
+    ),
+}
+
+
+@pytest.mark.parametrize("message", MADE)
+def test_settings_that_cannot_be_used_are_refused_in_one_line(message):
+    with pytest.raises(InputError) as refused:
+        MADE[message]()
+    assert str(refused.value).startswith(message) and "\n" not in str(refused.value)
+
+
+def test_unknown_names_modes_and_repeats_are_refused():
+    with pytest.raises(gymnasium.error.NameNotFound):
+        gymnasium.make("understory/Forst-v0")
+    with pytest.raises(UnsupportedMode, match="render_mode: 'human' is not allowed; expected None or 'rgb_array'"):
+        understory.parallel_env(render_mode="human")
+    env = understory.parallel_env("forest", settings=IDEAL)
+    for repeat in (-1, 1.5, True, 10_000):
+        with pytest.raises(
+            InputError, match=f"options: repeat {repeat} is not allowed; expected an integer, 0 to 9999"
+        ):
+            env.reset(options={"repeat": repeat})
+    with pytest.raises(gymnasium.error.Error):
+        env.reset(seed=-1)
+
+
+def test_a_reward_that_sees_the_truth_is_marked_and_given_true_positions():
+    asked = []
+
+    def nearness(situation, people):
+        asked.append(people)
+        return float(situation.own.id)
+
+    marks = {"gospa": False, "trace": False, "true_gospa": True, nearness: True}
+    for reward, mark in marks.items():
+        env = understory.parallel_env("forest", settings=IDEAL, reward=reward)
+        assert env.metadata["reward_sees_truth"] == mark
+        team = gymnasium.make("understory/Forest-v0", settings=IDEAL, reward=reward)
+        assert team.unwrapped.metadata["reward_sees_truth"] == mark
+    env.reset(seed=0)
+    rewards = env.step(dict.fromkeys(env.agents, FINE))[1]
+    assert rewards == {"uav_0": 0.0, "uav_1": 1.0, "uav_2": 2.0}
+    env.step(dict.fromkeys(env.agents, FINE))
+    np.testing.assert_array_equal(asked[0], env.flight().recording.people[5])
+
+
+FINE = np.zeros(2)
+ACTIONS = {
+    "action of UAV 1: of shape (3,) is not allowed; expected two numbers in [-1, 1]": {"uav_1": np.zeros(3)},
+    "action of UAV 1: [nan, 0.0] is not allowed; expected two numbers in [-1, 1]": {"uav_1": np.array([np.nan, 0.0])},
+    "action of UAV 1: 'north' is not two numbers in [-1, 1]": {"uav_1": "north"},
+    "actions: 'uav_7' is no agent now; allowed are uav_0, uav_1, uav_2; did you mean uav_2?": {
+        "uav_1": FINE,
+        "uav_7": FINE,
+    },
+    "actions: that of uav_1 is missing; expected one of each of ['uav_0', 'uav_1', 'uav_2']": {},
+}
+
+
+def test_actions_that_cannot_be_used_are_refused_and_change_nothing():
+    env, other = (understory.parallel_env("forest", settings=IDEAL) for _ in range(2))
+    with pytest.raises(ResetNeeded, match="call reset first"):
+        env.step({})
+    env.reset(seed=0)
+    other.reset(seed=0)
+    for message, wrong in ACTIONS.items():
+        with pytest.raises(InvalidAction) as refused:
+            env.step({"uav_0": FINE, "uav_2": FINE, **wrong})
+        assert str(refused.value).startswith(message)
+    while env.agents:
+        given = dict.fromkeys(env.agents, FINE)
+        assert equal(env.step(given), other.step(given))
+    with pytest.raises(ResetNeeded, match="the episode is over; call reset"):
+        env.step({})
+    env.close()
+    for late in (env.flight, env.render, lambda: env.step({})):
+        with pytest.raises(ResetNeeded, match="call reset first"):
+            late()
+    team = gymnasium.make("understory/Forest-v0", settings=IDEAL, disable_env_checker=True)
+    team.reset(seed=0)
+    with pytest.raises(InvalidAction, match=r"action: of shape \(2,\), not \(3, 2\)"):
+        team.step(FINE)
+    assert team.render() is None
+
+
+@pytest.mark.parametrize("settings", [IDEAL, {"duration": 2}], ids=["ideal", "rendered"])
+def test_what_no_uav_can_know_changes_no_observation_reward_or_image(settings, monkeypatch):
+    """People far from all cameras are moved; with unknown tracks nothing tells of them but the truth."""
+    seen = {"image": settings.get("sensing.mode") != "ideal"}
+    settings = {**settings, "tracking.initial_tracks": "none", "people.count": 5}
+    made, chance, shown = mission_module.forest_and_people, np.random.default_rng(1), []
+    place, places = np.zeros(2), set()
+
+    def moved(scenario, seed):
+        forest, people = made(scenario, seed)
+        positions = people.positions.copy()
+        positions[:, 4] = place + 0.01 * np.arange(len(positions))[:, None]
+        return forest, Trajectories(people.times, positions)
+
+    monkeypatch.setattr(mission_module, "forest_and_people", moved)
+    for _ in range(2 if seen["image"] else 4):
+        place[:] = chance.uniform((40.0, -45.0), (70.0, 45.0))  # UAVs begin at x = -28 m and fly 20 m at most
+        env = understory.parallel_env("forest", settings=settings, observe=seen)
+        told = [env.reset(seed=2)[0]]
+        while env.agents:
+            told.append(env.step(dict.fromkeys(env.agents, np.array([1.0, 0.3])))[:4])
+        recording = env.flight().recording
+        assert not recording.visible[..., 4].any()
+        places.add(tuple(recording.people[0, 4]))
+        shown.append(told)
+    assert len(places) == len(shown)
+    assert all(equal(one, other) for one in shown for other in shown)
+
+
+def test_an_option_that_is_unknown_is_told_of():
+    env = understory.parallel_env("forest", settings=IDEAL)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        env.reset(seed=0, options={"repaet": 1})
+    assert "'repaet' is unknown and has no effect; allowed is 'repeat'" in str(told[0].message)

@@ -1,0 +1,121 @@
+"""Observations hold what situations say, nearest first, and rewards are what they claim."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers.flights import fly_ideal
+
+from planning.planner import Plan
+from sim.environments.observations import Observations
+from sim.environments.rewards import expected_gospa, trace, true_gospa
+from tracking.filter.kalman import Gaussian
+from tracking.metrics.gospa import gospa
+from tracking.track import Track
+from tracking.undetected import Intensity
+
+
+class Spy:
+    """Flies east at UAV's own speeds, and keeps what it is told."""
+
+    def __init__(self):
+        self.teams = []
+
+    def plan(self, team, rng):
+        self.teams.append(team)
+        return [Plan(np.array([[1.0 + s.own.id, 0.5]])) for s in team]
+
+
+@pytest.fixture(scope="module")
+def teams():
+    spy = Spy()
+    fly_ideal("tracking.initial_tracks=none", "people.count=8", "network.range=20", planner=spy, seed=3)
+    return spy.teams
+
+
+def test_rows_are_the_nearest_with_offsets_beliefs_and_times(teams):
+    full = 0
+    for situation in (s for team in teams for s in team):
+        found = Observations(2, tracks=2, trees=4).of(situation)
+        here = situation.own.position
+        near = sorted(situation.tracks, key=lambda t: np.linalg.norm(t.belief.mean[:2] - here[:2]))[:2]
+        assert found["tracks_mask"].tolist() == [1] * len(near) + [0] * (2 - len(near))
+        full += len(near)
+        for row, track in zip(found["tracks"], near, strict=False):
+            P = track.belief.covariance
+            unseen = situation.time - track.sighting[2]
+            assert 0.0 <= unseen <= situation.time
+            expected = [*(track.belief.mean[:2] - here[:2]), *track.belief.mean[2:], P[0, 0], P[0, 1], P[1, 1]]
+            np.testing.assert_allclose(row, [*expected, track.existence, unseen], rtol=1e-6)
+        assert not found["tracks"][len(near) :].any()
+        trees = sorted(situation.forest.trees, key=lambda t: math.dist((t.x, t.y), here[:2]))[:4]
+        expected = [(t.x - here[0], t.y - here[1], t.canopy_radius) for t in trees]
+        np.testing.assert_allclose(found["trees"], expected, rtol=1e-6)
+        np.testing.assert_allclose(found["unseen"], situation.unseen.people, rtol=1e-6)
+    assert full > 5
+
+
+def test_where_undetected_people_are_not_estimated_none_are_expected(random_team):
+    situation = random_team(0)[0]
+    found = Observations(2).of(situation)
+    assert situation.unseen is None and found["unseen"].shape == (20, 30) and not found["unseen"].any()
+    assert "neighbours" not in Observations(0).of(situation)
+
+
+def test_own_state_and_neighbours_come_with_what_they_intended(teams):
+    for k, team in enumerate(teams):
+        for situation, edge in zip(team, (20.0, 25.0, 22.0), strict=True):
+            found, own = Observations(2).of(situation), situation.own
+            flown = [1.0 + own.id, 0.5] if k else [0.0, 0.0]
+            np.testing.assert_allclose(found["own"], [*own.position, *flown, edge], rtol=1e-6)
+            heard = sorted(situation.neighbours, key=lambda v: math.dist(v.position[:2], own.position[:2]))
+            assert found["neighbours_mask"].sum() == len(heard) == (2 if own.id == 1 else 1)
+            for row, vehicle in zip(found["neighbours"], heard, strict=False):
+                flown = [1.0 + vehicle.id, 0.5] if k else [0.0, 0.0]
+                np.testing.assert_allclose(row[:5], [*(vehicle.position - own.position), *flown], rtol=1e-6, atol=1e-6)
+
+
+def test_a_time_unseen_grows_while_no_camera_sees_the_person(teams):
+    seen = {}
+    grown = 0
+    for situation in (team[0] for team in teams):
+        for track in situation.tracks:
+            assert track.sighting[2] >= seen.get(track.id, 0.0)
+            grown += seen.get(track.id) == track.sighting[2]
+            seen[track.id] = track.sighting[2]
+    assert grown and any(seen.values())
+
+
+def believed(situation, tracks, unseen):
+    people = np.full((2, 2), unseen / 4)
+    return type(situation)(**{**vars(situation), "tracks": tracks, "unseen": Intensity(people, (0.0, 0.0), (1.0, 1.0))})
+
+
+def test_the_expected_gospa_is_the_mean_of_its_square_over_the_belief(teams):
+    """Tracks far apart, with small covariances: then nothing is cut off, and the bound is the value."""
+    rng = np.random.default_rng(0)
+    spread = np.array([[0.8, 0.3], [0.3, 0.5]])
+    tracks = tuple(
+        Track(i, Gaussian(np.array([100.0 * i, 0.0, 0.0, 0.0]), np.kron(np.eye(2), spread)), r)
+        for i, r in enumerate((0.9, 0.5, 0.2))
+    )
+    means = np.array([track.belief.mean[:2] for track in tracks])
+    squares = []
+    for _ in range(4000):
+        there = [
+            rng.multivariate_normal(track.belief.mean[:2], spread) for track in tracks if rng.random() < track.existence
+        ]
+        unseen = [[1e6 + 1e3 * k, 0.0] for k in range(rng.poisson(0.7))]
+        squares.append(gospa(means, np.array([*there, *unseen]).reshape(-1, 2)).distance ** 2)
+    reward = expected_gospa(believed(teams[0][0], tracks, 0.7), np.zeros((0, 2)))
+    assert reward**2 == pytest.approx(np.mean(squares), abs=4 * np.std(squares) / math.sqrt(len(squares)))
+    assert reward < 0
+    vague = tuple(Track(t.id, Gaussian(t.belief.mean, 1e4 * np.eye(4)), 1.0) for t in tracks)
+    assert expected_gospa(believed(teams[0][0], vague, 0.0), np.zeros((0, 2))) == -math.sqrt(300.0)
+
+
+def test_the_other_rewards_are_the_trace_and_the_gospa_to_the_true_people(teams):
+    tracks = (Track(0, Gaussian(np.zeros(4), np.diag([1.0, 2.0, 8.0, 8.0]))),)
+    situation = believed(teams[0][0], tracks * 1, 0.0)
+    assert trace(situation, np.zeros((5, 2))) == -3.0
+    assert true_gospa(situation, np.array([[3.0, 4.0], [90.0, 0.0]])) == pytest.approx(-math.sqrt(25.0 + 50.0))
