@@ -256,7 +256,8 @@ class Mission:
         """
         count = len(self.scenario.uavs)
         if not self._decides():
-            usable_plans(given if given is not None else [], [])
+            if given is not None:
+                usable_plans(given, [])  # none are due
             return None, np.zeros(count, dtype=np.int64)
         with self.clock.measure("planning"):
             team = self._situations()
