@@ -60,6 +60,7 @@ PLANNERS = {
         visibility="expected",
         evaluations=9_216,
     ),
+    "thompson": PlannerSpec("planning.rivals.thompson:Thompson", {}, "each UAV looks where it pays in a drawn world"),
     "lawnmower": PlannerSpec("planning.baselines:Lawnmower", {}, "each UAV mows a strip of the area, whatever it sees"),
     "greedy": PlannerSpec("planning.baselines:Greedy", {}, "each UAV to the most uncertain track within 40 m"),
     "random": PlannerSpec("planning.baselines:Random", {}, "each UAV at a velocity by chance"),

@@ -193,6 +193,7 @@ def test_without_messages_a_uav_remembers_what_it_planned_for_the_others():
         ("rsp(evaluations=64)", [FIVE_STEPS] * 3, 1),
         ("hover", [0, 0, 0], 0),
         ("random", [0, 0, 0], 0),
+        ("thompson", [0, 0, 0], 0),
         ("greedy", [0, 0, 0], 0),
         ("lawnmower", [0, 0, 0], 0),
     ],
