@@ -60,6 +60,9 @@ PLANNERS = {
         visibility="expected",
         evaluations=9_216,
     ),
+    "dec-mcts": PlannerSpec(
+        "planning.rivals.dec_mcts:DecMCTS", {}, "tree search of each UAV, which tells what it may fly"
+    ),
     "thompson": PlannerSpec("planning.rivals.thompson:Thompson", {}, "each UAV looks where it pays in a drawn world"),
     "lawnmower": PlannerSpec("planning.baselines:Lawnmower", {}, "each UAV mows a strip of the area, whatever it sees"),
     "greedy": PlannerSpec("planning.baselines:Greedy", {}, "each UAV to the most uncertain track within 40 m"),

@@ -10,7 +10,7 @@ from scipy.stats import chisquare, norm, skellam
 from planning.loading import PlannerError, load_planner
 from planning.planner import Plan
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
-from planning.rivals.thompson import Thompson, DrawnWorld, drawn_world
+from planning.rivals.thompson import DrawnWorld, Thompson, drawn_world
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.undetected import Intensity

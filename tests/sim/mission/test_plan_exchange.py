@@ -191,6 +191,7 @@ def test_without_messages_a_uav_remembers_what_it_planned_for_the_others():
         ("centralized(evaluations=64)", [2 * FIVE_STEPS, 0, 0], 1),
         ("greedy-mi(evaluations=64)", [FIVE_STEPS] * 3, 1),
         ("rsp(evaluations=64)", [FIVE_STEPS] * 3, 1),
+        ("dec-mcts(evaluations=64, rounds=2, sequences=3)", [6 * FIVE_STEPS] * 3, 6),
         ("hover", [0, 0, 0], 0),
         ("random", [0, 0, 0], 0),
         ("thompson", [0, 0, 0], 0),
