@@ -33,7 +33,7 @@ class DecMCTS:
     Note: each of the sequences counts as a plan sent, which may be lost; a probability's eight bytes do not.
     """
 
-    horizon: int = 5
+    horizon: int = 5  # steps of a plan
     directions: int = 8  # of a control, at top speed, besides hovering
     evaluations: int = 600  # sequences that each tree tries
     rounds: int = 5  # in which UAVs tell what they may fly
