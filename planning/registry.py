@@ -50,6 +50,7 @@ PLANNERS = {
         uncertainty="information",
         visibility="expected",
         evaluations=9_216,
+        search=0.5,
     ),
     "rsp": _composed(
         "the same in two rounds: UAVs draw theirs (RSP)",
@@ -59,6 +60,7 @@ PLANNERS = {
         uncertainty="information",
         visibility="expected",
         evaluations=9_216,
+        search=0.5,
     ),
     "dec-mcts": PlannerSpec(
         "planning.rivals.dec_mcts:DecMCTS", {}, "tree search of each UAV, which tells what it may fly"

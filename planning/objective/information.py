@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from planning.prediction.predicted_belief import LANES
+from planning.prediction.predicted_belief import LANES, belief_transition
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import logs
@@ -30,3 +30,11 @@ def information_gain(P: Array, step: float, noise: Array, information: Array) ->
         gains[k] = a * d - b * c
     logs(gains)
     return 0.5 * gains
+
+
+@compiled
+def gain_transition(P: Array, step: float, noise: Array, information: Array, costs: Array) -> None:
+    """`belief_transition` of P that sets `costs` (LANES,) to minus the information gained rather than to traces."""
+    gains = information_gain(P, step, noise, information)
+    belief_transition(P, step, noise, information, costs)
+    costs[:] = -gains

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.objective.information import information_gain
+from planning.objective.information import gain_transition
 from planning.objective.mwtp import Match, mark_in_view, matches
 from planning.objective.mwtp_lanes import Workspace, mark_in_view_lanes, penalties, workspace
 from planning.prediction.predicted_belief import (
@@ -142,6 +142,7 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
     traces[:] = 0.0
     for index in range(each):
         weight, tracked = belief.weights[index // count] / count, False  # tracked: whether P differs from the others'
+        trace[:] = others.traces[len(near) - each + index]  # unless it is
         for row in range(index, len(near), each):
             if near[row] or tracked:
                 _fill(information, others.information[row])
@@ -154,21 +155,13 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
             if not tracked:
                 _fill(P, others.before[row])
             tracked = True
-            _advance(belief, P, information, trace, others.gains)
+            if others.gains:
+                gain_transition(P, belief.step, belief.noise, information, trace)
+            else:
+                belief_transition(P, belief.step, belief.noise, information, trace)
             _add(trace, weight, total)
-        if not tracked:
-            trace[:] = others.traces[len(near) - each + index]
         _add(trace, weight, traces[index // count])
     total += shared
-
-
-@compiled
-def _advance(belief: PredictedBelief, P: Array, information: Array, trace: Array, gains: bool) -> None:
-    """Advance P by a step, and set `trace` (LANES,) to those of its position block or to minus the information."""
-    gained = information_gain(P, belief.step, belief.noise, information) if gains else trace
-    belief_transition(P, belief.step, belief.noise, information, trace)
-    for lane in range(LANES if gains else 0):
-        trace[lane] = -gained[lane]
 
 
 @compiled
@@ -233,7 +226,10 @@ def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices, gains
         for row in range(index, rows, each):
             others.before[row] = P[::LANES]
             _fill(information, others.information[row])
-            _advance(belief, P, information, trace, gains)
+            if gains:
+                gain_transition(P, belief.step, belief.noise, information, trace)
+            else:
+                belief_transition(P, belief.step, belief.noise, information, trace)
             others.traces[row] = trace[0]
     return others
 

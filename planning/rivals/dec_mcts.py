@@ -35,7 +35,7 @@ class DecMCTS:
 
     horizon: int = 5  # steps of a plan
     directions: int = 8  # of a control, at top speed, besides hovering
-    evaluations: int = 600  # sequences that each tree tries
+    evaluations: int = 500  # sequences that each tree tries
     rounds: int = 5  # in which UAVs tell what they may fly
     sequences: int = 10  # of a distribution
     exploration: float = 0.3  # weight of the confidence bounds, of the greatest reward found

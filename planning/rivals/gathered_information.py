@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.objective.information import information_gain
-from planning.prediction.predicted_belief import LANES, PredictedBelief, add_information, belief_transition
+from planning.objective.information import gain_transition
+from planning.prediction.predicted_belief import LANES, PredictedBelief, add_information
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
@@ -55,12 +55,11 @@ def information_from(belief: PredictedBelief, uav: int, cameras: Array, steps: I
 @compiled
 def gain_of(prior: Prior, information: Array) -> float:
     """Mutual information [nats] of people's paths and measurements with information (H, B, 3 LANES)."""
-    total, traces = 0.0, np.empty(LANES)
+    total, costs = 0.0, np.empty(LANES)
     for block in range(len(prior.P)):
         P = prior.P[block].copy()
         for step in range(len(information)):
-            gains = information_gain(P, prior.step, prior.noise, information[step, block])
-            belief_transition(P, prior.step, prior.noise, information[step, block], traces)
+            gain_transition(P, prior.step, prior.noise, information[step, block], costs)
             for lane in range(LANES):
-                total += prior.weights[block, lane] * gains[lane]
+                total -= prior.weights[block, lane] * costs[lane]
     return total

@@ -41,7 +41,7 @@ class Thompson:
     Note: the paper moves a UAV to any place at once; here an action is a flight of at most `horizon` steps.
     """
 
-    horizon: int = 10  # steps after which a flight ends, there or not
+    horizon: int = 3  # steps after which a flight ends, there or not
     cutoff: float = 10.0  # m: cost of a person without a track, and the most of one with a track
     exchange = Exchange(0)
     decentralised: ClassVar[bool] = True
