@@ -49,7 +49,7 @@ PLANNERS = {
         beta=0.0,
         uncertainty="information",
         visibility="expected",
-        evaluations=9_216,
+        evaluations=8_192,
         search=0.5,
     ),
     "rsp": _composed(
@@ -59,7 +59,7 @@ PLANNERS = {
         beta=0.0,
         uncertainty="information",
         visibility="expected",
-        evaluations=9_216,
+        evaluations=8_192,
         search=0.5,
     ),
     "dec-mcts": PlannerSpec(
