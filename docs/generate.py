@@ -1,8 +1,8 @@
 """Parts of the site that are made from the code and from one another: tables of the reference, equations, notebooks.
 
 MkDocs calls the functions `on_...`. A line `<!-- keys: trees -->` in a page becomes the table of these keys of a
-scenario; `<!-- commands -->`, `<!-- planners -->` and `<!-- planner options -->` likewise. A formula between `$$`
-becomes MathML. Each tutorial is written as a notebook, too.
+scenario; `<!-- commands -->`, `<!-- planners -->` and `<!-- planner options -->`, of the default planner or of one that
+is named, likewise. A formula between `$$` becomes MathML. Each tutorial is written as a notebook, too.
 """
 
 import ast
@@ -17,12 +17,12 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import msgspec
 
-from planning.pieces import Composed
-from planning.registry import PLANNERS
+from planning.registry import DEFAULT_PLANNER, PLANNERS
 from sim.scenario.fleet import Cut, Uav
 from sim.scenario.scenario import Scenario
 from sim.study.settings_text import toml
 from sim.world.appearance import FULL
+from tracking.plugins.registry import imported
 
 _WRITTEN_OUT = ("people.paths", "uavs")  # long defaults, which the page itself shows
 _ROWS = {"uavs": ("uavs.0", Uav), "network.cuts": ("network.cuts", Cut)}
@@ -55,7 +55,7 @@ def generated(markdown: str) -> str:
     def made(mark: re.Match[str]) -> str:
         return makers[mark[1]](*([mark[2]] if mark[2] else []))
 
-    return re.sub(r"^<!-- ([a-z ]+)(?:: ([\w.]+))? -->$", made, markdown, flags=re.M)
+    return re.sub(r"^<!-- ([a-z ]+)(?:: ([\w.-]+))? -->$", made, markdown, flags=re.M)
 
 
 def keys(kind: type = Scenario, prefix: str = "") -> Iterator[tuple[str, msgspec.structs.FieldInfo, str]]:
@@ -89,12 +89,13 @@ def planners_table() -> str:
     return "\n".join(["| planner | meaning |", "|---|---|", *rows])
 
 
-def options_table() -> str:
-    """Options of composed planners: default, that of named planners where it differs, and meaning."""
-    lines, meanings = ["| option | default | meaning |", "|---|---|---|"], _comments(Composed)
-    signature = inspect.signature(Composed)
-    for name, parameter in signature.parameters.items():
-        others = [f"`{spec.options[name]!r}` in `{p}`" for p, spec in PLANNERS.items() if name in spec.options]
+def options_table(planner: str = DEFAULT_PLANNER) -> str:
+    """Options of a planner and of others of its class: default, that of these where it differs, and meaning."""
+    kind = imported(PLANNERS[planner].target)
+    alike = {name: spec.options for name, spec in PLANNERS.items() if spec.target == PLANNERS[planner].target}
+    lines, meanings = ["| option | default | meaning |", "|---|---|---|"], _comments(kind)
+    for name, parameter in inspect.signature(kind).parameters.items():
+        others = [f"`{options[name]!r}` in `{p}`" for p, options in alike.items() if name in options]
         lines.append(f"| `{name}` | {'; '.join([f'`{parameter.default!r}`', *others])} | {meanings.get(name, '')} |")
     return "\n".join(lines)
 

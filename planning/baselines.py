@@ -1,5 +1,6 @@
-"""Baseline planners: hover, greedy and lawnmower."""
+"""Baseline planners: hover, random, greedy and lawnmower."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,6 +13,7 @@ from planning.prediction.field_of_view import aim_point, viewing_range
 from planning.prediction.intent import base_control
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
+from tracking.numerics.universal import cos_each, sin_each
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,20 @@ class Hover:
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Zero velocity for every UAV."""
         return [Plan(np.zeros((1, 2))) for _ in team]
+
+
+@dataclass(frozen=True)
+class Random:
+    """Flies at velocities drawn evenly from those that the UAV can fly: a floor for planners that look ahead."""
+
+    exchange = Exchange(0)
+    decentralised: ClassVar[bool] = True
+
+    def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
+        """One step at a velocity drawn from the disc of the UAV's top speed."""
+        angles, areas = 2 * math.pi * rng.random(len(team)), np.sqrt(rng.random(len(team)))
+        rims = areas[:, None] * np.column_stack([cos_each(angles), sin_each(angles)])
+        return [Plan(s.own.max_speed * rim[None]) for s, rim in zip(team, rims, strict=True)]
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from tracking.numerics.arrays import Array
 
 Prediction = Literal["scans", "step"]
 Actions = Literal["all", "first"]
+Uncertainty = Literal["trace", "information"]
 
 
 class Coordination(Protocol):
@@ -53,6 +54,7 @@ class Composition:
     terms: tuple[Term, ...] = ()  # of the objective, besides that of the tracks
     prediction: Prediction = "scans"  # of targets: as trackers predict, or with the process noise of one long step
     actions: Actions = "all"  # actions to optimise; "first": the base policy follows the first
+    uncertainty: Uncertainty = "trace"  # of tracks: summed traces, or minus the mutual information [nats]
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
@@ -71,7 +73,8 @@ class Composition:
             belief = belief._replace(weights=np.tile([t.existence for t in situation.tracks], samples).astype(float))
         speeds = np.array([situation.vehicles[i].max_speed for i in uavs])
         starts = self._starts(situation, controls, uavs)
-        of_tracks = objective(belief, controls, uavs, self.beta, samples)
+        information = self.uncertainty == "information"
+        of_tracks = objective(belief, controls, uavs, self.beta, samples, information=information)
         extra = [term for term in (t.term(situation, controls, uavs) for t in self.terms) if term is not None]
 
         def value(candidates: Array, ease: Array | None = None) -> Array:

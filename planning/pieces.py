@@ -7,7 +7,8 @@ from typing import Literal, get_args, get_type_hints
 
 import numpy as np
 
-from planning.composition import Actions, Composition, Coordination, Prediction
+from planning.composition import Actions, Composition, Coordination, Prediction, Uncertainty
+from planning.coordination.partitions import Partitions
 from planning.coordination.schemes import Centralised, Decentralised, Order, Parallel, Sequential
 from planning.objective.terms import Search, Separation
 from planning.optimizers.cross_entropy import CrossEntropy
@@ -20,7 +21,9 @@ from tracking.plugins.spelling import nearest
 # Least and most: wider than any useful setting, and short of taking all memory.
 _RANGES = {"horizon": (1, 100), "sweeps": (1, 100), "samples": (1, 10_000), "beta": (0, 1e6)}
 _RANGES |= {"evaluations": (0, 10_000_000), "seconds": (0, 3600), "search": (0, 1e6), "separation": (0, 1e4)}
+_RANGES |= {"rounds": (0, 100)}
 _NEEDS = {"order": ("coordination", "sequential"), "samples": ("propagation", "monte-carlo")}
+_NEEDS |= {"rounds": ("coordination", "partitions")}
 
 
 @dataclass(frozen=True)
@@ -28,12 +31,15 @@ class Composed:
     """A `Composition` of pieces by name; ValueError names what is wrong and what is allowed."""
 
     horizon: int = 5  # steps of a plan
-    # of the UAVs' decisions: `sequential`, `parallel`, `decentralised` or `centralised`
-    coordination: Literal["sequential", "parallel", "decentralised", "centralised"] = "sequential"
+    # of the UAVs' decisions: `sequential`, `parallel`, `decentralised` or `centralised`; `partitions`: in rounds, each
+    # UAV counts those alone that have decided
+    coordination: Literal["sequential", "parallel", "decentralised", "centralised", "partitions"] = "sequential"
     # of the sequence: `fixed`: by id; `random`; `worst-first`: the UAV with the most uncertain track within 40 m first
     order: Order = "fixed"
     # times that the sequence is gone through; from the second on, each UAV answers the plans that the others have made
     sweeps: int = 1
+    # of partitions: each UAV draws one of so many rounds, and all of a round decide at once; 0: one UAV a round, by id
+    rounds: int = 0
     # of the targets' beliefs: `nominal`: along their most probable trajectory; `monte-carlo`: along samples
     propagation: Literal["nominal", "monte-carlo"] = "nominal"
     samples: int = 50  # number of samples of Monte Carlo propagation
@@ -62,6 +68,9 @@ class Composed:
     # controls of a plan that are optimised: `all`, or the `first`, after which the UAV follows the base policy (full
     # speed to the track of largest covariance within 40 m), as the MCR of the paper's public code does
     actions: Actions = "all"
+    # of tracks: the sum of their covariances' `trace` over the steps; or minus the mutual `information` of targets'
+    # paths and measurements [nats], which has no cost-to-go (`beta=0`) and with which `search` is in nats
+    uncertainty: Uncertainty = "trace"
 
     def __post_init__(self) -> None:
         for name, kind in get_type_hints(Composed).items():
@@ -77,12 +86,18 @@ class Composed:
             if type(value) not in ((int,) if whole else (int, float)) or not least <= value <= most:
                 kind = "a whole number" if whole else "a finite number"
                 raise ValueError(f"{name} must be {kind} from {least} to {most:g}, is {value!r}")
+        self._check_effects()
+
+    def _check_effects(self) -> None:
+        """Check that no option is given that has no effect."""
         for name, (piece, word) in _NEEDS.items():
             if getattr(self, name) != getattr(Composed, name) and getattr(self, piece) != word:
                 raise ValueError(
                     f"{name}={getattr(self, name)} has no effect with {piece} {getattr(self, piece)!r}; "
                     f"leave it out, or set {piece}={word}"
                 )
+        if self.uncertainty == "information" and self.beta:
+            raise ValueError(f"beta={self.beta} has no effect with uncertainty 'information'; set beta=0")
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
@@ -108,6 +123,7 @@ class Composed:
             "parallel": Parallel(),
             "decentralised": Decentralised(),
             "centralised": Centralised(),
+            "partitions": Partitions(self.rounds),
         }
         optimizers: dict[str, CrossEntropy | ParticleSwarm | GridSearch] = {
             "cross-entropy": CrossEntropy(),
@@ -130,4 +146,5 @@ class Composed:
             ),
             prediction=self.prediction,
             actions=self.actions,
+            uncertainty=self.uncertainty,
         )

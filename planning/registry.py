@@ -43,8 +43,32 @@ PLANNERS = {
         "each UAV plans for all, sends nothing, flies its share", coordination="decentralised", beta=0.0
     ),
     "centralized": _composed("one joint plan for all UAVs", coordination="centralised"),
+    "greedy-mi": _composed(
+        "each UAV in turn adds the most mutual information",
+        coordination="partitions",
+        beta=0.0,
+        uncertainty="information",
+        visibility="expected",
+        evaluations=8_192,
+        search=0.5,
+    ),
+    "rsp": _composed(
+        "the same in two rounds: UAVs draw theirs (RSP)",
+        coordination="partitions",
+        rounds=2,
+        beta=0.0,
+        uncertainty="information",
+        visibility="expected",
+        evaluations=8_192,
+        search=0.5,
+    ),
+    "dec-mcts": PlannerSpec(
+        "planning.rivals.dec_mcts:DecMCTS", {}, "tree search of each UAV, which tells what it may fly"
+    ),
+    "thompson": PlannerSpec("planning.rivals.thompson:Thompson", {}, "each UAV looks where it pays in a drawn world"),
     "lawnmower": PlannerSpec("planning.baselines:Lawnmower", {}, "each UAV mows a strip of the area, whatever it sees"),
     "greedy": PlannerSpec("planning.baselines:Greedy", {}, "each UAV to the most uncertain track within 40 m"),
+    "random": PlannerSpec("planning.baselines:Random", {}, "each UAV at a velocity by chance"),
     "hover": PlannerSpec("planning.baselines:Hover", {}, "no UAV moves"),
     "oracle": PlannerSpec("planning.oracle:Oracle", {}, "sees where people are and will be", upper_bound=True),
 }

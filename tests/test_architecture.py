@@ -20,7 +20,7 @@ LAYERS = {
     ),
     "planning": (
         *("planner", "registry", "loading", "contract", "prediction", "objective", "optimizers", "coordination"),
-        *("composition", "baselines", "pieces", "oracle", "conformance"),
+        *("composition", "baselines", "rivals", "pieces", "oracle", "conformance"),
     ),
     "sim": (
         *("installation", "scenario", "processes", "world", "sensing", "conformance", "mission", "recording"),

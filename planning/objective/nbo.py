@@ -1,10 +1,11 @@
-"""The objective of nominal belief-state optimisation (NBO) and its terminal penalty (MWTP), compiled."""
+"""The objective of nominal belief-state optimisation (NBO), its terminal penalty (MWTP), and information, compiled."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from planning.objective.information import gain_transition
 from planning.objective.mwtp import Match, mark_in_view, matches
 from planning.objective.mwtp_lanes import Workspace, mark_in_view_lanes, penalties, workspace
 from planning.prediction.predicted_belief import (
@@ -34,7 +35,13 @@ def costs(
 
 
 def objective(
-    belief: PredictedBelief, controls: Array, uavs: Sequence[int], beta: float, samples: int = 1
+    belief: PredictedBelief,
+    controls: Array,
+    uavs: Sequence[int],
+    beta: float,
+    samples: int = 1,
+    *,
+    information: bool = False,
 ) -> Objective:
     """The objective [m²] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly `controls` (n, H, 2).
 
@@ -42,9 +49,11 @@ def objective(
     of all UAVs that see the target at its predicted position ([Li22] eq. (11) with C̃ of eq. (7)), plus, for beta > 0,
     the MWTP of Algorithm 2 on weighted traces; the mean over `samples` sets of targets. Of a target with several
     equally probable trajectories each has its own P, and traces are their mean. The contribution of the other UAVs is
-    the same for all candidates and computed once.
+    the same for all candidates and computed once. With `information`, minus the mutual information of targets' paths
+    and all measurements [nats] stands in the place of the traces' sum; see `information_gain`.
     """
-    others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), np.asarray(uavs, dtype=np.int64))
+    deciding = np.asarray(uavs, dtype=np.int64)
+    others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), deciding, information)
 
     def values(candidates: Array, ease: Array | None = None) -> Array:
         views = belief.views.copy()
@@ -58,7 +67,7 @@ def objective(
 
 def terminal_matches(belief: PredictedBelief, controls: Array) -> tuple[Array, tuple[Match, ...]]:
     """Targets (T, 3) m at the end of a joint plan (n, H, 2) m/s, of one sample, and how the MWTP matches them."""
-    others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), np.empty(0, dtype=np.int64))
+    others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), np.empty(0, dtype=np.int64), False)
     targets = np.ascontiguousarray(belief.points[-1, :, 0])
     ends = others.traces[len(others.traces) - belief.points[-1, :, :, 0].size :]
     traces = belief.weights * ends.reshape(len(targets), -1).mean(axis=1)
@@ -71,9 +80,10 @@ class _Others(NamedTuple):
     uavs: Indices  # (k,) UAVs that decide
     information: Array  # (H T K, 3): xx, xy, yy
     before: Array  # (H T K, 10): with it alone, P before each step, as in one lane of `belief_transition`
-    traces: Array  # (H T K,) m² of its position block after each step
+    traces: Array  # (H T K,) m² of its position block after each step, or minus the gain of information in it [nats]
     ends: Array  # (n, 3): x, y [m] at the end, and 0: the D_i of the MWTP at first
     seen: Flags  # (T,): targets in their fields of view at the end
+    gains: bool  # whether minus the gain of information stands in the place of each trace
 
 
 class _CameraPaths(NamedTuple):
@@ -132,6 +142,7 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
     traces[:] = 0.0
     for index in range(each):
         weight, tracked = belief.weights[index // count] / count, False  # tracked: whether P differs from the others'
+        trace[:] = others.traces[len(near) - each + index]  # unless it is
         for row in range(index, len(near), each):
             if near[row] or tracked:
                 _fill(information, others.information[row])
@@ -144,10 +155,11 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
             if not tracked:
                 _fill(P, others.before[row])
             tracked = True
-            belief_transition(P, belief.step, belief.noise, information, trace)
+            if others.gains:
+                gain_transition(P, belief.step, belief.noise, information, trace)
+            else:
+                belief_transition(P, belief.step, belief.noise, information, trace)
             _add(trace, weight, total)
-        if not tracked:
-            trace[:] = others.traces[len(near) - each + index]
         _add(trace, weight, traces[index // count])
     total += shared
 
@@ -193,7 +205,7 @@ def _penalise(
 
 
 @compiled
-def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices) -> _Others:
+def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices, gains: bool) -> _Others:
     """Contribution of the UAVs other than `uavs` with their controls (n, H, 2) m/s."""
     targets, each = belief.points.shape[1], belief.points.shape[1] * belief.points.shape[2]
     rows = belief.points.shape[0] * each
@@ -204,6 +216,7 @@ def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices) -> _O
         np.empty(rows),
         np.zeros((len(controls), 3)),
         np.zeros(targets, dtype=np.bool_),
+        gains,
     )
     _add_others(belief, controls, others)
     P, information, trace = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES)
@@ -213,7 +226,10 @@ def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices) -> _O
         for row in range(index, rows, each):
             others.before[row] = P[::LANES]
             _fill(information, others.information[row])
-            belief_transition(P, belief.step, belief.noise, information, trace)
+            if gains:
+                gain_transition(P, belief.step, belief.noise, information, trace)
+            else:
+                belief_transition(P, belief.step, belief.noise, information, trace)
             others.traces[row] = trace[0]
     return others
 

@@ -20,6 +20,9 @@ PAPER = {
     "dec-pomdp": (None, 1789, 2551),
 }
 NAMES = ("sma-nbo", "sma-nbo-mwtp", "pma-nbo", "mcr", "dec-pomdp", "centralized")
+FAST = ("thompson", "random")  # which search nothing
+MCR = "mcr(samples=4, beta=0.5)"
+RIVALS = (*(f"{name}(horizon=5)" for name in ("sma-nbo-mwtp", "greedy-mi", "rsp", "dec-mcts")), MCR, *FAST)
 
 
 def timed(runs, rounds):
@@ -52,6 +55,18 @@ def test_decisions(random_team, judged):
     mwtp, nbo, mcr = decisions(random_team, teams, names, 10 if judged else 1, "" if judged else "evaluations=64")
     print(f"\nsma-nbo-mwtp {mwtp:.1f} ms, sma-nbo {nbo:.1f} ms, mcr {mcr:.1f} ms: {mcr / nbo:.1f} x sma-nbo")
     assert not judged or (mwtp < 30.0 and mcr < 10.0 * nbo)
+
+
+def test_decisions_of_rivals(random_team, judged):
+    """Three UAVs, four targets, 75 trees: no rival has much more time than the default, the first."""
+    teams = [random_team(seed, trees=75) for seed in range(6 if judged else 1)]
+    names = [name if judged or name in FAST else f"{name}, evaluations=64)".replace("),", ",") for name in RIVALS]
+    planners = [load_planner(name) for name in names]
+    for planner in planners:
+        planner.plan(teams[0], np.random.default_rng(0))
+    times = np.mean([timed([deciding(p, team) for p in planners], 10 if judged else 1) for team in teams], axis=0)
+    print("\n" + ", ".join(f"{name} {ms:.1f} ms" for name, ms in zip(names, times, strict=True)))
+    assert not judged or times.max() < 1.25 * times[0]
 
 
 @pytest.mark.parametrize(("what", "most", "bound"), [("uavs", 20, 1.15), ("targets", 50, 1.15)])

@@ -14,7 +14,14 @@ from sim.recording.archive import load
 TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem != "lost-person"]
 REFERENCE = ("api", "figures", "planners")
 # The blocks of the other pages are run by the tests below and beside this file, and in the folders of the code.
-NAMES = ("index", "how-to/wrapping", "how-to/trackers", "explanation/equations", *(f"reference/{n}" for n in REFERENCE))
+NAMES = (
+    "index",
+    "how-to/wrapping",
+    "how-to/trackers",
+    "explanation/equations",
+    "explanation/rivals",
+    *(f"reference/{n}" for n in REFERENCE),
+)
 README = {"run": ["--duration", "2", "--no-video"], "compare": ["--duration", "1", "--seeds", "0,1"]}
 README |= {command: ["--time", "1"] for command in ("frames", "explain")} | {"replay": ["--time", "1:2"]}
 

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 from planning.baselines import Lawnmower
 from planning.composition import Composition
@@ -40,6 +41,14 @@ def test_an_option_without_effect_is_an_error(option, planner, reason, needs):
         load_planner(f"{planner}({option})")
     assert str(error.value).endswith(f"{option} has no effect with {reason}; leave it out, or set {needs}")
     assert callable(load_planner(f"{planner}({option}, {needs})").plan)
+
+
+def test_random_velocities_are_spread_evenly_over_the_disc(random_team):
+    team, rng = random_team(0), np.random.default_rng(5)
+    drawn = np.array([[plan.controls[0] for plan in load_planner("random").plan(team, rng)] for _ in range(2000)])
+    speeds, angles = np.hypot(*drawn.reshape(-1, 2).T) / 5.0, np.arctan2(*drawn.reshape(-1, 2).T)
+    for share in (np.square(speeds), angles / (2 * np.pi) + 0.5):  # each even between 0 and 1
+        assert kstest(share, "uniform").pvalue > 0.01
 
 
 def test_the_lawnmower_sees_the_whole_area_in_time(random_team):

@@ -11,12 +11,14 @@ import math
 
 import numpy as np
 
+from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 
 _LOG2E = 1.4426950408889634
 # ln 2 as a sum. The first part has so few bits that its products with small integers are exact.
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 _POWERS_OF_TWO = np.array([math.ldexp(1.0, k) for k in range(-1074, 1024)])
+_ROOT_HALF = int(np.array([math.sqrt(0.5)]).view(np.int64)[0])  # its bits
 # Coefficients of Taylor series, that of the highest power first.
 _EXP = tuple(1.0 / math.factorial(k) for k in range(13, 1, -1))
 _LOG = tuple(2.0 / k for k in range(25, 1, -2))
@@ -60,6 +62,22 @@ def log(x: float) -> float:
     # log((1 + s) / (1 - s)) = 2 s + s (2/3 s² + 2/5 s⁴ + ...), with 2 s = f - f²/2 + s f²/2.
     half = 0.5 * f * f
     return float(k * _LN2_HIGH - ((half - (s * (half + square * polynomial(_LOG, square)) + k * _LN2_LOW)) - f))
+
+
+@compiled
+def logs(x: Array) -> None:
+    """Replace normal positive numbers (N,) by their natural logarithms, side by side; `log` takes them one by one."""
+    bits = x.view(np.int64)
+    for i in range(len(x)):
+        # Exponent and fraction, as of a number in [1/√2, √2): the integer part of what is left is the exponent.
+        shifted = bits[i] - _ROOT_HALF
+        k = shifted >> 52
+        bits[i] -= k << 52
+        f = x[i] - 1.0
+        s = f / (2.0 + f)
+        square = s * s
+        half = 0.5 * f * f
+        x[i] = k * _LN2_HIGH - ((half - (s * (half + square * polynomial(_LOG, square)) + k * _LN2_LOW)) - f)
 
 
 @compiled

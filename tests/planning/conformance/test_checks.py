@@ -16,7 +16,8 @@ from planning.registry import PLANNERS
 CLAIM = {"nothing from the unheard", "only plans from others"}
 BARE, HASHES = "plan 0 is no Plan of numbers but ndarray", "in a process with other hashes of strings, plans differ by"
 CHANCE, DOWN, GLOBAL = "chance only from rng", "a UAV broken down", "uses the global random numbers"
-LITTLE = {"mcr": "(samples=5, evaluations=64)", "lawnmower": "", "greedy": "", "hover": ""}  # effort
+LITTLE = {"mcr": "(samples=5, evaluations=64)"}  # effort
+LITTLE |= dict.fromkeys(["lawnmower", "greedy", "random", "hover", "thompson"], "")
 
 
 def failed(planner, **options):

@@ -100,7 +100,10 @@ def test_with_an_unlimited_field_of_view_the_terminal_penalty_is_zero(random_tea
     assert team_cost(view, still, 0.5) == team_cost(view, still, 0.0)
 
 
-@pytest.mark.parametrize("planner", ["sma-nbo-mwtp", "mcr(samples=5)", "greedy", "lawnmower", "oracle", "centralized"])
+@pytest.mark.parametrize(
+    "planner",
+    ["sma-nbo-mwtp", "mcr(samples=5)", "greedy", "lawnmower", "oracle", "centralized", "rsp", "dec-mcts", "thompson"],
+)
 def test_every_planner_flies_with_an_unlimited_field_of_view(planner):
     mission, snapshots = fly(*ALL, "uavs.0.tilt_deg=30", planner=planner)
     assert len(snapshots) == 6 and mission.faults == []

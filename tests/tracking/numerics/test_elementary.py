@@ -42,6 +42,13 @@ PRECISE = {
 }
 
 
+def test_logarithms_side_by_side_are_those_one_by_one():
+    normal = _POSITIVE[_POSITIVE > 1e-307]
+    found = normal.copy()
+    exponential.logs(found)
+    np.testing.assert_array_equal(found, [exponential.log(x) for x in normal.tolist()])
+
+
 @pytest.mark.parametrize("name", PRECISE)
 def test_elementary_functions_are_within_two_units_in_the_last_place(name):
     ours, true, *arguments = PRECISE[name]

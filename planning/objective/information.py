@@ -1,0 +1,40 @@
+"""Mutual information of targets' paths and their measurements, compiled."""
+
+import numpy as np
+
+from planning.prediction.predicted_belief import LANES, belief_transition
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import logs
+
+
+@compiled
+def information_gain(P: Array, step: float, noise: Array, information: Array) -> Array:
+    """Mutual information (LANES,) [nats] of a state one step later and its measurements then: ½ log det(I + J P⁻).
+
+    P⁻ is the predicted position block, J the measurements' information; P (10 LANES,) and information (3 LANES,) as in
+    `belief_transition`. By the chain rule, the sum over steps, with P updated by each, is the mutual information of
+    the path and all measurements. It is monotone and submodular in the measurements, because these are independent
+    given the path. Source: [Krause05] for the latter.
+    """
+    gains = np.empty(LANES)
+    for k in range(LANES):
+        xu, yu, yv = P[2 * LANES + k], P[5 * LANES + k], P[6 * LANES + k]
+        xv, uv = P[3 * LANES + k], P[8 * LANES + k]
+        xx = P[k] + step * (2 * xu + step * P[7 * LANES + k]) + noise[0]
+        yy = P[4 * LANES + k] + step * (2 * yv + step * P[9 * LANES + k]) + noise[0]
+        xy = P[LANES + k] + step * (xv + yu + step * uv)
+        jxx, jxy, jyy = information[k], information[LANES + k], information[2 * LANES + k]
+        a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
+        c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
+        gains[k] = a * d - b * c
+    logs(gains)
+    return 0.5 * gains
+
+
+@compiled
+def gain_transition(P: Array, step: float, noise: Array, information: Array, costs: Array) -> None:
+    """`belief_transition` of P that sets `costs` (LANES,) to minus the information gained rather than to traces."""
+    gains = information_gain(P, step, noise, information)
+    belief_transition(P, step, noise, information, costs)
+    costs[:] = -gains

@@ -1,0 +1,1 @@
+"""Planners of other papers that are no compositions of pieces."""

@@ -1,0 +1,155 @@
+"""Decentralised Monte Carlo tree search (Dec-MCTS): trees of own sequences, distributions of those of the others."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from planning.planner import Exchange, Plan, Situation
+from planning.prediction.intent import camera_paths, policy_of_intent
+from planning.prediction.propagation import Nominal
+from planning.rivals.distribution import Team, cooled, gains
+from planning.rivals.gathered_information import information_from, prior_of
+from planning.rivals.moves import moves
+from planning.rivals.tree import grow, new_tree, promising
+from tracking.numerics.arrays import Array, Indices
+
+_RANGES = {"horizon": (1, 8), "directions": (1, 16), "evaluations": (1, 1_000_000), "rounds": (1, 100)}
+_RANGES |= {"sequences": (1, 10), "samples": (1, 1000), "updates": (1, 10_000)}
+_RATE = 0.1  # of gradient steps
+
+
+@dataclass(frozen=True)
+class DecMCTS:
+    """Each UAV searches a tree of its own sequences of controls, and tells the others which are likely.
+
+    Over `rounds`, it grows its tree with others' sequences drawn from the distributions that it has received, shares
+    the gain in mutual information out among a few promising sequences, and sends these with their probabilities. The
+    distributions become sharper from round to round. In the end it flies its most probable sequence, or its policy of
+    intent if no sequence gains anything. Of UAVs not heard it takes the policy of intent for sure.
+    Source: [Best19], with D-UCT and Algorithm 3.
+
+    Note: each of the sequences counts as a plan sent, which may be lost; a probability's eight bytes do not.
+    """
+
+    horizon: int = 5  # steps of a plan
+    directions: int = 8  # of a control, at top speed, besides hovering
+    evaluations: int = 500  # sequences that each tree tries
+    rounds: int = 5  # in which UAVs tell what they may fly
+    sequences: int = 10  # of a distribution
+    exploration: float = 0.3  # weight of the confidence bounds, of the greatest reward found
+    discount: float = 0.995  # of rewards, for each later iteration
+    samples: int = 6  # draws of the others' sequences behind a distribution
+    temperature: float = 0.1  # of the first distribution, of the greatest mean gain
+    cooling: float = 0.5  # of the temperature, a round
+    updates: int = 100  # gradient steps of a distribution
+    decentralised: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        for name, (least, most) in _RANGES.items():
+            value = getattr(self, name)
+            if type(value) is not int or not least <= value <= most:
+                raise ValueError(f"{name} must be a whole number from {least} to {most}, is {value!r}")
+        if not 0.0 <= self.exploration <= 1e6:
+            raise ValueError(f"exploration must be from 0 to 1e+06, is {self.exploration!r}")
+        for name in ("discount", "cooling", "temperature"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise ValueError(f"{name} must be above 0, to 1, is {getattr(self, name)!r}")
+
+    @property
+    def exchange(self) -> Exchange:
+        """One message for each sequence in each round."""
+        return Exchange(self.rounds * self.sequences)
+
+    def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
+        """Most probable sequences of controls."""
+        searches = [TreeSearch(self, s, stream) for s, stream in zip(team, rng.spawn(len(team)), strict=True)]
+        for now in range(self.rounds):
+            for search in searches:
+                search.advance(now)
+            for search in searches:
+                for sender in searches:
+                    search.receive(sender, now)
+        return [Plan(search.decision()) for search in searches]
+
+
+class TreeSearch:
+    """One UAV's search within a decision."""
+
+    def __init__(self, planner: DecMCTS, situation: Situation, rng: np.random.Generator) -> None:
+        """Begin with an empty tree; the others follow their policies of intent."""
+        self._planner, self._situation, self._rng = planner, situation, rng
+        self._vehicles, horizon = situation.vehicles, planner.horizon
+        existence = np.array([track.existence for track in situation.tracks], dtype=float)
+        self._belief = Nominal(expected=True).predict(situation, horizon, rng)._replace(weights=existence)
+        self._prior, self._moves = prior_of(self._belief), moves(horizon, planner.directions)
+        own = situation.own
+        places = own.position[:2] + own.max_speed * situation.step * self._moves.places
+        self._row = self._vehicles.index(own)
+        self._own = information_from(self._belief, self._row, places, self._moves.steps)
+        self._tree = new_tree(planner.evaluations, horizon, len(self._moves.controls))
+        # Sequences and probabilities of each of the others, and the information of the former.
+        self._others: dict[int, tuple[Array, Array]] = {}
+        for vehicle in situation.neighbours:
+            self._expect(vehicle.id, policy_of_intent(situation, vehicle, horizon)[None], np.ones(1))
+        self.controls, self.chances = np.zeros((1, horizon, 2)), np.ones(1)
+
+    def advance(self, now: int) -> None:
+        """Grow the tree by a round's share of the evaluations, and update the distribution."""
+        planner, team = self._planner, self._team()
+        count = planner.evaluations * (now + 1) // planner.rounds - planner.evaluations * now // planner.rounds
+        draws = self._rng.random((count, len(self._others) + planner.horizon))
+        fading = np.cumprod(np.append(1.0, np.full(planner.evaluations, planner.discount)))
+        grow(self._tree, self._moves, team, draws, fading, planner.exploration)
+        chosen = promising(self._tree, planner.sequences)
+        found = gains(team, self._seen(chosen), self._rng.random((planner.samples, len(self._others))))
+        heat = planner.temperature * np.prod(np.full(now, planner.cooling))
+        scaled = found / max(float(found.max()), 1e-12)
+        self.controls = self._situation.own.max_speed * self._moves.controls[chosen]
+        self.chances = cooled(scaled, heat, _RATE, planner.updates)
+        if not found.max() > 0.0:
+            intent = policy_of_intent(self._situation, self._situation.own, planner.horizon)
+            self.controls, self.chances = intent[None], np.ones(1)
+
+    def receive(self, sender: "TreeSearch", now: int) -> None:
+        """Take those of another UAV's sequences that arrive; if none does, what was known of it stays."""
+        uav, first = sender._situation.own.id, now * self._planner.sequences
+        places = range(len(sender.controls))
+        arrived = [k for k in places if uav in self._others and self._situation.receives(uav, first + k)]
+        if arrived:
+            self._expect(uav, sender.controls[arrived], sender.chances[arrived])
+
+    def decision(self) -> Array:
+        """The most probable sequence (H, 2) m/s."""
+        return np.asarray(self.controls[np.argmax(self.chances)])
+
+    def _expect(self, uav: int, controls: Array, chances: Array) -> None:
+        row = [v.id for v in self._vehicles].index(uav)
+        start = np.asarray(self._vehicles[row].position, dtype=float)
+        paths = camera_paths(np.tile(start, (len(controls), 1)), controls, self._situation.step)[:, :, :2]
+        steps = np.repeat(np.arange(self._planner.horizon), len(controls))
+        flat = np.ascontiguousarray(paths.swapaxes(0, 1).reshape(-1, 2))
+        table = information_from(self._belief, row, flat, steps)
+        shape = (self._planner.horizon, len(controls), *table.shape[1:])
+        self._others[uav] = np.ascontiguousarray(table.reshape(shape).swapaxes(0, 1)), chances / chances.sum()
+
+    def _seen(self, sequences: Indices) -> Array:
+        """Information (S, H, B, 3 LANES) of own sequences of controls (S, H)."""
+        places = np.full(len(sequences), -1)
+        seen = []
+        for h in range(sequences.shape[1]):
+            places = self._moves.onward[places, sequences[:, h]]
+            seen.append(self._own[places])
+        return np.ascontiguousarray(np.stack(seen, axis=1))
+
+    def _team(self) -> Team:
+        others = [self._others[uav] for uav in sorted(self._others)]
+        none = np.zeros((0, self._planner.horizon, *self._own.shape[1:]))
+        return Team(
+            self._prior,
+            self._own,
+            np.concatenate([none, *(table for table, _ in others)]),
+            np.cumsum([0, *(len(chances) for _, chances in others)]),
+            np.concatenate([np.zeros(0), *(np.cumsum(chances) for _, chances in others)]),
+        )

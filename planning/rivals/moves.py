@@ -1,0 +1,43 @@
+"""Sequences of a few controls, and the places to which they lead."""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from planning.optimizers.grid_search import GridSearch
+from tracking.numerics.arrays import Array, Indices
+
+
+class Moves(NamedTuple):
+    """Places in reach by sequences of a few controls; sequences that lead to one place at one time share it."""
+
+    controls: Array  # (A, 2): shares of the top speed
+    places: Array  # (M, 2): ways from the start, in those of a step at top speed; by ascending step
+    steps: Indices  # (M,): the step after which the UAV is there, from 0
+    onward: Indices  # (M + 1, A): the place to which each control leads from a place, the start last; -1: too far ahead
+
+
+@cache
+def moves(horizon: int, directions: int) -> Moves:
+    """Moves of so many steps, by hovering or flying at top speed in one of the directions."""
+    controls = GridSearch(directions).controls(1.0)
+    places: list[Array] = []
+    steps: list[int] = []
+    onward: dict[int, list[int]] = {}
+    before = {-1: np.zeros(2)}
+    for step in range(horizon):
+        now: dict[tuple[int, ...], int] = {}
+        for place, way in before.items():
+            onward[place] = []
+            for reached in way + controls:
+                key = tuple(np.round(1e6 * reached).astype(int).tolist())
+                if key not in now:
+                    now[key] = len(places)
+                    places.append(reached)
+                    steps.append(step)
+                onward[place].append(now[key])
+        before = {place: places[place] for place in now.values()}
+    ends = {place: [-1] * len(controls) for place in before}
+    rows = [(onward | ends)[place] for place in (*range(len(places)), -1)]
+    return Moves(controls, np.array(places), np.array(steps), np.array(rows))

@@ -1,0 +1,146 @@
+"""Search and tracking by Thompson sampling: each UAV looks where it would pay in a world drawn from its beliefs."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from planning.optimizers.optimizer import speed_limited
+from planning.planner import Exchange, Plan, Situation
+from planning.prediction.field_of_view import IMAGE_POINTS, points_shown, view_quadrangle
+from planning.prediction.quadrangle import inside
+from tracking.geometry.line_of_sight import Grid, unobstructed
+from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.factorisation import eigen
+from tracking.numerics.matrices import applied
+from tracking.numerics.normal import standard_normal
+from tracking.numerics.poisson import poisson
+from tracking.track import beliefs_of
+
+
+class DrawnWorld(NamedTuple):
+    """People drawn from beliefs, as if they were the truth."""
+
+    states: Array  # (M, 4): x, y [m] and velocity [m/s]
+    errors: Array  # (M, 4): state less the track's mean, infinite for undetected people
+
+
+@dataclass(frozen=True)
+class Thompson:
+    """Flies to the place that shows the most error per step of the way in a drawn world, and draws again on arrival.
+
+    In a world, a person without a track costs `cutoff` [m], as in OSPA, one with a track the distance to it, at most
+    `cutoff`, until the person is in view. Places keep one drawn person at one of nine points of the image. UAVs draw
+    independently and send no plans: chance alone parts them.
+    Source: [Banerjee24], TS-PHD-II, with the tracker's Poisson intensity and Gaussian tracks for its particles.
+
+    Note: the paper moves a UAV to any place at once; here an action is a flight of at most `horizon` steps.
+    """
+
+    horizon: int = 3  # steps after which a flight ends, there or not
+    cutoff: float = 10.0  # m: cost of a person without a track, and the most of one with a track
+    exchange = Exchange(0)
+    decentralised: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        if type(self.horizon) is not int or not 1 <= self.horizon <= 100:
+            raise ValueError(f"horizon must be a whole number from 1 to 100, is {self.horizon!r}")
+        if not 0.0 < self.cutoff <= 1e6:
+            raise ValueError(f"cutoff must be above 0, to 1e+06, is {self.cutoff!r}")
+
+    def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
+        """The rest of each UAV's flight, or the way to a place that is worth a look in a new world."""
+        return [self._flight(s, stream) for s, stream in zip(team, rng.spawn(len(team)), strict=True)]
+
+    def _flight(self, situation: Situation, rng: np.random.Generator) -> Plan:
+        last = situation.intents.get(situation.own.id)
+        if last is not None and len(last.controls) > 1:
+            return Plan(speed_limited(last.controls[None, 1:], situation.own.max_speed)[0])
+        way = self.goal(situation, drawn_world(situation, rng)) - situation.own.position[:2]
+        steps = _steps(way[0], way[1], situation.own.max_speed * situation.step)
+        controls = np.tile(way / (situation.step * steps), (int(min(steps, self.horizon)), 1))
+        return Plan(speed_limited(controls[None], situation.own.max_speed)[0])
+
+    def goal(self, situation: Situation, world: DrawnWorld) -> Array:
+        """Place (2,) m to look from; the UAV's own if nothing is to be seen."""
+        own, forest = situation.own, situation.forest
+        spots = points_shown(own, IMAGE_POINTS)
+        start, reach = own.position.astype(float), own.max_speed * situation.step
+        places = np.concatenate([own.position[None, :2], _places(start, reach, situation.step, world.states, spots)])
+        view = np.array([view_quadrangle(own)])
+        found = _seen_errors(places, (start, reach, situation.step), view, world, (forest.blockers, forest.grid))
+        # Of worlds without people nothing is seen: the first place is the UAV's own.
+        return np.asarray(places[np.argmax(np.minimum(found, self.cutoff).sum(axis=1) / _ways(places, start, reach))])
+
+
+def drawn_world(situation: Situation, rng: np.random.Generator) -> DrawnWorld:
+    """People drawn from the intensity of undetected ones and from the tracks, by their probability of existence."""
+    means, covariances = beliefs_of(situation.tracks)
+    values, axes = eigen(covariances)  # which may be singular
+    roots = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    errors = applied(roots, standard_normal(rng, (len(means), 4)))
+    exists = rng.random(len(means)) < np.array([track.existence for track in situation.tracks])
+    people = np.zeros((0, 4))
+    if situation.unseen is not None:
+        sums = np.cumsum(situation.unseen.people)
+        count = poisson(rng, float(sums[-1]))
+        cells = np.searchsorted(sums, rng.random(count) * sums[-1], side="right")
+        centres = situation.unseen.centres().reshape(-1, 2)[np.minimum(cells, len(sums) - 1)]
+        people = np.hstack([centres + situation.unseen.cell * (rng.random((count, 2)) - 0.5), np.zeros((count, 2))])
+    states = np.concatenate([(means + errors)[exists], people])
+    return DrawnWorld(states, np.concatenate([errors[exists], np.full(people.shape, math.inf)]))
+
+
+@compiled
+def _steps(x: float, y: float, reach: float) -> float:
+    """Steps that a UAV flies (x, y) m, if it flies `reach` m in each; at least one."""
+    return max(1.0, math.ceil(math.sqrt(x * x + y * y) / reach))
+
+
+@compiled
+def _ways(places: Array, start: Array, reach: float) -> Array:
+    """Steps (N,) to places (N, 2) m."""
+    steps = np.empty(len(places))
+    for n in range(len(places)):
+        steps[n] = _steps(places[n, 0] - start[0], places[n, 1] - start[1], reach)
+    return steps
+
+
+@compiled
+def _places(start: Array, reach: float, step: float, states: Array, spots: Array) -> Array:
+    """Places (M S, 2) m from which each person is at each of S spots (S, 2) m of the image on arrival."""
+    places = np.empty((len(states) * len(spots), 2))
+    for n in range(len(places)):
+        state, spot = states[n // len(spots)], spots[n % len(spots)]
+        time = 0.0
+        for _ in range(3):  # a person walks slower than a UAV flies, so that this converges
+            x, y = state[0] + time * state[2] - spot[0], state[1] + time * state[3] - spot[1]
+            time = step * min(_steps(x - start[0], y - start[1], reach), 100.0)
+        places[n, 0], places[n, 1] = x, y
+    return places
+
+
+@compiled
+def _seen_errors(
+    places: Array, flight: tuple[Array, float, float], view: Array, world: DrawnWorld, trees: tuple[Array, Grid]
+) -> Array:
+    """Errors (N, M) m of people that are in view from places (N, 2) m on arrival; 0 of those that are not."""
+    start, reach, step = flight
+    blockers, grid = trees
+    found = np.zeros((len(places), len(world.states)))
+    steps = _ways(places, start, reach)
+    for n in range(len(places)):
+        time = step * min(steps[n], 100.0)
+        for m in range(len(world.states)):
+            state, error = world.states[m], world.errors[m]
+            x, y = state[0] + time * state[2], state[1] + time * state[3]
+            if inside(view, 0, x - places[n, 0], y - places[n, 1]):
+                camera = places[n, 0], places[n, 1], start[2]
+                if unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid):
+                    dx, dy = error[0] + time * error[2], error[1] + time * error[3]
+                    found[n, m] = math.sqrt(dx * dx + dy * dy)
+    return found

@@ -1,0 +1,128 @@
+"""The search tree of a UAV in decentralised Monte Carlo tree search, compiled."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from planning.rivals.distribution import Team, drawn_information
+from planning.rivals.gathered_information import gain_of
+from planning.rivals.moves import Moves
+from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import log
+
+
+class SearchTree(NamedTuple):
+    """Nodes of a search tree, the root first; a node is a sequence of controls."""
+
+    children: Indices  # (N, A): -1 where a control has not been tried
+    places: Indices  # (N,): of `Moves`; -1: the start
+    sums: Array  # (N,): rewards [nats], of earlier visits the less the longer ago
+    visits: Array  # (N,), likewise
+    last: Indices  # (N,): the iteration of the last visit
+    best: Array  # (N,): the greatest reward of a rollout
+    sequences: Indices  # (N, H): controls of that rollout
+    counts: Indices  # (2,): nodes and iterations so far
+
+
+def new_tree(iterations: int, horizon: int, controls: int) -> SearchTree:
+    """An empty tree with room for a node of each iteration."""
+    room = iterations + 1
+    return SearchTree(
+        np.full((room, controls), -1),
+        np.full(room, -1),
+        np.zeros(room),
+        np.zeros(room),
+        np.zeros(room, np.int64),
+        np.full(room, -1.0),
+        np.zeros((room, horizon), np.int64),
+        np.array([1, 0]),
+    )
+
+
+@compiled
+def grow(tree: SearchTree, moves: Moves, team: Team, draws: Array, fading: Array, exploration: float) -> None:
+    """Search for as many iterations as there are rows of uniform numbers `draws` (I, n - 1 + H).
+
+    Each draws the others' sequences, descends by discounted upper confidence bounds (D-UCT), tries a new control,
+    completes the sequence by chance, and adds the reward to the nodes passed: the gain over the others' information.
+    fading: powers of the discount.
+    """
+    H, path = tree.sequences.shape[1], np.empty(tree.sequences.shape[1] + 1, np.int64)
+    controls = np.empty(H, np.int64)
+    for i in range(len(draws)):
+        information = drawn_information(team, draws[i])
+        reward = -gain_of(team.prior, information)
+        node, place, depth = 0, -1, 0
+        path[0] = 0
+        for h in range(H):
+            chance = draws[i, len(team.first) - 1 + h]
+            if depth == h:  # in the tree
+                controls[h] = _chosen(tree, node, chance, fading, exploration)
+                if tree.children[node, controls[h]] < 0:
+                    _expand(tree, moves, node, controls[h])
+                else:
+                    depth += 1
+                node = tree.children[node, controls[h]]
+                path[h + 1] = node
+                length = h + 1
+            else:
+                controls[h] = int(chance * len(moves.controls))
+            place = moves.onward[place, controls[h]]
+            information[h] += team.own[place]
+        _add_reward(tree, path[: length + 1], reward + gain_of(team.prior, information), controls, fading)
+
+
+@compiled
+def _chosen(tree: SearchTree, node: int, chance: float, fading: Array, exploration: float) -> int:
+    """Control to try at a node: one by chance of those untried, else that of the greatest upper confidence bound."""
+    children, now = tree.children[node], tree.counts[1]
+    untried = np.flatnonzero(children < 0)
+    if len(untried):
+        return int(untried[int(chance * len(untried))])
+    here = tree.visits[node] * fading[now - tree.last[node]]
+    scale = tree.best[0] if tree.best[0] > 0.0 else 1.0
+    best, most = 0, -math.inf
+    for a in range(len(children)):
+        child = children[a]
+        visits = tree.visits[child] * fading[now - tree.last[child]]
+        spread = math.sqrt(2.0 * max(log(here), 0.0) / visits)
+        bound = tree.sums[child] / tree.visits[child] / scale + exploration * spread
+        if bound > most:
+            best, most = a, bound
+    return best
+
+
+@compiled
+def _expand(tree: SearchTree, moves: Moves, node: int, control: int) -> None:
+    """Add the child of a node."""
+    child = tree.counts[0]
+    tree.children[node, control] = child
+    tree.places[child] = moves.onward[tree.places[node], control]
+    tree.counts[0] += 1
+
+
+@compiled
+def _add_reward(tree: SearchTree, path: Indices, reward: float, controls: Indices, fading: Array) -> None:
+    tree.counts[1] += 1
+    now = tree.counts[1]
+    for node in path:
+        fade = fading[now - tree.last[node]]
+        tree.sums[node] = tree.sums[node] * fade + reward
+        tree.visits[node] = tree.visits[node] * fade + 1.0
+        tree.last[node] = now
+        if reward > tree.best[node]:
+            tree.best[node] = reward
+            tree.sequences[node] = controls
+
+
+def promising(tree: SearchTree, most: int) -> Indices:
+    """Sequences (S, H) of controls, at most so many: best rollouts of the nodes of greatest mean reward, each once."""
+    nodes = int(tree.counts[0])
+    found: dict[tuple[int, ...], None] = {}
+    for node in np.argsort(-tree.sums[1:nodes] / tree.visits[1:nodes], kind="stable") + 1:
+        found[tuple(tree.sequences[node].tolist())] = None
+        if len(found) == most:
+            break
+    return np.array(list(found))

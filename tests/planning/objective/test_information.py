@@ -1,0 +1,97 @@
+"""Mutual information of plans against that of all states and measurements at once, and the laws that it keeps."""
+
+import itertools
+
+import numpy as np
+import pytest
+from helpers.nominal import nominal
+
+from planning.objective.nbo import objective
+from planning.prediction.propagation import Nominal
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import TARGET_HEIGHT
+
+
+def information(situation, controls, expected=False):
+    """Mutual information of a joint plan (n, H, 2) m/s."""
+    view = Nominal(expected).predict(situation, controls.shape[1], np.random.default_rng(0))
+    return -float(objective(view, controls, [0], 0.0, information=True)(controls[None, :1])[0])
+
+
+def plain(situation, controls):
+    """½ log det(I + R⁻¹ C) of each target; C is the covariance of all positions measured, at all steps at once."""
+    total, F, Q = 0.0, situation.motion.F, situation.motion.Q
+    for track in situation.tracks:
+        mean, variance, spread, rows = track.belief.mean, track.belief.covariance, [], []
+        for step in range(controls.shape[1]):
+            mean, variance = F @ mean, F @ variance @ F.T + Q
+            spread.append(variance)
+            point = np.array([*mean[:2], TARGET_HEIGHT])
+            for v, flown in zip(situation.vehicles, controls, strict=True):
+                place = v.position[:2] + situation.step * flown[: step + 1].sum(axis=0)
+                camera = np.array([*place, v.position[2]])
+                seen = v.camera.sees(Pose(camera, v.attitude), point)[0]
+                if seen and situation.forest.visible(camera, point)[0, 0]:
+                    rows.append((step, v.noise.covariance(place, point[:2])))
+        C, R = np.zeros((2 * len(rows), 2 * len(rows))), np.eye(2 * len(rows))
+        for a, (one, noise) in enumerate(rows):
+            R[2 * a : 2 * a + 2, 2 * a : 2 * a + 2] = noise
+            for b, (other, _) in enumerate(rows):
+                early, late = min(one, other), max(one, other)
+                both = spread[early] @ np.linalg.matrix_power(F, late - early).T
+                C[2 * a : 2 * a + 2, 2 * b : 2 * b + 2] = (both if one <= other else both.T)[:2, :2]
+        total += 0.5 * np.linalg.slogdet(np.eye(len(C)) + np.linalg.inv(R) @ C)[1]
+    return total
+
+
+def test_the_information_is_that_of_all_positions_and_measurements_at_once(random_team):
+    seen = 0
+    for seed in range(25):
+        situation = random_team(seed, spread=12.0 + seed)[0]
+        controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (3, 5, 2))
+        expected = plain(situation, controls)
+        assert information(situation, controls) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+        seen += expected > 1.0
+    assert seen >= 15
+
+
+def test_candidates_are_valued_as_joint_plans_and_sums_by_existence(random_team):
+    situation = random_team(3)[0]
+    view = nominal(situation, 4)._replace(weights=np.array([1.0, 0.5, 0.25, 0.0]))
+    rng = np.random.default_rng(0)
+    controls, candidates = rng.uniform(-3, 3, (3, 4, 2)), rng.uniform(-3, 3, (6, 3, 4, 2))
+    alone = [situation.__class__(**{**vars(situation), "tracks": (track,)}) for track in situation.tracks]
+    for uavs in ([0], [2], [2, 1], [0, 1, 2]):
+        chosen = candidates[:, : len(uavs)]
+        values = objective(view, controls, uavs, 0.0, information=True)(chosen)
+        for value, candidate in zip(values, chosen, strict=True):
+            joint = controls.copy()
+            joint[uavs] = candidate
+            each = [plain(one, joint) for one in alone]
+            assert -value == pytest.approx(each[0] + 0.5 * each[1] + 0.25 * each[2], rel=1e-9)
+
+
+@pytest.mark.parametrize("expected", [False, True])
+def test_information_grows_with_uavs_and_the_less_the_more_there_are(random_team, expected):
+    shared = 0
+    for seed in range(30):
+        team = random_team(seed, spread=10.0)
+        controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (3, 5, 2))
+
+        def of(uavs, team=team, controls=controls):
+            """Information of some UAVs, as if there were no others."""
+            if not uavs:
+                return 0.0
+            among = [team[i].own for i in uavs]
+            first = team[uavs[0]]
+            first = first.__class__(**{**vars(first), "neighbours": tuple(among[1:])})
+            return information(first, controls[list(uavs)], expected)
+
+        sets = {uavs: of(uavs) for size in range(4) for uavs in itertools.combinations(range(3), size)}
+        for i, j, k in itertools.permutations(range(3)):
+            alone = sets[(i,)]
+            beside_one = sets[tuple(sorted((i, j)))] - sets[(j,)]
+            beside_both = sets[0, 1, 2] - sets[tuple(sorted((j, k)))]
+            assert alone >= beside_one - 1e-9 and beside_one >= beside_both - 1e-9 and beside_both >= -1e-9
+            shared += beside_one < alone - 0.1
+    assert shared >= 20

@@ -1,0 +1,144 @@
+"""Dec-MCTS against every joint plan of small cases, and its parts against the objective and closed forms."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from helpers.nominal import knowing
+
+from planning.loading import PlannerError, load_planner
+from planning.objective.nbo import objective
+from planning.prediction.intent import policy_of_intent
+from planning.prediction.propagation import Nominal
+from planning.rivals.dec_mcts import DecMCTS, TreeSearch
+from planning.rivals.distribution import cooled
+from planning.rivals.gathered_information import gain_of, information_from, prior_of
+from planning.rivals.moves import moves
+from planning.rivals.tree import SearchTree, promising
+
+
+def information(situation, uavs, plans):
+    """Information (N,) of plans (N, k, H, 2) m/s of UAVs `uavs`, as if there were no others."""
+    vehicles = [situation.vehicles[i] for i in uavs]
+    among = dataclasses.replace(situation, own=vehicles[0], neighbours=tuple(vehicles[1:]))
+    view = Nominal(expected=True).predict(among, plans.shape[2], np.random.default_rng(0))
+    return -objective(view, plans[0], range(len(uavs)), 0.0, information=True)(plans)
+
+
+@pytest.mark.parametrize("directions", [4, 8])
+def test_places_are_those_of_all_sequences_and_merge(directions):
+    made = moves(3, directions)
+    ends, ways = set(), set()
+    for sequence in itertools.product(range(directions + 1), repeat=3):
+        place = -1
+        for step, control in enumerate(sequence):
+            place = made.onward[place, control]
+            assert made.steps[place] == step
+            way = made.controls[list(sequence[: step + 1])].sum(axis=0)
+            np.testing.assert_allclose(made.places[place], way, atol=1e-5)
+        ends.add(place)
+        ways.add(tuple(np.round(way, 4) + 0.0))
+    assert len(ends) == len(ways) < 200 and np.all(made.onward[sorted(ends)] == -1)
+
+
+@pytest.mark.parametrize("targets", [0, 4, 30])
+def test_information_by_places_sums_to_the_objective_of_joint_plans(random_team, targets):
+    for seed in range(6):
+        situation, rng = random_team(seed, targets=targets, spread=15.0)[0], np.random.default_rng(seed)
+        plans = rng.uniform(-3.5, 3.5, (3, 4, 2))
+        belief = Nominal(expected=True).predict(situation, 4, rng)
+        starts = np.array([v.position[:2] for v in situation.vehicles])
+        paths = starts[:, None] + situation.step * np.cumsum(plans, axis=1)
+        tables = [information_from(belief, i, paths[i], np.arange(4)) for i in range(3)]
+        for uavs in ([0], [1, 2], [0, 1, 2]):
+            found = gain_of(prior_of(belief), sum(tables[i] for i in uavs))
+            assert found == pytest.approx(information(situation, uavs, plans[None, uavs])[0], rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("temperature", [1.0, 0.1, 0.02])
+def test_distributions_cool_towards_exponentials_of_the_gains(temperature):
+    gains = np.random.default_rng(0).random(8)
+    expected = np.exp(gains / temperature)
+    found = cooled(gains, temperature, 0.1, 300)
+    np.testing.assert_allclose(found, expected / expected.sum(), rtol=1e-6, atol=1e-9)
+
+
+def controls_of(horizon, directions):
+    each = 5.0 * moves(horizon, directions).controls
+    return np.array(list(itertools.product(each, repeat=horizon)))
+
+
+def test_a_uav_alone_finds_the_best_of_all_sequences(random_team):
+    for seed in range(8):
+        team = random_team(seed, uavs=1, spread=12.0)
+        (plan,) = DecMCTS(horizon=3, evaluations=4000, discount=1.0, exploration=2.0).plan(
+            team, np.random.default_rng(seed)
+        )
+        every = information(team[0], [0], controls_of(3, 8)[:, None])
+        found = information(team[0], [0], plan.controls[None, None])[0]
+        assert found >= 0.99 * every.max() > 0.0
+
+
+def test_distributions_concentrate_on_the_optimum_of_a_small_case(random_team):
+    """Two UAVs of 25 sequences each."""
+    each = controls_of(2, 4)
+    joint = np.stack([each[list(pair)] for pair in itertools.product(range(25), repeat=2)])
+    small = {"horizon": 2, "directions": 4, "rounds": 8, "samples": 40, "updates": 300}
+    planner = DecMCTS(evaluations=2000, discount=0.99, **small)
+    for seed in range(10):
+        team, rng = random_team(seed, uavs=2, spread=10.0), np.random.default_rng(seed)
+        searches = [TreeSearch(planner, s, stream) for s, stream in zip(team, rng.spawn(2), strict=True)]
+        for now in range(planner.rounds):
+            for search in searches:
+                search.advance(now)
+            for one, other in itertools.permutations(searches):
+                one.receive(other, now)
+        plans = np.array([search.decision() for search in searches])
+        found = information(team[0], [0, 1], plans[None])[0]
+        assert found >= 0.999 * information(team[0], [0, 1], joint).max()
+        for search, plan in zip(searches, plans, strict=True):
+            same = np.abs(search.controls - plan).max(axis=(1, 2)) < 1e-9
+            assert search.chances[same].sum() > 0.9
+        np.testing.assert_array_equal(plans, [p.controls for p in planner.plan(team, np.random.default_rng(seed))])
+
+
+def test_visits_are_discounted_and_the_most_promising_sequences_stand_first(random_team):
+    team = random_team(3, spread=12.0)
+    search = TreeSearch(DecMCTS(evaluations=300, rounds=1, discount=0.99), team[0], np.random.default_rng(0))
+    search.advance(0)
+    tree: SearchTree = search._tree
+    assert tree.visits[0] == pytest.approx((1 - 0.99**300) / 0.01, rel=1e-9) and tree.counts.tolist() == [301, 300]
+    now = tree.visits * 0.99 ** (300 - tree.last)
+    for node in range(1, 301):
+        below = tree.children[node][tree.children[node] >= 0]
+        # A node has its own first visit and those of its children.
+        assert now[node] >= now[below].sum() - 1e-9
+    assert now[0] == pytest.approx(now[tree.children[0]].sum(), rel=1e-9)
+    first = promising(tree, 5)
+    means = tree.sums[1:301] / tree.visits[1:301]
+    np.testing.assert_array_equal(first[0], tree.sequences[1 + np.argmax(means)])
+    assert len(np.unique(first, axis=0)) == 5
+
+
+def test_of_uavs_not_heard_and_without_gains_the_policy_of_intent_is_flown(random_team):
+    team = knowing(random_team(0, spread=12.0), np.random.default_rng(0).uniform(-2, 2, (3, 4, 2)))
+    away = [dataclasses.replace(s, tracks=tuple(dataclasses.replace(t, existence=0.0) for t in s.tracks)) for s in team]
+    for s, plan in zip(away, DecMCTS().plan(away, np.random.default_rng(0)), strict=True):
+        np.testing.assert_array_equal(plan.controls, policy_of_intent(s, s.own, 5))
+    planner = DecMCTS(evaluations=100)
+    lost = [dataclasses.replace(s, reception=((),) * planner.exchange.rounds) for s in team]
+    for k, stream in enumerate(np.random.default_rng(1).spawn(3)):
+        alone = TreeSearch(planner, lost[k], stream)
+        for now in range(planner.rounds):
+            alone.advance(now)
+        np.testing.assert_array_equal(planner.plan(lost, np.random.default_rng(1))[k].controls, alone.decision())
+
+
+@pytest.mark.parametrize(
+    "option",
+    ["horizon=9", "directions=0", "evaluations=1.5", "exploration=-1", "discount=0", "cooling=2", "sequences=11"],
+)
+def test_settings_out_of_bounds_are_refused(option):
+    with pytest.raises(PlannerError, match=option.partition("=")[0]):
+        load_planner(f"dec-mcts({option})")
