@@ -110,7 +110,7 @@ def test_two_do_not_look_in_the_same_place(random_team):
 def test_each_uav_infers_what_is_unseen_from_the_cameras_it_hears_of():
     def beliefs(*overrides, **options):
         mission, _ = fly("tracking.initial_tracks=none", "sensing.mode=ideal", "trees.density=0", *overrides, **options)
-        return [undetected.belief.people for undetected in mission._undetected]
+        return [undetected.belief.people for undetected in mission._knowledge._undetected]
 
     together, apart = beliefs(duration=0.2), beliefs("network.range=1", duration=0.2)
     for belief in together[1:]:
@@ -125,7 +125,7 @@ def test_nothing_is_inferred_from_a_camera_that_takes_no_frame_when_uavs_plan():
         settings = ("rates.planning=5", "uavs.0.rate=1", "uavs.1.rate=1", "network.range=1", "people.paths=[]")
         settings += ("people.count=1", "sensing.mode=ideal", "tracking.initial_tracks=none", "trees.density=0")
         mission, _ = fly(*settings, duration=duration, seed=1)
-        return [undetected.belief.people.sum() for undetected in mission._undetected]
+        return [undetected.belief.people.sum() for undetected in mission._knowledge._undetected]
 
     once, again, later = left(0.1), left(0.8), left(1.0)
     np.testing.assert_allclose(again[:2], once[:2], rtol=1e-9)
@@ -134,7 +134,7 @@ def test_nothing_is_inferred_from_a_camera_that_takes_no_frame_when_uavs_plan():
 
 def test_with_all_targets_known_none_is_undetected():
     mission, _ = fly("sensing.mode=ideal", planner="sma-nbo-mwtp", duration=3)
-    assert not any(undetected.belief.people.any() for undetected in mission._undetected)
+    assert not any(undetected.belief.people.any() for undetected in mission._knowledge._undetected)
 
 
 def test_with_search_fewer_people_are_left_where_no_camera_looked():
@@ -144,7 +144,7 @@ def test_with_search_fewer_people_are_left_where_no_camera_looked():
         planner = f"sma-nbo-mwtp(search={search}, evaluations=256)"
         settings = ("people.paths=[]", "sensing.mode=ideal", "trees.density=15", "tracking.initial_tracks=none")
         mission, _ = fly(*settings, planner=planner, duration=12, seed=3)
-        left[search] = [undetected.belief.people.sum() for undetected in mission._undetected]
+        left[search] = [undetected.belief.people.sum() for undetected in mission._knowledge._undetected]
         assert mission.faults == []
     assert max(left[25]) < min(left[0]) - 0.5
 

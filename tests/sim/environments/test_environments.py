@@ -11,6 +11,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from helpers.flights import fly
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
+import sim.environments.registration
 import understory
 from planning.planner import Plan
 from sim.mission import mission as mission_module
@@ -19,6 +20,7 @@ from sim.scenario.loading import SCENARIOS
 from sim.world.trajectories import Trajectories
 from tracking.plugins.registry import InputError
 
+gymnasium.register_envs(sim.environments.registration)
 IDEAL = {"sensing.mode": "ideal", "dynamics": "kinematic", "duration": 4}
 WORLDS = [pytest.param(name, {"duration": 4}, marks=pytest.mark.slow) for name in SCENARIOS]
 UNBOUNDED = "ignore:.*Box observation space m.*imum value"

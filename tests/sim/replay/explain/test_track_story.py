@@ -21,7 +21,7 @@ def mission():
 
     def see(mission):
         # Scans so far and place of each tentative track of each UAV.
-        fleet = mission._trackers
+        fleet = mission._knowledge._trackers
         tentative.append([[(t.scans, t.belief.mean[:2]) for t in tracker._tentative] for tracker in fleet])
 
     options = ("sensing.false_alarms=0.3", "tracking.initial_tracks=none", "trees.density=45")
