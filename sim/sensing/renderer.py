@@ -187,7 +187,14 @@ def capture(
         physicsClientId=client,
         **light,
     )
-    return np.asarray(cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), dtype=np.uint8), depth, bodies
+    # Where pip compiled PyBullet without NumPy, these are flat tuples.
+    size = camera.pixels, camera.pixels
+    colours = np.asarray(rgba, dtype=np.uint8).reshape(*size, 4)
+    return (
+        np.asarray(cv2.cvtColor(colours, cv2.COLOR_RGBA2RGB), dtype=np.uint8),
+        np.asarray(depth, dtype=np.float32).reshape(size),
+        np.asarray(bodies, dtype=np.int32).reshape(size),
+    )
 
 
 def _projection(camera: Camera, shift: float) -> Array:
