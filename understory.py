@@ -178,8 +178,13 @@ def mission(
     from planning.loading import load_planner
     from sim.mission.mission import Mission
     from sim.study.settings_text import chosen
+    from tracking.plugins.registry import InputError
 
     made = load_planner(planner) if isinstance(planner, str) else planner
+    if made is not None and not callable(getattr(made, "plan", None)):
+        raise InputError(f"planner: {made!r} is not allowed; expected a name or an object with the method plan")
+    if seed < 0:
+        raise InputError(f"seed: {seed!r} is not allowed; expected an integer of at least 0")
     return Mission(chosen(scenario, settings), made, seed, repeat)
 
 
@@ -269,6 +274,8 @@ def parallel_env(
     try:
         from sim.environments.parallel import TeamParallelEnv
     except ModuleNotFoundError as error:
+        if error.name not in ("gymnasium", "pettingzoo"):
+            raise
         raise InputError(f"{error.name} is not installed; environments need pip install 'understory[rl]'") from error
     return TeamParallelEnv(scenario, settings=settings, reward=reward, observe=observe, render_mode=render_mode)
 

@@ -79,7 +79,8 @@ class Tracker:
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks by ascending id."""
         table = self._table
-        return tracks_of(table.ids, table.means, table.covariances, table.existence, table.sightings)
+        told = np.where(table.sightings[:, 2:] >= 0.0, table.sightings, np.nan)
+        return tracks_of(table.ids, table.means, table.covariances, table.existence, told)
 
     @property
     def max_speed(self) -> float:

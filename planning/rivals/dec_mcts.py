@@ -53,6 +53,8 @@ class DecMCTS:
                 raise ValueError(f"{name} must be a whole number from {least} to {most}, is {value!r}")
         if not 0.0 <= self.exploration <= 1e6:
             raise ValueError(f"exploration must be from 0 to 1e+06, is {self.exploration!r}")
+        if self.evaluations < self.rounds:
+            raise ValueError(f"evaluations must be at least the {self.rounds} rounds, is {self.evaluations!r}")
         for name in ("discount", "cooling", "temperature"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} must be above 0, to 1, is {getattr(self, name)!r}")

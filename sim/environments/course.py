@@ -59,7 +59,6 @@ class Course:
             raise error.UnsupportedMode(f"render_mode: {render_mode!r} is not allowed; expected None or 'rgb_array'")
         self.render_mode = render_mode
         self._rollout: Rollout | None = None
-        self._images: dict[int, NDArray[np.uint8]] = {}
 
     @property
     def rollout(self) -> Rollout:
@@ -97,7 +96,6 @@ class Course:
                 repeat = value
         self.close()
         drawn = int(rng.integers(_REPORTED, 2**63))
-        self._images = {}
         self._rollout = Rollout(self.scenario, drawn if seed is None else seed, repeat)
 
     def step(self, actions: Mapping[int, object]) -> None:
@@ -113,10 +111,7 @@ class Course:
             return {name: np.zeros_like(space.sample()) for name, space in self.space(uav).items()}
         found = self.observations.of(situation)
         if self.image:
-            frame = self.rollout.frames[uav]
-            if frame is not None:  # a camera slower than decisions keeps its last one
-                self._images[uav] = frame
-            found["image"] = self._images.get(uav, self._blank(uav)).copy()
+            found["image"] = self.rollout.images.get(uav, self._blank(uav)).copy()
         return found
 
     def rewarded(self, uav: int) -> float:

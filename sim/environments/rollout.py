@@ -32,6 +32,7 @@ class Rollout:
         self.over = False  # at the last decision, or when all UAVs have broken down
         self.now: Snapshot  # this scan, without its plans
         self.frames: Sequence[NDArray[np.uint8] | None] = ()  # of this scan
+        self.images: dict[int, NDArray[np.uint8]] = {}  # the last frame of each UAV that has taken one
         self._flown: list[Snapshot] = []
         self._film: Film | None = None
         self._drawn = -math.inf  # s, the last scan that the film knows
@@ -46,7 +47,7 @@ class Rollout:
 
     def _go_on(self) -> None:
         mission = self.mission
-        while not mission.over and not (team := mission.team):
+        while not mission.over and not (team := self._sense()):
             self._flown.append(mission.step())
         if mission.over:  # all have broken down
             self.team, self.over, self.now = {}, True, self._flown[-1]
@@ -56,6 +57,12 @@ class Rollout:
         if self.over:
             while not mission.over:
                 self._flown.append(mission.step(np.zeros((len(mission.team), 2))))
+
+    def _sense(self) -> list[Situation]:
+        """The team at the present scan, whose frames are kept: a slow camera takes some between decisions only."""
+        team = self.mission.team
+        self.images.update({i: frame for i, frame in enumerate(self.mission.frames) if frame is not None})
+        return team
 
     @property
     def people(self) -> Array:

@@ -26,6 +26,7 @@ from sim.sensing.cameras import camera_pose
 from sim.sensing.fault import Fault
 from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
+from sim.world.trajectories import Trajectories
 from sim.world.world import World
 from tracking.geometry.camera import Pose
 from tracking.metrics.ospa import ospa
@@ -77,7 +78,7 @@ class Mission:
         """The planner to fly, whether it is an oracle, and what it sends. An oracle is given the truth here."""
         if planner is None:
             return None, False, Exchange()
-        flown, sees_truth = with_truth(planner, lambda time: self.people.at(time)[0])
+        flown, sees_truth = with_truth(planner, partial(_places, self.people))
         with planner_errors(type(planner).__qualname__, "say what it sends"):
             return flown, sees_truth, exchange_of(flown)
 
@@ -158,7 +159,7 @@ class Mission:
 
     def _check_not_over(self) -> None:
         if self.over:
-            raise RuntimeError(f"the mission is over: its last scan was at {self.time:g} s")
+            raise RuntimeError("the mission is over, or was closed")
 
     def _next_commands(self, plans: list[Plan] | None) -> Array:
         """Commands (n, 2) m/s from now on: the first of the plans due now, else as before.
@@ -283,6 +284,11 @@ class Mission:
             about = self._k, sensed.snapshot.poses, sensed.links, self._working
             self._team = self._knowledge.situations(*about) if self._decides() else []
         return self._team
+
+
+def _places(people: Trajectories, time: float) -> Array:
+    """True positions (M, 2) m of people at a time [s]."""
+    return people.at(time)[0]
 
 
 class _Sensed(NamedTuple):

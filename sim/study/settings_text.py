@@ -1,6 +1,7 @@
 """Settings as text: what `--set` and `--planner` take."""
 
 import json
+import os
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -32,8 +33,10 @@ def overrides(settings: Mapping[str, Any] | None) -> list[str]:
 
 def chosen(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scenario:
     """A packaged scenario or .toml file with settings that differ, or a scenario as it is; InputError if neither."""
-    if isinstance(scenario, str):
-        return load(scenario, overrides(settings))
+    if isinstance(scenario, str | os.PathLike):
+        return load(os.fspath(scenario), overrides(settings))
+    if not isinstance(scenario, Scenario):
+        raise InputError(f"scenario: {scenario!r} is not allowed; expected a name, a .toml file or a Scenario")
     if settings:
         raise InputError("settings: not allowed with a Scenario; set its fields")
     return scenario

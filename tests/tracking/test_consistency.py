@@ -27,10 +27,10 @@ from functools import cached_property
 import numpy as np
 import pytest
 from helpers.fixedpaths import HIGH, SCANS, TREES, Case, Mission, errors, line
+from helpers.information import moment_form
 from scipy.stats import chi2, t
 
 from sim.scenario.scenario import Scenario
-from tracking.filter.information import moment_form
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.fusion.message import INFORMATION, Message
 from tracking.metrics.nees import nees_interval

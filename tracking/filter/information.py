@@ -9,9 +9,3 @@ def information_form(means: Array, covariances: Array) -> tuple[Array, Array]:
     """Information vectors q = Ω ξ (..., 4) and matrices Ω = P⁻¹ (..., 4, 4) of a stack of beliefs."""
     omega = inverse(covariances)
     return applied(omega, means), omega
-
-
-def moment_form(q: Array, omega: Array) -> tuple[Array, Array]:
-    """Means ξ (..., 4) and covariances P (..., 4, 4) of a stack of beliefs in information form."""
-    covariances = inverse(omega)
-    return applied(covariances, q), covariances

@@ -70,7 +70,18 @@ def checked_tracks(given: Iterable[Any]) -> tuple[Track, ...]:
     ids = track_ids(tracks)
     means, covariances, existence = track_beliefs(tracks)
     check_positive_definite("covariances of tracks", covariances)
-    return tracks_of(ids, means, covariances, existence)
+    return tracks_of(ids, means, covariances, existence, _sightings(tracks))
+
+
+def _sightings(tracks: Sequence[Any]) -> Array:
+    """Sightings (T, 3) of tracks, NaN where a track tells none; `Unusable` unless they are numbers."""
+    nowhere = np.full(3, np.nan)
+    given = [getattr(track, "sighting", nowhere) for track in tracks] or np.zeros((0, 3))
+    found = numbers("sightings of tracks", given, 3 * _MOST)
+    if found.shape != (len(tracks), 3):
+        raise Unusable(f"sightings of tracks are no table ({len(tracks)}, 3) of numbers")
+    found[~(np.isfinite(found).all(axis=1) & (found[:, 2] >= 0.0))] = np.nan
+    return found
 
 
 def track_ids(tracks: Sequence[Any]) -> Indices:

@@ -22,7 +22,8 @@ def lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
     sightings (T, 3): position [m] and time [s] of the last sure detection of each.
     """
     unseen = time - sightings[:, 2]
-    return np.flatnonzero((unseen > 0.0) & (unseen > p.recovery_after - p.motion.dt / 2))  # but for rounding
+    late = unseen > max(p.recovery_after - p.motion.dt / 2, 0.0)  # but for rounding
+    return np.flatnonzero(late & np.isfinite(unseen))
 
 
 def turned_density(
@@ -36,6 +37,7 @@ def turned_density(
     is rather of this process than of a track starts a new track: a belief that missed a turn is not to be mended by a
     far measurement, but to be replaced.
     Source: [Williams15], recycling, here by the time since the last detection.
+    Note: the track keeps its whole existence, and a person after a turn is taken to be detected for sure.
     """
     rows = lost_tracks(sightings, times[0], p)
     return _turned_density(sightings[rows], existence[rows], z, R, times[1], p.max_speed)

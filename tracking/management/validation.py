@@ -74,7 +74,7 @@ def _floats(name: str, values: Array) -> Array:
 @compiled
 def _usable(position: Array, quaternion: Array) -> bool:
     norm = math.sqrt(np.sum(quaternion * quaternion))
-    return abs(norm - 1.0) <= QUATERNION_TOLERANCE and np.sum(np.abs(position)) < np.inf
+    return bool(abs(norm - 1.0) <= QUATERNION_TOLERANCE and np.all(np.isfinite(position)))
 
 
 @compiled

@@ -137,7 +137,16 @@ def test_of_uavs_not_heard_and_without_gains_the_policy_of_intent_is_flown(rando
 
 @pytest.mark.parametrize(
     "option",
-    ["horizon=9", "directions=0", "evaluations=1.5", "exploration=-1", "discount=0", "cooling=2", "sequences=11"],
+    [
+        "horizon=9",
+        "directions=0",
+        "evaluations=1.5",
+        "exploration=-1",
+        "discount=0",
+        "cooling=2",
+        "sequences=11",
+        "evaluations=4",
+    ],
 )
 def test_settings_out_of_bounds_are_refused(option):
     with pytest.raises(PlannerError, match=option.partition("=")[0]):

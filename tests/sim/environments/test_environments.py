@@ -1,6 +1,7 @@
 """Environments keep to Gymnasium's and PettingZoo's rules, fly what missions fly, and refuse wrong input."""
 
 import copy
+import itertools
 import warnings
 
 import gymnasium
@@ -251,6 +252,20 @@ def test_actions_that_cannot_be_used_are_refused_and_change_nothing():
     with pytest.raises(InvalidAction, match=r"action: of shape \(2,\), not \(3, 2\)"):
         team.step(FINE)
     assert team.render() is None
+
+
+def test_an_image_is_the_last_that_a_slow_camera_took():
+    rates = {"rates.sensing": 6, "rates.planning": 3, "uavs.0.rate": 2, "duration": 2}
+    env = understory.parallel_env("forest", settings=rates, observe={"image": True})
+    observations = env.reset(seed=1)[0]
+    taken, images = [], [observations["uav_0"]["image"]]
+    for _ in range(3):
+        observations = env.step(dict.fromkeys(env.agents, FINE))[0]
+        images.append(observations["uav_0"]["image"])
+        taken.append(observations["uav_1"]["image"])
+    # Decisions are at scans 0, 2, 4 and 6, frames of the first UAV at scans 0, 3 and 6.
+    changed = [not np.array_equal(*pair) for pair in itertools.pairwise(images)]
+    assert changed == [False, True, True] and not np.array_equal(taken[0], taken[1])
 
 
 @pytest.mark.parametrize("settings", [IDEAL, {"duration": 2}], ids=["ideal", "rendered"])

@@ -57,6 +57,7 @@ def test_a_tracker_from_outside_keeps_all_people_of_an_open_scene(tmp_path, monk
     recording, summary = flown(tmp_path / "out", *OPEN, f"tracking.tracker={name}")
     assert summary["faults"] == [] and f'"tracker":"{name}"' in recording.scenario
     assert set(recording.track_ids.tolist()) == {0, 1, 2, 3} and recording.ospa[..., 0].max() < 1.5
+    assert np.ptp(recording.track_sightings[:, 2]) > 1.0  # as `TrackExchange` tells them
 
 
 def test_stone_soups_tracks_of_unknown_people_are_found(tmp_path, monkeypatch):

@@ -108,7 +108,7 @@ def test_a_step_after_the_end_is_refused_and_one_too_fast_is_a_fault():
     snapshot = mission.step([[30.0, 40.0], [0.0, 0.0], [0.0, 0.0]])
     np.testing.assert_allclose(snapshot.plans[0].controls, [[3.0, 4.0]])
     assert [fault.message for fault in snapshot.faults] == ["speed 50 m/s exceeds 5 m/s; clipped"]
-    with pytest.raises(RuntimeError, match="the mission is over: its last scan was at 0 s"):
+    with pytest.raises(RuntimeError, match="the mission is over, or was closed"):
         mission.step()
 
 
@@ -127,6 +127,13 @@ class Meeting:
 
     def plan(self, team, rng):
         return [Plan(np.clip(-s.own.position[None, :2] + rng.uniform(-0.1, 0.1, (1, 2)), -1, 1)) for s in team]
+
+
+def test_a_mission_of_an_oracle_can_be_kept():
+    mission = Mission(load("forest", ["duration=2", *BRANCHED["ideal"]]), load_planner("oracle"))
+    begun = [mission.step() for _ in range(3)]
+    branch = pickle.loads(pickle.dumps(mission))
+    assert hash_of(branch, [*begun, *branch.fly()]) == hash_of(mission, [*begun, *mission.fly()])
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda mission: pickle.loads(pickle.dumps(mission))])

@@ -43,6 +43,12 @@ def test_two_new_tracks_are_two_people():
     assert pairs((4.0, 0), (-1.0, 0)) == [(0, 1), (1, 0)]
 
 
+def test_people_never_sighted_are_nowhere():
+    never = np.array([[0.0, 0.0, -np.inf], [0.0, 0.0, np.nan]])
+    found = turned_density(never, np.ones(2), np.zeros((1, 2)), np.eye(2)[None], (9.8, 10.0), TrackerParameters(MOTION))
+    assert found.tolist() == [0.0]
+
+
 def test_lost_people_after_a_turn_are_about_their_last_places():
     rng = np.random.default_rng(0)
     sightings = np.column_stack([rng.uniform(-9, 9, (5, 2)), 10.0 - rng.uniform(0.5, 20.0, 5)])
