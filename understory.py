@@ -288,7 +288,7 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - what the name stands for
     raise AttributeError(f"module 'understory' has no attribute {name!r}")
 
 
-if "gymnasium" in sys.modules:  # importing it takes a second
+if "gymnasium" in sys.modules:  # which is not imported only for this
     import_module("sim.environments.registration")
 
 

@@ -27,6 +27,16 @@ def _composed(summary: str, **options: object) -> PlannerSpec:
     return PlannerSpec("planning.pieces:Composed", options, summary)
 
 
+# Options of the rivals that maximise mutual information.
+_INFORMATIVE: dict[str, Any] = {
+    "coordination": "partitions",
+    "beta": 0.0,
+    "uncertainty": "information",
+    "visibility": "expected",
+    "evaluations": 8_192,
+    "search": 0.5,
+}
+
 PLANNERS = {
     # Beyond the paper: visibility is expected over beliefs, and undetected people count (docs/explanation/planning.md).
     # Evaluations take longer here and in mcr, so there are fewer.
@@ -43,25 +53,8 @@ PLANNERS = {
         "each UAV plans for all, sends nothing, flies its share", coordination="decentralised", beta=0.0
     ),
     "centralized": _composed("one joint plan for all UAVs", coordination="centralised"),
-    "greedy-mi": _composed(
-        "each UAV in turn adds the most mutual information",
-        coordination="partitions",
-        beta=0.0,
-        uncertainty="information",
-        visibility="expected",
-        evaluations=8_192,
-        search=0.5,
-    ),
-    "rsp": _composed(
-        "the same in two rounds: UAVs draw theirs (RSP)",
-        coordination="partitions",
-        rounds=2,
-        beta=0.0,
-        uncertainty="information",
-        visibility="expected",
-        evaluations=8_192,
-        search=0.5,
-    ),
+    "greedy-mi": _composed("each UAV in turn adds the most mutual information", **_INFORMATIVE),
+    "rsp": _composed("the same in two rounds: UAVs draw theirs (RSP)", rounds=2, **_INFORMATIVE),
     "dec-mcts": PlannerSpec(
         "planning.rivals.dec_mcts:DecMCTS", {}, "tree search of each UAV, which tells what it may fly"
     ),

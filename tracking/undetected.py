@@ -41,6 +41,12 @@ class Intensity:
         return columns, rows
 
 
+def raster_shape(area: tuple[float, float]) -> tuple[int, int]:
+    """Rows and columns of the raster over an area of width and height [m]."""
+    width, height = area
+    return math.ceil(height / _CELL), math.ceil(width / _CELL)
+
+
 class UndetectedIntensity:
     """One UAV's filter of the intensity of undetected people: a Poisson process, predicted and thinned.
 
@@ -52,7 +58,7 @@ class UndetectedIntensity:
     def __init__(self, area: tuple[float, float], people: float, detection: float, pace: float) -> None:
         """`detection`: probability in plain view; in t s people spread by `pace` sqrt(t) m along each axis."""
         width, height = area
-        columns, rows = math.ceil(width / _CELL), math.ceil(height / _CELL)
+        rows, columns = raster_shape(area)
         even = np.full((rows, columns), people / (rows * columns))
         self._now = Intensity(even, (-width / 2, -height / 2), (width / columns, height / rows))
         self._detection, self._pace = detection, pace

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observations, Observed
 from sim.environments.rewards import ON_BELIEF, Reward, reward_of
 from sim.environments.rollout import Rollout, decision_times
+from sim.replay.flight import Flight
 from sim.scenario.quantities import REPEATS
 from sim.scenario.scenario import Scenario
 from sim.study.settings_text import chosen
 from tracking.numerics.arrays import Array
 from tracking.plugins.registry import InputError, check_known
-from tracking.undetected import UndetectedIntensity
+from tracking.undetected import raster_shape
 
 RENDER_MODES = ["rgb_array"]
 _OBSERVE = {"tracks": 10, "trees": 10, "image": False}
@@ -76,7 +77,7 @@ class Course:
             del tables["neighbours"]
         for name, (rows, columns) in tables.items():
             found[name], found[f"{name}_mask"] = _reals(rows, len(columns)), spaces.MultiBinary(rows)
-        found["unseen"] = spaces.Box(0.0, np.inf, UndetectedIntensity(area, 0.0, 0.5, 1.0).belief.people.shape)
+        found["unseen"] = spaces.Box(0.0, np.inf, raster_shape(area))
         if self.image:
             found["image"] = spaces.Box(0, 255, self._blank(uav).shape, np.uint8)
         return spaces.Dict(found)
@@ -148,6 +149,24 @@ class Course:
             raise error.InvalidAction(f"action of UAV {uav}: {what} is not allowed; expected two numbers in [-1, 1]")
         east, north = np.clip(given, -1.0, 1.0).tolist()
         return np.array([east, north]) * (self.scenario.uavs[uav].max_speed / max(1.0, math.hypot(east, north)))
+
+
+class Episodes:
+    """Calls that the environments of both standards have in common."""
+
+    _course: Course
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """A frame (720, 1280, 3) RGB as films have them, true people included."""
+        return self._course.render()
+
+    def close(self) -> None:
+        """End the mission."""
+        self._course.close()
+
+    def flight(self) -> Flight:
+        """Recording since the last reset, to look into; ValueError before the first step."""
+        return self._course.rollout.flight()
 
 
 def _reals(*shape: int) -> spaces.Box:

@@ -10,7 +10,7 @@ from planning.planner import Situation, Vehicle
 from tracking.geometry.camera import ALL_ROUND
 from tracking.numerics.arrays import Array
 from tracking.track import beliefs_of
-from tracking.undetected import UndetectedIntensity
+from tracking.undetected import raster_shape
 
 OWN = ("x", "y", "z", "vx", "vy", "edge")
 TRACK = ("dx", "dy", "vx", "vy", "xx", "xy", "yy", "existence", "unseen")
@@ -55,8 +55,8 @@ class Observations:
             del parts["neighbours"]
         for name, (rows, most) in parts.items():
             found[name], found[f"{name}_mask"] = _padded(rows, most)
-        unseen = situation.unseen or UndetectedIntensity(situation.area, 0.0, 0.5, 1.0).belief
-        found["unseen"] = _float32(unseen.people)
+        unseen = situation.unseen
+        found["unseen"] = _float32(np.zeros(raster_shape(situation.area)) if unseen is None else unseen.people)
         return found
 
 

@@ -9,15 +9,14 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from sim.environments.course import RENDER_MODES, Course
+from sim.environments.course import RENDER_MODES, Course, Episodes
 from sim.environments.observations import Observed
 from sim.environments.rewards import Reward
-from sim.replay.flight import Flight
 from sim.scenario.scenario import Scenario
 from tracking.plugins.spelling import did_you_mean
 
 
-class TeamParallelEnv(ParallelEnv[str, Observed, NDArray[np.floating[Any]]]):  # type: ignore[misc]
+class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[Any]]]):  # type: ignore[misc]
     """Mission with UAVs `uav_0`, `uav_1`, ... as agents; see `understory.parallel_env`."""
 
     metadata: dict[str, Any] = {"name": "understory_v0", "render_modes": RENDER_MODES}  # noqa: RUF012 - PettingZoo's
@@ -83,18 +82,6 @@ class TeamParallelEnv(ParallelEnv[str, Observed, NDArray[np.floating[Any]]]):  #
             {agent: agent in left and course.rollout.over for agent in flying},
             self._infos(flying),
         )
-
-    def render(self) -> NDArray[np.uint8] | None:
-        """A frame (720, 1280, 3) RGB as films have them, true people included."""
-        return self._course.render()
-
-    def close(self) -> None:
-        """End the mission."""
-        self._course.close()
-
-    def flight(self) -> Flight:
-        """Recording since the last reset, to look into; ValueError before the first step."""
-        return self._course.rollout.flight()
 
     def _infos(self, agents: list[str]) -> dict[str, dict[str, Any]]:
         return {agent: self._course.rollout.metrics(_id(agent)) for agent in agents}

@@ -8,15 +8,14 @@ import numpy as np
 from gymnasium import error, spaces
 from numpy.typing import NDArray
 
-from sim.environments.course import RENDER_MODES, Course
+from sim.environments.course import RENDER_MODES, Course, Episodes
 from sim.environments.observations import Observed
 from sim.environments.rewards import Reward
-from sim.replay.flight import Flight
 from sim.scenario.scenario import Scenario
 from tracking.plugins.registry import InputError
 
 
-class TeamEnv(gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
+class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
     """Mission with the team as one agent: actions (n, 2) and observations of all n UAVs, one above the other.
 
     Rows of UAVs that have broken down are zeros, and so is their place in the mask `working` (n,). The reward is the
@@ -66,18 +65,6 @@ class TeamEnv(gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
         team = course.rollout.team
         reward = sum(course.rewarded(i) for i in team) / max(len(team), 1)
         return self._observed(), reward, not team, bool(team) and course.rollout.over, self._info()
-
-    def render(self) -> NDArray[np.uint8] | None:
-        """A frame (720, 1280, 3) RGB as films have them, true people included."""
-        return self._course.render()
-
-    def close(self) -> None:
-        """End the mission."""
-        self._course.close()
-
-    def flight(self) -> Flight:
-        """Recording since the last reset, to look into; ValueError before the first step."""
-        return self._course.rollout.flight()
 
     def _observed(self) -> Observed:
         each = [self._course.observe(i) for i in self._course.uavs]
