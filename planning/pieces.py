@@ -1,5 +1,6 @@
 """Planners composed from pieces given by name, as in `--planner 'sma-nbo(horizon=3)'`."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,7 +22,7 @@ from tracking.plugins.spelling import nearest
 # Least and most: wider than any useful setting, and short of taking all memory.
 _RANGES = {"horizon": (1, 100), "sweeps": (1, 100), "samples": (1, 10_000), "beta": (0, 1e6)}
 _RANGES |= {"evaluations": (0, 10_000_000), "seconds": (0, 3600), "search": (0, 1e6), "separation": (0, 1e4)}
-_RANGES |= {"rounds": (0, 100)}
+_RANGES |= {"rounds": (0, 100), "cutoff": (0, 1e6)}
 _NEEDS = {"order": ("coordination", "sequential"), "samples": ("propagation", "monte-carlo")}
 _NEEDS |= {"rounds": ("coordination", "partitions")}
 
@@ -71,6 +72,9 @@ class Composed:
     # of tracks: the sum of their covariances' `trace` over the steps; or minus the mutual `information` of targets'
     # paths and measurements [nats], which has no cost-to-go (`beta=0`) and with which `search` is in nats
     uncertainty: Uncertainty = "trace"
+    # m: the trace of a covariance is replaced by the squared error that it lets expect up to this cut-off, as GOSPA
+    # counts it, so that people held count more than people lost; 0: no cut-off
+    cutoff: float = 0.0
 
     def __post_init__(self) -> None:
         for name, kind in get_type_hints(Composed).items():
@@ -98,6 +102,8 @@ class Composed:
                 )
         if self.uncertainty == "information" and self.beta:
             raise ValueError(f"beta={self.beta} has no effect with uncertainty 'information'; set beta=0")
+        if self.uncertainty == "information" and self.cutoff:
+            raise ValueError(f"cutoff={self.cutoff} has no effect with uncertainty 'information'; leave it out")
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
@@ -147,4 +153,5 @@ class Composed:
             prediction=self.prediction,
             actions=self.actions,
             uncertainty=self.uncertainty,
+            cutoff=float(self.cutoff) or math.inf,
         )
