@@ -24,7 +24,7 @@ _TRIANGLE = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2,
 
 
 class Measure(NamedTuple):
-    """What a step's covariance of a target costs."""
+    """Measure of the uncertainty that a step leaves of a target."""
 
     gains: bool  # minus the gain of information [nats], else the trace [m²]
     cutoff: float  # m: of the squared error that a trace expects; infinite: none

@@ -286,7 +286,8 @@ def test_each_step_of_the_walk_takes_back_what_it_is_called():
         set(),
         set(),
         {"network.fusion"},
+        set(),
     ]
     planners = [steps[step][1] for step in STEPS]
-    assert len(set(planners[:7])) == 1 and len(set(planners[6:])) == 3
+    assert len(set(planners[:7])) == 1 and len(set(planners[6:])) == 4
     assert planners[7].optimizer == "cross-entropy" and planners[7].visibility == "nominal"
