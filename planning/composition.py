@@ -55,7 +55,7 @@ class Composition:
     prediction: Prediction = "scans"  # of targets: as trackers predict, or with the process noise of one long step
     actions: Actions = "all"  # actions to optimise; "first": the base policy follows the first
     uncertainty: Uncertainty = "trace"  # of tracks: summed traces, or minus the mutual information [nats]
-    cutoff: float = np.inf  # m: of the squared error that a trace expects; infinite: none
+    cutoff: float = np.inf  # m, above 0: up to which squared errors count; infinite: the trace itself
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""

@@ -47,7 +47,7 @@ class Composed:
     # of a target: `nominal`: judged along its nominal trajectory; `expected`: along five equally probable ones through
     # its predicted beliefs, each with a covariance of its own; the mean of their traces counts
     visibility: Literal["nominal", "expected"] = "nominal"
-    beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none, as in the paper
+    beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none (truncated)
     # `cross-entropy`, `particle-swarm`, or `grid`: every plan of nine controls, for small cases
     optimizer: Literal["cross-entropy", "particle-swarm", "grid"] = "cross-entropy"
     # of the objective, for each UAV's plan; 0: 12288, 51 moves of the swarm, or all plans of the grid
@@ -72,8 +72,8 @@ class Composed:
     # of tracks: the sum of their covariances' `trace` over the steps; or minus the mutual `information` of targets'
     # paths and measurements [nats], which has no cost-to-go (`beta=0`) and with which `search` is in nats
     uncertainty: Uncertainty = "trace"
-    # m: the trace of a covariance is replaced by the squared error that it lets expect up to this cut-off, as GOSPA
-    # counts it, so that people held count more than people lost; 0: no cut-off
+    # m: in place of the trace of a covariance, the expected squared error up to this cut-off c, as GOSPA counts it: a
+    # lost person costs at most c² a step, however large the trace; `search` is not cut off; 0: the trace
     cutoff: float = 0.0
 
     def __post_init__(self) -> None:
@@ -100,10 +100,9 @@ class Composed:
                     f"{name}={getattr(self, name)} has no effect with {piece} {getattr(self, piece)!r}; "
                     f"leave it out, or set {piece}={word}"
                 )
-        if self.uncertainty == "information" and self.beta:
-            raise ValueError(f"beta={self.beta} has no effect with uncertainty 'information'; set beta=0")
-        if self.uncertainty == "information" and self.cutoff:
-            raise ValueError(f"cutoff={self.cutoff} has no effect with uncertainty 'information'; leave it out")
+        for name in ("beta", "cutoff") if self.uncertainty == "information" else ():
+            if value := getattr(self, name):
+                raise ValueError(f"{name}={value} has no effect with uncertainty 'information'; set {name}=0")
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""

@@ -40,11 +40,11 @@ _INFORMATIVE: dict[str, Any] = {
 # Beyond the paper: visibility is expected over beliefs, and undetected people count (docs/explanation/planning.md).
 # Evaluations take longer with it and in mcr, so there are fewer.
 _EXPECTED: dict[str, Any] = {"search": 0.1, "visibility": "expected", "evaluations": 9_216}
-# The objective of GOSPA with its usual cut-off: no cost-to-go, as what is beyond the cut-off costs all the same.
+# Errors count up to GOSPA's usual cut-off, and tracks have no cost-to-go (docs/explanation/planning.md says why).
 _GOSPA: dict[str, Any] = {"cutoff": 10.0, "beta": 0.0}
 
 PLANNERS = {
-    "sma-nbo-gospa": _composed("SMA-NBO that minimises the GOSPA that it expects", **_GOSPA, **_EXPECTED),
+    "sma-nbo-gospa": _composed("SMA-NBO on squared errors up to a cut-off, as in GOSPA", **_GOSPA, **_EXPECTED),
     "sma-nbo-mwtp": _composed("SMA-NBO with the MWTP cost-to-go", **_EXPECTED),
     "sma-nbo": _composed("SMA-NBO, truncated at the horizon", beta=0.0),
     "pma-nbo": _composed("all UAVs decide at once (parallel), with MWTP", coordination="parallel"),

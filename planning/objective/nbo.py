@@ -1,4 +1,4 @@
-"""The objective of nominal belief-state optimisation (NBO), its terminal penalty (MWTP), and information, compiled."""
+"""The objective of nominal belief-state optimisation (NBO): traces, errors or information, and the MWTP, compiled."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,7 +8,6 @@ import numpy as np
 from planning.objective.information import gain_transition
 from planning.objective.mwtp import Match, mark_in_view, matches
 from planning.objective.mwtp_lanes import Workspace, mark_in_view_lanes, penalties, workspace
-from planning.objective.squared_error import cut_off
 from planning.prediction.predicted_belief import (
     LANES,
     PredictedBelief,
@@ -17,6 +16,7 @@ from planning.prediction.predicted_belief import (
     possibly_visible,
 )
 from planning.prediction.targets_in_reach import Objective
+from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 
@@ -27,7 +27,7 @@ class Measure(NamedTuple):
     """Measure of the uncertainty that a step leaves of a target."""
 
     gains: bool  # minus the gain of information [nats], else the trace [m²]
-    cutoff: float  # m: of the squared error that a trace expects; infinite: none
+    cutoff: float  # m: up to which squared errors count; infinite: the trace itself
 
 
 TRACE = Measure(gains=False, cutoff=np.inf)
@@ -53,7 +53,7 @@ def objective(
     samples: int = 1,
     measure: Measure = TRACE,
 ) -> Objective:
-    """The objective [m²] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly `controls` (n, H, 2).
+    """The objective [m², nats] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly (n, H, 2).
 
     Σ over steps and targets of tr P (position block) times the target's weight, each P updated with the information
     of all UAVs that see the target at its predicted position ([Li22] eq. (11) with C̃ of eq. (7)), plus, for beta > 0,
@@ -92,7 +92,7 @@ class _Others(NamedTuple):
     uavs: Indices  # (k,) UAVs that decide
     information: Array  # (H T K, 3): xx, xy, yy
     before: Array  # (H T K, 10): with it alone, P before each step, as in one lane of `belief_transition`
-    costs: Array  # (H T K,): of its position block after each step, by `measure`
+    costs: Array  # (H T K,) m² or nats: of its position block after each step, by `measure`
     ends: Array  # (n, 3): x, y [m] at the end, and 0: the D_i of the MWTP at first
     seen: Flags  # (T,): targets in their fields of view at the end
     measure: Measure
@@ -145,7 +145,7 @@ def _fly(belief: PredictedBelief, uavs: Indices, plans: Array, flight: _CameraPa
 
 @compiled
 def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces: Array, total: Array) -> None:
-    """Set the weighted `traces` (T, LANES) at the end of the horizon, and `total` (LANES,) over steps and targets."""
+    """Set the weighted costs `traces` (T, LANES) at the end of the horizon, and their `total` (LANES,) over steps."""
     P, information, trace = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES)
     near = possibly_visible(belief, others.uavs, flight.boxes)
     count, each = belief.points.shape[2], len(near) // len(belief.points)  # trajectories of a target, and of all

@@ -74,7 +74,7 @@ def planners() -> None:
         for name, meaning in items.items():
             table.add_row(f"  [bold]{escape(name):<{width}}[/bold]", escape(meaning))
         console.print(table)
-    console.print("\nWith options: --planner 'sma-nbo-mwtp(horizon=3, beta=0.2)'.")
+    console.print("\nWith options: --planner 'sma-nbo-gospa(horizon=3, sweeps=2)'.")
     console.print("Yours: --planner module:Class, with module.py in the current folder or installed.")
 
 

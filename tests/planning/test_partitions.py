@@ -131,6 +131,8 @@ def test_plans_that_are_not_received_do_not_count(random_team):
 
 
 def test_options_that_information_has_no_use_for_are_refused():
+    with pytest.raises(PlannerError, match=r"cutoff=10 has no effect with uncertainty 'information'; set cutoff=0"):
+        load_planner("rsp(cutoff=10)")
     with pytest.raises(PlannerError, match=r"beta=0\.5 has no effect with uncertainty 'information'; set beta=0"):
         load_planner("rsp(beta=0.5)")
     with pytest.raises(PlannerError, match="rounds=2 has no effect with coordination 'parallel'"):

@@ -1,5 +1,6 @@
 """The squared error up to a cut-off against the integral over errors and against drawn ones, and its objective."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -7,9 +8,12 @@ import pytest
 from helpers.nominal import nominal, plain_cost
 from scipy.integrate import quad
 
+from planning.loading import load_planner
 from planning.objective.nbo import Measure, objective
-from planning.objective.squared_error import cut_off
 from planning.prediction.propagation import Nominal
+from tracking.filter.kalman import Gaussian
+from tracking.metrics.squared_error import cut_off
+from tracking.track import Track
 
 
 def expected(traces, cutoff):
@@ -60,12 +64,30 @@ def test_the_objective_with_a_cutoff_equals_a_plain_transcription(random_team, d
     assert changed >= 10
 
 
-def test_a_person_held_counts_more_than_one_who_is_lost(random_team):
-    situation = random_team(2)[0]
+def test_a_person_lost_for_longer_costs_no_more(random_team):
+    situation, still = random_team(2)[0], np.zeros((3, 3, 2))
     view = nominal(situation, 3)
-    traces = view._replace(covariances=view.covariances * np.array([1.0, 1e4, 1e4, 1e4])[:, None, None])
-    still = np.zeros((3, 3, 2))
-    plain, cut = (
-        objective(traces, still, [0], 0.0, measure=Measure(False, c))(still[None, :1])[0] for c in (np.inf, 10.0)
-    )
-    assert cut <= 4 * 3 * 100.0 < plain
+    found = {}
+    for cutoff in (np.inf, 10.0):
+        for grown in (1e4, 1e6):  # of three of four people
+            scales = np.array([1.0, grown, grown, grown])[:, None, None]
+            lost = view._replace(covariances=view.covariances * scales)
+            values = objective(lost, still, [0], 0.0, measure=Measure(gains=False, cutoff=cutoff))
+            found[cutoff, grown] = values(still[None, :1])[0]
+    assert found[np.inf, 1e6] > 90.0 * found[np.inf, 1e4]
+    assert found[10.0, 1e4] <= found[10.0, 1e6] <= min(1.01 * found[10.0, 1e4], 4 * 3 * 100.0)
+
+
+def test_a_lost_person_draws_a_uav_away_only_without_a_cutoff(random_team):
+    """One UAV holds a person; another is lost 36 m away, and seeing that one takes leaving the first."""
+    situation = random_team(2, uavs=1, targets=2, trees=0)[0]
+    here = situation.own.position[:2]
+    held = Track(0, Gaussian(np.array([*here, 0.0, 0.0]), np.diag([0.1, 0.1, 4.0, 4.0])))
+    lost = Track(1, Gaussian(np.array([here[0] + 36.0, here[1], 0.0, 0.0]), np.diag([200.0, 200.0, 0.5, 0.5])))
+    situation = dataclasses.replace(situation, tracks=(held, lost))
+    ends = []
+    for cutoff in (0, 10):
+        planner = load_planner(f"sma-nbo-gospa(search=0, cutoff={cutoff}, evaluations=2000)")
+        (plan,) = planner.plan([situation], np.random.default_rng(0))
+        ends.append(plan.controls[:, 0].sum())
+    assert ends[0] > 15.0 and ends[1] < 0.0
