@@ -115,7 +115,7 @@ for _package in ("sim", "planning", "tracking"):
 
 def run(
     scenario: str | Scenario = "forest",
-    planner: str | Planner = "sma-nbo-mwtp",
+    planner: str | Planner = "sma-nbo-gospa",
     *,
     seed: int = 0,
     repeat: int = 0,

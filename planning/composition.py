@@ -7,7 +7,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from planning.coordination.schemes import Decision, Sequential
-from planning.objective.nbo import objective
+from planning.objective.nbo import Measure, objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.optimizer import Optimizer, pursuits, turns
 from planning.planner import Exchange, Plan, Situation
@@ -55,6 +55,7 @@ class Composition:
     prediction: Prediction = "scans"  # of targets: as trackers predict, or with the process noise of one long step
     actions: Actions = "all"  # actions to optimise; "first": the base policy follows the first
     uncertainty: Uncertainty = "trace"  # of tracks: summed traces, or minus the mutual information [nats]
+    cutoff: float = np.inf  # m, above 0: up to which squared errors count; infinite: the trace itself
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
@@ -73,8 +74,8 @@ class Composition:
             belief = belief._replace(weights=np.tile([t.existence for t in situation.tracks], samples).astype(float))
         speeds = np.array([situation.vehicles[i].max_speed for i in uavs])
         starts = self._starts(situation, controls, uavs)
-        information = self.uncertainty == "information"
-        of_tracks = objective(belief, controls, uavs, self.beta, samples, information=information)
+        measure = Measure(self.uncertainty == "information", self.cutoff)
+        of_tracks = objective(belief, controls, uavs, self.beta, samples, measure)
         extra = [term for term in (t.term(situation, controls, uavs) for t in self.terms) if term is not None]
 
         def value(candidates: Array, ease: Array | None = None) -> Array:

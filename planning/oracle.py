@@ -28,8 +28,9 @@ class Oracle(Composed):
     person has the covariance of the track assigned to them. Trees, fields of view, noise, dynamics and tracker stay as
     they are, so its misses are not for want of knowing positions.
 
-    Note: P + e eᵀ with the track's true error e, measured instead of P, gave a smaller share of scans with OSPA under
-    1 m: the noise of single scans sends UAVs astray. Where P alone decides, in open woods, beliefs do as well.
+    Note: With the MWTP, P + e eᵀ with the track's true error e, measured instead of P, gave a smaller share of scans
+    with OSPA under 1 m: the noise of single scans sends UAVs astray. Where P alone decides, in open woods, beliefs do
+    as well. The built-in `oracle` has no cost-to-go: people out of reach within its horizon do not attract it.
     """
 
     def knowing(self, people: TruePositions) -> Planner:

@@ -1,5 +1,6 @@
 """Planners composed from pieces given by name, as in `--planner 'sma-nbo(horizon=3)'`."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,7 +22,7 @@ from tracking.plugins.spelling import nearest
 # Least and most: wider than any useful setting, and short of taking all memory.
 _RANGES = {"horizon": (1, 100), "sweeps": (1, 100), "samples": (1, 10_000), "beta": (0, 1e6)}
 _RANGES |= {"evaluations": (0, 10_000_000), "seconds": (0, 3600), "search": (0, 1e6), "separation": (0, 1e4)}
-_RANGES |= {"rounds": (0, 100)}
+_RANGES |= {"rounds": (0, 100), "cutoff": (0, 1e6)}
 _NEEDS = {"order": ("coordination", "sequential"), "samples": ("propagation", "monte-carlo")}
 _NEEDS |= {"rounds": ("coordination", "partitions")}
 
@@ -46,7 +47,7 @@ class Composed:
     # of a target: `nominal`: judged along its nominal trajectory; `expected`: along five equally probable ones through
     # its predicted beliefs, each with a covariance of its own; the mean of their traces counts
     visibility: Literal["nominal", "expected"] = "nominal"
-    beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none, as in the paper
+    beta: float = 0.5  # weight of the MWTP, the cost-to-go; 0: none (truncated)
     # `cross-entropy`, `particle-swarm`, or `grid`: every plan of nine controls, for small cases
     optimizer: Literal["cross-entropy", "particle-swarm", "grid"] = "cross-entropy"
     # of the objective, for each UAV's plan; 0: 12288, 51 moves of the swarm, or all plans of the grid
@@ -71,6 +72,9 @@ class Composed:
     # of tracks: the sum of their covariances' `trace` over the steps; or minus the mutual `information` of targets'
     # paths and measurements [nats], which has no cost-to-go (`beta=0`) and with which `search` is in nats
     uncertainty: Uncertainty = "trace"
+    # m: in place of the trace of a covariance, the expected squared error up to this cut-off c, as GOSPA counts it: a
+    # lost person costs at most c² a step, however large the trace; `search` is not cut off; 0: the trace
+    cutoff: float = 0.0
 
     def __post_init__(self) -> None:
         for name, kind in get_type_hints(Composed).items():
@@ -96,8 +100,9 @@ class Composed:
                     f"{name}={getattr(self, name)} has no effect with {piece} {getattr(self, piece)!r}; "
                     f"leave it out, or set {piece}={word}"
                 )
-        if self.uncertainty == "information" and self.beta:
-            raise ValueError(f"beta={self.beta} has no effect with uncertainty 'information'; set beta=0")
+        for name in ("beta", "cutoff") if self.uncertainty == "information" else ():
+            if value := getattr(self, name):
+                raise ValueError(f"{name}={value} has no effect with uncertainty 'information'; set {name}=0")
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
@@ -147,4 +152,5 @@ class Composed:
             prediction=self.prediction,
             actions=self.actions,
             uncertainty=self.uncertainty,
+            cutoff=float(self.cutoff) or math.inf,
         )

@@ -1,4 +1,4 @@
-"""The objective of nominal belief-state optimisation (NBO), its terminal penalty (MWTP), and information, compiled."""
+"""The objective of nominal belief-state optimisation (NBO): traces, errors or information, and the MWTP, compiled."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,10 +16,21 @@ from planning.prediction.predicted_belief import (
     possibly_visible,
 )
 from planning.prediction.targets_in_reach import Objective
+from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 
 _TRIANGLE = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
+
+
+class Measure(NamedTuple):
+    """Measure of the uncertainty that a step leaves of a target."""
+
+    gains: bool  # minus the gain of information [nats], else the trace [m²]
+    cutoff: float  # m: up to which squared errors count; infinite: the trace itself
+
+
+TRACE = Measure(gains=False, cutoff=np.inf)
 
 
 def team_cost(belief: PredictedBelief, controls: Array, beta: float, samples: int = 1) -> float:
@@ -40,20 +51,20 @@ def objective(
     uavs: Sequence[int],
     beta: float,
     samples: int = 1,
-    *,
-    information: bool = False,
+    measure: Measure = TRACE,
 ) -> Objective:
-    """The objective [m²] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly `controls` (n, H, 2).
+    """The objective [m², nats] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly (n, H, 2).
 
     Σ over steps and targets of tr P (position block) times the target's weight, each P updated with the information
     of all UAVs that see the target at its predicted position ([Li22] eq. (11) with C̃ of eq. (7)), plus, for beta > 0,
     the MWTP of Algorithm 2 on weighted traces; the mean over `samples` sets of targets. Of a target with several
     equally probable trajectories each has its own P, and traces are their mean. The contribution of the other UAVs is
-    the same for all candidates and computed once. With `information`, minus the mutual information of targets' paths
-    and all measurements [nats] stands in the place of the traces' sum; see `information_gain`.
+    the same for all candidates and computed once. Another `measure` puts the expected squared error up to a cut-off
+    (`squared_error.cut_off`) or minus the mutual information of targets' paths and all measurements
+    (`information_gain`) in the place of each trace.
     """
     deciding = np.asarray(uavs, dtype=np.int64)
-    others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), deciding, information)
+    others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), deciding, measure)
 
     def values(candidates: Array, ease: Array | None = None) -> Array:
         views = belief.views.copy()
@@ -67,9 +78,10 @@ def objective(
 
 def terminal_matches(belief: PredictedBelief, controls: Array) -> tuple[Array, tuple[Match, ...]]:
     """Targets (T, 3) m at the end of a joint plan (n, H, 2) m/s, of one sample, and how the MWTP matches them."""
-    others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), np.empty(0, dtype=np.int64), False)
+    none = np.empty(0, dtype=np.int64)
+    others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), none, TRACE)
     targets = np.ascontiguousarray(belief.points[-1, :, 0])
-    ends = others.traces[len(others.traces) - belief.points[-1, :, :, 0].size :]
+    ends = others.costs[len(others.costs) - belief.points[-1, :, :, 0].size :]
     traces = belief.weights * ends.reshape(len(targets), -1).mean(axis=1)
     return targets, matches(targets, traces, others.seen, others.ends, belief.views)
 
@@ -80,10 +92,10 @@ class _Others(NamedTuple):
     uavs: Indices  # (k,) UAVs that decide
     information: Array  # (H T K, 3): xx, xy, yy
     before: Array  # (H T K, 10): with it alone, P before each step, as in one lane of `belief_transition`
-    traces: Array  # (H T K,) m² of its position block after each step, or minus the gain of information in it [nats]
+    costs: Array  # (H T K,) m² or nats: of its position block after each step, by `measure`
     ends: Array  # (n, 3): x, y [m] at the end, and 0: the D_i of the MWTP at first
     seen: Flags  # (T,): targets in their fields of view at the end
-    gains: bool  # whether minus the gain of information stands in the place of each trace
+    measure: Measure
 
 
 class _CameraPaths(NamedTuple):
@@ -133,7 +145,7 @@ def _fly(belief: PredictedBelief, uavs: Indices, plans: Array, flight: _CameraPa
 
 @compiled
 def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces: Array, total: Array) -> None:
-    """Set the weighted `traces` (T, LANES) at the end of the horizon, and `total` (LANES,) over steps and targets."""
+    """Set the weighted costs `traces` (T, LANES) at the end of the horizon, and their `total` (LANES,) over steps."""
     P, information, trace = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES)
     near = possibly_visible(belief, others.uavs, flight.boxes)
     count, each = belief.points.shape[2], len(near) // len(belief.points)  # trajectories of a target, and of all
@@ -142,7 +154,7 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
     traces[:] = 0.0
     for index in range(each):
         weight, tracked = belief.weights[index // count] / count, False  # tracked: whether P differs from the others'
-        trace[:] = others.traces[len(near) - each + index]  # unless it is
+        trace[:] = others.costs[len(near) - each + index]  # unless it is
         for row in range(index, len(near), each):
             if near[row] or tracked:
                 _fill(information, others.information[row])
@@ -150,18 +162,25 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
             for j in range(len(others.uavs) if near[row] else 0):
                 seen |= add_information(belief, others.uavs[j], flight.cameras[j, row // each], row, information)
             if not seen:
-                shared += weight * others.traces[row]
+                shared += weight * others.costs[row]
                 continue
             if not tracked:
                 _fill(P, others.before[row])
             tracked = True
-            if others.gains:
-                gain_transition(P, belief.step, belief.noise, information, trace)
-            else:
-                belief_transition(P, belief.step, belief.noise, information, trace)
+            _advance(P, belief, information, others.measure, trace)
             _add(trace, weight, total)
         _add(trace, weight, traces[index // count])
     total += shared
+
+
+@compiled
+def _advance(P: Array, belief: PredictedBelief, information: Array, measure: Measure, costs: Array) -> None:
+    """`belief_transition` of P over a step, with `costs` (LANES,) by the measure."""
+    if measure.gains:
+        gain_transition(P, belief.step, belief.noise, information, costs)
+    else:
+        belief_transition(P, belief.step, belief.noise, information, costs)
+        cut_off(costs, measure.cutoff)
 
 
 @compiled
@@ -205,7 +224,7 @@ def _penalise(
 
 
 @compiled
-def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices, gains: bool) -> _Others:
+def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices, measure: Measure) -> _Others:
     """Contribution of the UAVs other than `uavs` with their controls (n, H, 2) m/s."""
     targets, each = belief.points.shape[1], belief.points.shape[1] * belief.points.shape[2]
     rows = belief.points.shape[0] * each
@@ -216,7 +235,7 @@ def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices, gains
         np.empty(rows),
         np.zeros((len(controls), 3)),
         np.zeros(targets, dtype=np.bool_),
-        gains,
+        measure,
     )
     _add_others(belief, controls, others)
     P, information, trace = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES)
@@ -226,11 +245,8 @@ def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices, gains
         for row in range(index, rows, each):
             others.before[row] = P[::LANES]
             _fill(information, others.information[row])
-            if gains:
-                gain_transition(P, belief.step, belief.noise, information, trace)
-            else:
-                belief_transition(P, belief.step, belief.noise, information, trace)
-            others.traces[row] = trace[0]
+            _advance(P, belief, information, measure, trace)
+            others.costs[row] = trace[0]
     return others
 
 

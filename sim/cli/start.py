@@ -23,18 +23,18 @@ Fly another one:
   [bold]understory run --set trees.density=75 --duration 20[/bold]
 
 Compare planners on the same forests, people and seeds:
-  [bold]understory compare --planner sma-nbo-mwtp --planner hover --seeds 0-9[/bold]
+  [bold]understory compare --planner sma-nbo-gospa --planner hover --seeds 0-9[/bold]
 
 See what a camera saw in a run, annotated:
-  [bold]understory frames runs/forest-sma-nbo-mwtp-seed0 --uav 1 --time 12:14[/bold]
+  [bold]understory frames runs/forest-sma-nbo-gospa-seed0 --uav 1 --time 12:14[/bold]
 
 See a run again, slowed down, or in a window to look round in:
-  [bold]understory replay runs/forest-sma-nbo-mwtp-seed0 --time 12:20 --speed 0.5[/bold]
-  [bold]understory replay runs/forest-sma-nbo-mwtp-seed0 --gui[/bold]
+  [bold]understory replay runs/forest-sma-nbo-gospa-seed0 --time 12:20 --speed 0.5[/bold]
+  [bold]understory replay runs/forest-sma-nbo-gospa-seed0 --gui[/bold]
 
 See why a person was lost: by a time, or over the whole mission:
-  [bold]understory explain runs/forest-sma-nbo-mwtp-seed0 --time 12.4 --target 2[/bold]
-  [bold]understory explain runs/forest-sma-nbo-mwtp-seed0[/bold]
+  [bold]understory explain runs/forest-sma-nbo-gospa-seed0 --time 12.4 --target 2[/bold]
+  [bold]understory explain runs/forest-sma-nbo-gospa-seed0[/bold]
 
 See what there is; yours are --planner module:Class and a file.toml:
   [bold]understory planners[/bold]
@@ -74,7 +74,7 @@ def planners() -> None:
         for name, meaning in items.items():
             table.add_row(f"  [bold]{escape(name):<{width}}[/bold]", escape(meaning))
         console.print(table)
-    console.print("\nWith options: --planner 'sma-nbo-mwtp(horizon=3, beta=0.2)'.")
+    console.print("\nWith options: --planner 'sma-nbo-gospa(horizon=3, sweeps=2)'.")
     console.print("Yours: --planner module:Class, with module.py in the current folder or installed.")
 
 

@@ -22,7 +22,8 @@ PAPER = {
 NAMES = ("sma-nbo", "sma-nbo-mwtp", "pma-nbo", "mcr", "dec-pomdp", "centralized")
 FAST = ("thompson", "random")  # which search nothing
 MCR = "mcr(samples=4, beta=0.5)"
-RIVALS = (*(f"{name}(horizon=5)" for name in ("sma-nbo-mwtp", "greedy-mi", "rsp", "dec-mcts")), MCR, *FAST)
+COMPOSED = ("sma-nbo-mwtp", "sma-nbo-gospa", "greedy-mi", "rsp", "dec-mcts")
+RIVALS = (*(f"{name}(horizon=5)" for name in COMPOSED), MCR, *FAST)
 
 
 def timed(runs, rounds):

@@ -45,11 +45,11 @@ def lattice():
     return np.array([(pieces[k], pieces[m]) for k, m in ((2, 2), (3, 0), (4, 3), (1, 4), (0, 1))])
 
 
-def plain_cost(situation, controls, beta, *, expected=False, weights=None):
+def plain_cost(situation, controls, beta, *, expected=False, weights=None, cutoff=math.inf):
     """Eqs. (1), (4), (5), (7), (11), with nominal targets and matrix inverses; also counts targets in view of UAVs.
 
     With `expected` each target has five equally probable trajectories through its predicted beliefs, and its trace is
-    the mean of theirs; with `weights` (T,) targets count by these.
+    the mean of theirs; with `weights` (T,) targets count by these; with a `cutoff` [m] each trace is cut off.
     """
     weights = np.ones(len(situation.tracks)) if weights is None else weights
     traces, seen = np.zeros((controls.shape[1], len(weights))), []
@@ -57,7 +57,7 @@ def plain_cost(situation, controls, beta, *, expected=False, weights=None):
     for t, track in enumerate(situation.tracks):
         for mark in marks:
             along, count = plain_traces(situation, controls, track.belief, mark)
-            traces[:, t] += along / len(marks)
+            traces[:, t] += [plain_error(trace, cutoff) / len(marks) for trace in along]
             seen += count
     J = (traces * weights).sum()
     if beta:
@@ -67,6 +67,11 @@ def plain_cost(situation, controls, beta, *, expected=False, weights=None):
         means = [np.linalg.matrix_power(situation.motion.F, len(traces)) @ t.belief.mean for t in situation.tracks]
         J += beta * plain_mwtp([m[:2] for m in means], traces[-1] * weights, ends, reach)
     return J, seen
+
+
+def plain_error(trace, cutoff):
+    """Mean of the squared error up to a cut-off [m²], of a Gaussian error as wide in all directions."""
+    return trace * (1.0 - math.exp(-cutoff * cutoff / trace))
 
 
 def plain_traces(situation, controls, belief, mark):

@@ -73,7 +73,7 @@ def walking(team, rng):
 def test_where_tracks_are_right_and_people_walk_straight_the_oracle_knows_nothing_more(random_team):
     for seed in range(4):
         team, people = walking(random_team(seed), np.random.default_rng(seed))
-        planner = Oracle()
+        planner = load_planner("oracle")
         seen = planner.knowing(people).plan(team, np.random.default_rng(seed))
         believed = planner.composition.plan(team, np.random.default_rng(seed))
         for one, other in zip(seen, believed, strict=True):
@@ -116,7 +116,7 @@ def test_the_oracle_alone_searches_for_a_person_without_a_track():
             return super().knowing(lambda time: people(time) + np.array([30.0, 0.0]))
 
     setting = load("forest", [*SHORT, "duration=6", "trees.density=0"])
-    away = [Mission(setting, planner, 0) for planner in (Lost(), Oracle())]
+    away = [Mission(setting, planner, 0) for planner in (Lost(cutoff=10.0, beta=0.0), load_planner("oracle"))]
     east = [list(m.fly())[-1].poses for m in away]
     shift = [np.mean([p.position[0] for p in poses]) for poses in east]
     assert shift[0] > shift[1] + 10.0

@@ -10,7 +10,7 @@ from helpers.nominal import nominal
 from planning.composition import Composition
 from planning.coordination.partitions import Partitions
 from planning.loading import PlannerError, load_planner
-from planning.objective.nbo import objective
+from planning.objective.nbo import Measure, objective
 from planning.optimizers.grid_search import GridSearch
 
 HORIZON = 2
@@ -46,7 +46,9 @@ class Information:
         """Information (N,) of plans (N, k, H, 2) m/s of UAVs `uavs`, by ascending id."""
         if not uavs:
             return np.zeros(len(plans))
-        return -objective(self.situations[uavs], plans[0], range(len(uavs)), 0.0, information=True)(plans)
+        return -objective(
+            self.situations[uavs], plans[0], range(len(uavs)), 0.0, measure=Measure(gains=True, cutoff=np.inf)
+        )(plans)
 
     def gain(self, uav, others, plans):
         """Gain of a UAV's plan over those of others, of a joint plan (n, H, 2) m/s."""
@@ -129,6 +131,8 @@ def test_plans_that_are_not_received_do_not_count(random_team):
 
 
 def test_options_that_information_has_no_use_for_are_refused():
+    with pytest.raises(PlannerError, match=r"cutoff=10 has no effect with uncertainty 'information'; set cutoff=0"):
+        load_planner("rsp(cutoff=10)")
     with pytest.raises(PlannerError, match=r"beta=0\.5 has no effect with uncertainty 'information'; set beta=0"):
         load_planner("rsp(beta=0.5)")
     with pytest.raises(PlannerError, match="rounds=2 has no effect with coordination 'parallel'"):

@@ -104,7 +104,7 @@ def test_the_example_is_listed_and_flies(example, tmp_path, monkeypatch):
     theirs = lines.index("From understory-shepherd 0.1.0:")
     words = "Sequential NBO that lets nobody stray from the nearest camera."
     assert lines[theirs + 1].split(maxsplit=1) == ["shepherd", words]
-    assert "shepherd      horizon=4, far=10.0" in lines
+    assert "shepherd       horizon=4, far=10.0" in lines
     monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))
     options = ["--planner", "shepherd(far=5)", "--duration", "1", "--no-video", "--out", "flown"]
     assert example("run", *options)[0] == 0
@@ -226,7 +226,7 @@ def test_options_are_those_of_the_classes_and_upper_bounds_are_marked(monkeypatc
         assert told[name] == {key: str(value) if value != "" else repr(value) for key, value in had.items()}
         assert set(spec.options) <= set(defaults)
         assert like not in PLANNERS or PLANNERS[like].target == spec.target
-    assert lines["sma-nbo"] == "those of sma-nbo-mwtp, with visibility=nominal, beta=0.0, evaluations=0, search=0.0"
+    assert lines["sma-nbo"] == "those of sma-nbo-gospa, with visibility=nominal, evaluations=0, search=0.0, cutoff=0.0"
     monkeypatch.setitem(PLANNERS, "seer", PlannerSpec("planning.baselines:Hover", {}, "sees all", upper_bound=True))
     assert catalogue()["Built in"]["seer"] == "sees all (upper bound: knows what no UAV can)"
 

@@ -191,7 +191,7 @@ def test_the_documented_commands_are_valid(mission, monkeypatch, tmp_path):
     _, out = mission
     monkeypatch.chdir(tmp_path)
     (tmp_path / "runs").mkdir()
-    (tmp_path / "runs" / "forest-sma-nbo-mwtp-seed0").symlink_to(out / "run")
+    (tmp_path / "runs" / "forest-sma-nbo-gospa-seed0").symlink_to(out / "run")
     (block,) = blocks("sh")
     for line in block.splitlines():
         monkeypatch.setattr(sys, "argv", line.split())

@@ -28,6 +28,7 @@ LOOK: Any = {"font.family": "DejaVu Sans", "font.size": 10, "svg.fonttype": "pat
 AT = np.geomspace(0.1, 50.0, 300)  # m, where distributions are drawn
 _TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
 _FEW = 4  # curves with bands in one panel
+_SHAPES = "oD^s"  # of dots, where planners share a colour
 
 
 def ecdf_figure(sheet: Sheet) -> Figure:
@@ -93,7 +94,7 @@ def _grid(
             axes.tick_params(labelbottom=True)
             axes.set_xlabel(labels[0])  # the figure's own would meet the legend
         figure.supylabel(labels[1], fontsize=10)
-        _legend(figure, sheet.legend)
+        _legend(figure, {name: _line(style) for name, style in sheet.legend.items()})
     return figure
 
 
@@ -133,23 +134,25 @@ def score_figure(found: Sequence[Place]) -> Figure:
 
 
 def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
-    """Dots with their intervals, a line per cell and a colour per planner; `dress` sets the horizontal axis."""
+    """Dots with their intervals, a line per cell, a colour and shape per planner; `dress` sets the horizontal axis."""
     cells = list(dict.fromkeys(cell for cell, _, _ in dots))
     planners = list(dict.fromkeys(planner for _, planner, _ in dots))
-    with _drawing(1.2 + 0.3 * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
+    looks = {p: (rgb(COLOURS[i % len(COLOURS)]), _SHAPES[i // len(COLOURS) % 4]) for i, p in enumerate(planners)}
+    each = max(0.3, 0.07 * len(planners))  # inches of a cell
+    with _drawing(1.2 + each * len(cells) + 0.22 * -(-len(planners) // 3)) as figure:
         axes = figure.add_subplot()
         for cell, planner, (value, low, high) in dots:
             index = planners.index(planner)
-            height = cells.index(cell) + 0.5 * (index + 0.5 - len(planners) / 2) / len(planners)
-            colour = rgb(COLOURS[index % len(COLOURS)])
+            height = cells.index(cell) + 0.7 * (index + 0.5 - len(planners) / 2) / len(planners)
+            colour, shape = looks[planner]
             axes.plot([low, high], [height, height], color=colour, lw=1.5, alpha=0.7)
-            axes.plot(value, height, "o", color=colour, ms=5)
+            axes.plot(value, height, shape, color=colour, ms=5)
         dress(axes)
         axes.set_yticks(range(len(cells)), [cell_text(cell) or "all missions" for cell in cells])
         axes.set_ylim(len(cells) - 0.5, -0.5)
         axes.grid(axis="x", lw=0.5, alpha=0.4)
         axes.spines[["top", "right"]].set_visible(False)
-        _legend(figure, {p: Style(COLOURS[i % len(COLOURS)]) for i, p in enumerate(planners)}, marker="o")
+        _legend(figure, {p: {"color": colour, "marker": shape, "ls": ""} for p, (colour, shape) in looks.items()})
     return figure
 
 
@@ -199,13 +202,10 @@ def _drawing(height: float, width: float = _WIDTH) -> Iterator[Figure]:
         figure.set_layout_engine("none")
 
 
-def _legend(figure: Figure, styles: dict[str, Style], marker: str = "") -> None:
-    """Draw a legend below the panels, in which data may be anywhere."""
-    handles = [
-        Line2D([], [], label=name, **(_line(style) | ({"marker": marker, "ls": ""} if marker else {})))
-        for name, style in styles.items()
-    ]
-    columns = 4 if all(len(name) < 22 for name in styles) else 2 if all(len(name) < 44 for name in styles) else 1
+def _legend(figure: Figure, looks: Mapping[str, dict[str, Any]]) -> None:
+    """Draw a legend below the panels, in which data may be anywhere; looks are Matplotlib's options by label."""
+    handles = [Line2D([], [], label=name, **look) for name, look in looks.items()]
+    columns = 4 if all(len(name) < 22 for name in looks) else 2 if all(len(name) < 44 for name in looks) else 1
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
 
 

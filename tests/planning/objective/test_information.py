@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 from helpers.nominal import nominal
 
-from planning.objective.nbo import objective
+from planning.objective.nbo import Measure, objective
 from planning.prediction.propagation import Nominal
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
+
+GAINS = Measure(gains=True, cutoff=np.inf)
 
 
 def information(situation, controls, expected=False):
     """Mutual information of a joint plan (n, H, 2) m/s."""
     view = Nominal(expected).predict(situation, controls.shape[1], np.random.default_rng(0))
-    return -float(objective(view, controls, [0], 0.0, information=True)(controls[None, :1])[0])
+    return -float(objective(view, controls, [0], 0.0, measure=GAINS)(controls[None, :1])[0])
 
 
 def plain(situation, controls):
@@ -63,7 +65,7 @@ def test_candidates_are_valued_as_joint_plans_and_sums_by_existence(random_team)
     alone = [situation.__class__(**{**vars(situation), "tracks": (track,)}) for track in situation.tracks]
     for uavs in ([0], [2], [2, 1], [0, 1, 2]):
         chosen = candidates[:, : len(uavs)]
-        values = objective(view, controls, uavs, 0.0, information=True)(chosen)
+        values = objective(view, controls, uavs, 0.0, measure=GAINS)(chosen)
         for value, candidate in zip(values, chosen, strict=True):
             joint = controls.copy()
             joint[uavs] = candidate

@@ -8,7 +8,7 @@ import pytest
 from helpers.nominal import knowing
 
 from planning.loading import PlannerError, load_planner
-from planning.objective.nbo import objective
+from planning.objective.nbo import Measure, objective
 from planning.prediction.intent import policy_of_intent
 from planning.prediction.propagation import Nominal
 from planning.rivals.dec_mcts import DecMCTS, TreeSearch
@@ -23,7 +23,7 @@ def information(situation, uavs, plans):
     vehicles = [situation.vehicles[i] for i in uavs]
     among = dataclasses.replace(situation, own=vehicles[0], neighbours=tuple(vehicles[1:]))
     view = Nominal(expected=True).predict(among, plans.shape[2], np.random.default_rng(0))
-    return -objective(view, plans[0], range(len(uavs)), 0.0, information=True)(plans)
+    return -objective(view, plans[0], range(len(uavs)), 0.0, measure=Measure(gains=True, cutoff=np.inf))(plans)
 
 
 @pytest.mark.parametrize("directions", [4, 8])

@@ -102,7 +102,18 @@ def test_with_an_unlimited_field_of_view_the_terminal_penalty_is_zero(random_tea
 
 @pytest.mark.parametrize(
     "planner",
-    ["sma-nbo-mwtp", "mcr(samples=5)", "greedy", "lawnmower", "oracle", "centralized", "rsp", "dec-mcts", "thompson"],
+    [
+        "sma-nbo-gospa",
+        "sma-nbo-mwtp",
+        "mcr(samples=5)",
+        "greedy",
+        "lawnmower",
+        "oracle",
+        "centralized",
+        "rsp",
+        "dec-mcts",
+        "thompson",
+    ],
 )
 def test_every_planner_flies_with_an_unlimited_field_of_view(planner):
     mission, snapshots = fly(*ALL, "uavs.0.tilt_deg=30", planner=planner)

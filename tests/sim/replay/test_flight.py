@@ -179,7 +179,7 @@ def test_its_page_lists_every_array_and_column_and_runs_block_by_block(flight, t
     tables = dict(re.findall(r"^\| `(\w+)` \| [^|`]+ \| (`time_s`.*|`tree`.*|`person`.*) \|$", TEXT, flags=re.M))
     columns = {name: list(flight.columns(name)) for name in TABLES}
     assert {name: re.findall(r"`(\w+)`", text) for name, text in tables.items()} == columns
-    folder = tmp_path / "runs" / "forest-sma-nbo-mwtp-seed0"
+    folder = tmp_path / "runs" / "forest-sma-nbo-gospa-seed0"
     folder.mkdir(parents=True)
     save(flight.recording, folder / "mission.npz")
     monkeypatch.chdir(tmp_path)

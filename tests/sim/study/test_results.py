@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from planning.registry import DEFAULT_PLANNER
 from sim.mission.mission import Mission
 from sim.mission.trial import Trial
 from sim.scenario.loading import load
@@ -15,19 +16,19 @@ SEEDS = range(10)
 
 @pytest.mark.slow
 def test_the_default_planner_holds_the_people_and_baselines_do_not():
-    names = ("sma-nbo-mwtp", "greedy", "hover")
+    names = (DEFAULT_PLANNER, "greedy", "hover")
     with Pool(2) as pool:
         rows = rows_of([task_of(load("forest"), name, seed) for name in names for seed in SEEDS], pool)
     share = {name: np.mean([r.metrics["ospa.share_under_1m"] for r in rows if r.planner == name]) for name in names}
-    assert share["sma-nbo-mwtp"] >= 0.80 and share["greedy"] <= share["sma-nbo-mwtp"] - 0.15
-    assert share["hover"] <= share["sma-nbo-mwtp"] - 0.40
+    assert share[DEFAULT_PLANNER] >= 0.80 and share["greedy"] <= share[DEFAULT_PLANNER] - 0.15
+    assert share["hover"] <= share[DEFAULT_PLANNER] - 0.40
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_people_unknown_at_first_are_all_found_and_held(seed):
     setting = load("forest", ["tracking.initial_tracks=none"])
-    sizes = [len(s.tracks[0]) for s in Mission.of(Trial(setting, "sma-nbo-mwtp", seed)).fly()]
+    sizes = [len(s.tracks[0]) for s in Mission.of(Trial(setting, DEFAULT_PLANNER, seed)).fly()]
     found = sizes.index(4)
     assert found <= 100  # within 20 s
     assert np.mean(np.array(sizes[found:]) == 4) >= 0.95

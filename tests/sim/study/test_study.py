@@ -44,7 +44,7 @@ WALK = adapted(read("paper-to-default"), seeds="0")
 ORIGINAL = adapted(read("paper-original"), seeds="0")
 STEPS = (
     "1-paper", "2-tracks-known", "3-line-of-sight", "4-quadrotors", "5-pixels",
-    "6-tracker", "7-process-noise", "8-optimizer", "9-planner", "10-default",
+    "6-tracker", "7-process-noise", "8-optimizer", "9-planner", "10-hcmci", "11-default",
 )  # fmt: skip
 
 
@@ -264,7 +264,7 @@ def test_the_walk_begins_at_the_papers_setting_and_ends_at_the_default():
         ]
         setting, planner = walked(density)["1-paper"]
         assert setting == first.setting and planner == load_planner(first.planner)
-        setting, planner = walked(density)["10-default"]
+        setting, planner = walked(density)["11-default"]
         assert differing(setting, Scenario()) <= {"trees.density"} and setting.trees.density == float(density)
         assert planner == load_planner(DEFAULT_PLANNER)
 
@@ -286,7 +286,8 @@ def test_each_step_of_the_walk_takes_back_what_it_is_called():
         set(),
         set(),
         {"network.fusion"},
+        set(),
     ]
     planners = [steps[step][1] for step in STEPS]
-    assert len(set(planners[:7])) == 1 and len(set(planners[6:])) == 3
+    assert len(set(planners[:7])) == 1 and len(set(planners[6:])) == 4
     assert planners[7].optimizer == "cross-entropy" and planners[7].visibility == "nominal"
