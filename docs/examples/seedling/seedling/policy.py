@@ -199,7 +199,7 @@ def value_of_place(view: View, move: Array, scalars: Array, goal: tuple[float, f
         off = math.sqrt(dx * dx + dy * dy)
         if j != own and off < _NEAR:
             value -= scalars[7] * (1.0 - off / _NEAR)
-    return value
+    return float(value)
 
 
 @compiled

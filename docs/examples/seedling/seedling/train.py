@@ -26,7 +26,7 @@ from tracking.numerics.arrays import Array
 from tracking.track import beliefs_of
 
 TRAINED, VALIDATED = 100_000, 200_000  # first seeds of maps for training and for validation; reports use lower ones
-FIRST = "forest"  # flown in each generation; of the others each takes its turn
+FOREST = "forest"  # flown in each generation; of the others each takes its turn
 OTHERS = ("scatter", "search", "crowd", "dense", "patchwork", "recorded", "paper")
 _FAST = {"sensing.mode": "ideal", "dynamics": "kinematic"}
 _MOMENTUM = 0.8
@@ -45,14 +45,14 @@ class Flight(NamedTuple):
 class Training:
     """Settings of a training."""
 
-    generations: int = 40
-    population: int = 64  # weights tried in a generation, an even number
+    generations: int = 50
+    population: int = 40  # weights tried in a generation, an even number
     missions: int = 4  # that each of them flies
     duration: float = 40.0  # s, of a mission
     sigma: float = 0.12  # standard deviation of what is tried
-    rate: float = 1.0  # of learning
+    rate: float = 0.8  # of learning
     seed: int = 0
-    every: int = 5  # generations between two validations; 0: none
+    every: int = 10  # generations between two validations; 0: none
 
     def __post_init__(self) -> None:
         if self.population < 2 or self.population % 2:
@@ -61,9 +61,10 @@ class Training:
             raise ValueError("generations and missions must be at least 1, duration and sigma above 0")
 
     def maps(self, generation: int) -> list[tuple[str, int]]:
-        """Scenarios and seeds of a generation: the first scenario, then others by turns, each on new maps."""
+        """Scenarios and seeds of a generation: others by turns, and the forest, each on new maps."""
         turn, first = generation * (self.missions - 1), TRAINED + generation * self.missions
-        names = [FIRST, *(OTHERS[(turn + k) % len(OTHERS)] for k in range(self.missions - 1))]
+        # The forest, whose missions take the shortest time, is last, so that no process waits long for the others.
+        names = [*(OTHERS[(turn + k) % len(OTHERS)] for k in range(self.missions - 1)), FOREST]
         return [(name, first + k) for k, name in enumerate(names)]
 
 
@@ -93,7 +94,7 @@ def costs(settings: Training, fly: Map, tried: Sequence[Array], maps: Sequence[t
 
 def validation(settings: Training, fly: Map, weights: Array) -> float:
     """Mean cost on two maps of each scenario that no generation flies."""
-    maps = [(name, VALIDATED + 2 * k + j) for k, name in enumerate((FIRST, *OTHERS)) for j in (0, 1)]
+    maps = [(name, VALIDATED + 2 * k + j) for k, name in enumerate((*OTHERS, FOREST)) for j in (0, 1)]
     return float(costs(settings, fly, [weights], maps)[0])
 
 
@@ -170,7 +171,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     settings = Training(**{name: getattr(given, name) for name in vars(Training())})
     start = packed(load(given.start)) if given.start else hand_set(settings.seed)
-    cost(Flight(start, FIRST, TRAINED, 2.0))  # compiles, before others have to
+    flown = {name for generation in range(settings.generations) for name, _ in settings.maps(generation)}
+    for name in sorted({*flown, *OTHERS} if settings.every else flown):
+        cost(Flight(start, name, TRAINED, 2.0))  # compiles, so that the workers need not
     log = _Log(given.out, given.seconds)
     if given.workers == 1:
         train(settings, map, start, log)

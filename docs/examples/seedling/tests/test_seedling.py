@@ -1,17 +1,19 @@
 """The seedling keeps to what planners must, shares out people, and its training repeats."""
 
 import csv
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from seedling.planner import Seedling
-from seedling.train import OTHERS, TRAINED, VALIDATED, Training, main, utilities
+from seedling.train import OTHERS, TRAINED, VALIDATED, Flight, Training, main, train, utilities
 from seedling.weights import LEARNED, SIZE, hand_set, load, packed, unpacked
 
 from planning.conformance.checks import check
 from planning.conformance.situations import random_team
+from tracking.numerics.arrays import Array
 
 TINY = ["--population", "4", "--missions", "2", "--duration", "2", "--every", "0"]
 
@@ -59,6 +61,21 @@ def test_two_generations_give_the_same_bytes_twice_and_other_ones_of_another_see
 def test_weights_move_towards_what_costs_less() -> None:
     """The best of four has the highest utility, the worst the lowest."""
     np.testing.assert_array_equal(utilities(np.array([3.0, 1.0, 2.0, 9.0])), np.array([-0.5, 1.5, 0.5, -1.5]) / 4)
+
+
+def test_training_finds_weights_that_each_map_only_hints_at() -> None:
+    """The mean of the maps' optima, of which each generation sees four, is come near to."""
+    rng = np.random.default_rng(3)
+    start, best, scale = hand_set(0), hand_set(0) + rng.normal(0.0, 0.25, SIZE), rng.exponential(1.0, SIZE) ** 2
+
+    def error(weights: Array, optimum: Array) -> float:
+        return float((scale * np.square(weights - optimum)).sum())
+
+    def fly(cost: object, flights: Iterable[Flight]) -> list[float]:
+        return [error(f.weights, best + np.random.default_rng(f.seed).normal(0.0, 0.3, SIZE)) for f in flights]
+
+    found = train(Training(generations=60, every=0), fly, start, lambda told, weights: None)
+    assert error(found, best) < 0.3 * error(start, best)
 
 
 def test_maps_of_training_validation_and_reports_are_apart() -> None:
