@@ -1,13 +1,13 @@
-"""Training by evolution strategies: `python -m seedling.train --workers 16 --out weights.npz`.
+"""Training by imitation: `python -m seedling.train --rounds 3 --missions 40 --workers 1 --out weights.npz`.
 
-Each generation tries weights about the present ones, in pairs on either side of them, all on the same maps. The
-present weights then move towards those that lost fewer people. The same arguments give the same bytes, whatever the
-number of workers, unless `--seconds` ends the training.
-Source: evolution strategies with mirrored sampling and ranks, T. Salimans et al., arXiv:1703.03864, 2017.
+Missions are flown by a mixture of an expert and the policy learned so far, and at each decision the expert says what
+it would do. The policy is fitted to that, on the decisions of all rounds, and the next round is flown with more of its
+own decisions, so that it learns what to do where it comes to by itself. The same arguments give the same weights on
+one machine, whatever the number of workers.
+Source: dataset aggregation (DAgger), S. Ross, G. Gordon, J. A. Bagnell, AISTATS 2011, arXiv:1011.0686.
 """
 
 import argparse
-import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -18,145 +18,140 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import understory
-from seedling.planner import Seedling
-from seedling.weights import SIZE, hand_set, load, packed, unpacked
+from planning.loading import load_planner
+from planning.planner import Exchange, Plan, Planner, Situation
+from seedling.fitting import Example, example, fitted, loss
+from seedling.planner import Seedling, choices
+from seedling.weights import Weights, drawn, save
 from sim.evaluation.score import FAR
 from tracking.metrics.gospa import gospa
-from tracking.numerics.arrays import Array
 from tracking.track import beliefs_of
 
 TRAINED, VALIDATED = 100_000, 200_000  # first seeds of maps for training and for validation; reports use lower ones
-FOREST = "forest"  # flown in each generation; of the others each takes its turn
-OTHERS = ("scatter", "search", "crowd", "dense", "patchwork", "recorded", "paper")
+WORLDS = ("forest", "scatter", "forest", "search", "forest", "crowd", "forest", "dense")
 _FAST = {"sensing.mode": "ideal", "dynamics": "kinematic"}
-_MOMENTUM = 0.8
+_HELD_OUT = 8  # of so many missions one is not fitted to
 
 
-class Flight(NamedTuple):
-    """A mission to fly with some weights."""
+class Lesson(NamedTuple):
+    """A mission to fly with the policy, and with an expert to learn from unless it is empty."""
 
-    weights: Array
+    weights: Weights
+    expert: str
+    share: float  # of decisions that the expert flies
     scenario: str
     seed: int
     duration: float  # s
+
+
+class Learned(NamedTuple):
+    """Decisions of a mission as examples, and its mean GOSPA [m]."""
+
+    examples: list[Example]
+    gospa: float
 
 
 @dataclass(frozen=True)
 class Training:
     """Settings of a training."""
 
-    generations: int = 50
-    population: int = 40  # weights tried in a generation, an even number
-    missions: int = 4  # that each of them flies
+    rounds: int = 3
+    missions: int = 40  # of a round
     duration: float = 40.0  # s, of a mission
-    sigma: float = 0.12  # standard deviation of what is tried
-    rate: float = 0.8  # of learning
+    expert: str = "sma-nbo-gospa"
+    epochs: int = 40  # of a fit
+    rate: float = 0.01  # of learning
+    validations: int = 6  # maps on which each round's policy flies alone
     seed: int = 0
-    every: int = 10  # generations between two validations; 0: none
 
     def __post_init__(self) -> None:
-        if self.population < 2 or self.population % 2:
-            raise ValueError(f"population must be even and at least 2, is {self.population}")
-        if not (self.generations >= 1 and self.missions >= 1 and self.duration > 0 and self.sigma > 0):
-            raise ValueError("generations and missions must be at least 1, duration and sigma above 0")
+        if not (self.rounds >= 1 and self.missions >= 2 and self.duration > 0 and self.epochs >= 1):
+            raise ValueError("rounds and epochs must be at least 1, missions at least 2, duration above 0")
 
-    def maps(self, generation: int) -> list[tuple[str, int]]:
-        """Scenarios and seeds of a generation: others by turns, and the forest, each on new maps."""
-        turn, first = generation * (self.missions - 1), TRAINED + generation * self.missions
-        # The forest, whose missions take the shortest time, is last, so that no process waits long for the others.
-        names = [*(OTHERS[(turn + k) % len(OTHERS)] for k in range(self.missions - 1)), FOREST]
-        return [(name, first + k) for k, name in enumerate(names)]
+    def lessons(self, turn: int, weights: Weights) -> list[Lesson]:
+        """Missions of a round, the first of which the expert flies alone; each has a map of its own."""
+        first, share = TRAINED + 10_000 * self.seed + turn * self.missions, 0.4**turn if turn else 1.0
+        return [
+            Lesson(weights, self.expert, share, WORLDS[k % len(WORLDS)], first + k, self.duration)
+            for k in range(self.missions)
+        ]
 
 
-def cost(flight: Flight) -> float:
-    """Root of a mission's mean GOSPA [m]: else worlds in which nobody can hold all people would outweigh the others."""
-    planner = Seedling()
-    planner.weights = unpacked(flight.weights)
-    settings = {**_FAST, "duration": flight.duration}
+class Tutored:
+    """Flies by the expert at some decisions and by the policy at the others, and keeps what the expert would do."""
+
+    def __init__(self, lesson: Lesson) -> None:
+        self.policy, self.share = Seedling(lesson.weights), lesson.share
+        self.expert: Planner = load_planner(lesson.expert)
+        self.exchange: Exchange = getattr(self.expert, "exchange", Exchange())
+        self.examples: list[Example] = []
+
+    def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
+        """Plans of the expert or of the policy, by chance."""
+        plans, decided = self.expert.plan(team, rng), dict[int, Plan]()
+        for situation, plan in zip(team, plans, strict=True):
+            own, step = situation.own, situation.step
+            moves = choices(situation, decided)
+            self.examples.append(example(moves, step * plan.controls[0], step * own.max_speed))
+            decided[own.id] = plan
+        return plans if rng.random() < self.share else self.policy.plan(team, rng)
+
+
+def fly(lesson: Lesson) -> Learned:
+    """Fly a mission and learn from it."""
+    planner = Tutored(lesson) if lesson.expert else Seedling(lesson.weights)
+    settings = {**_FAST, "duration": lesson.duration}
     distances: list[float] = []
-    with understory.mission(flight.scenario, planner, seed=flight.seed, settings=settings) as mission:
+    with understory.mission(lesson.scenario, planner, seed=lesson.seed, settings=settings) as mission:
         for snapshot in mission.fly():
             people = snapshot.people[~np.isnan(snapshot.people[:, 0])]
             for uav in snapshot.working:
                 means, _ = beliefs_of(snapshot.tracks[uav])
                 distances.append(gospa(means[:, :2], people, FAR).distance)
-    return math.sqrt(sum(distances) / len(distances))
+    return Learned(planner.examples if isinstance(planner, Tutored) else [], sum(distances) / len(distances))
 
 
-Map = Callable[[Callable[[Flight], float], Iterable[Flight]], Iterable[float]]
+Map = Callable[[Callable[[Lesson], Learned], Iterable[Lesson]], Iterable[Learned]]
 
 
-def costs(settings: Training, fly: Map, tried: Sequence[Array], maps: Sequence[tuple[str, int]]) -> Array:
-    """Mean cost of each of some weights over maps."""
-    flights = [Flight(weights, *where, settings.duration) for where in maps for weights in tried]
-    return np.asarray(np.reshape(list(fly(cost, flights)), (len(maps), len(tried))).mean(axis=0))
-
-
-def validation(settings: Training, fly: Map, weights: Array) -> float:
-    """Mean cost on two maps of each scenario that no generation flies."""
-    maps = [(name, VALIDATED + 2 * k + j) for k, name in enumerate((*OTHERS, FOREST)) for j in (0, 1)]
-    return float(costs(settings, fly, [weights], maps)[0])
-
-
-def utilities(found: Array) -> Array:
-    """Weights (N,) of what was tried, by rank, the highest for the least cost; absolute values add up to one."""
-    ranks = np.empty(len(found))
-    ranks[np.argsort(found, kind="stable")] = np.arange(len(found))
-    centred = (len(found) - 1) / 2 - ranks
-    return np.asarray(centred / np.abs(centred).sum())
-
-
-def train(settings: Training, fly: Map, start: Array, say: Callable[[dict[str, float], Array], None]) -> Array:
-    """Trained weights (SIZE,); after each generation `say` is told of it, with the weights so far.
-
-    `say` ends the training by raising StopIteration.
-    """
-    rng, weights, step = np.random.default_rng(settings.seed), start.copy(), np.zeros(SIZE)
-    for generation in range(settings.generations):
-        half = rng.standard_normal((settings.population // 2, SIZE))
-        noise = np.concatenate([half, -half])
-        found = costs(settings, fly, list(weights + settings.sigma * noise), settings.maps(generation))
-        uphill = (utilities(found)[:, None] * noise).sum(axis=0)
-        step = _MOMENTUM * step + (1.0 - _MOMENTUM) * uphill
-        weights = weights + settings.rate * settings.sigma * step
-        told = {"generation": generation + 1, "cost": found.mean(), "least": found.min()}
-        if settings.every and (generation % settings.every == 0 or generation + 1 == settings.generations):
-            told["validation"] = validation(settings, fly, weights)
-        try:
-            say(told, weights)
-        except StopIteration:
-            break
+def train(settings: Training, each: Map, say: Callable[[dict[str, float], Weights], None]) -> Weights:
+    """Trained weights; `say` is told of each round, with the weights so far."""
+    weights, fitting, held_out = drawn(settings.seed), list[Example](), list[Example]()
+    for turn in range(settings.rounds):
+        for k, learned in enumerate(each(fly, settings.lessons(turn, weights))):
+            (held_out if k % _HELD_OUT == 1 else fitting).extend(learned.examples)
+        before = loss(weights, held_out)
+        weights = fitted(weights, fitting, settings.epochs, settings.rate, settings.seed + turn)
+        maps = range(VALIDATED, VALIDATED + settings.validations)
+        alone = [Lesson(weights, "", 0.0, "forest", seed, settings.duration) for seed in maps]
+        told = {
+            "round": turn + 1,
+            "decisions": len(fitting),
+            "loss": loss(weights, fitting),
+            "held_out_before": before,
+            "held_out": loss(weights, held_out),
+            "gospa": float(np.mean([flown.gospa for flown in each(fly, alone)])) if alone else np.nan,
+        }
+        say(told, weights)
     return weights
 
 
-def save(weights: Array, path: Path) -> None:
-    """Write weights as .npz, without a moment at which the file is not whole."""
-    partial = path.with_name(f".{path.name}")
-    with partial.open("wb") as file:
-        np.savez(file, allow_pickle=False, **unpacked(weights)._asdict())
-    partial.replace(path)
-
-
 class _Log:
-    """Writes a line for each generation, and the weights so far."""
+    """Writes a line for each round, and the weights so far."""
 
-    columns = ("generation", "seconds", "cost", "least", "validation")
-
-    def __init__(self, out: Path, seconds: float) -> None:
-        self.out, self.seconds, self.began = out, seconds, time.perf_counter()
+    def __init__(self, out: Path) -> None:
+        self.out, self.began = out, time.perf_counter()
         self.file = out.with_suffix(".csv")
-        self.file.write_text(",".join(self.columns) + "\n")
+        self.file.unlink(missing_ok=True)
 
-    def __call__(self, told: dict[str, float], weights: Array) -> None:
-        now = time.perf_counter() - self.began
-        row = {**told, "seconds": now}
-        line = ",".join(f"{row[name]:.6g}" if name in row else "" for name in self.columns)
-        with self.file.open("a") as file:
-            file.write(line + "\n")
-        print(line, flush=True)
+    def __call__(self, told: dict[str, float], weights: Weights) -> None:
+        row = {**told, "seconds": time.perf_counter() - self.began}
+        with self.file.open("a", encoding="utf-8") as file:
+            if told["round"] == 1:
+                file.write(",".join(row) + "\n")
+            file.write(",".join(f"{value:.6g}" for value in row.values()) + "\n")
+        print(", ".join(f"{name} {value:.4g}" for name, value in row.items()), flush=True)
         save(weights, self.out)
-        if now + now / max(told["generation"], 1) > self.seconds:
-            raise StopIteration
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -165,26 +160,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for name, default in vars(Training()).items():
         parser.add_argument(f"--{name}", type=type(default), default=default)
     parser.add_argument("--workers", type=int, default=1, help="processes that fly missions")
-    parser.add_argument("--seconds", type=float, default=math.inf, help="wall time after which no generation begins")
-    parser.add_argument("--start", type=Path, help="weights to begin with instead of hand-set ones")
     parser.add_argument("--out", type=Path, default=Path("weights.npz"), help="weights; the log has the suffix .csv")
     given = parser.parse_args(arguments)
     settings = Training(**{name: getattr(given, name) for name in vars(Training())})
-    start = packed(load(given.start)) if given.start else hand_set(settings.seed)
-    flown = {name for generation in range(settings.generations) for name, _ in settings.maps(generation)}
-    for name in sorted({*flown, *OTHERS} if settings.every else flown):
-        cost(Flight(start, name, TRAINED, 2.0))  # compiles, so that the workers need not
-    log = _Log(given.out, given.seconds)
     if given.workers == 1:
-        train(settings, map, start, log)
+        train(settings, map, _Log(given.out))
         return
     with get_context("spawn").Pool(given.workers) as pool:
-        train(settings, _in(pool), start, log)
+        train(settings, _in(pool), _Log(given.out))
 
 
 def _in(pool: Any) -> Map:  # noqa: ANN401 - of multiprocessing, whose classes depend on the context
     """Map over the processes of a pool, one flight at a time."""
-    return lambda function, flights: pool.map(function, flights, chunksize=1)
+    return lambda function, lessons: pool.map(function, lessons, chunksize=1)
 
 
 if __name__ == "__main__":
