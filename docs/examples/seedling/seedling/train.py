@@ -4,7 +4,7 @@ Missions are flown by a mixture of an expert and the policy learned so far, and 
 it would do. The policy is fitted to that, on the decisions of all rounds, and the next round is flown with more of its
 own decisions, so that it learns what to do where it comes to by itself. The same arguments give the same weights on
 one machine, whatever the number of workers.
-Source: dataset aggregation (DAgger), S. Ross, G. Gordon, J. A. Bagnell, AISTATS 2011, arXiv:1011.0686.
+Source: dataset aggregation (DAgger), [Ross11].
 """
 
 import argparse
