@@ -69,7 +69,7 @@ def test_notebooks_run_in_a_kernel(tmp_path):
 
 
 @pytest.mark.docs
-def test_the_tutorial_on_learning_trains_and_flies(shell, monkeypatch):
+def test_the_tutorial_on_learning_trains_and_flies(shell, monkeypatch, alone):
     monkeypatch.syspath_prepend(str(DOCS / "examples" / "seedling"))
     train = importlib.import_module("seedling.train")
     tiny = ["--missions", "2", "--duration", "2", "--epochs", "2", "--validations", "1", "--expert", "greedy"]
