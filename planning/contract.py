@@ -1,7 +1,7 @@
-"""Optional parts of a planner's contract, read from planners of any origin: `exchange` and `knowing`."""
+"""Optional parts of a planner's contract, read from planners of any origin: `exchange`, `knowing` and `stateful`."""
 
 from collections.abc import Callable
-from typing import cast
+from typing import Any, cast
 
 from planning.loading import planner_errors
 from planning.planner import Exchange, Planner
@@ -32,3 +32,19 @@ def with_truth(planner: Planner, people: TruePositions) -> tuple[Planner, bool]:
         if not callable(getattr(seer, "plan", None)):
             raise Unusable("what it returns has no method plan(team, rng)")
     return cast("Planner", seer), True
+
+
+def is_stateful(planner: object) -> bool:
+    """True if a planner declares a memory; PlannerError if it has no method to reset that, or cannot be asked."""
+    with planner_errors(type(planner).__qualname__, "say what it remembers"):
+        stateful = bool(getattr(planner, "stateful", False))
+        if stateful and not callable(getattr(planner, "reset", None)):
+            raise Unusable("it is stateful, but has no method reset(seed)")
+    return stateful
+
+
+def reset(planner: object, seed: int) -> None:
+    """Let a stateful planner begin anew, and do nothing to others; PlannerError if that fails."""
+    if is_stateful(planner):
+        with planner_errors(type(planner).__qualname__, "be reset"):
+            cast("Any", planner).reset(seed)

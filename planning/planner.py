@@ -97,8 +97,10 @@ class Situation:
 class Planner(Protocol):
     """Anything with this method is a planner.
 
-    It returns one plan per situation, in the same order. It keeps no state between calls, and `rng` is its only source
-    of chance. A UAV that broke down has no situation and is not a neighbour, so ids may differ from places in `team`.
+    It returns one plan per situation, in the same order. `rng` is its only source of chance, and it keeps no state
+    between calls, unless it declares that: `stateful = True`, and a method `reset(seed)` that forgets all. A mission
+    calls that once, before the first decision; after it the same calls give the same plans.
+    A UAV that broke down has no situation and is not a neighbour, so ids may differ from places in `team`.
     A neighbour out of contact is where its last known plan would have brought it, until that plan ends.
 
     Optional attributes: `exchange`, the exchange of plans at a decision, if not `Exchange()`. `decentralised = True`

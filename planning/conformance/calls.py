@@ -17,12 +17,14 @@ from typing import Any
 
 import numpy as np
 
+from planning.contract import reset
 from planning.loading import load_planner
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
 from tracking.numerics.arrays import Array
 from tracking.plugins.changes import change, contents
 from tracking.plugins.containment import ForeignError, contained, numbers
 
+SEED = 5  # of the memory of stateful planners
 _CHILD = """
 import pickle, sys
 sys.path[:] = pickle.loads(sys.stdin.buffer.read(int(sys.stdin.buffer.readline())))
@@ -96,6 +98,7 @@ def answer(path: str) -> None:
     """Write, in the new process, the result of `attempt_in_other_process`."""
     planner, team = pickle.load(sys.stdin.buffer)
     made = load_planner(planner) if isinstance(planner, str) else pickle.loads(planner)
+    reset(made, SEED)
     found = attempt(made, team)
     Path(path).write_bytes(pickle.dumps((found.controls, dict(found.defects))))
 

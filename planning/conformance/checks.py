@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cached_property, partial
 from statistics import median
 
-from planning.conformance.calls import Attempt, attempt, attempt_in_other_process, difference
+from planning.conformance.calls import SEED, Attempt, attempt, attempt_in_other_process, difference
 from planning.conformance.situations import (
     KNOWLEDGE,
     SITUATIONS,
@@ -15,7 +15,7 @@ from planning.conformance.situations import (
     out_of_contact,
     with_other_knowledge,
 )
-from planning.contract import exchange_of
+from planning.contract import exchange_of, is_stateful, reset
 from planning.loading import load_planner
 from planning.planner import Planner, Situation
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
@@ -29,12 +29,19 @@ class Subject:
     """A planner under test: its maker, and its plans for the ordinary situation."""
 
     def __init__(self, make: Maker, named: object) -> None:
-        self.make, self.text = make, named if isinstance(named, str) else None
+        self._make, self.text = make, named if isinstance(named, str) else None
         self.team = ordinary_team()
-        planner = make()
+        planner = self.make()
+        self.remembers = is_stateful(planner)
         self.claims = bool(getattr(planner, "decentralised", False))
         self.rounds = exchange_of(planner).rounds
         self.first = attempt(planner, self.team, watched=True)
+
+    def make(self) -> Planner:
+        """A new planner, reset with a seed if it is stateful."""
+        planner = self._make()
+        reset(planner, SEED)
+        return planner
 
     @cached_property
     def repeats(self) -> str:
@@ -69,8 +76,11 @@ def _difference_of_plans(first: Attempt, other: Attempt, within: float = 0.0) ->
 
 
 def _proper_plans(subject: Subject, team: Sequence[Situation]) -> Attempt:
-    """Plans for a team; `Unfit` if there are none."""
-    tried = attempt(subject.make(), team)
+    """Plans for a team, of a stateful planner those of the second decision; `Unfit` if there are none."""
+    planner = subject.make()
+    if subject.remembers:
+        attempt(planner, team)
+    tried = attempt(planner, team)
     if "plans" in tried.defects:
         raise Unfit(tried.defects["plans"])
     return tried
@@ -153,14 +163,23 @@ def _chance(subject: Subject) -> str:
 
 
 def _memory(subject: Subject) -> str:
+    """Check that a planner remembers nothing, or, if it is stateful, nothing from before it was reset."""
     subject.comparable()
-    planner = subject.make()
-    before = attempt(planner, subject.team)
-    attempt(planner, ordinary_team(1))
-    if before.altered:
+    planner, calls = subject.make(), (subject.team, ordinary_team(1), subject.team)
+    before = [attempt(planner, team) for team in calls]
+    if any(each.altered for each in before):
         raise Unfit("a later decision changes plans that were returned before")
-    subject.compare(attempt(planner, subject.team), "after another situation")
-    return "a situation, another one, the first again: equal"
+    if not subject.remembers:
+        found = _difference_of_plans(before[0], before[-1])
+        if found:
+            raise Unfit(f"after another situation, {found}; a memory needs stateful = True and reset(seed)")
+        return "a situation, another one, the first again: equal"
+    reset(planner, SEED)
+    for k, (first, team) in enumerate(zip(before, calls, strict=True)):
+        found = _difference_of_plans(first, attempt(planner, team))
+        if found:
+            raise Unfit(f"after reset(seed) with the same seed and calls, {found} in call {k + 1}")
+    return "stateful: after reset(seed) the same calls give the same plans"
 
 
 def _pickling(subject: Subject) -> str:
@@ -252,7 +271,7 @@ CHECKS: dict[str, Callable[[Subject], str]] = {
     "same seed, same plan": _repeatable,
     "other process": _other_process,
     "chance only from rng": _chance,
-    "no memory": _memory,
+    "memory": _memory,
     "pickling": _pickling,
     "nothing from the unheard": _independence,
     "only plans from others": _exchange,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planning.contract import exchange_of, with_truth
+from planning.contract import exchange_of, is_stateful, reset, with_truth
 from planning.loading import load_planner, planner_errors
 from planning.planner import Exchange, Plan, Planner, Situation
 from sim.mission.knowledge import Knowledge
@@ -54,7 +54,8 @@ class Mission:
         self.forest, self.people = forest_and_people(scenario, seed)
         self.planner, self.sees_truth, exchange = self._known_of(planner)
         chance = partial(stream, seed, repeat=repeat)
-        self.rng = chance("planner")  # the planner's only source of chance
+        self.rng = chance("planner")  # the planner's only source of chance, but for what it is reset with
+        self._reset = is_stateful(self.planner)  # is due before the first decision
         self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
         self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
         starts = [self.people.at(time)[0] for time in (0.0, 1 / scenario.rates.sensing)]
@@ -99,10 +100,7 @@ class Mission:
 
     @property
     def team(self) -> list[Situation]:
-        """Knowledge of each UAV that works, if it has to decide now, to do anything with.
-
-        Empty between decisions, before the first one, and when all UAVs have broken down or the mission is over.
-        """
+        """Knowledge of each UAV that works and has to decide now, to do anything with; empty between decisions."""
         return [] if self.over else [handed(situation) for situation in self._situations()]
 
     @property
@@ -265,6 +263,9 @@ class Mission:
             if given is not None:
                 made, faults = usable_plans(given, team)
             elif self.planner is not None:
+                if self._reset:
+                    reset(self.planner, int(stream(self.seed, "memory", repeat=self.repeat).integers(2**63)))
+                    self._reset = False
                 made, faults = checked_plans(self.planner, team, self._knowledge.plans.own, self.rng)
             else:
                 raise InputError(f"plans: none are given, and the mission has no planner; expected {len(team)}")

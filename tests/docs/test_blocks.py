@@ -1,17 +1,19 @@
 """Blocks of README and pages run, and say what stands below them; `pytest -m docs` runs those that take long."""
 
+import importlib
 import importlib.util
 import re
+import shlex
 import shutil
 from functools import partial
 
 import pytest
-from helpers.pages import DOCS, PAGES, ROOT, blocks, generator
+from helpers.pages import DOCS, PAGES, ROOT, SHORTER, blocks, generator
 
 from planning.conformance import checks
 from sim.recording.archive import load
 
-TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem != "lost-person"]
+TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem not in ("lost-person", "learning")]
 REFERENCE = ("api", "figures", "planners")
 # The blocks of the other pages are run by the tests below and beside this file, and in the folders of the code.
 NAMES = (
@@ -74,6 +76,24 @@ def test_notebooks_run_in_a_kernel(tmp_path):
     for page in TUTORIALS:
         made = nbformat.from_dict(generator().notebook(page.read_text(encoding="utf-8")))
         nbclient.NotebookClient(made, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
+
+
+@pytest.mark.docs
+def test_the_tutorial_on_learning_trains_and_flies(shell, monkeypatch, alone):
+    monkeypatch.syspath_prepend(str(DOCS / "examples" / "seedling"))
+    train = importlib.import_module("seedling.train")
+    tiny = ["--missions", "2", "--duration", "2", "--epochs", "2", "--validations", "1", "--expert", "greedy"]
+    text, names = text_of("tutorials/learning.md").replace("'seedling(", "'seedling.planner:Seedling("), {}
+    for language, content in blocks(text):
+        if language == "python":
+            exec(compile(content, "learning.md", "exec"), names)
+        for line in content.splitlines() if language == "sh" else ():
+            words = shlex.split(line)
+            if words[0] == "python":
+                train.main([*words[3:], *tiny])
+            elif words[0] == "understory":
+                shell.line(line, *SHORTER.get(words[1], []))
+    assert {path.name for path in shell.folder.iterdir()} >= {"tiny.npz", "tiny.csv", "mine.npz", "runs"}
 
 
 def test_a_notebook_holds_the_blocks_of_its_page_in_order():

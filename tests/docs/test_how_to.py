@@ -69,8 +69,11 @@ def test_every_check_is_listed_in_its_order():
     assert listed(TRACKERS_PAGE, "| check of a tracker |") == [f.check for f in check_tracker("jpda")]
 
 
+EXAMPLES = tuple(f"examples/{name}/README.md" for name in ("shepherd", "seedling", "soup"))
+
+
 def test_links_lead_to_pages_and_headings_that_exist():
-    for name in ("how-to/plugins.md", "how-to/trackers.md", "examples/shepherd/README.md", "examples/soup/README.md"):
+    for name in ("how-to/plugins.md", "how-to/trackers.md", "tutorials/learning.md", *EXAMPLES):
         page = DOCS / name
         for target in re.findall(r"\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
             file, _, heading = target.partition("#")

@@ -97,6 +97,44 @@ class Buffering(Good):
         return [Plan(row) for row, _ in zip(self.buffer, team, strict=False)]
 
 
+class Recurrent(Good):
+    """Remembers, by UAV, what it planned before, and its share, which the seed gives."""
+
+    stateful = True
+
+    def reset(self, seed):
+        self.share, self.before = np.random.default_rng(seed).random(), {}
+
+    def one(self, s, rng, team):
+        before = self.before.get(s.own.id, np.zeros((1, 2)))
+        self.before[s.own.id] = self.share * super().one(s, rng, team).controls + (1.0 - self.share) * before
+        return Plan(self.before[s.own.id].copy())
+
+
+class Gossip(Recurrent):
+    """Remembers what others that it does not hear held at the last decision."""
+
+    def reset(self, seed):
+        super().reset(seed)
+        self.held = {}
+
+    def plan(self, team, rng):
+        before, self.held = self.held, {s.own.id: sum(t.belief.mean[0] for t in s.tracks) for s in team}
+        unheard = [before.keys() - {v.id for v in s.vehicles} for s in team]
+        rumours = [1e-3 * sum(before[i] for i in sorted(ids)) for ids in unheard]
+        plans = zip(super().plan(team, rng), rumours, strict=True)
+        return [Plan(0.9 * plan.controls + np.array([[0.0, rumour]])) for plan, rumour in plans]
+
+
+class Clinging(Recurrent):
+    """Forgets its share alone."""
+
+    def reset(self, seed):
+        before = getattr(self, "before", {})
+        super().reset(seed)
+        self.before = before
+
+
 class Forgetful(Good):
     def __init__(self):
         self.share = 0.5
@@ -227,8 +265,10 @@ BROKEN = [
     (kind("Hashing", one=with_rng(lambda: hash("some string") % 2**32)), "other process", HASHES),
     (kind("Legacy", one=always(lambda: [[np.random.uniform(-1, 1), 0]])), CHANCE, f"{GLOBAL} of numpy.random"),  # noqa: NPY002
     (kind("Random", one=always(lambda: [[random.uniform(-1, 1), 0]])), CHANCE, f"{GLOBAL} of random"),
-    (Counting, "no memory", "after another situation, plans differ by"),
-    (Buffering, "no memory", "a later decision changes plans that were returned before"),
+    (Counting, "memory", "; a memory needs stateful = True and reset(seed)"),
+    (Buffering, "memory", "a later decision changes plans that were returned before"),
+    (Clinging, "memory", "with the same seed and calls, plans differ by"),
+    (Gossip, "nothing from the unheard", "UAV 0 is out of contact, but others' tracks change the plan of UAV 0"),
     (kind("Unpicklable", __init__=lambda self: setattr(self, "speed", lambda: 1.0)), "pickling", "pickle"),
     (Forgetful, "pickling", "of a pickled copy, plans differ by"),
     (Eavesdropping, "only plans from others", "UAV 0's plan says nothing, but its tracks change the plan of UAV 2"),
@@ -251,7 +291,7 @@ def test_a_broken_planner_fails_the_check_that_fits_and_no_other(planner, name, 
     assert list(found) == [name] and seen in found[name] and "\n" not in found[name]
 
 
-@pytest.mark.parametrize("planner", [Good, Sequence])
+@pytest.mark.parametrize("planner", [Good, Sequence, Recurrent])
 def test_a_good_planner_passes_all(planner):
     assert {finding.passed for finding in check(planner, other_process=planner is Good)} == {True}
 
@@ -270,6 +310,20 @@ def test_without_plans_nothing_is_tried_and_broken_kinds_cover_every_check():
     assert {name for _, name, _ in BROKEN} == set(CHECKS) - {"time"}
     with pytest.raises(PlannerError, match="did you mean hover"):
         check("hoover")
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({}, "planner: 'Odd' cannot say what it remembers: it is stateful, but has no method reset(seed)"),
+        ({"reset": 3}, "planner: 'Odd' cannot say what it remembers: it is stateful, but has no method reset(seed)"),
+        ({"reset": lambda self, seed: {}[seed]}, "planner: 'Odd' cannot be reset: KeyError: 5"),
+    ],
+)
+def test_a_memory_that_cannot_be_reset_is_refused_in_one_line(changed, text):
+    with pytest.raises(PlannerError) as refused:
+        check(type("Odd", (Good,), {"stateful": True, **changed}))
+    assert str(refused.value).startswith(text) and "\n" not in str(refused.value)
 
 
 def test_global_random_numbers_are_left_as_they_were():

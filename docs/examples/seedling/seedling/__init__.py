@@ -1,0 +1,1 @@
+"""A planner whose policy was learned in Understory's missions, and the script that trains it."""
