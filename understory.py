@@ -175,6 +175,8 @@ def mission(
     Raises:
         InputError: Where scenario, settings or planner cannot be used.
     """
+    from numbers import Integral
+
     from planning.loading import load_planner
     from sim.mission.mission import Mission
     from sim.study.settings_text import chosen
@@ -183,7 +185,7 @@ def mission(
     made = load_planner(planner) if isinstance(planner, str) else planner
     if made is not None and not callable(getattr(made, "plan", None)):
         raise InputError(f"planner: {made!r} is not allowed; expected a name or an object with the method plan")
-    if seed < 0:
+    if not (isinstance(seed, Integral) and seed >= 0):
         raise InputError(f"seed: {seed!r} is not allowed; expected an integer of at least 0")
     return Mission(chosen(scenario, settings), made, seed, repeat)
 

@@ -52,5 +52,5 @@ def reward_of(given: str | Reward) -> Reward:
     """The reward of a key, or the function given; InputError for an unknown key."""
     if callable(given):
         return given
-    check_known("reward", given, REWARDS, " (or a function of situation and true people)")
+    check_known("reward", str(given), REWARDS, " (or a function of situation and true people)")
     return REWARDS[given]

@@ -27,7 +27,9 @@ def toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data
 
 
 def overrides(settings: Mapping[str, Any] | None) -> list[str]:
-    """Settings as `--set` takes them, each `key=value`."""
+    """Settings as `--set` takes them, each `key=value`; InputError if they are no mapping."""
+    if not isinstance(settings, Mapping | None):
+        raise InputError(f"settings: {settings!r} is not allowed; expected a mapping, as {{'duration': 10}}")
     return [f"{key}={toml(value)}" for key, value in flat(settings or {}).items()]
 
 

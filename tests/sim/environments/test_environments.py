@@ -167,6 +167,10 @@ MADE = {
     "duration: 0.5 s is too short; an episode needs two decisions": lambda: understory.parallel_env(
         settings={"duration": 0.5}
     ),
+    "reward: '3' is unknown; allowed are gospa, true_gospa, trace": lambda: understory.parallel_env(reward=3),
+    "settings: 'duration=3' is not allowed; expected a mapping": lambda: understory.parallel_env(settings="duration=3"),
+    "seed: 1.5 is not allowed; expected an integer of at least 0": lambda: understory.mission("forest", seed=1.5),
+    "seed: '3' is not allowed; expected an integer of at least 0": lambda: understory.mission("forest", seed="3"),
     "settings: not allowed with a Scenario; set its fields": lambda: understory.parallel_env(
         understory.Scenario(), settings=IDEAL
     ),

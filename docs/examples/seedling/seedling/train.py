@@ -156,13 +156,22 @@ class _Log:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Train as the command line says."""
-    parser = argparse.ArgumentParser(prog="python -m seedling.train", description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m seedling.train",
+        description=__doc__.partition("\n")[0],
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
     for name, default in vars(Training()).items():
         parser.add_argument(f"--{name}", type=type(default), default=default)
     parser.add_argument("--workers", type=int, default=1, help="processes that fly missions")
     parser.add_argument("--out", type=Path, default=Path("weights.npz"), help="weights; the log has the suffix .csv")
     given = parser.parse_args(arguments)
-    settings = Training(**{name: getattr(given, name) for name in vars(Training())})
+    try:
+        settings = Training(**{name: getattr(given, name) for name in vars(Training())})
+    except ValueError as error:
+        parser.error(str(error))
+    if not given.out.parent.is_dir():
+        parser.error(f"--out: there is no folder {given.out.parent}")
     if given.workers == 1:
         train(settings, map, _Log(given.out))
         return

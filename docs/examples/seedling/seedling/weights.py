@@ -40,15 +40,22 @@ def drawn(seed: int) -> Weights:
 
 
 def load(path: Path) -> Weights:
-    """Weights of a file; ValueError if it holds others."""
-    with np.load(path, allow_pickle=False) as held:
-        if set(held.files) != set(SHAPES):
-            raise ValueError(f"weights: {path} holds {', '.join(held.files)}; expected {', '.join(SHAPES)}")
-        weights = Weights(**{name: held[name].astype(float) for name in SHAPES})
-    for name, part in weights._asdict().items():
-        if part.shape != SHAPES[name] or not np.all(np.isfinite(part)):
-            raise ValueError(f"weights: {name} of {path} has the shape {part.shape}; expected {SHAPES[name]}, finite")
-    return weights
+    """Weights of a file; ValueError if it cannot be read or holds others."""
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            parts = {name: held[name].astype(float) for name in held.files}
+    except FileNotFoundError:
+        raise ValueError(f"weights: there is no file {path}") from None
+    except Exception:  # of NumPy, of the archive, or of what stands in it
+        raise ValueError(f"weights: {path} is no .npz file of numbers") from None
+    if set(parts) != set(SHAPES):
+        raise ValueError(f"weights: {path} holds {', '.join(parts)}; expected {', '.join(SHAPES)}")
+    for name, part in parts.items():
+        if part.shape != SHAPES[name]:
+            raise ValueError(f"weights: {name} of {path} has the shape {part.shape}; expected {SHAPES[name]}")
+        if not np.all(np.isfinite(part)):
+            raise ValueError(f"weights: {name} of {path} has numbers that are not finite")
+    return Weights(**parts)
 
 
 def save(weights: Weights, path: Path) -> None:
