@@ -16,7 +16,6 @@ functions of the packages, imported at their first use.
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from importlib import import_module
@@ -290,7 +289,7 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - what the name stands for
     raise AttributeError(f"module 'understory' has no attribute {name!r}")
 
 
-if "gymnasium" in sys.modules:  # which is not imported only for this
+if find_spec("gymnasium"):  # a tenth of a second, for which gymnasium.make finds the scenarios in any order of imports
     import_module("sim.environments.registration")
 
 

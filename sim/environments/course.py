@@ -116,9 +116,18 @@ class Course:
         return found
 
     def rewarded(self, uav: int) -> float:
-        """Reward of a UAV now, 0 if it has broken down."""
+        """Reward of a UAV now, 0 if it has broken down; InputError where the function gives no finite number."""
         situation = self.rollout.team.get(uav)
-        return 0.0 if situation is None else float(self.reward(situation, self.rollout.people))
+        if situation is None:
+            return 0.0
+        given = self.reward(situation, self.rollout.people)
+        try:
+            reward = float(given)
+        except (TypeError, ValueError):
+            reward = math.nan
+        if not math.isfinite(reward):
+            raise InputError(f"reward: the function returned {given!r}; expected a finite number")
+        return reward
 
     def render(self) -> NDArray[np.uint8] | None:
         """A frame (720, 1280, 3) RGB as films have them; None, and a warning, without a `render_mode`."""

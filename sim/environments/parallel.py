@@ -65,6 +65,8 @@ class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[A
     ) -> tuple[dict[str, Observed], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Fly to the next decision; an agent that breaks down is terminated and keeps its last observation."""
         course, flying = self._course, self.agents
+        if not isinstance(actions, Mapping):
+            raise error.InvalidAction(f"actions: {type(actions).__name__} is not allowed; expected a dict by agent")
         for agent in actions:
             if agent not in flying and flying:
                 raise error.InvalidAction(f"actions: {agent!r} is no agent now; {did_you_mean(agent, flying)}")

@@ -2,6 +2,8 @@
 
 import copy
 import itertools
+import subprocess
+import sys
 import warnings
 
 import gymnasium
@@ -12,7 +14,6 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from helpers.flights import fly
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
-import sim.environments.registration
 import understory
 from planning.planner import Plan
 from sim.mission import mission as mission_module
@@ -21,10 +22,23 @@ from sim.scenario.loading import SCENARIOS
 from sim.world.trajectories import Trajectories
 from tracking.plugins.registry import InputError
 
-gymnasium.register_envs(sim.environments.registration)
 IDEAL = {"sensing.mode": "ideal", "dynamics": "kinematic", "duration": 4}
 WORLDS = [pytest.param(name, {"duration": 4}, marks=pytest.mark.slow) for name in SCENARIOS]
 UNBOUNDED = "ignore:.*Box observation space m.*imum value"
+
+
+MADE_BY = (
+    "import gymnasium, understory; gymnasium.make('understory/Search-v0')",
+    "import understory, gymnasium; gymnasium.make('understory/Search-v0')",
+    "import gymnasium; gymnasium.make('understory:understory/Search-v0')",
+)
+
+
+@pytest.mark.parametrize("script", MADE_BY)
+def test_gymnasium_finds_the_scenarios_in_any_order_of_imports(script, tmp_path):
+    """Each in a new process, whose imports no other test has made."""
+    done = subprocess.run([sys.executable, "-W", "error", "-c", script], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def equal(one, other):
@@ -219,6 +233,14 @@ def test_a_reward_that_sees_the_truth_is_marked_and_given_true_positions():
     np.testing.assert_array_equal(asked[0], env.flight().recording.people[5])
 
 
+@pytest.mark.parametrize("given", [np.nan, -np.inf, None, "high"])
+def test_a_reward_that_is_no_finite_number_is_refused(given):
+    env = understory.parallel_env("forest", settings=IDEAL, reward=lambda situation, people: given)
+    env.reset(seed=0)
+    with pytest.raises(InputError, match=f"reward: the function returned {given!r}; expected a finite number"):
+        env.step(dict.fromkeys(env.agents, FINE))
+
+
 FINE = np.zeros(2)
 ACTIONS = {
     "action of UAV 1: of shape (3,) is not allowed; expected two numbers in [-1, 1]": {"uav_1": np.zeros(3)},
@@ -242,6 +264,8 @@ def test_actions_that_cannot_be_used_are_refused_and_change_nothing():
         with pytest.raises(InvalidAction) as refused:
             env.step({"uav_0": FINE, "uav_2": FINE, **wrong})
         assert str(refused.value).startswith(message)
+    with pytest.raises(InvalidAction, match="actions: ndarray is not allowed; expected a dict by agent"):
+        env.step(np.zeros((3, 2)))
     while env.agents:
         given = dict.fromkeys(env.agents, FINE)
         assert equal(env.step(given), other.step(given))

@@ -168,6 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     try:
         settings = Training(**{name: getattr(given, name) for name in vars(Training())})
+        load_planner(settings.expert)
     except ValueError as error:
         parser.error(str(error))
     if not given.out.parent.is_dir():

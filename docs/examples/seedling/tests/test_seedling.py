@@ -150,6 +150,7 @@ def test_a_training_that_cannot_be_is_refused_in_one_line(tmp_path: Path, capsys
     for given, said in (
         (["--missions", "1"], "missions at least 2"),
         (["--out", str(tmp_path / "none" / "z.npz")], "--out: there is no folder"),
+        (["--expert", "sma-nbo-gosp"], "did you mean sma-nbo-gospa?"),
     ):
         with pytest.raises(SystemExit) as left:
             main(given)
