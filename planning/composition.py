@@ -81,7 +81,9 @@ class Composition:
         def value(candidates: Array, ease: Array | None = None) -> Array:
             """Sum of all terms, of which only that of tracks can be relaxed."""
             found = of_tracks(candidates, ease)
-            return np.asarray(found + sum(term(candidates) for term in extra)) if extra else found
+            for term in extra:
+                found = found + term(candidates)
+            return found
 
         in_reach = targets_in_reach(belief, uavs, speeds)
         if self.actions == "all":

@@ -191,7 +191,7 @@ def test_a_class_has_a_name_of_its_own():
 # What chooses its code by processor (BLAS, LAPACK, NumPy's elementary functions, sorting without a stable order, the
 # C library's functions) may differ in the last bit. None of it computes on a mission's path.
 EXACT = {"inf", "nan", "pi", "tau", "sqrt", "floor", "ceil", "isnan", "isfinite", "isclose", "radians", "prod"}
-EXACT |= {"frexp", "factorial", "ldexp"}
+EXACT |= {"frexp", "factorial", "ldexp", "fsum"}
 DISPATCHED = {"linalg", "dot", "vdot", "matmul", "einsum", "inner", "tensordot", "convolve", "correlate", "cov"}
 DISPATCHED |= {"exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "sin", "cos", "tan", "arcsin", "arccos"}
 DISPATCHED |= {"arctan", "arctan2", "sinh", "cosh", "tanh", "hypot", "power", "float_power", "cbrt", "deg2rad"}
@@ -238,8 +238,17 @@ def _dispatched(node: ast.AST) -> str:
             return ", ".join(f"{module}.{a.name}" for a in names if f"{module}.{a.name}" not in LIBRARIES)
         case ast.Import(names=names):
             return ", ".join(a.name for a in names if a.name.split(".")[0] in FOREIGN - {"math"})
+    return _built_in(node)
+
+
+def _built_in(node: ast.AST) -> str:
+    match node:
         case ast.Name(id="pow"):
             return "pow"
+        case ast.Call(func=ast.Name(id="sum"), args=[ast.GeneratorExp(elt=ast.Attribute(attr="size"))]):
+            return ""
+        case ast.Call(func=ast.Name(id="sum")):
+            return "sum, which since Python 3.12 adds real numbers with compensation; math.fsum rounds them once"
     return ""
 
 
@@ -275,6 +284,8 @@ def test_arithmetic_on_a_missions_path_is_the_same_on_every_processor():
         "from math import exp",
         "import scipy.linalg as la",
         "x = pow(y, 0.3)",
+        "x = sum(y)",
+        "x = sum((each.cost for each in y), 0.0)",
     ],
 )
 def test_the_rule_on_arithmetic_sees_what_depends_on_the_processor(line):

@@ -34,7 +34,9 @@ def weighted_trace_penalty(targets: Array, traces: Array, sensors: Array, views:
     busy[:, :2] = sensors
     for i in range(len(sensors)):
         mark_in_view(targets, seen, sensors, views, i)
-    penalty = sum((match.penalty for match in matches(targets, traces, seen, busy, views)), 0.0)
+    penalty = 0.0
+    for match in matches(targets, traces, seen, busy, views):
+        penalty += match.penalty
     sensors[:] = busy[:, :2]
     return penalty
 

@@ -1,5 +1,6 @@
 """Gymnasium environment: the team as one agent."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -63,7 +64,7 @@ class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
             raise error.InvalidAction(f"action: of shape {np.shape(action)}, not {self.action_space.shape}")
         course.step({i: action[i] for i in course.rollout.team})
         team = course.rollout.team
-        reward = sum(course.rewarded(i) for i in team) / max(len(team), 1)
+        reward = math.fsum(course.rewarded(i) for i in team) / max(len(team), 1)
         return self._observed(), reward, not team, bool(team) and course.rollout.over, self._info()
 
     def _observed(self) -> Observed:

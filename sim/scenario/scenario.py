@@ -73,7 +73,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         self._check_times()
         for (i, one), (j, other) in combinations(enumerate(self.uavs), 2):
             gaps = (one.start[0] - other.start[0], one.start[1] - other.start[1], one.altitude - other.altitude)
-            if math.sqrt(sum(gap * gap for gap in gaps)) < _CLEARANCE:
+            if math.sqrt(math.fsum(gap * gap for gap in gaps)) < _CLEARANCE:
                 raise ValueError(f"uavs.{j}.start: {list(other.start)} is less than {_CLEARANCE:g} m from uavs.{i}")
 
     def _check_times(self) -> None:
@@ -164,7 +164,7 @@ def _loads(scenario: Scenario) -> Iterator[tuple[str, float, str, float]]:
     messages = scans * scenario.network.rounds * uavs * uavs
     yield "duration, rates.sensing, network.rounds and uavs", messages, "messages", 1e9
     if scenario.sensing.renders:
-        pixels = scans * sum(uav.pixels * uav.pixels for uav in scenario.uavs)
+        pixels = scans * math.fsum(uav.pixels * uav.pixels for uav in scenario.uavs)
         yield "duration, rates.sensing, uavs and their pixels", pixels, "pixels", 1e12
     area = scenario.area.width * scenario.area.height
     yield "area and uavs, each of which keeps a map of it,", area * uavs, "m² of maps", 6e8
@@ -177,4 +177,4 @@ def _loads(scenario: Scenario) -> Iterator[tuple[str, float, str, float]]:
 
 
 def _length(path: Path) -> float:
-    return sum(math.sqrt((x - u) * (x - u) + (y - v) * (y - v)) for (x, y), (u, v) in pairwise(path))
+    return math.fsum(math.sqrt((x - u) * (x - u) + (y - v) * (y - v)) for (x, y), (u, v) in pairwise(path))

@@ -1,5 +1,6 @@
 """Seconds spent per stage of a mission."""
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ class Stopwatch:
     @property
     def seconds(self) -> dict[str, float]:
         """Seconds of each stage so far."""
-        return {stage: sum(laps, 0.0) for stage, laps in self.laps.items()}
+        return {stage: math.fsum(laps) for stage, laps in self.laps.items()}
 
     @contextmanager
     def measure(self, stage: str) -> Iterator[None]:

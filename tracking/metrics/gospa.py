@@ -37,5 +37,5 @@ def gospa(estimates: Array, truths: Array, c: float = 10.0, p: float = 2.0) -> G
     costs, most = least_costs(power_each(np.minimum(gaps, c), p)), power(c, p)
     near = costs[costs < most]
     far = most / 2
-    parts = (float(near.sum()), (len(Y) - len(near)) * far, (len(X) - len(near)) * far)
-    return Gospa(power(sum(parts), 1 / p), *(power(part, 1 / p) for part in parts))
+    localisation, missed, false = float(near.sum()), (len(Y) - len(near)) * far, (len(X) - len(near)) * far
+    return Gospa(*(power(part, 1 / p) for part in (localisation + missed + false, localisation, missed, false)))
