@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from sim.evaluation.fleet_facts import bytes_sent, contacts, disagreement, plan_bytes
 from sim.evaluation.score import FAR, Score, score
+from sim.evaluation.searching import times_to_find
 from sim.evaluation.unmatched import Unmatched, unmatched_tracks
 from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
@@ -256,6 +257,7 @@ METRICS = {
             "fragmentations", _over_uavs(lambda s: s.fragmentations), key="identity.fragmentations"
         ),
         "share_held": _share("people held", lambda o: mean(np.concatenate([s.held[s.present] for s in o.scores]))),
+        "time_to_find_s": Metric("time to find a person", lambda o: mean(times_to_find(o.recording, o.scores)), "s"),
         "nees.position": _nees("NEES of positions (consistent: 2)", lambda s: s.position_nees, "nees.position.mean"),
         "nees.state": _nees("NEES of states (consistent: 4)", lambda s: s.state_nees, "nees.state.mean"),
         "recall": _share("detection recall", _recall, "detection.recall"),
