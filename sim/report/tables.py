@@ -79,16 +79,11 @@ def _repeated(found: Sequence[Answer]) -> bool:
 
 def notes(found: Sequence[Answer]) -> list[str]:
     """Notes below the tables of these answers, a line each."""
-    compared = [answer.difference for answer in found if answer.difference]
-    many = (
-        f"* survives Holm's correction for all {len(compared)} differences shown ({100 - 100 * LEVEL:.0f} %)."
-        if len(compared) > 1
-        else ""
-    )
     sampled = [(answer.metric, answer.maps) for answer in found]
-    told = caveats(sampled + [(answer.metric, answer.difference.pairs) for answer in found if answer.difference])
-    parts = [_NOTE, *told, _COMPARED if compared else "", many, _REPEATED if _repeated(found) else ""]
-    return [part for part in parts if part]
+    compared = [(answer.metric, answer.difference.pairs) for answer in found if answer.difference]
+    many = f"* survives Holm's correction for all {len(compared)} differences shown ({100 - 100 * LEVEL:.0f} %)."
+    said = {_COMPARED: compared, many: len(compared) > 1, _REPEATED: _repeated(found)}
+    return [_NOTE, *caveats(sampled + compared), *(text for text, fits in said.items() if fits)]
 
 
 def shortfalls(found: Sequence[Answer]) -> list[str]:
