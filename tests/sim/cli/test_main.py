@@ -9,11 +9,11 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from helpers.commands import fly_here
 from helpers.processes import python
 
 from planning.registry import PLANNERS
 from sim.__main__ import COMMANDS
-from sim.running import isolated_run
 from sim.scenario.loading import SCENARIOS
 from sim.study.study import STUDIES
 
@@ -66,7 +66,7 @@ def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path, monkeypa
     (tmp_path / "ailing.py").write_text(AILING)
     (tmp_path / "runs" / "forest-ailing.Ailing-seed0").mkdir(parents=True)
     options = ["--planner", "ailing:Ailing", "--duration", "4s", "--set", "sensing.mode=ideal", "--no-video"]
-    monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))
+    fly_here(monkeypatch)
     code, out, err = call("run", *options)
     assert (code, err) == (0, "") and "4.0 of 4 s, OSPA " in out and "ailing:Ailing, seed 0, 4.0 s" in out
     before, _, after = out.partition("┏")
