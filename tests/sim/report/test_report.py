@@ -44,12 +44,6 @@ def rows():
     return [*study(), good, bad]
 
 
-@pytest.fixture
-def without_pictures(monkeypatch):
-    """Figures are laid out, but no files are made of them, which takes a second."""
-    monkeypatch.setattr("sim.report.figures.pictures.content", lambda figure, kind: b"")
-
-
 @pytest.fixture(scope="module")
 def files():
     return made(rows(), ABOUT)
@@ -73,7 +67,7 @@ def test_the_page_needs_nothing_else_its_links_lead_and_figures_speak(page, file
     assert any(EVIL in shown for _, shown in page.of("strong"))
 
 
-def test_what_was_run_by_which_version_is_there(page):
+def test_what_was_run_by_which_version_is_there(page, without_pictures):
     ((_, text),) = page.of("main")
     for part in (
         *("tried", "forest", "R = 5", "15, 75", MINE, "6: 0-5", "37 done, 1 failed"),
@@ -134,7 +128,7 @@ def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
     assert after == before
 
 
-def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path):
+def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path, without_pictures):
     few = [row("sma-nbo", 0), row("greedy", 0)]
     larger, smaller = (About("x", metrics=names) for names in (("ospa.mean_m", "recall"), ("ospa.mean_m",)))
     few = [msgspec.structs.replace(r, metrics={"ospa.mean_m": 1.0, "recall": 0.5}) for r in few]
@@ -156,7 +150,7 @@ def test_figures_of_a_larger_report_before_go_and_all_else_stays(tmp_path):
     ],
     ids=["one trial", "all failed", "all undefined", "one planner"],
 )
-def test_studies_with_nothing_to_compare_have_a_report(given):
+def test_studies_with_nothing_to_compare_have_a_report(given, without_pictures):
     page = Page(made(given, About("odd"))["report.html"].decode())
     assert page.of("h1") and page.of("table")
 
