@@ -42,7 +42,11 @@ def plain(row):
 
 
 class Serial:
-    """Flies at once, or does to a trial what `fates` says of its planner, attempt by attempt."""
+    """Flies at once, or does to a trial what `fates` says of its planner, attempt by attempt.
+
+    None stands for an invented row, a text for a row that failed, an exception for one that its future has, and `...`
+    for a future that never ends.
+    """
 
     def __init__(self, fates=None):
         self.fates = {name: list(fate) for name, fate in (fates or {}).items()}
