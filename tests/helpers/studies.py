@@ -1,11 +1,14 @@
 """Short studies and made-up results for tests of comparisons."""
 
 import math
+import sqlite3
 from concurrent.futures import Future
+from contextlib import closing
 
 import msgspec
 import numpy as np
 
+from sim.study.store import NAME, Store
 from sim.study.study import Study
 from sim.study.tasks import tasks
 from sim.study.trial import Flown, failed, fly
@@ -31,6 +34,21 @@ def invented(task):
         ospa=rng.uniform(size=6).astype(np.float32),
         times=np.arange(6) / 5,
     )
+
+
+def store(folder, tasks):
+    """Fill the store in a folder with invented rows of tasks of one study; these rows."""
+    rows = [invented(task) for task in tasks]
+    with Store.opened(folder, tasks[0].study) as opened:
+        for task, row in zip(tasks, rows, strict=True):
+            opened.add(task, row)
+    return rows
+
+
+def sql(folder, statement):
+    """Rows that a statement of SQL gives of the store in a folder, which keeps what it changes."""
+    with closing(sqlite3.connect(folder / NAME)) as connection, connection:
+        return connection.execute(statement).fetchall()
 
 
 def plain(row):

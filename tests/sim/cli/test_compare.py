@@ -1,10 +1,8 @@
 """`understory compare`: what it says, what it leaves, and how it ends."""
 
-import sqlite3
+from helpers.studies import Serial, sql
 
-from helpers.studies import Serial
-
-from sim.study.store import NAME, Store, StoreError, read_rows
+from sim.study.store import Store, StoreError, read_rows
 from sim.terminal.progress import pace
 
 FLAGS = ["--duration", "1", "--sensing", "ideal"]
@@ -134,10 +132,7 @@ def test_what_was_flown_otherwise_is_flown_again_or_kept_apart(compare, tmp_path
     assert len(list((tmp_path / "s" / "recordings").iterdir())) == len(read_rows(tmp_path / "s")) == 1
     options = ["--planner", "hover", "--seeds", "0", *FLAGS]
     compare(*options)
-    sql = sqlite3.connect(tmp_path / "runs" / "compare" / NAME)
-    sql.execute("UPDATE trials SET version = '0.0.9', key = 'x'")
-    sql.commit()
-    sql.close()
+    sql(tmp_path / "runs" / "compare", "UPDATE trials SET version = '0.0.9', key = 'x'")
     backend = Serial()
     code, _, err = compare(*options, backend=backend)
     assert code == 0 and len(backend.flown) == 1

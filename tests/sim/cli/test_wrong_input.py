@@ -1,12 +1,11 @@
 """Wrong input to a command is one line and exit code 2, and leaves nothing."""
 
-import sqlite3
-
 import pytest
 from helpers.recordings import record
+from helpers.studies import sql
 
 from sim.recording.archive import save
-from sim.study.store import NAME, SCHEMA
+from sim.study.store import SCHEMA
 
 FILES = {
     "broken.toml": b"duration = = 3",
@@ -159,9 +158,7 @@ def folder(tmp_path_factory):
         (folder / name).mkdir()
     for name, content in FILES.items():
         (folder / name).write_bytes(content)
-    sql = sqlite3.connect(folder / "newer" / NAME)
-    sql.execute(f"PRAGMA user_version = {SCHEMA + 1}")
-    sql.close()
+    sql(folder / "newer", f"PRAGMA user_version = {SCHEMA + 1}")
     save(record(), folder / "run" / "mission.npz")
     return folder
 
