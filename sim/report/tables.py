@@ -58,19 +58,18 @@ def score_table(scored: Scored, groups: Sequence[Group]) -> Table:
     lines = []
     for cell, of_cell in groupby(found, lambda place: place.cell):
         scores = {place.planner: place.score.text(SCORE) for place in of_cell}
-        means = [_mean(by_place.get((cell, end)), metric) if cell is not None else "" for end in ends]
-        named = "mean over cells" if cell is None else cell_text(cell) or "all missions"
-        lines.append([named, *means, *(scores.get(planner, UNKNOWN) for planner in planners)])
+        if cell is None:
+            start = ["mean over cells", "", ""]
+        else:
+            means = [map_means(by_place[cell, end], metric).value for end in ends]
+            start = [cell_text(cell) or "all missions", *map(metric.text, means)]
+        lines.append([*start, *(scores.get(planner, UNKNOWN) for planner in planners)])
     note = (
         f"{metric.label}: 0 is that of {ends[0]}, 100 that of {ends[1]}, on the maps that all three flew. In brackets: "
         "95 % intervals over the maps; how often these hold was not counted."
     )
     heads = ["cell", *(f"{end} [{metric.unit}]" for end in ends), *planners]
     return Table(SCORES, heads, [((), line) for line in lines], note=note)
-
-
-def _mean(group: Group | None, metric: Metric) -> str:
-    return UNKNOWN if group is None else metric.text(map_means(group, metric).value)
 
 
 def _repeated(found: Sequence[Answer]) -> bool:

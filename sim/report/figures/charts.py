@@ -157,8 +157,8 @@ def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
 
 
 def scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -> Figure:
-    """A panel for each planner, a point (n, 2) for each map: baseline across, planner up."""
-    low, high, log = _limits(np.concatenate([*points.values(), np.zeros((0, 2))]))
+    """A panel for each planner, a point (n, 2) for each map: baseline across, planner up; some planner has a point."""
+    low, high, log = _limits(np.concatenate([*points.values()]))
     columns = min(COLUMNS, len(points))
     rows = -(-len(points) // columns)
     with _drawing(3.3 * rows, width=0.4 + 3.05 * columns) as figure:
@@ -179,11 +179,8 @@ def scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -
     return figure
 
 
-def _limits(points: Array) -> tuple[float, float, bool]:
+def _limits(values: Array) -> tuple[float, float, bool]:
     """Ends of both axes, and whether they are logarithmic: where the values span more than a factor of 30."""
-    values = points[np.isfinite(points)]
-    if not len(values):
-        return 0.0, 1.0, False
     low, high = float(values.min()), float(values.max())
     if low > 0 and high > 30 * low:
         return low / 1.15, high * 1.15, True
