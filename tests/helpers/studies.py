@@ -62,8 +62,8 @@ def plain(row):
 class Serial:
     """Flies at once, or does to a trial what `fates` says of its planner, attempt by attempt.
 
-    None stands for an invented row, a text for a row that failed, an exception for one that its future has, and `...`
-    for a future that never ends.
+    None stands for an invented row, a text for a row that failed, an exception for one that its future has, its class
+    for one that is raised at once, and `...` for a future that never ends.
     """
 
     def __init__(self, fates=None):
@@ -77,6 +77,8 @@ class Serial:
         self.flown.append((task.planner, task.seed))
         future = Future()
         fate = self.fates[task.planner].pop(0) if self.fates.get(task.planner) else None
+        if isinstance(fate, type):
+            raise fate("shut down")
         if isinstance(fate, str):
             future.set_result(failed(task, fate))
         elif isinstance(fate, BaseException):
