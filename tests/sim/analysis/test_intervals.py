@@ -32,12 +32,6 @@ def test_intervals_of_means_are_students_lengthened_by_the_edgeworth_term(n, see
     np.testing.assert_allclose(three(means(values[:, None])[0]), expected, rtol=1e-9)
 
 
-def test_the_interval_of_symmetric_values_is_students():
-    values = np.array([-3.0, -1.0, 0.0, 1.0, 3.0]) + 7.0
-    student = stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
-    np.testing.assert_allclose(three(means(values[:, None])[0]), (7.0, student.low, student.high), rtol=1e-12)
-
-
 def exact_rank(n):
     """Rank of the lower end in whole numbers: fewer than so many of n coins show heads in 2.5 % of cases at most.
 

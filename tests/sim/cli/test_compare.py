@@ -2,6 +2,7 @@
 
 from helpers.studies import Serial, sql
 
+from sim.recording.archive import load
 from sim.study.store import Store, StoreError, read_rows
 from sim.terminal.progress import pace
 
@@ -67,7 +68,9 @@ def test_a_scenario_name_or_file_is_compared_by_flags(compare, tmp_path):
     assert code == 0 and "Results in runs/compare" in out
     (row,) = read_rows(tmp_path / "runs" / "compare")
     assert (row.scenario, row.factors, row.planner, row.seed) == ("grove.toml", (), "hover", 4)
-    assert len(list((tmp_path / "runs" / "compare" / "recordings").glob("*.npz"))) == 1
+    (path,) = (tmp_path / "runs" / "compare" / "recordings").iterdir()
+    recording = load(path)
+    assert (recording.planner, recording.seed, len(recording.times)) == ("hover", 4, 6)
 
 
 def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare, tmp_path):

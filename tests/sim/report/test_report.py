@@ -189,15 +189,6 @@ def test_few_maps_tell_nothing_apart_however_large_the_difference(maps):
         assert f"{maps} map{'s' * (maps > 1)} cannot tell any planners apart, six at least are needed." in text
 
 
-def test_the_headline_says_that_planners_cannot_be_told_apart(without_pictures):
-    shares = {"sma-nbo": 0.9, "greedy": 0.2}
-    rows = [row(p, s, metrics={"ospa.share_under_1m": v}) for p, v in shares.items() for s in range(5)]
-    page = made(rows, About("few"))["report.html"].decode()
-    short = page[page.index("In short</h2>") : page.index("What was run</h2>")]
-    assert "greedy and sma-nbo cannot be told apart" in short
-    assert "is worse" not in page and "is better than" not in short
-
-
 def test_repeats_are_told_and_flown_again(without_pictures):
     rows = [
         row(p, s, metrics={"ospa.share_under_1m": 0.1 * s + 0.01 * r + 0.02 * i}, repeat=r)

@@ -13,7 +13,6 @@ from helpers.studies import Serial, plain, short
 
 from sim.mission.mission import Mission
 from sim.mission.trial import Trial
-from sim.recording.archive import load as load_recording
 from sim.study import backends, engine
 from sim.study.backends import Borrowed, Pool
 from sim.study.engine import Options, complete, rows_of
@@ -123,15 +122,6 @@ def test_an_executor_that_takes_no_more_ends_the_study_and_keeps_what_there_is(t
     with pytest.raises(StoreError, match="no more trials can be flown: RuntimeError: shut down"):
         run(tmp_path, short(["hover"], "0-2"), backend)
     assert len(read_rows(tmp_path / "study")) == 1
-
-
-def test_recordings_are_kept_on_demand(tmp_path):
-    folder = tmp_path / "recordings"
-    (task,) = short(["hover"], "3")
-    run(tmp_path, [task], Serial(), Options(recordings=folder))
-    recording = load_recording(folder / f"{task.key}.npz")
-    assert (recording.planner, recording.seed, len(recording.times)) == ("hover", 3, 6)
-    assert [path.name for path in folder.iterdir()] == [f"{task.key}.npz"]
 
 
 def test_threads_give_the_rows_of_a_single_one_in_the_order_of_tasks(tmp_path):

@@ -150,12 +150,6 @@ def test_folders_of_another_study_or_that_cannot_be_written_are_refused(filled, 
             pass
 
 
-def test_reading_what_is_not_there_makes_nothing(tmp_path):
-    with pytest.raises(InputError, match="there is no store"):
-        read_rows(tmp_path)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_failed_trials_are_flown_again_and_done_ones_only_on_demand(tmp_path):
     tasks = short(["hover", "greedy"])
     with Store.opened(tmp_path, "short") as opened:

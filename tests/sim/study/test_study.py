@@ -214,6 +214,15 @@ WRONG = {
         "11 cells by 100000 seeds by 1 repeats are 1100000 trials; at most 1000000 are allowed",
     ),
     "no TOML": ("[study", "mine.toml: Expected"),
+    "score without bound": ("[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'", "missing required field bound"),
+    "misspelt key of a score": (
+        "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'\nbound = 'oracle'\nfloot = 3",
+        "unknown field floot",
+    ),
+    "factor of the bound's name": (
+        "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'\nbound = 'oracle'\n[factors.view]\na = {}",
+        "factors.view: is no name for a factor",
+    ),
     "table as value": ("study = 3", "expected a table"),
 }
 
