@@ -1,5 +1,7 @@
 """Figures of a study show the data they are given."""
 
+from itertools import product
+
 import numpy as np
 from helpers.trials import row, study
 from matplotlib.colors import to_rgb
@@ -81,11 +83,7 @@ def test_planners_look_the_same_everywhere_and_apart_to_colour_blind_eyes():
 
 
 def factored(**factors):
-    names = list(factors)
-    cells = [()]
-    for name in names:
-        cells = [(*cell, (name, value)) for cell in cells for value in factors[name]]
-    return cells
+    return [tuple(zip(factors, levels, strict=True)) for levels in product(*factors.values())]
 
 
 def test_studies_of_two_and_three_factors_are_drawn_as_in_the_paper():
