@@ -1,5 +1,7 @@
 """The store holds each complete trial once, and says in one line why it cannot."""
 
+from pathlib import Path
+
 import msgspec
 import numpy as np
 import pytest
@@ -95,31 +97,22 @@ def test_a_full_disk_loses_nothing_and_the_study_goes_on_once_there_is_room(tmp_
     assert sql(tmp_path, "PRAGMA integrity_check") == [("ok",)]
 
 
-def broken(tmp_path, kind):
-    if kind == "text":
-        (tmp_path / NAME).write_text("this is no database, however long it may be\n" * 200)
-    elif kind == "newer":
-        with Store.opened(tmp_path, "short"):
-            pass
-        sql(tmp_path, f"PRAGMA user_version = {SCHEMA + 1}")
-    elif kind == "other":
-        sql(tmp_path, "CREATE TABLE mine (x)")
-    else:
-        (tmp_path / NAME).mkdir()
-    return tmp_path
-
-
 @pytest.mark.parametrize(
-    ("kind", "message"),
+    ("make", "message"),
     [
-        ("text", "cannot be used: file is not a database"),
-        ("newer", f"is a store of version {SCHEMA + 1}, but this program reads {SCHEMA}"),
-        ("other", "is a database, but no store of a study"),
-        ("folder", "cannot be used: is no file"),
+        (lambda path: path.write_text("no database, however long\n" * 200), "cannot be used: file is not a database"),
+        (
+            lambda path: sql(path.parent, f"PRAGMA user_version = {SCHEMA + 1}"),
+            f"is a store of version {SCHEMA + 1}, but this program reads {SCHEMA}",
+        ),
+        (lambda path: sql(path.parent, "CREATE TABLE mine (x)"), "is a database, but no store of a study"),
+        (Path.mkdir, "cannot be used: is no file"),
     ],
+    ids=["text", "newer", "other", "folder"],
 )
-def test_a_store_that_is_none_is_refused_and_left_alone(tmp_path, kind, message):
-    path = broken(tmp_path, kind) / NAME
+def test_a_store_that_is_none_is_refused_and_left_alone(tmp_path, make, message):
+    path = tmp_path / NAME
+    make(path)
     before = path.read_bytes() if path.is_file() else None
     with pytest.raises(InputError, match=message) as raised, Store.opened(tmp_path, "short"):
         pass

@@ -254,13 +254,8 @@ def walked(density):
 
 def differing(one, other):
     """Keys in which two scenarios differ."""
-    a, b = (msgspec.to_builtins(setting) for setting in (one, other))
-    return {
-        f"{key}.{name}" if isinstance(a[key], dict) else key
-        for key in a
-        for name in (a[key] if isinstance(a[key], dict) else [""])
-        if (a[key][name] != b[key][name] if isinstance(a[key], dict) else a[key] != b[key])
-    }
+    a, b = (flat(msgspec.to_builtins(setting)) for setting in (one, other))
+    return {key for key in a if a[key] != b[key]}
 
 
 def test_the_walk_begins_at_the_papers_setting_and_ends_at_the_default():
