@@ -13,7 +13,7 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Union, get_args, get_origin
 
 import msgspec
 
@@ -198,10 +198,8 @@ def _limits(kind: Any) -> str:  # noqa: ANN401 - a type
     """The bounds of a number, in words; empty if there are none."""
     if get_origin(kind) in (Union, UnionType):
         return next(filter(None, map(_limits, get_args(kind))), "")
-    if get_origin(kind) is Literal or get_origin(kind) is not Annotated:
-        return ""
-    inner, *metas = get_args(kind)
-    if inner not in (int, float):
+    inner, *metas = get_args(kind) if get_origin(kind) is Annotated else [kind]
+    if not metas or inner not in (int, float):
         return ""
     (meta,) = metas
     least = f"{meta.ge:g}" if meta.ge is not None else f"above {meta.gt:g}" if meta.gt is not None else ""

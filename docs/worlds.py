@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
@@ -27,11 +26,12 @@ def picture(scenario: Scenario, seed: int = 0) -> Figure:
     figure = Figure(figsize=(width / INCH, height / INCH))
     axes = figure.add_axes((0, 0, 1, 1), xlim=(-width / 2, width / 2), ylim=(-height / 2, height / 2), aspect="equal")
     axes.axis("off")
-    axes.set_facecolor("white")
     crowns = [Circle((tree.x, tree.y), tree.canopy_radius) for tree in forest.trees]
     axes.add_collection(PatchCollection(crowns, facecolor=GREEN, alpha=0.45, lw=0))
     for way in np.moveaxis(people.positions, 1, 0):
-        _walk(axes, way[~np.isnan(way[:, 0])])
+        there = way[~np.isnan(way[:, 0])]
+        axes.plot(*there[::6].T, color=ORANGE, lw=1.2, alpha=0.9)
+        axes.plot(*there[0], "o", color=ORANGE, ms=4)
     for uav in scenario.uavs:
         corner = (uav.start[0] - uav.footprint / 2, uav.start[1] - uav.footprint / 2)
         axes.add_patch(Rectangle(corner, uav.footprint, uav.footprint, fill=False, ec=BLUE, lw=1.3))
@@ -40,11 +40,6 @@ def picture(scenario: Scenario, seed: int = 0) -> Figure:
     axes.plot([-width / 2 + 4, -width / 2 + 24], [-height / 2 + 4] * 2, color=INK, lw=2)
     axes.text(-width / 2 + 14, -height / 2 + 5, "20 m", ha="center", va="bottom", fontsize=8, color=INK)
     return figure
-
-
-def _walk(axes: Axes, way: np.ndarray) -> None:
-    axes.plot(*way[::6].T, color=ORANGE, lw=1.2, alpha=0.9)
-    axes.plot(*way[0], "o", color=ORANGE, ms=4)
 
 
 def main() -> None:

@@ -63,11 +63,8 @@ def holm(chances: Sequence[float]) -> list[bool]:
 
 
 def _judged(found: Sequence[Answer]) -> list[Answer]:
-    compared = [a.difference for a in found if a.difference is not None]
-    kept = iter(holm([difference.chance for difference in compared]))
-    return [
-        a if a.difference is None else replace(a, difference=replace(a.difference, survives=next(kept))) for a in found
-    ]
+    kept = iter(holm([a.difference.chance for a in found if a.difference]))
+    return [replace(a, difference=replace(a.difference, survives=next(kept))) if a.difference else a for a in found]
 
 
 def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:

@@ -32,18 +32,15 @@ def caveats(measured: Iterable[tuple[Metric, int]]) -> list[str]:
     precision and the share of people held are in %, but not shares of scans: neither they nor any other metric were
     counted. Intervals of medians over maps hold whatever the metric.
     """
-    counts: dict[Metric, set[int]] = {}
-    for metric, maps in measured:
-        if maps > 1:
-            counts.setdefault(metric, set()).add(maps)
+    counted = [(metric, maps) for metric, maps in measured if maps > 1]
     found = []
-    few = min((min(maps) for metric, maps in counts.items() if metric.name == _SHARE), default=ENOUGH)
+    few = min((maps for metric, maps in counted if metric.name == _SHARE), default=ENOUGH)
     if few < ENOUGH:
         found.append(f"Intervals over {few} maps, which are few, hold in {SHARES[_known(few)]} % of cases.")
-    errors = [(maps, metric.name) for metric, several in counts.items() for maps in several if metric.name in ERRORS]
+    errors = [(maps, metric.name) for metric, maps in counted if metric.name in ERRORS]
     if errors:
         found.append(_of_errors(errors))
-    unknown = [metric.label for metric in counts if metric.name not in (_SHARE, *ERRORS)]
+    unknown = [metric.label for metric in dict(counted) if metric.name not in (_SHARE, *ERRORS)]
     if unknown:
         found.append(f"How often intervals of means hold was not counted for: {', '.join(unknown)}.")
     return found

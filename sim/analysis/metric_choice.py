@@ -5,8 +5,7 @@ from collections.abc import Iterable, Sequence
 
 from sim.evaluation.metric import METRICS, Metric, metric
 from sim.study.tasks import Row
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from tracking.plugins.registry import check_known
 
 DEFAULT = ("ospa.share_under_1m", "ospa.mean_m", "ospa.median_m")
 RUNTIME = ("planning_s_per_decision", "wall_s", "real_time_factor")
@@ -39,8 +38,7 @@ def available(rows: Iterable[Row]) -> list[str]:
 def chosen(rows: Sequence[Row], asked: Sequence[str]) -> list[Metric]:
     """The metrics asked for, or else the usual ones; InputError where no row has one."""
     there = available(rows)
-    for name in asked:
-        if name not in there and any(row.metrics for row in rows):
-            raise InputError(f"--metric: {name!r} is unknown; {did_you_mean(name, there)}")
+    for name in asked if there else ():
+        check_known("--metric", name, there)
     usual = [name for name in DEFAULT if name in there] or there[:1] or DEFAULT[:1]
     return [metric(name) if ":" in name else metric_shown(name) for name in dict.fromkeys(asked or usual)]

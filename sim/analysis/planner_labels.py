@@ -2,7 +2,7 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from sim.analysis.cell_text import Cell, Placed, cells_of
 from sim.study.cells import ENTERED, TRACKER, VIEW, with_options
@@ -29,16 +29,13 @@ def planner_labels(rows: Sequence[Placed], given: Mapping[str, str] = {}) -> dic
         texts[_key(row)].setdefault(row.planner, set()).add(cell)
     flown = [row for row in rows if isinstance(row, Row)]
     bounds = {entrant(row) for row in flown if row.metrics.get("sees_truth") or VIEW in dict(row.factors)}
-    several = {key: len(flies) > 1 and _one_a_cell(flies.values()) for key, flies in texts.items()}
-    shared = {key: _shared(key[0], list(texts[key])) for key, alike in several.items() if alike}
+    shared = {}
+    for key, flies in texts.items():
+        places = [cell for own in flies.values() for cell in own]
+        if len(flies) > 1 and len(set(places)) == len(places):
+            shared[key] = _shared(key[0], list(flies))
     labels = {entrant(row): with_options(shared.get(_key(row), row.planner), _entered(row)) for row in rows}
     return {text: given.get(label, label) + BOUND * (text in bounds) for text, label in labels.items()}
-
-
-def _one_a_cell(cells: Iterable[set[Cell]]) -> bool:
-    """True if no cell is in two of the sets."""
-    sets = list(cells)
-    return sum(map(len, sets)) == len(set().union(*sets))
 
 
 def _entered(row: Placed) -> dict[str, str]:

@@ -17,8 +17,7 @@ from sim.study.study import STUDIES, Study, adapted, read
 from sim.terminal.commands import Duration, Overrides, with_duration
 from sim.terminal.console import remark
 from tracking.fusion.member import TRACKERS
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from tracking.plugins.registry import InputError, check_known
 
 
 def compare(
@@ -78,8 +77,8 @@ def compare(
     chosen = adapted(begun, planners=planner or (), seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
     processes = integer(workers, "--workers", least=1, most=1024) if workers else os.cpu_count() or 1
     limit = None if timeout is None else seconds(timeout, "--timeout")
-    if keep not in (None, "recordings"):
-        raise InputError(f"--keep: {keep!r} is unknown; {did_you_mean(keep, ['recordings'])}")
+    if keep is not None:
+        check_known("--keep", keep, ["recordings"])
     folder = out or Path("runs") / chosen.name
     # A complaint about the input needs none of what these import.
     from sim.analysis.metric_choice import from_outside
@@ -103,9 +102,8 @@ def _study(name: str) -> Study:
     is_file = name.endswith(".toml")
     if name in STUDIES or (is_file and Path(name).is_file() and "study" in toml_file(Path(name), "study")):
         return read(name)
-    if name not in SCENARIOS and not is_file:
-        names = [*STUDIES, *SCENARIOS]
-        raise InputError(f"study: {name!r} is unknown; {did_you_mean(name, names)} (or a .toml file)")
+    if not is_file:
+        check_known("study", name, [*STUDIES, *SCENARIOS], " (or a .toml file)")
     return Study(name="compare", planners=COMPARED, scenarios=(name,))
 
 

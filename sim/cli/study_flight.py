@@ -2,8 +2,8 @@
 
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -61,14 +61,8 @@ def _check_worlds(listed: Sequence[Task]) -> None:
             forest_and_people(task.setting, task.seed)
 
 
-@contextmanager
-def _backend(workers: int, dask: str | None) -> Iterator[Backend]:
-    if dask is None:
-        with Pool(workers) as pool:
-            yield pool
-    else:
-        with connected(dask) as cluster:
-            yield cluster
+def _backend(workers: int, dask: str | None) -> AbstractContextManager[Backend]:
+    return Pool(workers) if dask is None else connected(dask)
 
 
 def _of_other_versions(versions: dict[str, int], version: str, path: Path) -> list[str]:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,28 +29,30 @@ def save(recording: Recording, path: str | os.PathLike[str]) -> None:
 
     They are not compressed: versions of the compression library differ in what they write.
     """
+    written = content(recording)
     with whole(Path(path)) as part:
-        _write(recording, part)
+        part.write_bytes(written)
 
 
 def digest(recording: Recording) -> str:
     """SHA-256 of the bytes that `save` writes."""
-    content = io.BytesIO()
-    _write(recording, content)
-    return hashlib.sha256(content.getbuffer()).hexdigest()
+    return hashlib.sha256(content(recording)).hexdigest()
 
 
-def _write(recording: Recording, to: Path | BinaryIO) -> None:
-    with zipfile.ZipFile(to, "w", zipfile.ZIP_STORED) as archive:
+def content(recording: Recording) -> bytes:
+    """The bytes that `save` writes."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
         for name, (_, dtype, _) in FIELDS.items():
             value = getattr(recording, name)
             array = np.array(str(value)) if dtype == "<U" else np.ascontiguousarray(value, dtype=dtype)
-            content = io.BytesIO()
-            np.lib.format.write_array(content, array.reshape(np.shape(value)), allow_pickle=False)
+            member = io.BytesIO()
+            np.lib.format.write_array(member, array.reshape(np.shape(value)), allow_pickle=False)
             # Time stamp and system are the only parts of an entry that do not follow from its content.
             info = zipfile.ZipInfo(f"{name}.npy", date_time=_EPOCH)
             info.create_system = 3
-            archive.writestr(info, content.getvalue())
+            archive.writestr(info, member.getvalue())
+    return file.getvalue()
 
 
 def load(path: str | os.PathLike[str]) -> Recording:

@@ -60,10 +60,8 @@ class Npz:
     def read(self, name: str) -> NDArray[np.generic]:
         """An array whose header has been checked; ValueError unless it has as many bytes as that says."""
         kind, shape, start = self.header(name)
-        held, needed = (
-            self._archive.getinfo(f"{name}.npy").file_size - start,
-            math.prod(shape) * np.dtype(kind).itemsize,
-        )
+        held = self._archive.getinfo(f"{name}.npy").file_size - start
+        needed = math.prod(shape) * np.dtype(kind).itemsize
         if held != needed:
             raise ValueError(f"cannot be read: has {held} bytes, its shape {shape} needs {needed}")
         try:

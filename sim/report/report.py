@@ -101,13 +101,13 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     all_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in (*found, *times)]
     sections = [
         ("", f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"),
-        ("In short", _in_short(found, baseline, metrics)),
+        ("In short", _in_short(found, baseline, metrics[0])),
         ("What was run", _what_was_run(rows, every, about, baseline)),
         *([("Scores", paragraph(table.note) + html_table(table) + _figures(placed))] if table else []),
         ("Results", f"{listed(notes(found))}\n{result_tables(found, baseline)}"),
         ("Figures", _figures(drawn)),
         *([("Run time", _figures(timing) + runtime_tables(times))] if times else []),
-        *_trials(groups, every, metrics),
+        *_trials(groups, every, metrics[0]),
         ("How to read this", listed(HOW_TO_READ)),
     ]
     files = {
@@ -133,30 +133,29 @@ def _figures(pictures: Sequence[Picture]) -> str:
     return "\n".join(parts)
 
 
-def _trials(groups: Sequence[Group], every: Sequence[Group], metrics: Sequence[Metric]) -> list[tuple[str, str]]:
-    table, places = maps(groups, metrics[0])
+def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> list[tuple[str, str]]:
+    table, places = maps(groups, metric)
     failed = [row for group in every for row in group.failed]
     hint = "A click selects a command for the shell. It leaves film and recording under runs/."
     return [
-        *([("Best and worst maps", paragraph(f"In {metrics[0].title}.") + table)] if places else []),
+        *([("Best and worst maps", paragraph(f"In {metric.title}.") + table)] if places else []),
         *([(f"Failures: {len(failed)}", failures(failed))] if failed else []),
         *([("Fly them again", paragraph(hint) + places)] if places else []),
     ]
 
 
-def _in_short(found: Sequence[Answer], baseline: str, metrics: Sequence[Metric]) -> str:
-    """Verdicts in the first metric, a sentence for each planner, and what the numbers leave out."""
+def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
+    """Verdicts in one metric, a sentence for each planner, and what the numbers leave out."""
     shown = sum(answer.difference is not None for answer in found)
-    told = [answer for answer in found if answer.difference and answer.metric in metrics[:1]]
+    told = [answer for answer in found if answer.metric == metric]
     summed = {answer.planner for answer in told if answer.cell is None}
-    overall = [answer for answer in told if answer.cell is None or answer.planner not in summed]
     sentences = [
-        verdict(answer.planner, baseline, answer.metric, answer.difference, shown=shown)
-        for answer in overall
-        if answer.difference
+        verdict(answer.planner, baseline, metric, answer.difference, shown=shown)
+        for answer in told
+        if answer.difference and (answer.cell is None or answer.planner not in summed)
     ]
+    left_out = shortfalls(told)
     lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
-    left_out = shortfalls([answer for answer in found if answer.metric in metrics[:1]])
     return listed(lines) + (paragraph("Left out:") + listed(left_out) if left_out else "")
 
 

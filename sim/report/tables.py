@@ -58,9 +58,12 @@ def score_table(scored: Scored, groups: Sequence[Group]) -> Table:
     lines = []
     for cell, of_cell in groupby(found, lambda place: place.cell):
         scores = {place.planner: place.score.text(SCORE) for place in of_cell}
-        means = [_mean(by_place.get((cell, end)), metric) if cell is not None else "" for end in ends]
-        named = "mean over cells" if cell is None else cell_text(cell) or "all missions"
-        lines.append([named, *means, *(scores.get(planner, UNKNOWN) for planner in planners)])
+        if cell is None:
+            start = ["mean over cells", "", ""]
+        else:
+            means = [map_means(by_place[cell, end], metric).value for end in ends]
+            start = [cell_text(cell) or "all missions", *map(metric.text, means)]
+        lines.append([*start, *(scores.get(planner, UNKNOWN) for planner in planners)])
     note = (
         f"{metric.label}: 0 is that of {ends[0]}, 100 that of {ends[1]}, on the maps that all three flew. In brackets: "
         "95 % intervals over the maps; how often these hold was not counted."
@@ -69,26 +72,17 @@ def score_table(scored: Scored, groups: Sequence[Group]) -> Table:
     return Table(SCORES, heads, [((), line) for line in lines], note=note)
 
 
-def _mean(group: Group | None, metric: Metric) -> str:
-    return UNKNOWN if group is None else metric.text(map_means(group, metric).value)
-
-
 def _repeated(found: Sequence[Answer]) -> bool:
     return any(answer.trials + answer.failed > answer.flown for answer in found)
 
 
 def notes(found: Sequence[Answer]) -> list[str]:
     """Notes below the tables of these answers, a line each."""
-    compared = [answer.difference for answer in found if answer.difference]
-    many = (
-        f"* survives Holm's correction for all {len(compared)} differences shown ({100 - 100 * LEVEL:.0f} %)."
-        if len(compared) > 1
-        else ""
-    )
     sampled = [(answer.metric, answer.maps) for answer in found]
-    told = caveats(sampled + [(answer.metric, answer.difference.pairs) for answer in found if answer.difference])
-    parts = [_NOTE, *told, _COMPARED if compared else "", many, _REPEATED if _repeated(found) else ""]
-    return [part for part in parts if part]
+    compared = [(answer.metric, answer.difference.pairs) for answer in found if answer.difference]
+    many = f"* survives Holm's correction for all {len(compared)} differences shown ({100 - 100 * LEVEL:.0f} %)."
+    said = {_COMPARED: compared, many: len(compared) > 1, _REPEATED: _repeated(found)}
+    return [_NOTE, *caveats(sampled + compared), *(text for text, fits in said.items() if fits)]
 
 
 def shortfalls(found: Sequence[Answer]) -> list[str]:

@@ -21,10 +21,8 @@ from sim.evaluation.metric import Metric
 from sim.study.store import read_rows
 from sim.study.tasks import Row
 from sim.terminal.commands import run_alone
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from tracking.plugins.registry import check_known
 
-_LESS = ("left", "above")
 _SHARE = "ospa.share_under_1m"
 
 
@@ -40,8 +38,7 @@ def table(
     groups = trimmed(grouped(rows, baseline_of(rows, baseline)))
     (known,) = chosen(rows, [metric])
     by = {**varying(groups), "planner": list(dict.fromkeys(group.planner for group in groups))}
-    if columns not in by:
-        raise InputError(f"--columns: {columns!r} is unknown; {did_you_mean(columns, by)}")
+    check_known("--columns", columns, by)
     down = [name for name in by if name != columns and len(by[name]) > 1]
     places = {_place(group, columns, down): group for group in groups}
     lines = list(dict.fromkeys(line for line, _ in places))
@@ -101,8 +98,7 @@ def main(
     metric: Annotated[str, typer.Option(metavar="NAME", help="See docs/how-to/studies.md.")] = _SHARE,
 ) -> None:
     """Print a study's results as one wide table in Markdown."""
-    if less not in _LESS:
-        raise InputError(f"--less: {less!r} is unknown; {did_you_mean(less, _LESS)}")
+    check_known("--less", less, ("left", "above"))
     print(table(without_start(read_rows(folder), first), columns, less, metric, baseline))
 
 

@@ -1,11 +1,9 @@
 """One trial, from values that can be pickled to a row."""
 
 import math
-import tempfile
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext
-from pathlib import Path
 
 import numpy as np
 from msgspec import Struct
@@ -15,8 +13,7 @@ from sim.evaluation.metric import Outcome, evaluated
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
-from sim.recording.archive import digest, save
-from sim.recording.recording import Recording
+from sim.recording.archive import content, digest
 from sim.running.flight import fly as flown
 from sim.study.tasks import Row, Task, release
 from tracking.plugins.containment import ForeignError, contained
@@ -72,7 +69,7 @@ def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
         recording=digest(recording),
         machine=machine_line(),
     )
-    return Flown(row, _content(recording) if keep else b"")
+    return Flown(row, content(recording) if keep else b"")
 
 
 def _metrics(outcome: Outcome, asked: Sequence[str]) -> dict[str, float]:
@@ -83,10 +80,3 @@ def _metrics(outcome: Outcome, asked: Sequence[str]) -> dict[str, float]:
         **{f"seconds.{stage}": value for stage, value in outcome.seconds.items()},
     }
     return {name: math.nan if value is None else float(value) for name, value in values.items()}
-
-
-def _content(recording: Recording) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "mission.npz"
-        save(recording, path)
-        return path.read_bytes()

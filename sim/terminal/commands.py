@@ -15,8 +15,7 @@ from typer.core import TyperCommand, TyperGroup
 from sim.processes.isolation import IsolationError
 from sim.scenario.quantities import seconds
 from sim.terminal.console import fail
-from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
+from tracking.plugins.registry import InputError, check_known
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # a full disk, or one that fails
 # A place that nothing can be written to, or read from.
@@ -52,10 +51,9 @@ class _Commands(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401 - types that differ between typer's versions
         """The command of that name; InputError if there is none."""
-        command = super().get_command(ctx, cmd_name)
-        if command is None and not cmd_name.startswith("-"):
-            raise InputError(f"command: {cmd_name!r} is unknown; {did_you_mean(cmd_name, self.list_commands(ctx))}")
-        return command
+        if not cmd_name.startswith("-"):
+            check_known("command", cmd_name, self.list_commands(ctx))
+        return super().get_command(ctx, cmd_name)
 
 
 def _untyped(params: list[Any]) -> list[Any]:

@@ -49,8 +49,6 @@ def show_run(summary: Mapping[str, Any], folder: Path) -> None:
 
 
 def _show_faults(faults: Sequence[Mapping[str, Any]]) -> None:
-    if not faults:
-        return
     alike: dict[tuple[object, str], list[Mapping[str, Any]]] = {}
     for fault in faults:
         alike.setdefault((fault["uav"], fault["message"]), []).append(fault)

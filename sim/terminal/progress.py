@@ -56,9 +56,8 @@ def study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
     columns = (SpinnerColumn(), BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn("trials{task.description}"))
     start, flown, failures = time.monotonic(), 0, 0
     with Progress(*columns, console=console) as progress:
-        task = progress.add_task(
-            "" if total == 0 else ", starting up; the first time, code is compiled: about a minute", total=total
-        )
+        starting = ", starting up; the first time, code is compiled: about a minute"
+        task = progress.add_task(starting, total=total)
 
         def tell(failed: bool, fresh: bool) -> None:
             nonlocal flown, failures

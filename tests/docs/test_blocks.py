@@ -163,37 +163,6 @@ def test_words_of_the_page_on_debugging_are_those_of_the_program():
         assert words in text_of("how-to/debugging.md") and words in source
 
 
-WRONG = {
-    ("--time", "1.3", "--target", "0"): "--time: 1.3 s is not in the recording; allowed",
-    ("--time", "1", "--target", "4"): "--target: '4' is not allowed; expected an integer, 0 to 3",
-    ("--target", "one"): "--target: 'one' is not allowed; expected an integer, 0 to 3",
-    ("--time", "1"): "--target: missing",
-    ("--time", "soon", "--target", "0"): "--time: 'soon' is not a time",
-    ("--time", "0:1", "--target", "0"): "--time: '0:1' is not allowed; expected one time",
-    ("--out", "one/ospa.png"): "--out: one/ospa.png exists; name a new file",
-    ("--out", "timeline.pdf"): "--out: 'timeline.pdf' is not allowed; expected a new file that ends",
-    ("--out", "no/where.png"): "--out: no/where.png cannot be written: there is no folder no",
-}
-
-
-def test_what_cannot_be_explained_is_refused_in_one_line_and_leaves_nothing(shell, tmp_path):
-    ideal = ["--set", "sensing.mode=ideal", "--no-video", "--planner", "hover"]
-    assert shell.call("run", "--duration", "1", *ideal, "--out", "one")[0] == 0
-    assert shell.call("run", "--duration", "0.2", *ideal, "--set", "people.count=0", "--out", "none")[0] == 0
-    before = sorted(tmp_path.rglob("*"))
-    for arguments, words in WRONG.items():
-        code, _, err = shell.call("explain", "one", *arguments)
-        assert code == 2 and err.startswith(f"understory: {words}") and err.count("\n") == 1
-    code, _, err = shell.call("explain", "none", "--target", "0")
-    assert (code, err) == (2, "understory: --target: '0' is not allowed; no person walked in this mission\n")
-    code, _, err = shell.call("explain", "nowhere")
-    assert (code, err) == (2, "understory: DIR: nowhere does not exist\n")
-    assert shell.call("explain", "none")[1].startswith("No person walked in this mission.\n")
-    assert sorted(tmp_path.rglob("*")) == before
-    code, out, err = shell.call("explain", "--help")
-    assert (code, err) == (0, "") and "Usage: " in out and "--target" in out
-
-
 @pytest.mark.docs
 def test_the_commands_and_the_python_on_replay_run(shell, tmp_path, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)

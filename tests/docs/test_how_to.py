@@ -1,12 +1,11 @@
 """docs/how-to/plugins.md, trackers.md and studies.md: plug-ins, study files, SQL, Python and tables are as they say."""
 
 import re
-import sqlite3
 
 import numpy as np
 import pytest
 from helpers.pages import DOCS, blocks
-from helpers.studies import invented, short
+from helpers.studies import short, sql, store
 
 from planning.conformance.checks import CHECKS
 from planning.planner import Plan
@@ -16,7 +15,6 @@ from sim.mission.mission import Mission
 from sim.scenario.perception import Sensing
 from sim.scenario.scenario import Scenario
 from sim.study.cells import cells
-from sim.study.store import NAME, Store
 from sim.study.study import STUDIES, adapted, read
 from sim.study.tasks import tasks
 from sim.study.trial import fly
@@ -102,13 +100,8 @@ def test_study_files_on_pages_are_valid(tmp_path):
 
 def test_the_query_on_a_study_answers(tmp_path):
     made = short(["hover"], "0-1", factors={"lambda": {"15": {"trees": {"density": 15}}}})
-    with Store.opened(tmp_path, "short") as store:
-        for task in made:
-            store.add(task, invented(task))
-    sql = sqlite3.connect(tmp_path / NAME)
-    (found,) = sql.execute(block("sql")).fetchall()
-    sql.close()
-    mean = sum(invented(task).metrics["ospa.share_under_1m"] for task in made) / 2
+    mean = np.mean([row.metrics["ospa.share_under_1m"] for row in store(tmp_path, made)])
+    (found,) = sql(tmp_path, block("sql"))
     assert found == ("15", "hover", pytest.approx(mean))
 
 

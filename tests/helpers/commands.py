@@ -3,6 +3,7 @@
 import sys
 
 from sim import __main__ as cli
+from sim.running import isolated_run
 
 
 def called(arguments, monkeypatch, capsys):
@@ -15,3 +16,8 @@ def called(arguments, monkeypatch, capsys):
         code = end.code or 0
     captured = capsys.readouterr()
     return code, captured.out, captured.err
+
+
+def fly_here(monkeypatch):
+    """Plug-ins of others fly in the process of the test, as another takes seconds to start."""
+    monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))

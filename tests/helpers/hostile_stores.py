@@ -12,9 +12,9 @@ import numpy as np
 
 from helpers.hostile_values import DEEP, NUMBERS, WORDS, file, flaw, keys
 from helpers.recordings import npy, record
-from helpers.studies import invented
+from helpers.studies import store as fill
 from sim.recording.archive import save
-from sim.study.store import NAME, Store
+from sim.study.store import NAME
 from sim.study.study import read
 from sim.study.tasks import tasks
 
@@ -90,10 +90,7 @@ def filled_store():
     with TemporaryDirectory() as folder:
         path = Path(folder) / "given.toml"
         path.write_text(STUDY)
-        listed = tasks(read(str(path)))
-        with Store.opened(Path(folder), "tiny") as made:
-            for task in listed:
-                made.add(task, invented(task))
+        fill(Path(folder), tasks(read(str(path))))
         return (Path(folder) / NAME).read_bytes()
 
 

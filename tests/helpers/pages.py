@@ -8,8 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
-from helpers.commands import called
-from sim.running import isolated_run
+from helpers.commands import called, fly_here
 from sim.study import backends
 from sim.study.backends import Borrowed
 from sim.terminal import console
@@ -50,7 +49,7 @@ class Shell:
         monkeypatch.chdir(folder)
         monkeypatch.setattr(sys, "path", [str(folder), *sys.path])
         monkeypatch.setattr(backends, "Pool", Here)
-        monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))
+        fly_here(monkeypatch)
         monkeypatch.setattr(console.console, "width", 200)
 
     def call(self, *arguments):

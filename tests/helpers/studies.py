@@ -1,11 +1,14 @@
 """Short studies and made-up results for tests of comparisons."""
 
 import math
+import sqlite3
 from concurrent.futures import Future
+from contextlib import closing
 
 import msgspec
 import numpy as np
 
+from sim.study.store import NAME, Store
 from sim.study.study import Study
 from sim.study.tasks import tasks
 from sim.study.trial import Flown, failed, fly
@@ -33,6 +36,21 @@ def invented(task):
     )
 
 
+def store(folder, tasks):
+    """Fill the store in a folder with invented rows of tasks of one study; these rows."""
+    rows = [invented(task) for task in tasks]
+    with Store.opened(folder, tasks[0].study) as opened:
+        for task, row in zip(tasks, rows, strict=True):
+            opened.add(task, row)
+    return rows
+
+
+def sql(folder, statement):
+    """Rows that a statement of SQL gives of the store in a folder, which keeps what it changes."""
+    with closing(sqlite3.connect(folder / NAME)) as connection, connection:
+        return connection.execute(statement).fetchall()
+
+
 def plain(row):
     """A row as values that compare, what depends on the machine left out."""
     metrics = {name: repr(value) for name, value in row.metrics.items() if not is_timing(name)}
@@ -42,7 +60,11 @@ def plain(row):
 
 
 class Serial:
-    """Flies at once, or does to a trial what `fates` says of its planner, attempt by attempt."""
+    """Flies at once, or does to a trial what `fates` says of its planner, attempt by attempt.
+
+    None stands for an invented row, a text for a row that failed, an exception for one that its future has, its class
+    for one that is raised at once, and `...` for a future that never ends.
+    """
 
     def __init__(self, fates=None):
         self.fates = {name: list(fate) for name, fate in (fates or {}).items()}
@@ -55,6 +77,8 @@ class Serial:
         self.flown.append((task.planner, task.seed))
         future = Future()
         fate = self.fates[task.planner].pop(0) if self.fates.get(task.planner) else None
+        if isinstance(fate, type):
+            raise fate("shut down")
         if isinstance(fate, str):
             future.set_result(failed(task, fate))
         elif isinstance(fate, BaseException):

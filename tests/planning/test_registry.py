@@ -7,12 +7,11 @@ import shutil
 import sys
 
 import pytest
-from helpers.commands import called
+from helpers.commands import called, fly_here
 from helpers.processes import ROOT, python
 
 from planning.loading import load_planner
 from planning.registry import PLANNERS, PlannerSpec, catalogue, installed_planners
-from sim.running import isolated_run
 from sim.terminal import console
 from tracking.plugins.registry import imported
 
@@ -105,7 +104,7 @@ def test_the_example_is_listed_and_flies(example, tmp_path, monkeypatch):
     words = "Sequential NBO that lets nobody stray from the nearest camera."
     assert lines[theirs + 1].split(maxsplit=1) == ["shepherd", words]
     assert "shepherd       horizon=4, far=10.0" in lines
-    monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))
+    fly_here(monkeypatch)
     options = ["--planner", "shepherd(far=5)", "--duration", "1", "--no-video", "--out", "flown"]
     assert example("run", *options)[0] == 0
     summary = json.loads((tmp_path / "flown" / "summary.json").read_text())

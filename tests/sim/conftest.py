@@ -1,10 +1,12 @@
 """Fixtures that call the command line within the process of a test."""
 
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 from helpers.commands import called
+from helpers.studies import Serial
 
 from sim.terminal import console
 
@@ -16,6 +18,24 @@ def call(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(console.console, "width", 80)
     return lambda *arguments: called(arguments, monkeypatch, capsys)
+
+
+@pytest.fixture
+def without_pictures(monkeypatch):
+    """Figures of reports are laid out, but no files are made of them, which takes a second."""
+    monkeypatch.setattr("sim.report.figures.pictures.content", lambda figure, kind: b"")
+
+
+@pytest.fixture
+def compare(call, monkeypatch, without_pictures):
+    """Calls `understory compare` as `call` does, its trials flown by one backend, its figures empty files."""
+    monkeypatch.setattr(console.console, "width", 160)
+
+    def run(*arguments, backend=None):
+        monkeypatch.setattr("sim.cli.study_flight._backend", lambda workers, dask: nullcontext(backend or Serial()))
+        return call("compare", *arguments)
+
+    return run
 
 
 def listing():

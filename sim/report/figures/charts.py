@@ -4,10 +4,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
@@ -18,13 +16,14 @@ from sim.analysis.cells import Group
 from sim.analysis.distributions import bands, ecdf
 from sim.analysis.score import Place
 from sim.drawing.palette import FAINT
-from sim.drawing.plots import rgb
+from sim.drawing.plots import new_figure, rgb
 from sim.evaluation.metric import Metric
 from sim.report.figures.panels import COLOURS, COLUMNS, Curve, Sheet, Style
 from tracking.numerics.arrays import Array
 
 _WIDTH = 11.0  # inches of a figure as wide as the report
-LOOK: Any = {"font.family": "DejaVu Sans", "font.size": 10, "svg.fonttype": "path", "svg.hashsalt": "understory"}
+_LETTERS = 10  # points
+LOOK: Any = {"font.family": "DejaVu Sans", "font.size": _LETTERS, "svg.fonttype": "path", "svg.hashsalt": "understory"}
 AT = np.geomspace(0.1, 50.0, 300)  # m, where distributions are drawn
 _TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)
 _FEW = 4  # curves with bands in one panel
@@ -157,8 +156,8 @@ def _dot_figure(dots: Sequence[_Dot], dress: Callable[[Axes], None]) -> Figure:
 
 
 def scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -> Figure:
-    """A panel for each planner, a point (n, 2) for each map: baseline across, planner up."""
-    low, high, log = _limits(np.concatenate([*points.values(), np.zeros((0, 2))]))
+    """A panel for each planner, a point (n, 2) for each map: baseline across, planner up; some planner has a point."""
+    low, high, log = _limits(np.concatenate([*points.values()]))
     columns = min(COLUMNS, len(points))
     rows = -(-len(points) // columns)
     with _drawing(3.3 * rows, width=0.4 + 3.05 * columns) as figure:
@@ -179,11 +178,8 @@ def scatter_figure(points: Mapping[str, Array], baseline: str, metric: Metric) -
     return figure
 
 
-def _limits(points: Array) -> tuple[float, float, bool]:
+def _limits(values: Array) -> tuple[float, float, bool]:
     """Ends of both axes, and whether they are logarithmic: where the values span more than a factor of 30."""
-    values = points[np.isfinite(points)]
-    if not len(values):
-        return 0.0, 1.0, False
     low, high = float(values.min()), float(values.max())
     if low > 0 and high > 30 * low:
         return low / 1.15, high * 1.15, True
@@ -194,9 +190,7 @@ def _limits(points: Array) -> tuple[float, float, bool]:
 @contextmanager
 def _drawing(height: float, width: float = _WIDTH) -> Iterator[Figure]:
     """A figure of so many inches, to be drawn in one look."""
-    with matplotlib.rc_context(LOOK):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)
+    with new_figure(width, height, letters=_LETTERS) as figure:
         yield figure
         figure.draw_without_rendering()  # which lays it out, once for all the files that it is saved to
         figure.set_layout_engine("none")

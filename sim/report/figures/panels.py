@@ -59,10 +59,9 @@ def sheets(groups: Sequence[Group]) -> list[Sheet]:
     With one planner the first factor's values get a panel each, and the other factors a curve, as in [Li22] Fig. 4.
     Where there are too many panels, the factor with the fewest values gets a figure each.
     """
-    planners = sorted({group.planner for group in groups})
-    if len(planners) == 1:
-        return [_of_one_planner(groups)]
     order = list(dict.fromkeys(group.planner for group in groups))  # the baseline first
+    if len(order) == 1:
+        return [_of_one_planner(groups)]
     looks = product(DASHES, COLOURS)  # which differ in colour first
     styles = {planner: Style(colour, dash) for planner, (dash, colour) in zip(order, cycle(looks), strict=False)}
     return [_sheet(shared, part, styles) for shared, part in _split((), groups)]

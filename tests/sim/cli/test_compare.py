@@ -1,14 +1,9 @@
 """`understory compare`: what it says, what it leaves, and how it ends."""
 
-import sqlite3
-from contextlib import nullcontext
+from helpers.studies import Serial, sql
 
-import pytest
-from helpers.studies import Serial
-
-from sim.cli import study_flight as flight
-from sim.study.store import NAME, Store, StoreError, read_rows
-from sim.terminal import console
+from sim.recording.archive import load
+from sim.study.store import Store, StoreError, read_rows
 from sim.terminal.progress import pace
 
 FLAGS = ["--duration", "1", "--sensing", "ideal"]
@@ -21,41 +16,28 @@ factors.L.5.trees.density = 5
 LONG = ("sma-nbo(horizon=3, evaluations=640, beta=0.2)", "sma-nbo(horizon=5, evaluations=640, beta=0.2)")
 
 
-@pytest.fixture
-def call(call, monkeypatch):
-    """Calls `understory compare` in a folder of its own with one backend: exit code, output and complaint."""
-    monkeypatch.setattr(console.console, "width", 100)
-    monkeypatch.setattr("sim.report.figures.pictures.content", lambda figure, kind: b"")  # drawn in a second
-
-    def run(*arguments, backend=None):
-        monkeypatch.setattr(flight, "_backend", lambda workers, dask: nullcontext(backend or Serial()))
-        return call(*arguments)
-
-    return run
-
-
-def test_a_study_file_is_flown_once_and_shown_by_cell(call, tmp_path):
+def test_a_study_file_is_flown_once_and_shown_by_cell(compare, tmp_path):
     (tmp_path / "mine.toml").write_text(FILE)
-    code, out, err = call("compare", "mine.toml", *FLAGS, "--maps", "2", backend=Serial(INVENTED))
+    code, out, err = compare("mine.toml", *FLAGS, "--maps", "2", backend=Serial(INVENTED))
     assert (code, err) == (0, "") and "8/8 trials" in out
     table = out[: out.index("OSPA mean")].splitlines()
     cells = [line.split()[:2] for line in table if line.split()[:1] in (["hover"], ["greedy"], ["L"])]
     assert cells == [["L", "="], ["hover", "2"], ["greedy", "2"]] * 2 + [["greedy", "2"]]
     assert "Results in runs/mine" in out and len(read_rows(tmp_path / "runs" / "mine")) == 8
     backend = Serial(INVENTED)
-    assert call("compare", "mine.toml", *FLAGS, "--maps", "3", backend=backend)[0] == 0
+    assert compare("mine.toml", *FLAGS, "--maps", "3", backend=backend)[0] == 0
     assert backend.flown == [("hover", 2), ("greedy", 2)] * 2
     backend = Serial(INVENTED)
-    call("compare", "mine.toml", *FLAGS, "--redo", backend=backend)
+    compare("mine.toml", *FLAGS, "--redo", backend=backend)
     assert len(backend.flown) == 4
 
 
-def test_more_repeats_are_flown_on_the_same_maps_and_shown(call, tmp_path):
-    options = ["compare", "--planner", "hover", "--planner", "greedy", "--maps", "2", *FLAGS, "--metric", "ospa.mean_m"]
-    code, out, _ = call(*options)
+def test_more_repeats_are_flown_on_the_same_maps_and_shown(compare, tmp_path):
+    options = ["--planner", "hover", "--planner", "greedy", "--maps", "2", *FLAGS, "--metric", "ospa.mean_m"]
+    code, out, _ = compare(*options)
     assert code == 0 and "4/4 trials" in out and "spread" not in out
     backend = Serial()
-    code, out, _ = call(*options, "--repeats", "2", backend=backend)
+    code, out, _ = compare(*options, "--repeats", "2", backend=backend)
     assert code == 0 and backend.flown == [("hover", 0), ("greedy", 0), ("hover", 1), ("greedy", 1)]
     assert "8/8 trials" in out and "OSPA mean [m]: spread" in out
     rows = read_rows(tmp_path / "runs" / "compare")
@@ -65,14 +47,14 @@ def test_more_repeats_are_flown_on_the_same_maps_and_shown(call, tmp_path):
     assert "--repeat 1 --set" in page and "greedy and hover cannot be told apart" in page
 
 
-def test_long_planners_are_told_apart_by_what_differs_or_by_labels(call, tmp_path):
-    options = ["compare", "--planner", LONG[0], "--planner", LONG[1], "--maps", "2", *FLAGS]
-    code, out, _ = call(*options, backend=Serial(INVENTED))
+def test_long_planners_are_told_apart_by_what_differs_or_by_labels(compare, tmp_path):
+    options = ["--planner", LONG[0], "--planner", LONG[1], "--maps", "2", *FLAGS]
+    code, out, _ = compare(*options, backend=Serial(INVENTED))
     assert code == 0 and f"sma-nbo(horizon=5) is {LONG[1]}\n" in out
     table = out[: out.index("OSPA mean")].splitlines()
     assert [line.split()[0] for line in table if " 2 " in line] == ["sma-nbo(horizon=3)", "sma-nbo(horizon=5)"]
     labels = ["--label", f"far={LONG[1]}", "--label", f"near = {LONG[0]}"]
-    code, out, _ = call(*options, *labels, "--baseline", "far")
+    code, out, _ = compare(*options, *labels, "--baseline", "far")
     assert code == 0 and "minus far" in out and "sma-nbo" not in out
     files = tmp_path / "runs" / "compare"
     assert [line.split(",")[0] for line in (files / "table.csv").read_text().splitlines()[1:3]] == ["far", "near"]
@@ -80,39 +62,34 @@ def test_long_planners_are_told_apart_by_what_differs_or_by_labels(call, tmp_pat
     assert "near and far cannot be told apart" in page and f"--planner &#x27;{LONG[1]}&#x27;" in page
 
 
-def test_a_scenario_name_or_file_is_compared_by_flags(call, tmp_path):
+def test_a_scenario_name_or_file_is_compared_by_flags(compare, tmp_path):
     (tmp_path / "grove.toml").write_text("duration = 1.0\ntrees.density = 3\nsensing.mode = 'ideal'\n")
-    code, out, _ = call("compare", "grove.toml", "--planner", "hover", "--seeds", "4", "--keep", "recordings")
+    code, out, _ = compare("grove.toml", "--planner", "hover", "--seeds", "4", "--keep", "recordings")
     assert code == 0 and "Results in runs/compare" in out
     (row,) = read_rows(tmp_path / "runs" / "compare")
     assert (row.scenario, row.factors, row.planner, row.seed) == ("grove.toml", (), "hover", 4)
-    assert len(list((tmp_path / "runs" / "compare" / "recordings").glob("*.npz"))) == 1
+    (path,) = (tmp_path / "runs" / "compare" / "recordings").iterdir()
+    recording = load(path)
+    assert (recording.planner, recording.seed, len(recording.times)) == ("hover", 4, 6)
 
 
-def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(call, tmp_path):
+def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare, tmp_path):
     backend = Serial({"hover": ["ValueError: no"] * 4})
     options = ["--planner", "hover", "--planner", "greedy", "--seeds", "0-1"]
-    code, out, err = call("compare", *options, *FLAGS, backend=backend)
+    code, out, err = compare(*options, *FLAGS, backend=backend)
     assert code == 1 and "4/4 trials" in out and "2 failed" in out
     assert err == "understory: 2 of 4 trials failed, hover, seed 0: ValueError: no\n"
     assert sorted(row.status for row in read_rows(tmp_path / "runs" / "compare")) == ["done"] * 2 + ["failed"] * 2
-    backend = Serial({"hover": [None] * 9})
-    submit = backend.submit
-
-    def interrupted(task, **given):
-        if len(backend.flown) == 2:
-            raise KeyboardInterrupt
-        return submit(task, **given)
-
-    backend.submit, backend.room = interrupted, lambda: len(backend.flown) == len(read_rows(tmp_path / "s"))
-    code, _, err = call("compare", "--planner", "hover", *FLAGS, "--out", "s", backend=backend)
+    backend = Serial({"hover": [None, None, KeyboardInterrupt()]})
+    backend.room = lambda: len(backend.flown) == len(read_rows(tmp_path / "s"))
+    code, _, err = compare("--planner", "hover", *FLAGS, "--out", "s", backend=backend)
     assert code == 1
     assert err == "understory: interrupted; 2 of 10 trials are kept in s, the same command flies the rest\n"
     assert len(read_rows(tmp_path / "s")) == 2
 
 
-def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(call, tmp_path, monkeypatch):
-    options = ["compare", "--planner", "hover", "--planner", "greedy", "--seeds", "0-1", *FLAGS, "--out", "full[x]"]
+def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(compare, tmp_path, monkeypatch):
+    options = ["--planner", "hover", "--planner", "greedy", "--seeds", "0-1", *FLAGS, "--out", "full[x]"]
     add, full = Store.add, StoreError("study.sqlite: database or disk is full")
 
     def added(store, task, row):
@@ -121,7 +98,7 @@ def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(call, tmp_path, 
         add(store, task, row)
 
     monkeypatch.setattr(Store, "add", added)
-    code, _, err = call(*options, backend=Serial(INVENTED))
+    code, _, err = compare(*options, backend=Serial(INVENTED))
     end = "full; 3 of 4 trials are kept in full[x], the same command flies the rest\n"
     assert (code, err) == (1, f"understory: study.sqlite: database or disk is {end}")
     monkeypatch.setattr(Store, "add", add)
@@ -132,38 +109,35 @@ def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(call, tmp_path, 
     with monkeypatch.context() as patch:
         patch.setattr("pathlib.Path.write_bytes", failing)
         backend = Serial(INVENTED)
-        code, _, err = call(*options, backend=backend)
+        code, _, err = compare(*options, backend=backend)
     told = "report: full[x] cannot be written: No space left on device; all 4 trials are kept in full[x]"
     assert (code, err) == (1, f"understory: {told}, the same command writes the report\n") and len(backend.flown) == 1
     backend = Serial()
-    code, out, err = call(*options, backend=backend)
+    code, out, err = compare(*options, backend=backend)
     assert (code, err, backend.flown) == (0, "", []) and "Results in full[x] (report.html)." in out
 
 
-def test_a_disk_that_is_full_at_once_is_one_line(call, tmp_path, monkeypatch):
+def test_a_disk_that_is_full_at_once_is_one_line(compare, tmp_path, monkeypatch):
     def failing(connection, path, study):
         raise StoreError(f"{path}: database or disk is full")
 
     monkeypatch.setattr("sim.study.store._prepare", failing)
-    code, _, err = call("compare", "--planner", "hover", *FLAGS, "--out", "s")
+    code, _, err = compare("--planner", "hover", *FLAGS, "--out", "s")
     told = "understory: s/study.sqlite: database or disk is full; no trial was flown, what s holds stays\n"
     assert (code, err) == (1, told)
 
 
-def test_what_was_flown_otherwise_is_flown_again_or_kept_apart(call, tmp_path):
-    options = ["compare", "--planner", "hover", "--seeds", "0", *FLAGS, "--out", "s"]
+def test_what_was_flown_otherwise_is_flown_again_or_kept_apart(compare, tmp_path):
+    options = ["--planner", "hover", "--seeds", "0", *FLAGS, "--out", "s"]
     for extra, flown in (([], 1), (["--keep", "recordings"], 1), (["--keep", "recordings"], 0)):
         backend = Serial()
-        assert call(*options, *extra, backend=backend)[0] == 0 and len(backend.flown) == flown
+        assert compare(*options, *extra, backend=backend)[0] == 0 and len(backend.flown) == flown
     assert len(list((tmp_path / "s" / "recordings").iterdir())) == len(read_rows(tmp_path / "s")) == 1
-    options = ["compare", "--planner", "hover", "--seeds", "0", *FLAGS]
-    call(*options)
-    sql = sqlite3.connect(tmp_path / "runs" / "compare" / NAME)
-    sql.execute("UPDATE trials SET version = '0.0.9', key = 'x'")
-    sql.commit()
-    sql.close()
+    options = ["--planner", "hover", "--seeds", "0", *FLAGS]
+    compare(*options)
+    sql(tmp_path / "runs" / "compare", "UPDATE trials SET version = '0.0.9', key = 'x'")
     backend = Serial()
-    code, _, err = call(*options, backend=backend)
+    code, _, err = compare(*options, backend=backend)
     assert code == 0 and len(backend.flown) == 1
     assert err.endswith("trials of another version are kept apart, not shown: 1 of version 0.0.9\n")
 
@@ -180,10 +154,10 @@ score = { floor = "hover", bound = "greedy", metric = "ospa.mean_m" }
 """
 
 
-def test_a_study_with_a_score_flies_its_ends_and_shows_places(call, tmp_path):
+def test_a_study_with_a_score_flies_its_ends_and_shows_places(compare, tmp_path):
     (tmp_path / "mine.toml").write_text(SCORED)
     flags = ["--duration", "1", "--set", "trees.density=3"]
-    code, out, err = call("compare", "mine.toml", *flags, "--planner", "lawnmower", backend=Serial(INVENTED))
+    code, out, err = compare("mine.toml", *flags, "--planner", "lawnmower", backend=Serial(INVENTED))
     assert (code, err) == (0, "") and "12/12 trials" in out and "view=unlimited" in out
     for file in ("report.html", "table.md"):
         assert "upper bound" in (tmp_path / "runs" / "mine" / file).read_text("utf-8")

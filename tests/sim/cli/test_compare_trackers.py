@@ -1,20 +1,14 @@
 """`understory compare --tracker`: trackers are compared as planners are, by planner and map."""
 
-from contextlib import nullcontext
-
 import pytest
-from helpers.commands import called
-from helpers.studies import Serial
 from helpers.trials import row
 
 from sim.analysis.answers import answers
 from sim.analysis.cells import grouped
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of, labels_of, short_labels
-from sim.cli import study_flight
 from sim.study.cells import cells, with_trackers
 from sim.study.study import Study
-from sim.terminal import console
 from tracking.plugins.registry import InputError
 
 MINE = "mine:Mine"
@@ -79,14 +73,11 @@ def test_trackers_are_a_factor_of_the_study_in_place_of_its_own():
         with_trackers(varied, ["jpda"])
 
 
-def test_the_command_shows_trackers_side_by_side(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_the_command_shows_trackers_side_by_side(compare, tmp_path, monkeypatch):
     (tmp_path / "sametracker.py").write_text(SAME)
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(console.console, "width", 160)
-    monkeypatch.setattr(study_flight, "_backend", lambda workers, dask: nullcontext(Serial()))
     options = ["--planner", "hover", "--tracker", "jpda", "--tracker", "sametracker:Same"]
-    code, out, err = called(["compare", *options, *FLAGS], monkeypatch, capsys)
+    code, out, err = compare(*options, *FLAGS)
     assert (code, err) == (0, ""), err
     lines = [line.split() for line in out.splitlines() if line.split()[:1] in (["jpda"], ["Same"])]
     assert [line[0] for line in lines[:2]] == ["jpda", "Same"]
@@ -94,9 +85,9 @@ def test_the_command_shows_trackers_side_by_side(tmp_path, monkeypatch, capsys):
     assert "0, 2, 0" in " ".join(lines[1])  # won, tied, lost: the same tracker under another name
     page = (tmp_path / "runs" / "compare" / "report.html").read_text()
     assert "hover(tracker=sametracker:Same)" in page and "--set tracking.tracker=sametracker:Same" in page
-    code, _, err = called(["compare", "--tracker", "jdpa", *FLAGS], monkeypatch, capsys)
+    code, _, err = compare("--tracker", "jdpa", *FLAGS)
     assert code == 2 and err == (
         "understory: --tracker: 'jdpa' is unknown; allowed are jpda; did you mean jpda? (or package.module:Class)\n"
     )
-    code, _, err = called(["compare", *options, "--set", "tracking.tracker=jpda", *FLAGS], monkeypatch, capsys)
+    code, _, err = compare(*options, "--set", "tracking.tracker=jpda", *FLAGS)
     assert code == 2 and "--set: tracking.tracker is what factor 'tracker' of study compare varies" in err

@@ -9,11 +9,13 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from helpers.commands import fly_here
 from helpers.processes import python
+from helpers.recordings import record
 
 from planning.registry import PLANNERS
 from sim.__main__ import COMMANDS
-from sim.running import isolated_run
+from sim.recording.archive import save
 from sim.scenario.loading import SCENARIOS
 from sim.study.study import STUDIES
 
@@ -66,13 +68,20 @@ def test_a_run_shows_time_ospa_results_faults_and_files(call, tmp_path, monkeypa
     (tmp_path / "ailing.py").write_text(AILING)
     (tmp_path / "runs" / "forest-ailing.Ailing-seed0").mkdir(parents=True)
     options = ["--planner", "ailing:Ailing", "--duration", "4s", "--set", "sensing.mode=ideal", "--no-video"]
-    monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))
+    fly_here(monkeypatch)
     code, out, err = call("run", *options)
     assert (code, err) == (0, "") and "4.0 of 4 s, OSPA " in out and "ailing:Ailing, seed 0, 4.0 s" in out
     before, _, after = out.partition("┏")
     assert "fault at 0.0 s, 5 times until 4.0 s, team: RuntimeError: [bold]lost\n" in before and "fault" not in after
     assert f"{tmp_path / 'ailing.py'}:4, in plan: raise RuntimeError" in before and "All 5 faults" in before
     assert "Files in runs/forest-ailing.Ailing-seed0-2:\n  mission.npz, ospa.png, summary.json, timeline.png\n" in out
+
+
+def test_a_mission_without_people_is_explained(call, tmp_path):
+    save(record(people=0), tmp_path / "mission.npz")
+    code, out, err = call("explain", ".")
+    assert (code, err) == (0, "") and out.startswith("No person walked in this mission.\n")
+    assert (tmp_path / "timeline.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_commands_that_fly_nothing_import_no_engine_which_says_nothing(tmp_path):

@@ -1,12 +1,11 @@
 """Wrong input to a command is one line and exit code 2, and leaves nothing."""
 
-import sqlite3
-
 import pytest
 from helpers.recordings import record
+from helpers.studies import sql
 
 from sim.recording.archive import save
-from sim.study.store import NAME, SCHEMA
+from sim.study.store import SCHEMA
 
 FILES = {
     "broken.toml": b"duration = = 3",
@@ -22,6 +21,7 @@ FILES = {
     "full/summary.json": b"{}",
     "other/file": b"",
     "there.mp4": b"mine",
+    "there.png": b"mine",
 }
 COMMANDS = {
     "unknown command": (["flyy"], ["'flyy'", "run, compare, frames, replay, explain, export, planners, scenarios"]),
@@ -142,12 +142,26 @@ REPLAYS = {
     "no folder": (["--out", "no/a.mp4"], ["--out", "no folder no"]),
     "no file of the viewer": (["--rerun", "a.mp4"], ["--rerun", "'a.mp4'", ".rrd", "spawn"]),
 }
+EXPLANATIONS = {
+    "no such folder": (["nowhere"], ["DIR: nowhere does not exist\n"]),
+    "beyond the end": (["run", "--time", "2.3", "--target", "0"], ["--time: 2.3 s is not in the recording; allowed"]),
+    "no such person": (["run", "--time", "1", "--target", "4"], ["--target: '4' is not", "an integer, 0 to 3"]),
+    "person by name": (["run", "--target", "one"], ["--target: 'one' is not allowed; expected an integer, 0 to 3"]),
+    "time of no person": (["run", "--time", "1"], ["--target: missing"]),
+    "no time": (["run", "--time", "soon", "--target", "0"], ["--time: 'soon' is not a time"]),
+    "two times": (["run", "--time", "0:1", "--target", "0"], ["--time: '0:1' is not allowed; expected one time"]),
+    "picture in use": (["run", "--out", "there.png"], ["--out: there.png exists; name a new file"]),
+    "no picture": (["run", "--out", "timeline.pdf"], ["--out: 'timeline.pdf' is not allowed", "a new file that ends"]),
+    "no folder": (["run", "--out", "no/where.png"], ["--out: no/where.png cannot be written: there is no folder no"]),
+    "no person": (["none", "--target", "0"], ["--target: '0' is not allowed; no person walked in this mission\n"]),
+}
 WRONG = {
     **COMMANDS,
     **{text: (["run", *(w for s in text.split() for w in ("--set", s))], words) for text, words in SETTINGS.items()},
     **{f"compare: {name}": (["compare", *arguments], words) for name, (arguments, words) in COMPARISONS.items()},
     **{f"frames: {name}": (["frames", *arguments], words) for name, (arguments, words) in FRAMES.items()},
     **{f"replay: {name}": (["replay", "run", *arguments], words) for name, (arguments, words) in REPLAYS.items()},
+    **{f"explain: {name}": (["explain", *arguments], words) for name, (arguments, words) in EXPLANATIONS.items()},
 }
 
 
@@ -155,14 +169,13 @@ WRONG = {
 def folder(tmp_path_factory):
     """A folder with wrong files, a newer store, and a recording of 2 s; no command here may change it."""
     folder = tmp_path_factory.mktemp("refusals")
-    for name in ("full", "other", "newer", "run"):
+    for name in ("full", "other", "newer", "run", "none"):
         (folder / name).mkdir()
     for name, content in FILES.items():
         (folder / name).write_bytes(content)
-    sql = sqlite3.connect(folder / "newer" / NAME)
-    sql.execute(f"PRAGMA user_version = {SCHEMA + 1}")
-    sql.close()
+    sql(folder / "newer", f"PRAGMA user_version = {SCHEMA + 1}")
     save(record(), folder / "run" / "mission.npz")
+    save(record(people=0), folder / "none" / "mission.npz")
     return folder
 
 

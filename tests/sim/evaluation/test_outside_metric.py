@@ -3,14 +3,12 @@
 import json
 import math
 import sys
-from contextlib import nullcontext
 
 import pytest
+from helpers.commands import fly_here
 from helpers.studies import Serial
 from helpers.summaries import hand_made, shown, summary
 
-from sim.cli import study_flight
-from sim.running import isolated_run
 from sim.study.store import read_rows
 
 FILE = """
@@ -43,7 +41,7 @@ def test_a_file_adds_a_metric_to_summary_and_table_of_runs(call, tmp_path, monke
     told = {"label": "farthest from the middle", "unit": "km", "value": 0.0}
     assert found["metrics"] == {"mine:FARTHEST": told, "mine:NONE": {"label": "of nothing", "unit": "", "value": None}}
     assert "farthest from the middle" in shown(found) and "0.00 km" in shown(found)
-    monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))
+    fly_here(monkeypatch)
     words = ["run", "--planner", "hover", "--duration", "1", "--set", "sensing.mode=ideal", "--no-video"]
     code, out, err = call(*words, "--metric", "mine:FARTHEST", "--out", "r")
     assert (code, err) == (0, "") and "farthest from the middle" in out
@@ -51,12 +49,11 @@ def test_a_file_adds_a_metric_to_summary_and_table_of_runs(call, tmp_path, monke
     assert 0.02 < value < 0.1
 
 
-def test_a_study_has_the_metric_in_rows_tables_and_report(call, tmp_path, monkeypatch):
+def test_a_study_has_the_metric_in_rows_tables_and_report(compare, tmp_path):
     backend = Serial()
-    monkeypatch.setattr(study_flight, "_backend", lambda workers, dask: nullcontext(backend))
-    words = ["compare", "--planner", "hover", "--seeds", "0", "--duration", "1", "--sensing", "ideal"]
-    assert call(*words)[0] == 0
-    code, out, _ = call(*words, "--metric", "mine:FARTHEST")
+    words = ["--planner", "hover", "--seeds", "0", "--duration", "1", "--sensing", "ideal"]
+    assert compare(*words, backend=backend)[0] == 0
+    code, out, _ = compare(*words, "--metric", "mine:FARTHEST", backend=backend)
     assert code == 0 and "middle [km]" in out
     assert len(backend.flown) == 2  # again, for the metric that the first flight lacked
     (row,) = read_rows(tmp_path / "runs" / "compare")
@@ -83,5 +80,5 @@ def test_a_metric_that_raises_is_undefined_and_a_fault():
     ],
 )
 def test_what_is_no_metric_is_refused_in_one_line(refused, command, name, words, monkeypatch):
-    monkeypatch.setattr(isolated_run, "run_isolated", lambda work, *given, hear, **_: work(*given, hear))
+    fly_here(monkeypatch)
     assert words in refused(command, "--metric", name)

@@ -31,13 +31,6 @@ OLD = ROOT / "tests" / "data" / "mission-plans.npz"
 FLEET = json.loads(resolved(synthetic.scenario()))
 
 
-@pytest.fixture(scope="module")
-def saved(tmp_path_factory):
-    path = tmp_path_factory.mktemp("recording") / "mission.npz"
-    save(record(), path)
-    return path
-
-
 def header(descr, shape, version=1):
     """An array of which there is nothing but the header; descr and shape as they stand there."""
     text = f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}"

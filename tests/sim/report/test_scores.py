@@ -2,7 +2,6 @@
 
 import io
 
-import pytest
 from helpers.trials import row
 from rich.console import Console
 
@@ -25,7 +24,7 @@ def rows():
     return found
 
 
-def test_the_report_has_places_and_their_figure_where_the_study_has_a_score():
+def test_report_and_terminal_have_places_where_the_study_has_a_score(without_pictures):
     files = made(rows(), About("tried", score=SCORE))
     page, text = files["report.html"].decode(), files["table.md"].decode()
     assert ">Scores</h2>" in page and "0 is that of hover, 100 that of sma-nbo(view=unlimited)" in page
@@ -37,14 +36,9 @@ def test_the_report_has_places_and_their_figure_where_the_study_has_a_score():
         "| scenario = forest | 10.10 | 2.10 | 50 [50, 50] |",
         "| mean over cells |  |  | 58 [58, 58] |",
     ]
-    assert files["figures/score.png"].startswith(b"\x89PNG") and b"<svg" in files["figures/score.svg"]
+    assert {"figures/score.png", "figures/score.svg"} <= set(files)
+    out = io.StringIO()
+    show(rows(), About("tried", score=SCORE), on=Console(file=out, width=80))
+    assert SCORES in out.getvalue() and "67 [67, 67]" in out.getvalue() and "mean over cells" in out.getvalue()
     without = made([r for r in rows() if len(r.factors) == 1], About("tried"))
     assert "figures/score.png" not in without and b"Scores" not in without["report.html"]
-
-
-@pytest.mark.parametrize("width", [80, 120])
-def test_the_terminal_shows_places_below_the_metrics(width):
-    out = io.StringIO()
-    show(rows(), About("tried", score=SCORE), on=Console(file=out, width=width))
-    text = out.getvalue()
-    assert SCORES in text and "67 [67, 67]" in text and "mean over cells" in text

@@ -14,7 +14,6 @@ from sim.study.cells import VIEW, cells
 from sim.study.engine import rows_of
 from sim.study.study import adapted, read
 from sim.study.tasks import task_of, tasks
-from tracking.plugins.registry import InputError
 
 BENCH = read("bench-1")
 WORLDS = ("paper", "forest", "scatter", "search", "crowd", "dense", "wind", "patchwork", "recorded", "fleet")
@@ -48,15 +47,3 @@ def test_floor_and_bound_are_flown_whatever_planners_are_compared():
     for task in listed:
         unlimited = VIEW in dict(task.factors)
         assert (task.setting.sensing.field_of_view == "unlimited") == unlimited == (task.planner != "hover")
-
-
-def test_a_wrong_score_is_named(tmp_path):
-    path = tmp_path / "mine.toml"
-    for text, said in (
-        ('[score]\nfloor = "hover"', "missing required field bound"),
-        ('[score]\nfloor = "hover"\nbound = "oracle"\nfloot = 3', "unknown field floot"),
-        ('[score]\nfloor = "hover"\nbound = "oracle"\n[factors.view]\na = {}', "factors.view: is no name for a factor"),
-    ):
-        path.write_text(f'[study]\nplanners = ["greedy"]\n{text}\n')
-        with pytest.raises(InputError, match=said):
-            cells(read(str(path)))

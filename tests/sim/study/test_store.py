@@ -1,11 +1,11 @@
 """The store holds each complete trial once, and says in one line why it cannot."""
 
-import sqlite3
+from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
-from helpers.studies import Serial, invented, plain, short
+from helpers.studies import Serial, invented, plain, short, sql, store
 
 from sim.study.engine import Options, complete
 from sim.study.store import NAME, SCHEMA, Store, StoreError, frame, read_rows
@@ -18,52 +18,42 @@ FACTORS = {"lambda": {"5": {"trees": {"density": 5}}, "3": {"trees": {"density":
 def filled(tmp_path):
     """A folder with the rows of some trials, the trials, and the rows."""
     tasks = short(["hover", "greedy"], "0-2", factors=FACTORS)
-    rows = [invented(task) for task in tasks]
-    with Store.opened(tmp_path, "short") as store:
-        for task, row in zip(tasks, rows, strict=True):
-            store.add(task, row)
-    return tmp_path, tasks, rows
+    return tmp_path, tasks, store(tmp_path, tasks)
 
 
 def test_rows_come_back_as_they_were_whatever_their_seed(filled, tmp_path):
     folder, tasks, rows = filled
-    with Store.opened(folder, "short") as store:
-        found = store.done(tasks)
-        assert store.versions() == {tasks[0].version: len(tasks)}
+    with Store.opened(folder, "short") as opened:
+        found = opened.done(tasks)
+        assert opened.versions() == {tasks[0].version: len(tasks)}
     assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))
     assert sorted(map(str, map(plain, read_rows(folder)))) == sorted(map(str, map(plain, rows)))
     assert found[tasks[0].key].metrics["wall_s"] == rows[0].metrics["wall_s"]
     tasks = short(["hover"], f"{2**63 - 1},{2**63},{2**80}")
-    with Store.opened(tmp_path, "short") as store:
-        for task in tasks:
-            store.add(task, msgspec.structs.replace(invented(short(["hover"], "0")[0]), seed=task.seed))
-        assert [store.done(tasks)[task.key].seed for task in tasks] == [2**63 - 1, 2**63, 2**80]
+    store(tmp_path, tasks)
+    with Store.opened(tmp_path, "short") as opened:
+        assert [opened.done(tasks)[task.key].seed for task in tasks] == [2**63 - 1, 2**63, 2**80]
 
 
 def test_trials_are_what_their_keys_say_and_added_again_replace_the_first(filled):
     folder, tasks, rows = filled
-    with Store.opened(changed(folder, "UPDATE trials SET seed = 3, planner = 'other'"), "short") as store:
-        found = store.done(tasks)
+    sql(folder, "UPDATE trials SET seed = 3, planner = 'other'")
+    with Store.opened(folder, "short") as opened:
+        found = opened.done(tasks)
         assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))
-        store.add(tasks[0], msgspec.structs.replace(rows[0], metrics={"ospa.mean_m": -1.0}))
-        assert store.done(tasks)[tasks[0].key].metrics == {"ospa.mean_m": -1.0}
+        opened.add(tasks[0], msgspec.structs.replace(rows[0], metrics={"ospa.mean_m": -1.0}))
+        assert opened.done(tasks)[tasks[0].key].metrics == {"ospa.mean_m": -1.0}
     assert len(read_rows(folder)) == len(tasks)
 
 
 def test_plain_sql_reads_it_and_one_call_makes_a_frame(filled):
     folder, _, rows = filled
-    with sqlite3.connect(folder / NAME) as sql:
-        means = dict(
-            sql.execute(
-                "SELECT t.planner, avg(m.value) FROM trials t JOIN metrics m USING (key) JOIN factors f USING (key)"
-                " WHERE m.name = 'ospa.mean_m' AND f.name = 'lambda' AND f.level = '3' GROUP BY t.planner"
-            )
-        )
-        undefined = sql.execute("SELECT DISTINCT value FROM metrics WHERE name = 'precision'").fetchall()
-    sql.close()
+    joined = "trials t JOIN metrics m USING (key) JOIN factors f USING (key)"
+    place = "m.name = 'ospa.mean_m' AND f.name = 'lambda' AND f.level = '3'"
+    means = dict(sql(folder, f"SELECT t.planner, avg(m.value) FROM {joined} WHERE {place} GROUP BY t.planner"))
     expected = [r.metrics["ospa.mean_m"] for r in rows if r.factors == (("lambda", "3"),) and r.planner == "hover"]
     assert means["hover"] == pytest.approx(np.mean(expected)) and set(means) == {"hover", "greedy"}
-    assert undefined == [(None,)]
+    assert sql(folder, "SELECT DISTINCT value FROM metrics WHERE name = 'precision'") == [(None,)]
     table = frame(folder)
     assert len(table) == len(rows) and {"planner", "seed", "factor.lambda", "ospa.mean_m"} <= set(table.columns)
     mean = table[table["planner"] == "greedy"].groupby("factor.lambda")["recall"].mean()["5"]
@@ -72,21 +62,19 @@ def test_plain_sql_reads_it_and_one_call_makes_a_frame(filled):
 
 
 def test_another_version_is_kept_apart(tmp_path):
-    old = [msgspec.structs.replace(task, version="0.0.9", key=f"old{task.seed}") for task in short(["hover"])]
-    with Store.opened(tmp_path, "short") as store:
-        for task in old:
-            store.add(task, msgspec.structs.replace(invented(task), version="0.0.9"))
-        rows = complete(short(["hover"]), store, Serial({"hover": [None, None]}))
-        assert store.versions() == {"0.0.9": 2, rows[0].version: 2}
+    store(tmp_path, [msgspec.structs.replace(t, version="0.0.9", key=f"old{t.seed}") for t in short(["hover"])])
+    with Store.opened(tmp_path, "short") as opened:
+        rows = complete(short(["hover"]), opened, Serial({"hover": [None, None]}))
+        assert opened.versions() == {"0.0.9": 2, rows[0].version: 2}
     assert {row.version for row in rows} == {short()[0].version}
 
 
 def test_levels_may_be_renamed(filled):
     folder, *_ = filled
     renamed = short(["hover", "greedy"], "0-2", factors={"density": {"few": {"trees": {"density": 3}}}})
-    with Store.opened(folder, "short") as store:
+    with Store.opened(folder, "short") as opened:
         backend = Serial()
-        rows = complete(renamed, store, backend)
+        rows = complete(renamed, opened, backend)
     assert backend.flown == [] and {row.factors for row in rows} == {(("density", "few"),)}
     shown = [row.factors for row in read_rows(folder)]
     assert shown.count((("density", "few"),)) == 6 and shown.count((("lambda", "5"),)) == 6
@@ -94,62 +82,37 @@ def test_levels_may_be_renamed(filled):
 
 def test_a_full_disk_loses_nothing_and_the_study_goes_on_once_there_is_room(tmp_path):
     tasks = short(["hover"], "0-39")
-    with Store.opened(tmp_path, "short") as store:
-        (pages,) = store._connection.execute("PRAGMA page_count").fetchone()
-        store._connection.execute(f"PRAGMA max_page_count = {pages + 2}")
+    with Store.opened(tmp_path, "short") as opened:
+        (pages,) = opened._connection.execute("PRAGMA page_count").fetchone()
+        opened._connection.execute(f"PRAGMA max_page_count = {pages + 2}")
         with pytest.raises(StoreError, match=r"study\.sqlite: database or disk is full"):
-            complete(tasks, store, Serial({"hover": [None] * 40}))
+            complete(tasks, opened, Serial({"hover": [None] * 40}))
     kept = len(read_rows(tmp_path))
     assert 0 < kept < 40
-    with Store.opened(tmp_path, "short") as store:
+    with Store.opened(tmp_path, "short") as opened:
         backend = Serial({"hover": [None] * 40})
-        rows = complete(tasks, store, backend)
+        rows = complete(tasks, opened, backend)
     assert len(backend.flown) == 40 - kept
-    assert list(map(plain, rows)) == [plain(invented(task)) for task in tasks] and intact(tmp_path)
-
-
-def intact(folder):
-    sql = sqlite3.connect(folder / NAME)
-    answer = sql.execute("PRAGMA integrity_check").fetchone()
-    sql.close()
-    return answer == ("ok",)
-
-
-def changed(folder, *statements):
-    """The store after statements of SQL, by its folder."""
-    sql = sqlite3.connect(folder / NAME)
-    with sql:
-        for statement in statements:
-            sql.execute(statement)
-    sql.close()
-    return folder
-
-
-def broken(tmp_path, kind):
-    if kind == "text":
-        (tmp_path / NAME).write_text("this is no database, however long it may be\n" * 200)
-    elif kind == "newer":
-        with Store.opened(tmp_path, "short"):
-            pass
-        changed(tmp_path, f"PRAGMA user_version = {SCHEMA + 1}")
-    elif kind == "other":
-        changed(tmp_path, "CREATE TABLE mine (x)")
-    else:
-        (tmp_path / NAME).mkdir()
-    return tmp_path
+    assert list(map(plain, rows)) == [plain(invented(task)) for task in tasks]
+    assert sql(tmp_path, "PRAGMA integrity_check") == [("ok",)]
 
 
 @pytest.mark.parametrize(
-    ("kind", "message"),
+    ("make", "message"),
     [
-        ("text", "cannot be used: file is not a database"),
-        ("newer", f"is a store of version {SCHEMA + 1}, but this program reads {SCHEMA}"),
-        ("other", "is a database, but no store of a study"),
-        ("folder", "cannot be used: is no file"),
+        (lambda path: path.write_text("no database, however long\n" * 200), "cannot be used: file is not a database"),
+        (
+            lambda path: sql(path.parent, f"PRAGMA user_version = {SCHEMA + 1}"),
+            f"is a store of version {SCHEMA + 1}, but this program reads {SCHEMA}",
+        ),
+        (lambda path: sql(path.parent, "CREATE TABLE mine (x)"), "is a database, but no store of a study"),
+        (Path.mkdir, "cannot be used: is no file"),
     ],
+    ids=["text", "newer", "other", "folder"],
 )
-def test_a_store_that_is_none_is_refused_and_left_alone(tmp_path, kind, message):
-    path = broken(tmp_path, kind) / NAME
+def test_a_store_that_is_none_is_refused_and_left_alone(tmp_path, make, message):
+    path = tmp_path / NAME
+    make(path)
     before = path.read_bytes() if path.is_file() else None
     with pytest.raises(InputError, match=message) as raised, Store.opened(tmp_path, "short"):
         pass
@@ -162,13 +125,11 @@ def test_a_damaged_store_is_one_line(filled):
     with open(folder / NAME, "r+b") as file:
         file.seek(4096)
         file.write(b"damaged " * 4096)
-    with pytest.raises(InputError, match="cannot be used: database disk image is malformed"):
+    malformed = "cannot be used: database disk image is malformed"
+    with pytest.raises(InputError, match=malformed):
         read_rows(folder)
-    with (
-        pytest.raises(InputError, match="cannot be used: database disk image is malformed"),
-        Store.opened(folder, "short") as store,
-    ):
-        store.done(tasks)
+    with pytest.raises(InputError, match=malformed), Store.opened(folder, "short") as opened:
+        opened.done(tasks)
 
 
 def test_folders_of_another_study_or_that_cannot_be_written_are_refused(filled, tmp_path):
@@ -182,22 +143,16 @@ def test_folders_of_another_study_or_that_cannot_be_written_are_refused(filled, 
             pass
 
 
-def test_reading_what_is_not_there_makes_nothing(tmp_path):
-    with pytest.raises(InputError, match="there is no store"):
-        read_rows(tmp_path)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_failed_trials_are_flown_again_and_done_ones_only_on_demand(tmp_path):
     tasks = short(["hover", "greedy"])
-    with Store.opened(tmp_path, "short") as store:
-        first = complete(tasks, store, Serial({"greedy": ["x", "x", "x", "x"]}))
+    with Store.opened(tmp_path, "short") as opened:
+        first = complete(tasks, opened, Serial({"greedy": ["x", "x", "x", "x"]}))
         assert [row.status for row in first] == ["done", "failed"] * 2
         again = Serial({"hover": [None] * 9})
-        assert [row.status for row in complete(tasks, store, again)] == ["done"] * 4
+        assert [row.status for row in complete(tasks, opened, again)] == ["done"] * 4
         assert again.flown == [("greedy", 0), ("greedy", 1)]
         redone = Serial({"hover": [None] * 9})
-        complete(tasks, store, redone, Options(redo=True))
+        complete(tasks, opened, redone, Options(redo=True))
         assert len(redone.flown) == 4
     assert len(read_rows(tmp_path)) == 4
 
@@ -222,15 +177,17 @@ def test_failed_trials_are_flown_again_and_done_ones_only_on_demand(tmp_path):
 )
 def test_a_store_of_which_something_was_changed_is_one_line(filled, statement, message):
     folder, tasks, _ = filled
-    changed(folder, statement)
+    sql(folder, statement)
     with pytest.raises(InputError, match=message) as raised:
         read_rows(folder)
     assert "\n" not in str(raised.value) and str(folder) in str(raised.value)
-    with pytest.raises(InputError, match=message), Store.opened(folder, "short") as store:
-        store.done(tasks)
+    with pytest.raises(InputError, match=message), Store.opened(folder, "short") as opened:
+        opened.done(tasks)
 
 
 def test_a_view_in_place_of_a_table_is_refused_as_it_may_never_end(filled):
     endless = "WITH RECURSIVE n(name) AS (SELECT 'x' UNION ALL SELECT 'x' FROM n) SELECT count(name) AS name FROM n"
+    for statement in ("DROP TABLE study", f"CREATE VIEW study AS {endless}"):
+        sql(filled[0], statement)
     with pytest.raises(InputError, match="it names no study"):
-        read_rows(changed(filled[0], "DROP TABLE study", f"CREATE VIEW study AS {endless}"))
+        read_rows(filled[0])

@@ -214,6 +214,15 @@ WRONG = {
         "11 cells by 100000 seeds by 1 repeats are 1100000 trials; at most 1000000 are allowed",
     ),
     "no TOML": ("[study", "mine.toml: Expected"),
+    "score without bound": ("[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'", "missing required field bound"),
+    "misspelt key of a score": (
+        "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'\nbound = 'oracle'\nfloot = 3",
+        "unknown field floot",
+    ),
+    "factor of the bound's name": (
+        "[study]\nplanners = ['hover']\n[score]\nfloor = 'hover'\nbound = 'oracle'\n[factors.view]\na = {}",
+        "factors.view: is no name for a factor",
+    ),
     "table as value": ("study = 3", "expected a table"),
 }
 
@@ -245,13 +254,8 @@ def walked(density):
 
 def differing(one, other):
     """Keys in which two scenarios differ."""
-    a, b = (msgspec.to_builtins(setting) for setting in (one, other))
-    return {
-        f"{key}.{name}" if isinstance(a[key], dict) else key
-        for key in a
-        for name in (a[key] if isinstance(a[key], dict) else [""])
-        if (a[key][name] != b[key][name] if isinstance(a[key], dict) else a[key] != b[key])
-    }
+    a, b = (flat(msgspec.to_builtins(setting)) for setting in (one, other))
+    return {key for key in a if a[key] != b[key]}
 
 
 def test_the_walk_begins_at_the_papers_setting_and_ends_at_the_default():
