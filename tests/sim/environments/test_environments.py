@@ -12,10 +12,10 @@ import pytest
 from gymnasium.error import InvalidAction, ResetNeeded, UnsupportedMode
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from helpers.flights import fly
+from helpers.teams import Spy
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 import understory
-from planning.planner import Plan
 from sim.mission import mission as mission_module
 from sim.recording.archive import digest
 from sim.scenario.loading import SCENARIOS
@@ -65,18 +65,14 @@ def test_a_team_that_renders_and_sees_keeps_to_the_rules():
     assert first.shape == (720, 1280, 3) and first.dtype == np.uint8 and np.array_equal(first, env.render())
     observation, *_ = env.step(np.ones((3, 2)))
     assert not np.array_equal(first, env.render())
-    mission, _ = fly("dynamics=kinematic", planner=Eastward(1.0, 1.0), seed=1, duration=1)
+    mission, _ = fly("dynamics=kinematic", planner=eastward(1.0, 1.0), seed=1, duration=1)
     assert np.array_equal(observation["image"], mission.frames)
 
 
-class Eastward:
-    """All UAVs fly with these shares of their limit."""
-
-    def __init__(self, east, north):
-        self._share = np.array([[east, north]]) / max(1.0, np.hypot(east, north))
-
-    def plan(self, team, rng):
-        return [Plan(self._share * situation.own.max_speed) for situation in team]
+def eastward(east, north):
+    """A planner whose UAVs all fly with these shares of their limit."""
+    share = np.array([[east, north]]) / max(1.0, np.hypot(east, north))
+    return Spy(lambda situation: share * situation.own.max_speed)
 
 
 def test_an_environment_flies_the_mission_of_its_seed_and_repeat():
@@ -86,7 +82,7 @@ def test_an_environment_flies_the_mission_of_its_seed_and_repeat():
         env.step(dict.fromkeys(env.agents, np.array([0.5, -2.0], dtype=np.float32)))
     recording = env.flight().recording
     _, snapshots = fly(
-        "sensing.mode=ideal", "dynamics=kinematic", planner=Eastward(0.5, -1), seed=3, repeat=2, duration=4
+        "sensing.mode=ideal", "dynamics=kinematic", planner=eastward(0.5, -1), seed=3, repeat=2, duration=4
     )
     assert (recording.seed, recording.repeat, recording.interrupted) == (3, 2, False)
     np.testing.assert_array_equal(recording.ospa, [snapshot.ospa for snapshot in snapshots])
