@@ -61,6 +61,11 @@ def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):
             assert value == pytest.approx(plain_cost(situation, joint, 0.5)[0], rel=1e-9)
 
 
+def test_without_targets_the_objective_is_zero(random_team):
+    situation = random_team(0, targets=0)[0]
+    assert team_cost(nominal(situation, 5), np.zeros((3, 5, 2)), 0.5) == 0.0
+
+
 @pytest.mark.parametrize("traces", [(4.0, 9.0), (9.0, 4.0)])
 def test_mwtp_matches_the_sensors_and_targets_of_the_papers_figure(traces):
     sensors = FIGURE_SENSORS.copy()

@@ -5,6 +5,7 @@ import itertools
 import subprocess
 import sys
 import warnings
+from functools import partial
 
 import gymnasium
 import numpy as np
@@ -156,41 +157,31 @@ def test_a_uav_that_breaks_down_is_terminated_and_the_others_are_truncated():
     assert len(team.unwrapped.flight().recording.times) == 21
 
 
-MADE = {
-    "scenario: 'forst' is unknown; allowed are ": lambda: understory.parallel_env("forst"),
-    "people.cuont": lambda: understory.parallel_env(settings={"people.cuont": 3}),
-    "reward: 'gopsa' is unknown; allowed are gospa, true_gospa, trace; did you mean gospa?": lambda: (
-        understory.parallel_env(reward="gopsa")
-    ),
-    "observe: 'track' is unknown; allowed are tracks, trees, image; did you mean tracks?": lambda: (
-        understory.parallel_env(observe={"track": 3})
-    ),
-    "observe: trees 0 is not allowed; expected an integer, 1 to 10000": lambda: understory.parallel_env(
-        observe={"trees": 0}
-    ),
-    "observe: image is not there with sensing.mode 'ideal'": lambda: understory.parallel_env(
-        settings=IDEAL, observe={"image": True}
-    ),
-    "observe: images of several sizes are not one array": lambda: gymnasium.make(
-        "understory/Forest-v0", settings={"uavs.1.pixels": 64}, observe={"image": True}
-    ),
-    "duration: 0.5 s is too short; an episode needs two decisions": lambda: understory.parallel_env(
-        settings={"duration": 0.5}
-    ),
-    "reward: '3' is unknown; allowed are gospa, true_gospa, trace": lambda: understory.parallel_env(reward=3),
-    "settings: 'duration=3' is not allowed; expected a mapping": lambda: understory.parallel_env(settings="duration=3"),
-    "seed: 1.5 is not allowed; expected an integer of at least 0": lambda: understory.mission("forest", seed=1.5),
-    "seed: '3' is not allowed; expected an integer of at least 0": lambda: understory.mission("forest", seed="3"),
-    "settings: not allowed with a Scenario; set its fields": lambda: understory.parallel_env(
-        understory.Scenario(), settings=IDEAL
-    ),
-}
+KNOWN = "gospa, true_gospa, trace"
+TEAM = partial(gymnasium.make, "understory/Forest-v0")
+SIZES = {"settings": {"uavs.1.pixels": 64}, "observe": {"image": True}}
+# How the message begins, what is made, and of what.
+REFUSED = [
+    ("scenario: 'forst' is unknown; allowed are ", understory.parallel_env, {"scenario": "forst"}),
+    ("people.cuont", understory.parallel_env, {"settings": {"people.cuont": 3}}),
+    (f"reward: 'gopsa' is unknown; allowed are {KNOWN}; did you mean gospa?", TEAM, {"reward": "gopsa"}),
+    (f"reward: '3' is unknown; allowed are {KNOWN}", understory.parallel_env, {"reward": 3}),
+    ("observe: 'track' is unknown; allowed are tracks, trees, image; did you mean", TEAM, {"observe": {"track": 3}}),
+    ("observe: trees 0 is not allowed; expected an integer, 1 to 10000", TEAM, {"observe": {"trees": 0}}),
+    ("observe: image is not there with sensing.mode 'ideal'", TEAM, {"settings": IDEAL, "observe": {"image": True}}),
+    ("observe: images of several sizes are not one array", TEAM, SIZES),
+    ("duration: 0.5 s is too short; an episode needs two decisions", TEAM, {"settings": {"duration": 0.5}}),
+    ("settings: 'duration=3' is not allowed; expected a mapping", TEAM, {"settings": "duration=3"}),
+    ("settings: not allowed with a Scenario; set its", TEAM, {"scenario": understory.Scenario(), "settings": IDEAL}),
+    ("seed: 1.5 is not allowed; expected an integer of at least 0", understory.mission, {"seed": 1.5}),
+    ("seed: '3' is not allowed; expected an integer of at least 0", understory.mission, {"seed": "3"}),
+]
 
 
-@pytest.mark.parametrize("message", MADE)
-def test_settings_that_cannot_be_used_are_refused_in_one_line(message):
+@pytest.mark.parametrize(("message", "make", "options"), REFUSED, ids=[message for message, *_ in REFUSED])
+def test_settings_that_cannot_be_used_are_refused_in_one_line(message, make, options):
     with pytest.raises(InputError) as refused:
-        MADE[message]()
+        make(**options)
     assert str(refused.value).startswith(message) and "\n" not in str(refused.value)
 
 

@@ -49,13 +49,6 @@ def test_forests_of_any_size_grow_at_once_in_uniform_places():
     assert time.process_time() - start < 0.5 and pdist(places).min() >= 10
 
 
-@pytest.mark.parametrize("density, radius", [(45, 5), (75, 5), (75, 1), (750, 1)])
-def test_canopies_do_not_overlap_and_centres_lie_inside(density, radius):
-    for seed in range(10):
-        places = centres(Trees(density=density, canopy_radius=radius), seed)
-        assert pdist(places).min() >= 2 * radius and np.all(np.abs(places) <= [75, 50])
-
-
 def test_trees_have_the_shape_density_and_seed_of_the_scenario():
     trees = Trees(density=20, canopy_radius=2.0, canopy_base=2.5, canopy_top=7.0, trunk_radius=0.3)
     for tree in grow(trees, AREA, np.random.default_rng(0)).trees:
