@@ -71,7 +71,7 @@ def test_a_team_that_renders_and_sees_keeps_to_the_rules():
 
 
 def eastward(east, north):
-    """A planner whose UAVs all fly with these shares of their limit."""
+    """A planner that flies all UAVs with these shares of their limit."""
     share = np.array([[east, north]]) / max(1.0, np.hypot(east, north))
     return Spy(lambda situation: share * situation.own.max_speed)
 
