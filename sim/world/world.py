@@ -226,14 +226,19 @@ class World:
 
     def _apart(self, commands: Array, steps: int) -> bool:
         """True if UAVs stay clear of one another for so many steps."""
-        places = np.array([pose.position for pose in self.poses()])
+        places = np.array([pose.position for pose in self.poses()]) if self._made else self._positions
         return nearest(places, commands, steps / self._scenario.rates.physics) > _CLEAR
 
     def _glide(self, commands: Array, steps: int) -> None:
         """Move UAVs by [Li22] eq. (5); at zero velocity the heading is kept."""
-        poses, dt = self.poses(), 1.0 / self._scenario.rates.physics
-        positions, turned = (np.array([getattr(pose, part) for pose in poses]) for part in ("position", "quaternion"))
-        self._positions, self._quaternions = glide(positions, turned, commands, dt, steps)
+        if self._made:
+            poses = self.poses()
+            self._positions = np.array([pose.position for pose in poses])
+            turned = np.array([pose.quaternion for pose in poses])
+        else:
+            turned = settled(self._quaternions)
+        dt = 1.0 / self._scenario.rates.physics
+        self._positions, self._quaternions = glide(self._positions, turned, commands, dt, steps)
         self._commands = commands
         if self._made:
             self._put_uavs(self._bodies)
