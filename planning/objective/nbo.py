@@ -33,11 +33,6 @@ class Measure(NamedTuple):
 TRACE = Measure(gains=False, cutoff=np.inf)
 
 
-def team_cost(belief: PredictedBelief, controls: Array, beta: float, samples: int = 1) -> float:
-    """Objective of one joint plan (n, H, 2) m/s: `costs` with a single candidate."""
-    return float(costs(belief, controls, range(len(controls)), controls[None], beta, samples)[0])
-
-
 def costs(
     belief: PredictedBelief, controls: Array, uavs: Sequence[int], candidates: Array, beta: float, samples: int = 1
 ) -> Array:

@@ -110,28 +110,31 @@ class Search:
         fleet = camera_paths(np.array([v.position for v in vehicles], dtype=float), controls, situation.step)
         left = np.repeat(unseen.people.ravel()[cells][None], controls.shape[1], axis=0)
         for i in sorted(set(range(len(vehicles))) - set(uavs)):
-            _thin(left, _viewed(vehicles[i], fleet[i], points, situation.forest))
-        rasters = [_raster(situation, i, fleet, (centres, points, left[-1])) for i in uavs]
+            _thin(left, _viewed([vehicles[i]], [fleet[i]], points, situation.forest))
+        raster = _raster(situation, uavs, fleet, (centres, points, left[-1]))
         to_come = np.cumsum(left[::-1], axis=0)[::-1].copy()  # people still to be counted from each step on
         own = np.array([vehicles[i].position[:2] for i in uavs], dtype=float)
-        return partial(_costs, float(self.weight), to_come, _joined(rasters), own, situation.step)
+        return partial(_costs, float(self.weight), to_come, raster, own, situation.step)
 
 
-def _raster(situation: Situation, uav: int, fleet: Array, unseen: tuple[Array, Array, Array]) -> _Raster:
-    """Raster of the places in reach of a UAV; `unseen`: centres (C, 2) m, quarters (C, 4, 2) m and people left (C,)."""
+def _raster(situation: Situation, uavs: Sequence[int], fleet: Array, unseen: tuple[Array, Array, Array]) -> _Raster:
+    """Raster of the places in reach of UAVs; `unseen`: centres (C, 2) m, quarters (C, 4, 2) m and people left (C,)."""
     centres, points, people = unseen
-    vehicle, step = situation.vehicles[uav], situation.step
-    side = 2 * math.ceil(fleet.shape[1] * step * vehicle.max_speed / _SPACING) + 1
-    low = vehicle.position[:2] - _SPACING * (side // 2)
-    x, y = np.meshgrid(low[0] + _SPACING * np.arange(side), low[1] + _SPACING * np.arange(side))
-    places = np.column_stack([x.ravel(), y.ravel(), np.full(side * side, vehicle.position[2])])
-    away = np.full(len(centres), np.inf)
-    for i, other in enumerate(situation.vehicles):
-        if i != uav:
-            away = np.minimum(away, _steps_off(fleet[i, -1], centres, _sight(other, step)))
-    onward = _onward(places, centres, _sight(vehicle, step), people, away)
-    views = _viewed(vehicle, places, points, situation.forest)
-    return _Raster(low[None], np.array([side]), np.zeros(1, np.int64), views, onward)
+    deciding, step = [situation.vehicles[i] for i in uavs], situation.step
+    reach = [math.ceil(fleet.shape[1] * step * v.max_speed / _SPACING) for v in deciding]  # places each way
+    low = np.array([v.position[:2] - _SPACING * r for v, r in zip(deciding, reach, strict=True)], dtype=float)
+    side = 2 * np.array(reach) + 1
+    places, onward = [], []
+    for j, (uav, vehicle) in enumerate(zip(uavs, deciding, strict=True)):
+        x, y = np.meshgrid(*(low[j][:, None] + _SPACING * np.arange(side[j])))
+        places.append(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, vehicle.position[2])]))
+        away = np.full(len(centres), np.inf)
+        for i, other in enumerate(situation.vehicles):
+            if i != uav:
+                away = np.minimum(away, _steps_off(fleet[i, -1], centres, _sight(other, step)))
+        onward.append(_onward(places[j], centres, _sight(vehicle, step), people, away))
+    first = np.cumsum([0, *map(len, places[:-1])])
+    return _Raster(low, side, first, _viewed(deciding, places, points, situation.forest), np.concatenate(onward))
 
 
 def _sight(vehicle: Vehicle, step: float) -> tuple[float, float]:
@@ -158,43 +161,31 @@ def _onward(places: Array, centres: Array, sight: tuple[float, float], people: A
     return total
 
 
-def _viewed(vehicle: Vehicle, places: Array, points: Array, forest: Forest) -> _Views:
-    """Views of a UAV from places (V, 3) m on cells given by four points (C, 4, 2) m each."""
-    farthest = viewing_range(vehicle) + float(np.ptp(points[0], axis=0).max(initial=0.0))
-    return _views(places, (np.array([view_quadrangle(vehicle)]), farthest), points, forest.blockers, forest.grid)
-
-
-def _joined(rasters: Sequence[_Raster]) -> _Raster:
-    counts = [len(r.onward) for r in rasters]
-    members = np.cumsum([0, *(len(r.views.cells) for r in rasters)])
-    starts = [r.views.starts[:-1] + begin for r, begin in zip(rasters, members, strict=False)]
-    return _Raster(
-        np.concatenate([r.low for r in rasters]),
-        np.concatenate([r.side for r in rasters]),
-        np.cumsum([0, *counts[:-1]]).astype(np.int64),
-        _Views(
-            np.concatenate([*starts, members[-1:]]),
-            np.concatenate([r.views.cells for r in rasters]),
-            np.concatenate([r.views.shares for r in rasters]),
-        ),
-        np.concatenate([r.onward for r in rasters]),
-    )
+def _viewed(vehicles: Sequence[Vehicle], places: Sequence[Array], points: Array, forest: Forest) -> _Views:
+    """Views of UAVs, each from its places (V, 3) m, on cells given by four points (C, 4, 2) m each."""
+    cell = float(np.ptp(points[0], axis=0).max(initial=0.0))
+    sight = np.array([view_quadrangle(v) for v in vehicles]), np.array([viewing_range(v) + cell for v in vehicles])
+    uavs = np.repeat(np.arange(len(vehicles)), [len(own) for own in places])
+    return _views(np.concatenate(places), uavs, sight, points, (forest.blockers, forest.grid))
 
 
 @compiled
-def _views(places: Array, sight: tuple[Array, float], points: Array, blockers: Array, grid: Grid) -> _Views:
-    view, farthest = sight
+def _views(
+    places: Array, uavs: Indices, sight: tuple[Array, Array], points: Array, trees: tuple[Array, Grid]
+) -> _Views:
+    """Views from places (V, 3) m of UAVs (V,); sight: fields of view (k, 5, 3), and how far cells matter (k,) m."""
+    (view, farthest), (blockers, grid) = sight, trees
     starts = np.zeros(len(places) + 1, np.int64)
     cells, shares = [0], [0.0]  # the first entries only say of what type the lists are
     for v in range(len(places)):
         camera = places[v, 0], places[v, 1], places[v, 2]
         for c in range(len(points)):
-            if abs(points[c, 0, 0] - camera[0]) > farthest or abs(points[c, 0, 1] - camera[1]) > farthest:
+            if max(abs(points[c, 0, 0] - camera[0]), abs(points[c, 0, 1] - camera[1])) > farthest[uavs[v]]:
                 continue
             seen = 0
             for k in range(points.shape[1]):
                 x, y = points[c, k, 0], points[c, k, 1]
-                if inside(view, 0, x - camera[0], y - camera[1]):
+                if inside(view, uavs[v], x - camera[0], y - camera[1]):
                     seen += unobstructed(camera, (x, y, TARGET_HEIGHT), blockers, grid)
             if seen:
                 cells.append(c)

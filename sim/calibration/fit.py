@@ -71,12 +71,9 @@ def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
                 error_along = np.einsum("nij,ni->nj", axes, ground - sample.person)
                 cases.append((tangent, pixel_footprints(sample.frame.camera, pose, ground), error_along))
     tangents, pixels, errors = (np.concatenate(column) for column in zip(*cases, strict=True))
-
-    def surprise(x: Array) -> float:
-        variances = _with_powers(error, x).detected(tangents, pixels)
-        return float(np.mean(np.log(variances) + errors**2 / variances))
-
-    return _with_powers(error, _minimum(surprise, np.array([*WHOLE.powers, WHOLE.stretch]), 2000))
+    start = np.array([*WHOLE.powers, WHOLE.stretch])
+    found = _minimum(lambda x: _surprise(_with_powers(error, x).detected(tangents, pixels), errors), start, 2000)
+    return _with_powers(error, found)
 
 
 def _with_powers(error: WholeError, x: Array) -> WholeError:
@@ -98,16 +95,20 @@ def fit_split(seed: int, frames: int) -> SplitError:
             cases.append((tangents, gaps, alone, errors_along, np.full(2, tilt == sway == 0.0)))
     tangents, gaps, alone, errors, level = (np.concatenate(column) for column in zip(*cases, strict=True))
 
-    def surprise(x: Array) -> float:
-        variances = alone + SplitError(*x.tolist()).variances(tangents, gaps)
-        return float(np.mean(np.log(variances) + errors**2 / variances))
+    def added_by(x: Array) -> Array:
+        return SplitError(*x.tolist()).variances(tangents, gaps)
 
-    likeliest = _minimum(surprise, np.array(astuple(SPLIT)), 2000)
-    added = SplitError(*likeliest.tolist()).variances(tangents, gaps)
+    likeliest = _minimum(lambda x: _surprise(alone + added_by(x), errors), np.array(astuple(SPLIT)), 2000)
+    added = added_by(likeliest)
     # Few errors are much larger than the rest: the likeliest constants say too little on the average of level cameras.
     base, more, squares = alone[level], added[level], errors[level] ** 2
     factor = brentq(lambda x: float(np.mean(squares / (base + x * more))) - 1.0, 0.1, 10.0)
     return SplitError(*(likeliest * [factor**0.5, factor**0.5, factor**0.5, 1.0]).tolist())
+
+
+def _surprise(variances: Array, errors: Array) -> float:
+    """Mean negative log-likelihood of Gaussian errors, twice, less a constant."""
+    return float(np.mean(np.log(variances) + errors**2 / variances))
 
 
 def _whole(x: Array) -> WholeError:

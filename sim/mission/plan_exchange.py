@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -124,7 +125,7 @@ class PlanExchange:
         """Take the plan of each working UAV, known from now on to those that it reaches; bytes (n,) that each sent."""
         self.own = dict(plans)
         reached = np.zeros_like(self._up) if self._exchange.centre or not self._received else self._received[-1]
-        for i, j in ((i, j) for i in plans for j in plans if i != j):
+        for i, j in permutations(plans, 2):
             known = self._known.get((i, j))
             if reached[i, j]:
                 self._known[i, j] = _Known(self._fleet[j], Plan(plans[j].controls))

@@ -37,16 +37,13 @@ class Trajectories:
     def at(self, time: float) -> tuple[Array, Array]:
         """Positions (M, 2) m and headings (M,) rad from east, NaN for people absent at this time."""
         step = (time - self.times[0]) / (self.times[1] - self.times[0])
-        k = round(step)
-        if abs(step - k) > _EXACT:
-            k = math.floor(step)
-        if not 0 <= k < len(self.times):
+        between = abs(step - round(step)) > _EXACT
+        k = math.floor(step) if between else round(step)
+        if not 0 <= k < len(self.times) - between:
             return np.full(self.positions.shape[1:], np.nan), np.full(self.positions.shape[1], np.nan)
         here, headings = self.positions[k], self._headings[k]
-        if abs(step - k) <= _EXACT:
+        if not between:
             return here.copy(), headings.copy()
-        if k + 1 == len(self.times):
-            return np.full_like(here, np.nan), np.full_like(headings, np.nan)
         positions = here + (step - k) * (self.positions[k + 1] - here)
         return positions, np.where(np.isnan(positions[:, 0]), np.nan, headings)
 

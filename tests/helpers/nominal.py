@@ -1,20 +1,33 @@
-"""Teams that know of one another, and nominal beliefs and their cost, computed plainly."""
+"""Nominal beliefs and their cost, also computed plainly."""
 
-import dataclasses
 import math
 
 import numpy as np
 from scipy.stats import norm
 
-from planning.planner import Plan
+from helpers.teams import among
+from planning.objective.nbo import Measure, costs, objective
 from planning.prediction.propagation import Nominal
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
+
+GAINS = Measure(gains=True, cutoff=np.inf)
 
 
 def nominal(situation, horizon):
     """Nominal beliefs as compiled code takes them; nothing in them is by chance."""
     return Nominal().predict(situation, horizon, np.random.default_rng(0))
+
+
+def team_cost(belief, controls, beta, samples=1):
+    """Objective of one joint plan (n, H, 2) m/s."""
+    return float(costs(belief, controls, range(len(controls)), controls[None], beta, samples)[0])
+
+
+def information(situation, uavs, plans, *, expected=False):
+    """Mutual information (N,) of plans (N, k, H, 2) m/s of UAVs `uavs`, by ascending id, as if there were no others."""
+    belief = Nominal(expected).predict(among(situation, uavs), plans.shape[2], np.random.default_rng(0))
+    return -objective(belief, plans[0], range(len(uavs)), 0.0, measure=GAINS)(plans)
 
 
 def plain_mwtp(targets, traces, sensors, reach):
@@ -99,9 +112,3 @@ def plain_traces(situation, controls, belief, mark):
 def squares(reach):
     """Level fields of view with these half edges, as the compiled code takes them (n, 5, 3)."""
     return np.array([[(1, 0, r), (-1, 0, r), (0, 1, r), (0, -1, r), (0, 0, 0)] for r in reach], dtype=float)
-
-
-def knowing(team, plans):
-    """The team after plans of which these are the rest."""
-    intents = {s.own.id: Plan(np.vstack([np.zeros((1, 2)), p])) for s, p in zip(team, plans, strict=True)}
-    return [dataclasses.replace(s, intents=intents) for s in team]

@@ -5,11 +5,12 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers.nominal import knowing, nominal
+from helpers.nominal import nominal, team_cost
+from helpers.teams import knowing, planned
 
 from planning.composition import Composition
 from planning.coordination.schemes import Centralised, Decentralised, Parallel, Sequential
-from planning.objective.nbo import objective, team_cost
+from planning.objective.nbo import objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.optimizer import pursuits, turns
@@ -19,10 +20,6 @@ from planning.prediction.propagation import MonteCarlo, nominal_positions
 from planning.prediction.targets_in_reach import targets_in_reach
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import Forest
-
-
-def planned(team, seed=0, **pieces):
-    return np.array([p.controls for p in Composition(**pieces).plan(team, np.random.default_rng(seed))])
 
 
 @pytest.mark.parametrize("coordination", [Sequential(), Parallel()])
@@ -40,7 +37,8 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
         np.random.default_rng(9),
         targets_in_reach(view, [0], np.array([5.0])),
     )
-    np.testing.assert_array_equal(planned(team, 9, horizon=3, coordination=coordination), alone.plans)
+    plans = planned(Composition(3, coordination), team, seed=9)
+    np.testing.assert_array_equal(plans, alone.plans)
 
 
 @pytest.mark.parametrize("order", ["fixed", "random", "worst-first"])
@@ -50,7 +48,8 @@ def test_no_sweep_of_the_sequence_raises_the_teams_objective(random_team, beta, 
         team = random_team(seed)
         before = [team_cost(nominal(team[0], 5), expected_plans(team[0], 5), beta)]
         for sweeps in (1, 2, 3):
-            plans = planned(team, seed, beta=beta, coordination=Sequential(order, sweeps), optimizer=CrossEntropy(256))
+            pieces = Composition(5, Sequential(order, sweeps), beta=beta, optimizer=CrossEntropy(256))
+            plans = planned(pieces, team, seed)
             before.append(team_cost(nominal(team[0], 5), plans, beta))
         assert before[1] < before[0]
         if order != "random":  # where later sweeps go on from the same first one
@@ -59,14 +58,14 @@ def test_no_sweep_of_the_sequence_raises_the_teams_objective(random_team, beta, 
 
 def test_each_uav_answers_plans_before_it_and_in_parallel_all_intents(random_team):
     team = random_team(3)
-    plans = planned(team, 1)
+    plans = planned(Composition(), team, 1)
     rng = np.random.default_rng(1)
     joint = expected_plans(team[0], 5)
     for uav, situation in enumerate(team):
         joint[uav] = Composition().decide(situation, joint, [uav], rng)[0]
     np.testing.assert_array_equal(plans, joint)
     team = random_team(6)
-    plans = planned(team, 2, coordination=Parallel())
+    plans = planned(Composition(coordination=Parallel()), team, 2)
     rng = np.random.default_rng(2)
     for uav, situation in enumerate(team):
         single = Composition().decide(situation, expected_plans(situation, 5), [uav], rng)[0]
@@ -88,17 +87,18 @@ def test_the_worst_first_is_the_uav_near_the_most_uncertain_track(random_team):
 
 
 def test_the_centre_knows_all_and_shares_its_plan_with_equal_beliefs(random_team):
+    apart, centre = Composition(coordination=Decentralised()), Composition(coordination=Centralised())
     for seed in range(4):
         team = random_team(seed)
-        shares = planned(team, seed, coordination=Decentralised())
-        np.testing.assert_array_equal(shares, planned(team, seed, coordination=Centralised()))
+        shares = planned(apart, team, seed)
+        np.testing.assert_array_equal(shares, planned(centre, team, seed))
     mixed = [team[0], dataclasses.replace(team[1], tracks=random_team(9)[1].tracks), team[2]]
-    own = planned(mixed, seed, coordination=Decentralised())
+    own = planned(apart, mixed, seed)
     np.testing.assert_array_equal(own[[0, 2]], shares[[0, 2]])
     assert not np.array_equal(own[1], shares[1])
     team = random_team(1)
     deaf = [dataclasses.replace(s, neighbours=()) for s in team]
-    np.testing.assert_array_equal(planned(deaf, coordination=Centralised()), planned(team, coordination=Centralised()))
+    np.testing.assert_array_equal(planned(centre, deaf), planned(centre, team))
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.5])
@@ -106,7 +106,7 @@ def test_the_centralised_plan_on_a_coarse_grid_is_the_exhaustive_optimum(random_
     grid = GridSearch(6)
     for seed in range(5):
         team = knowing(random_team(seed, spread=10.0), np.zeros((3, 1, 2)))
-        plans = planned(team, horizon=1, beta=beta, coordination=Centralised(), optimizer=grid)
+        plans = planned(Composition(1, Centralised(), beta=beta, optimizer=grid), team)
         steps = grid.controls(5.0)
         view = nominal(team[0], 1)
         tried = [team_cost(view, np.array(joint)[:, None], beta) for joint in itertools.product(steps, repeat=3)]
@@ -133,19 +133,19 @@ def test_the_occlusion_model_is_the_planners_own(random_team):
     for seed in range(6):
         team = random_team(seed, trees=75, spread=15.0)
         discs = [dataclasses.replace(s, forest=Forest(s.forest.trees, "disc")) for s in team]
-        believed = planned(team, occlusion="disc")
-        np.testing.assert_array_equal(believed, planned(discs))
-        np.testing.assert_array_equal(planned(discs, occlusion="line_of_sight"), planned(team))
-        differing += not np.array_equal(believed, planned(team))
+        believed, usual = planned(Composition(occlusion="disc"), team), planned(Composition(), team)
+        np.testing.assert_array_equal(believed, planned(Composition(), discs))
+        np.testing.assert_array_equal(planned(Composition(occlusion="line_of_sight"), discs), usual)
+        differing += not np.array_equal(believed, usual)
     assert differing >= 2
 
 
 def test_the_last_plan_is_a_start_that_is_never_made_worse(random_team):
     team = random_team(2)
-    plans = planned(team)
-    lazy = CrossEntropy(1, elites=1, rounds=1)
+    plans = planned(Composition(), team)
+    lazy = Composition(optimizer=CrossEntropy(1, elites=1, rounds=1))
     view = nominal(team[0], 5)
-    kept = planned(knowing(team, plans), 1, optimizer=lazy)
+    kept = planned(lazy, knowing(team, plans), 1)
     assert team_cost(view, kept, 0.5) <= team_cost(view, plans, 0.5) * (1 + 1e-9)
 
 

@@ -4,12 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers.nominal import knowing
+from helpers.nominal import team_cost
+from helpers.teams import knowing, planned
 
 from planning.composition import Composition
 from planning.coordination.schemes import Centralised
-from planning.loading import load_planner
-from planning.objective.nbo import team_cost
 from planning.optimizers.grid_search import GridSearch
 from planning.prediction.intent import base_control, expected_plans
 from planning.prediction.propagation import MonteCarlo
@@ -31,7 +30,7 @@ def test_the_first_action_on_a_grid_is_the_best_by_brute_force(random_team, hori
     for seed in range(6):
         team = knowing(random_team(seed, spread=15.0), np.zeros((3, horizon, 2)))
         pieces = Composition(horizon, propagation=MonteCarlo(6), beta=0.0, optimizer=grid, actions="first")
-        plans = np.array([p.controls for p in pieces.plan(team, np.random.default_rng(seed))])
+        plans = planned(pieces, team, seed)
         rng, joint = np.random.default_rng(seed), expected_plans(team[0], horizon)
         for uav, situation in enumerate(team):
             view = MonteCarlo(6).predict(situation, horizon, rng)
@@ -50,7 +49,7 @@ def test_joint_first_actions_are_the_best_by_brute_force(random_team):
     for seed in range(4):
         team = knowing(random_team(seed, uavs=2, spread=15.0), np.zeros((2, 3, 2)))
         pieces = Composition(3, Centralised(), optimizer=grid, actions="first", beta=0.5)
-        plans = np.array([p.controls for p in pieces.plan(team, np.random.default_rng(seed))])
+        plans = planned(pieces, team, seed)
         view = pieces.propagation.predict(team[0], 3, np.random.default_rng(0))
         tried = [
             team_cost(view, np.array([rolled_out(team[0], i, u, 3) for i, u in enumerate(firsts)]), 0.5)
@@ -61,17 +60,15 @@ def test_joint_first_actions_are_the_best_by_brute_force(random_team):
 
 def test_with_one_step_the_first_action_is_the_whole_plan(random_team):
     for name in ("mcr(samples=4, evaluations=512, horizon=1", "sma-nbo-mwtp(evaluations=512, horizon=1"):
-        whole = load_planner(f"{name})").plan(random_team(2), np.random.default_rng(0))
-        first = load_planner(f"{name}, actions=first)").plan(random_team(2), np.random.default_rng(0))
-        assert all(np.array_equal(a.controls, b.controls) for a, b in zip(first, whole, strict=True))
+        whole, first = planned(f"{name})", random_team(2)), planned(f"{name}, actions=first)", random_team(2))
+        np.testing.assert_array_equal(first, whole)
 
 
 @pytest.mark.parametrize("optimizer", ["cross-entropy", "particle-swarm", "grid"])
 def test_every_optimiser_finds_first_actions_within_limits(random_team, optimizer):
-    planner = load_planner(f"mcr(samples=4, actions=first, optimizer={optimizer})")
     for case in ({}, {"targets": 0}):
-        for plan in planner.plan(random_team(4, **case), np.random.default_rng(0)):
-            assert plan.controls.shape == (5, 2) and np.all(np.linalg.norm(plan.controls, axis=1) <= 5.0 * (1 + 1e-9))
+        plans = planned(f"mcr(samples=4, actions=first, optimizer={optimizer})", random_team(4, **case))
+        assert plans.shape == (3, 5, 2) and np.linalg.norm(plans, axis=2).max() <= 5.0 * (1 + 1e-9)
 
 
 def test_for_one_uav_optimising_all_controls_is_at_least_as_good(random_team):
@@ -81,14 +78,8 @@ def test_for_one_uav_optimising_all_controls_is_at_least_as_good(random_team):
         team = random_team(seed, uavs=1, targets=6)
         view = Composition().propagation.predict(team[0], 5, np.random.default_rng(0))
         whole, first = (
-            team_cost(view, np.array([p.controls for p in pieces.plan(team, np.random.default_rng(seed))]), 0.0)
+            team_cost(view, planned(pieces, team, seed), 0.0)
             for pieces in (Composition(beta=0.0), Composition(beta=0.0, actions="first"))
         )
         gains.append(1.0 - whole / first)
     assert min(gains) >= -1e-9 and max(gains) > 0.01
-
-
-@pytest.mark.parametrize("text", ["mcr(actions=frist)", "sma-nbo(prediction=scan)"])
-def test_an_unknown_word_for_an_option_is_named(text):
-    with pytest.raises(ValueError, match=r"(actions|prediction) '.*' is unknown; .* did you mean (first|scans)\?"):
-        load_planner(text)

@@ -1,10 +1,12 @@
 """The oracle alone sees the truth, and its results are marked."""
 
+import dataclasses
 import json
 import pickle
 import struct
 
 import numpy as np
+from helpers.teams import Spy, planned
 
 from planning.loading import load_planner
 from planning.oracle import _UNKNOWN, Oracle, _TruePaths, true_tracks
@@ -32,23 +34,17 @@ MARK = "sees the truth"
 
 def test_situations_hold_no_truth_even_when_an_oracle_flies():
     """No number of a person's true position, now or at the next steps, is anywhere in what the mission makes."""
-    teams = []
 
-    class Spy:
+    class Seer(Spy):
         def knowing(self, people):
-            teams.clear()
             self.people = people
             return self
 
-        def plan(self, team, rng):
-            teams.append(pickle.dumps(team))
-            return load_planner("hover").plan(team, rng)
-
-    spy = Spy()
+    spy = Seer()
     mission = Mission(load("forest", [*SHORT, "duration=4", "tracking.initial_tracks=none"]), spy, 0)
     snapshots = list(mission.fly())
-    assert mission.sees_truth and len(teams) == 5 and len(snapshots[-1].tracks[0])
-    for k, team in enumerate(teams):
+    assert mission.sees_truth and len(spy.teams) == 5 and len(snapshots[-1].tracks[0])
+    for k, team in enumerate(map(pickle.dumps, spy.teams)):
         for ahead in range(3):
             truth = spy.people(float(min(k + ahead, 4)))
             np.testing.assert_array_equal(truth, mission.people.at(float(min(k + ahead, 4)))[0])
@@ -67,17 +63,15 @@ def walking(team, rng):
         Track(t.id, Gaussian(np.concatenate([start[k], velocity[k]]), t.belief.covariance))
         for k, t in enumerate(team[0].tracks)
     )
-    return [type(s)(**{**vars(s), "tracks": tracks}) for s in team], lambda time: start + time * velocity
+    return [dataclasses.replace(s, tracks=tracks) for s in team], lambda time: start + time * velocity
 
 
 def test_where_tracks_are_right_and_people_walk_straight_the_oracle_knows_nothing_more(random_team):
     for seed in range(4):
         team, people = walking(random_team(seed), np.random.default_rng(seed))
         planner = load_planner("oracle")
-        seen = planner.knowing(people).plan(team, np.random.default_rng(seed))
-        believed = planner.composition.plan(team, np.random.default_rng(seed))
-        for one, other in zip(seen, believed, strict=True):
-            np.testing.assert_array_equal(one.controls, other.controls)
+        believed = planned(planner.composition, team, seed)
+        np.testing.assert_array_equal(planned(planner.knowing(people), team, seed), believed)
 
 
 def test_a_persons_covariance_is_that_of_the_track_assigned_at_the_least_total_distance(random_team):
@@ -88,7 +82,7 @@ def test_a_persons_covariance_is_that_of_the_track_assigned_at_the_least_total_d
         here = np.vstack([means[[1, 0], :2] + [3.0, -4.0], [[500.0, 0.0]], means[[2], :2], [[np.nan, np.nan]]])
         return here + 2.0 * time
 
-    situation = type(situation)(**{**vars(situation), "tracks": situation.tracks[:3]})
+    situation = dataclasses.replace(situation, tracks=situation.tracks[:3])
     found = true_tracks(situation, people)
     assert [t.id for t in found] == [0, 1, 2, 3]
     for person, track in ((0, 1), (1, 0), (3, 2)):
@@ -99,9 +93,9 @@ def test_a_persons_covariance_is_that_of_the_track_assigned_at_the_least_total_d
 
 
 def test_the_oracle_plans_along_true_paths_which_end_where_a_person_leaves(random_team):
-    situation = type(random_team(0)[0])(**{**vars(random_team(0)[0]), "time": 3.0})
+    situation = dataclasses.replace(random_team(0)[0], time=3.0)
     circle = lambda t: np.array([[10 * np.cos(t), 10 * np.sin(t)], [t, 1.0] if t < 5.5 else [np.nan] * 2])  # noqa: E731
-    situation = type(situation)(**{**vars(situation), "tracks": true_tracks(situation, circle)})
+    situation = dataclasses.replace(situation, tracks=true_tracks(situation, circle))
     view = _TruePaths(circle).predict(situation, 4, np.random.default_rng(0))
     np.testing.assert_array_equal(view.points[:, 0, 0, :2], [circle(3.0 + k)[0] for k in range(1, 5)])
     np.testing.assert_array_equal(view.points[:, 1, 0, :2], [[4, 1], [5, 1], [5, 1], [5, 1]])

@@ -5,12 +5,11 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers.nominal import nominal
+from helpers.nominal import information
+from helpers.teams import planned
 
 from planning.composition import Composition
 from planning.coordination.partitions import Partitions
-from planning.loading import PlannerError, load_planner
-from planning.objective.nbo import Measure, objective
 from planning.optimizers.grid_search import GridSearch
 
 HORIZON = 2
@@ -26,34 +25,20 @@ class Exhaustive(GridSearch):
 GRID = Exhaustive(4)
 
 
-def planned(team, seed, rounds):
-    pieces = {"horizon": HORIZON, "beta": 0.0, "optimizer": GRID, "uncertainty": "information"}
-    plans = Composition(coordination=Partitions(rounds), **pieces).plan(team, np.random.default_rng(seed))
-    return np.array([plan.controls for plan in plans])
+def in_rounds(team, seed, rounds):
+    pieces = {"beta": 0.0, "optimizer": GRID, "uncertainty": "information"}
+    return planned(Composition(HORIZON, Partitions(rounds), **pieces), team, seed)
 
 
-class Information:
-    """Information of plans of some UAVs of a team, as if there were no others."""
+def value(team, uavs, plans):
+    """Information (N,) of plans (N, k, H, 2) m/s of UAVs `uavs`, by ascending id; 0 of none."""
+    return information(team[0], uavs, plans) if uavs else np.zeros(len(plans))
 
-    def __init__(self, team):
-        self.situations = {}
-        for size in range(1, len(team) + 1):
-            for uavs in itertools.combinations(range(len(team)), size):
-                others = tuple(team[i].own for i in uavs[1:])
-                self.situations[uavs] = nominal(dataclasses.replace(team[uavs[0]], neighbours=others), HORIZON)
 
-    def __call__(self, uavs, plans):
-        """Information (N,) of plans (N, k, H, 2) m/s of UAVs `uavs`, by ascending id."""
-        if not uavs:
-            return np.zeros(len(plans))
-        return -objective(
-            self.situations[uavs], plans[0], range(len(uavs)), 0.0, measure=Measure(gains=True, cutoff=np.inf)
-        )(plans)
-
-    def gain(self, uav, others, plans):
-        """Gain of a UAV's plan over those of others, of a joint plan (n, H, 2) m/s."""
-        with_it = tuple(sorted((uav, *others)))
-        return float((self(with_it, plans[None, list(with_it)]) - self(others, plans[None, list(others)]))[0])
+def gain(team, uav, others, plans):
+    """Gain of a UAV's plan over those of others, of a joint plan (n, H, 2) m/s."""
+    with_it = sorted((uav, *others))
+    return float((value(team, with_it, plans[None, with_it]) - value(team, others, plans[None, others]))[0])
 
 
 def sequences():
@@ -69,22 +54,21 @@ def test_one_uav_a_round_has_at_least_half_of_the_optimum_and_often_all(random_t
     shares, tried = [], joint(3)
     for seed in range(20):
         team = random_team(seed, spread=12.0)
-        value = Information(team)
-        best = value((0, 1, 2), tried).max()
-        shares.append(value((0, 1, 2), planned(team, 0, 0)[None])[0] / best)
+        best = value(team, [0, 1, 2], tried).max()
+        shares.append(value(team, [0, 1, 2], in_rounds(team, 0, 0)[None])[0] / best)
     assert min(shares) >= 0.5 and np.mean(shares) > 0.95
 
 
 def test_each_uav_gains_the_most_over_those_before_it(random_team):
     for seed in range(5):
         team = random_team(seed, spread=12.0)
-        value, plans = Information(team), planned(team, 0, 0)
+        plans = in_rounds(team, 0, 0)
         for uav in range(3):
-            before = tuple(range(uav))
+            before = list(range(uav))
             alternatives = np.repeat(plans[None, : uav + 1], 25, axis=0)
             alternatives[:, uav] = sequences()
-            gains = value((*before, uav), alternatives) - value(before, alternatives[:, :uav])
-            assert value.gain(uav, before, plans) >= gains.max() - 1e-9
+            gains = value(team, [*before, uav], alternatives) - value(team, before, alternatives[:, :uav])
+            assert gain(team, uav, before, plans) >= gains.max() - 1e-9
 
 
 @pytest.mark.parametrize("rounds", [1, 2, 3])
@@ -93,19 +77,19 @@ def test_rounds_lose_at_most_half_of_what_plans_of_one_round_share(random_team, 
     tried, pairs, losing = joint(3), joint(2), 0
     for seed in range(12):
         team = random_team(seed, spread=8.0)
-        value, plans = Information(team), planned(team, seed, rounds)
+        plans = in_rounds(team, seed, rounds)
         drawn = np.random.default_rng(seed).integers(rounds, size=3)
         order = np.argsort(drawn, kind="stable").tolist()
         shared = redundant = 0.0
         for place, uav in enumerate(order):
-            known = tuple(sorted(j for j in order[:place] if drawn[j] < drawn[uav]))
-            before = tuple(sorted(order[:place]))
-            shared += value.gain(uav, known, plans) - value.gain(uav, before, plans)
+            before = sorted(order[:place])
+            known = [j for j in before if drawn[j] < drawn[uav]]
+            shared += gain(team, uav, known, plans) - gain(team, uav, before, plans)
             for j in set(before) - set(known):
-                two = tuple(sorted((uav, j)))
-                alone = value(two[:1], pairs[:, :1]) + value(two[1:], pairs[:, 1:])
-                redundant += float((alone - value(two, pairs)).max())
-        best, found = value((0, 1, 2), tried).max(), value((0, 1, 2), plans[None])[0]
+                two = sorted((uav, j))
+                alone = value(team, two[:1], pairs[:, :1]) + value(team, two[1:], pairs[:, 1:])
+                redundant += float((alone - value(team, two, pairs)).max())
+        best, found = value(team, [0, 1, 2], tried).max(), value(team, [0, 1, 2], plans[None])[0]
         assert found >= (best - shared) / 2 - 1e-9
         assert found >= (best - redundant) / 2 - 1e-9 and shared <= redundant + 1e-9
         losing += shared > 0.1
@@ -114,26 +98,15 @@ def test_rounds_lose_at_most_half_of_what_plans_of_one_round_share(random_team, 
 
 def test_more_rounds_than_one_leave_less_in_common_on_average(random_team):
     """With n rounds two UAVs share one with probability 1/n, so that the expected redundancy falls as 1/n."""
-    found = {}
-    for rounds in (1, 2, 4):
-        values = []
-        for seed in range(30):
-            team = random_team(seed, spread=8.0)
-            values.append(Information(team)((0, 1, 2), planned(team, seed, rounds)[None])[0])
-        found[rounds] = np.mean(values)
-    assert found[1] < found[2] < found[4]
+    teams = [random_team(seed, spread=8.0) for seed in range(30)]
+    one, two, four = (
+        np.mean([value(team, [0, 1, 2], in_rounds(team, k, rounds)[None])[0] for k, team in enumerate(teams)])
+        for rounds in (1, 2, 4)
+    )
+    assert one < two < four
 
 
 def test_plans_that_are_not_received_do_not_count(random_team):
     team = random_team(4, spread=12.0)
     deaf = [dataclasses.replace(s, reception=((),)) for s in team]
-    np.testing.assert_array_equal(planned(deaf, 0, 0), planned(team, 0, 1))
-
-
-def test_options_that_information_has_no_use_for_are_refused():
-    with pytest.raises(PlannerError, match=r"cutoff=10 has no effect with uncertainty 'information'; set cutoff=0"):
-        load_planner("rsp(cutoff=10)")
-    with pytest.raises(PlannerError, match=r"beta=0\.5 has no effect with uncertainty 'information'; set beta=0"):
-        load_planner("rsp(beta=0.5)")
-    with pytest.raises(PlannerError, match="rounds=2 has no effect with coordination 'parallel'"):
-        load_planner("rsp(coordination=parallel)")
+    np.testing.assert_array_equal(in_rounds(deaf, 0, 0), in_rounds(team, 0, 1))

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from planning.composition import Composition
-from planning.conformance.checks import CHECKS, check
+from planning.conformance.checks import CHECKS, Subject, check
 from planning.coordination.schemes import Centralised, Sequential
-from planning.loading import PlannerError
+from planning.loading import PlannerError, load_planner
 from planning.planner import Plan
 from planning.registry import PLANNERS
+from tracking.plugins.findings import Unfit
 
 CLAIM = {"nothing from the unheard", "only plans from others"}
 BARE, HASHES = "plan 0 is no Plan of numbers but ndarray", "in a process with other hashes of strings, plans differ by"
@@ -36,8 +37,8 @@ def test_every_planner_of_ours_conforms(name):
 @pytest.mark.parametrize("planner", ["sma-nbo-mwtp", "sma-nbo-mwtp(horizon=1)", "pma-nbo(horizon=1)"])
 def test_with_all_their_evaluations_nothing_is_known_by_what_others_drew(planner):
     """Elites of one-step plans are few, and their number depends on beliefs."""
-    findings = {f.check: f for f in check(planner, other_process=False)}
-    assert all(findings[name].passed for name in CLAIM), [str(findings[name]) for name in CLAIM]
+    subject = Subject(lambda: load_planner(planner), planner)
+    assert all(CHECKS[name](subject) for name in CLAIM)
 
 
 class Good:
@@ -300,7 +301,8 @@ def test_a_good_planner_passes_all(planner):
     ("planner", "name"), [(Centre, "nothing from the unheard"), (WorstFirst, "only plans from others")]
 )
 def test_a_planner_that_compares_beliefs_cannot_claim_to_be_decentralised(planner, name):
-    assert name in failed(planner, other_process=False)
+    with pytest.raises(Unfit):
+        CHECKS[name](Subject(planner, planner))
 
 
 def test_without_plans_nothing_is_tried_and_broken_kinds_cover_every_check():

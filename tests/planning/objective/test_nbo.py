@@ -5,13 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from helpers.nominal import nominal, plain_cost, plain_mwtp, squares
+from helpers.nominal import nominal, plain_cost, plain_mwtp, squares, team_cost
 
 from planning.composition import Composition
-from planning.loading import load_planner
 from planning.objective.mwtp import weighted_trace_penalty
-from planning.objective.nbo import costs, team_cost
-from planning.prediction.propagation import MonteCarlo, Nominal, nominal_positions
+from planning.objective.nbo import Measure, costs, objective
+from planning.prediction.propagation import MonteCarlo, Nominal
 
 # End of the horizon in the paper's MWTP figure, in its drawing units, y upwards.
 FIGURE_SENSORS = np.array([[227.0, -168.25], [120.0, -154.25]])
@@ -32,17 +31,21 @@ def test_the_compiled_objective_equals_a_plain_transcription(random_team, uavs, 
     assert 0 in counts and 1 in counts and (uavs == 1 or 2 in counts)
 
 
-@pytest.mark.parametrize("beta", [0.0, 0.5])
-def test_the_objective_of_expected_visibility_equals_a_plain_transcription(random_team, beta):
-    partly = 0
+@pytest.mark.parametrize(
+    ("beta", "doubtful", "cutoff"), [(0.0, True, np.inf), (0.5, True, np.inf), (0.5, False, 1.0), (0.5, True, 1.0)]
+)
+def test_expected_visibility_and_cutoffs_equal_a_plain_transcription(random_team, beta, doubtful, cutoff):
+    changed = 0
     for seed in range(15):
         situation = random_team(seed, spread=12.0 + seed)[0]
         controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (3, 5, 2))
-        view = Nominal(expected=True).predict(situation, 5, np.random.default_rng(0))
-        expected, _ = plain_cost(situation, controls, beta, expected=True)
-        assert team_cost(view, controls, beta) == pytest.approx(expected, rel=1e-6)  # marks have eight digits
-        partly += not math.isclose(expected, plain_cost(situation, controls, beta)[0], rel_tol=1e-3)
-    assert partly >= 10
+        view = Nominal(doubtful).predict(situation, 5, np.random.default_rng(0))
+        expected, _ = plain_cost(situation, controls, beta, expected=doubtful, cutoff=cutoff)
+        found = objective(view, controls, [0], beta, measure=Measure(gains=False, cutoff=cutoff))(controls[None, :1])[0]
+        assert found == pytest.approx(expected, rel=1e-6)  # marks have eight digits
+        without = plain_cost(situation, controls, beta, expected=doubtful and cutoff < np.inf)[0]
+        changed += not math.isclose(expected, without, rel_tol=1e-3 if cutoff == np.inf else 1e-2)
+    assert changed >= 10
 
 
 def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):
@@ -58,29 +61,9 @@ def test_candidates_of_each_uav_are_costed_as_joint_plans(random_team):
             assert value == pytest.approx(plain_cost(situation, joint, 0.5)[0], rel=1e-9)
 
 
-def test_trees_raise_the_objective(random_team):
-    differing = 0
-    for seed in range(20):
-        controls = np.zeros((3, 5, 2))
-        forest, bare = random_team(seed)[0], random_team(seed, trees=0)[0]
-        bare = type(bare)(**{**vars(forest), "forest": bare.forest})
-        hidden, free = (team_cost(nominal(s, 5), controls, 0.0) for s in (forest, bare))
-        assert hidden >= free - 1e-9
-        differing += hidden > free + 1e-6
-    assert differing >= 5
-
-
 def test_without_targets_the_objective_is_zero(random_team):
     situation = random_team(0, targets=0)[0]
     assert team_cost(nominal(situation, 5), np.zeros((3, 5, 2)), 0.5) == 0.0
-
-
-def test_nominal_positions_go_on_at_constant_velocity(random_team):
-    tracks = random_team(1)[0].tracks
-    points = nominal_positions(tracks, 1.0, 3)
-    for t, track in enumerate(tracks):
-        m = track.belief.mean
-        np.testing.assert_allclose(points[2, t], [m[0] + 3 * m[2], m[1] + 3 * m[3]])
 
 
 @pytest.mark.parametrize("traces", [(4.0, 9.0), (9.0, 4.0)])
@@ -146,42 +129,13 @@ def test_the_weighted_objective_equals_a_plain_transcription(random_team, beta):
 
 
 def test_each_sample_of_a_target_counts_alike(random_team):
-    situation = doubted(random_team(1)[0], [0.2, 1.0, 0.5, 0.7])
+    situation = doubted(random_team(1, trees=0)[0], [0.2, 1.0, 0.5, 0.7])
     controls = np.random.default_rng(0).uniform(-3, 3, (3, 5, 2))
     optimizer = Kept(controls[None])
     pieces = Composition(propagation=MonteCarlo(3), optimizer=optimizer)
     pieces.decide(situation, controls, [0, 1, 2], np.random.default_rng(0))
     drawn = MonteCarlo(3).predict(situation, 5, np.random.default_rng(0))
-    each = [
-        team_cost(
-            drawn._replace(
-                points=np.ascontiguousarray(drawn.points[:, 4 * s : 4 * s + 4]),
-                covariances=drawn.covariances[:4],
-                offsets=np.concatenate([[0], np.cumsum(_counts(drawn)[:, s].ravel())]),
-                blockers=drawn.blockers[np.repeat(_sample(drawn), _counts(drawn).ravel()) == s],
-                weights=np.array([0.2, 1.0, 0.5, 0.7]),
-            ),
-            controls,
-            0.5,
-        )
-        for s in range(3)
-    ]
+    alone = drawn._replace(covariances=drawn.covariances[:4], weights=np.array([0.2, 1.0, 0.5, 0.7]))
+    samples = [np.ascontiguousarray(drawn.points[:, 4 * s : 4 * s + 4]) for s in range(3)]
+    each = [team_cost(alone._replace(points=points), controls, 0.5) for points in samples]
     assert optimizer.values[0] == pytest.approx(np.mean(each), rel=1e-12)
-
-
-def _counts(drawn):
-    return np.diff(drawn.offsets).reshape(5, 3, 4)
-
-
-def _sample(drawn):
-    return np.broadcast_to(np.arange(3)[None, :, None], (5, 3, 4)).ravel()
-
-
-def test_certain_targets_leave_plans_as_they_are(random_team):
-    team = random_team(3)
-    by_existence = load_planner("sma-nbo-mwtp").plan(team, np.random.default_rng(0))
-    as_one = load_planner("sma-nbo-mwtp(existence=False)").plan(team, np.random.default_rng(0))
-    for a, b in zip(by_existence, as_one, strict=True):
-        np.testing.assert_array_equal(a.controls, b.controls)
-    with pytest.raises(ValueError, match="existence of 'sma-nbo' must be True or False, is 1"):
-        load_planner("sma-nbo(existence=1)")

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from helpers.nominal import team_cost
 
-from planning.objective.nbo import team_cost
 from planning.prediction.propagation import Nominal
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
@@ -60,4 +60,3 @@ def test_the_expected_trace_is_that_of_monte_carlo(random_team, deviation, veloc
             ratios.append(team_cost(belief, controls, 0.0) / monte_carlo(situation, controls, rng))
     assert 0.8 < np.mean(ratios) < 1.25
     assert min(ratios) > 0.35 and max(ratios) < 2.0
-    print(f"{np.mean(ratios):.2f} [{min(ratios):.2f}, {max(ratios):.2f}]")

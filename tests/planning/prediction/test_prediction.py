@@ -4,11 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers.nominal import nominal
+from helpers.nominal import nominal, team_cost
+from helpers.teams import Spy, planned, refitted
 
 from planning.composition import Composition
-from planning.loading import load_planner
-from planning.objective.nbo import team_cost
 from planning.prediction.propagation import MonteCarlo, Nominal
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import planned_motion, tracker_parameters
@@ -18,17 +17,6 @@ from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest
 from tracking.tracker import Tracker
-
-
-class Watched:
-    """A planner that keeps what it is given."""
-
-    def __init__(self):
-        self.seen = []
-
-    def plan(self, team, rng):
-        self.seen.append(team)
-        return load_planner("hover").plan(team, rng)
 
 
 def coasting(tracks, scenario, seconds):
@@ -45,7 +33,8 @@ def test_planners_predict_as_trackers_coast(random_team, settings, seconds):
     """Mean, covariance, the points of expected visibility and the cost of plans without a target in view."""
     scenario = load("forest", settings)
     motion = planned_motion(scenario)
-    situation = dataclasses.replace(random_team(3)[0], motion=motion)
+    team = [dataclasses.replace(s, motion=motion) for s in random_team(3)]
+    situation = team[0]
     means, covariances = coasting(situation.tracks, scenario, seconds)
     steps = seconds * scenario.rates.planning
     beliefs = [t.belief for t in situation.tracks]
@@ -57,8 +46,7 @@ def test_planners_predict_as_trackers_coast(random_team, settings, seconds):
     points = Nominal(expected=True).predict(situation, steps, np.random.default_rng(0)).points[-1, :, :, :2]
     np.testing.assert_allclose(points[:, 0], means[:, :2], rtol=1e-12)
     np.testing.assert_allclose(points.mean(axis=1), means[:, :2], rtol=1e-9)
-    far = tuple(dataclasses.replace(v, position=v.position + np.array([9e3, 0.0, 0.0])) for v in situation.vehicles)
-    blind = dataclasses.replace(situation, own=far[0], neighbours=far[1:])
+    blind = refitted(team, lambda v: dataclasses.replace(v, position=v.position + np.array([9e3, 0.0, 0.0])))[0]
     rest = team_cost(nominal(blind, steps), np.zeros((3, steps, 2)), 0.0)
     if steps > 1:
         rest -= team_cost(nominal(blind, steps - 1), np.zeros((3, steps - 1, 2)), 0.0)
@@ -80,9 +68,9 @@ def test_one_long_step_has_more_noise_than_five_scans():
 
 def test_a_mission_tells_planners_how_its_trackers_predict():
     scenario = load("forest", ["duration=1", "sensing.mode=ideal", "dynamics=kinematic", "trees.density=0"])
-    planner = Watched()
+    planner = Spy()
     list(Mission(scenario, planner, 0).fly())
-    motions = {s.motion for team in planner.seen for s in team}
+    motions = {s.motion for team in planner.teams for s in team}
     assert motions == {NearlyConstantVelocity(1.0, 0.6, scans=5)}
     assert tracker_parameters(scenario).motion == NearlyConstantVelocity(0.2, 0.6)
 
@@ -106,9 +94,7 @@ def test_prediction_by_one_step_is_an_option(random_team):
     team = random_team(1)
     single = [dataclasses.replace(s, motion=NearlyConstantVelocity(1.0, 0.5)) for s in team]
     for name in ("sma-nbo-mwtp(evaluations=256", "mcr(samples=5, evaluations=256"):
-        option = load_planner(f"{name}, prediction=step)").plan(team, np.random.default_rng(0))
-        known = load_planner(f"{name})").plan(single, np.random.default_rng(0))
-        usual = load_planner(f"{name})").plan(team, np.random.default_rng(0))
-        assert all(np.array_equal(a.controls, b.controls) for a, b in zip(option, known, strict=True))
-        assert any(not np.array_equal(a.controls, b.controls) for a, b in zip(option, usual, strict=True))
+        option = planned(f"{name}, prediction=step)", team)
+        np.testing.assert_array_equal(option, planned(f"{name})", single))
+        assert not np.array_equal(option, planned(f"{name})", team))
     assert Composition().prediction == "scans"

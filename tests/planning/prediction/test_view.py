@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from helpers.nominal import nominal, plain_cost, squares
+from helpers.nominal import nominal, plain_cost, squares, team_cost
+from helpers.teams import planned, refitted
 from scipy.spatial.transform import Rotation
 
 from planning.composition import Composition
 from planning.objective.mwtp import weighted_trace_penalty
-from planning.objective.nbo import team_cost
 from planning.planner import Vehicle
 from planning.prediction.field_of_view import aim_point, points_shown, view_quadrangle, viewing_range
 from planning.prediction.intent import base_control
@@ -103,12 +103,8 @@ def test_the_shortest_move_just_covers_the_target_and_no_shorter_one_does():
 def tilted_team(team, seed):
     """The team's situations with cameras tilted at random."""
     rng = np.random.default_rng(seed)
-    turns = {s.own.id: Rotation.from_euler("ZY", [rng.uniform(-3, 3), -rng.uniform(0.2, 0.9)]).as_quat() for s in team}
-
-    def turned(v):
-        return dataclasses.replace(v, attitude=turns[v.id])
-
-    return [dataclasses.replace(s, own=turned(s.own), neighbours=tuple(turned(v) for v in s.neighbours)) for s in team]
+    turns = [Rotation.from_euler("ZY", [rng.uniform(-3, 3), -rng.uniform(0.2, 0.9)]).as_quat() for _ in team]
+    return refitted(team, lambda v: dataclasses.replace(v, attitude=turns[v.id]))
 
 
 def test_the_compiled_objective_of_tilted_cameras_equals_a_plain_transcription(random_team):
@@ -147,6 +143,5 @@ def test_a_plan_keeps_a_target_in_a_tilted_field_of_view(random_team, heading):
     ends = []
     for own in (v, dataclasses.replace(v, attitude=vehicle().attitude)):
         alone = dataclasses.replace(situation, own=own, tracks=(track,))
-        (plan,) = Composition().plan([alone], np.random.default_rng(0))
-        ends.append(target - plan.controls.sum(axis=0))
+        ends.append(target - planned(Composition(), [alone])[0].sum(axis=0))
     assert seen(v, np.array(ends)).tolist() == [True, False]

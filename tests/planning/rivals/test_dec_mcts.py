@@ -2,13 +2,13 @@
 
 import dataclasses
 import itertools
+from functools import partial
 
 import numpy as np
 import pytest
-from helpers.nominal import knowing
+from helpers.nominal import information
+from helpers.teams import knowing, planned
 
-from planning.loading import PlannerError, load_planner
-from planning.objective.nbo import Measure, objective
 from planning.prediction.intent import policy_of_intent
 from planning.prediction.propagation import Nominal
 from planning.rivals.dec_mcts import DecMCTS, TreeSearch
@@ -17,13 +17,7 @@ from planning.rivals.gathered_information import gain_of, information_from, prio
 from planning.rivals.moves import moves
 from planning.rivals.tree import SearchTree, promising
 
-
-def information(situation, uavs, plans):
-    """Information (N,) of plans (N, k, H, 2) m/s of UAVs `uavs`, as if there were no others."""
-    vehicles = [situation.vehicles[i] for i in uavs]
-    among = dataclasses.replace(situation, own=vehicles[0], neighbours=tuple(vehicles[1:]))
-    view = Nominal(expected=True).predict(among, plans.shape[2], np.random.default_rng(0))
-    return -objective(view, plans[0], range(len(uavs)), 0.0, measure=Measure(gains=True, cutoff=np.inf))(plans)
+gained = partial(information, expected=True)
 
 
 @pytest.mark.parametrize("directions", [4, 8])
@@ -53,7 +47,7 @@ def test_information_by_places_sums_to_the_objective_of_joint_plans(random_team,
         tables = [information_from(belief, i, paths[i], np.arange(4)) for i in range(3)]
         for uavs in ([0], [1, 2], [0, 1, 2]):
             found = gain_of(prior_of(belief), sum(tables[i] for i in uavs))
-            assert found == pytest.approx(information(situation, uavs, plans[None, uavs])[0], rel=1e-9, abs=1e-12)
+            assert found == pytest.approx(gained(situation, uavs, plans[None, uavs])[0], rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("temperature", [1.0, 0.1, 0.02])
@@ -72,11 +66,9 @@ def controls_of(horizon, directions):
 def test_a_uav_alone_finds_the_best_of_all_sequences(random_team):
     for seed in range(8):
         team = random_team(seed, uavs=1, spread=12.0)
-        (plan,) = DecMCTS(horizon=3, evaluations=4000, discount=1.0, exploration=2.0).plan(
-            team, np.random.default_rng(seed)
-        )
-        every = information(team[0], [0], controls_of(3, 8)[:, None])
-        found = information(team[0], [0], plan.controls[None, None])[0]
+        plans = planned(DecMCTS(horizon=3, evaluations=4000, discount=1.0, exploration=2.0), team, seed)
+        every = gained(team[0], [0], controls_of(3, 8)[:, None])
+        found = gained(team[0], [0], plans[None])[0]
         assert found >= 0.99 * every.max() > 0.0
 
 
@@ -95,12 +87,12 @@ def test_distributions_concentrate_on_the_optimum_of_a_small_case(random_team):
             for one, other in itertools.permutations(searches):
                 one.receive(other, now)
         plans = np.array([search.decision() for search in searches])
-        found = information(team[0], [0, 1], plans[None])[0]
-        assert found >= 0.999 * information(team[0], [0, 1], joint).max()
+        found = gained(team[0], [0, 1], plans[None])[0]
+        assert found >= 0.999 * gained(team[0], [0, 1], joint).max()
         for search, plan in zip(searches, plans, strict=True):
             same = np.abs(search.controls - plan).max(axis=(1, 2)) < 1e-9
             assert search.chances[same].sum() > 0.9
-        np.testing.assert_array_equal(plans, [p.controls for p in planner.plan(team, np.random.default_rng(seed))])
+        np.testing.assert_array_equal(plans, planned(planner, team, seed))
 
 
 def test_visits_are_discounted_and_the_most_promising_sequences_stand_first(random_team):
@@ -124,30 +116,11 @@ def test_visits_are_discounted_and_the_most_promising_sequences_stand_first(rand
 def test_of_uavs_not_heard_and_without_gains_the_policy_of_intent_is_flown(random_team):
     team = knowing(random_team(0, spread=12.0), np.random.default_rng(0).uniform(-2, 2, (3, 4, 2)))
     away = [dataclasses.replace(s, tracks=tuple(dataclasses.replace(t, existence=0.0) for t in s.tracks)) for s in team]
-    for s, plan in zip(away, DecMCTS().plan(away, np.random.default_rng(0)), strict=True):
-        np.testing.assert_array_equal(plan.controls, policy_of_intent(s, s.own, 5))
+    np.testing.assert_array_equal(planned(DecMCTS(), away), [policy_of_intent(s, s.own, 5) for s in away])
     planner = DecMCTS(evaluations=100)
     lost = [dataclasses.replace(s, reception=((),) * planner.exchange.rounds) for s in team]
     for k, stream in enumerate(np.random.default_rng(1).spawn(3)):
         alone = TreeSearch(planner, lost[k], stream)
         for now in range(planner.rounds):
             alone.advance(now)
-        np.testing.assert_array_equal(planner.plan(lost, np.random.default_rng(1))[k].controls, alone.decision())
-
-
-@pytest.mark.parametrize(
-    "option",
-    [
-        "horizon=9",
-        "directions=0",
-        "evaluations=1.5",
-        "exploration=-1",
-        "discount=0",
-        "cooling=2",
-        "sequences=11",
-        "evaluations=4",
-    ],
-)
-def test_settings_out_of_bounds_are_refused(option):
-    with pytest.raises(PlannerError, match=option.partition("=")[0]):
-        load_planner(f"dec-mcts({option})")
+        np.testing.assert_array_equal(planned(planner, lost, 1)[k], alone.decision())

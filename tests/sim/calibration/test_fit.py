@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers.views import CAMERA
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -17,10 +18,9 @@ from tracking.detection.detector import Frame
 from tracking.detection.ground_measurement import detections_of, split_covariances, whole_covariances
 from tracking.detection.noise import NoiseModel
 from tracking.detection.partial_visibility import PART, locate, places_of
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 
-CAMERA = Camera(math.radians(60), 128)
 IMAGE = np.full((128, 128, 3), (100, 115, 75), dtype=np.uint8)
 
 

@@ -5,6 +5,7 @@ import itertools
 import subprocess
 import sys
 import warnings
+from functools import partial
 
 import gymnasium
 import numpy as np
@@ -12,10 +13,10 @@ import pytest
 from gymnasium.error import InvalidAction, ResetNeeded, UnsupportedMode
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from helpers.flights import fly
+from helpers.teams import Spy
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 import understory
-from planning.planner import Plan
 from sim.mission import mission as mission_module
 from sim.recording.archive import digest
 from sim.scenario.loading import SCENARIOS
@@ -65,18 +66,14 @@ def test_a_team_that_renders_and_sees_keeps_to_the_rules():
     assert first.shape == (720, 1280, 3) and first.dtype == np.uint8 and np.array_equal(first, env.render())
     observation, *_ = env.step(np.ones((3, 2)))
     assert not np.array_equal(first, env.render())
-    mission, _ = fly("dynamics=kinematic", planner=Eastward(1.0, 1.0), seed=1, duration=1)
+    mission, _ = fly("dynamics=kinematic", planner=eastward(1.0, 1.0), seed=1, duration=1)
     assert np.array_equal(observation["image"], mission.frames)
 
 
-class Eastward:
-    """All UAVs fly with these shares of their limit."""
-
-    def __init__(self, east, north):
-        self._share = np.array([[east, north]]) / max(1.0, np.hypot(east, north))
-
-    def plan(self, team, rng):
-        return [Plan(self._share * situation.own.max_speed) for situation in team]
+def eastward(east, north):
+    """A planner that flies all UAVs with these shares of their limit."""
+    share = np.array([[east, north]]) / max(1.0, np.hypot(east, north))
+    return Spy(lambda situation: share * situation.own.max_speed)
 
 
 def test_an_environment_flies_the_mission_of_its_seed_and_repeat():
@@ -86,7 +83,7 @@ def test_an_environment_flies_the_mission_of_its_seed_and_repeat():
         env.step(dict.fromkeys(env.agents, np.array([0.5, -2.0], dtype=np.float32)))
     recording = env.flight().recording
     _, snapshots = fly(
-        "sensing.mode=ideal", "dynamics=kinematic", planner=Eastward(0.5, -1), seed=3, repeat=2, duration=4
+        "sensing.mode=ideal", "dynamics=kinematic", planner=eastward(0.5, -1), seed=3, repeat=2, duration=4
     )
     assert (recording.seed, recording.repeat, recording.interrupted) == (3, 2, False)
     np.testing.assert_array_equal(recording.ospa, [snapshot.ospa for snapshot in snapshots])
@@ -160,41 +157,31 @@ def test_a_uav_that_breaks_down_is_terminated_and_the_others_are_truncated():
     assert len(team.unwrapped.flight().recording.times) == 21
 
 
-MADE = {
-    "scenario: 'forst' is unknown; allowed are ": lambda: understory.parallel_env("forst"),
-    "people.cuont": lambda: understory.parallel_env(settings={"people.cuont": 3}),
-    "reward: 'gopsa' is unknown; allowed are gospa, true_gospa, trace; did you mean gospa?": lambda: (
-        understory.parallel_env(reward="gopsa")
-    ),
-    "observe: 'track' is unknown; allowed are tracks, trees, image; did you mean tracks?": lambda: (
-        understory.parallel_env(observe={"track": 3})
-    ),
-    "observe: trees 0 is not allowed; expected an integer, 1 to 10000": lambda: understory.parallel_env(
-        observe={"trees": 0}
-    ),
-    "observe: image is not there with sensing.mode 'ideal'": lambda: understory.parallel_env(
-        settings=IDEAL, observe={"image": True}
-    ),
-    "observe: images of several sizes are not one array": lambda: gymnasium.make(
-        "understory/Forest-v0", settings={"uavs.1.pixels": 64}, observe={"image": True}
-    ),
-    "duration: 0.5 s is too short; an episode needs two decisions": lambda: understory.parallel_env(
-        settings={"duration": 0.5}
-    ),
-    "reward: '3' is unknown; allowed are gospa, true_gospa, trace": lambda: understory.parallel_env(reward=3),
-    "settings: 'duration=3' is not allowed; expected a mapping": lambda: understory.parallel_env(settings="duration=3"),
-    "seed: 1.5 is not allowed; expected an integer of at least 0": lambda: understory.mission("forest", seed=1.5),
-    "seed: '3' is not allowed; expected an integer of at least 0": lambda: understory.mission("forest", seed="3"),
-    "settings: not allowed with a Scenario; set its fields": lambda: understory.parallel_env(
-        understory.Scenario(), settings=IDEAL
-    ),
-}
+KNOWN = "gospa, true_gospa, trace"
+TEAM = partial(gymnasium.make, "understory/Forest-v0")
+SIZES = {"settings": {"uavs.1.pixels": 64}, "observe": {"image": True}}
+# How the message begins, what is made, and of what.
+REFUSED = [
+    ("scenario: 'forst' is unknown; allowed are ", understory.parallel_env, {"scenario": "forst"}),
+    ("people.cuont", understory.parallel_env, {"settings": {"people.cuont": 3}}),
+    (f"reward: 'gopsa' is unknown; allowed are {KNOWN}; did you mean gospa?", TEAM, {"reward": "gopsa"}),
+    (f"reward: '3' is unknown; allowed are {KNOWN}", understory.parallel_env, {"reward": 3}),
+    ("observe: 'track' is unknown; allowed are tracks, trees, image; did you mean", TEAM, {"observe": {"track": 3}}),
+    ("observe: trees 0 is not allowed; expected an integer, 1 to 10000", TEAM, {"observe": {"trees": 0}}),
+    ("observe: image is not there with sensing.mode 'ideal'", TEAM, {"settings": IDEAL, "observe": {"image": True}}),
+    ("observe: images of several sizes are not one array", TEAM, SIZES),
+    ("duration: 0.5 s is too short; an episode needs two decisions", TEAM, {"settings": {"duration": 0.5}}),
+    ("settings: 'duration=3' is not allowed; expected a mapping", TEAM, {"settings": "duration=3"}),
+    ("settings: not allowed with a Scenario; set its", TEAM, {"scenario": understory.Scenario(), "settings": IDEAL}),
+    ("seed: 1.5 is not allowed; expected an integer of at least 0", understory.mission, {"seed": 1.5}),
+    ("seed: '3' is not allowed; expected an integer of at least 0", understory.mission, {"seed": "3"}),
+]
 
 
-@pytest.mark.parametrize("message", MADE)
-def test_settings_that_cannot_be_used_are_refused_in_one_line(message):
+@pytest.mark.parametrize(("message", "make", "options"), REFUSED, ids=[message for message, *_ in REFUSED])
+def test_settings_that_cannot_be_used_are_refused_in_one_line(message, make, options):
     with pytest.raises(InputError) as refused:
-        MADE[message]()
+        make(**options)
     assert str(refused.value).startswith(message) and "\n" not in str(refused.value)
 
 

@@ -1,12 +1,13 @@
 """Observations hold what situations say, nearest first, and rewards are what they claim."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 from helpers.flights import fly_ideal
+from helpers.teams import Spy
 
-from planning.planner import Plan
 from sim.environments.observations import Observations
 from sim.environments.rewards import expected_gospa, trace, true_gospa
 from tracking.filter.kalman import Gaussian
@@ -15,20 +16,9 @@ from tracking.track import Track
 from tracking.undetected import Intensity
 
 
-class Spy:
-    """Flies east at UAV's own speeds, and keeps what it is told."""
-
-    def __init__(self):
-        self.teams = []
-
-    def plan(self, team, rng):
-        self.teams.append(team)
-        return [Plan(np.array([[1.0 + s.own.id, 0.5]])) for s in team]
-
-
 @pytest.fixture(scope="module")
 def teams():
-    spy = Spy()
+    spy = Spy(lambda s: [[1.0 + s.own.id, 0.5]])
     fly_ideal("tracking.initial_tracks=none", "people.count=8", "network.range=20", planner=spy, seed=3)
     return spy.teams
 
@@ -88,7 +78,7 @@ def test_a_time_unseen_grows_while_no_camera_sees_the_person(teams):
 
 def believed(situation, tracks, unseen):
     people = np.full((2, 2), unseen / 4)
-    return type(situation)(**{**vars(situation), "tracks": tracks, "unseen": Intensity(people, (0.0, 0.0), (1.0, 1.0))})
+    return dataclasses.replace(situation, tracks=tracks, unseen=Intensity(people, (0.0, 0.0), (1.0, 1.0)))
 
 
 def test_the_expected_gospa_is_the_mean_of_its_square_over_the_belief(teams):

@@ -9,8 +9,8 @@ from helpers.films import frames_of
 from helpers.flights import fly_ideal as fly
 from helpers.flights import recording_of
 from helpers.summaries import summary
+from helpers.teams import Spy
 
-from planning.planner import Plan
 from planning.registry import PLANNERS
 from sim.drawing.film import Film
 from sim.drawing.map_view import MapView
@@ -55,14 +55,9 @@ def test_every_planner_flies_on_without_the_first_uav(planner, dynamics):
 
 def test_a_uav_that_broke_down_is_no_neighbour_and_has_no_intent():
     """And ids are told apart from places in the team."""
-    heard = []
-
-    class Listener:
-        def plan(self, team, rng):
-            heard.append([(s.own.id, [v.id for v in s.neighbours], sorted(s.intents)) for s in team])
-            return [Plan(np.array([[0.1 * s.own.id, 0.0]])) for s in team]
-
-    _, snapshots = fly("uavs.1.fails_at=1.2", planner=Listener(), duration=3)
+    planner = Spy(lambda s: [[0.1 * s.own.id, 0.0]])
+    _, snapshots = fly("uavs.1.fails_at=1.2", planner=planner, duration=3)
+    heard = [[(s.own.id, [v.id for v in s.neighbours], sorted(s.intents)) for s in team] for team in planner.teams]
     every = [(0, [1, 2]), (1, [0, 2]), (2, [0, 1])]
     assert heard[0] == [(i, others, []) for i, others in every]
     assert heard[1] == [(i, others, [0, 1, 2]) for i, others in every]

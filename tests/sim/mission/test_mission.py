@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from helpers.flights import IDEAL, fly, fly_ideal
+from helpers.teams import Spy
 
 from planning.loading import load_planner
 from planning.planner import Plan
@@ -145,28 +146,23 @@ def test_known_tracks_start_on_all_people_and_unknown_ones_soon():
 def test_a_uav_knows_only_the_neighbours_it_hears_and_their_intents():
     """Three in a row, 30 m apart, that reach 40 m: the middle one hears both, the outer ones only the middle one."""
     starts = [f"{{start=[{x}, 0], footprint={edge}}}" for x, edge in ((-30, 20), (0, 25), (30, 22))]
-    heard = []
-
-    class Listener:
-        def plan(self, team, rng):
-            heard.append([([v.id for v in s.neighbours], sorted(s.intents)) for s in team])
-            return [Plan(np.zeros((2, 2))) for _ in team]
-
-    fly(f"uavs=[{','.join(starts)}]", "network.range=40", "trees.density=0", planner=Listener())
+    planner = Spy(lambda situation: np.zeros((2, 2)))
+    fly(f"uavs=[{','.join(starts)}]", "network.range=40", "trees.density=0", planner=planner)
+    heard = [[([v.id for v in s.neighbours], sorted(s.intents)) for s in team] for team in planner.teams]
     neighbours = [[1], [0, 2], [1]]
     assert heard[0] == [(n, []) for n in neighbours]
     assert heard[1] == [(n, sorted([i, *n])) for i, n in enumerate(neighbours)]
 
 
 def test_a_planner_that_spoils_its_map_spoils_nothing_else():
-    class Vandal:
-        def plan(self, team, rng):
-            for situation in team:
-                situation.forest.blockers[:] = 0.0
-                situation.own.position[:] = 0.0
-            return [Plan(np.zeros((1, 2))) for _ in team]
+    def spoil(situation):
+        situation.forest.blockers[:] = 0.0
+        situation.own.position[:] = 0.0
+        return np.zeros((1, 2))
 
-    (_, spoilt), (_, kept) = (fly("sensing.mode=ideal", planner=planner, duration=2) for planner in (Vandal(), "hover"))
+    (_, spoilt), (_, kept) = (
+        fly("sensing.mode=ideal", planner=planner, duration=2) for planner in (Spy(spoil), "hover")
+    )
     for a, b in zip(spoilt, kept, strict=True):
         for one, other in zip(a.scans, b.scans, strict=True):
             np.testing.assert_array_equal(one.measurements, other.measurements)
@@ -174,25 +170,11 @@ def test_a_planner_that_spoils_its_map_spoils_nothing_else():
             np.testing.assert_array_equal(one.position, other.position)
 
 
-class Asked:
-    """Hovers elsewhere than here: flies east, and notes when it is asked."""
-
-    def __init__(self):
-        self.times = []
-
-    def plan(self, team, rng):
-        self.times.append(team[0].time)
-        plans = load_planner("hover").plan(team, rng)
-        for plan in plans:
-            plan.controls[:, 0] = 2.0
-        return plans
-
-
 @pytest.mark.parametrize(("first", "asked"), [(0, [0, 1, 2, 3, 4]), (1, [1, 2, 3, 4]), (3, [3, 4]), (4, [4])])
 def test_uavs_hover_until_the_first_decision(first, asked):
-    planner = Asked()
+    planner = Spy(lambda situation: [[2.0, 0.0]])
     _, snapshots = fly_ideal(OPEN, f"first_decision={first}", planner=planner)
-    assert planner.times == asked
+    assert [team[0].time for team in planner.teams] == asked
     starts = np.array([uav.start for uav in Scenario().uavs])
     for snapshot in snapshots:
         moved = np.array([pose.position[:2] for pose in snapshot.poses]) - starts

@@ -1,13 +1,13 @@
 """Networks lose messages, have fixed links, and split and heal, and a mission comes out as it must."""
 
 import dataclasses
-import itertools
 import zipfile
 
 import numpy as np
 import pytest
 from helpers.flights import IDEAL, fly, fly_ideal, recording_of
 from helpers.recordings import assert_same, npy, record, rewritten
+from helpers.scenes import track
 from helpers.summaries import hand_made, shown, summary
 from scipy.sparse.csgraph import connected_components
 
@@ -19,13 +19,7 @@ from sim.scenario.fleet import Cut, Network
 from sim.scenario.loading import load
 from sim.study.tasks import task_of
 from sim.study.trial import fly as fly_trial
-from tracking.filter.kalman import Gaussian
 from tracking.metrics.ospa import ospa
-from tracking.tracker import Track
-
-
-def track(id, x, y):
-    return Track(id, Gaussian(np.array([x, y, 0.0, 0.0]), np.eye(4)))
 
 
 def test_a_link_is_open_within_range_if_it_exists_and_is_not_cut():
@@ -61,7 +55,7 @@ def test_losses_come_at_their_rate_and_without_them_no_chance_is_used():
 
 
 def test_disagreement_is_the_mean_ospa_between_pairs_and_grows_with_losses():
-    held = [[track(0, 0, 0)], [track(0, 3, 4)], [track(0, 0, 0), track(1, 9, 9)]]
+    held = [[track(0, 0, 0, 0, 0)], [track(0, 3, 4, 0, 0)], [track(0, 0, 0, 0, 0), track(1, 9, 9, 0, 0)]]
     alone = ospa(np.zeros((1, 2)), np.array([[0.0, 0], [9, 9]])).distance
     third = ospa(np.array([[3.0, 4]]), np.array([[0.0, 0], [9, 9]])).distance
     assert disagreement(held) == pytest.approx((5.0 + alone + third) / 3)
@@ -164,28 +158,23 @@ def tracks_near(snapshot, people):
     return np.array(counts)
 
 
-def flown(split: str, seed: int, *overrides: str, planner: str = "sma-nbo", duration: int = 18):
-    """Per scan whether all hear each other, over others or not, whether all ids agree, and tracks near lone people."""
-    mission, snapshots = fly(*SPLITS[split], *overrides, planner=planner, seed=seed, duration=duration)
-    whole, agreed, counts = [], [], []
+def check(split: str, seed: int, *overrides: str) -> int:
+    """Assert agreement while all hear each other, over others or not, and one track a person after each healing.
+
+    Returns the number of healings.
+    """
+    mission, snapshots = fly(*SPLITS[split], *overrides, planner="sma-nbo", seed=seed, duration=18)
+    healings, before, healed = 0, True, False
     for s in snapshots:
         graph = open_links(mission.scenario.network, s.time, np.array([p.position for p in s.poses]))
-        whole.append(connected_components(graph)[0] == 1)
-        agreed.append(len({tuple(t.id for t in held) for held in s.tracks}) == 1)
+        whole = connected_components(graph)[0] == 1
+        healings += whole and not before
+        before, healed = whole, whole and (healed or not before)
+        assert not whole or len({tuple(t.id for t in held) for held in s.tracks}) == 1
         gaps = np.linalg.norm(s.people[:, None] - s.people[None], axis=2) + np.diag(np.full(len(s.people), np.inf))
-        counts.append(tracks_near(s, s.people) * (gaps.min(axis=1) > ALONE))
-    return np.array(whole), np.array(agreed), np.array(counts)
-
-
-def check(split: str, seed: int, *overrides: str) -> int:
-    """Assert agreement from healing on, if any UAVs were apart; number of healings."""
-    whole, agreed, counts = flown(split, seed, *overrides)
-    healed = np.flatnonzero(whole[1:] & ~whole[:-1]) + 1
-    assert agreed[whole].all()
-    for k in healed.tolist():
-        later = itertools.takewhile(lambda j: whole[j], range(k, len(whole)))
-        assert counts[list(later)].max() <= 1, (split, seed, k)
-    return len(healed)
+        counts = tracks_near(s, s.people) * (gaps.min(axis=1) > ALONE)
+        assert not healed or counts.max() <= 1, (split, seed, s.time)
+    return healings
 
 
 @pytest.mark.parametrize(("split", "seed"), [("one apart", 0), ("all apart", 1)])

@@ -15,7 +15,6 @@ from sim.mission.world_setup import forest_and_people
 from sim.recording.archive import load as load_recording
 from sim.replay.events import links_of
 from sim.scenario.loading import load
-from sim.scenario.random_streams import stream
 from sim.study.backends import Borrowed
 from sim.study.engine import complete
 from sim.study.store import _COLUMNS, NAME, SCHEMA, Store, read_rows
@@ -33,21 +32,6 @@ def flown(repeat):
 @pytest.fixture(scope="module")
 def recordings():
     return [flown(repeat) for repeat in (0, 1, 2)]
-
-
-def test_every_repeat_has_streams_of_its_own_the_first_the_seeds():
-    drawn = [
-        stream(seed, name, *index, repeat=repeat).integers(2**63)
-        for seed in (0, 1)
-        for name in ("sensors", "repeat")
-        for index in ((), (1,), (1, 2))
-        for repeat in range(5)
-    ]
-    assert len(set(drawn)) == len(drawn)
-    for name in ("sensors", "planner", "network"):
-        plainly, repeated = (stream(7, name, **given).random(4).tolist() for given in ({}, {"repeat": 0}))
-        assert plainly == repeated
-    assert stream(0, "sensors", repeat=1).bit_generator.random_raw() == 13513145829749232258
 
 
 def test_repeats_share_forest_and_people_not_chance_which_replay_finds(recordings):

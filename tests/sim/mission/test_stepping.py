@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import pytest
 from helpers.flights import fly, recording_of
+from helpers.teams import Spy
 
 from planning.loading import load_planner
 from planning.planner import Plan
@@ -41,13 +42,8 @@ def test_a_mission_stepped_with_a_planners_plans_has_its_bytes(name, overrides):
     assert hash_of(mission, list(stepped(mission, mission.planner))) == flown
 
 
-class Eastward:
-    def plan(self, team, rng):
-        return [Plan(np.array([[1.0 + situation.own.id, 0.0]])) for situation in team]
-
-
 def test_velocities_fly_as_plans_of_one_step_do():
-    _, planned = fly("sensing.mode=ideal", planner=Eastward(), duration=2)
+    _, planned = fly("sensing.mode=ideal", planner=Spy(lambda s: [[1.0 + s.own.id, 0.0]]), duration=2)
     with Mission(load("forest", ["duration=2", "sensing.mode=ideal"])) as mission:
         given = []
         while not mission.over:

@@ -6,9 +6,10 @@ import math
 import numpy as np
 import pytest
 from helpers.flights import fly
+from helpers.nominal import team_cost
+from helpers.teams import refitted
 
 from planning.objective.mwtp import weighted_trace_penalty
-from planning.objective.nbo import team_cost
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, add_information, predicted_belief
 from planning.prediction.quadrangle import inside, shortest_move
@@ -28,11 +29,7 @@ ALL = ("sensing.mode=ideal", "sensing.field_of_view=unlimited")
 
 def all_round(team):
     """The team with cameras that see all round."""
-    vehicles = [dataclasses.replace(s.own, camera=Camera(ALL_ROUND, 128)) for s in team]
-    return [
-        dataclasses.replace(s, own=v, neighbours=tuple(w for w in vehicles if w is not v))
-        for s, v in zip(team, vehicles, strict=True)
-    ]
+    return refitted(team, lambda v: dataclasses.replace(v, camera=Camera(ALL_ROUND, 128)))
 
 
 @pytest.mark.parametrize("occlusion", ["disc", "line_of_sight"])

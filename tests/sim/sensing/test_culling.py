@@ -3,12 +3,10 @@ from dataclasses import astuple
 
 import numpy as np
 from helpers.poses import tilted
+from helpers.views import CAMERA
 
 from sim.sensing.culling import FAR, NEAR, in_frustum, people_hidden, trunks_hidden
-from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest, Tree
-
-CAMERA = Camera(math.radians(60), 128)
 
 
 def test_a_sphere_is_in_the_frustum_if_a_point_is_in_the_image():

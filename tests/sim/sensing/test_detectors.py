@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers.views import CAMERA, SCENARIO
 
 from planning.loading import load_planner
 from sim.mission.mission import Mission
@@ -17,13 +18,11 @@ from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Detections, Frame
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.plugins.registry import InputError
 
-CAMERA = Camera(math.radians(60), 128)
 POSE = Pose.level(0.0, 0.0, 19.0)
-FAR = Scenario(uavs=(Uav(start=(74.0, 49.0)),))
 OPEN = Forest(())
 
 
@@ -132,7 +131,7 @@ def test_usable_detections_pass_as_floats_and_none_as_an_empty_list():
 
 def shown(rng, forest, count):
     """Frames over a forest with their masks, and the people."""
-    with World(FAR, forest, count) as world:
+    with World(SCENARIO, forest, count) as world:
         renderer = Renderer(world)
         for _ in range(40):
             people = rng.uniform(-10, 10, (count, 2))

@@ -120,18 +120,7 @@ def test_a_slow_camera_alone_needs_two_of_its_own_frames_for_a_track():
     assert held == [k >= 5 for k in range(16)]
 
 
-def test_coasting_is_prediction_and_takes_what_neighbours_saw():
-    known = track(0, 1.0, 2.0, 0.5, -1.0)
-    tracker = Tracker(0, CAMERA, OPEN, TrackerParameters(MOTION), [known])
-    expected = known.belief
-    for k in range(8):
-        tracker.coast(0.2 * k)
-        fuse([tracker], np.zeros((1, 1), dtype=bool), 5)
-        expected = MOTION.predict(expected) if k else expected
-    np.testing.assert_allclose(tracker.tracks[0].belief.mean, expected.mean, rtol=1e-9)
-    np.testing.assert_allclose(tracker.tracks[0].belief.covariance, expected.covariance, rtol=1e-9)
-    with pytest.raises(ValueError, match="not after"):
-        tracker.coast(1.4)
+def test_a_tracker_that_coasts_takes_what_neighbours_saw():
     trackers = [Tracker(i, CAMERA, OPEN, TrackerParameters(MOTION), [track(0, 0, 0, 0, 0)]) for i in range(2)]
     for k in range(5):
         trackers[0].step(Scan(0, 0.2 * k, Pose.level(0, 0, 19), np.array([[0.1, 0.2]]), np.full((1, 2, 2), np.eye(2))))

@@ -33,10 +33,15 @@ def started():
         pytest.skip(opengl.refusal())
 
 
-@pytest.fixture
-def absent(monkeypatch):
-    """OpenGL cannot start: the plug-in is told to use a device that does not exist."""
-    monkeypatch.setenv("EGL_VISIBLE_DEVICES", "99")
+@pytest.fixture(params=["device", "library"])
+def absent(request, monkeypatch, tmp_path):
+    """OpenGL cannot start: the plug-in is told to use a device that does not exist, or finds a library that is none."""
+    if request.param == "device":
+        monkeypatch.setenv("EGL_VISIBLE_DEVICES", "99")
+    else:
+        for name in ("libEGL.so", "libEGL.so.1"):
+            (tmp_path / name).touch()
+        monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
     opengl.refusal.cache_clear()
     yield
     opengl.refusal.cache_clear()
@@ -94,28 +99,16 @@ def capsys(capfd):
     return capfd
 
 
-@pytest.mark.parametrize("lacking", ["device", "library"])
 @pytest.mark.parametrize(
     "arguments",
     [["run", SET, "sensing.renderer=egl"], ["frames", "egl.npz", "--uav", "0", "--time", "1"]],
     ids=["run", "frames"],
 )
-def test_without_opengl_what_needs_it_is_refused(refused, tmp_path, monkeypatch, arguments, lacking):
-    """The plug-in is told to use a device that does not exist, or finds a library that is none."""
+def test_without_opengl_what_needs_it_is_refused(refused, tmp_path, absent, arguments):
     drawn = msgspec.structs.replace(synthetic.scenario(), sensing=Sensing(renderer="egl"))
     save(record(6, setting=drawn), tmp_path / "egl.npz")
-    if lacking == "device":
-        monkeypatch.setenv("EGL_VISIBLE_DEVICES", "99")
-    else:
-        for name in ("libEGL.so", "libEGL.so.1"):
-            (tmp_path / name).touch()
-        monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
-    opengl.refusal.cache_clear()
-    try:
-        told = refused(*arguments)
-        assert "sensing.renderer: 'egl' cannot start here (" in told and "); allowed is tiny" in told
-    finally:
-        opengl.refusal.cache_clear()
+    told = refused(*arguments)
+    assert "sensing.renderer: 'egl' cannot start here (" in told and "); allowed is tiny" in told
 
 
 def test_settings_that_a_mission_does_not_follow_are_remarked_on(call, tmp_path):

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers.views import CAMERA
 
 from planning.loading import load_planner
 from sim.mission.mission import Mission
@@ -21,7 +22,7 @@ from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
 from tracking.detection.ground_measurement import whole_covariances
 from tracking.detection.noise import NoiseModel
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 
 OPEN = Forest(())
@@ -137,9 +138,6 @@ def test_noise_models_are_those_that_the_scenario_names():
         setting = scenario("ideal", noise)
         with World(setting, OPEN, 0) as world:
             assert sensors(setting, world).noises == expected
-
-
-CAMERA = Camera(math.radians(60), 128)
 
 
 @cache

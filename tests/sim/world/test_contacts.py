@@ -9,8 +9,8 @@ from helpers import synthetic
 from helpers.flights import fly_ideal
 from helpers.recordings import record
 from helpers.summaries import shown, summary
+from helpers.teams import Spy
 
-from planning.planner import Plan
 from sim.drawing.map_view import ALERT, MapView
 from sim.drawing.palette import ALARM
 from sim.evaluation.fleet_facts import contacts
@@ -59,12 +59,8 @@ def test_a_uav_flown_into_a_tree_touches_that_tree(dynamics, kind):
 
 
 def test_contacts_of_missions_are_recorded_and_come_back_from_the_disk(tmp_path):
-    class Collide:
-        def plan(self, team, rng):
-            return [Plan(np.array([[1.0, 0.0]])), Plan(np.array([[-1.0, 0.0]]))]
-
     fleet = f"uavs=[{{start=[0, 0]}}, {{start=[{APART}, 0]}}]"
-    _, snapshots = fly_ideal("trees.density=0", fleet, planner=Collide())
+    _, snapshots = fly_ideal("trees.density=0", fleet, planner=Spy(lambda s: [[1.0 - 2.0 * s.own.id, 0.0]]))
     touching = [s.time for s in snapshots if s.contacts]
     # Bodies 0.34 m wide that close 6 m at 2 m/s touch from 2.83 s, before the scan at 3.0 s, to 3.17 s, before 3.2 s.
     assert touching == [3.0, 3.2] and {c for s in snapshots for c in s.contacts} == {Contact(0, "uav", 1)}

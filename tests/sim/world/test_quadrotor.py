@@ -28,15 +28,6 @@ def test_at_the_commanded_velocity_rotors_take_the_weight_in_equal_parts(velocit
     assert_allclose(thrusts, [*[MASS * GRAVITY / 4] * 4, 0.0], rtol=1e-14, atol=1e-14)
 
 
-@pytest.mark.parametrize(
-    "target, stronger, weaker",
-    [((1, 0), (2, 3), (0, 1)), ((-1, 0), (0, 1), (2, 3)), ((0, 1), (1, 2), (0, 3)), ((0, -1), (0, 3), (1, 2))],
-)
-def test_a_command_tilts_towards_its_direction(target, stronger, weaker):
-    thrusts = rotor_thrusts(state(), np.array([*target, 20.0]), CALM)
-    assert min(thrusts[list(stronger)]) > max(thrusts[list(weaker)])
-
-
 def test_thrusts_stay_within_limits_and_torques_vanish_in_their_attitude():
     rng = np.random.default_rng(1)
     for _ in range(2000):
