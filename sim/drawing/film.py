@@ -10,8 +10,6 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
-from av.container import OutputContainer
-from av.video.stream import VideoStream
 
 from sim.drawing.labels import with_numbers
 from sim.drawing.layout import GAP, Box, View, view_of
@@ -128,7 +126,10 @@ class Video:
         self._part = unfinished(self._path)
         self._film = film
         self._container = av.open(str(self._part), "w", format="mp4", options={"movflags": "faststart"})
-        self._stream = _stream(self._container, fps)
+        self._stream = self._container.add_stream("libx264", rate=fps, options=_OPTIONS)
+        self._stream.width, self._stream.height, self._stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        self._stream.codec_context.colorspace = _BT601
+        self._stream.codec_context.gop_size = math.ceil(5 * fps)
         self._frames = 0
 
     def add(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
@@ -168,11 +169,3 @@ class Video:
             self.close()
         else:
             self.discard()
-
-
-def _stream(container: OutputContainer, fps: int | Fraction) -> VideoStream:
-    stream = container.add_stream("libx264", rate=fps, options=_OPTIONS)
-    stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-    stream.codec_context.colorspace = _BT601
-    stream.codec_context.gop_size = math.ceil(5 * fps)
-    return stream
