@@ -18,7 +18,6 @@ from sim.__main__ import app
 from sim.drawing.film import parts_of
 from sim.mission.trial import Trial
 from sim.recording.fault_text import recorded
-from sim.replay.event import INCIDENTS
 from sim.replay.events import events_of
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import History
@@ -126,16 +125,6 @@ def test_between_two_frames_of_a_slow_camera_the_first_counts(mission):
         expected = np.where(history.present[k] & history.working[k][:, None], every[k - k % 5], OUT)
         there = history.present[k - k % 5]
         np.testing.assert_array_equal(codes(slow)[k][:, there], expected[:, there])
-
-
-def test_faults_contacts_and_breakdowns_are_told_once(mission):
-    told = [event for event in events_of(*mission) if event.kind in INCIDENTS]
-    assert [(event.first, event.last, f"{event.text} {event.when}") for event in told] == [
-        (0, 5, "2 faults of the team 0.0 to 1.0 s"),
-        (3, 5, "UAV 0 touched the canopy of tree 4 0.6 to 1.0 s"),
-        (3, 5, "UAV 2 touched the ground 0.6 to 1.0 s"),
-        (10, 10, "UAV 2 broke down at 2.0 s"),
-    ]
 
 
 def test_a_film_of_another_mission_is_refused_and_leaves_nothing(tmp_path, mission, folder):
