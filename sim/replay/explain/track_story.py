@@ -13,7 +13,6 @@ from sim.evaluation.score import FAR
 from sim.mission.snapshot import Bools
 from sim.mission.tracker_setup import tracker_parameters
 from sim.replay.event import UNMATCHED, Event
-from sim.replay.explain.association import Association
 from sim.replay.explain.explanation import Group, percent_text, place_text
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import track_at
@@ -62,27 +61,22 @@ class TrackFacts:
 
     def __init__(self, observer: Observer, number: int) -> None:
         """Facts of the track of that number; the observer has to stay open."""
-        self._observer, self.recording, self._scenario = observer, observer.recording, observer.scenario
-        recording, self.number = self.recording, number
+        self.observer, self.recording, self.number = observer, observer.recording, number
+        recording, tracking = observer.recording, observer.scenario.tracking
         self.id = list(recording.track_numbers)[number]
-        self.parameters = tracker_parameters(self._scenario)
-        name = self._scenario.tracking.tracker
+        self.parameters = tracker_parameters(observer.scenario)
         # The name of a tracker from outside, of which recordings tell no associations, births and limits.
-        self.foreign = "" if name in TRACKERS.built_in else name
+        self.foreign = "" if tracking.tracker in TRACKERS.built_in else tracking.tracker
         scans, _ = recording.cells(recording.track_offsets)
         own = scans[recording.track_ids == self.id]
         first, last = int(own[0]), int(own[-1])
         self.scans = (first, last)  # the first and the last at which any UAV had it
-        self.known = first == 0 and self._scenario.tracking.initial_tracks == "known"  # given at the start
+        self.known = first == 0 and tracking.initial_tracks == "known"  # given at the start
         uavs = range(recording.poses.shape[1])
         holders = tuple(i for i in uavs if self.id in recording.track_ids_at(first, i))
         confirmed = tuple(i for i in holders if 0 <= self.id - new_label(first + 1, i, 0) < LABELS_PER_SCAN // 2)
         # UAVs that had it first; the one that confirmed it, if its label tells.
         self.makers = confirmed or holders
-
-    def association(self, k: int, uav: int) -> Association | None:
-        """The association of one UAV at scan k."""
-        return Association.of(self.recording, self._scenario, k, uav)
 
     def held_at(self, k: int) -> tuple[int, Gaussian, float]:
         """The first UAV that has the track after scan k, its belief, and its existence; NaN if not estimated."""
@@ -95,7 +89,7 @@ class TrackFacts:
         """The frames of UAVs that had the track before them."""
         found = []
         for k, i in product(range(self.scans[0], self.scans[1] + 1), range(self.recording.poses.shape[1])):
-            a = self.association(k, i)
+            a = self.observer.association(k, i)
             if a is not None and self.id in a.ids:
                 t = a.ids.tolist().index(self.id)
                 found.append(Look(k, i, a.beta[t, 1:], float(1.0 - a.beta[t, 0]), float(a.before.visible[t])))
@@ -106,7 +100,7 @@ class TrackFacts:
         """The measurements that count as detections of its person."""
         seen = self.parameters.seen
         return [
-            Feed(look.k, look.uav, int(self._observer.owners(look.k, look.uav)[j]), float(look.weights[j]))
+            Feed(look.k, look.uav, int(self.observer.owners(look.k, look.uav)[j]), float(look.weights[j]))
             for look in self.looks
             if look.weight >= seen
             for j in np.flatnonzero(look.weights >= seen).tolist()
@@ -141,7 +135,7 @@ class TrackFacts:
                 likelihood = math.exp(-off[j] / 2) / (2 * math.pi * math.sqrt(np.linalg.det(S[j])))
                 odds *= p.detection_probability * likelihood / p.clutter_density if found else 1.0
                 place, spread, now = scan.measurements[j], scan.covariances[j], k
-                found.append(Origin(k, uav, j, int(self._observer.owners(k, uav)[j]), place))
+                found.append(Origin(k, uav, j, int(self.observer.owners(k, uav)[j]), place))
         return found[::-1]
 
     def _enough(self, count: int, odds: float) -> bool:
@@ -151,7 +145,7 @@ class TrackFacts:
 
     def _explained(self, k: int, uav: int) -> Bools:
         """Flags (N,) of the measurements that are rather another track's, one that is new perhaps, than of no track."""
-        a, scan = self.association(k, uav), self.recording.scan_at(k, uav)
+        a, scan = self.observer.association(k, uav), self.recording.scan_at(k, uav)
         found = np.zeros(len(scan.measurements), dtype=np.bool_)
         if a is None:
             return found
@@ -195,7 +189,7 @@ def _birth(facts: TrackFacts) -> Iterator[str]:
 
 def _rival(begun: Origin, facts: TrackFacts) -> Iterator[str]:
     """The track that was nearest to the person whose measurement began this one, and that did not explain it."""
-    a = facts.association(begun.k, begun.uav)
+    a = facts.observer.association(begun.k, begun.uav)
     if a is None or begun.person < 0 or len(a.ids) == 0:
         return
     gaps = np.hypot(*(a.before.means[:, :2] - facts.recording.people[begun.k, begun.person]).T)
