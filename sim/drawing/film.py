@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from fractions import Fraction
 from pathlib import Path
 
@@ -56,6 +56,7 @@ class Film:
         self._sparkline = Sparkline(scenario.duration)
         self._last: dict[int, Image] = {}  # tiles as they were when their cameras last took a frame
         first = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
+        self.cycle = self._map.cycle  # scans in which every camera takes a frame
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
         legend, believer = self._empty[-_LEGEND:, GAP:-GAP], first if self._layout.map else None
         draw_legend(legend, believer=believer, tiles=bool(self._layout.tiles), scale=self._map.scale)
@@ -115,7 +116,7 @@ class Film:
         self._sparkline.draw(image[6:-4, right:])
 
 
-class Video:
+class Video(AbstractContextManager["Video"]):
     """An H.264 file that browsers play, written frame by frame; it appears at `path` when closed.
 
     As a context manager it closes at the end of the block, and leaves nothing if the block raises.
@@ -160,9 +161,6 @@ class Video:
             self._container.close()
         with suppress(OSError):
             self._part.unlink()
-
-    def __enter__(self) -> "Video":
-        return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:

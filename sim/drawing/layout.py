@@ -16,11 +16,6 @@ class Box:
     height: int
 
     @property
-    def area(self) -> int:
-        """Number of pixels."""
-        return self.width * self.height
-
-    @property
     def slices(self) -> tuple[slice, slice]:
         """Index of the rectangle in an image."""
         return slice(self.y, self.y + self.height), slice(self.x, self.x + self.width)
@@ -79,8 +74,13 @@ def _arranged(panel: Box, aspect: float, tiles: int) -> View:
             # Tiles that fit along their lines, and leave the map a third of the panel or more across them.
             most = min((along + GAP) // math.ceil(tiles / lines), int(across * 2 / 3) // lines) - GAP
             options += [_beside(panel, aspect, (tiles, lines, side), below) for side in range(40, most + 1, 4)]
-    map_, boxes = max(options, key=lambda option: option[0].area * sum(tile.area for tile in option[1]) ** 0.75)
-    return View(map_, dict(enumerate(boxes)))
+
+    def merit(option: tuple[Box, list[Box]]) -> float:
+        room, boxes = option
+        return float(room.width * room.height * (tiles * boxes[0].width ** 2) ** 0.75)
+
+    room, boxes = max(options, key=merit)
+    return View(room, dict(enumerate(boxes)))
 
 
 def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) -> tuple[Box, list[Box]]:

@@ -63,7 +63,7 @@ class MapView:
         self._rate = scenario.rates.sensing
         self._alert = round(ALERT * self._rate)
         # Scans in which every camera takes a frame.
-        self._round = self._rate // min(uav.rate or self._rate for uav in scenario.uavs)
+        self.cycle = self._rate // min(uav.rate or self._rate for uav in scenario.uavs)
         self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * self._rate))
         self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
         self._ground = self._draw_ground(forest)
@@ -181,7 +181,7 @@ class MapView:
         """States of people (M, 2) m to the last frame of each camera, as `person` takes them."""
         points = np.column_stack([np.nan_to_num(people), np.full(len(people), TARGET_HEIGHT)])
         seen, inside = np.zeros((2, len(people)), dtype=np.bool_)
-        for old in list(self._past)[-self._round :]:
+        for old in list(self._past)[-self.cycle :]:
             seen |= (old.visible > 0).any(axis=0)
             for i in old.working:
                 inside |= self._views[i].sees(old.cameras[i], points)
