@@ -21,7 +21,7 @@ from sim.recording.fault_text import recorded
 from sim.replay.events import events_of
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import History
-from sim.replay.page.data import HIDDEN, OUT, SEEN, codes, page_data
+from sim.replay.page.data import HIDDEN, OUT, SEEN, page_data
 from sim.replay.page.page import page, write_page
 from sim.running.run import run
 from sim.scenario.loading import load
@@ -98,6 +98,7 @@ def test_the_data_are_those_of_the_recording(mission, text):
             if code >= HIDDEN:
                 assert not person.detected and person.hidden_by[:1] == ((code - HIDDEN - 1,) if code > HIDDEN else ())
             assert (code == SEEN) == person.detected
+    assert {row[2][m] for row in data["codes"][10:] for m in range(4)} == {OUT}  # of a UAV that broke down
     assert [people[3] is None for people in data["people"]] == [k < 5 for k in range(21)]
     assert data["works"] == [[1, 1, int(k < 10)] for k in range(21)]
     assert data["ospa"][10][2] is None and data["ospa"][9][2] is not None
@@ -105,26 +106,14 @@ def test_the_data_are_those_of_the_recording(mission, text):
 
 
 def test_data_have_colours_and_states_of_five_uavs_in_few_bytes():
-    data = data_of(page(*flown(uavs=5)))
+    five = flown(uavs=5)
+    data = data_of(page(*five))
     assert len(set(data["colours"]["uavs"][:5])) == 5
-    history = History.of(*flown(uavs=5))
-    assert data["holds"] == history.hold_states.tolist()
+    assert data["holds"] == History.of(*five).hold_states.tolist()
     assert data["texts"][data["told"][0][0]].startswith("seen by UAV")
     recording, setting = flown(scans=201)
     data = page_data(recording, setting, History.of(recording, setting), events_of(recording, setting), None)
     assert len(json.dumps(data, separators=(",", ":"))) < 500_000
-
-
-def test_between_two_frames_of_a_slow_camera_the_first_counts(mission):
-    history = History.of(*mission)
-    looked = history.looked & (np.arange(21) % 5 == 0)[:, None]
-    seen = {name: getattr(history, name) & looked[:, :, None] for name in ("inside", "shown", "detected")}
-    slow = dataclasses.replace(history, looked=looked, **seen)
-    every = codes(history)
-    for k in range(21):
-        expected = np.where(history.present[k] & history.working[k][:, None], every[k - k % 5], OUT)
-        there = history.present[k - k % 5]
-        np.testing.assert_array_equal(codes(slow)[k][:, there], expected[:, there])
 
 
 def test_a_film_of_another_mission_is_refused_and_leaves_nothing(tmp_path, mission, folder):
