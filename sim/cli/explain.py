@@ -101,7 +101,7 @@ def _track_of(flight: Flight, number: int) -> None:
     from sim.replay.explain.track_story import TrackFacts, track_story
 
     with Observer(flight.recording, flight.scenario) as observer:
-        _print(track_story(TrackFacts(observer, number), flight.recording, flight.events))
+        _print(track_story(TrackFacts(observer, number), flight.events))
 
 
 def _print(groups: list[Group]) -> None:

@@ -3,15 +3,13 @@
 import math
 import os
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from fractions import Fraction
 from pathlib import Path
 
 import av
 import cv2
 import numpy as np
-from av.container import OutputContainer
-from av.video.stream import VideoStream
 
 from sim.drawing.labels import with_numbers
 from sim.drawing.layout import GAP, Box, View, view_of
@@ -58,6 +56,7 @@ class Film:
         self._sparkline = Sparkline(scenario.duration)
         self._last: dict[int, Image] = {}  # tiles as they were when their cameras last took a frame
         first = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
+        self.cycle = self._map.cycle  # scans in which every camera takes a frame
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
         legend, believer = self._empty[-_LEGEND:, GAP:-GAP], first if self._layout.map else None
         draw_legend(legend, believer=believer, tiles=bool(self._layout.tiles), scale=self._map.scale)
@@ -117,7 +116,7 @@ class Film:
         self._sparkline.draw(image[6:-4, right:])
 
 
-class Video:
+class Video(AbstractContextManager["Video"]):
     """An H.264 file that browsers play, written frame by frame; it appears at `path` when closed.
 
     As a context manager it closes at the end of the block, and leaves nothing if the block raises.
@@ -128,7 +127,10 @@ class Video:
         self._part = unfinished(self._path)
         self._film = film
         self._container = av.open(str(self._part), "w", format="mp4", options={"movflags": "faststart"})
-        self._stream = _stream(self._container, fps)
+        self._stream = self._container.add_stream("libx264", rate=fps, options=_OPTIONS)
+        self._stream.width, self._stream.height, self._stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        self._stream.codec_context.colorspace = _BT601
+        self._stream.codec_context.gop_size = math.ceil(5 * fps)
         self._frames = 0
 
     def add(self, snapshot: Snapshot, frames: Sequence[Image | None] | None) -> None:
@@ -160,19 +162,8 @@ class Video:
         with suppress(OSError):
             self._part.unlink()
 
-    def __enter__(self) -> "Video":
-        return self
-
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
             self.close()
         else:
             self.discard()
-
-
-def _stream(container: OutputContainer, fps: int | Fraction) -> VideoStream:
-    stream = container.add_stream("libx264", rate=fps, options=_OPTIONS)
-    stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-    stream.codec_context.colorspace = _BT601
-    stream.codec_context.gop_size = math.ceil(5 * fps)
-    return stream

@@ -9,6 +9,7 @@ from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.palette import INK
 from sim.drawing.strokes import stroke
 from sim.mission.snapshot import Snapshot
+from sim.recording.recording import Recording
 from tracking.numerics.arrays import Array
 from tracking.track import Track
 
@@ -27,6 +28,11 @@ def with_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
         numbers.setdefault(track.id, len(numbers))
     tracks = [tuple(Track(numbers[t.id], t.belief, t.existence) for t in held) for held in snapshot.tracks]
     return replace(snapshot, tracks=tracks)
+
+
+def numbered(recording: Recording, k: int) -> Snapshot:
+    """Scan k of a recording with its tracks under numbers."""
+    return with_numbers(recording.snapshot(k), recording.track_numbers)
 
 
 class Labels:

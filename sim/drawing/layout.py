@@ -16,11 +16,6 @@ class Box:
     height: int
 
     @property
-    def area(self) -> int:
-        """Number of pixels."""
-        return self.width * self.height
-
-    @property
     def slices(self) -> tuple[slice, slice]:
         """Index of the rectangle in an image."""
         return slice(self.y, self.y + self.height), slice(self.x, self.x + self.width)
@@ -42,7 +37,9 @@ def view_of(panel: Box, aspect: float, uavs: int, layout: str) -> View:
         side = min(panel.height, 2 * panel.width // 3)
         room = Box(panel.x, panel.y, panel.width - side - GAP, panel.height)
         return View(_fitted(room, aspect), {int(layout[3:]): Box(panel.x + panel.width - side, panel.y, side, side)})
-    return arrange(panel, aspect, 0 if layout == "map" else uavs)
+    if layout == "map" or uavs == 0:
+        return View(_fitted(panel, aspect), {})
+    return _arranged(panel, aspect, uavs)
 
 
 def _grid(panel: Box, tiles: int) -> list[Box]:
@@ -65,13 +62,11 @@ def _grid(panel: Box, tiles: int) -> list[Box]:
     return boxes
 
 
-def arrange(panel: Box, aspect: float, tiles: int) -> View:
-    """The arrangement of a map (width over height `aspect`) and square tiles that shows both large.
+def _arranged(panel: Box, aspect: float, tiles: int) -> View:
+    """The arrangement of a map (width over height `aspect`) and square tiles that shows both large, the map first.
 
     Tiles stand in columns right of the map or in rows below it; whichever is better, right if equal.
     """
-    if tiles == 0:
-        return View(_fitted(panel, aspect), {})
     options = []
     for below in (False, True):
         along, across = (panel.width, panel.height) if below else (panel.height, panel.width)
@@ -79,16 +74,16 @@ def arrange(panel: Box, aspect: float, tiles: int) -> View:
             # Tiles that fit along their lines, and leave the map a third of the panel or more across them.
             most = min((along + GAP) // math.ceil(tiles / lines), int(across * 2 / 3) // lines) - GAP
             options += [_beside(panel, aspect, (tiles, lines, side), below) for side in range(40, most + 1, 4)]
-    return max(options, key=_merit)
+
+    def merit(option: tuple[Box, list[Box]]) -> float:
+        room, boxes = option
+        return float(room.width * room.height * (tiles * boxes[0].width ** 2) ** 0.75)
+
+    room, boxes = max(options, key=merit)
+    return View(room, dict(enumerate(boxes)))
 
 
-def _merit(view: View) -> float:
-    """Large when both the map and the tiles are, the map first."""
-    assert view.map is not None
-    return float(view.map.area * sum(tile.area for tile in view.tiles.values()) ** 0.75)
-
-
-def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) -> View:
+def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) -> tuple[Box, list[Box]]:
     tiles, lines, side = grid
     per_line, pitch = math.ceil(tiles / lines), side + GAP
     taken = lines * pitch
@@ -100,7 +95,7 @@ def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) 
         left, top = panel.x + room.width + GAP, panel.y + (panel.height - per_line * pitch + GAP) // 2
     cells = [divmod(i, per_line if below else lines) for i in range(tiles)]
     boxes = [Box(left + column * pitch, top + row * pitch, side, side) for row, column in cells]
-    return View(_fitted(room, aspect), dict(enumerate(boxes)))
+    return _fitted(room, aspect), boxes
 
 
 def _fitted(room: Box, aspect: float) -> Box:

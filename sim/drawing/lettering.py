@@ -1,5 +1,6 @@
 """Smooth text in images, with the font that comes with matplotlib."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from matplotlib.ft2font import FT2Font
 from numpy.typing import NDArray
 
-from sim.drawing.palette import INK, Colour
+from sim.drawing.palette import FAINT, INK, Colour
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.float32]
@@ -24,6 +25,10 @@ class TextStyle:
     colour: Colour = INK
     bold: bool = False
     halo: Colour | None = None
+
+
+HEADING, _TEXT = TextStyle(13, FAINT), TextStyle(13)
+_LINE, _GAP = 19, 12  # pixels: height of a line, and the gap between groups
 
 
 def width(text: str, style: TextStyle) -> int:
@@ -41,6 +46,24 @@ def wrapped(text: str, room: int, style: TextStyle) -> list[str]:
         else:
             lines.append(f"    {word}")
     return lines
+
+
+def listed(
+    groups: Sequence[tuple[str, Sequence[str]]], room: int, top: float, heading: TextStyle = HEADING
+) -> tuple[list[tuple[str, float, TextStyle]], float]:
+    """Lines of headed groups of sentences from `top` down, each with the height of its middle; and that below all.
+
+    Lines take `room` pixels at most; `heading` is the style of the first.
+    """
+    found: list[tuple[str, float, TextStyle]] = []
+    y = top
+    for head, texts in groups:
+        lines = [(line, _TEXT) for text in texts for line in wrapped(text, room, _TEXT)]
+        for text, style in ((head, HEADING if found else heading), *lines):
+            found.append((text, y + _LINE / 2, style))
+            y += _LINE
+        y += _GAP
+    return found, y
 
 
 def write(image: Image, text: str, at: tuple[float, float], style: TextStyle, align: float = 0.0) -> None:

@@ -9,13 +9,14 @@ import numpy as np
 
 from planning.planner import Plan
 from sim.drawing import palette
-from sim.drawing.labels import OUTSIDE, Labels
+from sim.drawing.labels import OUTSIDE, Labels, numbered
 from sim.drawing.lettering import Image, TextStyle
 from sim.drawing.marks import broken, cross, person, quadrotor
 from sim.drawing.palette import INK, PANEL, Colour, mixed, track_colour, uav_colour
 from sim.drawing.strokes import SHIFT, disc, fixed, stroke
 from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Ints, Snapshot
+from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of, view_of
 from tracking.geometry.camera import Camera, Pose
@@ -59,10 +60,11 @@ class MapView:
         self._unlimited = scenario.sensing.field_of_view == "unlimited"
         self._size = size
         self.scale = min(size[0] / (self._area[0] + 2 * MARGIN), size[1] / (self._area[1] + 2 * MARGIN))
-        self._alert = round(ALERT * scenario.rates.sensing)
-        slowest = min(uav.rate or scenario.rates.sensing for uav in scenario.uavs)
-        self._round = scenario.rates.sensing // slowest  # scans in which every camera takes a frame
-        self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * scenario.rates.sensing))
+        self._rate = scenario.rates.sensing
+        self._alert = round(ALERT * self._rate)
+        # Scans in which every camera takes a frame.
+        self.cycle = self._rate // min(uav.rate or self._rate for uav in scenario.uavs)
+        self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * self._rate))
         self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
         self._ground = self._draw_ground(forest)
 
@@ -105,6 +107,17 @@ class MapView:
         self._draw_contacts(image, snapshot, labels)
         self._put_names(snapshot, holds, labels)
         self._draw_people(image, snapshot, holds)
+
+    def recorded(self, recording: Recording, k: int, holds: Ints) -> Image:
+        """The map (H, W, 3) of a recording at scan k, with the trails and intents of the seconds before.
+
+        holds (K, M): states of people to tracks at each scan.
+        """
+        for earlier in range(max(0, k - round(TRAIL * self._rate)), k):
+            self.follow(numbered(recording, earlier))
+        image = np.empty_like(self._ground)
+        self.draw(image, numbered(recording, k), holds[k])
+        return image
 
     def _pixels(self, points: Array) -> Array:
         centre = np.array(self._size) / 2
@@ -168,7 +181,7 @@ class MapView:
         """States of people (M, 2) m to the last frame of each camera, as `person` takes them."""
         points = np.column_stack([np.nan_to_num(people), np.full(len(people), TARGET_HEIGHT)])
         seen, inside = np.zeros((2, len(people)), dtype=np.bool_)
-        for old in list(self._past)[-self._round :]:
+        for old in list(self._past)[-self.cycle :]:
             seen |= (old.visible > 0).any(axis=0)
             for i in old.working:
                 inside |= self._views[i].sees(old.cameras[i], points)

@@ -39,11 +39,9 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
             if 0 < len(works) < len(times):
                 axes.scatter(times[works[-1]], errors[works[-1]], marker="x", s=50, color=colour, lw=2.0, zorder=3)
         axes.plot(times, mean[:, 0], color=rgb(INK), lw=1.8, label="mean of UAVs")
-        axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
         distances = ospa[:, :, 0][~np.isnan(ospa[:, :, 0])]
         _scale_errors(axes, float(distances.max(initial=0.0)))
         axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
-        axes.set_xlabel("time [s]")
         axes.set_ylabel("OSPA [m]")
         axes.set_title(
             f"OSPA: mean {distances.mean():.2f} m, median {np.median(distances):.2f} m, "
@@ -69,9 +67,7 @@ def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:
     """Mean OSPA of the UAVs that work over time, with the line of 1 m; `width` of the curve in points."""
     mean = _fleet_mean(ospa)[:, 0]
     axes.plot(times, mean, color=rgb(INK), lw=width, marker="." if len(times) == 1 else "")
-    axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
     _scale_errors(axes, float(np.max(mean[~np.isnan(mean)], initial=0.0)))
-    axes.set_xlabel("time [s]")
     axes.set_ylabel("mean OSPA [m]")
 
 
@@ -91,7 +87,9 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
 
 
 def _scale_errors(axes: Axes, largest: float) -> None:
-    """An upright axis for errors of up to `largest` m, linear below 1 m and logarithmic above."""
+    """Axes of time and errors of up to `largest` m, linear below a line at 1 m and logarithmic above."""
+    axes.axhline(1.0, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
+    axes.set_xlabel("time [s]")
     top = max(1.5, 1.15 * largest)
     axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
     axes.set_ylim(0, top)

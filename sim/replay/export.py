@@ -3,23 +3,26 @@
 import csv
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sim.evaluation.score import velocities
+from sim.mission.snapshot import Ints
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
-from sim.replay.frames.rerender import scenario_of
+from sim.replay.frames.rerender import frames_taken, scenario_of
 from sim.sensing.cameras import view_of
 from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
 from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
+from tracking.numerics.arrays import Array
 from tracking.plugins.registry import check_known
 
 Row = Sequence[float | int | str]
+Rows = Iterable[tuple[Any, ...]]
 STATE = ("x", "y", "vx", "vy")  # m, m/s
 # Upper triangle of a covariance by rows, named by the states that it is of.
 COVARIANCE = tuple(a + b for i, a in enumerate(STATE) for b in STATE[i:])
-_UPPER = np.triu_indices(4)
 _TRACK = ("id", *STATE, *COVARIANCE, "existence")
 
 
@@ -42,9 +45,9 @@ def writer(target: str) -> Callable[[Recording, Path], None]:
 def _csv(recording: Recording, folder: Path) -> None:
     """Tables that `tracking.measurement_files` reads; the truth can be flown again as `people.trajectories`."""
     _table(folder / "scans.csv", SCAN_COLUMNS, _scan_rows(recording))
-    tracks = ([time, uav, *row] for uav in _uavs(recording) for _, time, row in _track_rows(recording, uav))
-    _table(folder / "tracks.csv", ("time", "uav", *_TRACK), sorted(tracks))
-    _table(folder / "truth.csv", PEOPLE_COLUMNS, ([time, m, *xy] for _, time, m, xy in _truth(recording)))
+    tracks = sorted([time, uav, *row] for _, uav, time, *row in _tracks(recording))
+    _table(folder / "tracks.csv", ("time", "uav", *_TRACK), tracks)
+    _table(folder / "truth.csv", PEOPLE_COLUMNS, ([time, m, x, y] for _, m, time, x, y, *_ in _truth(recording)))
     scenario = scenario_of(recording)
     cameras = [view_of(uav, scenario) for uav in scenario.uavs]
     _table(folder / "cameras.csv", CAMERA_COLUMNS, ([i, camera.fov, camera.pixels] for i, camera in enumerate(cameras)))
@@ -56,35 +59,33 @@ def _stonesoup(recording: Recording, folder: Path) -> None:
 
     A reader makes a set of the rows of one time, and Stone Soup's association takes a set for the scan of one sensor.
     """
-    for uav in _uavs(recording):
-        _table(
-            folder / f"detections-uav{uav}.csv",
-            ("time", "x", "y", "xx", "xy", "yy"),
-            ([time, *row] for _, time, row in _measurement_rows(recording, uav)),
-        )
-        tracks = ([time, *row] for _, time, row in _track_rows(recording, uav))
-        _table(folder / f"tracks-uav{uav}.csv", ("time", *_TRACK), tracks)
-    v = velocities(recording)
-    truth = ([time, m, *xy, *v[k, m].tolist()] for k, time, m, xy in _truth(recording))
+    found, tracks = list(_measurements(recording)), list(_tracks(recording))
+    for uav in range(recording.poses.shape[1]):
+        own = ([time, *row] for _, i, time, *row in found if i == uav)
+        _table(folder / f"detections-uav{uav}.csv", ("time", "x", "y", "xx", "xy", "yy"), own)
+        own = ([time, *row] for _, i, time, *row in tracks if i == uav)
+        _table(folder / f"tracks-uav{uav}.csv", ("time", *_TRACK), own)
+    truth = ([time, m, *state] for _, m, time, *state in _truth(recording))
     _table(folder / "groundtruth.csv", ("time", "id", *STATE), truth)
-    looks = ([float(recording.times[k]), i, *recording.cameras[k, i, :3].tolist()] for k, i in _looks(recording))
+    k, i = np.nonzero(frames_taken(recording, scenario_of(recording)))
+    looks = ([time, uav, *place] for _, uav, time, *place in _rows(recording, (k, i), *recording.cameras[k, i, :3].T))
     _table(folder / "sensors.csv", ("time", "uav", "x", "y", "z"), looks)
 
 
 def _mot(recording: Recording, folder: Path) -> None:
     """MOTChallenge's text in its 3-D variant: a sequence for each UAV, boxes -1, positions on the ground in m."""
-    scenario = scenario_of(recording)
+    scenario, found, tracks = scenario_of(recording), list(_measurements(recording)), list(_tracks(recording))
+    truth = [_mot_row(k, m + 1, xy) for k, m, _, *xy, _, _ in _truth(recording)]
     (folder / "tracks").mkdir()
-    for uav in _uavs(recording):
+    for uav in range(recording.poses.shape[1]):
         sequence = folder / f"uav{uav}"
         for name in ("gt", "det"):
             (sequence / name).mkdir(parents=True)
-        truth = (_mot_row(k, m + 1, xy) for k, _, m, xy in _truth(recording))
         _table(sequence / "gt" / "gt.txt", (), truth)
-        found = (_mot_row(k, -1, row[:2]) for k, _, row in _measurement_rows(recording, uav))
-        _table(sequence / "det" / "det.txt", (), found)
-        tracks = (_mot_row(k, int(row[0]) + 1, row[1:3]) for k, _, row in _track_rows(recording, uav))
-        _table(folder / "tracks" / f"uav{uav}.txt", (), tracks)
+        own = (_mot_row(k, -1, row[:2]) for k, i, _, *row in found if i == uav)
+        _table(sequence / "det" / "det.txt", (), own)
+        own = (_mot_row(k, id_ + 1, row[:2]) for k, i, _, id_, *row in tracks if i == uav)
+        _table(folder / "tracks" / f"uav{uav}.txt", (), own)
         facts = {
             "name": f"uav{uav}",
             "imDir": "img1",
@@ -106,19 +107,9 @@ def _mot_row(k: int, id: int, position: Sequence[float]) -> Row:
 TARGETS: dict[str, Callable[[Recording, Path], None]] = {"csv": _csv, "stonesoup": _stonesoup, "mot": _mot}
 
 
-def _uavs(recording: Recording) -> range:
-    return range(recording.poses.shape[1])
-
-
-def _looks(recording: Recording) -> Iterator[tuple[int, int]]:
-    """Scan and UAV wherever a camera of a UAV that works took a frame."""
-    scenario, on = scenario_of(recording), recording.working
-    return ((k, i) for k in range(len(on)) for i in _uavs(recording) if on[k, i] and scenario.has_frame(i, k))
-
-
 def _scan_rows(recording: Recording) -> Iterator[Row]:
     """A row for each measurement, and one without for each scan that has none."""
-    for k, uav in _looks(recording):
+    for k, uav in np.argwhere(frames_taken(recording, scenario_of(recording))).tolist():
         scan = recording.scan_at(k, uav)
         pose = recording.cameras[k, uav].tolist()
         for z, R in zip(scan.measurements.tolist(), scan.covariances.tolist(), strict=True):
@@ -127,28 +118,32 @@ def _scan_rows(recording: Recording) -> Iterator[Row]:
             yield [scan.time, uav, *[""] * 5, *pose]
 
 
-def _measurement_rows(recording: Recording, uav: int) -> Iterator[tuple[int, float, list[float]]]:
-    """Scan, time, and x, y, xx, xy, yy of each measurement of one UAV."""
-    for k, time in enumerate(recording.times.tolist()):
-        scan = recording.scan_at(k, uav)
-        for z, R in zip(scan.measurements.tolist(), scan.covariances.tolist(), strict=True):
-            yield k, time, [*z, R[0][0], R[0][1], R[1][1]]
+def _measurements(recording: Recording) -> Rows:
+    """Scan, UAV, time, and x, y, xx, xy, yy of each measurement."""
+    z, R = recording.measurements, recording.measurement_covariances
+    return _rows(recording, recording.cells(recording.measurement_offsets), *z.T, R[:, 0, 0], R[:, 0, 1], R[:, 1, 1])
 
 
-def _track_rows(recording: Recording, uav: int) -> Iterator[tuple[int, float, list[float]]]:
-    """Scan, time, and id, state, covariance and existence (NaN if unknown) of each track of one UAV while it works."""
-    for k in np.flatnonzero(recording.working[:, uav]).tolist():
-        known = recording.existence_at(k, uav).tolist()
-        for track, r in zip(recording.tracks_at(k, uav), known, strict=True):
-            state, covariance = track.belief.mean.tolist(), track.belief.covariance[_UPPER].tolist()
-            yield k, float(recording.times[k]), [track.id, *state, *covariance, r]
+def _tracks(recording: Recording) -> Rows:
+    """Scan, UAV, time, and id, state, covariance and existence (NaN if unknown) of each track of UAVs that work."""
+    row, column = np.triu_indices(4)
+    covariances = recording.track_covariances[:, row, column]
+    existence = np.where(recording.track_existence >= 0, recording.track_existence, np.nan)
+    columns = recording.track_ids, *recording.track_means.T, *covariances.T, existence
+    rows = _rows(recording, recording.cells(recording.track_offsets), *columns)
+    return (row for row in rows if recording.working[row[0], row[1]])
 
 
-def _truth(recording: Recording) -> Iterator[tuple[int, float, int, list[float]]]:
-    """Scan, time, number and position of all people present."""
-    for k, people in enumerate(recording.people):
-        for m in np.flatnonzero(~np.isnan(people[:, 0])).tolist():
-            yield k, float(recording.times[k]), m, people[m].tolist()
+def _truth(recording: Recording) -> Rows:
+    """Scan, number, time, and position and velocity of all people present."""
+    cells = np.nonzero(~np.isnan(recording.people[:, :, 0]))
+    return _rows(recording, cells, *recording.people[cells].T, *velocities(recording)[cells].T)
+
+
+def _rows(recording: Recording, cells: tuple[Ints, ...], *columns: Array | Ints) -> Rows:
+    """Scan, index among UAVs or people, time [s] and further columns (N,), row by row, as Python's numbers."""
+    table = (*cells, recording.times[cells[0]], *columns)
+    return zip(*(column.tolist() for column in table), strict=True)
 
 
 def _table(path: Path, header: Sequence[str], rows: Iterable[Row]) -> None:

@@ -14,9 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sim.drawing.labels import with_numbers
 from sim.drawing.lettering import Image
-from sim.drawing.map_view import TRAIL, MapView, aspect
+from sim.drawing.map_view import MapView, aspect
 from sim.drawing.plots import draw_mean, new_figure, ospa_figure
 from sim.evaluation.fleet_facts import contacts
 from sim.evaluation.metric import METRICS, Outcome
@@ -87,13 +86,8 @@ class Flight:
         """The map at the scan nearest to `time` s, with the trails of the seconds before."""
         k = self._scan(time)
         size = (_MAP, round(_MAP / aspect(self.scenario)))
-        view, image = MapView(self.scenario, self.recording.forest, size), np.zeros((*size[::-1], 3), np.uint8)
-        rates = self.scenario.rates
-        past = max(round(TRAIL * rates.sensing), rates.sensing // rates.planning)  # trails, and plans in force
-        for earlier in range(max(0, k - past), k + 1):
-            snapshot = with_numbers(self.recording.snapshot(earlier), self.recording.track_numbers)
-            view.draw(image, snapshot, self.history.hold_states[earlier])
-        return _picture(image)
+        view = MapView(self.scenario, self.recording.forest, size)
+        return _picture(view.recorded(self.recording, k, self.history.hold_states))
 
     def frame_figure(self, time: float, uav: int) -> Figure:
         """The image of a UAV's camera at the scan nearest to `time` s, annotated, rendered again."""

@@ -12,6 +12,7 @@ from sim.evaluation.score import held_by
 from sim.evaluation.unmatched import standing
 from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording
+from sim.replay.frames.rerender import frames_taken
 from sim.replay.frames.sightings import inside_and_hiding
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
@@ -49,10 +50,8 @@ class History:
     @staticmethod
     def of(recording: Recording, scenario: Scenario) -> "History":
         """The history of a recording that was flown in a scenario."""
-        scans, uavs = recording.poses.shape[:2]
-        working = recording.working
-        looked = np.array([[scenario.has_frame(i, k) for i in range(uavs)] for k in range(scans)]) & working
-        inside = np.zeros((scans, uavs, recording.people.shape[1]), dtype=np.bool_)
+        looked, uavs = frames_taken(recording, scenario), range(recording.poses.shape[1])
+        inside = np.zeros(recording.visible.shape, dtype=np.bool_)
         hidden_by = np.full(inside.shape, -1)
         forest = recording.forest
         for k, i in np.argwhere(looked).tolist():
@@ -63,13 +62,13 @@ class History:
         return History(
             times=recording.times,
             present=~np.isnan(recording.people[..., 0]),
-            working=working,
+            working=recording.working,
             looked=looked,
             inside=inside,
             hidden_by=hidden_by,
             shown=(recording.visible > 0) & looked[:, :, None],
             detected=recording.matched & looked[:, :, None],
-            tracks=np.stack([standing(held_by(recording, i), recording.people) for i in range(uavs)], axis=1),
+            tracks=np.stack([standing(held_by(recording, i), recording.people) for i in uavs], axis=1),
         )
 
     @cached_property

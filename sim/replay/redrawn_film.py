@@ -48,10 +48,8 @@ def write_film(
         def frames(k: int) -> list[Image | None] | None:
             return again.frames(k, film.cameras) if again else None
 
-        slowest = min(uav.rate or scenario.rates.sensing for uav in scenario.uavs)
-        first, each = scans[0], scenario.rates.sensing // slowest  # of so many scans every camera has one image
-        for k in range(first):
-            film.follow(recording.snapshot(k), frames(k) if k > first - each else None)
+        for k in range(scans[0]):
+            film.follow(recording.snapshot(k), frames(k) if k > scans[0] - film.cycle else None)
         rate = scenario.rates.sensing * Fraction(speed).limit_denominator(1000)
         video = stack.enter_context(Video(out, film, fps=rate))
         for k in scans:

@@ -132,24 +132,20 @@ def _uavs(r: Recording) -> Columns:
 
 def _measurements(r: Recording) -> Columns:
     k, i = r.cells(r.measurement_offsets)
-    R = r.measurement_covariances
-    spread = {"xx_m2": R[:, 0, 0], "xy_m2": R[:, 0, 1], "yy_m2": R[:, 1, 1]}
+    spread = _spread(r.measurement_covariances)
     pixels = {"u_px": r.pixels[:, 0], "v_px": r.pixels[:, 1]}
     return {"time_s": r.times[k], "uav": i, **_pair("", "m", r.measurements), **spread, **pixels}
 
 
 def _tracks(r: Recording) -> Columns:
     k, i = r.cells(r.track_offsets)
-    P = r.track_covariances
     return {
         "time_s": r.times[k],
         "uav": i,
         "track": r.numbers_of(r.track_ids),
         **_pair("", "m", r.track_means),
         **_pair("v", "m_per_s", r.track_means[:, 2:]),
-        "xx_m2": P[:, 0, 0],
-        "xy_m2": P[:, 0, 1],
-        "yy_m2": P[:, 1, 1],
+        **_spread(r.track_covariances),
         "existence": np.where(r.track_existence >= 0, r.track_existence, np.nan),
     }
 
@@ -172,6 +168,10 @@ def _trees(r: Recording) -> Columns:
 
 def _pair(prefix: str, unit: str, values: Column) -> Columns:
     return {f"{prefix}x_{unit}": values[:, 0], f"{prefix}y_{unit}": values[:, 1]}
+
+
+def _spread(covariances: Column) -> Columns:
+    return {"xx_m2": covariances[:, 0, 0], "xy_m2": covariances[:, 0, 1], "yy_m2": covariances[:, 1, 1]}
 
 
 def _words(texts: list[str]) -> Column:

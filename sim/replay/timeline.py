@@ -50,31 +50,30 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
     tracks that stand for no person, if there are any, those at one time beneath one another.
     """
     uavs, people = history.tracks.shape[1:]
-    unmatched = [event for event in events if event.kind in UNMATCHED]
-    deep = 1 + max(lanes(unmatched), default=-1)
+    free = [event for event in events if event.kind in UNMATCHED]
+    unmatched = list(zip(free, lanes(free), strict=True))
+    deep = 1 + max((lane for _, lane in unmatched), default=-1)
     rows = max(people, 1) * (uavs + _BAR + _GAP) + (deep * _BAR + _GAP) * bool(deep)
     lane = float(np.clip(0.5 / (uavs + 1), 0.06, 0.12)) * (1.0 if people <= 8 else 0.75)  # inches
     height = rows * lane
     with new_figure(_WIDTH, height + 3.1, letters=10) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[max(height, 0.5), 1.5])
-        _draw_people(above, history, events)
+        _draw_people(above, history, events, unmatched)
+        _name_rows(above, history, len(free), deep)
         above.set_ylim(rows - _GAP / 2, -_GAP / 2)
         above.set_title(_title(history), loc="left", fontsize=12, fontweight="bold")
         draw_mean(below, history.times, ospa, width=1.5)
         for axes in (above, below):
             _mark_breakdowns(axes, history, events, named=axes is below)
         below.set_xlim(*_span(history.times))
-        figure.legend(handles=_legend(uavs, unmatched), loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+        figure.legend(handles=_legend(uavs, free), loc="outside lower center", ncols=6, frameon=False, fontsize=9)
     return figure
 
 
-def _draw_people(axes: Axes, history: History, events: Sequence[Event]) -> None:
+def _draw_people(axes: Axes, history: History, events: Sequence[Event], unmatched: Sequence[tuple[Event, int]]) -> None:
     uavs, people = history.tracks.shape[1:]
     pitch, times = uavs + _BAR + _GAP, history.times
-    boxes: list[tuple[Box, Shade]] = []
-    unmatched = [event for event in events if event.kind in UNMATCHED]
-    for event, lane in zip(unmatched, lanes(unmatched), strict=True):
-        boxes.append(_box(times, event, max(people, 1) * pitch + lane * _BAR))
+    boxes = [_box(times, event, max(people, 1) * pitch + lane * _BAR) for event, lane in unmatched]
     for event in events:
         if event.kind in UNHELD and event.person is not None:
             top, ends = event.person * pitch, _ends(times, event.first, event.last)
@@ -88,17 +87,17 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event]) -> None:
             boxes += _lane(times, history.camera_states[:, i, m], m * pitch + i, i)
     corners = [[(a, y), (b, y), (b, y + h), (a, y + h)] for (a, b, y, h), _ in boxes]
     axes.add_collection(PolyCollection(corners, facecolors=[shade for _, shade in boxes], lw=0))
-    _name_rows(axes, history, unmatched, pitch)
 
 
-def _name_rows(axes: Axes, history: History, unmatched: Sequence[Event], pitch: float) -> None:
-    people = history.tracks.shape[2]
+def _name_rows(axes: Axes, history: History, unmatched: int, deep: int) -> None:
+    uavs, people = history.tracks.shape[1:]
+    pitch = uavs + _BAR + _GAP
     middles = [m * pitch + (pitch - _GAP) / 2 for m in range(people)]
     names, shares = [f"person {m}" for m in range(people)], [_share(history, m) for m in range(people)]
     if unmatched:
-        middles.append(max(people, 1) * pitch + (1 + max(lanes(unmatched))) * _BAR / 2)
+        middles.append(max(people, 1) * pitch + deep * _BAR / 2)
         names.append("no person")
-        shares.append(f"{len(unmatched)} track{'s' * (len(unmatched) > 1)}")
+        shares.append(f"{unmatched} track{'s' * (unmatched > 1)}")
     axes.set_yticks(middles, names)
     axes.tick_params(axis="both", length=0, labelbottom=False)
     right = axes.secondary_yaxis("right")
@@ -125,11 +124,8 @@ def _lane(times: Array, states: Ints, top: float, uav: int) -> list[tuple[Box, S
 
 
 def _bar(times: Array, states: Ints, top: float) -> list[tuple[Box, Shade]]:
-    return [
-        ((*_ends(times, first, last), top + 0.2, _BAR - 0.2), rgb(_BARS[HOLDS[value]]))
-        for first, last, value in episodes(states)
-        if HOLDS[value] in _BARS
-    ]
+    spans = [(e, _BARS[HOLDS[e.value]]) for e in episodes(states) if HOLDS[e.value] in _BARS]
+    return [((*_ends(times, e.first, e.last), top + 0.2, _BAR - 0.2), rgb(colour)) for e, colour in spans]
 
 
 def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, named: bool) -> None:

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from helpers import synthetic
-from helpers.recordings import record
+from helpers.recordings import broken, record
 from sim.drawing.film import Film, Video
 from sim.recording.fault_text import recorded
 from sim.replay.frames.rerender import scenario_of
@@ -25,12 +25,11 @@ def flown(scans=21, **changes):
 def eventful():
     """A mission with losses known beforehand, a UAV that breaks down at scan 10, contacts and faults."""
     recording, setting = flown()
-    means, ospa = recording.track_means.copy(), recording.ospa.copy()
+    means = recording.track_means.copy()
     scan = np.repeat(np.arange(63), np.diff(recording.track_offsets)) // 3
     for person, first, last in LOST:
         means[(recording.track_ids == person + 1) & (first <= scan) & (scan <= last), :2] += 4.0
-    ospa[10:, 2] = np.nan
-    return dataclasses.replace(recording, track_means=means, ospa=ospa, faults=recorded(FAULTS)), setting
+    return dataclasses.replace(broken(recording, 2, 10), track_means=means, faults=recorded(FAULTS)), setting
 
 
 def film_of(path, recording, setting):

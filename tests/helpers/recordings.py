@@ -25,6 +25,12 @@ def record(
     return recorder.recording(scenario=resolved(setting), planner=planner, seed=seed, forest=forest)
 
 
+def broken(recording, uav, scan):
+    """The recording, but that a UAV has broken down at a scan."""
+    gone = (np.arange(len(recording.times)) >= scan)[:, None] & (np.arange(recording.poses.shape[1]) == uav)
+    return dataclasses.replace(recording, ospa=np.where(gone[:, :, None], np.nan, recording.ospa))
+
+
 def bare(people, tracks, **changes):
     """A recording of people (K, M, 2) and, per scan and UAV, of tracks {id: (x, y, vx, vy)}; all else is nothing."""
     scans, uavs, count = len(people), len(tracks[0]), people.shape[1]

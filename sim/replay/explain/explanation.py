@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
+from operator import itemgetter
 
 import numpy as np
 
@@ -175,15 +177,9 @@ def _ahead(look: PlannedVisibility, states: Ints) -> str:
 
 def stretches(history: History, person: int) -> list[tuple[float, float, str, str]]:
     """A person's mission in stretches of one wording: first and last scan [s], state to tracks, and to cameras."""
-    words = [
-        (HOLDS[hold], seen)
-        for hold, seen in zip(history.hold_states[:, person], history.view_texts(person), strict=True)
-    ]
-    numbers = {text: n for n, text in enumerate(dict.fromkeys(words))}
-    return [
-        (float(history.times[e.first]), float(history.times[e.last]), *words[e.first])
-        for e in episodes(np.array([numbers[text] for text in words], dtype=np.int64))
-    ]
+    rows = zip(history.times.tolist(), history.hold_states[:, person], history.view_texts(person), strict=True)
+    runs = [list(run) for _, run in groupby(rows, key=itemgetter(1, 2))]
+    return [(run[0][0], run[-1][0], HOLDS[run[0][1]], run[0][2]) for run in runs]
 
 
 def place_text(place: Array) -> str:

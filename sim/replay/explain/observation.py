@@ -51,13 +51,20 @@ class Observer(ExitStack):
         self.recording, self.scenario = recording, scenario
         self.again = self.enter_context(Rerenderer(recording))
         self._bare: Rerenderer | None = None
+        self._associations: dict[tuple[int, int], Association | None] = {}
+
+    def association(self, k: int, uav: int) -> Association | None:
+        """The association of one UAV at scan k, which is worked out once."""
+        if (k, uav) not in self._associations:
+            self._associations[k, uav] = Association.of(self.recording, self.scenario, k, uav)
+        return self._associations[k, uav]
 
     def observe(self, k: int, uav: int, person: int) -> PersonObservation:
         """The observation of one person by one UAV at scan k."""
         recording, view = self.recording, view_of(self.scenario.uavs[uav], self.scenario)
         sighting = Sighting.all_of(recording, self.scenario, k, uav, view)[person]
         works = bool(recording.working[k, uav])
-        association = Association.of(recording, self.scenario, k, uav)
+        association = self.association(k, uav)
         rows = self._measured(k, uav) if association else np.full(recording.people.shape[1], -1)
         return PersonObservation(
             uav=uav,

@@ -1,5 +1,7 @@
 """Facts of one person at one scan of a recording, and of what the last plans of UAVs would show of them."""
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -155,22 +157,22 @@ def _holder(recording: Recording, history: History, k: int, person: int) -> Hold
     rest = sorted({t for t in held[k].tolist() if t >= 0} - {id_})
     numbers = recording.track_numbers
     first = int(np.searchsorted(recording.track_offsets, np.argmax(recording.track_ids == id_), side="right")) - 1
-    belief, existence = _belief(recording, k, [*holds, *np.flatnonzero(history.working[k]).tolist()], id_)
+    found = track_at(recording, k, [*holds, *np.flatnonzero(history.working[k]).tolist()], id_)
     return HoldingTrack(
         number=numbers[id_],
         holds=tuple(holds),
         others=tuple((numbers[t], tuple(np.flatnonzero(held[k] == t).tolist())) for t in rest),
         since=float(recording.times[first // recording.poses.shape[1]]),
-        belief=belief,
-        existence=existence,
+        belief=found[1] if found else None,
+        existence=found[2] if found else math.nan,
         until=float(recording.times[scans[-1]]),
     )
 
 
-def _belief(recording: Recording, k: int, uavs: list[int], id_: int) -> tuple[Gaussian | None, float]:
-    """A track and its existence after scan k, of the first of the UAVs that has it; None and NaN if none has."""
+def track_at(recording: Recording, k: int, uavs: Iterable[int], id_: int) -> tuple[int, Gaussian, float] | None:
+    """The first of the UAVs that has a track after scan k, its belief and existence (NaN if unknown)."""
     for i in uavs:
-        rows = np.flatnonzero(recording.track_ids_at(k, i) == id_)
-        if len(rows):
-            return recording.tracks_at(k, i)[rows[0]].belief, float(recording.existence_at(k, i)[rows[0]])
-    return None, float("nan")
+        for track, existence in zip(recording.tracks_at(k, i), recording.existence_at(k, i).tolist(), strict=True):
+            if track.id == id_:
+                return i, track.belief, existence
+    return None

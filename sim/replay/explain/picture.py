@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 
 from sim.drawing.labels import Labels
-from sim.drawing.lettering import Image, TextStyle, wrapped, write
-from sim.drawing.map_view import MARGIN, TRAIL, MapView
-from sim.drawing.palette import FAINT, INK, PANEL, PAPER, uav_colour
+from sim.drawing.lettering import Image, TextStyle, listed, write
+from sim.drawing.map_view import MARGIN, MapView
+from sim.drawing.palette import INK, PANEL, PAPER, uav_colour
 from sim.drawing.strokes import disc, stroke
 from sim.evaluation.holding import HOLDS
 from sim.replay.explain.explanation import Group
@@ -25,8 +25,7 @@ _TILE, _HEAD, _GAP, _WORDS = 512, 26, 12, 620  # pixels: edge of a picture, its 
 _NEAR, _INSET = 7, 150  # pixels of the camera to either side of the person in the inset, and its edge
 _SCALE, _LARGEST = 12.0, 4000.0  # pixels per m of the map, and pixels of the whole map at most
 _FRAMES = 3  # at most
-_LINE = 19
-_TEXT, _HEADING, _TITLE = TextStyle(13), TextStyle(13, FAINT), TextStyle(14, bold=True)
+_TITLE = TextStyle(14, bold=True)
 
 
 def draw_explanation(observer: Observer, facts: PersonFacts, groups: Sequence[Group]) -> Image:
@@ -98,11 +97,9 @@ def _map(observer: Observer, facts: PersonFacts) -> Image:
     scale = min(_SCALE, _LARGEST / float(extent.max()))
     width, height = np.ceil(scale * extent).astype(int).tolist()
     view = MapView(observer.scenario, recording.forest, (width, height))
-    image = np.zeros((height, width, 3), dtype=np.uint8)
     holds = facts.history.hold_states.copy()
     holds[:, facts.person] = HOLDS.index("held")  # has a ring and a name of its own
-    for k in range(max(facts.k - round(TRAIL * observer.scenario.rates.sensing), 0), facts.k + 1):
-        view.draw(image, Sight.of(recording, observer.scenario, k, 0).snapshot, holds[k])
+    image = view.recorded(recording, facts.k, holds)
 
     def pixels(ground: Array) -> Array:
         return np.array([width, height]) / 2 + view.scale * ground * [1.0, -1.0]
@@ -135,26 +132,14 @@ def _draw_sight(image: Image, facts: PersonFacts, person: Array, uavs: Array) ->
 
 
 def _words(groups: Sequence[Group], *, camera: bool) -> Image:
-    room = _WORDS - 2 * _GAP
-    lines = [
-        [
-            (heading, _TITLE if n == 0 else _HEADING),
-            *((line, _TEXT) for fact in facts for line in wrapped(fact, room, _TEXT)),
-        ]
-        for n, (heading, facts) in enumerate(groups)
-    ]
+    lines, bottom = listed(groups, _WORDS - 2 * _GAP, float(_GAP), _TITLE)
     marks = marks_of(camera)
     rows = -(-len(marks) // 2)
-    needed = sum(len(group) * _LINE + _GAP for group in lines) + rows * MARK + 2 * _GAP
-    image = np.full((needed, _WORDS, 3), PANEL, dtype=np.uint8)
-    y = float(_GAP)
-    for group in lines:
-        for text, style in group:
-            write(image, text, (_GAP, y + _LINE / 2), style)
-            y += _LINE
-        y += _GAP
+    image = np.full((round(bottom) + rows * MARK + _GAP, _WORDS, 3), PANEL, dtype=np.uint8)
+    for text, y, style in lines:
+        write(image, text, (_GAP, y), style)
     for n, (mark, text) in enumerate(marks):
-        at = np.array([_GAP + 22.0 + n % 2 * _WORDS / 2, y + (n // 2 + 0.5) * MARK])
+        at = np.array([_GAP + 22.0 + n % 2 * _WORDS / 2, bottom + (n // 2 + 0.5) * MARK])
         mark(image, at)
-        write(image, text, (float(at[0]) + 32, float(at[1])), _TEXT)
+        write(image, text, (float(at[0]) + 32, float(at[1])), TextStyle())
     return image

@@ -12,12 +12,12 @@ import numpy as np
 from sim.evaluation.score import FAR
 from sim.mission.snapshot import Bools
 from sim.mission.tracker_setup import tracker_parameters
-from sim.recording.recording import Recording
 from sim.replay.event import UNMATCHED, Event
-from sim.replay.explain.association import Association
 from sim.replay.explain.explanation import Group, percent_text, place_text
 from sim.replay.explain.observation import Observer
+from sim.replay.explain.person import track_at
 from sim.replay.history import fleet_text
+from tracking.filter.kalman import Gaussian
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.fusion.member import TRACKERS
 from tracking.management.initiation import PATIENCE
@@ -61,36 +61,37 @@ class TrackFacts:
 
     def __init__(self, observer: Observer, number: int) -> None:
         """Facts of the track of that number; the observer has to stay open."""
-        self._observer, self._recording, self._scenario = observer, observer.recording, observer.scenario
-        recording, self.number = self._recording, number
-        self._id = list(recording.track_numbers)[number]
-        self.parameters = tracker_parameters(self._scenario)
-        name = self._scenario.tracking.tracker
+        self.observer, self.recording, self.number = observer, observer.recording, number
+        recording, tracking = observer.recording, observer.scenario.tracking
+        self.id = list(recording.track_numbers)[number]
+        self.parameters = tracker_parameters(observer.scenario)
         # The name of a tracker from outside, of which recordings tell no associations, births and limits.
-        self.foreign = "" if name in TRACKERS.built_in else name
+        self.foreign = "" if tracking.tracker in TRACKERS.built_in else tracking.tracker
         scans, _ = recording.cells(recording.track_offsets)
-        own = scans[recording.track_ids == self._id]
+        own = scans[recording.track_ids == self.id]
         first, last = int(own[0]), int(own[-1])
         self.scans = (first, last)  # the first and the last at which any UAV had it
-        self.known = first == 0 and self._scenario.tracking.initial_tracks == "known"  # given at the start
+        self.known = first == 0 and tracking.initial_tracks == "known"  # given at the start
         uavs = range(recording.poses.shape[1])
-        holders = tuple(i for i in uavs if self._id in recording.track_ids_at(first, i))
-        confirmed = tuple(i for i in holders if 0 <= self._id - new_label(first + 1, i, 0) < LABELS_PER_SCAN // 2)
+        holders = tuple(i for i in uavs if self.id in recording.track_ids_at(first, i))
+        confirmed = tuple(i for i in holders if 0 <= self.id - new_label(first + 1, i, 0) < LABELS_PER_SCAN // 2)
         # UAVs that had it first; the one that confirmed it, if its label tells.
         self.makers = confirmed or holders
 
-    def association(self, k: int, uav: int) -> Association | None:
-        """The association of one UAV at scan k."""
-        return Association.of(self._recording, self._scenario, k, uav)
+    def held_at(self, k: int) -> tuple[int, Gaussian, float]:
+        """The first UAV that has the track after scan k, its belief, and its existence; NaN if not estimated."""
+        found = track_at(self.recording, k, range(self.recording.poses.shape[1]), self.id)
+        assert found is not None
+        return found
 
     @cached_property
     def looks(self) -> list[Look]:
         """The frames of UAVs that had the track before them."""
         found = []
-        for k, i in product(range(self.scans[0], self.scans[1] + 1), range(self._recording.poses.shape[1])):
-            a = self.association(k, i)
-            if a is not None and self._id in a.ids:
-                t = a.ids.tolist().index(self._id)
+        for k, i in product(range(self.scans[0], self.scans[1] + 1), range(self.recording.poses.shape[1])):
+            a = self.observer.association(k, i)
+            if a is not None and self.id in a.ids:
+                t = a.ids.tolist().index(self.id)
                 found.append(Look(k, i, a.beta[t, 1:], float(1.0 - a.beta[t, 0]), float(a.before.visible[t])))
         return found
 
@@ -99,7 +100,7 @@ class TrackFacts:
         """The measurements that count as detections of its person."""
         seen = self.parameters.seen
         return [
-            Feed(look.k, look.uav, int(self._observer.owners(look.k, look.uav)[j]), float(look.weights[j]))
+            Feed(look.k, look.uav, int(self.observer.owners(look.k, look.uav)[j]), float(look.weights[j]))
             for look in self.looks
             if look.weight >= seen
             for j in np.flatnonzero(look.weights >= seen).tolist()
@@ -116,8 +117,8 @@ class TrackFacts:
         return [] if self.known else max(map(self._chain, self.makers), key=len)
 
     def _chain(self, uav: int) -> list[Origin]:
-        recording, p, begun = self._recording, self.parameters, self.scans[0]
-        (track,) = (t for t in recording.tracks_at(begun, uav) if t.id == self._id)
+        recording, p, begun = self.recording, self.parameters, self.scans[0]
+        (track,) = (t for t in recording.tracks_at(begun, uav) if t.id == self.id)
         place, spread, now = track.belief.mean[:2], track.belief.covariance[:2, :2], begun
         found: list[Origin] = []
         odds = p.birth_density / p.clutter_density  # of a person against false alarms
@@ -134,7 +135,7 @@ class TrackFacts:
                 likelihood = math.exp(-off[j] / 2) / (2 * math.pi * math.sqrt(np.linalg.det(S[j])))
                 odds *= p.detection_probability * likelihood / p.clutter_density if found else 1.0
                 place, spread, now = scan.measurements[j], scan.covariances[j], k
-                found.append(Origin(k, uav, j, int(self._observer.owners(k, uav)[j]), place))
+                found.append(Origin(k, uav, j, int(self.observer.owners(k, uav)[j]), place))
         return found[::-1]
 
     def _enough(self, count: int, odds: float) -> bool:
@@ -144,34 +145,34 @@ class TrackFacts:
 
     def _explained(self, k: int, uav: int) -> Bools:
         """Flags (N,) of the measurements that are rather another track's, one that is new perhaps, than of no track."""
-        a, scan = self.association(k, uav), self._recording.scan_at(k, uav)
+        a, scan = self.observer.association(k, uav), self.recording.scan_at(k, uav)
         found = np.zeros(len(scan.measurements), dtype=np.bool_)
         if a is None:
             return found
-        found |= a.beta[a.ids != self._id, 1:].max(axis=0, initial=0.0) >= 0.5
-        for track in self._recording.tracks_at(k, uav):
-            if track.id not in a.ids and track.id != self._id:
+        found |= a.beta[a.ids != self.id, 1:].max(axis=0, initial=0.0) >= 0.5
+        for track in self.recording.tracks_at(k, uav):
+            if track.id not in a.ids and track.id != self.id:
                 off, spread = scan.measurements - track.belief.mean[:2], track.belief.covariance[:2, :2]
                 found |= squared_distance(off, scan.covariances + spread) <= self.parameters.measurement_gate
         return found
 
 
-def track_story(facts: TrackFacts, recording: Recording, events: Sequence[Event]) -> list[Group]:
+def track_story(facts: TrackFacts, events: Sequence[Event]) -> list[Group]:
     """Groups of sentences on one track over the whole mission."""
     own = [event for event in events if event.track == facts.number]
     groups = [
         ("note", [_NOTE.format(facts.foreign)] if facts.foreign else []),
         (f"track {facts.number}", [f"{event.when}: {event.text}" for event in own]),
-        ("born", list(_birth(facts, recording))),
-        ("fed by", list(_fed(facts, recording))),
-        ("kept", list(_kept(facts, recording, own))),
-        ("ended", list(_end(facts, recording))),
+        ("born", list(_birth(facts))),
+        ("fed by", list(_fed(facts))),
+        ("kept", list(_kept(facts, own))),
+        ("ended", list(_end(facts))),
     ]
     return [group for group in groups if group[1]]
 
 
-def _birth(facts: TrackFacts, recording: Recording) -> Iterator[str]:
-    times, first = recording.times, facts.scans[0]
+def _birth(facts: TrackFacts) -> Iterator[str]:
+    times, first = facts.recording.times, facts.scans[0]
     if facts.known:
         yield "known at the start"
         return
@@ -179,19 +180,19 @@ def _birth(facts: TrackFacts, recording: Recording) -> Iterator[str]:
         yield f"confirmed at {times[first]:.1f} s by {fleet_text(facts.makers)}, with no measurement near it then"
         return
     begun, *others = facts.origins
-    yield f"at {times[begun.k]:.1f} s from {_source(begun, recording)}, measured by UAV {begun.uav}"
-    yield from _rival(begun, facts, recording)
+    yield f"at {times[begun.k]:.1f} s from {_source(begun, facts)}, measured by UAV {begun.uav}"
+    yield from _rival(begun, facts)
     for origin in others:
-        yield f"then from {_source(origin, recording)} at {times[origin.k]:.1f} s"
+        yield f"then from {_source(origin, facts)} at {times[origin.k]:.1f} s"
     yield f"confirmed at {times[first]:.1f} s by {fleet_text(facts.makers)}"
 
 
-def _rival(begun: Origin, facts: TrackFacts, recording: Recording) -> Iterator[str]:
+def _rival(begun: Origin, facts: TrackFacts) -> Iterator[str]:
     """The track that was nearest to the person whose measurement began this one, and that did not explain it."""
-    a = facts.association(begun.k, begun.uav)
+    a = facts.observer.association(begun.k, begun.uav)
     if a is None or begun.person < 0 or len(a.ids) == 0:
         return
-    gaps = np.hypot(*(a.before.means[:, :2] - recording.people[begun.k, begun.person]).T)
+    gaps = np.hypot(*(a.before.means[:, :2] - facts.recording.people[begun.k, begun.person]).T)
     t, j = int(gaps.argmin()), begun.measurement
     if gaps[t] <= FAR:
         gate = f"outside its gate of {math.sqrt(facts.parameters.measurement_gate):.1f} σ"
@@ -200,21 +201,21 @@ def _rival(begun: Origin, facts: TrackFacts, recording: Recording) -> Iterator[s
         yield f"track {a.numbers[t]}, then {away}, was {math.sqrt(a.distances[t, j]):.1f} σ from it{told}"
 
 
-def _source(origin: Origin, recording: Recording) -> str:
+def _source(origin: Origin, facts: TrackFacts) -> str:
     if origin.person < 0:
         return f"a false alarm at {place_text(origin.place)}"
-    off = math.dist(origin.place, recording.people[origin.k, origin.person])
+    off = math.dist(origin.place, facts.recording.people[origin.k, origin.person])
     return f"a measurement of person {origin.person} at {place_text(origin.place)}, an error of {off:.2f} m"
 
 
-def _fed(facts: TrackFacts, recording: Recording) -> Iterator[str]:
+def _fed(facts: TrackFacts) -> Iterator[str]:
     """Sources of measurements, the most frequent first."""
     sources: defaultdict[tuple[int, int], list[Feed]] = defaultdict(list)
     for feed in facts.feeds:
         sources[feed.person, feed.uav].append(feed)
     for (person, uav), feeds in sorted(sources.items(), key=lambda item: -len(item[1])):
         what = f"measurements of person {person}" if person >= 0 else "false alarms"
-        first, last = (f"{recording.times[feed.k]:.1f}" for feed in (feeds[0], feeds[-1]))
+        first, last = (f"{facts.recording.times[feed.k]:.1f}" for feed in (feeds[0], feeds[-1]))
         when = f"at {first} s" if first == last else f"{first} to {last} s"
         weight = percent_text(float(np.mean([feed.weight for feed in feeds])))
         yield f"{what} from UAV {uav}: {_frames(len(feeds))}, {when}, weight {weight} in the mean"
@@ -222,7 +223,7 @@ def _fed(facts: TrackFacts, recording: Recording) -> Iterator[str]:
         yield "no measurement once it was confirmed"
 
 
-def _kept(facts: TrackFacts, recording: Recording, own: Sequence[Event]) -> Iterator[str]:
+def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
     """For each span in which the track stood for no person, what told for it and against it."""
     p = facts.parameters
     for event in own:
@@ -232,23 +233,21 @@ def _kept(facts: TrackFacts, recording: Recording, own: Sequence[Event]) -> Iter
         fed = sum(look.weight >= p.seen for look in looks)
         missed = sum(look.visible >= p.expected and look.weight < p.seen for look in looks)
         told = f"detected in {fed} of {_frames(len(looks))}, missed in {missed} that should have shown it"
-        first, last = (_at_scan(recording, k, facts.number)[1] for k in (event.first, event.last))
+        first, last = (facts.held_at(k)[2] for k in (event.first, event.last))
         known = "" if math.isnan(first) else f"; existence {first:.4f} at first, {last:.4f} at last"
         yield f"{event.when}: {told}{known}"
     if facts.feeds:
         feed = facts.feeds[-1]
         source = f"of person {feed.person}" if feed.person >= 0 else "of a false alarm"
-        yield f"last detection at {recording.times[feed.k]:.1f} s by UAV {feed.uav}, {source}"
+        yield f"last detection at {facts.recording.times[feed.k]:.1f} s by UAV {feed.uav}, {source}"
 
 
-def _end(facts: TrackFacts, recording: Recording) -> Iterator[str]:
-    last, times, p = facts.scans[1], recording.times, facts.parameters
+def _end(facts: TrackFacts) -> Iterator[str]:
+    last, times, p = facts.scans[1], facts.recording.times, facts.parameters
     if last == len(times) - 1:
         yield "still there at the end of the mission"
         return
-    uav, existence = _at_scan(recording, last, facts.number)
-    tracks = {recording.track_numbers[t.id]: t.belief for t in recording.tracks_at(last, uav)}
-    own = tracks.pop(facts.number)
+    uav, own, existence = facts.held_at(last)
     yield f"deleted at {times[last + 1]:.1f} s"
     if not facts.foreign:
         if math.isnan(existence):
@@ -256,19 +255,11 @@ def _end(facts: TrackFacts, recording: Recording) -> Iterator[str]:
         else:
             yield f"existence {existence:.4f} before; a track ends below {p.doubt:g}"
         yield f"variance {np.trace(own.covariance[:2, :2]):.1f} m² before; a track ends beyond {p.max_variance:g} m²"
-    gaps = {number: math.dist(other.mean[:2], own.mean[:2]) for number, other in tracks.items()}
+    others = [t for t in facts.recording.tracks_at(last, uav) if t.id != facts.id]
+    gaps = [(math.dist(t.belief.mean[:2], own.mean[:2]), facts.recording.track_numbers[t.id]) for t in others]
     if gaps:
-        near = min(gaps, key=lambda number: gaps[number])
-        yield f"track {near} was the nearest, {gaps[near]:.1f} m away"
-
-
-def _at_scan(recording: Recording, k: int, number: int) -> tuple[int, float]:
-    """The first UAV that has a track after scan k, and its existence; NaN if that is not estimated."""
-    for i in range(recording.poses.shape[1]):
-        mine = recording.numbers_of(recording.track_ids_at(k, i)) == number
-        if mine.any():
-            return i, float(recording.existence_at(k, i)[mine][0])
-    raise AssertionError("no UAV has the track")
+        gap, near = min(gaps)
+        yield f"track {near} was the nearest, {gap:.1f} m away"
 
 
 def _frames(count: int) -> str:

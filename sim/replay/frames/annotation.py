@@ -8,7 +8,7 @@ from sim.drawing.lettering import Image, TextStyle, write
 from sim.drawing.map_view import ellipse, looks_down
 from sim.drawing.marks import cross, detection
 from sim.drawing.palette import DETECTION, INK, PANEL, track_colour
-from sim.drawing.strokes import disc, outlined, stroke
+from sim.drawing.strokes import SHIFT, disc, fixed, outlined, stroke
 from sim.replay.frames.sightings import PERSON_RADIUS, Sight, Sighting, hidden_outlines, silhouette
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
@@ -121,10 +121,7 @@ class _View:
 
     def _draw_bar(self, ends: Array, text: str) -> None:
         ticks = [ends[k] + np.array([(0.0, -6.0), (0.0, 1.0)]) for k in (0, 1)]
-        for line in (ends, *ticks):
-            stroke(self._image, line, INK, thickness=5)
-        for line in (ends, *ticks):
-            stroke(self._image, line, PANEL, thickness=2)
+        self._draw_lines(ends, *ticks)
         middle = ends.mean(axis=0)
         write(self._image, text, (middle[0], middle[1] - 14), TextStyle(13, PANEL, True, INK), align=0.5)
         self._labels.reserve(middle, float(np.hypot(*(ends[1] - ends[0]))) / 2)
@@ -134,12 +131,15 @@ class _View:
         middle, side = foot - 26.0, np.array([-ahead[1], ahead[0]])
         tip, tail = middle + 13 * ahead, middle - 13 * ahead
         head = np.array([tip - 7 * ahead + 5 * side, tip, tip - 7 * ahead - 5 * side])
-        for colour, thickness in ((INK, 5), (PANEL, 2)):
-            stroke(self._image, np.array([tail, tip]), colour, thickness=thickness)
-            stroke(self._image, head, colour, thickness=thickness)
+        self._draw_lines(np.array([tail, tip]), head)
         x, y = tip + 12 * ahead
         write(self._image, "N", (float(x), float(y)), TextStyle(13, PANEL, True, INK), align=0.5)
         self._labels.reserve(middle, 26.0)
+
+    def _draw_lines(self, *lines: Array) -> None:
+        for colour, thickness in ((INK, 5), (PANEL, 2)):
+            for line in lines:
+                stroke(self._image, line, colour, thickness=thickness)
 
 
 def draw_measurement(image: Image, at: Array, ring: Array) -> None:
@@ -168,7 +168,7 @@ def draw_rim(image: Image, outlines: list[Array], *, hiding: bool = False) -> No
     """
     inside = np.zeros(image.shape[:2], dtype=np.uint8)
     for outline in outlines:
-        cv2.fillPoly(inside, [np.round((outline - 0.5) * 16).astype(np.int32)], 255, cv2.LINE_AA, 4)
+        cv2.fillPoly(inside, [fixed(outline)], 255, cv2.LINE_AA, SHIFT)
     for colour, reach in _RIMS[hiding]:
         grown = cv2.dilate(inside, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach)))
         rim = grown > inside

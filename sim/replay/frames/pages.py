@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 
 from sim.drawing.layout import GAP
-from sim.drawing.lettering import Image, TextStyle, wrapped, write
+from sim.drawing.lettering import Image, TextStyle, listed, write
 from sim.drawing.map_view import ellipse, looks_down
 from sim.drawing.marks import detection
-from sim.drawing.palette import FAINT, PANEL, PAPER, uav_colour
+from sim.drawing.palette import PANEL, PAPER, uav_colour
 from sim.drawing.tiles import BORDER
 from sim.evaluation.summary import titled
 from sim.recording.atomic_files import new_folder
@@ -24,8 +24,7 @@ from tracking.plugins.registry import InputError
 
 _WIDTH = 340  # pixels of the panel
 MARK = 36  # pixels: height of a mark in the legend
-_LINE, _GAP = 19, 12  # pixels: heights of a line, and between sections
-_TEXT, _HEADING, _TITLE = TextStyle(13), TextStyle(13, FAINT), TextStyle(20, bold=True)
+_TITLE = TextStyle(20, bold=True)
 _MOST = 12  # people or tracks that are listed
 
 Section = tuple[str, list[str]]
@@ -98,12 +97,10 @@ def scans_between(recording: Recording, start: float, end: float | None, uav: in
 
 def _field_of_view(camera: Camera, pose: Pose) -> list[str]:
     """The numbers of a view: altitude, tilt, edges on the ground, ground sample distance at the centre."""
-    n = float(camera.pixels)
     tilt = np.degrees(np.arccos(np.clip(pose.rotation[2, 2], -1.0, 1.0)))
-    lines = [f"{camera.pixels} pixels, {np.degrees(camera.fov):.0f}°", f"altitude {pose.position[2]:.1f} m"]
-    lines[1] += f", {tilt:.1f}° off nadir"
-    corners = np.array([[0.0, n], [n, n], [n, 0.0], [0.0, 0.0]])
-    if not looks_down(camera, pose, corners):
+    height = f"altitude {pose.position[2]:.1f} m, {tilt:.1f}° off nadir"
+    lines = [f"{camera.pixels} pixels, {np.degrees(camera.fov):.0f}°", height]
+    if not looks_down(camera, pose):
         return [*lines, "reaches the horizon"]
     ground = camera.footprint(pose)
     edges = np.hypot(*(np.roll(ground, -1, axis=0) - ground).T)
@@ -112,7 +109,7 @@ def _field_of_view(camera: Camera, pose: Pose) -> list[str]:
         lines.append(f"edges {bottom} m on the ground")
     else:
         lines += ["edges on the ground:", f"bottom {bottom}, right {right}, top {top}, left {left} m"]
-    centre = n / 2 + np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
+    centre = camera.pixels / 2 + np.array([[-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
     points = 100 * camera.ground_points(pose, centre)
     across, along = np.hypot(*(points[1] - points[0])), np.hypot(*(points[3] - points[2]))
     return [*lines, f"{across:.1f} × {along:.1f} cm a pixel in the middle"]
@@ -120,26 +117,17 @@ def _field_of_view(camera: Camera, pose: Pose) -> list[str]:
 
 def _draw_panel(sight: Sight, notes: list[str], *, height: int) -> Image:
     """The panel (H, 340, 3) RGB of a view, at least `height` pixels high; `notes` end its first section."""
-    sections = [
-        (heading, [line for text in texts for line in wrapped(text, _WIDTH - 28, _TEXT)])
-        for heading, texts in _sections(sight, notes)
-    ]
+    lines, bottom = listed(_sections(sight, notes), _WIDTH - 28, 44.0)
     marks = marks_of(sight.scenario.sensing.renders)
-    lines = sum(len(texts) for _, texts in sections)
-    needed = 44 + lines * _LINE + len(sections) * (_LINE + _GAP) + len(marks) * MARK
-    image = np.full((max(height, needed), _WIDTH, 3), PANEL, dtype=np.uint8)
+    image = np.full((max(height, round(bottom) + len(marks) * MARK), _WIDTH, 3), PANEL, dtype=np.uint8)
     write(image, f"{sight.snapshot.time:.1f} s", (14, 22), _TITLE)
     write(image, f"UAV {sight.uav}", (_WIDTH - 14, 22), _TITLE, align=1.0)
-    y = 44.0
-    for heading, texts in sections:
-        for text, style in ((heading, _HEADING), *((text, _TEXT) for text in texts)):
-            write(image, text, (14, y + _LINE / 2), style)
-            y += _LINE
-        y += _GAP
+    for text, y, style in lines:
+        write(image, text, (14, y), style)
     for k, (mark, text) in enumerate(reversed(marks)):
         middle = image.shape[0] - (k + 0.5) * MARK
         mark(image, np.array([34.0, middle]))
-        write(image, text, (72, middle), _TEXT)
+        write(image, text, (72, middle), TextStyle())
     return image
 
 

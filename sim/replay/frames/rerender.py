@@ -5,7 +5,10 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
+
 from sim.drawing.lettering import Image
+from sim.mission.snapshot import Bools
 from sim.recording.archive import load
 from sim.recording.npz import line
 from sim.recording.recording import Recording
@@ -57,6 +60,13 @@ class Rerenderer(ExitStack):
                 if self._recording.working[k, i] and self.scenario.has_frame(i, k):
                     taken[i] = self.image(k, i)
         return taken
+
+
+def frames_taken(recording: Recording, scenario: Scenario) -> Bools:
+    """Flags (K, n) of the scans at which the camera of a UAV that works took a frame."""
+    scans, uavs = recording.working.shape
+    due = [[scenario.has_frame(i, k) for i in range(uavs)] for k in range(scans)]
+    return np.logical_and(recording.working, due)
 
 
 def scenario_of(recording: Recording) -> Scenario:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from sim.drawing.labels import with_numbers
+from sim.drawing.labels import numbered
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
@@ -88,11 +88,10 @@ class Sight:
     @staticmethod
     def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> "Sight":
         """The view of one UAV at scan k."""
-        snapshot = with_numbers(recording.snapshot(k), recording.track_numbers)
         people = Sighting.all_of(recording, scenario, k, uav, camera_of(scenario.uavs[uav]))
         if scenario.sensing.field_of_view == "unlimited":  # people seen beyond the image are not in it
             people = tuple(replace(p, pixels=p.pixels * p.inside) for p in people)
-        return Sight(scenario, recording.forest, snapshot, uav, people)
+        return Sight(scenario, recording.forest, numbered(recording, k), uav, people)
 
 
 def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Flags]:

@@ -49,8 +49,7 @@ class Cameras:
 
     def _log_image(self, uav: int, image: Image) -> None:
         made, content = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-        if not made:
-            raise OSError("an image cannot be compressed")
+        assert made
         encoded = rr.EncodedImage(contents=content.tobytes(), media_type="image/jpeg", draw_order=-10)
         self._stream.log(f"world/camera/{uav}/image", encoded)
 

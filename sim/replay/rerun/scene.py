@@ -96,7 +96,6 @@ class Scene:
         self._stream, self._recording, self._scenario, self._held = stream, recording, scenario, held
         self._step = 1 / scenario.rates.planning
         self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
-        self._broken: set[int] = set()
 
     def log(self, k: int) -> None:
         """Log scan k: the truth, what is intended, and what is believed."""
@@ -104,16 +103,13 @@ class Scene:
         for i in range(len(snapshot.poses)) if k == 0 else ():
             self._log_name(i, f"UAV {i}", uav_colour(i))
         self._log_people(snapshot, self._held[k])
-        for i, body in enumerate(snapshot.poses):
-            self._stream.log(
-                f"world/uav/{i}",
-                rr.Transform3D(translation=body.position, quaternion=rr.Quaternion(xyzw=body.quaternion)),
-            )
-            pose = snapshot.cameras[i]
-            place = rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.quaternion))
-            self._stream.log(f"world/camera/{i}", place)
-            if i not in snapshot.working and i not in self._broken:
-                self._log_breakdown(i)
+        for name, poses in (("uav", snapshot.poses), ("camera", snapshot.cameras)):
+            for i, pose in enumerate(poses):
+                place = rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.quaternion))
+                self._stream.log(f"world/{name}/{i}", place)
+        worked = self._recording.working[k - 1] if k else np.ones(len(snapshot.poses), dtype=np.bool_)
+        for i in np.flatnonzero(worked & ~self._recording.working[k]).tolist():
+            self._log_breakdown(i)
         for i in snapshot.working:
             self._log_tracks(i, snapshot.tracks[i])
         self._log_gaps(gaps_at(self._recording, k))
@@ -147,7 +143,6 @@ class Scene:
 
     def _log_breakdown(self, uav: int) -> None:
         """Take away what a UAV that broke down no longer has."""
-        self._broken.add(uav)
         for name in ("tracks", "intents", "mwtp"):
             self._stream.log(f"world/{name}/{uav}", rr.Clear(recursive=True))
         self._log_name(uav, f"UAV {uav}, broken down", ALARM)

@@ -39,20 +39,16 @@ def write_video(path, mission, frames=8):
             video.add(snapshot, synthetic.frames(setting, trees, snapshot))
 
 
-def empty(snapshot, **changes):
+def empty(uavs=3, **changes):
     """A snapshot with UAVs and nothing else."""
-    n = len(snapshot.poses)
-    nothing = {
-        "people": np.zeros((0, 2)),
-        "headings": np.zeros(0),
-        "pixels": [np.zeros((0, 2))] * n,
-        "tracks": [()] * n,
-        "plans": None,
-        "visible": np.zeros((n, 0), dtype=np.int64),
-        "matched": np.zeros((n, 0), dtype=bool),
-        "contacts": (),
-    }
-    return dataclasses.replace(snapshot, **{**nothing, **changes})
+    first = next(synthetic.snapshots(synthetic.scenario(uavs, people=0), OPEN, 1))
+    return dataclasses.replace(first, plans=None, **changes)
+
+
+def drawn(mission, snapshot, frames=None):
+    """A snapshot as the first picture of a film."""
+    setting, trees, _ = mission
+    return Film(setting, trees, planner="hover").draw(snapshot, frames)
 
 
 def changed_near(image, before, x, y, reach):
@@ -81,9 +77,8 @@ def test_decoded_pictures_are_the_drawn_ones_also_of_a_video_closed_early(tmp_pa
     write_video(tmp_path / "mission.mp4", mission)
     film = Film(setting, trees, planner="hover")
     for snapshot, shown in zip(snapshots, decoded(tmp_path / "mission.mp4")[0], strict=True):
-        drawn = film.draw(snapshot, synthetic.frames(setting, trees, snapshot))
-        error = np.abs(shown.astype(float) - drawn)
-        assert error.mean() < 3.0
+        image = film.draw(snapshot, synthetic.frames(setting, trees, snapshot))
+        assert np.abs(shown.astype(float) - image).mean() < 3.0
         # The orange border of UAV 1, and what the other usual matrix would make of it.
         border = np.median(shown[300:440, -13:-10].reshape(-1, 3), axis=0)
         assert np.linalg.norm(border - uav_colour(1)) < 10 < np.linalg.norm(border - (238, 149, 0))
@@ -93,10 +88,8 @@ def test_decoded_pictures_are_the_drawn_ones_also_of_a_video_closed_early(tmp_pa
 
 
 def test_the_tile_of_each_uav_wears_its_colour_round_its_own_frame(mission):
-    setting, trees, snapshots = mission
-    film = Film(setting, trees, planner="hover")
     flat = [np.full((128, 128, 3), 60 + 50 * i, dtype=np.uint8) for i in range(3)]
-    image = film.draw(empty(snapshots[0]), flat)
+    image = drawn(mission, empty(), flat)
     right = image[:, -40]
     for i in range(3):
         rows = np.flatnonzero(np.all(right == 60 + 50 * i, axis=1))
@@ -106,23 +99,18 @@ def test_the_tile_of_each_uav_wears_its_colour_round_its_own_frame(mission):
 
 
 def test_frames_people_and_views_that_are_missing_are_not_drawn(mission):
-    setting, trees, snapshots = mission
-    blank = Film(setting, trees, planner="hover").draw(empty(snapshots[0]), None)
-    image = Film(setting, trees, planner="hover").draw(snapshots[0], None)
-    assert sum(len(pixels) for pixels in snapshots[0].pixels) > 0 and np.any(image[:, -200:] != blank[:, -200:])
-    absent = empty(snapshots[0], people=np.full((2, 2), np.nan), headings=np.zeros(2), visible=np.zeros((3, 2), int))
-    one = Film(setting, trees, planner="hover").draw(absent, None)
-    np.testing.assert_array_equal(one, Film(setting, trees, planner="hover").draw(empty(snapshots[0]), None))
-    tilted = Pose(np.array([0.0, 0.0, 20.0]), np.array([np.sin(0.5), 0.0, 0.0, np.cos(0.5)]))
-    snapshot = dataclasses.replace(snapshots[0], cameras=[tilted] * 3, poses=[tilted] * 3)
-    image = Film(setting, trees, planner="hover").draw(snapshot, None)
-    assert image.shape == (HEIGHT, WIDTH, 3)
+    blank, first = drawn(mission, empty()), mission[2][0]
+    assert sum(map(len, first.pixels)) > 0 and np.any(drawn(mission, first)[:, -200:] != blank[:, -200:])
+    absent = empty(people=np.full((2, 2), np.nan), headings=np.zeros(2), visible=np.zeros((3, 2), int))
+    np.testing.assert_array_equal(drawn(mission, absent), blank)
+    tilted = [Pose(np.array([0.0, 0.0, 20.0]), np.array([np.sin(0.5), 0.0, 0.0, np.cos(0.5)]))] * 3
+    assert drawn(mission, dataclasses.replace(first, cameras=tilted, poses=tilted)).shape == (HEIGHT, WIDTH, 3)
 
 
 def one_uav(above=(500.0, 500.0), **changes):
     """A snapshot of a UAV above a place and of nothing else."""
     pose = Pose.level(*above, 17.32)
-    return empty(next(synthetic.snapshots(ALONE, OPEN, 1)), poses=[pose], cameras=[pose], **changes)
+    return empty(1, poses=[pose], cameras=[pose], **changes)
 
 
 def mapped(snapshot, holds=None, forest=OPEN, size=(790, 540)):
@@ -229,7 +217,7 @@ def test_a_video_appears_when_it_is_closed_and_never_after_an_error(tmp_path, mi
         raise ZeroDivisionError
     write_video(tmp_path / "b.mp4", mission, frames=0)
     assert os.listdir(tmp_path) == []
-    video = Video(tmp_path / "mission.mp4", Film(setting, trees, planner="hover"), fps=5)
+    video = Video(tmp_path / "mission.mp4", film, fps=5)
     video.add(snapshots[0], None)
     assert not (tmp_path / "mission.mp4").exists()
     video.close()

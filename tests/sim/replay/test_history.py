@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.recordings import record
+from helpers.recordings import broken, record
 
 from sim.evaluation.holding import HOLDS, Holding
 from sim.replay.frames.rerender import scenario_of
@@ -36,9 +36,7 @@ def test_views_and_holders_are_those_of_each_camera_and_track(recorded):
         assert np.hypot(*(track.belief.mean[:2] - recording.people[k, m])) <= 1.0
         count += 1
     assert count > 100
-    ospa = recording.ospa.copy()
-    ospa[10:, 1] = np.nan  # broken down
-    history = History.of(replace(recording, ospa=ospa), scenario)
+    history = History.of(broken(recording, 1, 10), scenario)
     assert not history.looked[10:, 1].any() and not history.inside[10:, 1].any() and not history.detected[10:, 1].any()
     assert history.looked[:, [0, 2]].all()
 

@@ -1,10 +1,9 @@
 """The timeline of a mission: stretches of time counted by hand, and a figure that shows each of them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from helpers.recordings import record
+from helpers.histories import history
+from helpers.recordings import broken, record
 from matplotlib.collections import PolyCollection
 
 from sim.drawing.palette import FALSE, HIDDEN, LOST, UAV_COLOURS, uav_colour
@@ -15,22 +14,6 @@ from sim.replay.events import events_of
 from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import BROKEN, STATES, History
 from sim.replay.timeline import timeline_figure
-
-
-def history(inside, shown, detected, tracks, **other):
-    """A history of one person; each UAV's column is one row of text, a letter a scan: x for yes."""
-    tables = {name: np.array([[c == "x" for c in row] for row in rows]).T[:, :, None]
-              for name, rows in (("inside", inside), ("shown", shown), ("detected", detected))}  # fmt: skip
-    held = np.array(tracks).T[:, :, None]
-    scans, uavs = held.shape[:2]
-    plain = {
-        "times": 0.2 * np.arange(scans),
-        "present": np.ones((scans, 1), bool),
-        "working": np.ones((scans, uavs), bool),
-        "looked": np.ones((scans, uavs), bool),
-        "hidden_by": np.full((scans, uavs, 1), -1),
-    }
-    return History(**{**plain, **tables, "tracks": held, **other})
 
 
 def test_stretches_states_and_holds_are_those_counted_by_hand():
@@ -92,11 +75,8 @@ def test_the_figure_shows_each_stretch_at_its_time_and_sums_up_losses():
 @pytest.mark.parametrize(("uavs", "people", "scans"), [(3, 20, 21), (5, 2, 6), (8, 2, 6), (1, 0, 6), (2, 1, 1)])
 def test_any_fleet_and_any_number_of_people_can_be_shown(uavs, people, scans):
     recording = record(scans, uavs=uavs, people=people)
-    scenario = scenario_of(recording)
-    ospa = recording.ospa.copy()
-    ospa[scans // 2 + 1 :, 0] = np.nan
-    broken = replace(recording, ospa=ospa)
-    figure = timeline_figure(History.of(broken, scenario), ospa, events_of(broken, scenario))
+    recording, scenario = broken(recording, 0, scans // 2 + 1), scenario_of(recording)
+    figure = timeline_figure(History.of(recording, scenario), recording.ospa, events_of(recording, scenario))
     labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
     assert labels[:people] == [f"person {m}" for m in range(people)] and set(labels[people:]) <= {"no person"}
     words = [text.get_text() for text in figure.legends[0].get_texts()]

@@ -66,7 +66,7 @@ def test_the_story_of_a_false_track_has_birth_feeds_reason_and_end(mission):
     recording, scenario, observer, _ = mission
     every = (TrackFacts(observer, number) for number in recording.track_numbers.values())
     facts = next(facts for facts in every if all(origin.person < 0 for origin in facts.origins))
-    groups, begun = dict(track_story(facts, recording, events_of(recording, scenario))), facts.origins[0]
+    groups, begun = dict(track_story(facts, events_of(recording, scenario))), facts.origins[0]
     assert list(groups)[1:] == ["born", "fed by", "kept", "ended"]
     assert f"track {facts.number} stands for no person" in groups[f"track {facts.number}"][1]
     x, y = begun.place
@@ -83,7 +83,7 @@ def test_the_end_of_a_track_stands_beside_the_limits_of_its_tracker(mission):
     ended = [event for event in events if event.kind == "track deleted"]
     for event in ended:
         facts = TrackFacts(observer, event.track)
-        lines = dict(track_story(facts, recording, events))["ended"]
+        lines = dict(track_story(facts, events))["ended"]
         existence, variance = (float(line.split()[1]) for line in lines[1:3])
         assert lines[0] == f"deleted at {event.time:.1f} s"
         assert "a track ends below 0.001" in lines[1] and "a track ends beyond 400 m²" in lines[2]
@@ -97,7 +97,7 @@ def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(missio
     outside = structs.replace(scenario, tracking=structs.replace(scenario.tracking, tracker="soup:Jpda"))
     with Observer(recording, outside) as observer:
         for number in recording.track_numbers.values():
-            groups = dict(track_story(TrackFacts(observer, number), recording, events))
+            groups = dict(track_story(TrackFacts(observer, number), events))
             lines = [line for group in groups.values() for line in group]
             assert groups["note"][0].startswith("soup:Jpda does not tell its associations")
             assert not any("a track ends" in line or "its gate" in line for line in lines)

@@ -50,6 +50,12 @@ def test_other_uavs_in_the_view_are_put_back_too(mission, monkeypatch):
         assert any(again.image(k, i).tobytes() != images[k][i].tobytes() for k, i in flown)
 
 
+def northwards(degrees):
+    """A pose 10 m up, tilted from looking down towards the north."""
+    half = math.radians(degrees) / 2
+    return Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(half), 0.0, 0.0, math.cos(half)]))
+
+
 def scene(*, tracks=(), people=(), trees=(), pose=None):
     """A sight of one UAV with 20 m on the ground in 128 pixels, which found what is in `people`."""
     setting = synthetic.scenario(uavs=1, people=len(people))
@@ -118,13 +124,11 @@ def test_numbers_of_the_view_are_those_of_the_geometry():
         "15.6 × 15.6 cm a pixel in the middle",
     ]
     # Tilted by 30 degrees to the north, the lower edge looks straight down.
-    tilted = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(math.radians(15)), 0, 0, math.cos(math.radians(15))]))
+    told = _field_of_view(camera, northwards(30))
     bottom, top = 2 * 10 * math.tan(math.radians(30)) * math.cos(math.radians(30)) / np.array([1.0, 0.5])
-    assert _field_of_view(camera, tilted)[1] == "altitude 10.0 m, 30.0° off nadir"
-    assert f"bottom {bottom:.1f}, " in _field_of_view(camera, tilted)[3]
-    assert f"top {top:.1f}, " in _field_of_view(camera, tilted)[3]
-    level = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(math.radians(45)), 0, 0, math.cos(math.radians(45))]))
-    assert _field_of_view(camera, level)[-1] == "reaches the horizon"
+    assert told[1] == "altitude 10.0 m, 30.0° off nadir"
+    assert f"bottom {bottom:.1f}, " in told[3] and f"top {top:.1f}, " in told[3]
+    assert _field_of_view(camera, northwards(90))[-1] == "reaches the horizon"
 
 
 @pytest.mark.parametrize(("anchor", "count"), [((150.0, 150.0), 4), ((290.0, 9.0), 2)])
@@ -148,8 +152,7 @@ def test_views_of_anything_can_be_drawn():
         with Rerenderer(recording) as again:
             page = pages.draw(recording, again, 2, 1, size=300)
         assert page.shape[0] >= 276 and page.dtype == np.uint8
-    level = Pose(np.array([0.0, 0.0, 10.0]), np.array([math.sin(math.radians(45)), 0, 0, math.cos(math.radians(45))]))
-    seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=level)
+    seen = scene(people=[(0.0, 5.0)], trees=[Tree(0.0, 20.0)], pose=northwards(90))
     assert annotated(np.zeros((128, 128, 3), np.uint8), seen, 256).shape == (256, 256, 3)
     assert _draw_panel(seen, [], height=100).shape[0] > 300
 
