@@ -99,7 +99,7 @@ class TrackerParameters:
         return power(self.survival, self.motion.dt) if self.life == "existence" else 1.0
 
     def detection(self, detectable: Array, count: int) -> Array:
-        """Probabilities of detection (T, count + 1), as `jpda.association_probabilities` takes them.
+        """Probabilities of detection (T, count + 1), as `jpda.existence_association` takes them.
 
         detectable (T,): probability that each track's person is in plain view, less where the last frame was negative
         information (`tracking.filter.negative_information`). Where a measurement was made the view is free: only the

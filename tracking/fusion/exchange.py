@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from tracking.association.jipda import log_odds
+from tracking.association.jpda import log_odds
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.fusion.message import INFORMATION, Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule

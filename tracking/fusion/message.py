@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tracking.association.jipda import from_log_odds
+from tracking.association.jpda import from_log_odds
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.factorisation import inverses
