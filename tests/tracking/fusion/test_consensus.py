@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.graphs import SCAN, exchange, graph, message, metropolis
+from helpers.information import information_form
 from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
-from tracking.filter.information import information_form
 from tracking.fusion.consensus import combine, fuse
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.fusion.message import Message

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 from helpers.graphs import graph, metropolis
-from helpers.information import moment_form
+from helpers.information import information_form, moment_form
 from helpers.scenes import ABOVE, AWAY, CAMERA, MOTION, OPEN, H, scan, track, tracker
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tracking.filter.information import information_form
 from tracking.fusion.consensus import fuse
 from tracking.fusion.hcmci import largest_innovation, split_information
 from tracking.tracker import Scan, Tracker, TrackerParameters
