@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from helpers.fleets import HALVES, WHOLE, fleet, ids, play
+from helpers.fleets import HALVES, WHOLE, fleet, ids, look, play
 from helpers.graphs import graph
-from helpers.scenes import ABOVE, AWAY, CAMERA, MOTION, R, check, scan, track, tracker
+from helpers.scenes import ABOVE, AWAY, MOTION, check, scan, track, tracker
 
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
@@ -34,13 +34,10 @@ class Walkers:
     def walk(self, trackers: list[Tracker], k: int) -> None:
         self.states[:, 2:] += self.rng.normal(scale=0.1, size=(5, 2)) - 0.02 * self.states[:, :2]
         self.states[:, :2] += 0.2 * self.states[:, 2:]
-        points = np.column_stack([self.states[:, :2], np.full(5, 0.85)])
         for t in trackers:
             pose = self.poses[t.uav]
-            seen = CAMERA.sees(pose, points) & self.forest.visible(pose.position, points)[0]
-            seen &= self.rng.random(5) < 0.97
-            noise = self.rng.multivariate_normal(np.zeros(2), R, int(seen.sum()))
-            t.step(scan(k, *(points[seen, :2] + noise), uav=t.uav, pose=pose))
+            _, z = look(self.rng, pose, self.forest, self.states[:, :2], 0.97)
+            t.step(scan(k, *z, uav=t.uav, pose=pose))
 
     def held(self, t: Tracker) -> list[int]:
         """The person nearest to each track."""
