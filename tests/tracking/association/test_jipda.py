@@ -208,18 +208,6 @@ def test_ghosts_are_fewer_than_by_counting_scans_and_die():
     assert held[-1] == ()
 
 
-def test_a_fleet_agrees_on_existence_without_weight_for_uavs_that_do_not_look():
-    trackers, lone = fleet(3, maybe(0.7, 0, 0, 0, 0)), fleet(1, maybe(0.7, 0, 0, 0, 0))
-    for k in range(6):
-        z = [(0.0, 0.05)] if k in (0, 1, 4) else []
-        for u, t in enumerate(trackers):
-            t.step(scan(k, *(z if u == 2 else []), uav=u, pose=ABOVE if u == 2 else AWAY))
-        fuse(trackers, graph("line", 3), 5)
-        play(lone[0], [scan(k, *z)])
-        for t in trackers:
-            assert t.tracks[0].existence == pytest.approx(lone[0].tracks[0].existence, rel=1e-3)
-
-
 def test_the_fleet_begins_and_ends_tracks_by_the_average_of_log_odds():
     trackers = fleet(2, maybe(0.9, 0, 0, 0, 0), survival=1.0)
     for u, t in enumerate(trackers):

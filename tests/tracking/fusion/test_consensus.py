@@ -150,33 +150,6 @@ def test_lone_and_complete_fleets_agree_at_once_on_the_smaller_id():
     assert combine(own, [], 3.0) is own
 
 
-@pytest.mark.parametrize("kind", ["complete", "ring", "line"])
-def test_the_only_uav_with_a_detection_decides_the_fleets_belief(kind):
-    adjacency = graph(kind, 5)
-    means, covariances = beliefs(np.random.default_rng(4), 5)
-    weights = np.array([1.0, 1e-9, 1e-9, 1e-9, 1e-9])
-    for m in exchange(team(means, covariances, adjacency, weights), adjacency, 5):
-        mean, covariance = m.beliefs
-        np.testing.assert_allclose(mean[0], means[0], atol=1e-5)
-        np.testing.assert_allclose(covariance[0], covariances[0], atol=1e-5)
-
-
-def test_a_new_track_is_taken_over_unchanged_and_counted_once():
-    adjacency = graph("line", 3)
-    means, covariances = beliefs(np.random.default_rng(5), 1)
-    empty = np.zeros((0, 4)), np.zeros((0, 4, 4))
-    messages = [
-        message(0, [9], means, covariances, degree=1),
-        message(1, [], *empty, degree=2),
-        message(2, [], *empty, degree=1),
-    ]
-    for rounds in (2, 5):
-        for m in exchange(messages, adjacency, rounds):
-            np.testing.assert_array_equal(m.ids, [9])
-            np.testing.assert_allclose(m.beliefs[0], means, rtol=1e-10)
-            np.testing.assert_allclose(m.beliefs[1], covariances, rtol=1e-9, atol=1e-12)
-
-
 def random_fleet(rng: np.random.Generator, adjacency: np.ndarray) -> list[Message]:
     """Each UAV holds some of four people, far apart, under ids of its own for people met in this scan."""
     centres = 20.0 * np.array([[0, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 0, 0]])

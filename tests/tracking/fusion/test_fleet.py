@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.fleets import fleet, look
 from helpers.graphs import graph
-from helpers.scenes import ABOVE, AWAY, check, play, scan, track, tracker
+from helpers.scenes import ABOVE, AWAY, check, scan, track, tracker
 
 from tracking.fusion.consensus import fuse
 from tracking.fusion.labels import FIRST_LABEL
@@ -54,19 +54,6 @@ def test_a_partition_brings_a_deleted_track_back_only_if_it_detected_the_person(
         trackers[1].step(scan(k, (0, 0), uav=1))
         fuse(trackers, PAIR if k > 7 else np.eye(2, dtype=bool), 5)
         assert [len(t.tracks) for t in trackers] == [int(k < 4 or k > 7), 1]
-
-
-def test_uavs_without_a_view_do_not_dilute():
-    trackers, lone = fleet(3, track(3, 0, 0, 0.5, 0)), tracker(track(3, 0, 0, 0.5, 0))
-    for k in range(15):
-        z = (0.1 * k + 0.05 * (-1) ** k, 0.02 * k)
-        for u, t in enumerate(trackers):
-            t.step(scan(k, *([z] if u == 2 else []), uav=u, pose=ABOVE if u == 2 else AWAY))
-        fuse(trackers, graph("line", 3), 5)
-        play(lone, [scan(k, z)])
-    for t in trackers:
-        np.testing.assert_allclose(t.tracks[0].belief.mean, lone.tracks[0].belief.mean, atol=1e-5)
-        np.testing.assert_allclose(t.tracks[0].belief.covariance, lone.tracks[0].belief.covariance, atol=1e-5)
 
 
 def walk(seed: int, scans: int = 150) -> tuple[list[Tracker], np.ndarray]:
