@@ -15,7 +15,7 @@ PACKAGES = ("sim", "planning", "tracking", "assets")
 LAYERS = {
     "tracking": (
         *("numerics", "plugins", "geometry", "filter", "detection", "parameters", "track", "association", "management"),
-        *("fusion", "metrics", "measurement_update", "track_table", "tracker", "fleet", "undetected"),
+        *("fusion", "metrics", "measurement_update", "tracker", "fleet", "undetected"),
         "measurement_files",
     ),
     "planning": (

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tracking.association.clusters import gating_clusters
-from tracking.association.jipda import existence_association
-from tracking.association.jpda import gated_likelihood, mixture_update
+from tracking.association.jpda import existence_association, gated_likelihood, mixture_update
 from tracking.association.resolution import unresolved
 from tracking.filter.negative_information import negative_information_update
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -32,9 +31,8 @@ class ScanPrediction:
     def __getitem__(self, rows: Indices) -> ScanPrediction:
         """Prediction of some of the tracks."""
         means, covariances = self.undetected
-        undetected = means[rows], covariances[rows]
         rest = self.existence[rows], self.visible[rows], self.detectable[rows]
-        return ScanPrediction(self.means[rows], self.covariances[rows], undetected, *rest)
+        return ScanPrediction(self.means[rows], self.covariances[rows], (means[rows], covariances[rows]), *rest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +69,7 @@ def scan_update(before: ScanPrediction, z: Array, R: Array, lost: Array, p: Trac
     count = len(before.means)
     if count * len(z) <= _AT_ONCE:
         return _at_once(before, z, R, lost, p)
-    means, covariances, existence, missed = (
-        np.empty((count, 4)),
-        np.empty((count, 4, 4)),
-        np.empty(count),
-        np.empty(count),
-    )
+    means, covariances, existence, missed = (np.empty((count, *n)) for n in ((4,), (4, 4), (), ()))
     explained, gates = np.zeros(len(z), np.bool_), []
     for rows, columns in gating_clusters(before.means, before.covariances, z, R, p.measurement_gate):
         part = _at_once(before[rows], z[columns], R[columns], lost[columns], p)
@@ -94,7 +87,7 @@ def associate(
     lost (N,) 1/m²: density there of lost people away from their tracks. It adds to that of clutter, which
     here is the same as to lower the likelihoods.
     Returns the likelihood (T, N) 1/m² of each for each track, zero outside its gate; and the result of
-    `tracking.association.jipda.existence_association`.
+    `tracking.association.jpda.existence_association`.
     """
     likelihood = gated_likelihood(before.means, before.covariances, z, R, p.gate_probability)
     likelihood *= p.clutter_density / (p.clutter_density + lost)

@@ -1,6 +1,7 @@
 """Parameters of a tracker."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +13,15 @@ from tracking.numerics.exponential import log, power
 
 LIVES = ("m_of_n", "existence")
 MOST_SCANS = 62  # that fit into the bits of the integer that counts misses
+# Allowed values in words, their test, which NaN fails, and the parameters that it holds for.
+_RANGES: tuple[tuple[str, Callable[[float], bool], tuple[str, ...]], ...] = (
+    ("in (0, 1)", lambda x: 0.0 < x < 1.0, ("detection_probability", "gate_probability", "expected", "seen")),
+    ("in (0, 1]", lambda x: 0.0 < x <= 1.0, ("survival",)),
+    ("positive", lambda x: x > 0.0, ("clutter_density", "birth_density", "max_variance", "max_speed", "forget_after")),
+    ("finite", lambda x: x < math.inf, ("clutter_density", "birth_density")),
+    ("0 or more and finite", lambda x: 0.0 <= x < math.inf, ("absence_weight",)),
+    ("0 or more", lambda x: x >= 0.0, ("recovery_after",)),
+)
 
 
 @dataclass(frozen=True)
@@ -40,42 +50,17 @@ class TrackerParameters:
     forget_after: float = 30.0  # s for which the fleet remembers that it deleted a track
 
     def __post_init__(self) -> None:
-        for name in ("detection_probability", "gate_probability", "expected", "seen"):
-            if not 0.0 < (value := getattr(self, name)) < 1.0:
-                raise ValueError(f"{name} must be in (0, 1), is {value}")
-        for name in ("clutter_density", "birth_density", "max_variance", "max_speed"):
-            if not (value := getattr(self, name)) > 0.0:
-                raise ValueError(f"{name} must be positive, is {value}")
-        self._check_fusion()
-        self._check_counts()
-        self._check_existence()
-
-    def _check_fusion(self) -> None:
-        """Raise ValueError if likelihoods cannot be weighed or beliefs cannot be fused."""
-        for name in ("clutter_density", "birth_density"):
-            if getattr(self, name) == math.inf:
-                raise ValueError(f"{name} must be finite, is inf")
-        if not 0.0 <= self.absence_weight < math.inf:
-            raise ValueError(f"absence_weight must be 0 or more and finite, is {self.absence_weight}")
-        if not self.recovery_after >= 0.0:
-            raise ValueError(f"recovery_after must be 0 or more, is {self.recovery_after}")
-        if not self.forget_after > 0.0:
-            raise ValueError(f"forget_after must be positive, is {self.forget_after}")
-
-    def _check_counts(self) -> None:
-        """Raise ValueError if scans cannot be counted."""
+        for allowed, holds, names in _RANGES:
+            for name in names:
+                if not holds(value := getattr(self, name)):
+                    raise ValueError(f"{name} must be {allowed}, is {value}")
         for name in ("confirm", "delete"):
             m, n = getattr(self, name)
             whole = isinstance(m, int | np.integer) and isinstance(n, int | np.integer)
             if not (whole and 1 <= m <= n <= MOST_SCANS):
                 raise ValueError(f"{name} must be integers (m, n) with 1 <= m <= n <= {MOST_SCANS}, is ({m}, {n})")
-
-    def _check_existence(self) -> None:
-        """Raise ValueError if tracks cannot be confirmed or deleted."""
         if self.life not in LIVES:
             raise ValueError(f"life must be {' or '.join(LIVES)}, is {self.life!r}")
-        if not 0.0 < self.survival <= 1.0:
-            raise ValueError(f"survival must be in (0, 1], is {self.survival}")
         if not 0.0 < self.doubt < self.sure < 1.0:
             raise ValueError(f"doubt and sure must be 0 < doubt < sure < 1, are {self.doubt} and {self.sure}")
 
@@ -99,7 +84,7 @@ class TrackerParameters:
         return power(self.survival, self.motion.dt) if self.life == "existence" else 1.0
 
     def detection(self, detectable: Array, count: int) -> Array:
-        """Probabilities of detection (T, count + 1), as `jpda.association_probabilities` takes them.
+        """Probabilities of detection (T, count + 1), as `jpda.existence_association` takes them.
 
         detectable (T,): probability that each track's person is in plain view, less where the last frame was negative
         information (`tracking.filter.negative_information`). Where a measurement was made the view is free: only the

@@ -1,13 +1,16 @@
 """Scans and tracks: what a tracker is given, and what it holds."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 import numpy as np
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
-from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.arrays import Array, Flags, Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,3 +48,29 @@ def beliefs_of(tracks: Sequence[Track]) -> tuple[Array, Array]:
     """Means (T, 4) and covariances (T, 4, 4) of tracks."""
     means = np.array([t.belief.mean for t in tracks], dtype=float).reshape(-1, 4)
     return means, np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4)
+
+
+@dataclass(frozen=True, eq=False)
+class TrackTable:
+    """Columns of T confirmed tracks of one UAV; `table[rows]` has some of them, `table + other` those of both."""
+
+    ids: Indices  # (T,)
+    means: Array  # (T, 4)
+    covariances: Array  # (T, 4, 4)
+    existence: Array  # (T,) probabilities
+    weights: Array  # (T,) of beliefs in the fleet's average
+    times: Array  # (T, 3) s: last detection by the fleet, last scan with the person in view, and last sure detection
+    misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
+    sightings: Array  # (T, 3) position [m] and time [s] of the fleet's last sure detection of each
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __getitem__(self, rows: Indices | Flags) -> TrackTable:
+        return TrackTable(*(column[rows] for column in _COLUMNS(self)))
+
+    def __add__(self, other: TrackTable) -> TrackTable:
+        return TrackTable(*map(np.concatenate, zip(_COLUMNS(self), _COLUMNS(other), strict=True)))
+
+
+_COLUMNS = attrgetter(*TrackTable.__dataclass_fields__)

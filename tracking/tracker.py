@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from tracking.filter.negative_information import Viewpoint, miss_likelihood
-from tracking.fusion.exchange import SURE, UNSEEN, partition_of, shares_of
+from tracking.fusion.exchange import SURE, UNSEEN, Link
 from tracking.fusion.labels import FIRST_LABEL, UAVS, is_new_label, new_label
 from tracking.fusion.message import Message
-from tracking.fusion.rule import LocalBeliefs, fusion_rule
+from tracking.fusion.rule import LocalBeliefs
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest, visible_samples
 from tracking.management.deletion import counted_misses, missed, shared_people, without_measurement
@@ -21,8 +21,7 @@ from tracking.measurement_update import scan_prediction, scan_update
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
-from tracking.track import Scan, Track, beliefs_of, tracks_of
-from tracking.track_table import TrackTable
+from tracking.track import Scan, Track, TrackTable, beliefs_of, tracks_of
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 
@@ -62,14 +61,11 @@ class Tracker:
         for t in known:
             check_track(t.id, t.belief, t.existence)
         self.uav, self._camera, self._forest, self.parameters = uav, camera, forest, parameters
-        self._time = -math.inf
-        self._scans = self._steps = 0  # scans so far, and steps of motion since the first one
-        self._first = 0.0  # s, the time of the first scan
+        self.max_speed = parameters.max_speed
+        self._link = Link(uav, parameters)
+        self._first, self._steps = 0.0, 0  # time of the first scan [s], and steps of motion since then
         self._viewpoint: Viewpoint | None = None  # of the last frame
-        self._rule = fusion_rule(parameters.fusion)
-        self._table = _tabulated(known, weight=UNSEEN, seen=-math.inf, sighted=-math.inf)
-        self._deleted: tuple[tuple[int, float], ...] = ()
-        self._partition = (0, -math.inf)  # leader, and the time [s] at which it was last heard
+        self._table = _tabulated(known, weight=UNSEEN, seen=-math.inf)
         self._predicted = _NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
         self._tentative: list[Tentative] = []
         self._waited = 0  # steps of motion since tentative tracks were last predicted
@@ -82,18 +78,13 @@ class Tracker:
         told = np.where(table.sightings[:, 2:] >= 0.0, table.sightings, np.nan)
         return tracks_of(table.ids, table.means, table.covariances, table.existence, told)
 
-    @property
-    def max_speed(self) -> float:
-        """Largest speed of people, m/s."""
-        return self.parameters.max_speed
-
     def step(self, scan: Scan) -> None:
         """Predict to the scan's time, associate, update, initiate."""
         p = self.parameters
         if scan.uav != self.uav:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
         z, R = checked_scan(scan.time, scan.pose, scan.measurements, scan.covariances)
-        times = self._time, scan.time
+        times = self._link.time, scan.time
         self.coast(scan.time)
         elapsed, self._waited = self._waited, 0
 
@@ -128,23 +119,19 @@ class Tracker:
             self._tentative, z[left], R[left], elapsed=elapsed, visible=visible_at
         )
         if born:
-            known = [Track(new_label(self._scans, self.uav, k), b.belief, b.existence) for k, b in enumerate(born)]
-            self._table += _tabulated(known, weight=1.0, seen=self._time, sighted=-math.inf)
+            known = [Track(new_label(self._link.scans, self.uav, k), b.belief, b.existence) for k, b in enumerate(born)]
+            self._table += _tabulated(known, weight=1.0, seen=scan.time)
 
     def coast(self, time: float) -> None:
         """Predict to the time of a scan without a frame of this UAV, which is neither a hit nor a miss."""
-        if not time > self._time:
-            raise ValueError(f"scan at {time} s is not after the last one at {self._time} s")
-        # Steps since the first scan are rounded, not those since the last one, so that no drift adds up.
-        first = self._first if self._scans else time
-        if not self._scans:
-            self._partition = (0, time)  # at the start the fleet is one partition, and knows where people are
+        self._link.begin(time)
+        if self._link.scans == 1:
+            self._first = time
             sightings = np.column_stack([self._table.means[:, :2], np.full(len(self._table), time)])
             self._table = replace(self._table, sightings=sightings)
-        steps = round((time - first) / self.parameters.motion.dt)
-        elapsed = steps - self._steps
-        self._time, self._first, self._steps = time, first, steps
-        self._scans += 1
+        # Steps since the first scan are rounded, not those since the last one, so that no drift adds up.
+        elapsed = round((time - self._first) / self.parameters.motion.dt) - self._steps
+        self._steps += elapsed
         self._waited += elapsed
         means, covariances = self._table.means, self._table.covariances
         for _ in range(elapsed):
@@ -158,48 +145,30 @@ class Tracker:
         seen = np.flatnonzero(table.weights[: len(self._predicted[0])] >= self.parameters.seen)
         beliefs = table.means, table.covariances, table.weights
         prior, measured = self._predicted[:2], self._predicted[2:]
-        averaged, novel, weights = self._rule.contribution(LocalBeliefs(self.uav, *beliefs, prior, *measured, seen))
-        partition = partition_of(self.uav, self._partition, self._time)
-        return Message(
-            uav=self.uav,
-            degree=degree,
-            scan=self._scans,
-            time=self._time,
-            partition=partition,
-            ids=table.ids,
-            names=np.array([[partition[0], id] for id in table.ids.tolist()], dtype=np.int64).reshape(-1, 2),
-            shares=shares_of(averaged, weights, table.existence),
-            times=table.times,
-            misses=table.misses,
-            sightings=table.sightings,
-            deleted=self._deleted,
-            novel=novel,
-        )
+        return self._link.message(degree, table, LocalBeliefs(self.uav, *beliefs, prior, *measured, seen))
 
     def accept(self, message: Message) -> None:
         """Take over the fleet's tracks, count its scan, and delete tracks."""
-        p = self.parameters
+        p, now, scans = self.parameters, self._link.time, self._link.scans
         means, covariances = message.beliefs
         existence = message.existence() if p.life == "existence" else np.ones(len(means))
-        misses = counted_misses(message.misses, message.times, self._time, p.delete[1])
-        ends = existence < p.doubt if p.life == "existence" else missed(misses, p.delete[0])
-        ends |= covariances[:, 0, 0] + covariances[:, 1, 1] > p.max_variance
+        misses = counted_misses(message.misses, message.times, now, p.delete[1])
+        gone = existence < p.doubt if p.life == "existence" else missed(misses, p.delete[0])
+        gone |= covariances[:, 0, 0] + covariances[:, 1, 1] > p.max_variance
         # Those of hidden people may agree without a measurement for which they compete.
-        lately = message.times[:, 0] > self._time - _LATELY
-        ids, shared, alive = message.ids.copy(), np.zeros_like(ends), np.flatnonzero(~ends & lately)
+        lately = message.times[:, 0] > now - _LATELY
+        ids, alive = message.ids.copy(), np.flatnonzero(~gone & lately)
         for a, b in shared_people(means[alive], covariances[alive], existence[alive], p.match_gate):
             kept, other = alive[a], alive[b]
-            existence[kept], shared[other] = min(existence[kept] + existence[other], 1.0), True
-            if ids[kept] >= new_label(max(self._scans - round(_BORN / p.motion.dt), 1), 0, 0):
+            existence[kept], gone[other] = min(existence[kept] + existence[other], 1.0), True
+            if ids[kept] >= new_label(max(scans - round(_BORN / p.motion.dt), 1), 0, 0):
                 ids[[kept, other]] = np.sort(ids[[kept, other]])
-        # Deletions are forgotten in the end: a partition cut off for longer may bring a track back, deleted again then.
-        ended = {id: until for id, until in message.deleted if self._time - until <= p.forget_after}
-        ended.update((id, self._time) for id in ids[ends | shared].tolist())
-        self._deleted = tuple(sorted(ended.items()))
-        self._predicted, self._partition = _NOTHING, message.partition
+        self._link.accept(message)
+        self._link.delete(ids[gone].tolist())
+        self._predicted = _NOTHING
         weights = np.full(len(means), UNSEEN)
         table = TrackTable(ids, means, covariances, existence, weights, message.times, misses, message.sighted())
-        if (gone := ends | shared).any():
+        if gone.any():
             order = np.argsort(ids, kind="stable")
             table = table[order[~gone[order]]]
         self._table = self._with_reacquired(table)
@@ -210,15 +179,15 @@ class Tracker:
         All UAVs do this after they agree on tracks and sightings, so that they decide alike.
         """
         p = self.parameters
-        born = np.flatnonzero(is_new_label(table.ids, self._scans))
+        born = np.flatnonzero(is_new_label(table.ids, self._link.scans))
         if len(born) == 0:
             return table
-        lost = lost_tracks(table.sightings, self._time, p)
+        lost = lost_tracks(table.sightings, self._link.time, p)
         pairs = reacquisitions(
             (table.means[born], table.covariances[born]),
             (table.means[lost], table.covariances[lost]),
             table.sightings[lost],
-            now=self._time,
+            now=self._link.time,
             max_speed=p.max_speed,
         )
         ids = table.ids.copy()
@@ -229,8 +198,8 @@ class Tracker:
         return replace(table, ids=ids)[order]
 
 
-def _tabulated(tracks: Sequence[Track], *, weight: float, seen: float, sighted: float) -> TrackTable:
-    """Tracks as a table; all have the same times [s] of their last detection and of the fleet's last sighting."""
+def _tabulated(tracks: Sequence[Track], *, weight: float, seen: float) -> TrackTable:
+    """Tracks as a table; all have the same weight and time [s] of their last detection, and no sighting yet."""
     count = len(tracks)
     means, covariances = beliefs_of(tracks)
     return TrackTable(
@@ -241,5 +210,5 @@ def _tabulated(tracks: Sequence[Track], *, weight: float, seen: float, sighted: 
         weights=np.full(count, weight),
         times=np.full((count, 3), seen),
         misses=np.zeros(count, dtype=np.int64),
-        sightings=np.column_stack([means[:, :2], np.full(count, sighted)]),
+        sightings=np.column_stack([means[:, :2], np.full(count, -math.inf)]),
     )

@@ -30,15 +30,9 @@ class Intensity:
 
     def centres(self) -> Array:
         """Middles of the cells (rows, columns, 2) m."""
-        x, y = (
-            low + size * (np.arange(n) + 0.5) for low, size, n in zip(self.low, self.cell, self._counts, strict=True)
-        )
+        counts = self.people.shape[::-1]
+        x, y = (low + size * (np.arange(n) + 0.5) for low, size, n in zip(self.low, self.cell, counts, strict=True))
         return np.stack(np.meshgrid(x, y), axis=-1)
-
-    @property
-    def _counts(self) -> tuple[int, int]:
-        rows, columns = self.people.shape
-        return columns, rows
 
 
 def raster_shape(area: tuple[float, float]) -> tuple[int, int]:
@@ -60,41 +54,35 @@ class UndetectedIntensity:
         width, height = area
         rows, columns = raster_shape(area)
         even = np.full((rows, columns), people / (rows * columns))
-        self._now = Intensity(even, (-width / 2, -height / 2), (width / columns, height / rows))
+        # After the last step.
+        self.belief = Intensity(even, (-width / 2, -height / 2), (width / columns, height / rows))
         self._detection, self._pace = detection, pace
         self._time = 0.0
         self._tracks: dict[int, Gaussian] = {}
 
-    @property
-    def belief(self) -> Intensity:
-        """Intensity after the last step."""
-        return self._now
-
     def step(self, time: float, looks: Sequence[tuple[Camera, Pose]], tracks: Sequence[Track], forest: Forest) -> None:
         """Predict to a time [s] and thin by frames, as cameras and poses; their detections are among the tracks."""
         elapsed, self._time = time - self._time, time
-        people = self._now.people
+        people = self.belief.people
         if elapsed > 0.0 and people.any():
             sigma = self._pace * math.sqrt(elapsed)
-            width, height = self._now.cell
-            people = _blurred(
-                np.ascontiguousarray(_blurred(people, sigma / height).T), sigma / width
-            ).T  # the area keeps all people
+            width, height = self.belief.cell
+            people = np.ascontiguousarray(_blurred(people, sigma / height).T)
+            people = _blurred(people, sigma / width).T  # the area keeps all people
         people = people + self._recycled(tracks)
         for camera, pose in looks if people.any() else ():
             people = self._thinned(people, camera, pose, forest)
-        self._now = Intensity(people, self._now.low, self._now.cell)
+        self.belief = Intensity(people, self.belief.low, self.belief.cell)
         self._tracks = {track.id: track.belief for track in tracks}
 
     def _thinned(self, people: Array, camera: Camera, pose: Pose, forest: Forest) -> Array:
         """Expected people (rows, columns) after a frame that shows no undetected person."""
-        window, cell = self._window(camera, pose), np.array(self._now.cell)
+        window, cell = self._window(camera, pose), np.array(self.belief.cell)
         if people[window].any():
-            centres = self._now.centres()[window]
+            centres = self.belief.centres()[window]
             each = centres.reshape(-1, 2)
-            evenly = np.tile(
-                np.diag(np.square(cell) / 12.0), (len(each), 1, 1)
-            )  # variance of an even spread over a cell
+            # The variance of an even spread over a cell.
+            evenly = np.tile(np.diag(np.square(cell) / 12.0), (len(each), 1, 1))
             share = visible_samples(camera, pose, each, evenly, forest).mean(axis=1)
             people = people.copy()
             people[window] *= 1.0 - self._detection * share.reshape(centres.shape[:2])
@@ -104,10 +92,8 @@ class UndetectedIntensity:
         """Rows and columns of the cells that a camera may see."""
         if camera.fov >= ALL_ROUND:
             return slice(None), slice(None)
-        pixels = float(camera.pixels)
-        corners = np.array([(0.0, 0.0), (pixels, 0.0), (pixels, pixels), (0.0, pixels)])
-        shown = camera.ground_points(pose, corners, TARGET_HEIGHT)
-        low, cell = np.array(self._now.low), np.array(self._now.cell)
+        shown = camera.footprint(pose, TARGET_HEIGHT)
+        low, cell = np.array(self.belief.low), np.array(self.belief.cell)
         first = np.maximum(((shown.min(axis=0) - low) // cell).astype(int), 0)
         last = np.maximum(((shown.max(axis=0) - low) // cell).astype(int) + 1, first)
         return slice(first[1], last[1]), slice(first[0], last[0])
@@ -125,10 +111,10 @@ class UndetectedIntensity:
 
     def _spread(self, belief: Gaussian) -> Array:
         """Probabilities (rows, columns) of cells for a person with a belief, correlation aside; the sum is one."""
-        rows, columns = self._now.people.shape
+        rows, columns = self.belief.people.shape
         shares = []
         for axis, count in ((1, rows), (0, columns)):
-            edges = self._now.low[axis] + self._now.cell[axis] * np.arange(count + 1)
+            edges = self.belief.low[axis] + self.belief.cell[axis] * np.arange(count + 1)
             deviation = math.sqrt(belief.covariance[axis, axis]) + 1e-9
             place = min(max(float(belief.mean[axis]), edges[0]), edges[-1])
             share = np.diff(normal_cdf_each((edges - place) / deviation))

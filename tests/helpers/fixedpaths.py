@@ -27,12 +27,6 @@ PLACES = ((-15, -14), (-14, 3), (-12, 16), (-1, -8), (2, 8), (11, -15), (13, 1),
 TREES = Forest(tuple(Tree(float(x), float(y)) for x, y in PLACES))  # canopies of 5 m
 
 
-def line(count: int) -> np.ndarray:
-    """Each UAV hears those beside it."""
-    i = np.arange(count)
-    return np.abs(i[:, None] - i) == 1
-
-
 @dataclass(frozen=True, eq=False)
 class Case:
     """Settings of a mission. UAV i has the noise of the default fleet's UAV i modulo 3."""

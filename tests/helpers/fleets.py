@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from helpers.scenes import ABOVE, AWAY, scan, tracker
+from helpers.scenes import ABOVE, AWAY, CAMERA, R, scan, tracker
 from tracking.fusion.consensus import fuse
+from tracking.geometry.camera import Pose
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.tracker import Tracker
 
 HALVES = np.kron(np.eye(2), np.ones((2, 2))).astype(bool)  # UAVs 0 and 1, and 2 and 3
-
-
 WHOLE = np.ones((4, 4), bool)
 
 
@@ -25,3 +25,13 @@ def play(trackers: list[Tracker], k: int, seen: list[list], adjacency: np.ndarra
     for t, places in zip(trackers, seen, strict=True):
         t.step(scan(k, *(places or []), uav=t.uav, pose=AWAY if places is None else ABOVE))
     fuse(trackers, adjacency, 5)
+
+
+def look(rng: np.random.Generator, pose: Pose, forest: Forest, places: np.ndarray, detection: float) -> tuple:
+    """Flags (M,) of the people at places (M, 2) m that a camera detects, with so much probability in plain view.
+
+    And the measurements of them.
+    """
+    points = np.column_stack([places, np.full(len(places), TARGET_HEIGHT)])
+    seen = CAMERA.sees(pose, points) & forest.visible(pose.position, points)[0] & (rng.random(len(places)) < detection)
+    return seen, places[seen] + rng.multivariate_normal(np.zeros(2), R, int(seen.sum()))

@@ -1,27 +1,41 @@
 """Rendered frames and the count of what is found in them."""
 
 import math
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
+from helpers.scenes import OPEN
 from helpers.views import ALTITUDES, CAMERA, SCENARIO
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.assignment import pairs_within
 
 MARGIN = 16  # pixels around the image in which people cut by its edge are seen whole
-
-
 WIDE = Camera(2 * math.atan((CAMERA.pixels / 2 + MARGIN) / CAMERA.focal), CAMERA.pixels + 2 * MARGIN)
 
 
 def frame(image, pose, camera=CAMERA):
     return Frame(0, 0.0, camera, pose, np.ascontiguousarray(image))
+
+
+@contextmanager
+def photographed(people=1, forest=OPEN, scenario=SCENARIO):
+    """A function that places people (N, 2) m, and gives the rendered view of them and the detections in it."""
+    with World(scenario, forest, people) as world:
+        renderer = Renderer(world)
+
+        def shoot(pose, places, headings, camera=CAMERA, known=None):
+            world.place_people(np.atleast_2d(places), np.atleast_1d(headings))
+            rendered = renderer.render(camera, pose)
+            return rendered, BlobDetector(known).detect(frame(rendered.image, pose, camera))
+
+        yield shoot
 
 
 def touching(people, count):
@@ -65,7 +79,7 @@ class Tally:
 
 def survey(tally, rng, forest, frames, scenario=SCENARIO, seed=0):
     """Detect in random frames over a forest, with eight people anywhere in the image and across its edges."""
-    with World(scenario, forest, 8, seed) as world, World(SCENARIO, Forest(()), 8) as bare:
+    with World(scenario, forest, 8, seed) as world, World(SCENARIO, OPEN, 8) as bare:
         full, alone = Renderer(world), Renderer(bare)
         for k in range(frames):
             pose = Pose.level(*rng.uniform(-30, 30, 2), rng.choice(ALTITUDES))

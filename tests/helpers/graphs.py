@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from tracking.filter.information import information_form
+from helpers.information import information_form
 from tracking.fusion.consensus import combine
 from tracking.fusion.message import Message
 
 SCAN = 40  # number of the scan in which messages are exchanged
+NOW = 7.0  # s, of partitions that meet
 
 
 def graph(kind: str, n: int) -> np.ndarray:
@@ -40,6 +41,14 @@ def message(uav: int, ids, means, covariances, *, degree: int, weight=1.0, seen=
         **others,
     }
     return Message(uav, degree, ids=np.array(ids, np.int64), shares=shares, deleted=deleted, **said)
+
+
+def told(uav: int, places, variances, ids, seen, **others):
+    """Message of a UAV, two of which are a partition, on tracks in a row, standing still, last seen at these times."""
+    means = [(x, 0.0, 0.0, 0.0) for x in places]
+    covariances = [v * np.diag([1.0, 1.0, 4.0, 4.0]) for v in variances]
+    others = {"partition": (uav // 2 * 2, NOW), "time": NOW, **others}
+    return message(uav, ids, means, covariances, degree=0, seen=seen, **others)
 
 
 def exchange(messages: list[Message], adjacency: np.ndarray, rounds: int) -> list[Message]:

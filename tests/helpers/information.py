@@ -1,4 +1,4 @@
-"""Moments of beliefs in information form."""
+"""Moments of beliefs in information form, and back."""
 
 import numpy as np
 
@@ -6,7 +6,12 @@ from tracking.numerics.factorisation import inverse
 from tracking.numerics.matrices import applied
 
 
+def information_form(means: np.ndarray, covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Information vectors q = Ω ξ (..., 4) and matrices Ω = P⁻¹ (..., 4, 4) of a stack of beliefs."""
+    omega = inverse(covariances)
+    return applied(omega, means), omega
+
+
 def moment_form(q: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Means ξ (..., 4) and covariances P (..., 4, 4) of a stack of information vectors and matrices."""
-    covariances = inverse(omega)
-    return applied(covariances, q), covariances
+    return information_form(q, omega)

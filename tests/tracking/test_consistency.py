@@ -26,7 +26,8 @@ from functools import cached_property
 
 import numpy as np
 import pytest
-from helpers.fixedpaths import HIGH, SCANS, TREES, Case, Mission, errors, line
+from helpers.fixedpaths import HIGH, SCANS, TREES, Case, Mission, errors
+from helpers.graphs import graph
 from helpers.information import moment_form
 from scipy.stats import chi2, t
 
@@ -43,7 +44,7 @@ FIVE = HIGH + HIGH[:2]
 CLEAR = {
     "all in view": Case(altitudes=HIGH),
     "all in view, false alarms and misses": Case(altitudes=HIGH, detection=0.9, alarms=1e-4),
-    "all in view, line of 3, 15 rounds": Case(altitudes=HIGH, adjacency=line(3), rounds=15),
+    "all in view, line of 3, 15 rounds": Case(altitudes=HIGH, adjacency=graph("line", 3), rounds=15),
 }
 DOUBTFUL = {
     "two people cross": Case(altitudes=(40.0, 45.0, 50.0), people=2, way="meet"),
@@ -57,9 +58,9 @@ LONE = {
     "a lone person in the forest": Case(people=1, alarms=1e-9, forest=TREES),
 }
 FEW_ROUNDS = {
-    "all in view, line of 3, 5 rounds": Case(altitudes=HIGH, adjacency=line(3)),
-    "all in view, line of 5, 2 rounds": Case(altitudes=FIVE, adjacency=line(5), rounds=2),
-    "in and out of view, line of 3, 2 rounds": Case(adjacency=line(3), rounds=2),
+    "all in view, line of 3, 5 rounds": Case(altitudes=HIGH, adjacency=graph("line", 3)),
+    "all in view, line of 5, 2 rounds": Case(altitudes=FIVE, adjacency=graph("line", 5), rounds=2),
+    "in and out of view, line of 3, 2 rounds": Case(adjacency=graph("line", 3), rounds=2),
 }
 DEFAULT = NearlyConstantVelocity(0.2, Scenario().tracking.sigma_a)
 WALKERS = {"walkers, all in view": Case(altitudes=HIGH, way="walkers", motion=DEFAULT)}

@@ -20,6 +20,14 @@ from tracking.tracker import Track, Tracker, TrackerParameters
 @pytest.mark.parametrize(
     ("field", "value", "allowed"),
     [
+        ("detection_probability", 1.0, r"in \(0, 1\)"),
+        ("gate_probability", 0.0, r"in \(0, 1\)"),
+        ("survival", 0.0, r"in \(0, 1\]"),
+        ("clutter_density", 0.0, "positive"),
+        ("birth_density", 0.0, "positive"),
+        ("life", "musicki", "m_of_n or existence"),
+        ("confirm", (4, 3), "integers"),
+        ("delete", (0, 3), "integers"),
         ("absence_weight", -1.0, "0 or more"),
         ("absence_weight", math.nan, "0 or more"),
         ("recovery_after", -1.0, "0 or more"),
@@ -36,6 +44,8 @@ from tracking.tracker import Track, Tracker, TrackerParameters
 def test_wrong_parameters_of_a_tracker_are_named(field, value, allowed):
     with pytest.raises(ValueError, match=f"^{field} must be .*{allowed}.* is .*{str(value)[1:-1]}"):
         TrackerParameters(MOTION, **{field: value})
+    with pytest.raises(ValueError, match=r"doubt and sure must be 0 < doubt < sure < 1, are 0.5 and 0.4"):
+        TrackerParameters(MOTION, doubt=0.5, sure=0.4)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +109,6 @@ def test_wrong_settings_of_a_scenarios_tracker_are_named(setting, complaint):
         (read_forest, TREE_COLUMNS, b"0,0,1,3,6," + b"1" * 200_000, "line 2: field larger than field limit"),
         (read_forest, TREE_COLUMNS, b"0,0,1,3,6,\xe9", "line 2: .* is not UTF-8"),
         (read_cameras, CAMERA_COLUMNS, b"0,1," + b"1" * 5000, "line 2, column pixels: an integer of 5000 digits"),
-        (read_cameras, CAMERA_COLUMNS, b"0,1,0", "line 2, column pixels: 0 is not allowed"),
         (read_scans, SCAN_COLUMNS, b"0," + b"1" * 5000 + b",,,,,,0,0,20,0,0,0,1", "line 2, column uav: an integer of"),
     ],
 )

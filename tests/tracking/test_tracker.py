@@ -6,7 +6,7 @@ from helpers.scenes import ABOVE, AWAY, MOTION, R, play, scan, track, tracker
 
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import Forest, Tree
-from tracking.tracker import Track, TrackerParameters
+from tracking.tracker import Track
 
 
 def test_initial_tracks_are_predicted_and_coast_while_hidden():
@@ -144,11 +144,6 @@ def test_lost_tracks_take_no_new_people_and_end_at_very_large_covariance():
 @pytest.mark.parametrize(
     ("build", "complaint"),
     [
-        (lambda: TrackerParameters(MOTION, detection_probability=1.0), "detection_probability must be in"),
-        (lambda: TrackerParameters(MOTION, gate_probability=0.0), "gate_probability must be in"),
-        (lambda: TrackerParameters(MOTION, clutter_density=0.0), "clutter_density must be positive, is 0.0"),
-        (lambda: TrackerParameters(MOTION, confirm=(4, 3)), r"confirm must be .* is \(4, 3\)"),
-        (lambda: TrackerParameters(MOTION, delete=(0, 3)), "delete must be"),
         (lambda: tracker(track(1, 0, 0, 0, 0), track(1, 1, 0, 0, 0)), "must be distinct"),
         (lambda: tracker(track(1_000_000, 0, 0, 0, 0)), "ids of initial tracks"),
         (lambda: tracker(uav=-1), "uav must be in"),
@@ -156,6 +151,6 @@ def test_lost_tracks_take_no_new_people_and_end_at_very_large_covariance():
         (lambda: play(tracker(), [scan(1), scan(1)]), "is not after the last one"),
     ],
 )
-def test_invalid_scans_tracks_and_parameters_are_refused(build, complaint):
+def test_invalid_scans_and_tracks_are_refused(build, complaint):
     with pytest.raises(ValueError, match=complaint):
         build()

@@ -1,4 +1,4 @@
-"""Joint probabilistic data association (JPDA): gating, exact association probabilities, mixture update."""
+"""Joint probabilistic data association of people who may not exist (JPDA, JIPDA): gating, association, update."""
 
 import math
 
@@ -6,32 +6,57 @@ import numpy as np
 
 from tracking.association.marginals import EXACT_SIDE, marginals
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, elementwise
 from tracking.numerics.exponential import exp, log
 
+_SUREST = 1e-9  # least probability of existing, or of not: however long the history, later scans can outweigh it
 
-def association_probabilities(likelihood: Array, detection_probability: Array, clutter_density: float) -> Array:
-    """Marginal probabilities of the measurement that each track's person gave, or of none.
 
-    likelihood (T, N) 1/m², zero outside the gate; detection_probability (T,), that a track's person gives a
-    measurement inside its gate, below 1, or (T, N + 1) where it depends on the person's position: column 0 over the
-    whole belief, column 1 + j given that measurement j is the person's; clutter_density > 0, 1/m².
-    Returns beta (T, N + 1), column 0 for none; rows sum to one. Exact per cluster up to a smaller side of
-    `EXACT_SIDE`, above that by loopy belief propagation. Source: [BarShalom11] 6.2, [Williams14].
-    """
-    detection = np.asarray(detection_probability, dtype=float)
-    if detection.ndim == 1:
-        detection = np.repeat(detection[:, None], likelihood.shape[1] + 1, axis=1)
-    if detection.size and not (detection.min() >= 0.0 and detection[:, 0].max() < 1.0):
-        raise ValueError("detection_probability must be in [0, 1)")
-    if not clutter_density > 0.0:
-        raise ValueError(f"clutter_density must be positive, is {clutter_density}")
-    misses, pairs = joint_weights(likelihood, detection, clutter_density)
-    return marginals(misses, pairs, EXACT_SIDE)
+@elementwise
+def log_odds(existence: float) -> float:
+    """Logarithm of r / (1 - r) of each probability of existence r, kept finite."""
+    r = min(max(existence, _SUREST), 1.0 - _SUREST)
+    return log(r) - log(1.0 - r)
+
+
+@elementwise
+def from_log_odds(odds: float) -> float:
+    """Probability of existence r of each logarithm of r / (1 - r)."""
+    return 1.0 / (1.0 + exp(-odds))
 
 
 @compiled
-def joint_weights(likelihood: Array, detection: Array, clutter_density: float) -> tuple[Array, Array]:
+def existence_association(
+    likelihood: Array, detection_probability: Array, clutter_density: float, existence: Array
+) -> tuple[Array, Array, Array]:
+    """Association probabilities of tracks of uncertain existence, and existence probabilities after the scan.
+
+    likelihood (T, N) 1/m², zero outside the gate; detection_probability (T, N + 1), that a track's person gives a
+    measurement inside its gate, below 1: column 0 over the whole belief, column 1 + j given that measurement j is the
+    person's; clutter_density > 0, 1/m²; existence r (T,), before the scan.
+    Returns beta (T, N + 1), column 0 for no person or no detection; the same given that the person exists; and r (T,)
+    after the scan. Every joint event has factors 1 - r P_D and r P_D likelihood / clutter_density in place of
+    JPDA's; certain tracks are JPDA's. Exact per cluster up to a smaller side of `EXACT_SIDE`, above that by loopy
+    belief propagation. Source: [BarShalom11] 6.2, [Williams14]; [Musicki04], with a P_D that depends on the person's
+    position.
+    """
+    detection = existence.reshape(-1, 1) * detection_probability
+    misses, pairs = _joint_weights(likelihood, detection, clutter_density)
+    beta = marginals(misses, pairs, EXACT_SIDE)
+    if np.all(existence == 1.0):
+        return beta, beta, existence
+    given, after = beta.copy(), np.zeros(len(beta))
+    for t in range(len(beta)):
+        given[t, 0] *= existence[t] * (1.0 - detection_probability[t, 0]) / (1.0 - detection[t, 0])
+        for j in range(beta.shape[1]):
+            after[t] += given[t, j]
+        given[t] /= after[t]
+        after[t] = min(after[t], 1.0)
+    return beta, given, after
+
+
+@compiled
+def _joint_weights(likelihood: Array, detection: Array, clutter_density: float) -> tuple[Array, Array]:
     """Weights of misses (T,) and of pairs (T, N), relative to the largest of their track.
 
     Every joint event has one factor of each track: scaling a track's row keeps products in range.
@@ -44,9 +69,7 @@ def joint_weights(likelihood: Array, detection: Array, clutter_density: float) -
                 pairs[i, j] = detection[i, j + 1] * likelihood[i, j] / clutter_density
                 scale = max(scale, pairs[i, j])
         misses[i] /= scale
-        for j in range(pairs.shape[1]):
-            if pairs[i, j] > 0.0:
-                pairs[i, j] /= scale
+        pairs[i] /= scale
     return misses, pairs
 
 

@@ -80,6 +80,7 @@ def share_crossed(mean: Array, covariance: Array, elapsed: float) -> float:
     return elapsed * math.sqrt(speed / width)
 
 
+@compiled
 def negative_information_update(predicted: tuple[Array, Array], missed: Array) -> tuple[Array, Array]:
     """Viewpoints of beliefs after a scan without a detection: Bayes' rule over samples.
 
@@ -87,24 +88,15 @@ def negative_information_update(predicted: tuple[Array, Array], missed: Array) -
     positions `tracking.geometry.visibility.SAMPLES`.
     The mass moves out of the visible places, behind trees or out of the field of view, and by correlation the velocity
     changes, too. The result is the Gaussian of equal moments.
+    State = mean + G u + a rest independent of the position, with u the standardised position: P_pp = L Lᵀ, G Lᵀ = P_xp.
     Source: [Koch04], with samples where it uses mixtures.
     """
     means, covariances = predicted
-    partly = missed.min(axis=1) < missed.max(axis=1)
-    if not partly.any():
-        return means, covariances
-    return _updated(means, covariances, missed, partly)
-
-
-@compiled
-def _updated(means: Array, covariances: Array, missed: Array, partly: Flags) -> tuple[Array, Array]:
-    """Update the beliefs of which the scan shows a part, `partly` (T,).
-
-    State = mean + G u + a rest independent of the position, with u the standardised position: P_pp = L Lᵀ, G Lᵀ = P_xp.
-    """
     moved, spread = means.copy(), covariances.copy()
     G, narrowed = np.empty((4, 2)), np.empty(3)
-    for t in np.flatnonzero(partly):
+    for t in range(len(missed)):
+        if missed[t].min() == missed[t].max():
+            continue  # the scan shows all of the belief or nothing of it
         P = covariances[t]
         one = math.sqrt(P[0, 0])
         across = P[1, 0] / one

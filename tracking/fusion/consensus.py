@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from tracking.fusion.member import Member
-from tracking.fusion.message import Message, alike, joint_partition, novel_numbers
+from tracking.fusion.message import Message, alike, novel_numbers
 from tracking.fusion.track_association import associate_tracks
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
@@ -114,10 +114,9 @@ def _after_rounds(
 
 
 def _joint_partitions(partitions: Sequence[tuple[int, float]], heard: Flags) -> list[tuple[int, float]]:
-    return [
-        joint_partition([partitions[i], *(partitions[j] for j in np.flatnonzero(row).tolist())])
-        for i, row in enumerate(heard)
-    ]
+    """The smallest leader that each UAV has or hears of, and the time of its last message."""
+    known = [[partitions[i], *(partitions[j] for j in np.flatnonzero(row).tolist())] for i, row in enumerate(heard)]
+    return [min(each, key=lambda partition: (partition[0], -partition[1])) for each in known]
 
 
 @compiled

@@ -1,17 +1,16 @@
 """Exchange of tracks with the fleet: the message of a scan, and ids for trackers that know beliefs and no messages."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from tracking.association.jipda import log_odds
+from tracking.association.jpda import log_odds
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
-from tracking.fusion.message import INFORMATION, Message
+from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
-from tracking.numerics.arrays import Array
 from tracking.parameters import TrackerParameters
-from tracking.track import Track, beliefs_of, tracks_of
+from tracking.track import Track, TrackTable, beliefs_of, tracks_of
 
 UNSEEN = 1e-9  # least weight of a belief in the fleet's average: it matters only if no UAV had the person in view
 # Probability of a detection from which on it is a sighting. Of two tracks that share one person's measurements, one is
@@ -23,20 +22,56 @@ _CERTAIN = 1.0 - 2e-9  # existence from which on it is 1, as log-odds are kept f
 _NEW, _UNKNOWN = np.full(6, -np.inf), np.full(6, -np.inf)
 
 
-def shares_of(averaged: Array, weights: Array, existence: Array) -> Array:
-    """Shares (T, 22) as in a message, of information (T, 20) to average, its weights (T,) and existence (T,)."""
-    shares = np.empty((len(weights), 1 + INFORMATION + 1))
-    shares[:, 0], shares[:, 1:-1], shares[:, -1] = 1.0, averaged, log_odds(existence)
-    shares *= weights[:, None]
-    return shares
+class Link:
+    """Link of one UAV to its fleet: what its messages say beside its tracks, and the partition that it hears."""
 
+    def __init__(self, uav: int, parameters: TrackerParameters) -> None:
+        """Begin before the first scan."""
+        self.uav, self.scans, self.time = uav, 0, -math.inf
+        self._rule, self._forget_after = fusion_rule(parameters.fusion), parameters.forget_after
+        self._heard = (0, -math.inf)  # leader of the partition, and the time [s] at which it was last heard
+        self._deleted: dict[int, float] = {}  # ids, and the time [s] up to which sightings of them are void
 
-def partition_of(uav: int, heard: tuple[int, float], time: float) -> tuple[int, float]:
-    """Leader of the UAV's partition, and the time [s] of its last message; heard: those before the scan at `time` s.
+    def begin(self, time: float) -> None:
+        """Begin a scan, later than the last one."""
+        if not time > self.time:
+            raise ValueError(f"scan at {time} s is not after the last one at {self.time} s")
+        if self.scans == 0:
+            self._heard = (0, time)  # at the start the fleet is one partition, and knows where people are
+        self.scans, self.time = self.scans + 1, time
 
-    A UAV leads where its number is the smallest, or where it has not heard of another leader lately.
-    """
-    return (uav, time) if heard[0] >= uav or time - heard[1] > _IN_TOUCH else heard
+    def delete(self, ids: Iterable[int]) -> None:
+        """Note tracks that end in this scan."""
+        self._deleted.update(dict.fromkeys(ids, self.time))
+
+    def message(self, degree: int, table: TrackTable, local: LocalBeliefs) -> Message:
+        """Message for the first round about the tracks of a table, their beliefs being `local`."""
+        averaged, novel, weights = self._rule.contribution(local)
+        shares = np.column_stack([np.ones(len(table)), averaged, log_odds(table.existence)]) * weights[:, None]
+        # A UAV leads where its number is the smallest, or where it has not heard of another leader lately.
+        leads = self._heard[0] >= self.uav or self.time - self._heard[1] > _IN_TOUCH
+        partition = (self.uav, self.time) if leads else self._heard
+        return Message(
+            uav=self.uav,
+            degree=degree,
+            scan=self.scans,
+            time=self.time,
+            partition=partition,
+            ids=table.ids,
+            names=np.column_stack([np.full(len(table), partition[0]), table.ids]),
+            shares=shares,
+            times=table.times,
+            misses=table.misses,
+            sightings=table.sightings,
+            deleted=tuple(sorted(self._deleted.items())),
+            novel=novel,
+        )
+
+    def accept(self, message: Message) -> None:
+        """Take over the fleet's partition and deletions."""
+        # Deletions are forgotten in the end: a partition cut off for longer may bring a track back, deleted again then.
+        self._deleted = {id: until for id, until in message.deleted if self.time - until <= self._forget_after}
+        self._heard = message.partition
 
 
 class TrackExchange:
@@ -49,11 +84,7 @@ class TrackExchange:
 
     def __init__(self, uav: int, parameters: TrackerParameters, initial: Sequence[Track] = ()) -> None:
         """`initial` tracks are the same on all UAVs."""
-        self._uav, self._parameters = uav, parameters
-        self._rule = fusion_rule(parameters.fusion)
-        self._scans, self._time, self._born = 0, -math.inf, 0
-        self._partition = (0, -math.inf)  # leader, and the time [s] at which it was last heard
-        self._deleted: tuple[tuple[int, float], ...] = ()
+        self._seen, self._link, self._born = parameters.seen, Link(uav, parameters), 0
         # Of each track that the fleet knows or that is new: its times and its sighting, as in a message.
         self._known = {t.id: _UNKNOWN for t in initial}
 
@@ -61,7 +92,7 @@ class TrackExchange:
         """An id for a track that begins in this scan."""
         if self._born == LABELS_PER_SCAN // 2:
             raise ValueError(f"at most {self._born} tracks may begin in a scan")
-        id = new_label(self._scans + 1, self._uav, self._born)
+        id = new_label(self._link.scans + 1, self._link.uav, self._born)
         self._born += 1
         self._known[id] = _NEW
         return id
@@ -75,38 +106,28 @@ class TrackExchange:
         """
         held = sorted(tracks, key=lambda track: track.id)
         ids = [track.id for track in held]
-        self._check(time, ids, detected)
-        self._partition = (0, time) if self._scans == 0 else self._partition
-        self._scans, self._time = self._scans + 1, time
-        ended = {id: time for id, last in self._known.items() if id not in ids and last is not _NEW}
-        self._deleted = tuple(sorted((dict(self._deleted) | ended).items()))
+        self._check(ids, detected)
+        self._link.begin(time)
+        self._link.delete(id for id, last in self._known.items() if id not in ids and last is not _NEW)
         means, covariances = beliefs_of(held)
         nothing = (means[:0], covariances[:0]), np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
         chances = np.array([detected.get(id, 0.0) for id in ids])
-        weights = np.maximum(chances, UNSEEN)
-        marks = np.column_stack([chances >= self._parameters.seen] * 2 + [chances >= SURE])
+        marks = np.column_stack([chances >= self._seen] * 2 + [chances >= SURE])
         history = np.array([self._known[id] for id in ids], dtype=float).reshape(-1, 6)
-        history[:, 3:] = np.where(history[:, 5:] > -math.inf, history[:, 3:], self._here(means))
-        averaged, novel, weights = self._rule.contribution(
-            LocalBeliefs(self._uav, means, covariances, weights, *nothing)
-        )
-        existence = np.array([t.existence for t in held], dtype=float)
-        partition, labels = partition_of(self._uav, self._partition, time), np.array(ids, dtype=np.int64)
-        return Message(
-            uav=self._uav,
-            degree=degree,
-            scan=self._scans,
-            time=time,
-            partition=partition,
-            ids=labels,
-            names=np.column_stack([np.full(len(ids), partition[0]), labels]),
-            shares=shares_of(averaged, weights, existence),
+        here = np.column_stack([means[:, :2], np.full(len(means), time)])
+        history[:, 3:] = np.where(history[:, 5:] > -math.inf, history[:, 3:], here)
+        table = TrackTable(
+            ids=np.array(ids, dtype=np.int64),
+            means=means,
+            covariances=covariances,
+            existence=np.array([t.existence for t in held], dtype=float),
+            weights=np.maximum(chances, UNSEEN),
             times=np.where(marks, time, history[:, :3]),
             misses=np.zeros(len(ids), dtype=np.int64),
             sightings=history[:, 3:],
-            deleted=self._deleted,
-            novel=novel,
         )
+        local = LocalBeliefs(self._link.uav, means, covariances, table.weights, *nothing)
+        return self._link.message(degree, table, local)
 
     def accept(self, message: Message) -> tuple[Track, ...]:
         """The fleet's tracks by ascending id, in place of the own: some have new ids, some are new, some have ended."""
@@ -114,20 +135,14 @@ class TrackExchange:
         existence = message.existence()
         existence[existence >= _CERTAIN] = 1.0
         sightings = message.sighted()
-        kept = self._time - self._parameters.forget_after
-        self._deleted = tuple((id, until) for id, until in message.deleted if until >= kept)
-        self._partition, self._born = message.partition, 0
+        self._link.accept(message)
+        self._born = 0
         histories = np.concatenate([message.times, sightings], axis=1)
         self._known = dict(zip(message.ids.tolist(), histories, strict=True))
         return tracks_of(message.ids, means, covariances, existence, sightings)
 
-    def _here(self, means: Array) -> Array:
-        return np.column_stack([means[:, :2], np.full(len(means), self._time)])
-
-    def _check(self, time: float, ids: Sequence[int], detected: Mapping[int, float]) -> None:
-        """ValueError for a time not after the last one, ids that the fleet cannot know, or no probabilities."""
-        if not time > self._time:
-            raise ValueError(f"scan at {time} s is not after the last one at {self._time} s")
+    def _check(self, ids: Sequence[int], detected: Mapping[int, float]) -> None:
+        """ValueError for ids that the fleet cannot know, or no probabilities."""
         if len(set(ids)) < len(ids):
             raise ValueError(f"ids of tracks are there twice: {ids}")
         foreign = [id for id in ids if id not in self._known]

@@ -48,7 +48,7 @@ def _parts(
     if len(seen):
         reach = largest_innovation(*prior, *measured)[seen]
         before, spreads = prior[0][seen], prior[1][seen]
-        held, gained = _split(before, spreads, q[seen], omega[seen], reach)
+        held, gained = split_information((before, spreads), (q[seen], omega[seen]), reach)
         for k in range(len(seen)):
             t = seen[k]
             spread[t] = spreads[k, 0, 0] + spreads[k, 1, 1]
@@ -73,6 +73,7 @@ def largest_innovation(means: Array, covariances: Array, z: Array, gates: Indice
     return np.sqrt(most)
 
 
+@compiled
 def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array], reach: Array) -> tuple[Array, Array]:
     """Split posterior information into a prior and a novel part, as packed (q, Ω) (T, 20) each.
 
@@ -87,12 +88,7 @@ def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array]
     Note: the bound on the shift is ours. The novel parts of UAVs are summed. Where doubt between measurements moves a
     mean without any gain of information, the sum of such shifts would be unbounded.
     """
-    return _split(*prior, *posterior, reach)
-
-
-@compiled
-def _split(means: Array, covariances: Array, q: Array, omega: Array, reach: Array) -> tuple[Array, Array]:
-    """As `split_information`."""
+    (means, covariances), (q, omega) = prior, posterior
     # With P⁻ = C Cᵀ and V the axes of Cᵀ Ω⁺ C, the inverse of L is Vᵀ Cᵀ.
     roots, identities = cholesky_factors(covariances), np.zeros_like(covariances)
     upper = _transposed(roots)

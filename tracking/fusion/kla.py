@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from tracking.filter.information import information_form
 from tracking.fusion.rule import Contribution, LocalBeliefs
+from tracking.numerics.factorisation import inverse
+from tracking.numerics.matrices import applied
 
 
 class KullbackLeiblerAverage:
@@ -11,6 +12,6 @@ class KullbackLeiblerAverage:
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
         """As `FusionRule.contribution`; nothing is added up."""
-        q, omega = information_form(local.means, local.covariances)
-        averaged = np.concatenate([q, omega.reshape(-1, 16)], axis=1)
+        omega = inverse(local.covariances)
+        averaged = np.concatenate([applied(omega, local.means), omega.reshape(-1, 16)], axis=1)
         return Contribution(averaged, np.zeros((len(averaged), 0)), local.weights)

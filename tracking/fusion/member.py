@@ -32,33 +32,26 @@ class Member(Protocol):
     @property
     def uav(self) -> int:
         """The UAV; the testbed knows it of trackers from outside."""
-        ...
 
     @property
     def max_speed(self) -> float:
         """Largest speed of people, m/s; the testbed knows it of trackers from outside."""
-        ...
 
     @property
     def tracks(self) -> tuple[Track, ...]:
         """Tracks after the last call, each of another id; of trackers from outside any sequence of tracks."""
-        ...
 
     def step(self, scan: Scan) -> None:
         """Predict to the time of a scan, and update; an empty scan is a frame without a detection."""
-        ...
 
     def coast(self, time: float) -> None:
         """Predict to the time of a scan for which this UAV's camera took no frame."""
-        ...
 
     def message(self, degree: int) -> Message:
         """Message for the first round of consensus, to so many neighbours."""
-        ...
 
     def accept(self, message: Message) -> None:
         """Take over the tracks of the fleet, the result of the last round; without neighbours the own message."""
-        ...
 
 
 def tracker(

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from tracking.association.jipda import from_log_odds
+from tracking.association.jpda import from_log_odds
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.factorisation import inverses
@@ -126,21 +126,6 @@ def alike(messages: Sequence[Message]) -> bool:
         and m.sightings[:, 2].tobytes() == first.sightings[:, 2].tobytes()
         for m in messages
     )
-
-
-def last_seen(message: Message) -> tuple[Array, Array]:
-    """Times (T,) [s] and places (T, 2) [m] of the last sure detections, in this scan or before."""
-    now = message.times[:, 2] >= message.time
-    means, _ = message.beliefs
-    return (
-        np.where(now, message.time, message.sightings[:, 2]),
-        np.where(now[:, None], means[:, :2], message.sightings[:, :2]),
-    )
-
-
-def joint_partition(partitions: Iterable[tuple[int, float]]) -> tuple[int, float]:
-    """The smallest leader of partitions, and the time of its last message."""
-    return min(partitions, key=lambda partition: (partition[0], -partition[1]))
 
 
 @compiled

@@ -43,7 +43,6 @@ class FusionRule(Protocol):
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
         """Part of a UAV in the averages and sums that consensus forms; the fleet's belief is average plus sum."""
-        ...
 
 
 def fusion_rule(name: str) -> FusionRule:

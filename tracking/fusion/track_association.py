@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.fusion.labels import LABELS_PER_SCAN, is_new_label, new_label
-from tracking.fusion.message import Message, alike, last_seen
+from tracking.fusion.message import Message, alike
 from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
@@ -26,8 +26,7 @@ class LatestTracks(NamedTuple):
 
     means: Array  # (G, 4)
     covariances: Array  # (G, 4, 4)
-    seen: Array  # (G,) s, last detection
-    places: Array  # (G, 2) m, at the last detection
+    sightings: Array  # (G, 3) position [m] and time [s] of the last sure detection
 
 
 def associate_tracks(own: Message, received: Sequence[Message], max_speed: float) -> list[Message]:
@@ -41,7 +40,8 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     messages = [own, *received]
     if alike(messages):
         return messages
-    deleted = _deletions(messages)
+    # Of each id the latest time, as the last of equal keys counts.
+    deleted = tuple(dict(sorted(deletion for m in messages for deletion in m.deleted)).items())
     messages = [_surviving(m, deleted) for m in messages]
     names, rows = np.unique(np.concatenate([m.names for m in messages]), axis=0, return_inverse=True)
     tracks = np.split(rows.reshape(-1), np.cumsum([len(m.names) for m in messages])[:-1])
@@ -56,7 +56,8 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     ids = _ids(names, claims, group, ends, own.scan)
     kept, first = np.unique(ids, return_index=True)
     kept, first = kept[kept >= 0], first[kept >= 0]
-    current = people.seen >= _latest([group], [people.seen], len(names))[group]
+    seen = people.sightings[:, 2]
+    current = seen >= _latest([group], [seen], len(names))[group]
     out = []
     for m, of, last in zip(messages, tracks, valid, strict=True):
         left = np.flatnonzero((ids[of] >= 0) & current[of] & last)
@@ -67,8 +68,7 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
 def _latest(rows: Sequence[Indices], times: Sequence[Array], count: int) -> Array:
     """Latest of the times given for each row of a table (count,)."""
     latest = np.full(count, -np.inf)
-    for of, given in zip(rows, times, strict=True):
-        np.maximum.at(latest, of, given)
+    np.maximum.at(latest, np.concatenate(rows), np.concatenate(times))
     return latest
 
 
@@ -99,21 +99,22 @@ def _reach(people: LatestTracks, max_speed: float) -> tuple[Array, Flags]:
 
     Flags are set only where the other was seen later.
     """
-    unseen = people.seen - people.seen[:, None]
+    places, seen = people.sightings[:, :2], people.sightings[:, 2]
+    unseen = seen - seen[:, None]
     reach = farthest(np.maximum(unseen, 0.0), max_speed)
-    gap = length(people.places[:, None] - people.places)
+    gap = length(places[:, None] - places)
     return reach, (unseen > 0.0) & (gap <= reach)
 
 
 def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> LatestTracks:
     """Each track as the message has it that tells of its last detection, the first of such."""
-    people = LatestTracks(np.zeros((count, 4)), np.zeros((count, 4, 4)), np.full(count, -np.inf), np.zeros((count, 2)))
+    people = LatestTracks(np.zeros((count, 4)), np.zeros((count, 4, 4)), np.full((count, 3), -np.inf))
     known = np.zeros(count, dtype=np.bool_)
     for message, rows in zip(messages, tracks, strict=True):
-        seen, places = last_seen(message)
-        later = ~known[rows] | (seen > people.seen[rows])
-        for column, told in zip(people, (*message.beliefs, seen, places), strict=True):
-            column[rows[later]] = told[later]
+        told = *message.beliefs, message.sighted()
+        later = ~known[rows] | (told[2][:, 2] > people.sightings[rows, 2])
+        for column, latest in zip(people, told, strict=True):
+            column[rows[later]] = latest[later]
         known[rows] = True
     return people
 
@@ -121,9 +122,9 @@ def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: in
 def _claims(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> list[set[int]]:
     """Ids that messages give to each track."""
     claims: list[set[int]] = [set() for _ in range(count)]
-    for message, rows in zip(messages, tracks, strict=True):
-        for row, id in zip(rows.tolist(), message.ids.tolist(), strict=True):
-            claims[row].add(id)
+    every = zip(np.concatenate(tracks).tolist(), np.concatenate([m.ids for m in messages]).tolist(), strict=True)
+    for row, id in every:
+        claims[row].add(id)
     return claims
 
 
@@ -139,7 +140,8 @@ def _joined(
     """
     common = np.array([[not one.isdisjoint(other) for other in claims] for one in claims], dtype=np.bool_)
     common = common.reshape(len(claims), len(claims))
-    together = people.seen[:, None] == people.seen
+    seen = people.sightings[:, 2]
+    together = seen[:, None] == seen
     ratios = likelihood_ratios(people, max_speed) + _LABELLED * (common & together)
     every = np.arange(len(claims))
     group, known = every.copy(), np.zeros(len(claims), dtype=np.bool_)
@@ -147,7 +149,7 @@ def _joined(
         new, old = np.flatnonzero(held & ~known), np.flatnonzero(known & (group == every))
         cost = np.full((len(new), len(old)), np.inf)
         for b, members in enumerate([np.flatnonzero(group == g) for g in old]):
-            last = members[people.seen[members] == people.seen[members].max()]
+            last = members[seen[members] == seen[members].max()]
             free = ~np.any(holders[new] & holders[last].any(axis=0), axis=1)
             cost[free, b] = -ratios[np.ix_(new[free], last)].max(axis=1, initial=-np.inf)
         for a, b in pairs_within(cost, 0.0):
@@ -182,20 +184,10 @@ def _ids(names: Indices, claims: Sequence[set[int]], group: Indices, ends: Flags
     return ids
 
 
-def _deletions(messages: Sequence[Message]) -> tuple[tuple[int, float], ...]:
-    """Deleted ids of all messages, ascending, with the latest time of each."""
-    latest: dict[int, float] = {}
-    for m in messages:
-        for id, time in m.deleted:
-            latest[id] = max(time, latest.get(id, time))
-    return tuple(sorted(latest.items()))
-
-
 def _surviving(message: Message, deleted: tuple[tuple[int, float], ...]) -> Message:
     """The message without tracks last detected before the time up to which a deletion makes sightings void."""
     if message.deleted == deleted:
         return message
     deletions = dict(deleted)
-    pairs = zip(message.ids.tolist(), message.times[:, 0].tolist(), strict=True)
-    keep = np.array([seen >= deletions.get(id, -np.inf) for id, seen in pairs], dtype=np.bool_)
-    return replace(message.only(np.flatnonzero(keep)), deleted=deleted)
+    until = np.array([deletions.get(id, -np.inf) for id in message.ids.tolist()])
+    return replace(message.only(np.flatnonzero(message.times[:, 0] >= until)), deleted=deleted)

@@ -140,11 +140,3 @@ def seen_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid:
                 origin, (x, y, TARGET_HEIGHT), cylinders, grid
             )
     return seen
-
-
-def probability_of_detection(camera: Camera, pose: Pose, means: Array, covariances: Array, forest: Forest) -> Array:
-    """Probability (N,) that people with Gaussian positions are inside the image and not hidden.
-
-    means (N, 2) m, covariances (N, 2, 2) m². The expectation over each belief is taken at 6 x 6 points.
-    """
-    return np.asarray(visible_samples(camera, pose, means, covariances, forest).mean(axis=1))

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracking.association.jipda import existence_association
-from tracking.association.jpda import gated_likelihood, mixture_update
+from tracking.association.jpda import existence_association, gated_likelihood, mixture_update
 from tracking.filter.kalman import Gaussian
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power

@@ -56,12 +56,15 @@ def _definite(covariance: Array) -> bool:
 
 
 def _check_pose(pose: Pose) -> None:
-    position, quaternion = _floats("pose.position", pose.position), _floats("pose.quaternion", pose.quaternion)
-    if position.shape == (3,) and quaternion.shape == (4,) and _usable(position, quaternion):
-        return
-    if position.shape != (3,) or not np.isfinite(position).all():
+    position, quaternion = (_floats(f"pose.{name}", getattr(pose, name)) for name in ("position", "quaternion"))
+    if position.shape != (3,) or not all(map(math.isfinite, position.tolist())):
         raise ValueError(f"pose.position of a scan must be three finite numbers, is {position.tolist()}")
-    raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
+    if quaternion.shape != (4,) or not abs(_norm(*quaternion.tolist()) - 1.0) <= QUATERNION_TOLERANCE:
+        raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
+
+
+def _norm(x: float, y: float, z: float, w: float) -> float:
+    return math.sqrt(x * x + y * y + z * z + w * w)
 
 
 def _floats(name: str, values: Array) -> Array:
@@ -69,12 +72,6 @@ def _floats(name: str, values: Array) -> Array:
         return np.ascontiguousarray(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} of a scan must be an array of numbers, are {values!r}") from error
-
-
-@compiled
-def _usable(position: Array, quaternion: Array) -> bool:
-    norm = math.sqrt(np.sum(quaternion * quaternion))
-    return bool(abs(norm - 1.0) <= QUATERNION_TOLERANCE and np.all(np.isfinite(position)))
 
 
 @compiled

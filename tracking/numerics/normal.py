@@ -40,9 +40,9 @@ _FARTHER = (
 # fmt: on
 
 
-@compiled
-def normal_cdf(x: float) -> float:
-    """Probability that a standard normal variable is below x, to an absolute error of 1e-15.
+@elementwise
+def normal_cdf_each(x: float) -> float:
+    """Probability that a standard normal variable is below each x, to an absolute error of 1e-15.
 
     Source: G. West, Better approximations to cumulative normal functions, Wilmott, 2005.
     """
@@ -76,12 +76,6 @@ def normal_quantile(p: float) -> float:
     else:
         x = polynomial(_FARTHER[0], r - 5.0) / polynomial(_FARTHER[1], r - 5.0)
     return -x if q < 0.0 else x
-
-
-@elementwise
-def normal_cdf_each(x: float) -> float:
-    """`normal_cdf` of each element."""
-    return normal_cdf(x)
 
 
 @elementwise

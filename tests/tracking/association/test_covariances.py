@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from helpers.information import moment_form
+from helpers.information import information_form, moment_form
 
 from tracking.association.jpda import mixture_update
-from tracking.filter.information import information_form
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.negative_information import negative_information_update
 from tracking.geometry.visibility import SAMPLES

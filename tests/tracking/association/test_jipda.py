@@ -9,12 +9,10 @@ from helpers.fleets import fleet
 from helpers.graphs import graph
 from helpers.scenes import ABOVE, AWAY, MOTION, play, scan, track, tracker
 
-from tracking.association.jipda import existence_association, from_log_odds, log_odds
-from tracking.association.jpda import association_probabilities, gated_likelihood
+from tracking.association.jpda import existence_association, from_log_odds, gated_likelihood, log_odds
 from tracking.filter.kalman import Gaussian, update
 from tracking.fusion.consensus import fuse
 from tracking.geometry.visibility import Forest, Tree
-from tracking.parameters import TrackerParameters
 from tracking.tracker import Track
 
 R = 0.05 * np.eye(2)
@@ -114,15 +112,13 @@ def mixed(missed: Gaussian, hit: Gaussian, weight: float) -> Gaussian:
 def test_certain_people_are_associated_as_by_jpda():
     rng = np.random.default_rng(2)
     likelihood, detection = 10 ** rng.uniform(-4, 0, (4, 4)), rng.uniform(0, 0.99, (4, 5))
-    jpda = association_probabilities(likelihood, detection, 0.01)
-    certain = existence_association(likelihood, detection, 0.01, np.ones(4))
-    np.testing.assert_array_equal(certain[0], jpda)
-    np.testing.assert_array_equal(certain[1], jpda)
-    np.testing.assert_array_equal(certain[2], 1.0)
-    nearly = existence_association(likelihood, detection, 0.01, np.full(4, 1 - 1e-12))
-    np.testing.assert_allclose(nearly[0], jpda, rtol=1e-9)
-    np.testing.assert_allclose(nearly[1], jpda, rtol=1e-9)
-    np.testing.assert_allclose(nearly[2], 1.0, atol=1e-9)
+    jpda, given, after = existence_association(likelihood, detection, 0.01, np.ones(4))
+    np.testing.assert_array_equal(given, jpda)
+    np.testing.assert_array_equal(after, 1.0)
+    for nearly, certain in zip(
+        existence_association(likelihood, detection, 0.01, np.full(4, 1 - 1e-12)), (jpda, jpda, after), strict=True
+    ):
+        np.testing.assert_allclose(nearly, certain, rtol=1e-9)
 
 
 def test_log_odds_and_back_stay_finite_and_counting_says_nothing_of_existence():
@@ -212,18 +208,6 @@ def test_ghosts_are_fewer_than_by_counting_scans_and_die():
     assert held[-1] == ()
 
 
-def test_a_fleet_agrees_on_existence_without_weight_for_uavs_that_do_not_look():
-    trackers, lone = fleet(3, maybe(0.7, 0, 0, 0, 0)), fleet(1, maybe(0.7, 0, 0, 0, 0))
-    for k in range(6):
-        z = [(0.0, 0.05)] if k in (0, 1, 4) else []
-        for u, t in enumerate(trackers):
-            t.step(scan(k, *(z if u == 2 else []), uav=u, pose=ABOVE if u == 2 else AWAY))
-        fuse(trackers, graph("line", 3), 5)
-        play(lone[0], [scan(k, *z)])
-        for t in trackers:
-            assert t.tracks[0].existence == pytest.approx(lone[0].tracks[0].existence, rel=1e-3)
-
-
 def test_the_fleet_begins_and_ends_tracks_by_the_average_of_log_odds():
     trackers = fleet(2, maybe(0.9, 0, 0, 0, 0), survival=1.0)
     for u, t in enumerate(trackers):
@@ -241,17 +225,3 @@ def test_the_fleet_begins_and_ends_tracks_by_the_average_of_log_odds():
         fuse(trackers, graph("line", 4), 5)
         assert len({tuple(t.id for t in s.tracks) for s in trackers}) == 1
         assert len(trackers[0].tracks) == int(k < 3 or k > 10)
-
-
-@pytest.mark.parametrize(
-    ("settings", "complaint"),
-    [
-        ({"life": "musicki"}, "life must be m_of_n or existence, is 'musicki'"),
-        ({"survival": 0.0}, r"survival must be in \(0, 1\], is 0.0"),
-        ({"birth_density": 0.0}, "birth_density must be positive, is 0.0"),
-        ({"doubt": 0.5, "sure": 0.4}, "doubt and sure must be 0 < doubt < sure < 1, are 0.5 and 0.4"),
-    ],
-)
-def test_invalid_parameters_of_existence_are_refused(settings, complaint):
-    with pytest.raises(ValueError, match=complaint):
-        TrackerParameters(MOTION, **settings)

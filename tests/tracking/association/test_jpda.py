@@ -6,19 +6,25 @@ import math
 import numpy as np
 import pytest
 
-from tracking.association.jpda import association_probabilities, gated_likelihood, mixture_update
+from tracking.association.jpda import existence_association, gated_likelihood, mixture_update
 from tracking.association.marginals import EXACT_SIDE, marginals
 from tracking.filter.kalman import Gaussian, update
+
+
+def associated(likelihood):
+    """Probabilities of as many people, who exist for certain, as measurements."""
+    size = len(likelihood)
+    return existence_association(likelihood, np.full((size, size + 1), 0.9), 0.01, np.ones(size))[0]
 
 
 def test_probabilities_are_exact_up_to_the_stated_size_and_sum_to_one_beyond():
     rng = np.random.default_rng(4)
     for size in (EXACT_SIDE, EXACT_SIDE + 1, 40):
-        beta = association_probabilities(rng.random((size, size)), np.full(size, 0.9), 0.01)
+        beta = associated(rng.random((size, size)))
         np.testing.assert_allclose(beta.sum(axis=1), 1, rtol=1e-12)
         assert beta.min() >= 0 and beta[:, 1:].sum(axis=0).max() < 1 + (1e-12 if size <= EXACT_SIDE else 0.05)
     # All tracks alike and all measurements alike: by symmetry each row is the same, exact or not.
-    alike = association_probabilities(np.ones((20, 20)), np.full(20, 0.9), 0.01)
+    alike = associated(np.ones((20, 20)))
     np.testing.assert_allclose(alike, np.tile(alike[0], (20, 1)), rtol=1e-9)
 
 
@@ -41,14 +47,6 @@ def test_belief_propagation_is_exact_on_trees():
         detection = rng.random(tracks) * (rng.random(tracks) < 2 / 3)
         parts = 1 - detection, detection[:, None] * likelihood / 10 ** rng.uniform(-5, 0)
         np.testing.assert_allclose(marginals(*parts, 0), marginals(*parts, 12), rtol=1e-8, atol=1e-14)
-
-
-@pytest.mark.parametrize("detection", [[1.0], [-0.1], [math.nan]])
-def test_probabilities_of_detection_outside_their_range_are_refused(detection):
-    with pytest.raises(ValueError, match="detection_probability"):
-        association_probabilities(np.ones((1, 1)), np.array(detection), 0.1)
-    with pytest.raises(ValueError, match="clutter_density must be positive, is 0"):
-        association_probabilities(np.ones((1, 1)), np.array([0.5]), 0.0)
 
 
 def random_scene(rng: np.random.Generator, T: int, N: int):

@@ -10,7 +10,7 @@ from stonesoup.dataassociator.probability import JPDA
 from stonesoup.hypothesiser.probability import PDAHypothesiser
 from stonesoup.updater.kalman import KalmanUpdater
 
-from tracking.association.jpda import association_probabilities, gated_likelihood
+from tracking.association.jpda import existence_association, gated_likelihood
 from tracking.fusion.consensus import fuse
 from tracking.tracker import TrackerParameters
 
@@ -44,7 +44,7 @@ def test_association_with_state_dependent_detection_matches_brute_force(tracks, 
         detection = rng.random((tracks, measurements + 1))
         detection[rng.random(detection.shape) < 0.2] = 0.0
         clutter = 10 ** rng.uniform(-5, 0)
-        beta = association_probabilities(likelihood, detection, clutter)
+        beta = existence_association(likelihood, detection, clutter, np.ones(tracks))[0]
         np.testing.assert_allclose(beta, brute_force(likelihood, detection, clutter), rtol=1e-9, atol=1e-300)
 
 
@@ -81,7 +81,8 @@ def test_association_matches_stone_soup(seed):
     means = np.array([t.belief.mean for t in known])
     predicted = MOTION.predict_all(means, np.array([t.belief.covariance for t in known]))
     likelihood = gated_likelihood(*predicted, z, np.tile(R, (5, 1, 1)), p.gate_probability)
-    beta = association_probabilities(likelihood, detection * p.gate_probability, p.clutter_density)
+    found = np.tile(detection[:, None] * p.gate_probability, 6)
+    beta = existence_association(likelihood, found, p.clutter_density, np.ones(4))[0]
     np.testing.assert_allclose(beta, expected, atol=1e-6)
     np.testing.assert_array_equal(beta == 0, expected == 0)  # the same gates
     assert np.count_nonzero(beta[:, 1:]) > 4 and math.isclose(expected.sum(), 4)

@@ -3,13 +3,12 @@ import math
 import cv2
 import numpy as np
 import pytest
-from helpers.frames import Tally, frame, survey
-from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
+from helpers.frames import Tally, frame, photographed, survey
+from helpers.poses import turned
+from helpers.views import ALTITUDES, CAMERA, random_forest
 
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
-from sim.sensing.renderer import Renderer
-from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
 from tracking.detection.components import components
 from tracking.geometry.camera import Camera, Pose
@@ -41,15 +40,11 @@ def test_people_and_only_people_are_found_where_they_are(frames):
 def test_a_camera_that_tilts_with_its_uav_measures_as_well():
     rng = np.random.default_rng(1)
     errors = []
-    with World(SCENARIO, Forest(()), 1) as world:
-        renderer = Renderer(world)
+    with photographed() as shoot:
         for _ in range(200):
-            angle, axis = rng.uniform(0, 0.25), rng.uniform(-math.pi, math.pi)
-            turn = [math.cos(axis) * math.sin(angle / 2), math.sin(axis) * math.sin(angle / 2), 0.0]
-            pose = Pose(np.array([5.0, -3.0, 19.0]), np.array([*turn, math.cos(angle / 2)]))
+            pose = Pose(np.array([5.0, -3.0, 19.0]), turned(rng.uniform(0, 0.25), rng.uniform(-math.pi, math.pi)))
             place = CAMERA.ground_points(pose, rng.uniform(12, 116, (1, 2)), TARGET_HEIGHT)
-            world.place_people(place, rng.uniform(-math.pi, math.pi, 1))
-            found = BlobDetector().detect(frame(renderer.render(CAMERA, pose).image, pose))
+            _, found = shoot(pose, place, rng.uniform(-math.pi, math.pi))
             assert len(found.ground) == 1
             errors.append(found.ground[0] - place[0])
     assert np.abs(np.mean(errors, axis=0)).max() < 0.01 and np.linalg.norm(errors, axis=1).max() < 0.25
@@ -58,21 +53,16 @@ def test_a_camera_that_tilts_with_its_uav_measures_as_well():
 def test_all_pixels_of_people_and_nothing_else_have_a_persons_colour():
     rng = np.random.default_rng(0)
     uavs = tuple(Uav(start=tuple(rng.uniform(-20, 20, 2)), footprint=10.0) for _ in range(10))
-    with World(Scenario(uavs=uavs), random_forest(rng, 40, 3.0), 0) as world:
-        renderer = Renderer(world)
+    with photographed(0, random_forest(rng, 40, 3.0), Scenario(uavs=uavs)) as shoot:
         for _ in range(30):
-            pose = Pose.level(*rng.uniform(-30, 30, 2), 21.7)
-            found = BlobDetector().detect(frame(renderer.render(CAMERA, pose).image, pose))
+            _, found = shoot(Pose.level(*rng.uniform(-30, 30, 2), 21.7), np.zeros((0, 2)), np.zeros(0))
             assert found.pixels.shape == (0, 2) and found.ground.shape == (0, 2) and found.boxes.shape == (0, 4)
     rng = np.random.default_rng(0)
-    with World(SCENARIO, Forest(()), 1) as world:
-        renderer = Renderer(world)
+    with photographed() as shoot:
         for _ in range(50):
-            world.place_people(rng.uniform(-8, 8, (1, 2)), rng.uniform(-math.pi, math.pi, 1))
-            pose = Pose.level(0.0, 0.0, 19.0)
-            rendered = renderer.render(CAMERA, pose)
+            place, heading = rng.uniform(-8, 8, 2), rng.uniform(-math.pi, math.pi)
+            rendered, found = shoot(Pose.level(0.0, 0.0, 19.0), place, heading)
             rows, columns = np.nonzero(rendered.people == 0)
-            found = BlobDetector().detect(frame(rendered.image, pose))
             assert found.areas.tolist() == [len(rows)]
             box = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
             assert found.boxes.tolist() == [box]
@@ -100,11 +90,9 @@ def test_single_pixels_are_detected_below_the_horizon_each_time_alike():
 
 def test_a_person_cut_in_two_by_a_trunk_is_one_person():
     pose = Pose.level(0.0, 0.0, 19.0)
-    with World(SCENARIO, Forest(()), 1) as world:
-        renderer = Renderer(world)
+    with photographed() as shoot:
         for heading in np.linspace(-math.pi, math.pi, 12):
-            world.place_people(np.array([[8.0, -6.0]]), np.array([heading]))
-            rendered = renderer.render(CAMERA, pose)
+            rendered, _ = shoot(pose, [8.0, -6.0], heading)
             row = int(np.nonzero(rendered.people == 0)[0].mean())
             image = rendered.image.copy()
             image[row] = GREEN
@@ -118,55 +106,46 @@ def test_a_person_cut_in_two_by_a_trunk_is_one_person():
 def test_a_long_stride_below_the_camera_is_one_person():
     rng = np.random.default_rng(3)
     camera = Camera(math.radians(60), 256)
-    with World(SCENARIO, Forest(()), 1) as world:
-        renderer = Renderer(world)
+    with photographed() as shoot:
         for k in range(150):
-            world.place_people(rng.uniform(-1, 1, (1, 2)), rng.uniform(-math.pi, math.pi, 1))
-            pose = Pose.level(0.0, 0.0, ALTITUDES[k % 3])
-            found = BlobDetector().detect(frame(renderer.render(camera, pose).image, pose, camera))
+            place, heading = rng.uniform(-1, 1, 2), rng.uniform(-math.pi, math.pi)
+            _, found = shoot(Pose.level(0.0, 0.0, ALTITUDES[k % 3]), place, heading, camera)
             assert len(found.ground) == 1
 
 
 def test_two_touching_people_are_two():
     rng = np.random.default_rng(0)
     pose = Pose.level(0.0, 0.0, 19.0)
-    with World(SCENARIO, Forest(()), 2) as world:
-        renderer = Renderer(world)
+    with photographed(people=2) as shoot:
         met = 0
         for _ in range(100):
             first = rng.uniform(-7, 7, 2)
             # Side by side as the camera sees them, in step.
             across = np.array([-first[1], first[0]]) / np.linalg.norm(first)
             places = np.array([first, first + rng.uniform(0.6, 0.8) * across])
-            world.place_people(places, np.full(2, math.atan2(first[1], first[0])))
-            rendered = renderer.render(CAMERA, pose)
+            rendered, found = shoot(pose, places, np.full(2, math.atan2(first[1], first[0])))
             if cv2.connectedComponents((rendered.people >= 0).astype(np.uint8))[0] != 2:
                 continue
             met += 1
-            found = BlobDetector().detect(frame(rendered.image, pose)).ground
-            assert len(found) == 2
-            order = np.argsort((found - first) @ across)
-            assert np.linalg.norm(found[order] - places, axis=1).max() < 0.35
+            assert len(found.ground) == 2
+            order = np.argsort((found.ground - first) @ across)
+            assert np.linalg.norm(found.ground[order] - places, axis=1).max() < 0.35
     assert met > 20
 
 
 def test_the_edge_of_the_image_does_not_pull_people_inwards():
     rng = np.random.default_rng(0)
     pose = Pose.level(0.0, 0.0, 19.0)
-    half = 19.0 - TARGET_HEIGHT
-    half *= math.tan(CAMERA.fov / 2)
+    half = (19.0 - TARGET_HEIGHT) * math.tan(CAMERA.fov / 2)
     errors, raw = [], []
-    with World(SCENARIO, Forest(()), 1) as world:
-        renderer = Renderer(world)
+    with photographed() as shoot:
         for _ in range(300):
-            place = np.array([[half - rng.uniform(0, 0.3), rng.uniform(-7, 7)]])
-            world.place_people(place, rng.uniform(-math.pi, math.pi, 1))
-            rendered = renderer.render(CAMERA, pose)
-            found = BlobDetector().detect(frame(rendered.image, pose))
+            place = np.array([half - rng.uniform(0, 0.3), rng.uniform(-7, 7)])
+            rendered, found = shoot(pose, place, rng.uniform(-math.pi, math.pi))
             assert len(found.ground) == 1
-            errors.append(found.ground[0, 0] - place[0, 0])
+            errors.append(found.ground[0, 0] - place[0])
             columns = np.nonzero(rendered.people == 0)[1]
-            raw.append((columns.mean() + 0.5 - 64) * (19.0 - TARGET_HEIGHT) / CAMERA.focal - place[0, 0])
+            raw.append((columns.mean() + 0.5 - 64) * (19.0 - TARGET_HEIGHT) / CAMERA.focal - place[0])
     assert np.mean(raw) < -0.1 and abs(np.mean(errors)) < 0.03
 
 
@@ -177,9 +156,8 @@ def test_any_image_from_any_camera_gives_finite_places_and_positive_covariances(
     count = 0
     for _ in range(50):
         camera = Camera(rng.uniform(0.2, widest), int(rng.choice([16, 32])))
-        half, axis = rng.uniform(0, 0.8), rng.uniform(-math.pi, math.pi)
-        turn = [math.cos(axis) * math.sin(half), math.sin(axis) * math.sin(half), 0.0, math.cos(half)]
-        pose = Pose(np.array([1.0, 2.0, rng.uniform(lowest, 20.0)]), np.array(turn))
+        turn = turned(rng.uniform(0, 1.6), rng.uniform(-math.pi, math.pi))
+        pose = Pose(np.array([1.0, 2.0, rng.uniform(lowest, 20.0)]), turn)
         image = np.full((camera.pixels, camera.pixels, 3), GREEN, dtype=np.uint8)
         image[rng.random(image.shape[:2]) < rng.choice([0.01, 0.1] if trees else [0.01, 0.1, 0.4])] = (230, 62, 0)
         found = BlobDetector(forest).detect(frame(image, pose, camera))

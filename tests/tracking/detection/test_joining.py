@@ -4,16 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from helpers.views import SCENARIO
+from helpers.frames import photographed
+from helpers.poses import turned
 
 from sim.sensing.detection_truth import matched_people
-from sim.sensing.renderer import Renderer
-from sim.world.world import World
-from tracking.detection.blob_detector import BlobDetector, _joined, _one_person
+from tracking.detection.blob_detector import _joined, _one_person
 from tracking.detection.detector import Frame
 from tracking.detection.person_size import sizes_at
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.visibility import TARGET_HEIGHT
 
 IMAGE = np.zeros((1, 1, 3), dtype=np.uint8)
 CAMERA = Camera(math.radians(60), 128)
@@ -21,8 +20,7 @@ CAMERA = Camera(math.radians(60), 128)
 
 def tilted(tilt, yaw=0.0, altitude=19.0):
     """A camera's pose, tilted towards its image's top and turned [rad]."""
-    c, s, cy, sy = math.cos(tilt / 2), math.sin(tilt / 2), math.cos(yaw / 2), math.sin(yaw / 2)
-    return Pose(np.array([0.0, 0.0, altitude]), np.array([s * cy, s * sy, c * sy, c * cy]))
+    return Pose(np.array([0.0, 0.0, altitude]), turned(tilt, 0.0, yaw))
 
 
 def plainly_joined(frame, blobs, origins):
@@ -81,34 +79,31 @@ def test_whole_people_near_corners_of_tilted_images_are_one_detection_each(degre
     """People of four pixels or more: of what is smaller, beside the horizon, rounding makes more than one's area."""
     rng, camera = np.random.default_rng(0), Camera(math.radians(60), size)
     counts = []
-    with World(SCENARIO, Forest(()), 1) as world:
-        renderer = Renderer(world)
+    with photographed() as shoot:
         for _ in range(50):
             pose = tilted(math.radians(degrees), rng.uniform(-3, 3), rng.uniform(14, 22))
             inset = rng.uniform(0.08, 0.2, 2) * size
             pixel = np.where(rng.random(2) < 0.5, inset, size - inset)
-            world.place_people(camera.ground_points(pose, pixel, TARGET_HEIGHT), rng.uniform(-math.pi, math.pi, 1))
-            rendered = renderer.render(camera, pose)
+            place, heading = camera.ground_points(pose, pixel, TARGET_HEIGHT), rng.uniform(-math.pi, math.pi)
+            rendered, found = shoot(pose, place, heading, camera)
             rows, columns = np.nonzero(rendered.people == 0)
             ends = np.array([rows, columns])
             if len(rows) >= 4 and ends.min() > 0 and ends.max() < size - 1:
-                counts.append(len(BlobDetector().detect(Frame(0, 0.0, camera, pose, rendered.image)).ground))
+                counts.append(len(found.ground))
     assert len(counts) > 15 and np.mean(np.array(counts) == 1) >= 0.99
 
 
 def test_tilted_cameras_find_people_and_only_people():
     rng, camera = np.random.default_rng(1), Camera(math.radians(60), 256)
     people = found = detections = 0
-    with World(SCENARIO, Forest(()), 3) as world:
-        renderer = Renderer(world)
+    with photographed(people=3) as shoot:
         for _ in range(60):
             pose = tilted(rng.uniform(0.3, 0.8), rng.uniform(-3, 3), rng.uniform(14, 22))
             pixels = rng.uniform(0.05, 0.95, (3, 2)) * camera.pixels
             if min(np.linalg.norm(pixels[k] - pixels[k - 1]) for k in range(3)) < 50:
                 continue
-            world.place_people(camera.ground_points(pose, pixels, TARGET_HEIGHT), rng.uniform(-math.pi, math.pi, 3))
-            rendered = renderer.render(camera, pose)
-            places = BlobDetector().detect(Frame(0, 0.0, camera, pose, rendered.image)).pixels
-            people, detections = people + 3, detections + len(places)
-            found += matched_people(places, rendered.people, 3).sum()
+            places, headings = camera.ground_points(pose, pixels, TARGET_HEIGHT), rng.uniform(-math.pi, math.pi, 3)
+            rendered, seen = shoot(pose, places, headings, camera)
+            people, detections = people + 3, detections + len(seen.pixels)
+            found += matched_people(seen.pixels, rendered.people, 3).sum()
     assert people > 60 and found / people >= 0.98 and found / detections >= 0.98

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 import pytest
-from helpers.frames import WIDE, touching
+from helpers.frames import WIDE, photographed, touching
 from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
 from sim.scenario.environment import Appearance
@@ -137,13 +137,11 @@ def test_a_trunk_hides_no_person_nearer_to_the_camera():
         away = np.array([math.cos(bearing), math.sin(bearing)])
         # A canopy as thin as the trunk, so that nothing else hides them.
         forest = Forest((Tree(*(distance * away), canopy_radius=0.2),))
-        with World(SCENARIO, forest, 1) as world:
-            renderer = Renderer(world)
+        with photographed(1, forest) as shoot:
             for _ in range(10):
-                place = (distance - rng.uniform(0.35, 0.5)) * away
-                world.place_people(place[None], rng.uniform(-math.pi, math.pi, 1))
+                place, heading = (distance - rng.uniform(0.35, 0.5)) * away, rng.uniform(-math.pi, math.pi)
                 pose = Pose.level(0.0, 0.0, rng.uniform(17.0, 22.0))
-                found = BlobDetector(forest).detect(Frame(0, 0.0, CAMERA, pose, renderer.render(CAMERA, pose).image))
+                _, found = shoot(pose, place, heading, known=forest)
                 assert len(found.ground) == 1
                 error = found.ground[0] - place
                 errors.append([error @ away, error @ [-away[1], away[0]]])

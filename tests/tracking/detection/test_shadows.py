@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers.poses import turned
 
 from sim.calibration.fit import people_in_forests
 from tracking.detection.blob_detector import BlobDetector
@@ -16,13 +17,6 @@ from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
 
 GREEN, ORANGE = (100, 115, 75), (230, 62, 0)
-
-
-def turned(angle, axis, yaw=0.0):
-    """Quaternion xyzw: tilted by an angle about a level axis, then turned by a yaw."""
-    x, y, w = math.cos(axis) * math.sin(angle / 2), math.sin(axis) * math.sin(angle / 2), math.cos(angle / 2)
-    c, s = math.cos(yaw / 2), math.sin(yaw / 2)
-    return np.array([c * x - s * y, c * y + s * x, s * w, c * w])
 
 
 def views(rng, count):

@@ -6,14 +6,15 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers.graphs import graph
-from helpers.scenes import CAMERA, MOTION, scan, track, tracker
+from helpers.particles import hidden, start
+from helpers.scenes import scan, track, tracker
 
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.visibility import Forest, Tree
 
 INSTANTS = (10, 25, 50)  # scans: 2, 5 and 10 s
-UAVS, COUNT = 3, 20_000
+UAVS = 3
 # Cameras above the canopy, or around it so that each sees another side; its radius [m]; and at how many of the instants
 # the bounds hold. Later, and under smaller canopies, beliefs are wider: their Gaussians reach beyond the edge, and the
 # average of beliefs that each lack another side lacks none.
@@ -26,28 +27,11 @@ def poses(radius: float, around: bool) -> list[Pose]:
     return [Pose.level(away * math.cos(a), away * math.sin(a), 20.0 + radius) for a in corners]
 
 
-def start(radius: float, speed: float) -> np.ndarray:
-    """A state under the canopy, on the way out."""
-    return np.array([-0.2 * radius, 0.0, speed, 0.0])
-
-
 @cache
 def true_deviations(radius: float, speed: float, around: bool, instants: int = 3) -> np.ndarray:
     """Deviations of the position at the first `INSTANTS`, by particles and the likelihood of all frames."""
-    rng, tree = np.random.default_rng(5), Forest((Tree(0.0, 0.0, radius),))
-    kick, out = MOTION.sigma_a * np.kron([[MOTION.dt**2 / 2], [MOTION.dt]], np.eye(2)), []
-    x = rng.multivariate_normal(start(radius, speed), 0.05 * np.eye(4), COUNT)
-    for k in range(INSTANTS[instants - 1] + 1):
-        if k:
-            x = x @ MOTION.F.T + rng.normal(size=(COUNT, 2)) @ kick.T
-        points, weights = np.column_stack([x[:, :2], np.full(COUNT, TARGET_HEIGHT)]), np.ones(COUNT)
-        for pose in poses(radius, around):
-            weights *= 1.0 - 0.99 * (CAMERA.sees(pose, points) & tree.visible(pose.position, points)[0])
-        steps = (np.arange(COUNT) + rng.random()) / COUNT  # systematic resampling
-        x = x[np.searchsorted(np.cumsum(weights / weights.sum()), steps).clip(max=COUNT - 1)]
-        if k in INSTANTS:
-            out.append(math.sqrt(x[:, :2].var(axis=0).sum()))
-    return np.array(out)
+    states = list(hidden(radius, speed, poses(radius, around), INSTANTS[instants - 1] + 1))
+    return np.array([math.sqrt(states[k][:, :2].var(axis=0).sum()) for k in INSTANTS[:instants]])
 
 
 def believed(radius: float, speed: float, around: bool, instants: int = 3, **settings) -> np.ndarray:

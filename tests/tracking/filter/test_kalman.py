@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
-from helpers.information import moment_form
+from helpers.information import information_form, moment_form
 from helpers.scenes import H
 
 from tracking.filter.bounded_speed import BoundedSpeed
-from tracking.filter.information import information_form
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity, innovation, update
 
 MOTION = NearlyConstantVelocity(0.2, 0.5)

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers.particles import hidden, start
 from helpers.scenes import ABOVE, CAMERA, MOTION, play, scan, track, tracker
 from scipy import stats
 
@@ -110,33 +111,14 @@ def test_a_weight_tempers_the_likelihood_and_zero_turns_it_off():
     assert (half - mean[0]) / (full - mean[0]) == pytest.approx(tempered / plain, rel=1e-9)
 
 
-def start(radius: float, speed: float) -> np.ndarray:
-    """A state under a canopy, on the way out."""
-    return np.array([-0.2 * radius, 0.0, speed, 0.0])
-
-
 @cache
-def true_posterior(
-    radius: float, speed: float, detection: float = 0.99, count: int = 20_000
-) -> tuple[np.ndarray, np.ndarray]:
+def true_posterior(radius: float, speed: float, detection: float = 0.99) -> tuple[np.ndarray, np.ndarray]:
     """Means and deviations, at `INSTANTS`, of a person hidden under the tree, by a particle filter.
 
-    So many err by less than a tenth of a deviation; the bounds below are 0.8 of one and more.
+    20 000 particles err by less than a tenth of a deviation; the bounds below are 0.8 of one and more.
     """
-    rng, tree = np.random.default_rng(5), Forest((Tree(0.0, 0.0, radius),))
-    kick, out = MOTION.sigma_a * np.kron([[MOTION.dt**2 / 2], [MOTION.dt]], np.eye(2)), []
-    x = rng.multivariate_normal(start(radius, speed), 0.05 * np.eye(4), count)
-    for k in range(INSTANTS[-1] + 1):
-        if k:
-            x = x @ MOTION.F.T + rng.normal(size=(count, 2)) @ kick.T
-        points = np.column_stack([x[:, :2], np.full(count, TARGET_HEIGHT)])
-        weights = 1.0 - detection * (CAMERA.sees(ABOVE, points) & tree.visible(ABOVE.position, points)[0])
-        steps = (np.arange(count) + rng.random()) / count  # systematic resampling
-        x = x[np.searchsorted(np.cumsum(weights / weights.sum()), steps).clip(max=count - 1)]
-        if k in INSTANTS:
-            out.append((x.mean(axis=0), x.std(axis=0)))
-    means, deviations = zip(*out, strict=True)
-    return np.array(means), np.array(deviations)
+    states = list(hidden(radius, speed, [ABOVE], INSTANTS[-1] + 1, detection))
+    return np.array([states[k].mean(axis=0) for k in INSTANTS]), np.array([states[k].std(axis=0) for k in INSTANTS])
 
 
 def believed(radius: float, speed: float, every: int = 1, **settings) -> tuple[np.ndarray, np.ndarray]:

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.graphs import SCAN, exchange, graph, message, metropolis
+from helpers.information import information_form
 from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
-from tracking.filter.information import information_form
 from tracking.fusion.consensus import combine, fuse
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.fusion.message import Message
@@ -148,33 +148,6 @@ def test_lone_and_complete_fleets_agree_at_once_on_the_smaller_id():
         np.testing.assert_array_equal(m.ids, [12])
     own = message(0, [3], *beliefs(np.random.default_rng(12), 1), degree=0)
     assert combine(own, [], 3.0) is own
-
-
-@pytest.mark.parametrize("kind", ["complete", "ring", "line"])
-def test_the_only_uav_with_a_detection_decides_the_fleets_belief(kind):
-    adjacency = graph(kind, 5)
-    means, covariances = beliefs(np.random.default_rng(4), 5)
-    weights = np.array([1.0, 1e-9, 1e-9, 1e-9, 1e-9])
-    for m in exchange(team(means, covariances, adjacency, weights), adjacency, 5):
-        mean, covariance = m.beliefs
-        np.testing.assert_allclose(mean[0], means[0], atol=1e-5)
-        np.testing.assert_allclose(covariance[0], covariances[0], atol=1e-5)
-
-
-def test_a_new_track_is_taken_over_unchanged_and_counted_once():
-    adjacency = graph("line", 3)
-    means, covariances = beliefs(np.random.default_rng(5), 1)
-    empty = np.zeros((0, 4)), np.zeros((0, 4, 4))
-    messages = [
-        message(0, [9], means, covariances, degree=1),
-        message(1, [], *empty, degree=2),
-        message(2, [], *empty, degree=1),
-    ]
-    for rounds in (2, 5):
-        for m in exchange(messages, adjacency, rounds):
-            np.testing.assert_array_equal(m.ids, [9])
-            np.testing.assert_allclose(m.beliefs[0], means, rtol=1e-10)
-            np.testing.assert_allclose(m.beliefs[1], covariances, rtol=1e-9, atol=1e-12)
 
 
 def random_fleet(rng: np.random.Generator, adjacency: np.ndarray) -> list[Message]:

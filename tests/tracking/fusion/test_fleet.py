@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers.fleets import fleet
+from helpers.fleets import fleet, look
 from helpers.graphs import graph
-from helpers.scenes import ABOVE, AWAY, CAMERA, R, check, play, scan, track, tracker
+from helpers.scenes import ABOVE, AWAY, check, scan, track, tracker
 
 from tracking.fusion.consensus import fuse
 from tracking.fusion.labels import FIRST_LABEL
@@ -56,19 +56,6 @@ def test_a_partition_brings_a_deleted_track_back_only_if_it_detected_the_person(
         assert [len(t.tracks) for t in trackers] == [int(k < 4 or k > 7), 1]
 
 
-def test_uavs_without_a_view_do_not_dilute():
-    trackers, lone = fleet(3, track(3, 0, 0, 0.5, 0)), tracker(track(3, 0, 0, 0.5, 0))
-    for k in range(15):
-        z = (0.1 * k + 0.05 * (-1) ** k, 0.02 * k)
-        for u, t in enumerate(trackers):
-            t.step(scan(k, *([z] if u == 2 else []), uav=u, pose=ABOVE if u == 2 else AWAY))
-        fuse(trackers, graph("line", 3), 5)
-        play(lone, [scan(k, z)])
-    for t in trackers:
-        np.testing.assert_allclose(t.tracks[0].belief.mean, lone.tracks[0].belief.mean, atol=1e-5)
-        np.testing.assert_allclose(t.tracks[0].belief.covariance, lone.tracks[0].belief.covariance, atol=1e-5)
-
-
 def walk(seed: int, scans: int = 150) -> tuple[list[Tracker], np.ndarray]:
     """A fleet of three that starts from nothing above four people in a forest, with false alarms and misses."""
     rng = np.random.default_rng(seed)
@@ -78,11 +65,9 @@ def walk(seed: int, scans: int = 150) -> tuple[list[Tracker], np.ndarray]:
     for k in range(scans):
         people[:, 2:] += rng.normal(scale=0.05, size=(4, 2)) - 0.01 * people[:, :2]
         people[:, :2] += 0.2 * people[:, 2:]
-        points = np.column_stack([people[:, :2], np.full(4, 0.85)])
         for u, t in enumerate(trackers):
             pose = Pose.level(*np.array([[0, 4], [4, -3], [-4, -3]])[u], 22.0)
-            seen = CAMERA.sees(pose, points) & forest.visible(pose.position, points)[0] & (rng.random(4) < 0.97)
-            z = people[seen, :2] + rng.multivariate_normal(np.zeros(2), R, int(seen.sum()))
+            _, z = look(rng, pose, forest, people[:, :2], 0.97)
             false = pose.position[:2] + rng.uniform(-12, 12, (rng.poisson(0.05), 2))
             t.step(scan(k, *z, *false, uav=u, pose=pose))
         fuse(trackers, graph("line", 3), 5)

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.fleets import fleet, ids, play
-from helpers.graphs import exchange, graph
-from helpers.meetings import NOW, told
+from helpers.graphs import NOW, exchange, graph, told
 from helpers.scenes import R
 
 

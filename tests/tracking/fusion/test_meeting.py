@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.graphs import exchange, graph
-from helpers.meetings import NOW, told
+from helpers.graphs import NOW, exchange, graph, told
 from helpers.scenes import scan, track, tracker
 
 from tracking.fusion.consensus import fuse

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from helpers.fleets import HALVES, WHOLE, fleet, ids, play
+from helpers.fleets import HALVES, WHOLE, fleet, ids, look, play
 from helpers.graphs import graph
-from helpers.scenes import ABOVE, AWAY, CAMERA, MOTION, R, check, scan, track, tracker
+from helpers.scenes import ABOVE, AWAY, MOTION, check, scan, track
 
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
@@ -34,13 +34,10 @@ class Walkers:
     def walk(self, trackers: list[Tracker], k: int) -> None:
         self.states[:, 2:] += self.rng.normal(scale=0.1, size=(5, 2)) - 0.02 * self.states[:, :2]
         self.states[:, :2] += 0.2 * self.states[:, 2:]
-        points = np.column_stack([self.states[:, :2], np.full(5, 0.85)])
         for t in trackers:
             pose = self.poses[t.uav]
-            seen = CAMERA.sees(pose, points) & self.forest.visible(pose.position, points)[0]
-            seen &= self.rng.random(5) < 0.97
-            noise = self.rng.multivariate_normal(np.zeros(2), R, int(seen.sum()))
-            t.step(scan(k, *(points[seen, :2] + noise), uav=t.uav, pose=pose))
+            _, z = look(self.rng, pose, self.forest, self.states[:, :2], 0.97)
+            t.step(scan(k, *z, uav=t.uav, pose=pose))
 
     def held(self, t: Tracker) -> list[int]:
         """The person nearest to each track."""
@@ -109,17 +106,6 @@ def test_two_people_of_one_id_become_two_when_the_halves_meet(fusion, adjacency)
     for k in range(20, 30):
         play(trackers, k, [[(-5.0, 3.0 + 0.1 * (k - 10)), (3.4, 0.1 * (k - 14))]] * 4, adjacency)
         assert set(ids(trackers)) == {(3, other.id)}
-
-
-def test_people_with_exchanged_ids_keep_one_each():
-    there, here = (-4.0, 0.0), (4.0, 0.0)
-    beliefs = [track(3, *there, 0, 0), track(4, *here, 0, 0)], [track(3, *here, 0, 0), track(4, *there, 0, 0)]
-    trackers = [tracker(*beliefs[u // 2], uav=u) for u in range(4)]
-    for k in range(12):
-        play(trackers, k, [[there, here]] * 4, WHOLE if k == 11 else HALVES)
-        assert ids(trackers) == [(3, 4)] * 4
-    assert disagreement(trackers) < 1e-6
-    np.testing.assert_allclose([t.belief.mean[:2] for t in trackers[3].tracks], [there, here], atol=0.1)
 
 
 def test_a_person_lost_by_one_half_is_where_the_other_half_sees_them():

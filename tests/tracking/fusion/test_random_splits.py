@@ -7,9 +7,9 @@ from collections.abc import Iterable
 
 import numpy as np
 import pytest
-from helpers.fleets import fleet, ids
+from helpers.fleets import fleet, ids, look
 from helpers.graphs import graph
-from helpers.scenes import CAMERA, R, scan
+from helpers.scenes import scan
 
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
@@ -44,13 +44,11 @@ class Team:
         self.states[:, 2:] += rng.normal(0, 0.1, (n, 2)) - 0.02 * self.states[:, :2]
         self.states[:, 2:] /= np.maximum(1.0, np.linalg.norm(self.states[:, 2:], axis=1, keepdims=True) / 3.0)
         self.states[:, :2] += 0.2 * self.states[:, 2:]
-        points = np.column_stack([self.states[:, :2], np.full(n, 0.85)])
         detected = np.zeros(n, dtype=bool)
         for t, pose in zip(trackers, self.poses, strict=True):
-            seen = CAMERA.sees(pose, points) & self.forest.visible(pose.position, points)[0] & (rng.random(n) < 0.99)
+            seen, z = look(rng, pose, self.forest, self.states[:, :2], 0.99)
             detected |= seen
-            noise = rng.multivariate_normal(np.zeros(2), R, int(seen.sum()))
-            t.step(scan(k, *(points[seen, :2] + noise), uav=t.uav, pose=pose))
+            t.step(scan(k, *z, uav=t.uav, pose=pose))
         self.ever |= detected
         self.seen = np.where(detected, self.seen + 1, 0)
         whole = not self.split <= k < self.healed

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, probability_of_detection, visible_samples
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree, visible_samples
 
 CAMERA = Camera(math.radians(60), 128)
 LOW, HIGH = np.array([-30.0, -30.0, 0.0]), np.array([30.0, 30.0, 22.0])
@@ -93,7 +93,7 @@ def test_canopies_and_trunks_hide_what_is_under_them_or_at_their_height():
 
 def detection(mean, sigma: float, forest: Forest) -> float:
     pose = Pose.level(0.0, 0.0, 20.0)
-    return float(probability_of_detection(CAMERA, pose, np.array([mean], float), sigma**2 * np.eye(2)[None], forest)[0])
+    return float(visible_samples(CAMERA, pose, np.array([mean], float), sigma**2 * np.eye(2)[None], forest).mean())
 
 
 def test_probability_of_detection_is_one_zero_or_at_edges_between():
@@ -101,7 +101,7 @@ def test_probability_of_detection_is_one_zero_or_at_edges_between():
     assert detection((3, 3), 0.5, forest) == 1.0 and detection((-5, 0), 0.3, forest) == 0.0
     assert detection((HALF + 2, 0), 0.5, forest) == 0.0
     nothing = np.zeros((0, 2)), np.zeros((0, 2, 2))
-    assert probability_of_detection(CAMERA, Pose.level(0, 0, 20), *nothing, forest).shape == (0,)
+    assert visible_samples(CAMERA, Pose.level(0, 0, 20), *nothing, forest).shape == (0, 36)
     assert detection((HALF, 0), 0.7, Forest(())) == 0.5 and detection((1, -HALF), 0.2, Forest(())) == 0.5
     assert detection((HALF, HALF), 0.4, Forest(())) == 0.25
 
@@ -120,7 +120,7 @@ def test_probability_of_detection_agrees_with_sampling_behind_trees():
         mean, root = rng.uniform(-10, 10, 2), rng.normal(size=(2, 2))
         covariance = root @ root.T + 0.1 * np.eye(2)
         pose = Pose.level(*rng.uniform(-5, 5, 2), 20.0)
-        given = probability_of_detection(CAMERA, pose, mean[None], covariance[None], forest)[0]
+        given = visible_samples(CAMERA, pose, mean[None], covariance[None], forest).mean()
         samples = np.column_stack([rng.multivariate_normal(mean, covariance, 2000), np.full(2000, TARGET_HEIGHT)])
         truth = np.mean(CAMERA.sees(pose, samples) & forest.visible(pose.position, samples)[0])
         errors.append(given - truth)
@@ -215,8 +215,6 @@ def test_moving_camera_beliefs_and_trees_together_changes_no_probability_of_dete
     now = visible_samples(CAMERA, there, means + shift, covariances, moved(forest, 0, shift))
     surely, perhaps = samples_within(pose, belief, forest)
     assert np.all(surely <= now) and np.all(now <= perhaps)
-    probability = probability_of_detection(CAMERA, there, means + shift, covariances, moved(forest, 0, shift))
-    np.testing.assert_array_equal(probability, now.mean(axis=1))
 
 
 @claim
@@ -227,7 +225,7 @@ def test_turning_all_by_right_angles_changes_no_probability_of_detection(trees, 
     position = turned(pose.position, angle) + np.append(shift, 0.0)
     there = Pose(position, (Rotation.from_euler("z", angle) * Rotation.from_quat(pose.quaternion)).as_quat())
     means = turned(means, angle) + shift
-    now = probability_of_detection(CAMERA, there, means, covariances, moved(forest, angle, shift))
+    now = visible_samples(CAMERA, there, means, covariances, moved(forest, angle, shift)).mean(axis=1)
     surely, perhaps = (seen.mean(axis=1) for seen in samples_within(pose, belief, forest))
     assert np.all(surely <= now) and np.all(now <= perhaps)
 
@@ -244,8 +242,6 @@ def test_more_trees_never_open_a_line_of_sight(trees, more, occlusion, cameras, 
 def test_more_trees_never_raise_the_probability_of_detection(trees, more, occlusion, pose, belief):
     few, many = Forest(trees, occlusion), Forest((*trees, *more), occlusion)
     assert np.all(visible_samples(CAMERA, pose, *belief, many) <= visible_samples(CAMERA, pose, *belief, few))
-    after, before = (probability_of_detection(CAMERA, pose, *belief, forest) for forest in (many, few))
-    assert np.all(after <= before)
 
 
 @claim
@@ -260,7 +256,3 @@ def test_what_is_above_all_canopies_is_visible_from_above(trees, cameras, points
 def test_bushes_below_peoples_mid_height_hide_no_person_from_above(bushes, pose, belief):
     seen = visible_samples(CAMERA, pose, *belief, Forest(bushes))
     np.testing.assert_array_equal(seen, visible_samples(CAMERA, pose, *belief, Forest(())))
-    np.testing.assert_array_equal(
-        probability_of_detection(CAMERA, pose, *belief, Forest(bushes)),
-        probability_of_detection(CAMERA, pose, *belief, Forest(())),
-    )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.fleets import fleet, ids
-from helpers.scenes import AWAY, MOTION, play, scan, track, tracker
+from helpers.scenes import play, scan, track, tracker
 
 from tracking.association.resolution import unresolved
 from tracking.filter.kalman import Gaussian
@@ -102,9 +102,3 @@ def test_a_lost_track_takes_its_own_person_up_again_or_a_known_one_stays():
     subject = tracker(track(3, 0, 0, 0, 0, variance=0.01), forest=Forest((Tree(0, 0, 3.0),)))
     play(subject, [scan(5000 + k, (7.5, 0)) for k in range(4)])
     assert len(subject.tracks) == 2 and subject.tracks[0].id == 3
-
-
-def test_a_track_out_of_sight_loses_its_existence_by_survival_alone():
-    subject = tracker(track(3, 0, 0, 0, 0), survival=0.9)
-    play(subject, [scan(k, pose=AWAY) for k in range(26)])
-    assert abs(subject.tracks[0].existence - 0.9 ** (25 * MOTION.dt)) < 1e-6

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers.scenes import ABOVE, ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
+from helpers.scenes import ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
 
 from sim.mission.tracker_setup import tracker_parameters
 from sim.scenario.perception import Tracking
@@ -21,15 +21,6 @@ from tracking.tracker import Tracker
 BOTH = pytest.mark.parametrize("life", ["m_of_n", "existence"])
 EDGE = (20.0 - 0.85) * math.tan(math.radians(30))  # of the field of view, at a person's height [m]
 PAIR = np.ones((2, 2), bool)
-
-
-@BOTH
-def test_a_person_that_reappears_as_predicted_keeps_the_id(life):
-    subject = tracker(track(3, -4, 0, 1.5, 0), forest=Forest((Tree(0, 0, 3.0),)), life=life)
-    places = [-4 + 0.3 * k for k in range(30)]
-    ids = play(subject, [scan(k, *([] if abs(x) < 3.4 else [(x, 0)])) for k, x in enumerate(places)])
-    assert ids == [(3,)] * 30
-    np.testing.assert_allclose(subject.tracks[0].belief.mean[:2], [places[-1], 0], atol=0.1)
 
 
 @BOTH
@@ -75,17 +66,6 @@ def test_two_people_detected_at_once_get_two_lasting_tracks(life):
     people = [np.array([[-3 + 0.2 * k, 0.0], [3 - 0.2 * k, 4.0]]) for k in range(25)]
     ids = play(subject, [scan(k, *(p + rng.normal(scale=0.15, size=(2, 2)))) for k, p in enumerate(people)])
     assert ids[1:] == [(2_000_000, 2_000_001)] * 24
-
-
-@BOTH
-def test_a_fleet_agrees_on_one_id_for_a_person_detected_at_both_ends(life):
-    trackers = [tracker(uav=u, life=life) for u in range(3)]
-    line = np.abs(np.subtract.outer(np.arange(3), np.arange(3))) == 1
-    for k in range(6):
-        for u, t in enumerate(trackers):
-            t.step(scan(k, *([(1, 1)] if u != 1 else []), uav=u, pose=AWAY if u == 1 else ABOVE))
-        fuse(trackers, line, 5)
-    assert [[t.id for t in s.tracks] for s in trackers] == [[2_000_000]] * 3
 
 
 @pytest.mark.parametrize(("place", "counts"), [((EDGE, 0), False), ((EDGE, EDGE), False), ((EDGE - 1.0, 0), True)])
