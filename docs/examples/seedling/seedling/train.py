@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 import understory
 from planning.loading import load_planner
@@ -116,6 +117,11 @@ Map = Callable[[Callable[[Lesson], Learned], Iterable[Lesson]], Iterable[Learned
 
 def train(settings: Training, each: Map, say: Callable[[dict[str, float], Weights], None]) -> Weights:
     """Trained weights; `say` is told of each round, with the weights so far."""
+    with threadpool_limits(1, user_api="blas"):  # sums of several threads differ in the last bit, and choices with them
+        return _trained(settings, each, say)
+
+
+def _trained(settings: Training, each: Map, say: Callable[[dict[str, float], Weights], None]) -> Weights:
     weights, fitting, held_out = drawn(settings.seed), list[Example](), list[Example]()
     for turn in range(settings.rounds):
         for k, learned in enumerate(each(fly, settings.lessons(turn, weights))):

@@ -1,6 +1,7 @@
 """The seedling keeps to what planners must, and learns from its expert; its training repeats."""
 
 import csv
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 from seedling.fitting import Example, example, fitted, loss
 from seedling.planner import Seedling, choices
 from seedling.policy import chosen, scores
-from seedling.train import TRAINED, VALIDATED, Lesson, Training, fly, main
+from seedling.train import TRAINED, VALIDATED, Learned, Lesson, Training, fly, main, train
 from seedling.weights import LEARNED, PAIR_FEATURES, PLACE_FEATURES, Weights, drawn, load, save
+from threadpoolctl import threadpool_limits
 
 from planning.conformance.checks import check
 from planning.conformance.situations import random_team
@@ -20,11 +22,11 @@ TINY = ["--missions", "4", "--duration", "4", "--expert", "greedy", "--epochs", 
 CROSS = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 
 
-def made_up(count: int, seed: int = 0) -> list[Example]:
-    """Decisions in which the expert flies to where the third feature of the place is greatest."""
+def made_up(count: int, seed: int = 0, most: int = 3) -> list[Example]:
+    """Decisions over up to `most` tracks; the expert flies to where the third feature of the place is greatest."""
     rng, found = np.random.default_rng(seed), []
     for _ in range(count):
-        moves, tracks = rng.permutation(CROSS), int(rng.integers(0, 4))
+        moves, tracks = rng.permutation(CROSS), int(rng.integers(0, most + 1))
         pairs, places = rng.normal(size=(5, tracks, PAIR_FEATURES)), rng.normal(size=(5, PLACE_FEATURES))
         found.append(example((moves, pairs, places), moves[np.argmax(places[:, 2])], 1.0))
     return found
@@ -104,6 +106,20 @@ def test_training_repeats_lowers_the_loss_and_is_flown(tmp_path: Path) -> None:
     assert fly(Lesson(learned, "", 0.0, "forest", VALIDATED, 4.0)).gospa == pytest.approx(
         float(second["gospa"]), rel=1e-5
     )
+
+
+def test_training_does_not_depend_on_the_threads_of_blas() -> None:
+    """Long sums would be split among them."""
+    found = []
+    for threads in (1, 2):
+        with threadpool_limits(threads, user_api="blas"):
+            found.append(train(Training(rounds=1, missions=4, epochs=3, validations=0), _made_up, lambda *_: None))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def _made_up(_: object, lessons: Iterable[Lesson]) -> list[Learned]:
+    return [Learned(made_up(100, lesson.seed, most=100), 0.0) for lesson in lessons]
 
 
 def test_an_expert_with_all_decisions_flies_as_without_a_pupil() -> None:
