@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -290,7 +290,8 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - what the name stands for
 
 
 if find_spec("gymnasium"):  # a tenth of a second, for which gymnasium.make finds the scenarios in any order of imports
-    import_module("sim.environments.registration")
+    with suppress(ImportError):  # of a Gymnasium that is broken, which matters to environments alone
+        import_module("sim.environments.registration")
 
 
 def __dir__() -> list[str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from typing import Literal, Protocol
 
 import numpy as np
@@ -81,9 +82,7 @@ class Composition:
         def value(candidates: Array, ease: Array | None = None) -> Array:
             """Sum of all terms, of which only that of tracks can be relaxed."""
             found = of_tracks(candidates, ease)
-            for term in extra:
-                found = found + term(candidates)
-            return found
+            return found + reduce(np.add, (term(candidates) for term in extra)) if extra else found
 
         in_reach = targets_in_reach(belief, uavs, speeds)
         if self.actions == "all":

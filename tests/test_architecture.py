@@ -245,9 +245,7 @@ def _built_in(node: ast.AST) -> str:
     match node:
         case ast.Name(id="pow"):
             return "pow"
-        case ast.Call(func=ast.Name(id="sum"), args=[ast.GeneratorExp(elt=ast.Attribute(attr="size"))]):
-            return ""
-        case ast.Call(func=ast.Name(id="sum")):
+        case ast.Name(id="sum"):
             return "sum, which since Python 3.12 adds real numbers with compensation; math.fsum rounds them once"
     return ""
 

@@ -98,17 +98,26 @@ def check(planner: str | Maker, *, other_process: bool = True) -> list[Finding]:
     return [finding(name, partial(ask, subject)) for name, ask in CHECKS.items() if name not in skipped]
 
 
-def _proper(kind: str, subject: Subject) -> str:
-    """Check that the first plans have no defect of a kind."""
-    if kind in subject.first.defects:
-        raise Unfit(subject.first.defects[kind])
-    steps = " or ".join(str(h) for h in sorted({len(c) for c in subject.planned().controls}))
-    speeds = ", ".join(f"{s.own.max_speed:g}" for s in subject.team)
-    return {
-        "plans": f"one (H, 2) for each UAV, H = {steps}",
-        "finite": "all numbers are",
-        "speed": f"top speeds of {speeds} m/s are kept",
-    }[kind]
+def _plans(subject: Subject) -> str:
+    first = subject.first
+    if "plans" in first.defects:
+        raise Unfit(first.defects["plans"])
+    steps = " or ".join(str(h) for h in sorted({len(c) for c in first.controls}))
+    return f"one (H, 2) for each UAV, H = {steps}"
+
+
+def _finite(subject: Subject) -> str:
+    defects = subject.planned().defects
+    if "finite" in defects:
+        raise Unfit(defects["finite"])
+    return "all numbers are"
+
+
+def _speed(subject: Subject) -> str:
+    defects = subject.planned().defects
+    if "speed" in defects:
+        raise Unfit(defects["speed"])
+    return "top speeds of " + ", ".join(f"{s.own.max_speed:g}" for s in subject.team) + " m/s are kept"
 
 
 def _inputs(subject: Subject) -> str:
@@ -255,9 +264,9 @@ def _time(subject: Subject) -> str:
 
 
 CHECKS: dict[str, Callable[[Subject], str]] = {
-    "plans": partial(_proper, "plans"),
-    "finite": partial(_proper, "finite"),
-    "speed limit": partial(_proper, "speed"),
+    "plans": _plans,
+    "finite": _finite,
+    "speed limit": _speed,
     "inputs untouched": _inputs,
     "same seed, same plan": _repeatable,
     "other process": _other_process,

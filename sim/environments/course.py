@@ -123,7 +123,7 @@ class Course:
         given = self.reward(situation, self.rollout.people)
         try:
             reward = float(given)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             reward = math.nan
         if not math.isfinite(reward):
             raise InputError(f"reward: the function returned {given!r}; expected a finite number")

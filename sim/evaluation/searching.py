@@ -3,31 +3,38 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from sim.evaluation.score import Score
+from sim.mission.snapshot import Bools
 from sim.recording.recording import Recording
 from tracking.numerics.arrays import Array
-from tracking.numerics.distances import length
 
 
 def times_to_find(recording: Recording, scores: Sequence[Score]) -> Array:
     """Time [s] from the first scan at which each person is there and under no canopy until a UAV holds them.
 
-    0 for those found before. Of those never found it is the time until they leave or the mission ends, so that the
-    mean is one over what the mission could show. People always under canopies are left out.
+    It is 0 for people found before. Times of people never found are cut off where they leave or the mission ends, so
+    the mean is too small where many are missed. People always under canopies are left out.
     """
-    times, people, trees = recording.times, recording.people, recording.trees
-    there = ~np.isnan(people[..., 0])
-    covered = np.zeros_like(there)
-    for x, y, radius in trees[:, :3].tolist():
-        covered |= length(people - np.array([x, y])) <= radius
+    times, there = recording.times, ~np.isnan(recording.people[..., 0])
     held = np.zeros_like(there)
     for uav, score in enumerate(scores):
         held[recording.working[:, uav]] |= score.held
-    found = []
-    for person in np.flatnonzero((there & ~covered).any(axis=0)).tolist():
-        seen = int(np.argmax(there[:, person] & ~covered[:, person]))
-        ends = np.flatnonzero(held[:, person])
-        end = ends[0] if len(ends) else np.flatnonzero(there[:, person])[-1]
-        found.append(max(times[end] - times[seen], 0.0))
+    open_to_view, found = _in_the_open(recording.people, recording.trees), []
+    for person in np.flatnonzero(open_to_view.any(axis=0)).tolist():
+        appears = int(np.argmax(open_to_view[:, person]))
+        scans = np.flatnonzero(held[:, person])
+        end = scans[0] if len(scans) else np.flatnonzero(there[:, person])[-1]
+        found.append(max(times[end] - times[appears], 0.0))
     return np.array(found)
+
+
+def _in_the_open(people: Array, trees: Array) -> Bools:
+    """Flags (K, M) of people (K, M, 2) m, NaN where absent, under no canopy; trees (T, 6) as recorded."""
+    free = ~np.isnan(people[..., 0])
+    rows = np.flatnonzero(free)
+    if len(rows) and len(trees):
+        for covered in cKDTree(people[free]).query_ball_point(trees[:, :2], trees[:, 2]):
+            free.flat[rows[covered]] = False
+    return free

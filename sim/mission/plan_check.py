@@ -96,7 +96,7 @@ def _proposed(plans: Iterable[object], uavs: int) -> list[object]:
     """Plans that a planner returned; `Unusable` if they are not as many as UAVs."""
     found = list(islice(plans, uavs + 1))
     if found and not uavs:
-        raise Unusable("none are due now, between decisions, where team is empty")
+        raise Unusable("none are due between decisions")
     if len(found) != uavs:
         raise Unusable(f"{len(found) if len(found) < uavs else f'more than {uavs}'} plans for {uavs} UAVs")
     return found

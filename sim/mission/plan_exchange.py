@@ -139,7 +139,8 @@ class PlanExchange:
         sent = np.zeros(len(self._fleet), dtype=np.int64)
         if self._exchange.centre:
             first, *others = plans
-            sent[first] = self._exchange.rounds * sum(plans[i].size for i in others)
+            for i in others:
+                sent[first] += self._exchange.rounds * plans[i].size
             return sent
         for i, plan in plans.items():
             if self._up[:, i].any():

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +29,8 @@ def save(recording: Recording, path: str | os.PathLike[str]) -> None:
 
     They are not compressed: versions of the compression library differ in what they write.
     """
-    written = content(recording)
     with whole(Path(path)) as part:
-        part.write_bytes(written)
+        _write(recording, part)
 
 
 def digest(recording: Recording) -> str:
@@ -42,6 +41,11 @@ def digest(recording: Recording) -> str:
 def content(recording: Recording) -> bytes:
     """The bytes that `save` writes."""
     file = io.BytesIO()
+    _write(recording, file)
+    return file.getvalue()
+
+
+def _write(recording: Recording, file: Path | BinaryIO) -> None:
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
         for name, (_, dtype, _) in FIELDS.items():
             value = getattr(recording, name)
@@ -52,7 +56,6 @@ def content(recording: Recording) -> bytes:
             info = zipfile.ZipInfo(f"{name}.npy", date_time=_EPOCH)
             info.create_system = 3
             archive.writestr(info, member.getvalue())
-    return file.getvalue()
 
 
 def load(path: str | os.PathLike[str]) -> Recording:

@@ -39,6 +39,7 @@ WRONG = {
     "sma-nbo(beta=-1)": ["beta must be a finite number from 0 to 1e+06, is -1"],
     "sma-nbo(beta=1e999)": ["beta must be a finite number from 0 to 1e+06, is inf"],
     "sma-nbo(search=-1)": ["search must be a finite number from 0 to 1e+06, is -1"],
+    "sma-nbo(separation=-1)": ["separation must be a finite number from 0 to 10000, is -1"],
     "sma-nbo(separation=yes)": ["option separation of 'sma-nbo' must be a number, is 'yes'"],
     "sma-nbo(coordination=sequentail)": ["coordination 'sequentail' is unknown", "did you mean sequential?"],
     "sma-nbo(optimizer=cem)": ["'cem' is unknown; allowed are 'cross-entropy', 'particle-swarm', 'grid'"],

@@ -1,9 +1,9 @@
 """Trackers from outside: what they give is checked before the fleet uses it."""
 
 from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager
 from copy import deepcopy
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ class CheckedTracker:
 
     def __init__(self, name: str, made: Any, uav: int, max_speed: float) -> None:  # noqa: ANN401 - not ours
         self.uav, self.max_speed = uav, max_speed
-        self._made, self._errors = made, partial(TRACKERS.errors, name)
+        self._name, self._made = name, made
         self._read: tuple[Track, ...] | None = None
         _ = self.tracks
 
@@ -59,6 +59,9 @@ class CheckedTracker:
         with self._errors("accept a message"):
             self._made.accept(deepcopy(message))
         _ = self.tracks
+
+    def _errors(self, what: str) -> AbstractContextManager[None]:
+        return TRACKERS.errors(self._name, what)
 
 
 def checked_tracks(given: Iterable[Any]) -> tuple[Track, ...]:

@@ -2,6 +2,7 @@
 
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -51,13 +52,8 @@ class Observer(ExitStack):
         self.recording, self.scenario = recording, scenario
         self.again = self.enter_context(Rerenderer(recording))
         self._bare: Rerenderer | None = None
-        self._associations: dict[tuple[int, int], Association | None] = {}
-
-    def association(self, k: int, uav: int) -> Association | None:
-        """The association of one UAV at scan k, which is worked out once."""
-        if (k, uav) not in self._associations:
-            self._associations[k, uav] = Association.of(self.recording, self.scenario, k, uav)
-        return self._associations[k, uav]
+        # Of a scan k and a UAV; stories ask for some of the last again.
+        self.association = lru_cache(1024)(partial(Association.of, recording, scenario))
 
     def observe(self, k: int, uav: int, person: int) -> PersonObservation:
         """The observation of one person by one UAV at scan k."""

@@ -10,6 +10,7 @@ from helpers.nominal import nominal, plain_cost, plain_mwtp, squares, team_cost
 from planning.composition import Composition
 from planning.objective.mwtp import weighted_trace_penalty
 from planning.objective.nbo import Measure, costs, objective
+from planning.prediction.predicted_belief import predicted_belief
 from planning.prediction.propagation import MonteCarlo, Nominal
 
 # End of the horizon in the paper's MWTP figure, in its drawing units, y upwards.
@@ -129,13 +130,13 @@ def test_the_weighted_objective_equals_a_plain_transcription(random_team, beta):
 
 
 def test_each_sample_of_a_target_counts_alike(random_team):
-    situation = doubted(random_team(1, trees=0)[0], [0.2, 1.0, 0.5, 0.7])
+    situation = doubted(random_team(1)[0], [0.2, 1.0, 0.5, 0.7])
     controls = np.random.default_rng(0).uniform(-3, 3, (3, 5, 2))
     optimizer = Kept(controls[None])
     pieces = Composition(propagation=MonteCarlo(3), optimizer=optimizer)
     pieces.decide(situation, controls, [0, 1, 2], np.random.default_rng(0))
     drawn = MonteCarlo(3).predict(situation, 5, np.random.default_rng(0))
-    alone = drawn._replace(covariances=drawn.covariances[:4], weights=np.array([0.2, 1.0, 0.5, 0.7]))
     samples = [np.ascontiguousarray(drawn.points[:, 4 * s : 4 * s + 4]) for s in range(3)]
-    each = [team_cost(alone._replace(points=points), controls, 0.5) for points in samples]
+    alone = [predicted_belief(situation, points, drawn.covariances[:4]) for points in samples]  # with its own trees
+    each = [team_cost(one._replace(weights=np.array([0.2, 1.0, 0.5, 0.7])), controls, 0.5) for one in alone]
     assert optimizer.values[0] == pytest.approx(np.mean(each), rel=1e-12)

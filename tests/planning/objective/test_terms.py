@@ -134,7 +134,7 @@ def test_nothing_is_inferred_from_a_camera_that_takes_no_frame_when_uavs_plan():
 
 
 def test_with_all_targets_known_none_is_undetected():
-    assert not unseen_people(planner="sma-nbo-mwtp").any()
+    assert not unseen_people(planner="sma-nbo-mwtp", duration=3).any()
 
 
 def test_with_search_fewer_people_are_left_where_no_camera_looked():

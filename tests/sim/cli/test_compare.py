@@ -71,6 +71,7 @@ def test_a_scenario_name_or_file_is_compared_by_flags(compare, tmp_path):
     (path,) = (tmp_path / "runs" / "compare" / "recordings").iterdir()
     recording = load(path)
     assert (recording.planner, recording.seed, len(recording.times)) == ("hover", 4, 6)
+    assert sql(tmp_path / "runs" / "compare", "SELECT key FROM trials") == [(path.stem,)]
 
 
 def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare, tmp_path):

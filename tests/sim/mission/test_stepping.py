@@ -94,7 +94,7 @@ def test_plans_that_cannot_be_used_are_refused_and_the_step_can_be_taken_again(m
             mission.step(plans)
         assert str(refused.value) == message
         assert mission.step(np.zeros((3, 2))).time == 0.0
-        with pytest.raises(InputError, match="plans: none are due now, between decisions"):
+        with pytest.raises(InputError, match="plans: none are due between decisions"):
             mission.step(np.zeros((3, 2)))  # between decisions none are due
         assert mission.step().time == 0.2
 
