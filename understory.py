@@ -277,7 +277,9 @@ def parallel_env(
     except ModuleNotFoundError as error:
         if error.name not in ("gymnasium", "pettingzoo"):
             raise
-        raise InputError(f"{error.name} is not installed; environments need pip install 'understory[rl]'") from error
+        raise InputError(
+            f"{error.name} is not installed; environments need: pip install gymnasium pettingzoo"
+        ) from error
     return TeamParallelEnv(scenario, settings=settings, reward=reward, observe=observe, render_mode=render_mode)
 
 

@@ -16,7 +16,7 @@ from planning.conformance.situations import (
     with_other_knowledge,
 )
 from planning.contract import exchange_of, is_stateful, reset
-from planning.loading import load_planner
+from planning.loading import PlannerError, load_planner
 from planning.planner import Planner, Situation
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
 
@@ -90,9 +90,12 @@ def check(planner: str | Maker, *, other_process: bool = True) -> list[Finding]:
     """Findings of all checks of a planner; it conforms if none has `passed` False.
 
     planner: text as `planning.loading.load_planner` takes it, or a class or function that makes one.
-    `other_process`: plan in another process too, which takes seconds. PlannerError if the text names no planner.
+    `other_process`: plan in another process too, which takes seconds. PlannerError if the text names no planner, or
+    where a planner is given, of which only one can be had.
     A defect in the ordinary situation is not reported again in each special one.
     """
+    if not isinstance(planner, str) and not callable(planner):
+        raise PlannerError(f"planner: {planner!r} is an object; expected text, or a class or function that makes one")
     subject = Subject(partial(load_planner, planner) if isinstance(planner, str) else planner, planner)
     skipped = () if other_process else ("other process",)
     return [finding(name, partial(ask, subject)) for name, ask in CHECKS.items() if name not in skipped]

@@ -177,7 +177,7 @@ def _rerun(recording: Recording, scenario: Scenario, target: str, summary: Path)
     except ImportError as error:
         if (error.name or "").split(".")[0] != "rerun":
             raise
-        raise InputError("--rerun: needs rerun-sdk: pip install 'understory[rerun]'") from error
+        raise InputError("--rerun: needs rerun-sdk: pip install 'rerun-sdk>=0.39,<0.42'") from error
     took = planning_times(summary)
     with counted_progress(len(recording.times), "scans") as progress:
         if target == "spawn":

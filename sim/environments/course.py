@@ -40,6 +40,8 @@ class Course:
         self.scenario = chosen(scenario, settings)
         if len(decision_times(self.scenario)) < 2:
             raise InputError(f"duration: {self.scenario.duration:g} s is too short; an episode needs two decisions")
+        if observe is not None and not isinstance(observe, Mapping):
+            raise InputError(f"observe: {observe!r} is not allowed; expected a dict with keys of {', '.join(_OBSERVE)}")
         given = {**_OBSERVE, **(observe or {})}
         for name, value in given.items():
             check_known("observe", name, _OBSERVE)

@@ -263,9 +263,6 @@ class Mission:
             if given is not None:
                 made, faults = usable_plans(given, team)
             elif self.planner is not None:
-                if self._reset:
-                    reset(self.planner, int(stream(self.seed, "memory", repeat=self.repeat).integers(2**63)))
-                    self._reset = False
                 made, faults = checked_plans(self.planner, team, self._knowledge.plans.own, self.rng)
             else:
                 raise InputError(f"plans: none are given, and the mission has no planner; expected {len(team)}")
@@ -284,6 +281,9 @@ class Mission:
             sensed = self._sense()
             about = self._k, sensed.snapshot.poses, sensed.links, self._working
             self._team = self._knowledge.situations(*about) if self._decides() else []
+            if self._reset and self._team:  # here, as the planner may be asked from outside, too
+                reset(self.planner, int(stream(self.seed, "memory", repeat=self.repeat).integers(2**63)))
+                self._reset = False
         return self._team
 
 

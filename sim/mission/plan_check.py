@@ -55,7 +55,8 @@ def usable_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tu
         with contained():
             proposed = _proposed(given, len(team))
     except ForeignError as error:
-        raise InputError(f"plans: {error}") from error
+        expected = f"; expected a plan or a velocity (2,) for each of {len(team)} UAVs" if team else ""
+        raise InputError(f"plans: {error}{expected}") from error
     for situation, each in zip(team, proposed, strict=True):
         try:
             with contained():

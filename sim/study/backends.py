@@ -107,7 +107,7 @@ def connected(address: str) -> Iterator[Cluster]:
         from distributed.comm.addressing import parse_address, parse_host_port
         from distributed.comm.registry import get_backend
     except ImportError as error:
-        raise InputError("--dask: needs dask.distributed: pip install 'understory[dask]'") from error
+        raise InputError("--dask: needs dask.distributed: pip install distributed") from error
     try:
         scheme, place = parse_address(address)  # else a client half made complains 20 s later, with a traceback
         get_backend(scheme)

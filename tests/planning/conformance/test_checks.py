@@ -312,6 +312,8 @@ def test_without_plans_nothing_is_tried_and_broken_kinds_cover_every_check():
     assert {name for _, name, _ in BROKEN} == set(CHECKS) - {"time"}
     with pytest.raises(PlannerError, match="did you mean hover"):
         check("hoover")
+    with pytest.raises(PlannerError, match="is an object; expected text, or a class or function that makes one"):
+        check(Good())
 
 
 @pytest.mark.parametrize(

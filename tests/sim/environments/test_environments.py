@@ -167,6 +167,7 @@ REFUSED = [
     (f"reward: 'gopsa' is unknown; allowed are {KNOWN}; did you mean gospa?", TEAM, {"reward": "gopsa"}),
     (f"reward: '3' is unknown; allowed are {KNOWN}", understory.parallel_env, {"reward": 3}),
     ("observe: 'track' is unknown; allowed are tracks, trees, image; did you mean", TEAM, {"observe": {"track": 3}}),
+    ("observe: 'image' is not allowed; expected a dict with keys of tracks, trees", TEAM, {"observe": "image"}),
     ("observe: trees 0 is not allowed; expected an integer, 1 to 10000", TEAM, {"observe": {"trees": 0}}),
     ("observe: image is not there with sensing.mode 'ideal'", TEAM, {"settings": IDEAL, "observe": {"image": True}}),
     ("observe: images of several sizes are not one array", TEAM, SIZES),
@@ -253,6 +254,8 @@ def test_actions_that_cannot_be_used_are_refused_and_change_nothing():
         assert str(refused.value).startswith(message)
     with pytest.raises(InvalidAction, match="actions: ndarray is not allowed; expected a dict by agent"):
         env.step(np.zeros((3, 2)))
+    with pytest.raises(InvalidAction, match="actions: 0 is no agent now; allowed are uav_0, uav_1, uav_2"):
+        env.step({0: FINE})
     while env.agents:
         given = dict.fromkeys(env.agents, FINE)
         assert equal(env.step(given), other.step(given))

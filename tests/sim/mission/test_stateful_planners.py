@@ -45,6 +45,15 @@ def test_it_is_reset_once_and_before_the_first_decision_only():
     assert len(planner.seeds) == 1 and 0 <= planner.seeds[0] < 2**63
 
 
+def test_asked_from_outside_it_flies_as_when_the_mission_asks():
+    by_itself, mission, found = commands(Mission(SETTING, Wanderer(), seed=3)), Mission(SETTING, Wanderer(), seed=3), []
+    while not mission.over:
+        team = mission.team
+        found.append(mission.step(mission.planner.plan(team, mission.rng) if team else None).commands)
+    np.testing.assert_array_equal(found, by_itself)
+    assert len(mission.planner.seeds) == 1
+
+
 def test_seed_and_repeat_give_the_memory_and_one_planner_flies_again():
     planner, flown = Wanderer(), {}
     for key in ((3, 0), (4, 0), (3, 1), (3, 0)):

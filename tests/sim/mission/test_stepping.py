@@ -75,15 +75,17 @@ def test_what_uavs_know_is_theirs_to_change():
         np.testing.assert_array_equal(one.step().ospa, other.step().ospa)
 
 
+EACH = "expected a plan or a velocity (2,) for each of 3 UAVs"
 REFUSED = {
     "plans: none are given, and the mission has no planner; expected 3": None,
-    "plans: 2 plans for 3 UAVs": np.zeros((2, 2)),
-    "plans: more than 3 plans for 3 UAVs": np.zeros((4, 2)),
+    f"plans: 2 plans for 3 UAVs; {EACH}": np.zeros((2, 2)),
+    f"plans: more than 3 plans for 3 UAVs; {EACH}": np.zeros((4, 2)),
     "plans: of UAV 0: velocity of shape (3,), not (2,)": np.zeros((3, 3)),
     "plans: of UAV 1: controls are not finite": [[0.0, 0.0], [0.0, np.nan], [0.0, 0.0]],
     "plans: of UAV 0: controls of shape (2,), not (H, 2)": [Plan(np.zeros(2))] * 3,
     "plans: of UAV 2: velocities are not numbers": [[0.0, 0.0], [0.0, 0.0], "north"],
-    "plans: TypeError: 'int' object is not iterable": 7,
+    f"plans: TypeError: 'int' object is not iterable; {EACH}": 7,
+    f"plans: TypeError: 'Plan' object is not iterable; {EACH}": Plan(np.zeros((1, 2))),
 }
 
 

@@ -144,7 +144,7 @@ def test_views_that_cannot_be_shown_are_refused_in_one_line(replay, monkeypatch,
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "rerun", None)
     code, _, err = replay("run", "--rerun", "a.rrd")
-    assert (code, err) == (2, "understory: --rerun: needs rerun-sdk: pip install 'understory[rerun]'\n")
+    assert (code, err) == (2, "understory: --rerun: needs rerun-sdk: pip install 'rerun-sdk>=0.39,<0.42'\n")
     assert not (tmp_path / "a.rrd").exists()
     setting = synthetic.scenario(mode="ideal")
     with pytest.raises(InputError, match="'uav1' is not allowed, ideal sensing takes no images; expected map"):
