@@ -42,6 +42,12 @@ def test_importing_it_without_gymnasium_imports_none_of_the_packages():
     assert done.stdout == "set()\n"
 
 
+def test_a_gymnasium_that_cannot_be_imported_is_no_obstacle(tmp_path):
+    (tmp_path / "gymnasium.py").write_text("raise ImportError('built for another NumPy')\n")
+    done = python("-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import understory; print(understory.Plan)")
+    assert "planning.planner.Plan" in done.stdout
+
+
 def test_a_run_is_the_mission_that_the_command_flies(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     flight = understory.run(planner="greedy", seed=2, settings={**SHORT, "trees": {"density": 5.0}})

@@ -221,7 +221,7 @@ def test_a_reward_that_sees_the_truth_is_marked_and_given_true_positions():
     np.testing.assert_array_equal(asked[0], env.flight().recording.people[5])
 
 
-@pytest.mark.parametrize("given", [np.nan, -np.inf, None, "high"])
+@pytest.mark.parametrize("given", [np.nan, -np.inf, None, "high", 10**400], ids=range(5))
 def test_a_reward_that_is_no_finite_number_is_refused(given):
     env = understory.parallel_env("forest", settings=IDEAL, reward=lambda situation, people: given)
     env.reset(seed=0)
