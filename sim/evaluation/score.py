@@ -11,6 +11,7 @@ from tracking.metrics.gospa import gospa
 from tracking.metrics.nees import nees
 from tracking.metrics.ospa import ospa2
 from tracking.numerics.arrays import Array
+from tracking.numerics.assignment import pairs_within
 
 HELD = 1.0  # m, from a person to the nearest track that holds them
 FAR = 10.0  # m, beyond which a track is of no person: cut-off of GOSPA, and of the errors that NEES counts
@@ -36,7 +37,7 @@ class Score:
     present: Bools  # (K, M)
     switches: int
     fragmentations: int
-    position_nees: Array  # (E,), a number for each scan and person with a track within `FAR` m
+    position_nees: Array  # (E,), a number for each scan and person with a track within `FAR` m, the nearest
     state_nees: Array  # (E',), fewer by those without a known velocity
 
 
@@ -62,6 +63,17 @@ def velocities(recording: Recording) -> Array:
     return np.where(both[0], after, np.where(both[1], before, (before + after) / 2))
 
 
+def _nearest(tracks: Array, people: Array) -> tuple[Ints, Ints, Ints]:
+    """Scans, tracks and people of the pairs that GOSPA makes, scan by scan; tracks (K, A, 2) m, people (K, M, 2) m.
+
+    Whether a belief is consistent does not depend on its label: people who exchange their tracks are no outliers.
+    """
+    squares = np.square(tracks[:, :, None] - people[:, None]).sum(axis=3)
+    pairs = [(k, a, m) for k, cost in enumerate(squares) for a, m in pairs_within(cost, FAR * FAR)]
+    k, a, m = np.array(pairs, dtype=np.int64).reshape(-1, 3).T
+    return k, a, m
+
+
 def score(recording: Recording, uav: int) -> Score:
     """One UAV's tracks against the people."""
     on = recording.working[:, uav]
@@ -71,10 +83,9 @@ def score(recording: Recording, uav: int) -> Score:
     present = ~np.isnan(people[..., 0])
     parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
     truth = np.concatenate([people, velocities(recording)[on]], axis=2)
-    far = correspondence(tracks, people, FAR)
-    k, m = np.nonzero(far >= 0)
-    errors = believed.means[on][k, far[k, m]] - truth[k, m]
-    P = believed.covariances[on][k, far[k, m]]
+    k, column, m = _nearest(tracks, people)
+    errors = believed.means[on][k, column] - truth[k, m]
+    P = believed.covariances[on][k, column]
     moving = ~np.isnan(errors[:, 2])  # a person present for a single scan has no velocity
     return Score(
         ospa=recording.ospa[on, uav, 0],

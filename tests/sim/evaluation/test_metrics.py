@@ -99,6 +99,17 @@ def test_the_figures_match_the_hand_count():
     assert result["ospa2_m"] == pytest.approx((first["ospa2_m"] + second["ospa2_m"]) / 2)
 
 
+def test_exchanged_tracks_of_two_people_are_switches_and_no_outliers_of_nees():
+    people = np.zeros((4, 2, 2))
+    people[:, 1, 0] = 4.0
+    here, there = (0.0, 0.5, 0.0, 0.0), (4.0, 0.5, 0.0, 0.0)
+    before, after = {1: here, 2: there}, {1: there, 2: here}
+    found = score(recorded(people, [[before], [before], [after], [after]]), 0)
+    assert found.switches == 2
+    np.testing.assert_allclose(found.position_nees, np.ones(8))  # 0.5 m is the deviation
+    assert len(score(recorded(people, [[{1: (-9.9, 0.0, 0.0, 0.0), 2: (14.1, 0.0, 0.0, 0.0)}]] * 4), 0).state_nees) == 4
+
+
 def test_a_uav_that_breaks_down_counts_until_then():
     people, held = walk(), [[dict(a), dict(a)] for a, _ in HELD]
     whole = summary(recorded(people, held))
