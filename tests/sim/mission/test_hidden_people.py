@@ -1,0 +1,66 @@
+"""Errors in people out of sight, beside those of a particle filter that has all frames of all UAVs.
+
+`pytest -m slow -s -n 0 tests/sim/mission/test_hidden_people.py` flies 40 missions, and prints what
+docs/explanation/fusion.md says of them.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from helpers.flights import fly
+
+from planning.registry import DEFAULT_PLANNER
+from sim.mission.tracker_setup import tracker_parameters
+from sim.sensing.cameras import view_of
+from tracking.geometry.visibility import TARGET_HEIGHT
+
+COUNT = 3000
+HELD, LOST = 1.0, 10.0  # m, where a particle filter may start, and beyond which an error is of no belief
+
+
+def moved(states: np.ndarray, model, rng: np.random.Generator, limit: float) -> np.ndarray:
+    """States (COUNT, 4) a scan later, by the tracker's model of motion with no speed above the limit [m/s]."""
+    states = states @ model.F.T + rng.multivariate_normal(np.zeros(4), model.Q, COUNT)
+    states[:, 2:] *= np.minimum(1.0, limit / np.linalg.norm(states[:, 2:], axis=1))[:, None]
+    return states
+
+
+def unseen(states: np.ndarray, cameras, poses, forest, rng: np.random.Generator) -> np.ndarray:
+    """States (COUNT, 4) given that none of the cameras detects the person, drawn anew."""
+    points = np.column_stack([states[:, :2], np.full(COUNT, TARGET_HEIGHT)])
+    seen = [c.sees(p, points) & forest.visible(p.position, points)[0] for c, p in zip(cameras, poses, strict=True)]
+    weights = np.cumsum(np.where(np.any(seen, axis=0), 0.01, 1.0))
+    places = (np.arange(COUNT) + rng.random()) / COUNT * weights[-1]
+    return states[np.searchsorted(weights, places).clip(max=COUNT - 1)]
+
+
+def errors(seed: int) -> Iterator[tuple[float, float]]:
+    """Errors [m] of the particle filter's mean and of the track, of each person at each scan out of sight."""
+    flown, snapshots = fly("trees.density=75", planner=DEFAULT_PLANNER, seed=seed, duration=40)
+    scenario, rng, states = flown.scenario, np.random.default_rng(seed), {}
+    cameras, p = [view_of(uav, scenario) for uav in scenario.uavs], tracker_parameters(scenario)
+    for snapshot in snapshots:
+        tracks = {track.id: track for track in snapshot.tracks[0]}
+        for person, place in enumerate(snapshot.people):
+            track = tracks.get(person)
+            off = np.inf if track is None else np.linalg.norm(track.belief.mean[:2] - place)
+            if snapshot.matched[:, person].any():
+                states.pop(person, None)
+                if off < HELD:
+                    states[person] = rng.multivariate_normal(track.belief.mean, track.belief.covariance, COUNT)
+            elif person in states:
+                predicted = moved(states[person], p.motion, rng, p.max_speed)
+                states[person] = unseen(predicted, cameras, snapshot.cameras, flown.forest, rng)
+                error = np.linalg.norm(states[person][:, :2].mean(axis=0) - place)
+                if error < LOST and off < LOST:
+                    yield error, off
+
+
+@pytest.mark.slow
+def test_tracks_of_hidden_people_are_nearly_as_near_as_a_particle_filters_means():
+    particles, tracks = np.array([pair for seed in range(400, 440) for pair in errors(seed)]).T
+    print(f"\n{len(tracks)} errors [m]: particle filter {particles.mean():.3f}, tracks {tracks.mean():.3f}")
+    print(f"above 2 m: {np.mean(particles > 2.0):.1%} and {np.mean(tracks > 2.0):.1%}")
+    assert tracks.mean() < 1.05 * particles.mean()
+    assert np.mean(tracks > 2.0) < np.mean(particles > 2.0) + 0.015
