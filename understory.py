@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from sim.replay.flight import Flight, load
     from sim.running.run import record
     from sim.scenario.scenario import Scenario
+    from sim.study.study import Study
     from tracking.detection.detector import Detections, Detector, Frame
     from tracking.filter.kalman import Gaussian
     from tracking.fusion.exchange import TrackExchange
@@ -218,25 +219,25 @@ def compare(
     Raises:
         InputError: Where something cannot be used, or neither pandas nor polars is installed.
     """
-    from sim.recording.dataframes import dataframe
     from sim.study.backends import Pool
     from sim.study.engine import rows_of
-    from sim.study.settings_text import overrides
     from sim.study.store import frame_of
-    from sim.study.study import Study
+    from sim.study.study import adapted
     from sim.study.tasks import tasks
 
-    dataframe({})  # complains now rather than after the flights
-    study = Study(
-        name="compare",
-        planners=tuple(dict.fromkeys(planners)),
-        scenarios=(scenarios,) if isinstance(scenarios, str) else tuple(scenarios),
-        seeds=",".join(map(str, seeds)),
-        repeats=repeats,
-        settings=dict(item.split("=", 1) for item in overrides(settings)),
-    )
+    frame_of([])  # complains of a missing library now rather than after the flights
+    begun = _study(planners, scenarios, settings=settings)
+    study = adapted(begun, seeds=",".join(map(str, seeds)), repeats=repeats)
     with Pool(workers or os.cpu_count() or 1) as pool:
         return frame_of(rows_of(tasks(study), pool))
+
+
+def _study(planners: Sequence[str], scenarios: str | Sequence[str], *, settings: Mapping[str, Any] | None) -> Study:
+    from sim.study.settings_text import overrides
+    from sim.study.study import Study, adapted
+
+    begun = Study("compare", (), scenarios=(scenarios,) if isinstance(scenarios, str) else tuple(scenarios))
+    return adapted(begun, planners=planners, overrides=overrides(settings))
 
 
 def parallel_env(
@@ -272,14 +273,11 @@ def parallel_env(
     """
     from tracking.plugins.registry import InputError
 
-    try:
-        from sim.environments.parallel import TeamParallelEnv
-    except ModuleNotFoundError as error:
-        if error.name not in ("gymnasium", "pettingzoo"):
-            raise
-        raise InputError(
-            f"{error.name} is not installed; environments need: pip install gymnasium pettingzoo"
-        ) from error
+    for name in ("gymnasium", "pettingzoo"):
+        if find_spec(name) is None:
+            raise InputError(f"{name} is not installed; environments need: pip install gymnasium pettingzoo")
+    from sim.environments.parallel import TeamParallelEnv
+
     return TeamParallelEnv(scenario, settings=settings, reward=reward, observe=observe, render_mode=render_mode)
 
 

@@ -1,5 +1,6 @@
 """The public Python API: what it names is there, and missions and comparisons fly by it as by the command line."""
 
+import sys
 import typing
 from pathlib import Path
 
@@ -46,6 +47,13 @@ def test_a_gymnasium_that_cannot_be_imported_is_no_obstacle(tmp_path):
     (tmp_path / "gymnasium.py").write_text("raise ImportError('built for another NumPy')\n")
     done = python("-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import understory; print(understory.Plan)")
     assert "planning.planner.Plan" in done.stdout
+
+
+@pytest.mark.parametrize("library", ["gymnasium", "pettingzoo"])
+def test_an_environment_without_its_library_names_it(library, monkeypatch):
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(understory.InputError, match=f"^{library} is not installed; environments need: pip install"):
+        understory.parallel_env()
 
 
 def test_a_run_is_the_mission_that_the_command_flies(tmp_path, monkeypatch, capsys):

@@ -1,6 +1,7 @@
 """`understory compare`."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -8,72 +9,82 @@ from typing import Annotated
 import typer
 
 from planning.registry import COMPARED
-from sim.scenario.loading import SCENARIOS, remarks
+from sim.scenario.loading import SCENARIOS
 from sim.scenario.perception import SENSOR_MODES
 from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers, seconds
 from sim.scenario.text_files import toml_file
 from sim.study.cells import with_trackers
 from sim.study.study import STUDIES, Study, adapted, read
 from sim.terminal.commands import Duration, Overrides, with_duration
-from sim.terminal.console import remark
 from tracking.fusion.member import TRACKERS
 from tracking.plugins.registry import InputError, check_known
 
+_Entered = Annotated[
+    str, typer.Argument(metavar="STUDY", help="Name (see `understory studies`), study file, or scenario.")
+]
+_Planners = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME", help="A planner; repeat for each. Default: the study's, or two of the paper's."),
+]
+_Trackers = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME", help="A tracker, each with each planner; repeat for each. Default: the scenario's."),
+]
+_Seeds = Annotated[
+    str | None, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. [default: 0-9]")
+]
+_Maps = Annotated[str | None, typer.Option(metavar="N", help="Seeds 0 to N - 1; the paper has 50.")]
+_Repeats = Annotated[
+    str | None, typer.Option(metavar="K", help="Flights on each map, with other noise each. [default: 1]")
+]
+_Sensing = Annotated[str | None, typer.Option(metavar="MODE", help="camera or ideal.")]
+_Out = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Folder of results; what is there is not flown again. Default: one under runs/."),
+]
+_Baseline = Annotated[
+    str | None, typer.Option(metavar="NAME", help="The planner that others are compared with. Default: the first.")
+]
+_Labels = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=PLANNER", help="A short name for a planner in tables and figures; repeatable."),
+]
+_Metrics = Annotated[
+    list[str] | None, typer.Option(metavar="NAME", help="What to compare, see docs/how-to/studies.md; repeatable.")
+]
+_Workers = Annotated[str | None, typer.Option(metavar="N", help="Processes to fly in. Default: one a core.")]
+_Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster: tcp://host:8786.")]
+_Timeout = Annotated[
+    str | None, typer.Option(metavar="TIME", help="Wall time beyond which a trial has failed: 90, 5min.")
+]
+_Keep = Annotated[str | None, typer.Option(metavar="WHAT", help="recordings: keep each mission.npz.")]
+_Redo = Annotated[bool, typer.Option("--redo", help="Fly again what is there already.")]
+
 
 def compare(
-    study: Annotated[
-        str, typer.Argument(metavar="STUDY", help="Name (see `understory studies`), study file, or scenario.")
-    ] = "forest",
-    planner: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="A planner; repeat for each. Default: the study's, or two of the paper's."),
-    ] = None,
-    tracker: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME", help="A tracker, each with each planner; repeat for each. Default: the scenario's."
-        ),
-    ] = None,
-    seeds: Annotated[
-        str | None, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. [default: 0-9]")
-    ] = None,
-    maps: Annotated[str | None, typer.Option(metavar="N", help="Seeds 0 to N - 1; the paper has 50.")] = None,
-    repeats: Annotated[
-        str | None, typer.Option(metavar="K", help="Flights on each map, with other noise each. [default: 1]")
-    ] = None,
-    sensing: Annotated[str | None, typer.Option(metavar="MODE", help="camera or ideal.")] = None,
+    study: _Entered = "forest",
+    planner: _Planners = None,
+    tracker: _Trackers = None,
+    seeds: _Seeds = None,
+    maps: _Maps = None,
+    repeats: _Repeats = None,
+    sensing: _Sensing = None,
     duration: Duration = None,
     overrides: Overrides = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Folder of results; what is there is not flown again. Default: one under runs/."
-        ),
-    ] = None,
-    baseline: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The planner that others are compared with. Default: the first.")
-    ] = None,
-    label: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=PLANNER", help="A short name for a planner in tables and figures; repeatable."),
-    ] = None,
-    metric: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="What to compare, see docs/how-to/studies.md; repeatable.")
-    ] = None,
-    workers: Annotated[str | None, typer.Option(metavar="N", help="Processes to fly in. Default: one a core.")] = None,
-    dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster: tcp://host:8786.")] = None,
-    timeout: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Wall time beyond which a trial has failed: 90, 5min.")
-    ] = None,
-    keep: Annotated[str | None, typer.Option(metavar="WHAT", help="recordings: keep each mission.npz.")] = None,
-    redo: Annotated[bool, typer.Option("--redo", help="Fly again what is there already.")] = False,
+    out: _Out = None,
+    baseline: _Baseline = None,
+    label: _Labels = None,
+    metric: _Metrics = None,
+    workers: _Workers = None,
+    dask: _Dask = None,
+    timeout: _Timeout = None,
+    keep: _Keep = None,
+    redo: _Redo = False,
 ) -> None:
     """Fly planners or trackers on the same forests, people and seeds; compare them. Goes on where it stopped."""
     changes = [*_sensing(sensing), *with_duration(overrides, duration)]
     number = None if repeats is None else integer(repeats, "--repeats", least=1, most=REPEATS)
-    for name in tracker or ():
-        replace(TRACKERS, field="--tracker").check(name)
-    begun = with_trackers(_study(study), tracker or ())
+    begun = _study(study, tracker or ())
     chosen = adapted(begun, planners=planner or (), seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
     processes = integer(workers, "--workers", least=1, most=1024) if workers else os.cpu_count() or 1
     limit = None if timeout is None else seconds(timeout, "--timeout")
@@ -82,23 +93,24 @@ def compare(
     folder = out or Path("runs") / chosen.name
     # A complaint about the input needs none of what these import.
     from sim.analysis.metric_choice import from_outside
-    from sim.analysis.planner_labels import baseline_of, labels_of
-    from sim.cli.study_flight import fly_study, show_study
-    from sim.report.report import About
+    from sim.cli.study_flight import about, fly_study, show_study
     from sim.study.engine import Options
     from sim.study.tasks import tasks
 
     listed = tasks(chosen, from_outside(metric or ()))
-    labels = labels_of(listed, label or ())
-    baseline_of(listed, baseline, labels)
-    remark(*dict.fromkeys(line for task in listed for line in remarks(task.setting)))
+    facts = about(chosen, listed, baseline=baseline, labels=label or (), metrics=tuple(metric or ()))
     rows = fly_study(listed, folder, Options(limit, folder / "recordings" if keep else None, redo), processes, dask)
-    about = About(chosen.name, chosen.description, baseline=baseline, labels=labels, score=chosen.score)
-    show_study(rows, folder, replace(about, metrics=tuple(metric or ())))
+    show_study(rows, folder, facts)
 
 
-def _study(name: str) -> Study:
-    """A packaged study, a study file, or one made of a scenario and flags."""
+def _study(name: str, trackers: Sequence[str]) -> Study:
+    """A packaged study, a study file, or one made of a scenario and flags, with trackers in place of its own."""
+    for tracker in trackers:
+        replace(TRACKERS, field="--tracker").check(tracker)
+    return with_trackers(_named(name), trackers)
+
+
+def _named(name: str) -> Study:
     is_file = name.endswith(".toml")
     if name in STUDIES or (is_file and Path(name).is_file() and "study" in toml_file(Path(name), "study")):
         return read(name)

@@ -23,30 +23,39 @@ if TYPE_CHECKING:  # a complaint about the input needs none of what these import
 _SPEEDS = (0.05, 20.0)  # slowest and fastest
 
 
+_Video = Annotated[bool, typer.Option("--video", help="Make the film again; so it is without an option.")]
+_Gui = Annotated[bool, typer.Option("--gui", help="Show the world in PyBullet's window, from any side.")]
+_Rerun = Annotated[
+    str | None, typer.Option(metavar="FILE.rrd|spawn", help="Write a file for the Rerun viewer, or open it.")
+]
+_Page = Annotated[bool, typer.Option("--page", help="Make the page again, with the film in DIR if there is one.")]
+_Layout = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Of the film: map+cameras (as flown), map, cameras, or uav1.")
+]
+_Speed = Annotated[str | None, typer.Option(metavar="X", help="2: twice as fast; 0.25: slow motion.")]
+_Window = Annotated[str | None, typer.Option(metavar="T:T2", help="Only the scans from T to T2.")]
+_File = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="New .mp4, or .html of a page. Default: replay.mp4 or mission.html in DIR."),
+]
+_Folder = Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR.")]
+
+
 def replay(
     recorded: Recorded,
-    video: Annotated[bool, typer.Option("--video", help="Make the film again; so it is without an option.")] = False,
-    gui: Annotated[bool, typer.Option("--gui", help="Show the world in PyBullet's window, from any side.")] = False,
-    rerun: Annotated[
-        str | None, typer.Option(metavar="FILE.rrd|spawn", help="Write a file for the Rerun viewer, or open it.")
-    ] = None,
-    page: Annotated[
-        bool, typer.Option("--page", help="Make the page again, with the film in DIR if there is one.")
-    ] = False,
-    layout: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Of the film: map+cameras (as flown), map, cameras, or uav1.")
-    ] = None,
-    speed: Annotated[str | None, typer.Option(metavar="X", help="2: twice as fast; 0.25: slow motion.")] = None,
-    time: Annotated[str | None, typer.Option(metavar="T:T2", help="Only the scans from T to T2.")] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="New .mp4, or .html of a page. Default: replay.mp4 or mission.html in DIR."),
-    ] = None,
+    video: _Video = False,
+    gui: _Gui = False,
+    rerun: _Rerun = None,
+    page: _Page = False,
+    layout: _Layout = None,
+    speed: _Speed = None,
+    time: _Window = None,
+    out: _File = None,
 ) -> None:
     """Show a recorded mission again: as film or page, in PyBullet's window or the Rerun viewer. Nothing is planned."""
     fitting = {"--layout": layout, "--speed": speed, "--time": time, "--out": out}
     asked = {"--video": video, "--gui": gui, "--rerun": rerun is not None, "--page": page}
-    way = _way(asked, [name for name, value in fitting.items() if value is not None])
+    _check_way(asked, [name for name, value in fitting.items() if value is not None])
     factor = _speed(speed or "1")
     start, end = (0.0, None) if time is None else _window(time)
     if out is not None:
@@ -57,32 +66,24 @@ def replay(
     recording = find(recorded)
     scenario = scenario_of(recording)
     folder = _folder(recorded)
+    scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
     if rerun is not None:
         _rerun(recording, scenario, rerun, folder / "summary.json")
-        return
-    if page:
+    elif page:
         _page(recording, scenario, folder, out or unused(folder / "mission", ".html"))
-        return
-    scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
-    if way == "--gui":
+    elif gui:
         from sim.replay.window import show
 
         show(recording, scans, speed=factor, say=say)
-        return
-    from sim.replay.redrawn_film import AS_FLOWN, check_layout, write_film
-
-    check_layout(layout or AS_FLOWN, scenario)
-    path = out or unused(folder / "replay", ".mp4")
-    with counted_progress(len(scans), "scans") as progress:
-        write_film(recording, scans, path, layout=layout or AS_FLOWN, speed=factor, progress=progress)
-    console.print(f"Film: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
+    else:
+        _film(recording, scans, out or unused(folder / "replay", ".mp4"), layout=layout, speed=factor)
 
 
 def frames(
     recorded: Recorded,
     uav: Annotated[str, typer.Option(metavar="I", help="The UAV of the camera, from 0.")],
     time: Annotated[str, typer.Option(metavar="T[:T2]", help="The scan nearest to T, or all from T to T2.")],
-    out: Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR.")] = None,
+    out: _Folder = None,
     size: Annotated[str, typer.Option(metavar="PX", help="Edge of the camera's image, at most.")] = "896",
 ) -> None:
     """Render frames of a recorded mission again; mark detections, tracks, truth, and the trees that hide people."""
@@ -104,7 +105,7 @@ def frames(
 def export(
     recorded: Recorded,
     to: Annotated[str, typer.Option(metavar="FORMAT", help="csv, stonesoup or mot: see docs/how-to/tracking.md.")],
-    out: Annotated[Path | None, typer.Option(metavar="FOLDER", help="New folder. Default: one in DIR.")] = None,
+    out: _Folder = None,
 ) -> None:
     """Write a recorded mission's scans, tracks and truth as text for other tools."""
     from sim.replay.export import export as write
@@ -122,8 +123,8 @@ def _folder(recorded: Path) -> Path:
     return recorded if recorded.is_dir() else recorded.parent
 
 
-def _way(asked: dict[str, bool], given: list[str]) -> str:
-    """The way to show it; InputError where several ways, or options that do not belong to the one, are asked for."""
+def _check_way(asked: dict[str, bool], given: list[str]) -> None:
+    """InputError where several ways to show it, or options that do not belong to the one, are asked for."""
     ways = [name for name, wanted in asked.items() if wanted] or ["--video"]
     if len(ways) > 1:
         raise InputError(f"{ways[1]}: not allowed together with {ways[0]}; ask for one at a time")
@@ -135,7 +136,6 @@ def _way(asked: dict[str, bool], given: list[str]) -> str:
     for name in given:
         if name not in allowed.get(ways[0], []):
             raise InputError(f"{name}: not allowed together with {ways[0]}; it belongs to --video")
-    return ways[0]
 
 
 def _speed(text: str) -> float:
@@ -153,6 +153,16 @@ def _window(text: str) -> tuple[float, float]:
     if end is None:
         raise InputError(f"--time: {text!r} is not allowed; expected a first and a last time such as 12:20")
     return start, end
+
+
+def _film(recording: Recording, scans: list[int], path: Path, *, layout: str | None, speed: float) -> None:
+    from sim.replay.frames.rerender import scenario_of
+    from sim.replay.redrawn_film import AS_FLOWN, check_layout, write_film
+
+    check_layout(layout or AS_FLOWN, scenario_of(recording))
+    with counted_progress(len(scans), "scans") as progress:
+        write_film(recording, scans, path, layout=layout or AS_FLOWN, speed=speed, progress=progress)
+    console.print(f"Film: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 
 
 def _page(recording: Recording, scenario: Scenario, folder: Path, path: Path) -> None:

@@ -20,29 +20,31 @@ from sim.terminal.progress import mission_progress
 # Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
 
 
+_Scenario = Annotated[str, typer.Argument(metavar="SCENARIO", help="Name (see `understory scenarios`) or .toml file.")]
+_Planner = Annotated[str, typer.Option(metavar="NAME", help="Name (see `understory planners`) or yours, module:Class.")]
+_Seed = Annotated[str, typer.Option(metavar="N", help="Gives forest, people, noise and planner their chance.")]
+_Repeat = Annotated[
+    str, typer.Option(metavar="N", help="Another chance of noise, network and planner on the seed's map.")
+]
+_Metrics = Annotated[list[str] | None, typer.Option(metavar="NAME", help="A metric of yours, module:NAME; repeatable.")]
+_Out = Annotated[Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")]
+_Video = Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")]
+_Timeout = Annotated[
+    str | None, typer.Option(metavar="TIME", help="Wall time beyond which the run has failed: 90, 5min.")
+]
+
+
 def run(
-    scenario: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="Name (see `understory scenarios`) or .toml file.")
-    ] = "forest",
-    planner: Annotated[
-        str, typer.Option(metavar="NAME", help="Name (see `understory planners`) or yours, module:Class.")
-    ] = DEFAULT_PLANNER,
-    seed: Annotated[str, typer.Option(metavar="N", help="Gives forest, people, noise and planner their chance.")] = "0",
-    repeat: Annotated[
-        str, typer.Option(metavar="N", help="Another chance of noise, network and planner on the seed's map.")
-    ] = "0",
+    scenario: _Scenario = "forest",
+    planner: _Planner = DEFAULT_PLANNER,
+    seed: _Seed = "0",
+    repeat: _Repeat = "0",
     duration: Duration = None,
     overrides: Overrides = None,
-    metric: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="A metric of yours, module:NAME; repeatable.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")
-    ] = None,
-    video: Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")] = True,
-    timeout: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Wall time beyond which the run has failed: 90, 5min.")
-    ] = None,
+    metric: _Metrics = None,
+    out: _Out = None,
+    video: _Video = True,
+    timeout: _Timeout = None,
 ) -> None:
     """Fly one mission; leave recording, summary, video, page, OSPA curve and timeline in a new folder."""
     setting = load(scenario, with_duration(overrides, duration))

@@ -10,23 +10,35 @@ from pathlib import Path
 import msgspec
 from rich.markup import escape
 
-from sim.analysis.planner_labels import entrant
+from sim.analysis.planner_labels import baseline_of, entrant, labels_of
 from sim.evaluation.machine import versions
 from sim.mission.world_setup import forest_and_people
 from sim.report.report import About, write
 from sim.report.terminal import show
+from sim.scenario.loading import remarks
 from sim.scenario.random_streams import numbered
 from sim.study.backends import Backend, Pool, connected
 from sim.study.engine import Options, complete
 from sim.study.store import NAME, Store, StoreError
+from sim.study.study import Study
 from sim.study.tasks import Row, Task
 from sim.terminal.console import console, fail, remark
 from sim.terminal.progress import study_progress
 from tracking.plugins.registry import InputError
 
 
+def about(
+    study: Study, listed: Sequence[Task], *, baseline: str | None, labels: Sequence[str], metrics: tuple[str, ...]
+) -> About:
+    """Facts for the report of a study; InputError where its trials have no such baseline, or labels name no planner."""
+    given = labels_of(listed, labels)
+    baseline_of(listed, baseline, given)
+    return About(study.name, study.description, baseline=baseline, labels=given, metrics=metrics, score=study.score)
+
+
 def fly_study(listed: Sequence[Task], folder: Path, options: Options, workers: int, dask: str | None) -> list[Row]:
     """Rows of all trials; exits with what is kept and how to go on if they cannot all be flown."""
+    remark(*dict.fromkeys(line for task in listed for line in remarks(task.setting)))
     kept: int | None = None
     try:
         if not (folder / NAME).exists():

@@ -3,7 +3,7 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, get_type_hints
 
@@ -231,7 +231,6 @@ class Recorder:
             raise ValueError("nothing to record: the mission has no scan")
         dense: dict[str, Any] = {name: np.stack(rows) for name, rows in self._dense.items()}
         uavs, tracks = dense["poses"].shape[1], [track for held in self._tracks for track in held]
-        rows = [(t.x, t.y, t.canopy_radius, t.canopy_base, t.canopy_top, t.trunk_radius) for t in forest.trees]
         return Recording(
             version=VERSION,
             scenario=scenario,
@@ -239,7 +238,7 @@ class Recorder:
             seed=seed,
             repeat=self._repeat,
             interrupted=interrupted,
-            trees=np.array(rows, dtype=float).reshape(-1, 6),
+            trees=np.array([astuple(tree) for tree in forest.trees], dtype=float).reshape(-1, 6),
             **dense,
             measurement_offsets=_offsets(len(scan.measurements) for scan, _ in self._scans),
             measurements=_joined((scan.measurements for scan, _ in self._scans), 2),
@@ -249,8 +248,7 @@ class Recorder:
             track_ids=np.array([track.id for track in tracks], dtype=np.int64),
             track_means=_joined((track.belief.mean for track in tracks), 4),
             track_covariances=_joined((track.belief.covariance for track in tracks), 4, 4),
-            # Existence probabilities stay below one, which stands for tracks without any.
-            track_existence=np.array([t.existence if t.existence < 1.0 else math.nan for t in tracks], dtype=float),
+            track_existence=_existence(tracks),
             track_sightings=_joined((track.sighting for track in tracks), 3),
             plan_times=np.array([time for time, _ in self._plans], dtype=float),
             plans=_padded([plans for _, plans in self._plans], uavs),
@@ -266,6 +264,11 @@ def _pixel_rows(scan: Scan, pixels: Array) -> Array:
     if len(pixels) != len(scan.measurements):
         raise ValueError(f"UAV {scan.uav} has {len(scan.measurements)} measurements of {len(pixels)} detections")
     return np.array(pixels, dtype=float)
+
+
+def _existence(tracks: Sequence[Track]) -> Array:
+    """Existence probabilities, which stay below one; NaN of tracks without any, for which one stands."""
+    return np.array([track.existence if track.existence < 1.0 else math.nan for track in tracks], dtype=float)
 
 
 def _offsets(counts: Iterable[int]) -> Ints:
