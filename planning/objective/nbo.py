@@ -18,7 +18,7 @@ from planning.prediction.predicted_belief import (
 from planning.prediction.targets_in_reach import Objective
 from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, inlined
 
 _TRIANGLE = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
 
@@ -141,7 +141,7 @@ def _fly(belief: PredictedBelief, uavs: Indices, plans: Array, flight: _CameraPa
 @compiled
 def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces: Array, total: Array) -> None:
     """Set the weighted costs `traces` (T, LANES) at the end of the horizon, and their `total` (LANES,) over steps."""
-    P, information, trace = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES)
+    P, information, trace, free = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES), np.empty(LANES)
     near = possibly_visible(belief, others.uavs, flight.boxes)
     count, each = belief.points.shape[2], len(near) // len(belief.points)  # trajectories of a target, and of all
     shared = 0.0  # what all lanes have in common
@@ -155,7 +155,7 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
                 _fill(information, others.information[row])
             seen = tracked
             for j in range(len(others.uavs) if near[row] else 0):
-                seen |= add_information(belief, others.uavs[j], flight.cameras[j, row // each], row, information)
+                seen |= add_information(belief, others.uavs[j], flight.cameras[j, row // each], row, information, free)
             if not seen:
                 shared += weight * others.costs[row]
                 continue
@@ -168,7 +168,7 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
     total += shared
 
 
-@compiled
+@inlined
 def _advance(P: Array, belief: PredictedBelief, information: Array, measure: Measure, costs: Array) -> None:
     """`belief_transition` of P over a step, with `costs` (LANES,) by the measure."""
     if measure.gains:
@@ -178,13 +178,13 @@ def _advance(P: Array, belief: PredictedBelief, information: Array, measure: Mea
         cut_off(costs, measure.cutoff)
 
 
-@compiled
+@inlined
 def _add(trace: Array, weight: float, total: Array) -> None:
     for lane in range(LANES):
         total[lane] += weight * trace[lane]
 
 
-@compiled
+@inlined
 def _fill(lanes: Array, values: Array) -> None:
     """Set all lanes of (m LANES,) to the same m values."""
     for k in range(len(values)):
@@ -250,7 +250,7 @@ def _add_others(belief: PredictedBelief, controls: Array, others: _Others) -> No
     """Set the information of the UAVs that do not decide, their final positions and the targets in view there."""
     steps = belief.points.shape[0]
     flight = _CameraPaths(np.empty((1, steps, 2, LANES)), np.empty((1, steps, 4)))
-    information = np.empty(3 * LANES)
+    information, free = np.empty(3 * LANES), np.empty(LANES)
     for i in range(len(controls)):
         if np.any(others.uavs == i):
             continue
@@ -261,5 +261,5 @@ def _add_others(belief: PredictedBelief, controls: Array, others: _Others) -> No
         for row in range(len(near)):
             if near[row]:
                 _fill(information, others.information[row])
-                add_information(belief, i, flight.cameras[0, row * steps // len(near)], row, information)
+                add_information(belief, i, flight.cameras[0, row * steps // len(near)], row, information, free)
                 others.information[row] = information[::LANES]

@@ -11,7 +11,7 @@ from planning.prediction.field_of_view import view_quadrangle, viewing_range
 from tracking.geometry.line_of_sight import Vector, blocked
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.distances import length
 
 LANES = 64  # cameras or covariances that compiled code works on side by side, with the processor's vector instructions
@@ -69,10 +69,21 @@ def _near(forest: Forest, points: Array, vehicles: Sequence[Vehicle], duration: 
         share = np.clip((cylinders[:, 4] - TARGET_HEIGHT) / height, 0.0, 1.0)
         gap = length(points[:, :2] - v.position[:2]).max(initial=0.0) + v.max_speed * duration
         farthest = np.maximum(farthest, share * min(viewing_range(v), gap))
-    square = np.square(points[:, None, 0] - cylinders[:, 0]) + np.square(points[:, None, 1] - cylinders[:, 1])
-    rows, columns = np.nonzero(square <= np.square(cylinders[:, 2] + farthest))
-    offsets = np.searchsorted(rows, np.arange(len(points) + 1)).astype(np.int64)
-    return np.ascontiguousarray(cylinders[columns]), offsets
+    columns, offsets = _cylinders_within(points, cylinders, cylinders[:, 2] + farthest)
+    return cylinders[columns], offsets
+
+
+@compiled
+def _cylinders_within(points: Array, cylinders: Array, reach: Array) -> tuple[Indices, Indices]:
+    """Numbers of the cylinders (B, 5) within `reach` (B,) m of the points (N, 3) m, and where each point's begin."""
+    columns, offsets = [0], np.zeros(len(points) + 1, np.int64)  # the first entry only says of what type the list is
+    for n in range(len(points)):
+        for b in range(len(cylinders)):
+            x, y = points[n, 0] - cylinders[b, 0], points[n, 1] - cylinders[b, 1]
+            if x * x + y * y <= reach[b] * reach[b]:
+                columns.append(b)
+        offsets[n + 1] = len(columns) - 1
+    return np.array(columns)[1:], offsets
 
 
 @compiled
@@ -101,18 +112,21 @@ def possibly_visible(belief: PredictedBelief, uavs: Indices, boxes: Array) -> Fl
     return may
 
 
-@compiled
-def add_information(belief: PredictedBelief, uav: int, cameras: Array, row: int, information: Array) -> bool:
+@inlined
+def add_information(
+    belief: PredictedBelief, uav: int, cameras: Array, row: int, information: Array, free: Array
+) -> bool:
     """Add R⁻¹ (xx, xy, yy) to `information` (3 LANES,) of a point that a UAV sees from `cameras` (2, LANES) m.
 
-    row: counts (step, target, trajectory) triples. Returns True if any camera sees the point.
+    row: counts (step, target, trajectory) triples; free (LANES,) is overwritten. Returns True if any camera sees the
+    point.
     """
     points, quality, offsets = belief.points, belief.quality[uav], belief.offsets
     targets, count, height = points.shape[1], points.shape[2], belief.positions[uav, 2]
     c0, c1, c2, c3, c4, c5 = quality[0], quality[1], quality[2], quality[3], quality[4], quality[5]
     east, north, least = cameras[0], cameras[1], quality[6]
     p = points[row // (targets * count), row // count % targets, row % count]
-    x, y, free = p[0], p[1], np.empty(LANES)
+    x, y = p[0], p[1]
     blockers = belief.blockers[offsets[row] : offsets[row + 1]]
     if not _seen((x, y, p[2]), height, cameras, belief.views[uav], blockers, free):
         return False
@@ -130,7 +144,7 @@ def add_information(belief: PredictedBelief, uav: int, cameras: Array, row: int,
     return True
 
 
-@compiled
+@inlined
 def _seen(point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array) -> bool:
     """Set `free` (LANES,) to 1 where a camera (2, LANES) m at a height sees a point, else to 0; True if any does.
 
@@ -157,7 +171,7 @@ def _seen(point: Vector, height: float, cameras: Array, view: Array, blockers: A
     return some > 0
 
 
-@compiled
+@inlined
 def belief_transition(P: Array, step: float, noise: Array, information: Array, traces: Array) -> None:
     """Belief-state transition of P in each lane, in place: predict one step, then update with the fused information.
 

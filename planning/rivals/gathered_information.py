@@ -35,7 +35,7 @@ def information_from(belief: PredictedBelief, uav: int, cameras: Array, steps: I
     """Information (C, B, 3 LANES) of the measurements of a UAV at cameras (C, 2) m after steps (C,), ascending."""
     each = belief.points.shape[1] * belief.points.shape[2]
     table = np.zeros((len(cameras), -(-each // LANES), 3 * LANES))
-    lanes, information, first = np.empty((2, LANES)), np.empty(3 * LANES), 0
+    lanes, information, free, first = np.empty((2, LANES)), np.empty(3 * LANES), np.empty(LANES), 0
     while first < len(cameras):
         last = first
         while last < len(cameras) and last - first < LANES and steps[last] == steps[first]:
@@ -44,7 +44,7 @@ def information_from(belief: PredictedBelief, uav: int, cameras: Array, steps: I
             lanes[0, lane], lanes[1, lane] = cameras[min(first + lane, last - 1)]
         for index in range(each):
             information[:] = 0.0
-            if add_information(belief, uav, lanes, steps[first] * each + index, information):
+            if add_information(belief, uav, lanes, steps[first] * each + index, information, free):
                 for lane in range(last - first):
                     for k in range(3):
                         table[first + lane, index // LANES, k * LANES + index % LANES] = information[k * LANES + lane]

@@ -26,6 +26,11 @@ def compiled(function: Function) -> Function:
     return cast(Function, _kept(numba.njit, function, error_model="numpy"))
 
 
+def inlined(function: Function) -> Function:
+    """As `compiled`, and copied into the compiled functions that call it, where a call takes longer than the work."""
+    return cast(Function, _kept(numba.njit, function, error_model="numpy", forceinline=True))
+
+
 def elementwise(function: Callable[..., float]) -> Callable[..., Array]:
     """Compile a function of numbers for arrays that broadcast, as a universal function of NumPy's.
 
@@ -34,7 +39,7 @@ def elementwise(function: Callable[..., float]) -> Callable[..., Array]:
     return cast("Callable[..., Array]", _kept(numba.vectorize, function))
 
 
-def _kept(compiler: Callable[..., Any], function: Callable[..., Any], **options: str) -> object:
+def _kept(compiler: Callable[..., Any], function: Callable[..., Any], **options: str | bool) -> object:
     """Compile a function and keep its code on disk where possible, as long as its sources stay the same."""
     try:
         made = compiler(cache=True, **options)(function)

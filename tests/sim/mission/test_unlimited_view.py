@@ -74,8 +74,8 @@ def test_the_planner_sees_what_brute_force_sees(random_team, occlusion):
         for uav, vehicle in enumerate(situation.vehicles):
             path = vehicle.position + np.cumsum(np.column_stack([rng.uniform(-3.5, 3.5, (3, 2)), np.zeros(3)]), axis=0)
             lanes = [np.repeat(path[k, :2, None], LANES, axis=1) for k in range(3)]
-            sums = np.zeros(3 * LANES)
-            seen = np.array([add_information(view, uav, lanes[r // 12], r, sums.copy()) for r in range(36)])
+            work = np.zeros(3 * LANES), np.empty(LANES)
+            seen = np.array([add_information(view, uav, lanes[r // 12], r, *work) for r in range(36)])
             free = [situation.forest.visible(path[k], points[k, :, 0])[0] for k in range(3)]
             np.testing.assert_array_equal(seen.reshape(3, 12), free)
             hidden += 36 - int(np.sum(free))
