@@ -86,11 +86,6 @@ class Tracker:
         z, R = checked_scan(scan.time, scan.pose, scan.measurements, scan.covariances)
         times = self._link.time, scan.time
         self.coast(scan.time)
-        elapsed, self._waited = self._waited, 0
-
-        def visible_at(means: Array, covariances: Array) -> Flags:
-            return visible_samples(self._camera, scan.pose, means[:, :2], covariances[:, :2, :2], self._forest)
-
         table = self._table
         beliefs = table.means, table.covariances
         now, last = (scan.time, scan.pose), self._viewpoint
@@ -114,10 +109,16 @@ class Tracker:
             weights=np.maximum(detected, UNSEEN + _VIEWED * before.visible),
             times=np.where(marks, scan.time, table.times),
         )
-        left = ~after.explained
-        born, self._tentative = self._initiator.step(
-            self._tentative, z[left], R[left], elapsed=elapsed, visible=visible_at
-        )
+        self._initiate(scan, z[~after.explained], R[~after.explained])
+
+    def _initiate(self, scan: Scan, z: Array, R: Array) -> None:
+        """Begin tracks of new people, from the measurements z (N, 2) m, R (N, 2, 2) m² that tracks do not explain."""
+
+        def visible_at(means: Array, covariances: Array) -> Flags:
+            return visible_samples(self._camera, scan.pose, means[:, :2], covariances[:, :2, :2], self._forest)
+
+        elapsed, self._waited = self._waited, 0
+        born, self._tentative = self._initiator.step(self._tentative, z, R, elapsed=elapsed, visible=visible_at)
         if born:
             known = [Track(new_label(self._link.scans, self.uav, k), b.belief, b.existence) for k, b in enumerate(born)]
             self._table += _tabulated(known, weight=1.0, seen=scan.time)

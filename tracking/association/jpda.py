@@ -122,19 +122,16 @@ def mixture_update(
         components = np.flatnonzero(beta[i])  # few of all: a track's cost must not grow with measurements far away
         moves[0] = undetected[0][i] - means[i]
         total = beta[i, 0] * undetected[1][i]
-        last = -1  # measurements of equal noise, as neighbours', share gain and covariance
+        last, move = -1, np.zeros(4)  # measurements of equal noise, as neighbours', share gain and covariance
         for c in components:
-            if c == 0:
-                continue
-            j, weight = c - 1, beta[i, c]
-            if last < 0 or (noise[j] != noise[last]).any():
-                _update(P, noise[j], K, updated)
-            last = int(j)
-            x, y = measurements[j, 0] - means[i, 0], measurements[j, 1] - means[i, 1]
-            moves[c] = K[:, 0] * x + K[:, 1] * y
-            total += weight * updated
-        move = np.zeros(4)
-        for c in components:
+            if c > 0:
+                j = c - 1
+                if last < 0 or (noise[j] != noise[last]).any():
+                    _update(P, noise[j], K, updated)
+                last = int(j)
+                x, y = measurements[j, 0] - means[i, 0], measurements[j, 1] - means[i, 1]
+                moves[c] = K[:, 0] * x + K[:, 1] * y
+                total += beta[i, c] * updated
             move += beta[i, c] * moves[c]
         for c in components:
             spread = moves[c] - move

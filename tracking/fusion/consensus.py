@@ -32,12 +32,11 @@ def fuse(
     lost (rounds, n, n): flags of the messages from UAV j that are lost on the way to UAV i, unknown beforehand.
     Every scan ends with this, also for one UAV: tracks are deleted here. Returns the bytes sent by each UAV (n,).
     """
-    adjacency = _graph(adjacency, len(members))
+    linked = _links(adjacency, len(members))
     if type(rounds) is not int or rounds < 0:
         raise ValueError(f"rounds must be a whole number of at least 0, is {rounds!r}")
-    if lost is not None and lost.shape != (rounds, *adjacency.shape):
-        raise ValueError(f"lost must have shape {(rounds, *adjacency.shape)}, has {lost.shape}")
-    linked = adjacency & ~np.eye(len(members), dtype=np.bool_)
+    if lost is not None and lost.shape != (rounds, *linked.shape):
+        raise ValueError(f"lost must have shape {(rounds, *linked.shape)}, has {lost.shape}")
     messages = [m.message(row.count(True)) for m, row in zip(members, linked.tolist(), strict=True)]
     _check(messages)
     sent = np.zeros(len(members), dtype=np.int64)
@@ -159,11 +158,11 @@ def _check(messages: Sequence[Message]) -> None:
         raise ValueError("fusion must be the same for all members, is not")
 
 
-def _graph(adjacency: Flags, count: int) -> Flags:
-    """The adjacency matrix of a graph over so many UAVs; ValueError for others."""
+def _links(adjacency: Flags, count: int) -> Flags:
+    """The adjacency matrix of a graph over so many UAVs, its diagonal false; ValueError for others."""
     graph = np.asarray(adjacency)
     if graph.shape != (count, count) or graph.dtype != np.bool_:
         raise ValueError(f"adjacency must be bool ({count}, {count}), is {graph.dtype} {graph.shape}")
     if not np.array_equal(graph, graph.T):
         raise ValueError("adjacency must be symmetric: UAVs hear one another or do not")
-    return graph
+    return graph & ~np.eye(count, dtype=np.bool_)
