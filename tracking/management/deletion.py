@@ -1,7 +1,5 @@
 """Track deletion: misses among the last scans, and tracks that share one person."""
 
-from itertools import combinations
-
 import numpy as np
 
 from tracking.numerics.arrays import Array, Flags, Indices
@@ -33,6 +31,7 @@ def missed(misses: Indices, m: int) -> Flags:
     return np.array([bin(bits).count("1") >= m for bits in misses.tolist()], dtype=np.bool_)
 
 
+@compiled
 def without_measurement(gates: Indices, detected: Array) -> Flags:
     """Flags (T,) of tracks whose measurements are rather those of another track, which counts the hit.
 
@@ -40,13 +39,14 @@ def without_measurement(gates: Indices, detected: Array) -> Flags:
     person's. Those of two tracks that compete for one measurement add up to one: the first has it if they are about
     as likely, else the likelier. So by m of n scans, too, one of two tracks of one person ends.
     """
-    inside: dict[int, list[int]] = {}
-    for track, measurement in sorted(gates.tolist()):
-        inside.setdefault(measurement, []).append(track)
+    inside = np.zeros((len(detected), gates[:, 1].max() + 1 if len(gates) else 0), dtype=np.bool_)
+    for g in range(len(gates)):
+        inside[gates[g, 0], gates[g, 1]] = True
     without = np.zeros(len(detected), dtype=np.bool_)
-    for a, b in sorted({pair for tracks in inside.values() for pair in combinations(tracks, 2)}):
-        if not without[[a, b]].any() and detected[a] + detected[b] < _ONE:
-            without[a if detected[b] > _LIKELIER * detected[a] else b] = True
+    for a in range(len(detected)):
+        for b in range(a + 1, len(detected)):
+            if detected[a] + detected[b] < _ONE and not (without[a] or without[b]) and np.any(inside[a] & inside[b]):
+                without[a if detected[b] > _LIKELIER * detected[a] else b] = True
     return without
 
 
