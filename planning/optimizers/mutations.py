@@ -12,7 +12,7 @@ import numpy as np
 from planning.prediction.quadrangle import shortest_move
 from planning.prediction.targets_in_reach import TargetsInReach
 from tracking.numerics.arrays import Array, Indices
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.exponential import exp
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.trigonometry import hypot
@@ -78,7 +78,7 @@ def varied(parents: Array, drawn: Chances, spread: float, max_speeds: Array, in_
     return out
 
 
-@compiled
+@inlined
 def _copy(plans: Array, c: int, others: Array, i: int) -> None:
     """Set the plans of one candidate to those of another; a loop, as slices take much longer."""
     for j in range(plans.shape[1]):
@@ -86,7 +86,7 @@ def _copy(plans: Array, c: int, others: Array, i: int) -> None:
             plans[c, j, step, 0], plans[c, j, step, 1] = others[i, j, step, 0], others[i, j, step, 1]
 
 
-@compiled
+@inlined
 def _mix(plans: Array, c: int, others: Array, i: int, share: float) -> None:
     """Move the plans of a candidate towards those of another by a share of the difference."""
     for j in range(plans.shape[1]):
@@ -95,7 +95,7 @@ def _mix(plans: Array, c: int, others: Array, i: int, share: float) -> None:
                 plans[c, j, step, axis] += share * (others[i, j, step, axis] - plans[c, j, step, axis])
 
 
-@compiled
+@inlined
 def _shake(plans: Array, c: int, noise: Array, i: int, size: float, max_speeds: Array) -> None:
     """Add a constant offset and white noise over the steps, of equal variance, to the plans of a candidate."""
     k, H = plans.shape[1], plans.shape[2]
@@ -106,7 +106,7 @@ def _shake(plans: Array, c: int, noise: Array, i: int, size: float, max_speeds: 
                 plans[c, j, step, axis] += size * max_speeds[j] * both
 
 
-@compiled
+@inlined
 def _fly(path: Array, plans: Array, c: int, j: int) -> None:
     """Set the plan along a path."""
     x = y = 0.0
@@ -115,14 +115,14 @@ def _fly(path: Array, plans: Array, c: int, j: int) -> None:
         x, y = path[h, 0], path[h, 1]
 
 
-@compiled
+@inlined
 def _shift(path: Array, first: int, last: int, dx: float, dy: float) -> None:
     for h in range(first, last):
         path[h, 0] += dx
         path[h, 1] += dy
 
 
-@compiled
+@inlined
 def _follow(path: Array, step: int, plans: Array, c: int, j: int) -> None:
     """Set a path, from a step on, to that of a candidate's plan."""
     x = y = 0.0
@@ -132,7 +132,7 @@ def _follow(path: Array, step: int, plans: Array, c: int, j: int) -> None:
             path[h, 0], path[h, 1] = x, y
 
 
-@compiled
+@inlined
 def _show(path: Array, in_reach: TargetsInReach, s: int) -> bool:
     """Displace a step of a path by the least that brings a target into view; False if it is in view already."""
     j, h = in_reach.which[s, 0], in_reach.which[s, 1]
@@ -144,7 +144,7 @@ def _show(path: Array, in_reach: TargetsInReach, s: int) -> bool:
     return True
 
 
-@compiled
+@inlined
 def _tighten(path: Array, anchor: int, max_speed: float) -> None:
     """Pull the steps of a path before `anchor` towards it, then all towards the start, to keep the speed limit."""
     for h in range(anchor - 1, -1, -1):
@@ -155,7 +155,7 @@ def _tighten(path: Array, anchor: int, max_speed: float) -> None:
         x, y = path[h, 0], path[h, 1]
 
 
-@compiled
+@inlined
 def _pull(path: Array, h: int, x: float, y: float, max_speed: float) -> None:
     """Move a step of a path towards (x, y) until that is within one step at full speed."""
     dx, dy = path[h, 0] - x, path[h, 1] - y
@@ -165,7 +165,7 @@ def _pull(path: Array, h: int, x: float, y: float, max_speed: float) -> None:
         path[h, 0], path[h, 1] = x + share * dx, y + share * dy
 
 
-@compiled
+@inlined
 def _limit(plans: Array, c: int, max_speeds: Array) -> None:
     """Shorten the controls of a candidate to the speed limits (k,) of its UAVs."""
     for j in range(plans.shape[1]):
@@ -200,7 +200,7 @@ def distinct(plans: Array, order: Indices, most: int, apart: float, max_speeds: 
     return chosen[:count]
 
 
-@compiled
+@inlined
 def _path(plans: Array, max_speeds: Array, path: Array) -> None:
     """Set the paths (2 k H,) of plans (k, H, 2) m/s, in units of the way at maximum speed in a step."""
     d = 0
@@ -213,7 +213,7 @@ def _path(plans: Array, max_speeds: Array, path: Array) -> None:
             d += 2
 
 
-@compiled
+@inlined
 def _within(one: Array, other: Array, square: float) -> bool:
     """True if the squared distance of points (D,) is below `square`; begins with the last coordinates."""
     total = 0.0
