@@ -26,6 +26,7 @@ class Answer:
     trials: int = 0  # done; as many as maps where none is repeated
     failed: int = 0  # trials
     undefined: int = 0  # trials done, without a finite value
+    faulty: int = 0  # trials done, with faults, as of a planner that raises
     mean: Estimate = NO_ESTIMATE
     median: Estimate = NO_ESTIMATE
     spread: Spread = NO_SPREAD
@@ -81,6 +82,7 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
             trials=len(runs),
             failed=len(group.failed),
             undefined=undefined[j],
+            faulty=sum(row.metrics.get("faults", 0.0) > 0.0 for row in group.done),
             mean=replace(mean, low=max(mean.low, metric.least), high=min(mean.high, metric.most)),
             median=median,
             spread=spread[j],

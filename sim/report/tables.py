@@ -86,12 +86,14 @@ def notes(found: Sequence[Answer]) -> list[str]:
 
 
 def shortfalls(found: Sequence[Answer]) -> list[str]:
-    """Shortfalls of the numbers, one line each: trials that failed, values that are undefined, maps without a pair."""
+    """Shortfalls of the numbers, one line each: trials that failed, undefined values, faults, maps without a pair."""
     lines: dict[str, None] = {}
     for answer in found:
         place = f"{answer.planner} ({cell_text(answer.cell)})" if answer.cell != () else answer.planner
         if answer.failed:
             lines[f"{place}: {answer.failed} of {answer.trials + answer.failed} trials failed and do not count"] = None
+        if answer.faulty:
+            lines[f"{place}: faults in {answer.faulty} of {answer.trials} trials; `understory run` tells which"] = None
         if answer.undefined:
             what = f"{answer.metric.label} is undefined in {answer.undefined} of {answer.trials} trials"
             lines[f"{place}: {what}"] = None

@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 from rich.console import Console
 from rich.markup import escape
 
-console = Console(highlight=False)
+console = Console(highlight=False, emoji=False)
 _LONGEST = 2000  # characters of a message
 _SHOWN = 3  # faults of different kinds
 

@@ -3,12 +3,16 @@
 import json
 import math
 import sys
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from helpers.commands import fly_here
+from helpers.pages import DOCS, blocks
 from helpers.studies import Serial
 from helpers.summaries import hand_made, shown, summary
 
+from sim.evaluation.metric import metric
 from sim.study.store import read_rows
 
 FILE = """
@@ -47,6 +51,16 @@ def test_a_file_adds_a_metric_to_summary_and_table_of_runs(call, tmp_path, monke
     assert (code, err) == (0, "") and "farthest from the middle" in out
     value = json.loads((tmp_path / "r" / "summary.json").read_text())["metrics"]["mine:FARTHEST"]["value"]
     assert 0.02 < value < 0.1
+
+
+def test_the_metric_of_the_page_is_the_way_that_uavs_flew(tmp_path, monkeypatch):
+    page = (DOCS / "how-to" / "plugins.md").read_text("utf-8")
+    (tmp_path / "mymetrics.py").write_text([code for language, code in blocks(page) if language == "py"][1])
+    monkeypatch.delitem(sys.modules, "mymetrics", raising=False)
+    poses = np.zeros((3, 2, 7))
+    poses[1:, 0, :3], poses[:, 1, 0] = (3.0, 0.0, 4.0), (0.0, 1.0, 0.0)  # 5 m and 2 m
+    outcome = SimpleNamespace(recording=SimpleNamespace(poses=poses))
+    assert "--metric mymetrics:DISTANCE" in page and metric("mymetrics:DISTANCE").of(outcome) == 3.5
 
 
 def test_a_study_has_the_metric_in_rows_tables_and_report(compare, tmp_path):

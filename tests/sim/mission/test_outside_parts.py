@@ -25,7 +25,7 @@ from tracking.plugins.registry import InputError
 
 NEAREST = next(code for kind, code in blocks((DOCS / "how-to" / "trackers.md").read_text("utf-8")) if kind == "python")
 PAGE = (DOCS / "how-to" / "plugins.md").read_text("utf-8")
-MODELS, MODES, WAYS = (content for language, content in blocks(PAGE) if language == "py")
+MODELS, _, MODES, WAYS = (content for language, content in blocks(PAGE) if language == "py")
 SOUP = DOCS / "examples" / "soup"
 SHORT = ("duration=1", "sensing.mode=ideal")
 OPEN = ("duration=5", "sensing.mode=ideal", "trees.density=0")

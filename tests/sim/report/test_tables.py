@@ -74,6 +74,14 @@ def test_failed_trials_and_undefined_values_are_said_not_to_count():
         assert "greedy: 1 of 3 maps have a pair with the baseline's" in text
 
 
+def test_trials_in_which_a_planner_raised_are_said():
+    faults = [2.0, 0.0, 7.0]
+    rows = [row("sma-nbo", s, metrics={"ospa.mean_m": 1.0, "faults": many}) for s, many in enumerate(faults)]
+    for text in (shown(rows, 120), markdown(answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo"), "sma-nbo")):
+        assert "sma-nbo: faults in 2 of 3 trials" in text
+    assert "faults in" not in shown(rows[1:2], 120)
+
+
 def test_a_lone_planner_is_shown_without_wins():
     text = shown([row("sma-nbo", s) for s in range(3)], 80)
     assert "won" not in text.split("In brackets")[0] and "1.00 [1.00, 1.00]" in text
