@@ -30,7 +30,7 @@ def points_shown(vehicle: Vehicle, marks: Array) -> Array:
 
 @compiled
 def _on_plane(attitude: Array, rays: Array, height: float) -> Array:
-    """Points (K, 2) m from a camera at a height [m] above a plane on which its rays (K, 2), at that depth, meet it."""
+    """Points (K, 2) m where rays (K, 2), given at depth `height`, meet a plane `height` m below a camera."""
     R, points = rotation(attitude), np.empty((len(rays), 2))
     for k in range(len(rays)):
         east, north, up = 0.0, 0.0, 0.0

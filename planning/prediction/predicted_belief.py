@@ -148,8 +148,7 @@ def add_information(
 def _seen(point: Vector, height: float, cameras: Array, view: Array, blockers: Array, free: Array) -> bool:
     """Set `free` (LANES,) to 1 where a camera (2, LANES) m at a height sees a point, else to 0; True if any does.
 
-    view (5, 3): its field of view; blockers (B, 5): cylinders that may hide the point. Passing more arrays would take
-    longer than the work.
+    view (5, 3): its field of view; blockers (B, 5): cylinders that may hide the point.
     """
     x, y = point[0], point[1]
     a0, b0, c0, a1, b1, c1 = view[0, 0], view[0, 1], view[0, 2], view[1, 0], view[1, 1], view[1, 2]

@@ -93,12 +93,12 @@ def compare(
     folder = out or Path("runs") / chosen.name
     # A complaint about the input needs none of what these import.
     from sim.analysis.metric_choice import from_outside
-    from sim.cli.study_flight import about, fly_study, show_study
+    from sim.cli.study_flight import facts_of, fly_study, show_study
     from sim.study.engine import Options
     from sim.study.tasks import tasks
 
     listed = tasks(chosen, from_outside(metric or ()))
-    facts = about(chosen, listed, baseline=baseline, labels=label or (), metrics=tuple(metric or ()))
+    facts = facts_of(chosen, listed, baseline=baseline, labels=label or (), metrics=tuple(metric or ()))
     rows = fly_study(listed, folder, Options(limit, folder / "recordings" if keep else None, redo), processes, dask)
     show_study(rows, folder, facts)
 

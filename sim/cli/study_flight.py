@@ -27,7 +27,7 @@ from sim.terminal.progress import study_progress
 from tracking.plugins.registry import InputError
 
 
-def about(
+def facts_of(
     study: Study, listed: Sequence[Task], *, baseline: str | None, labels: Sequence[str], metrics: tuple[str, ...]
 ) -> About:
     """Facts for the report of a study; InputError where its trials have no such baseline, or labels name no planner."""

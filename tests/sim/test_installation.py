@@ -16,6 +16,7 @@ def folder(tmp_path):
     for name in OURS:
         (tmp_path / f"{name}.py").write_text(f"raise RuntimeError('the {name} of the user')\n")
     (tmp_path / "sim").mkdir()  # with a module sim.py there, `python -m sim` would be the user's
+    (tmp_path / "random.py").write_text("raise RuntimeError('random of the user')\n")
     (tmp_path / "mine.py").write_text(MINE)
     return tmp_path
 

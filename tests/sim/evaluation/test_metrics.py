@@ -107,6 +107,8 @@ def test_exchanged_tracks_of_two_people_are_switches_and_no_outliers_of_nees():
     found = score(recorded(people, [[before], [before], [after], [after]]), 0)
     assert found.switches == 2
     np.testing.assert_allclose(found.position_nees, np.ones(8))  # 0.5 m is the deviation
+    between = score(recorded(people, [[{1: (2.0, 0.0, 0.0, 0.0)}]] * 4), 0)
+    np.testing.assert_allclose(between.position_nees, np.full(4, 16.0))  # one track is of one person
     assert len(score(recorded(people, [[{1: (-9.9, 0.0, 0.0, 0.0), 2: (14.1, 0.0, 0.0, 0.0)}]] * 4), 0).state_nees) == 4
 
 
@@ -136,8 +138,11 @@ def test_the_figures_are_strict_json_for_any_mission(options):
 
 def test_the_figures_are_those_of_the_library_scan_by_scan():
     recording = record(21)
+    unit = np.tile(np.eye(4), (len(recording.track_ids), 1, 1))
+    recording = dataclasses.replace(recording, track_covariances=unit)
     for i in range(3):
         found = score(recording, i)
+        assert found.position_nees.sum() == pytest.approx((found.gospa[:, 1] ** 2).sum())  # of the same pairs
         for k in range(21):
             tracks = np.array([t.belief.mean[:2] for t in recording.tracks_at(k, i)])
             people = recording.people[k][~np.isnan(recording.people[k, :, 0])]
