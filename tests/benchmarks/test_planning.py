@@ -63,7 +63,8 @@ def test_decisions(random_team, judged):
 def test_decisions_of_rivals(random_team, judged):
     """Three UAVs, four targets, 75 trees: no rival has much more time than the default, the first."""
     teams = [random_team(seed, trees=75) for seed in range(6 if judged else 1)]
-    names = [name if judged or name in FAST else f"{name}, evaluations=64)".replace("),", ",") for name in RIVALS]
+    few = [name.replace(", evaluations=9216)", ")").replace(")", ", evaluations=64)") for name in RIVALS]
+    names = RIVALS if judged else few
     planners = [load_planner(name) for name in names]
     for planner in planners:
         planner.plan(teams[0], np.random.default_rng(0))
