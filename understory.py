@@ -222,22 +222,20 @@ def compare(
     from sim.study.backends import Pool
     from sim.study.engine import rows_of
     from sim.study.store import frame_of
-    from sim.study.study import adapted
     from sim.study.tasks import tasks
 
     frame_of([])  # complains of a missing library now rather than after the flights
-    begun = _study(planners, scenarios, settings=settings)
-    study = adapted(begun, seeds=",".join(map(str, seeds)), repeats=repeats)
+    study = _study(scenarios, settings, planners=planners, seeds=",".join(map(str, seeds)), repeats=repeats)
     with Pool(workers or os.cpu_count() or 1) as pool:
         return frame_of(rows_of(tasks(study), pool))
 
 
-def _study(planners: Sequence[str], scenarios: str | Sequence[str], *, settings: Mapping[str, Any] | None) -> Study:
+def _study(scenarios: str | Sequence[str], settings: Mapping[str, Any] | None, **given: Any) -> Study:  # noqa: ANN401
     from sim.study.settings_text import overrides
     from sim.study.study import Study, adapted
 
     begun = Study("compare", (), scenarios=(scenarios,) if isinstance(scenarios, str) else tuple(scenarios))
-    return adapted(begun, planners=planners, overrides=overrides(settings))
+    return adapted(begun, overrides=overrides(settings), **given)
 
 
 def parallel_env(
