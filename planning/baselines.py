@@ -51,7 +51,7 @@ class Greedy:
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """One base-policy step for every UAV."""
-        return [Plan(base_control(s.own, s.own.position[:2], s.tracks, 0.0, s.step)[None]) for s in team]
+        return [Plan(base_control(s)[None]) for s in team]
 
 
 @dataclass(frozen=True)

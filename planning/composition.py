@@ -110,7 +110,7 @@ class Composition:
         """
         length = self.horizon if self.actions == "all" else 1
         intents = controls[list(uavs), :length]
-        nominal = nominal_positions(situation.tracks, situation.step, length)
+        nominal = nominal_positions(situation, length)
         starts = [intents[None]]
         for j, i in enumerate(uavs):
             vehicle = situation.vehicles[i]

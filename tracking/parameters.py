@@ -39,7 +39,7 @@ class TrackerParameters:
     # exponent of the likelihood of no detection in beliefs, not in association; 0: no negative information
     absence_weight: float = 1.0
     recovery_after: float = 0.2  # s without a sure detection, after which a new track may take the id; inf: never
-    max_variance: float = 400.0  # m², trace of the position's covariance beyond which a track is deleted
+    max_variance: float = 100.0  # m², trace of the position's covariance beyond which a track is deleted
     max_speed: float = 3.0  # of people, m/s
     life: str = "existence"  # track management: `confirm` and `delete`, or the probability of "existence"
     survival: float = 0.999  # probability that a person in the area still is a second later

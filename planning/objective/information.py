@@ -9,7 +9,7 @@ from tracking.numerics.exponential import logs
 
 
 @compiled
-def information_gain(P: Array, step: float, noise: Array, information: Array) -> Array:
+def information_gain(P: Array, transition: tuple[float, float], noise: Array, information: Array) -> Array:
     """Mutual information (LANES,) [nats] of a state one step later and its measurements then: ½ log det(I + J P⁻).
 
     P⁻ is the predicted position block, J the measurements' information; P (10 LANES,) and information (3 LANES,) as in
@@ -17,13 +17,13 @@ def information_gain(P: Array, step: float, noise: Array, information: Array) ->
     the path and all measurements. It is monotone and submodular in the measurements, because these are independent
     given the path. Source: [Krause05] for the latter.
     """
-    gains = np.empty(LANES)
+    gains, (way, _) = np.empty(LANES), transition
     for k in range(LANES):
         xu, yu, yv = P[2 * LANES + k], P[5 * LANES + k], P[6 * LANES + k]
         xv, uv = P[3 * LANES + k], P[8 * LANES + k]
-        xx = P[k] + step * (2 * xu + step * P[7 * LANES + k]) + noise[0]
-        yy = P[4 * LANES + k] + step * (2 * yv + step * P[9 * LANES + k]) + noise[0]
-        xy = P[LANES + k] + step * (xv + yu + step * uv)
+        xx = P[k] + way * (2 * xu + way * P[7 * LANES + k]) + noise[0]
+        yy = P[4 * LANES + k] + way * (2 * yv + way * P[9 * LANES + k]) + noise[0]
+        xy = P[LANES + k] + way * (xv + yu + way * uv)
         jxx, jxy, jyy = information[k], information[LANES + k], information[2 * LANES + k]
         a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy
         c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
@@ -33,8 +33,8 @@ def information_gain(P: Array, step: float, noise: Array, information: Array) ->
 
 
 @compiled
-def gain_transition(P: Array, step: float, noise: Array, information: Array, costs: Array) -> None:
+def gain_transition(P: Array, transition: tuple[float, float], noise: Array, information: Array, costs: Array) -> None:
     """`belief_transition` of P that sets `costs` (LANES,) to minus the information gained rather than to traces."""
-    gains = information_gain(P, step, noise, information)
-    belief_transition(P, step, noise, information, costs)
+    gains = information_gain(P, transition, noise, information)
+    belief_transition(P, transition, noise, information, costs)
     costs[:] = -gains

@@ -172,9 +172,9 @@ def _sum(belief: PredictedBelief, others: _Others, flight: _CameraPaths, traces:
 def _advance(P: Array, belief: PredictedBelief, information: Array, measure: Measure, costs: Array) -> None:
     """`belief_transition` of P over a step, with `costs` (LANES,) by the measure."""
     if measure.gains:
-        gain_transition(P, belief.step, belief.noise, information, costs)
+        gain_transition(P, belief.transition, belief.noise, information, costs)
     else:
-        belief_transition(P, belief.step, belief.noise, information, costs)
+        belief_transition(P, belief.transition, belief.noise, information, costs)
         cut_off(costs, measure.cutoff)
 
 

@@ -1,30 +1,29 @@
 """The policy of intent and the base policy that extends it ([Li22] III-C)."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
 
 from planning.planner import Plan, Situation, Vehicle
 from planning.prediction.field_of_view import aim_point
+from planning.prediction.propagation import nominal_positions
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.track import Track, beliefs_of
+from tracking.track import beliefs_of
 
 BASE_RANGE = 40.0  # m: the base policy looks no further
 
 
-def base_control(vehicle: Vehicle, position: Array, tracks: Sequence[Track], ahead: float, step: float) -> Array:
+def base_control(situation: Situation) -> Array:
     """Base policy: fly at full speed towards the track of largest covariance trace within 40 m; (2,) m/s.
 
-    position (2,) m is the vehicle's after `ahead` s; the tracks are taken at their nominal positions one step later,
-    when it can be there, with the covariances they have now. The middle of the image is steered towards the track.
-    It arrives without overshooting, and hovers if no track is near.
+    The tracks are taken at their nominal positions one step later, when the UAV can be there, with the covariances they
+    have now. The middle of the image is steered towards the track. It arrives without overshooting, and hovers if no
+    track is near.
     """
-    aim = (position + aim_point(vehicle))[None]
-    control: Array = _towards(aim, beliefs_of(tracks), ahead, step, vehicle.max_speed)[0]
-    return control
+    return np.asarray(base_policy_plans(situation, situation.own, np.empty((1, 0, 2)), 1)[0, 0])
 
 
 def policy_of_intent(situation: Situation, vehicle: Vehicle, horizon: int) -> Array:
@@ -41,29 +40,29 @@ def expected_plans(situation: Situation, horizon: int, decided: Mapping[int, Arr
 
 def base_policy_plans(situation: Situation, vehicle: Vehicle, firsts: Array, horizon: int) -> Array:
     """Plans (N, H, 2) m/s that begin with the controls `firsts` (N, h, 2) and go on by the base policy."""
-    step, tracks, begun = situation.step, beliefs_of(situation.tracks), firsts.shape[1]
+    step, begun = situation.step, firsts.shape[1]
+    _, covariances = beliefs_of(situation.tracks)
+    traces, places = covariances[:, 0, 0] + covariances[:, 1, 1], nominal_positions(situation, horizon)
     plans = np.empty((len(firsts), horizon, 2))
     plans[:, :begun] = firsts
     aimed = vehicle.position[:2] + step * firsts.sum(axis=1) + aim_point(vehicle)
     for k in range(begun, horizon):
-        plans[:, k] = _towards(aimed, tracks, k * step, step, vehicle.max_speed)
+        plans[:, k] = _towards(aimed, places[k], traces, step, vehicle.max_speed)
         aimed = aimed + step * plans[:, k]
     return plans
 
 
 @compiled
-def _towards(aimed: Array, tracks: tuple[Array, Array], ahead: float, step: float, max_speed: float) -> Array:
-    """`base_control` (N, 2) m/s of a vehicle that is aimed at (N, 2) m; tracks: means (T, 4), covariances (T, 4, 4)."""
-    means, covariances = tracks
+def _towards(aimed: Array, places: Array, traces: Array, step: float, max_speed: float) -> Array:
+    """`base_control` (N, 2) m/s of a vehicle that is aimed at (N, 2) m, to places (T, 2) m with traces (T,) m²."""
     controls = np.zeros_like(aimed)
     for n in range(len(aimed)):
         most = 0.0
-        for t in range(len(means)):
-            x = means[t, 0] + (ahead + step) * means[t, 2] - aimed[n, 0]
-            y = means[t, 1] + (ahead + step) * means[t, 3] - aimed[n, 1]
-            distance, trace = math.sqrt(x * x + y * y), covariances[t, 0, 0] + covariances[t, 1, 1]
-            if distance <= BASE_RANGE and trace > most:
-                most, slower = trace, min(1.0, max_speed * step / max(distance, 1e-300))
+        for t in range(len(places)):
+            x, y = places[t, 0] - aimed[n, 0], places[t, 1] - aimed[n, 1]
+            distance = math.sqrt(x * x + y * y)
+            if distance <= BASE_RANGE and traces[t] > most:
+                most, slower = traces[t], min(1.0, max_speed * step / max(distance, 1e-300))
                 controls[n, 0], controls[n, 1] = x / step * slower, y / step * slower
     return controls
 

@@ -24,6 +24,7 @@ class PredictedBelief(NamedTuple):
     """
 
     step: float  # s
+    transition: tuple[float, float]  # of velocities over one step, see `NearlyConstantVelocity.transition`
     noise: Array  # (3,): process noise of one step on position, position-velocity and velocity
     points: Array  # (H, T, K, 3) m: K equally probable trajectories of each target, at its height; first the mean
     covariances: Array  # (T, 4, 4): P now
@@ -44,6 +45,7 @@ def predicted_belief(situation: Situation, points: Array, covariances: Array) ->
     blockers, offsets = _near(situation.forest, points, vehicles, motion.dt * len(points))
     return PredictedBelief(
         step=motion.dt,
+        transition=motion.transition,
         noise=np.array([motion.Q[0, 0], motion.Q[0, 2], motion.Q[2, 2]]),
         points=points,
         covariances=covariances,
@@ -171,7 +173,9 @@ def _seen(point: Vector, height: float, cameras: Array, view: Array, blockers: A
 
 
 @inlined
-def belief_transition(P: Array, step: float, noise: Array, information: Array, traces: Array) -> None:
+def belief_transition(
+    P: Array, transition: tuple[float, float], noise: Array, information: Array, traces: Array
+) -> None:
     """Belief-state transition of P in each lane, in place: predict one step, then update with the fused information.
 
     P (10 LANES,) holds, lane by lane, the upper triangle of the covariance row by row: xx, xy, xu, xv, yy, yu, yv,
@@ -179,16 +183,17 @@ def belief_transition(P: Array, step: float, noise: Array, information: Array, t
     those of the position block. [Li22] eq. (1) and the covariance part of the Kalman update; with no information P
     only grows.
     """
-    drift, both, wander = noise[0], noise[1], noise[2]
+    drift, both, wander, (way, left) = noise[0], noise[1], noise[2], transition
     for k in range(LANES):
         xx, xy, xu, xv, yy = P[k], P[LANES + k], P[2 * LANES + k], P[3 * LANES + k], P[4 * LANES + k]
         yu, yv, uu = P[5 * LANES + k], P[6 * LANES + k], P[7 * LANES + k]
         uv, vv = P[8 * LANES + k], P[9 * LANES + k]
-        xx += step * (2 * xu + step * uu) + drift
-        yy += step * (2 * yv + step * vv) + drift
-        xy += step * (xv + yu + step * uv)
-        xu, xv, yu, yv = xu + step * uu + both, xv + step * uv, yu + step * uv, yv + step * vv + both
-        uu, vv = uu + wander, vv + wander
+        xx += way * (2 * xu + way * uu) + drift
+        yy += way * (2 * yv + way * vv) + drift
+        xy += way * (xv + yu + way * uv)
+        xu, xv = left * (xu + way * uu) + both, left * (xv + way * uv)
+        yu, yv = left * (yu + way * uv), left * (yv + way * vv) + both
+        uu, uv, vv = left * left * uu + wander, left * left * uv, left * left * vv + wander
         jxx, jxy, jyy = information[k], information[LANES + k], information[2 * LANES + k]
         # S⁻¹ = (I + J P_pp)⁻¹ J, which needs no inverse of J and is 0 without information.
         a, b = 1.0 + jxx * xx + jxy * xy, jxx * xy + jxy * yy

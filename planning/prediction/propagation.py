@@ -1,7 +1,6 @@
 """Belief propagation over a horizon: nominal trajectories ([Li22] Algorithm 1) and Monte Carlo samples."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,7 +14,7 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.factorisation import cholesky, eigen
 from tracking.numerics.matrices import applied
 from tracking.numerics.normal import standard_normal
-from tracking.track import Track, beliefs_of
+from tracking.track import beliefs_of
 
 # Means of a standard normal's five equally probable pieces from the median up, scaled to a variance of one.
 _FIFTHS = np.array([0.0, 0.5616259126, 1.4780312359])
@@ -47,7 +46,7 @@ class Nominal:
         means, covariances = beliefs_of(situation.tracks)
         points = np.empty((horizon, len(means), len(_FIVE) if self.expected else 1, 3))
         points[..., 2] = TARGET_HEIGHT
-        points[:, :, 0, :2] = nominal_positions(situation.tracks, situation.step, horizon)
+        points[:, :, 0, :2] = nominal_positions(situation, horizon)
         ahead, spread = means, covariances
         for step in range(horizon if self.expected else 0):
             ahead, spread = situation.motion.predict_all(ahead, spread)
@@ -75,17 +74,19 @@ class MonteCarlo:
         states = means + applied(roots, standard_normal(rng, (S, T, 4)))
         points = np.empty((horizon, S, T, 1, 3))
         points[..., 2] = TARGET_HEIGHT
+        motion, spread = situation.motion, covariances
         for step in range(horizon):
-            drift = _disturbance(situation.motion, standard_normal(rng, (S, T, 2, 2)))
-            states = applied(situation.motion.F, states) + drift
+            drift = _disturbance(motion, standard_normal(rng, (S, T, 2, 2)))
+            ahead, spread = motion.predict_all(means, spread)
+            pull = ahead - applied(motion.F, means)  # of the long-run velocity
+            states, means = applied(motion.F, states) + drift + pull, ahead
             points[step, :, :, 0, :2] = states[..., :2]
         return predicted_belief(situation, points.reshape(horizon, S * T, 1, 3), np.tile(covariances, (S, 1, 1)))
 
 
-def nominal_positions(tracks: Sequence[Track], step: float, horizon: int) -> Array:
-    """Undisturbed positions (H, T, 2) m of the tracks after 1 to H steps of `step` s."""
-    means, _ = beliefs_of(tracks)
-    return np.asarray(means[:, :2] + step * np.arange(1, horizon + 1)[:, None, None] * means[:, 2:])
+def nominal_positions(situation: Situation, horizon: int) -> Array:
+    """Undisturbed positions (H, T, 2) m of the tracks after 1 to H steps."""
+    return situation.motion.positions_ahead(*beliefs_of(situation.tracks), horizon)
 
 
 def _disturbance(motion: NearlyConstantVelocity, normal: Array) -> Array:

@@ -15,7 +15,7 @@ class Prior(NamedTuple):
 
     P: Array  # (B, 10 LANES), as `belief_transition` takes it
     weights: Array  # (B, LANES): how much each trajectory counts
-    step: float  # s
+    transition: tuple[float, float]  # of velocities over a step
     noise: Array  # (3,): process noise of a step
 
 
@@ -27,7 +27,7 @@ def prior_of(belief: PredictedBelief) -> Prior:
     P[:, : T * K] = np.repeat(belief.covariances[:, rows, columns], K, axis=0).T
     weights[: T * K] = np.repeat(belief.weights, K) / K
     side_by_side = np.ascontiguousarray(P.reshape(10, blocks, LANES).swapaxes(0, 1).reshape(blocks, 10 * LANES))
-    return Prior(side_by_side, weights.reshape(blocks, LANES), belief.step, belief.noise)
+    return Prior(side_by_side, weights.reshape(blocks, LANES), belief.transition, belief.noise)
 
 
 @compiled
@@ -59,7 +59,7 @@ def gain_of(prior: Prior, information: Array) -> float:
     for block in range(len(prior.P)):
         P = prior.P[block].copy()
         for step in range(len(information)):
-            gain_transition(P, prior.step, prior.noise, information[step, block], costs)
+            gain_transition(P, prior.transition, prior.noise, information[step, block], costs)
             for lane in range(LANES):
                 total -= prior.weights[block, lane] * costs[lane]
     return total

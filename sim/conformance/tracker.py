@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from tracking.filter.kalman import Gaussian
-from tracking.filter.motion import motion_model
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.fusion.checked_tracker import CheckedTracker, track_beliefs, track_ids
 from tracking.fusion.consensus import fuse
 from tracking.fusion.member import TRACKERS
@@ -71,7 +70,7 @@ class _Watched:
     """A tracker with its arguments compared before and after each call, and its tracks looked at."""
 
     def __init__(self, name: str, uav: int, states: Array) -> None:
-        parameters = TrackerParameters(motion_model("ncv", _STEP, 0.5, 3.0))
+        parameters = TrackerParameters(NearlyConstantVelocity(_STEP, 0.5))
         initial = [Track(i, Gaussian(state, 0.25 * np.eye(4))) for i, state in enumerate(states.copy())]
         self.given = (uav, Camera(math.radians(60), 128), Forest(()), parameters, initial)
         before = contents(self.given, "arguments")

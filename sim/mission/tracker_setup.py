@@ -1,6 +1,7 @@
 """Set-up of trackers from a scenario: parameters, motion models and initial tracks."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from sim.scenario.perception import Tracking
 from sim.scenario.scenario import Scenario
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
-from tracking.filter.motion import motion_model
+from tracking.filter.motion import MOTION_MODELS, motion_model
 from tracking.numerics.arrays import Array
 from tracking.parameters import TrackerParameters
 from tracking.track import Track
@@ -19,19 +20,27 @@ def tracker_parameters(scenario: Scenario) -> TrackerParameters:
     settings = scenario.tracking
     parameters = {field.name for field in fields(TrackerParameters)} - {"motion"}
     shared = sorted(parameters & {field.name for field in msgspec.structs.fields(Tracking)})
-    motion = motion_model(settings.motion, 1 / scenario.rates.sensing, settings.sigma_a, settings.max_speed)
     return TrackerParameters(
-        motion=motion, fusion=scenario.network.fusion, **{name: getattr(settings, name) for name in shared}
+        motion=_motion(scenario, settings.motion),
+        fusion=scenario.network.fusion,
+        **{name: getattr(settings, name) for name in shared},
     )
 
 
 def planned_motion(scenario: Scenario) -> NearlyConstantVelocity:
     """Motion model of people over a planning step, as planners use it: the trackers' prediction, scan by scan.
 
-    Note: planners do not bound speeds.
+    Note: planners know built-in models only, and assume NCV in the place of others.
     """
-    rates = scenario.rates
-    return NearlyConstantVelocity(1 / rates.planning, scenario.tracking.sigma_a, scans=rates.sensing // rates.planning)
+    rates, name = scenario.rates, scenario.tracking.motion
+    model: NearlyConstantVelocity = _motion(scenario, name if name in MOTION_MODELS.built_in else "ncv")
+    return replace(model, dt=1 / rates.planning, scans=rates.sensing // rates.planning)
+
+
+def _motion(scenario: Scenario, name: str) -> Any:  # noqa: ANN401 - built-in models have more than `MotionModel`
+    """The motion model of that name over a scan."""
+    s = scenario.tracking
+    return motion_model(name, 1 / scenario.rates.sensing, s.sigma_a, s.max_speed, s.walking_speed)
 
 
 def initial_tracks(scenario: Scenario, here: Array, there: Array) -> list[Track]:

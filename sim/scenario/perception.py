@@ -68,7 +68,7 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     """Parameters of the trackers."""
 
     # m/s², standard deviation of the acceleration in the motion model, [Li22] eq. (1)
-    sigma_a: Annotated[float, Meta(ge=1e-3, le=100)] = 0.6
+    sigma_a: Annotated[float, Meta(ge=1e-3, le=100)] = 0.75
     # `"known"`: the track of every person is given at the start; `"none"`: people have to be found
     initial_tracks: Literal["known", "none"] = "known"
     # probability of detection of a person in plain view
@@ -84,8 +84,10 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     absence_weight: Weight = 1.0
     # s, after which an unseen person's track may be re-acquired by a detection within that person's reach
     recovery_after: Time = 0.2
-    max_variance: Variance = 400.0  # m², trace of the position's covariance beyond which a track ends
-    max_speed: Speed = 3.0  # m/s, of people, for re-acquisition and for `motion = "bounded"`
+    # m², trace of the position's covariance beyond which a track ends: that of an error as large as GOSPA's cut-off
+    max_variance: Variance = 100.0
+    max_speed: Speed = 3.0  # m/s, of people, for re-acquisition
+    walking_speed: Speed = 1.75  # m/s, of people, in root mean square, for `motion = "mean-reverting"`
     # initiation and deletion of tracks: `"existence"`: each track has a probability of existence, `sure` and `doubt`;
     # `"m_of_n"` counts scans, `confirm` and `delete`, as the paper does
     life: Literal["m_of_n", "existence"] = "existence"
@@ -98,11 +100,11 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     sure: Annotated[float, Meta(gt=0, lt=1)] = 0.99
     # with `"existence"`: probability of existence below which a track ends
     doubt: Annotated[float, Meta(gt=0, lt=1)] = 0.001
-    # motion model of the trackers: `"ncv"`: nearly constant velocity; `"bounded"`: the same, never faster than
-    # `max_speed`, which keeps hidden people within reach; `"module:Class"`: yours
-    # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners look ahead with NCV in any case, scan by scan
-    # as trackers with `"ncv"` do
-    motion: str = "ncv"
+    # motion model of the trackers: `"mean-reverting"`: velocities return to `walking_speed` in the direction in which a
+    # person walks; `"ncv"`: nearly constant velocity, as in the paper; `"module:Class"`: yours
+    # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners predict by the same model, scan by scan as
+    # trackers do, but by `"ncv"` where it is yours
+    motion: str = "mean-reverting"
     # `"jpda"`: Bernoulli tracks with joint probabilistic data association; `"module:Class"`: yours
     # ([how](../how-to/trackers.md)), which takes of these keys what it can use
     tracker: str = "jpda"

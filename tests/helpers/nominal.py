@@ -8,6 +8,7 @@ from scipy.stats import norm
 from helpers.teams import among
 from planning.objective.nbo import Measure, costs, objective
 from planning.prediction.propagation import Nominal
+from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 
@@ -77,8 +78,10 @@ def plain_cost(situation, controls, beta, *, expected=False, weights=None, cutof
         fleet = situation.vehicles
         ends = [v.position[:2] + situation.step * u.sum(axis=0) for v, u in zip(fleet, controls, strict=True)]
         reach = [(v.position[2] - TARGET_HEIGHT) * math.tan(v.camera.fov / 2) for v in fleet]
-        means = [np.linalg.matrix_power(situation.motion.F, len(traces)) @ t.belief.mean for t in situation.tracks]
-        J += beta * plain_mwtp([m[:2] for m in means], traces[-1] * weights, ends, reach)
+        ahead = [t.belief for t in situation.tracks]
+        for _ in traces:
+            ahead = [situation.motion.predict(belief) for belief in ahead]
+        J += beta * plain_mwtp([belief.mean[:2] for belief in ahead], traces[-1] * weights, ends, reach)
     return J, seen
 
 
@@ -95,7 +98,8 @@ def plain_traces(situation, controls, belief, mark):
     traces, seen = [], []
     for step in range(controls.shape[1]):
         positions = [p + u * situation.step for p, u in zip(positions, controls[:, step], strict=True)]
-        mean, spread = F @ mean, F @ spread @ F.T + Q
+        ahead = situation.motion.predict(Gaussian(mean, spread))
+        mean, spread = ahead.mean, ahead.covariance
         information = np.linalg.inv(F @ P @ F.T + Q)
         point = np.array([*mean[:2] + np.linalg.cholesky(spread[:2, :2]) @ mark, TARGET_HEIGHT])
         seen.append(0)

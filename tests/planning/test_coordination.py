@@ -26,7 +26,7 @@ from tracking.geometry.visibility import Forest
 def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination):
     team = random_team(4, uavs=1)
     intent = policy_of_intent(team[0], team[0].own, 3)[None]
-    chases = pursuits(nominal_positions(team[0].tracks, 1.0, 3), team[0].own, 1.0)
+    chases = pursuits(nominal_positions(team[0], 3), team[0].own, 1.0)
     chases = np.concatenate([chases, turns(5.0, 3)])
     view = nominal(team[0], 3)
     value = objective(view, intent, [0], 0.5)
@@ -161,5 +161,5 @@ def test_intents_are_last_plans_shifted_and_one_base_step_or_hover(random_team):
     gap = worst.belief.mean[:2] + 5 * worst.belief.mean[2:] - end
     np.testing.assert_allclose(intent[4], gap * min(1.0, 5.0 / np.hypot(*gap)), rtol=1e-12)
     situation = random_team(0)[0]
-    far = situation.own.position[:2] + np.array([1000.0, 0.0])
-    np.testing.assert_array_equal(base_control(situation.own, far, situation.tracks, 0.0, 1.0), np.zeros(2))
+    own = dataclasses.replace(situation.own, position=situation.own.position + np.array([1000.0, 0.0, 0.0]))
+    np.testing.assert_array_equal(base_control(dataclasses.replace(situation, own=own)), np.zeros(2))

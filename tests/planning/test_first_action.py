@@ -1,5 +1,6 @@
 """Planners that optimise the first action, which the base policy follows, against brute force."""
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -12,14 +13,23 @@ from planning.coordination.schemes import Centralised
 from planning.optimizers.grid_search import GridSearch
 from planning.prediction.intent import base_control, expected_plans
 from planning.prediction.propagation import MonteCarlo
+from tracking.filter.kalman import Gaussian
+
+
+def moved(track, seconds):
+    """The track where its person is at a constant velocity so much later, as sure of it as now."""
+    belief = Gaussian(track.belief.mean + seconds * np.r_[track.belief.mean[2:], 0, 0], track.belief.covariance)
+    return dataclasses.replace(track, belief=belief)
 
 
 def rolled_out(situation, uav, first, horizon):
     """A first control and what the base policy makes of the steps after it, one by one."""
     vehicle, controls = situation.vehicles[uav], [np.asarray(first)]
     for k in range(1, horizon):
-        position = vehicle.position[:2] + np.sum(controls, axis=0)
-        controls.append(base_control(vehicle, position, situation.tracks, float(k), 1.0))
+        position = vehicle.position + np.r_[np.sum(controls, axis=0), 0.0]
+        tracks = tuple(moved(track, float(k)) for track in situation.tracks)
+        then = dataclasses.replace(situation, own=dataclasses.replace(vehicle, position=position), tracks=tracks)
+        controls.append(base_control(then))
     return np.array(controls)
 
 

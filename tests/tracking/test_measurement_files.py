@@ -14,12 +14,13 @@ from sim.recording.archive import load as load_recording
 from sim.replay.export import export
 from sim.running.run import run
 from sim.scenario.loading import load
-from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.fleet import step
 from tracking.measurement_files import SCAN_COLUMNS, read_cameras, read_forest, read_scans
 from tracking.tracker import Tracker, TrackerParameters
 
 DOCS = (ROOT / "docs" / "how-to" / "tracking.md").read_text(encoding="utf-8")
+WALKING = MeanRevertingVelocity(0.2, 0.75, walking_speed=1.75)
 HEADER = ",".join(SCAN_COLUMNS)
 GATE = chi2.ppf(0.9999, 2)  # of squared errors of a position in its own standard deviations
 POSE = "0,0,20,0,0,0,1"
@@ -124,7 +125,7 @@ def test_the_tracker_alone_repeats_the_tracks_of_the_mission(mission):
     with pytest.raises(ValueError, match="of one time and of different UAVs"):
         step([one, two], [])
     recording, out = mission
-    forest, parameters = read_forest(out / "csv" / "trees.csv"), TrackerParameters(NearlyConstantVelocity(0.2, 0.6))
+    forest, parameters = read_forest(out / "csv" / "trees.csv"), TrackerParameters(WALKING)
     cameras = read_cameras(out / "csv" / "cameras.csv")
     fleet = [Tracker(uav, camera, forest, parameters) for uav, camera in cameras.items()]
     held = 0

@@ -17,7 +17,7 @@ def test_initial_tracks_are_predicted_and_coast_while_hidden():
     np.testing.assert_allclose(subject.tracks[0].belief.mean, [1.2, 2, 1, 0], atol=1e-12)
     play(subject, [scan(4)])  # two scans were lost
     np.testing.assert_allclose(subject.tracks[0].belief.mean, [1.8, 2, 1, 0], atol=1e-12)
-    subject = tracker(track(3, -1, 0, 0.1, 0), forest=Forest((Tree(0, 0, 90.0),)))
+    subject = tracker(track(3, -1, 0, 0.1, 0), forest=Forest((Tree(0, 0, 90.0),)), max_variance=400.0)
     assert play(subject, [scan(k) for k in range(101)]) == [(3,)] * 101
     belief = track(3, -1, 0, 0.1, 0).belief
     for _ in range(100):
@@ -121,7 +121,7 @@ def test_a_person_that_appears_earlier_than_predicted_is_detected_at_once():
 def test_a_newcomer_in_the_gate_of_a_vague_belief_gets_a_track():
     """The hidden person may be anywhere under the tree and beyond: where the newcomer is, false alarms are likelier."""
     vague = Track(3, Gaussian(np.zeros(4), np.diag([90.0, 90.0, 0.04, 0.04])))
-    subject = tracker(vague, forest=Forest((Tree(0, 0, 8.0),)), clutter_density=1e-2)
+    subject = tracker(vague, forest=Forest((Tree(0, 0, 8.0),)), clutter_density=1e-2, max_variance=400.0)
     ids = play(subject, [scan(k, (9.5, 3.0 + 0.1 * k)) for k in range(4)])
     assert ids == [(3,)] * 3 + [(3, 4_000_000)]
     hidden, newcomer = (t.belief for t in subject.tracks)
@@ -130,12 +130,12 @@ def test_a_newcomer_in_the_gate_of_a_vague_belief_gets_a_track():
 
 
 def test_lost_tracks_take_no_new_people_and_end_at_very_large_covariance():
-    subject = tracker(track(3, 70, 0, 0, 0, variance=100.0))
+    subject = tracker(track(3, 70, 0, 0, 0, variance=100.0), max_variance=400.0)
     ids = play(subject, [scan(k, (0.2 * k, 0)) for k in range(4)])
     assert len(ids[-1]) == 2
     newcomer = subject.tracks[1].belief
     np.testing.assert_allclose(newcomer.mean, [0.6, 0, 1, 0], atol=0.4)
-    subject = tracker(track(3, 70, 0, 0, 0, variance=150.0))
+    subject = tracker(track(3, 70, 0, 0, 0, variance=150.0), max_variance=400.0)
     sizes = [len(ids) for ids in play(subject, [scan(k) for k in range(40)])]
     # tr P = 300 + 300 t² m² and little more reaches 400 m² after 0.58 s, at the third scan after the first.
     assert sizes == [1] * 3 + [0] * 37

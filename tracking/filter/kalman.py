@@ -40,12 +40,16 @@ class NearlyConstantVelocity:
         if not (isinstance(self.scans, int | np.integer) and self.scans >= 1):
             raise ValueError(f"scans must be an integer, 1 or more, is {self.scans}")
 
-    @cached_property
+    @property
+    def transition(self) -> tuple[float, float]:
+        """Way over the step per velocity at its start [s], and the share of that velocity that is left at its end."""
+        return self.dt, 1.0
+
+    @property
     def F(self) -> Array:
         """State transition (4, 4)."""
-        F = np.eye(4)
-        F[0, 2] = F[1, 3] = self.dt
-        return F
+        way, left = self.transition
+        return np.kron(np.array([[1.0, way], [0.0, left]]), np.eye(2))
 
     @cached_property
     def Q(self) -> Array:
@@ -63,11 +67,17 @@ class NearlyConstantVelocity:
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
-        return _predicted(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.F, self.Q)
+        return _predicted(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.transition, self.Q)
+
+    def positions_ahead(self, means: Array, covariances: Array, steps: int) -> Array:
+        """Positions (H, T, 2) m of the means (T, 4) of beliefs after 1 to H steps."""
+        return np.asarray(means[:, :2] + self.dt * np.arange(1, steps + 1)[:, None, None] * means[:, 2:])
 
 
-def nearly_constant_velocity(dt: float, sigma_a: float, max_speed: float) -> NearlyConstantVelocity:
-    """The model as `motion.MOTION_MODELS` has it; speeds have no bound."""
+def nearly_constant_velocity(
+    dt: float, sigma_a: float, max_speed: float, walking_speed: float
+) -> NearlyConstantVelocity:
+    """The model as `motion.MOTION_MODELS` has it; it needs no speeds."""
     return NearlyConstantVelocity(dt, sigma_a)
 
 
@@ -91,20 +101,19 @@ def update(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
 
 
 @compiled
-def _predicted(means: Array, covariances: Array, F: Array, Q: Array) -> tuple[Array, Array]:
-    """F ξ (T, 4) and the symmetric F P Fᵀ + Q (T, 4, 4)."""
-    moved, spread, half = np.zeros_like(means), np.empty_like(covariances), np.empty((4, 4))
+def _predicted(means: Array, covariances: Array, transition: tuple[float, float], Q: Array) -> tuple[Array, Array]:
+    """F ξ (T, 4) and the symmetric F P Fᵀ + Q (T, 4, 4), with F = [[I, w I], [0, l I]] by `transition` (w, l)."""
+    moved, spread, half = np.empty_like(means), np.empty_like(covariances), np.empty((4, 4))
+    way, left = transition
     for t in range(len(means)):
-        for i in range(4):
+        for i in range(2):
+            moved[t, i] = means[t, i] + way * means[t, 2 + i]
+            moved[t, 2 + i] = left * means[t, 2 + i]
             for j in range(4):
-                moved[t, i] += F[i, j] * means[t, j]
-                half[i, j] = 0.0
-                for k in range(4):
-                    half[i, j] += F[i, k] * covariances[t, k, j]
+                half[i, j] = covariances[t, i, j] + way * covariances[t, 2 + i, j]
+                half[2 + i, j] = left * covariances[t, 2 + i, j]
         for i in range(4):
             for j in range(i, 4):
-                total = 0.0
-                for k in range(4):
-                    total += half[i, k] * F[j, k]
+                total = half[i, j] + way * half[i, j + 2] if j < 2 else left * half[i, j]
                 spread[t, i, j] = spread[t, j, i] = total + Q[i, j]
     return moved, spread

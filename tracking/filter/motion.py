@@ -12,12 +12,13 @@ if TYPE_CHECKING:  # checking a name needs no arithmetic
     from tracking.filter.kalman import Gaussian
     from tracking.numerics.arrays import Array
 
-# Each is called with dt [s], sigma_a [m/s²] and max_speed [m/s], the scenario's keys, whether or not it needs them all.
+# Each is called with dt [s], sigma_a [m/s²], max_speed and walking_speed [m/s], the scenario's keys, whether or not it
+# needs them all.
 MOTION_MODELS = Registry(
     "tracking.motion",
     {
+        "mean-reverting": "tracking.filter.mean_reverting:mean_reverting_velocity",
         "ncv": "tracking.filter.kalman:nearly_constant_velocity",
-        "bounded": "tracking.filter.bounded_speed:BoundedSpeed",
     },
     ("predict(belief)", "predict_all(means, covariances)"),
 )
@@ -37,9 +38,9 @@ class MotionModel(Protocol):
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
 
 
-def motion_model(name: str, dt: float, sigma_a: float, max_speed: float) -> MotionModel:
+def motion_model(name: str, dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MotionModel:
     """The model of that name or import string; InputError says what is wrong, also with what one from outside gives."""
-    model: MotionModel = MOTION_MODELS.make(name, dt, sigma_a, max_speed)
+    model: MotionModel = MOTION_MODELS.make(name, dt, sigma_a, max_speed, walking_speed)
     with MOTION_MODELS.errors(name, "be made"):
         step = float(getattr(model, "dt", math.nan))
     if step != dt:

@@ -48,7 +48,7 @@ class Herding(Composition):
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
         """Plans (k, H, 2) m/s of the UAVs in rows `uavs` while the others fly `controls` (n, H, 2) m/s."""
         vehicles, rows = situation.vehicles, list(uavs)
-        nominal = nominal_positions(situation.tracks, situation.step, self.horizon)  # (H, T, 2) m
+        nominal = nominal_positions(situation, self.horizon)  # (H, T, 2) m
         traces = np.array([t.belief.covariance[0, 0] + t.belief.covariance[1, 1] for t in situation.tracks])
         seen_from = np.array([v.position[:2] + aim_point(v) for v in vehicles])
         belief = self.propagation.predict(situation, self.horizon, rng)

@@ -20,17 +20,19 @@ from stonesoup.types.track import Track as Path
 from stonesoup.updater.kalman import KalmanUpdater
 from stonesoup.updater.probability import PDAUpdater
 
+from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import visible_samples
 from understory import Camera, Forest, Gaussian, Message, Pose, Scan, Track, TrackerParameters, TrackExchange
 
 EPOCH = datetime.datetime(2000, 1, 1)
+SIGMA_A = 0.6  # m/s², standard deviation of the acceleration
 DETECTED = 0.1  # probability that a detection is a person's from which on it starts no track
 
 
 class SoupJPDA:
     """Joint probabilistic data association; tracks begin with three detections and end when they are too uncertain.
 
-    People out of sight are predicted. `tracking.motion` has to be "ncv".
+    People out of sight are predicted, by nearly constant velocity whatever `tracking.motion` says.
     """
 
     def __init__(
@@ -39,7 +41,7 @@ class SoupJPDA:
         self.camera, self.forest, self.parameters = camera, forest, parameters
         self.exchange = TrackExchange(uav, parameters, initial)
         self.time, self.tracks, self.detected = -np.inf, tuple(initial), {}
-        motion = parameters.motion
+        motion = NearlyConstantVelocity(parameters.motion.dt, SIGMA_A)
         self.predictor = KalmanPredictor(
             LinearGaussianTimeInvariantTransitionModel(transition_matrix=motion.F, covariance_matrix=motion.Q)
         )

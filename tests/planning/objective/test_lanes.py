@@ -11,6 +11,7 @@ from planning.objective.mwtp_lanes import mark_in_view_lanes, penalties, workspa
 from planning.prediction.field_of_view import view_quadrangle
 from planning.prediction.predicted_belief import LANES, belief_transition
 from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.camera import ALL_ROUND, Camera
 
 TRIANGLE = np.triu_indices(4)
@@ -56,7 +57,7 @@ def stepped(P, model, J):
     lanes[:, : len(P)] = P[:, TRIANGLE[0], TRIANGLE[1]].T
     information[:, : len(P)] = J[:, [0, 0, 1], [0, 1, 1]].T
     flat = lanes.ravel()
-    belief_transition(flat, model.dt, noise, information.ravel(), traces)
+    belief_transition(flat, model.transition, noise, information.ravel(), traces)
     out = np.empty_like(P)
     out[:, TRIANGLE[0], TRIANGLE[1]] = flat.reshape(10, LANES)[:, : len(P)].T
     out[:, TRIANGLE[1], TRIANGLE[0]] = out[:, TRIANGLE[0], TRIANGLE[1]]
@@ -64,10 +65,16 @@ def stepped(P, model, J):
     return out
 
 
-@pytest.mark.parametrize("dt", [0.2, 1.0])
-def test_transition_equals_predict_and_update_in_matrix_form(dt):
+@pytest.mark.parametrize(
+    "model",
+    [
+        NearlyConstantVelocity(0.2, 0.7),
+        NearlyConstantVelocity(1.0, 0.7),
+        MeanRevertingVelocity(1.0, 0.7, walking_speed=1.6, scans=5),
+    ],
+)
+def test_transition_equals_predict_and_update_in_matrix_form(model):
     rng = np.random.default_rng(1)
-    model = NearlyConstantVelocity(dt, 0.7)
     H = np.eye(2, 4)
     roots, halves = rng.normal(size=(50, 4, 4)), rng.normal(size=(50, 2, 2))
     P = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(4)

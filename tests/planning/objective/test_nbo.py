@@ -12,6 +12,9 @@ from planning.objective.mwtp import weighted_trace_penalty
 from planning.objective.nbo import Measure, costs, objective
 from planning.prediction.predicted_belief import predicted_belief
 from planning.prediction.propagation import MonteCarlo, Nominal
+from tracking.filter.mean_reverting import MeanRevertingVelocity
+
+WALKING = MeanRevertingVelocity(1.0, 0.5, walking_speed=1.6, scans=5)
 
 # End of the horizon in the paper's MWTP figure, in its drawing units, y upwards.
 FIGURE_SENSORS = np.array([[227.0, -168.25], [120.0, -154.25]])
@@ -25,6 +28,7 @@ def test_the_compiled_objective_equals_a_plain_transcription(random_team, uavs, 
     counts = []
     for seed in range(25):
         situation = random_team(seed, uavs=uavs, targets=targets, spread=12.0 + seed)[0]
+        situation = dataclasses.replace(situation, motion=WALKING if seed % 2 else situation.motion)
         controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (uavs, 5, 2))
         expected, seen = plain_cost(situation, controls, beta)
         assert team_cost(nominal(situation, 5), controls, beta) == pytest.approx(expected, rel=1e-9)
@@ -39,6 +43,7 @@ def test_expected_visibility_and_cutoffs_equal_a_plain_transcription(random_team
     changed = 0
     for seed in range(15):
         situation = random_team(seed, spread=12.0 + seed)[0]
+        situation = dataclasses.replace(situation, motion=WALKING if seed % 2 else situation.motion)
         controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (3, 5, 2))
         view = Nominal(doubtful).predict(situation, 5, np.random.default_rng(0))
         expected, _ = plain_cost(situation, controls, beta, expected=doubtful, cutoff=cutoff)

@@ -124,7 +124,7 @@ def test_with_effort_the_optimum_of_exhaustive_search_is_found(random_team, opti
         def objective(c, view=view, plans=plans):
             return costs(view, plans, [0], c, 0.5)
 
-        chases = pursuits(nominal_positions(situation.tracks, 1.0, 2), situation.own, 1.0)[:, None]
+        chases = pursuits(nominal_positions(situation, 2), situation.own, 1.0)[:, None]
         best = run(GridSearch(24, 3), objective, plans[None, :1]).cost
         found = run(optimizer, objective, np.concatenate([plans[None, :1], chases]), seed)
         excess.append(found.cost / best - 1.0)

@@ -12,8 +12,8 @@ from planning.prediction.propagation import MonteCarlo, Nominal
 from sim.mission.mission import Mission
 from sim.mission.tracker_setup import planned_motion, tracker_parameters
 from sim.scenario.loading import load
-from tracking.filter.bounded_speed import BoundedSpeed
 from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import Forest
 from tracking.tracker import Tracker
@@ -27,7 +27,9 @@ def coasting(tracks, scenario, seconds):
     return (np.array([t.belief.mean for t in tracker.tracks]), np.array([t.belief.covariance for t in tracker.tracks]))
 
 
-@pytest.mark.parametrize("settings", [[], ["rates.sensing=10"], ["tracking.sigma_a=1.0", "rates.planning=5"]])
+@pytest.mark.parametrize(
+    "settings", [[], ["rates.sensing=10"], ["tracking.sigma_a=1.0", "rates.planning=5"], ["tracking.motion=ncv"]]
+)
 @pytest.mark.parametrize("seconds", [1, 5, 10])
 def test_planners_predict_as_trackers_coast(random_team, settings, seconds):
     """Mean, covariance, the points of expected visibility and the cost of plans without a target in view."""
@@ -62,8 +64,6 @@ def test_one_long_step_has_more_noise_than_five_scans():
     for scans in (0, -1, 2.0):
         with pytest.raises(ValueError, match=r"^scans must be an integer, 1 or more, is"):
             NearlyConstantVelocity(1.0, 0.5, scans=scans)
-    with pytest.raises(ValueError, match=r"^scans must be 1 where speed is bounded"):
-        BoundedSpeed(1.0, 0.5, 3.0, scans=5)
 
 
 def test_a_mission_tells_planners_how_its_trackers_predict():
@@ -71,22 +71,28 @@ def test_a_mission_tells_planners_how_its_trackers_predict():
     planner = Spy()
     list(Mission(scenario, planner, 0).fly())
     motions = {s.motion for team in planner.teams for s in team}
-    assert motions == {NearlyConstantVelocity(1.0, 0.6, scans=5)}
-    assert tracker_parameters(scenario).motion == NearlyConstantVelocity(0.2, 0.6)
+    assert motions == {MeanRevertingVelocity(1.0, 0.75, walking_speed=1.75, scans=5)}
+    assert tracker_parameters(scenario).motion == MeanRevertingVelocity(0.2, 0.75, walking_speed=1.75)
+    plain = load("forest", ["tracking.motion=ncv", "tracking.sigma_a=0.5"])
+    assert planned_motion(plain) == NearlyConstantVelocity(1.0, 0.5, scans=5)
+    assert planned_motion(load("forest", ["tracking.motion=mymodels:Standing"])).transition == (1.0, 1.0)
 
 
-def test_monte_carlo_trajectories_spread_as_trackers_coast(random_team):
-    situation = random_team(2, targets=1)[0]
+@pytest.mark.parametrize("motion", ["ncv", "mean-reverting"])
+def test_monte_carlo_trajectories_spread_as_trackers_coast(random_team, motion):
+    scenario = load("forest", [f"tracking.motion={motion}"])
+    situation = dataclasses.replace(random_team(2, targets=1)[0], motion=planned_motion(scenario))
     points = MonteCarlo(40_000).predict(situation, 5, np.random.default_rng(0)).points[:, :, 0, :2]
     for seconds in (1, 5):
-        means, covariances = coasting(situation.tracks, load("forest", []), seconds)
+        means, covariances = coasting(situation.tracks, scenario, seconds)
         spread = np.sqrt(np.trace(covariances[0, :2, :2]))
         np.testing.assert_allclose(points[seconds - 1].mean(axis=0), means[0, :2], atol=4 * spread / 200)
         np.testing.assert_allclose(np.cov(points[seconds - 1].T), covariances[0, :2, :2], atol=0.03 * spread**2)
     # From step to step, too: how a trajectory goes on depends on the velocity that it has come to.
     ways = np.diff(points[:, :, 0], axis=0)
-    speed, Q = situation.tracks[0].belief.covariance[2, 2], situation.motion.Q
-    expected = speed + Q[2, 2] + Q[0, 2]  # covariance of the second and the third way
+    F, Q = situation.motion.F, situation.motion.Q
+    later = F @ situation.tracks[0].belief.covariance @ F.T + Q
+    expected = F[0, 2] * (F[2, 2] * F[0, 2] * later[2, 2] + Q[0, 2])  # covariance of the second and the third way
     assert np.cov(ways[0], ways[1])[0, 1] == pytest.approx(expected, rel=0.05)
 
 

@@ -118,7 +118,7 @@ def test_the_compiled_objective_of_tilted_cameras_equals_a_plain_transcription(r
     assert 0 in counts and 1 in counts and 2 in counts
 
 
-def test_mwtp_and_base_policy_count_from_where_a_tilted_camera_looks():
+def test_mwtp_and_base_policy_count_from_where_a_tilted_camera_looks(random_team):
     v = vehicle(30.0, place=(0.0, 0.0))
     view, ahead = view_quadrangle(v)[None], aim_point(v)[0]
     beyond = np.array([[ahead + 60.0, 0.0]])
@@ -131,7 +131,8 @@ def test_mwtp_and_base_policy_count_from_where_a_tilted_camera_looks():
     v = vehicle(40.0, 120.0)
     target = v.position[:2] + aim_point(v) + [3.0, -2.0]
     track = Track(0, Gaussian(np.array([*target, 0.0, 0.0]), np.eye(4)))
-    np.testing.assert_allclose(base_control(v, v.position[:2], [track], 0.0, 1.0), [3.0, -2.0], atol=1e-12)
+    alone = dataclasses.replace(random_team(0)[0], own=v, tracks=(track,))
+    np.testing.assert_allclose(base_control(alone), [3.0, -2.0], atol=1e-12)
 
 
 @pytest.mark.parametrize("heading", [0.0, 135.0])

@@ -12,6 +12,7 @@ from helpers.flights import fly
 
 from planning.registry import DEFAULT_PLANNER
 from sim.mission.tracker_setup import tracker_parameters
+from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.geometry.visibility import TARGET_HEIGHT
 
@@ -19,11 +20,14 @@ COUNT = 3000
 HELD, LOST = 1.0, 10.0  # m, where a particle filter may start, and beyond which an error is of no belief
 
 
-def moved(states: np.ndarray, model, rng: np.random.Generator, limit: float) -> np.ndarray:
-    """States (COUNT, 4) a scan later, by the tracker's model of motion with no speed above the limit [m/s]."""
-    states = states @ model.F.T + rng.multivariate_normal(np.zeros(4), model.Q, COUNT)
-    states[:, 2:] *= np.minimum(1.0, limit / np.linalg.norm(states[:, 2:], axis=1))[:, None]
-    return states
+def moved(states: np.ndarray, scenario: Scenario, rng: np.random.Generator) -> np.ndarray:
+    """States (COUNT, 4) a scan later: directions stay, speeds return to that of walking in 3 s, at most `max_speed`."""
+    tracking, dt = scenario.tracking, 1 / scenario.rates.sensing
+    speeds = np.linalg.norm(states[:, 2:], axis=1)[:, None]
+    left = np.exp(-dt / 3.0)
+    wanted = np.minimum(tracking.walking_speed + left * (speeds - tracking.walking_speed), tracking.max_speed)
+    after = states[:, 2:] * wanted / speeds + rng.normal(scale=tracking.sigma_a * dt, size=(COUNT, 2))
+    return np.hstack([states[:, :2] + dt / 2 * (states[:, 2:] + after), after])
 
 
 def unseen(states: np.ndarray, cameras, poses, forest, missed: float, rng: np.random.Generator) -> np.ndarray:
@@ -51,7 +55,7 @@ def errors(seed: int) -> Iterator[tuple[float, float]]:
                 if off < HELD:
                     states[person] = rng.multivariate_normal(track.belief.mean, track.belief.covariance, COUNT)
             elif person in states:
-                predicted = moved(states[person], p.motion, rng, p.max_speed)
+                predicted = moved(states[person], scenario, rng)
                 states[person] = unseen(predicted, cameras, snapshot.cameras, flown.forest, missed, rng)
                 error = np.linalg.norm(states[person][:, :2].mean(axis=0) - place)
                 if error < LOST and off < LOST:

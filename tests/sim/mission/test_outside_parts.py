@@ -90,7 +90,7 @@ def test_one_file_from_outside_changes_the_tracks(tmp_path, module, override):
 
 
 def test_built_in_names_give_built_in_classes_that_know_a_lone_uavs_belief():
-    assert type(motion_model("ncv", 0.2, 0.5, 3.0)).__name__ == "NearlyConstantVelocity"
+    assert type(motion_model("ncv", 0.2, 0.5, 3.0, 1.6)).__name__ == "NearlyConstantVelocity"
     assert type(fusion_rule("hcmci")).__name__ == "HybridConsensus"
     mean, P = np.array([[1.0, 2.0, 0.5, 0.0]]), np.eye(4)[None] * 4.0
     nothing = np.zeros((0, 4)), np.zeros((0, 4, 4))
@@ -127,7 +127,7 @@ class Exits:
 
 
 class Timeless:
-    def __init__(self, dt, sigma_a, max_speed):
+    def __init__(self, dt, sigma_a, max_speed, walking_speed):
         self.predict = self.predict_all = print
 """
 
@@ -171,7 +171,7 @@ METHODS = {
     "predict_all": ("tracking.motion", *MODEL, "means, covariances"),
     "contribution": ("network.fusion", *RULE, "local"),
 }
-MADE = {"predict_all": "def __init__(self, dt, sigma_a, max_speed):\n        super().__init__(dt, sigma_a)\n\n    "}
+MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super().__init__(dt, sigma_a)\n\n    "}
 
 
 @pytest.mark.parametrize(

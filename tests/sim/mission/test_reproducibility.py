@@ -19,8 +19,8 @@ from sim.study.trial import fly
 
 # Of the short mission and of images, on any machine: what `python tests/helpers/reproducibility.py --short` prints.
 EXPECTED = [
-    "81cfab6ebbad2df3df00053af5e4d3312047253a4b4b99b6b503ba0a98ed329e",
-    "a41671b80e57944897db8a3c9e64159c676cae7d08b089ce8c48ad8c40b6d4e0",
+    "223921e72b5b45967816771a2055386ec20da54fe5c9415ea0c394d023fcc81b",
+    "dc316484c419780f8cf1963e71e9a3742fc44f6ce0d90e4c2c40b7ba3f8601b9",
 ]
 # At once, as each alone flies the mission again.
 EVERYTHING = {

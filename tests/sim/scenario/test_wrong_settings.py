@@ -48,7 +48,7 @@ WRONG = {
     "tracking.doubt=0.995": ["tracking", "doubt 0.995 must be below sure 0.99"],
     "network.fusion=klaa": ["network.fusion: 'klaa' is unknown; allowed are kla, hcmci; did you mean kla?"],
     "sensing.mode=idle": ["sensing.mode: 'idle' is unknown; allowed are camera, ideal; did you mean ideal?"],
-    "tracking.motion=imm": ["tracking.motion: 'imm' is unknown; allowed are ncv, bounded"],
+    "tracking.motion=imm": ["tracking.motion: 'imm' is unknown; allowed are mean-reverting, ncv"],
     "x" + ".x" * 5000 + "=1": ["x", "unknown key"],
     # Cameras
     "uavs.0.mount=gimball": ["uavs.0.mount: 'gimball'", "did you mean gimbal?"],

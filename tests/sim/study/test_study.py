@@ -44,7 +44,8 @@ WALK = adapted(read("paper-to-default"), seeds="0")
 ORIGINAL = adapted(read("paper-original"), seeds="0")
 STEPS = (
     "1-paper", "2-tracks-known", "3-line-of-sight", "4-quadrotors", "5-pixels",
-    "6-tracker", "7-process-noise", "8-optimizer", "9-planner", "10-hcmci", "11-default",
+    "6-tracker", "7-process-noise", "8-optimizer", "9-planner", "10-hcmci", "11-cut-off",
+    "12-default",
 )  # fmt: skip
 
 
@@ -128,7 +129,7 @@ def test_the_paper_flies_its_own_setting_as_packaged_studies_say():
         s = task.setting
         assert (s.sensing.mode, s.sensing.occlusion, s.sensing.noise) == ("ideal", "disc", "range_bearing")
         assert (s.dynamics, s.first_decision, s.duration) == ("kinematic", 1.0, 40.0)
-        assert (s.tracking.initial_tracks, s.tracking.sigma_a) == ("none", 1.0)
+        assert (s.tracking.initial_tracks, s.tracking.sigma_a, s.tracking.motion) == ("none", 1.0, "ncv")
         assert (s.tracking.confirm, s.tracking.delete, s.tracking.life) == ((2, 3), (5, 5), "m_of_n")
         assert (s.network.fusion, s.network.rounds, s.network.links, s.network.loss) == ("kla", 5, (), 0.0)
         assert s.tracking.absence_weight == 0.0 and s.tracking.recovery_after > s.duration
@@ -268,7 +269,7 @@ def test_the_walk_begins_at_the_papers_setting_and_ends_at_the_default():
         ]
         setting, planner = walked(density)["1-paper"]
         assert setting == first.setting and planner == load_planner(first.planner)
-        setting, planner = walked(density)["11-default"]
+        setting, planner = walked(density)["12-default"]
         assert differing(setting, Scenario()) <= {"trees.density"} and setting.trees.density == float(density)
         assert planner == load_planner(DEFAULT_PLANNER)
 
@@ -291,6 +292,7 @@ def test_each_step_of_the_walk_takes_back_what_it_is_called():
         set(),
         {"network.fusion"},
         set(),
+        {"tracking.motion", "tracking.sigma_a", "tracking.max_variance"},
     ]
     planners = [steps[step][1] for step in STEPS]
     assert len(set(planners[:7])) == 1 and len(set(planners[6:])) == 4

@@ -133,10 +133,11 @@ def test_log_odds_and_back_stay_finite_and_counting_says_nothing_of_existence():
 @pytest.mark.parametrize(("survival", "left"), [(1.0, 0.9), (0.99, 0.9 * 0.99**20)])
 def test_a_person_hidden_for_twenty_seconds_exists_as_survival_says(survival, left):
     trees = Forest((Tree(0, 0, 90.0),))
-    subject = tracker(maybe(0.9, -1, 0, 0.1, 0), forest=trees, life="existence", survival=survival)
+    settings = {"life": "existence", "survival": survival, "max_variance": 400.0}
+    subject = tracker(maybe(0.9, -1, 0, 0.1, 0), forest=trees, **settings)
     assert play(subject, [scan(k) for k in range(101)])[-1] == (3,)
     assert subject.tracks[0].existence == pytest.approx(left, rel=1e-9)
-    away = tracker(maybe(0.9, 0, 0, 0.1, 0), life="existence", survival=survival)
+    away = tracker(maybe(0.9, 0, 0, 0.1, 0), **settings)
     play(away, [scan(k, pose=AWAY) for k in range(41)])
     assert away.tracks[0].existence == pytest.approx(0.9 * survival**8, rel=1e-9)
 

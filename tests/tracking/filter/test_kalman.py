@@ -6,8 +6,8 @@ from filterpy.kalman import KalmanFilter
 from helpers.information import information_form, moment_form
 from helpers.scenes import H
 
-from tracking.filter.bounded_speed import BoundedSpeed
 from tracking.filter.kalman import Gaussian, NearlyConstantVelocity, innovation, update
+from tracking.filter.mean_reverting import MeanRevertingVelocity
 
 MOTION = NearlyConstantVelocity(0.2, 0.5)
 
@@ -24,7 +24,7 @@ def test_the_model_is_equation_1_of_the_paper():
     np.testing.assert_allclose(MOTION.Q, s**2 * G @ G.T, rtol=1e-14)
 
 
-@pytest.mark.parametrize("model", [MOTION, BoundedSpeed(0.2, 1.0, 3.0)])
+@pytest.mark.parametrize("model", [MOTION, MeanRevertingVelocity(0.2, 1.0, walking_speed=1.6)])
 def test_predicting_a_stack_is_predicting_each(model):
     means, covariances = random_beliefs(np.random.default_rng(0), 300)
     new_means, new_covariances = model.predict_all(means, covariances)

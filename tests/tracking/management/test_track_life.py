@@ -9,8 +9,8 @@ from helpers.scenes import ALONE, AWAY, CAMERA, OPEN, play, scan, track, tracker
 from sim.mission.tracker_setup import tracker_parameters
 from sim.scenario.perception import Tracking
 from sim.scenario.scenario import Scenario
-from tracking.filter.bounded_speed import BoundedSpeed
 from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.filter.motion import motion_model
 from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Pose
@@ -48,10 +48,10 @@ def test_a_new_person_out_of_a_lost_persons_reach_gets_a_new_id(life):
 
 
 @BOTH
-@pytest.mark.parametrize("kind", ["ncv", "bounded"])
+@pytest.mark.parametrize("kind", ["ncv", "mean-reverting"])
 def test_crossing_people_keep_their_ids(life, kind):
     rng = np.random.default_rng(0)
-    parameters = TrackerParameters(motion_model(kind, 0.2, 0.5, 3.0), life=life)
+    parameters = TrackerParameters(motion_model(kind, 0.2, 0.5, 3.0, 1.6), life=life)
     subject = Tracker(0, CAMERA, OPEN, parameters, (track(1, -4.8, 2.8, 1.2, -0.7), track(2, -4.8, -2.8, 1.2, 0.7)))
     for k in range(41):
         people = np.array([[-4.8 + 0.24 * k, 2.8 - 0.14 * k], [-4.8 + 0.24 * k, -2.8 + 0.14 * k]])
@@ -105,6 +105,7 @@ def test_misses_of_two_uavs_in_one_scan_count_once_and_a_hit_cancels_them():
 
 
 def test_the_motion_of_a_scenario_is_what_it_says():
-    assert tracker_parameters(Scenario()).motion == NearlyConstantVelocity(0.2, 0.6)
-    bounded = Scenario(tracking=Tracking(motion="bounded", sigma_a=0.6, max_speed=2.0))
-    assert tracker_parameters(bounded).motion == BoundedSpeed(0.2, 0.6, 2.0)
+    walking = Scenario(tracking=Tracking(walking_speed=1.2))
+    assert tracker_parameters(walking).motion == MeanRevertingVelocity(0.2, 0.75, walking_speed=1.2)
+    plain = Scenario(tracking=Tracking(motion="ncv", sigma_a=0.6))
+    assert tracker_parameters(plain).motion == NearlyConstantVelocity(0.2, 0.6)

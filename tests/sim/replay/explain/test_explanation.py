@@ -25,7 +25,8 @@ from sim.replay.history import History
 def mission():
     """A recording, its scenario, its history and an observer."""
     alarms = ("sensing.false_alarms=3", "sensing.miss_probability=0.2", "tracking.clutter_density=1e-3")
-    recording, scenario = recorded("trees.density=60", *alarms)
+    paper = ("tracking.motion=ncv", "tracking.sigma_a=0.6")  # by which tracks of lost people last longer
+    recording, scenario = recorded("trees.density=60", *alarms, *paper)
     with Observer(recording, scenario) as observer:
         yield recording, scenario, History.of(recording, scenario), observer
 

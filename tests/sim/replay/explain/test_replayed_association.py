@@ -13,8 +13,8 @@ from sim.replay.explain.association import Association
 CASES = {
     "m_of_n": ["trees.density=75"],
     "existence": ["tracking.life=existence", "tracking.initial_tracks=none", "sensing.false_alarms=1"],
-    "discs, bounded speed, a slow camera, one that breaks down": [
-        "sensing.occlusion=disc", "tracking.motion=bounded", "uavs.1.rate=1", "uavs.2.fails_at=2",
+    "discs, nearly constant velocity, a slow camera, one that breaks down": [
+        "sensing.occlusion=disc", "tracking.motion=ncv", "uavs.1.rate=1", "uavs.2.fails_at=2",
         "network.fusion=hcmci",
     ],
 }  # fmt: skip

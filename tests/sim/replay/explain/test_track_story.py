@@ -25,7 +25,8 @@ def mission():
         tentative.append([[(t.scans, t.belief.mean[:2]) for t in tracker._tentative] for tracker in fleet])
 
     options = ("sensing.false_alarms=0.3", "tracking.initial_tracks=none", "trees.density=45")
-    recording, scenario = recorded(*IDEAL, *options, seed=3, duration=20, see=see)
+    paper = ("tracking.motion=ncv", "tracking.sigma_a=0.6", "tracking.max_variance=400")
+    recording, scenario = recorded(*IDEAL, *options, *paper, seed=3, duration=20, see=see)
     with Observer(recording, scenario) as observer:
         yield recording, scenario, observer, tentative
 

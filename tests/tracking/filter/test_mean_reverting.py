@@ -1,0 +1,117 @@
+"""Motion model of a walking speed against NCV, sums over scans, drawn people, and the walkers."""
+
+import numpy as np
+import pytest
+
+from sim.scenario.environment import Area, People
+from sim.world.walkers import walk
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity, update
+from tracking.filter.mean_reverting import MeanRevertingVelocity
+from tracking.geometry.visibility import Forest
+
+DT = 0.2
+NCV = NearlyConstantVelocity(DT, 0.6)  # the default before walking speeds
+WALKING = MeanRevertingVelocity(DT, 0.75, walking_speed=1.75)
+SURE = 1e-6 * np.eye(4)
+
+
+def after(model: NearlyConstantVelocity, mean: list[float], P: np.ndarray, steps: int) -> Gaussian:
+    belief = Gaussian(np.array(mean), P)
+    for _ in range(steps):
+        belief = model.predict(belief)
+    return belief
+
+
+def test_speeds_return_to_that_of_walking_and_directions_stay():
+    """The deviation of the speed falls by 1/e in 3 s, and so does the rest of the way that it adds."""
+    calm = MeanRevertingVelocity(DT, 1e-6, walking_speed=1.75)
+    for speed in (0.4, 1.75, 3.0):
+        x, y, u, v = after(calm, [10.0, -5.0, 0.6 * speed, 0.8 * speed], SURE, 15).mean
+        expected = 1.75 + (speed - 1.75) * np.exp(-1.0)
+        assert np.hypot(u, v) == pytest.approx(expected, rel=1e-3) and v / u == pytest.approx(4 / 3, rel=1e-9)
+        way = 3.0 * 1.75 + 3.0 * (1.0 - np.exp(-1.0)) * (speed - 1.75)
+        assert np.hypot(x - 10.0, y + 5.0) == pytest.approx(way, rel=1e-3)
+
+
+def test_a_person_of_unknown_direction_is_expected_to_stay():
+    belief = after(WALKING, [1.0, 2.0, 0.0, 0.0], np.diag([0.1, 0.1, 2.0, 2.0]), 50)
+    np.testing.assert_array_equal(belief.mean, [1.0, 2.0, 0.0, 0.0])
+    vague = after(WALKING, [0.0, 0.0, 0.3, 0.0], np.diag([0.1, 0.1, 2.0, 2.0]), 5).mean[2]
+    sure = after(WALKING, [0.0, 0.0, 0.3, 0.0], SURE, 5).mean[2]
+    assert 0.0 < vague < 0.35 < 0.5 < sure
+
+
+def test_moments_are_those_of_people_moved_one_by_one():
+    """Deviations of 200 000 drawn people fade in 6 s, and each has an acceleration of its own in each scan."""
+    rng, P = np.random.default_rng(0), np.diag([0.3, 0.2, 0.4, 0.1]) + 0.05
+    mean, left = np.array([3.0, 1.0, -2.0, 0.5]), np.exp(-DT / 6.0)
+    people = rng.multivariate_normal(np.zeros(4), P, 200_000)
+    for _ in range(15):
+        a = rng.normal(scale=0.75, size=(200_000, 2))
+        people[:, :2] += 6.0 * (1.0 - left) * people[:, 2:] + DT**2 / 2 * a
+        people[:, 2:] = left * people[:, 2:] + DT * a
+    np.testing.assert_allclose(after(WALKING, list(mean), P, 15).covariance, np.cov(people.T), atol=0.02)
+
+
+def test_one_step_of_several_scans_is_that_many_scans():
+    step = MeanRevertingVelocity(1.0, 0.75, walking_speed=1.75, scans=5)
+    P = np.diag([0.3, 0.2, 0.4, 0.1]) + 0.05
+    one, five = after(step, [3.0, 1.0, -2.0, 0.5], P, 1), after(WALKING, [3.0, 1.0, -2.0, 0.5], P, 5)
+    np.testing.assert_allclose(one.mean, five.mean, rtol=1e-13)
+    np.testing.assert_allclose(one.covariance, five.covariance, rtol=1e-13)
+    np.testing.assert_allclose(step.F @ P @ step.F.T + step.Q, five.covariance, rtol=1e-12)
+    ahead = step.positions_ahead(np.array([[3.0, 1.0, -2.0, 0.5]]), P[None], 3)
+    np.testing.assert_allclose(ahead[0, 0], one.mean[:2], rtol=1e-13)
+    np.testing.assert_allclose(ahead[2, 0], after(step, [3.0, 1.0, -2.0, 0.5], P, 3).mean[:2], rtol=1e-13)
+
+
+def test_over_a_long_time_the_spread_of_velocities_is_bounded():
+    """A scan adds σ² dt² and keeps the share exp(-2 dt / 6 s), where NCV's variance grows for ever."""
+    P = after(WALKING, [0.0, 0.0, 2.0, 0.0], SURE, 500).covariance
+    assert (
+        P[2, 2] == pytest.approx((0.75 * DT) ** 2 / (1.0 - np.exp(-2.0 * DT / 6.0))) and np.linalg.eigvalsh(P).min() > 0
+    )
+    assert after(NCV, [0.0, 0.0, 2.0, 0.0], SURE, 500).covariance[2, 2] > 3 * P[2, 2]
+
+
+@pytest.mark.parametrize("speed", [-0.1, np.nan, np.inf])
+def test_a_walking_speed_is_finite_and_not_negative(speed):
+    with pytest.raises(ValueError, match=r"^walking_speed must be 0 or more and finite, is"):
+        MeanRevertingVelocity(DT, 0.7, walking_speed=speed)
+
+
+def hidden_walkers(model: NearlyConstantVelocity, **ways: object) -> dict[int, tuple[float, float]]:
+    """Mean NEES per coordinate, and RMS error [m], of 120 walkers hidden for so many scans after 6 s in view."""
+    places = np.concatenate([walkers(seed, **ways) for seed in range(100, 120)], axis=1)
+    rng, R, found = np.random.default_rng(0), 0.09 * np.eye(2), {}
+    z = places + rng.normal(scale=0.3, size=places.shape)
+    means = np.hstack([z[0], np.zeros_like(z[0])])
+    covariances = np.tile(np.diag([0.09, 0.09, 2.25, 2.25]), (len(means), 1, 1))
+    for k in range(1, 81):
+        means, covariances = model.predict_all(means, covariances)
+        if k <= 30:
+            beliefs = [update(Gaussian(m, P), point, R) for m, P, point in zip(means, covariances, z[k], strict=True)]
+            means, covariances = np.array([b.mean for b in beliefs]), np.array([b.covariance for b in beliefs])
+        elif k - 30 in (5, 10, 25, 50):
+            e = means[:, :2] - places[k]
+            nees = (e * np.linalg.solve(covariances[:, :2, :2], e[..., None])[..., 0]).sum(axis=1)
+            found[k - 30] = float(nees.mean() / 2), float(np.sqrt((e**2).sum(axis=1).mean()))
+    return found
+
+
+def walkers(seed: int, **ways: object) -> np.ndarray:
+    """Positions (81, 6, 2) m of people walking for 16 s."""
+    people = People(count=6, paths=(), **ways)
+    paths = walk(people, Area(), Forest(()), duration=16.2, rng=np.random.default_rng(seed))
+    return np.array([paths.at(DT * k)[0] for k in range(81)])
+
+
+@pytest.mark.parametrize("walk", ["levy", "waypoints", "groups", "stop-and-go"])
+def test_hidden_walkers_are_nearer_to_where_they_are_believed_than_by_ncv(walk):
+    """Hidden for 1, 2, 5 and 10 s; of other ways of walking than the first, which chose the settings, too."""
+    plain, ours = hidden_walkers(NCV, walks=(walk,)), hidden_walkers(WALKING, walks=(walk,))
+    assert all(ours[k][1] < 1.01 * plain[k][1] for k in plain) and ours[50][1] < 0.96 * plain[50][1]
+    if walk != "groups":
+        assert ours[25][1] < 0.91 * plain[25][1] and ours[50][1] < 0.9 * plain[50][1]
+    if walk in ("levy", "waypoints"):  # the others stop or part, and are farther off than either model says
+        assert all(nees < 1.3 for k, (nees, _) in ours.items() if k <= 25)

@@ -1,0 +1,93 @@
+"""Motion model in which velocities return to a walking speed."""
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import exp
+
+_MEMORY = 3.0  # s, after which 1/e of a deviation from the walking speed is left
+
+
+@dataclass(frozen=True)
+class MeanRevertingVelocity(NearlyConstantVelocity):
+    """Directions stay, and speeds return to that of walking.
+
+    Over a scan v' = u + b (v - u) + a dt and p' = p + u dt + w (v - u) + a dt² / 2, with b = exp(-dt / 3 s) and
+    w = (1 - b) 3 s. The long-run velocity u = `walking_speed` E v / √E |v|² is zero while the direction is unknown, and
+    is taken anew in each scan. So a running person is expected to slow down out of sight. Deviations of speed fade
+    thus; those across the direction would not. The covariance, which treats all directions alike, forgets at the mean
+    of the two rates, in 6 s. Source: [Millefiori16]; that u follows from the belief, and the two rates, are ours.
+    """
+
+    walking_speed: float = field(kw_only=True)  # m/s
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 0.0 <= self.walking_speed < math.inf:
+            raise ValueError(f"walking_speed must be 0 or more and finite, is {self.walking_speed}")
+
+    @cached_property
+    def transition(self) -> tuple[float, float]:
+        """As `NearlyConstantVelocity.transition`, of deviations from the mean."""
+        return _reversion(self.dt, 2.0 * _MEMORY)
+
+    @cached_property
+    def Q(self) -> Array:
+        """Process noise (4, 4): over n scans Σ Fᵏ Q F'ᵏ of one scan's, for k from 0 to n - 1."""
+        if self.scans == 1:
+            return super().Q
+        return np.asarray(self.predict_all(np.zeros((1, 4)), np.zeros((1, 4, 4)))[1][0])
+
+    @cached_property
+    def _scan(self) -> "MeanRevertingVelocity":
+        return replace(self, dt=self.dt / self.scans, scans=1)
+
+    def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
+        """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
+        if self.scans > 1:
+            for _ in range(self.scans):
+                means, covariances = self._scan.predict_all(means, covariances)
+            return means, covariances
+        moved, spread = super().predict_all(means, covariances)
+        _move(moved, (means, covariances), self.dt, _reversion(self.dt, _MEMORY), self.walking_speed)
+        return moved, spread
+
+    def positions_ahead(self, means: Array, covariances: Array, steps: int) -> Array:
+        """As `NearlyConstantVelocity.positions_ahead`."""
+        ahead = np.empty((steps, len(means), 2))
+        for step in range(steps):
+            means, covariances = self.predict_all(means, covariances)
+            ahead[step] = means[:, :2]
+        return ahead
+
+
+def mean_reverting_velocity(dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MeanRevertingVelocity:
+    """The model as `motion.MOTION_MODELS` has it; it needs no bound on speed."""
+    return MeanRevertingVelocity(dt, sigma_a, walking_speed=walking_speed)
+
+
+def _reversion(dt: float, memory: float) -> tuple[float, float]:
+    """Way per deviation of the velocity [s] in `dt` s, and the share of it that is left, if it fades in `memory` s."""
+    left = exp(-dt / memory)
+    return memory * (1.0 - left), left
+
+
+@compiled
+def _move(
+    moved: Array, beliefs: tuple[Array, Array], dt: float, reversion: tuple[float, float], walking_speed: float
+) -> None:
+    """Set the means `moved` (T, 4) of beliefs, means (T, 4) and covariances (T, 4, 4), to those a scan later."""
+    (means, covariances), (way, left) = beliefs, reversion
+    for t in range(len(means)):
+        x, y = means[t, 2], means[t, 3]
+        square = x * x + y * y + covariances[t, 2, 2] + covariances[t, 3, 3]
+        share = walking_speed / math.sqrt(square) if square > 0.0 else 0.0  # u over E v
+        for i in range(2):
+            moved[t, i] = means[t, i] + (way + (dt - way) * share) * means[t, 2 + i]
+            moved[t, 2 + i] = (left + (1.0 - left) * share) * means[t, 2 + i]
