@@ -16,7 +16,7 @@ from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import length
 from tracking.track import Track, beliefs_of
 
-# Of a person without a track: position as uncertain as a track may get before deletion, walking speed.
+# Of a person without a track: the trace at which the paper's tracks end, 400 m², and walking speed.
 _UNKNOWN = np.diag([200.0, 200.0, 2.25, 2.25])
 
 

@@ -180,8 +180,8 @@ def belief_transition(
 
     P (10 LANES,) holds, lane by lane, the upper triangle of the covariance row by row: xx, xy, xu, xv, yy, yu, yv,
     uu, uv, vv with (u, v) the velocity; information (3 LANES,): xx, xy, yy. `traces` (LANES,) is set to
-    those of the position block. [Li22] eq. (1) and the covariance part of the Kalman update; with no information P
-    only grows.
+    those of the position block. [Li22] eq. (1) and the covariance part of the Kalman update; without
+    information P is predicted alone.
     """
     drift, both, wander, (way, left) = noise[0], noise[1], noise[2], transition
     for k in range(LANES):

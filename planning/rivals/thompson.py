@@ -38,7 +38,8 @@ class Thompson:
     independently and send no plans: chance alone parts them.
     Source: [Banerjee24], TS-PHD-II, with the tracker's Poisson intensity and Gaussian tracks for its particles.
 
-    Note: the paper moves a UAV to any place at once; here an action is a flight of at most `horizon` steps.
+    Note: the paper moves a UAV to any place at once; here an action is a flight of at most `horizon` steps. Drawn
+    people keep their velocities, whatever the motion model.
     """
 
     horizon: int = 3  # steps after which a flight ends, there or not

@@ -103,7 +103,7 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # motion model of the trackers: `"mean-reverting"`: velocities return to `walking_speed` in the direction in which a
     # person walks; `"ncv"`: nearly constant velocity, as in the paper; `"module:Class"`: yours
     # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners predict by the same model, scan by scan as
-    # trackers do, but by `"ncv"` where it is yours
+    # trackers do, but by `"ncv"` where it is yours, and `thompson` always by constant velocity
     motion: str = "mean-reverting"
     # `"jpda"`: Bernoulli tracks with joint probabilistic data association; `"module:Class"`: yours
     # ([how](../how-to/trackers.md)), which takes of these keys what it can use

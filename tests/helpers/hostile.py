@@ -94,7 +94,7 @@ FLOWN = {
         planner(
             "for s in team:",
             "    for t in s.tracks: t.belief.mean[:] = t.belief.covariance[:] = np.nan",
-            "    s.own.position[:] = s.forest.cylinders[:] = s.motion.F[:] = np.nan",
+            "    s.own.position[:] = s.forest.cylinders[:] = s.motion.Q[:] = np.nan",
             "    object.__setattr__(s.own.camera, 'fov', 'wide')",
             "    object.__setattr__(s, 'own', None)",
             LAST,

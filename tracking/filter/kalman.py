@@ -47,7 +47,7 @@ class NearlyConstantVelocity:
 
     @property
     def F(self) -> Array:
-        """State transition (4, 4)."""
+        """State transition (4, 4), of deviations from the mean."""
         way, left = self.transition
         return np.kron(np.array([[1.0, way], [0.0, left]]), np.eye(2))
 

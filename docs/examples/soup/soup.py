@@ -32,7 +32,7 @@ DETECTED = 0.1  # probability that a detection is a person's from which on it st
 class SoupJPDA:
     """Joint probabilistic data association; tracks begin with three detections and end when they are too uncertain.
 
-    People out of sight are predicted, by nearly constant velocity whatever `tracking.motion` says.
+    People out of sight are predicted, by nearly constant velocity with `SIGMA_A`, whatever `tracking.motion` says.
     """
 
     def __init__(

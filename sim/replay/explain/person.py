@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sim.evaluation.score import velocities
 from sim.mission.snapshot import Ints
+from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.history import History
@@ -32,7 +33,7 @@ class PlannedVisibility:
     times: Array  # (S,) s
     path: Array  # (S, 2) m, of the UAV
     person: Ints  # (S,), the true person in the view: `OUTSIDE`, `HIDDEN`, `IN_VIEW`; -1 after the mission
-    track: Ints | None  # (S,), the same of the track, if it goes on as it went; None without a track
+    track: Ints | None  # (S,), the same of the track, if its person walks as planners expect; None without a track
 
 
 def planned_visibility(
@@ -58,8 +59,9 @@ def planned_visibility(
     ahead[: len(known)] = _states(recording, scenario, uav, views, known)
     track = None
     if belief is not None:
-        nominal = belief.mean[:2] + (times - now)[:, None] * belief.mean[2:]
-        track = _states(recording, scenario, uav, views, nominal)
+        scan = replace(planned_motion(scenario), dt=1 / rate, scans=1)
+        nominal = scan.positions_ahead(belief.mean[None], belief.covariance[None], len(times))
+        track = _states(recording, scenario, uav, views, nominal[:, 0])
     return PlannedVisibility(uav, float(recording.plan_times[plan]), times, path, ahead, track)
 
 

@@ -8,8 +8,12 @@ import pytest
 from helpers.nominal import GAINS, information, nominal
 
 from planning.objective.nbo import objective
+from tracking.filter.kalman import Gaussian
+from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
+
+WALKING = MeanRevertingVelocity(1.0, 0.5, walking_speed=1.75, scans=5)
 
 
 def plain(situation, controls):
@@ -18,7 +22,7 @@ def plain(situation, controls):
     for track in situation.tracks:
         mean, variance, spread, rows = track.belief.mean, track.belief.covariance, [], []
         for step in range(controls.shape[1]):
-            mean, variance = F @ mean, F @ variance @ F.T + Q
+            mean, variance = situation.motion.predict(Gaussian(mean, variance)).mean, F @ variance @ F.T + Q
             spread.append(variance)
             point = np.array([*mean[:2], TARGET_HEIGHT])
             for v, flown in zip(situation.vehicles, controls, strict=True):
@@ -42,6 +46,7 @@ def test_the_information_is_that_of_all_positions_and_measurements_at_once(rando
     seen = 0
     for seed in range(25):
         situation = random_team(seed, spread=12.0 + seed)[0]
+        situation = dataclasses.replace(situation, motion=WALKING if seed % 2 else situation.motion)
         controls = np.random.default_rng(seed).uniform(-3.5, 3.5, (3, 5, 2))
         expected = plain(situation, controls)
         found = information(situation, range(3), controls[None])[0]

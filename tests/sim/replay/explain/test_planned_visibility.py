@@ -5,6 +5,7 @@ import pytest
 from helpers.flights import recorded
 
 from planning.planner import Plan
+from sim.mission.tracker_setup import tracker_parameters
 from sim.replay.explain.person import HIDDEN, IN_VIEW, OUTSIDE, planned_visibility
 from sim.replay.history import History
 from tracking.filter.kalman import Gaussian
@@ -44,7 +45,7 @@ def test_what_a_plan_has_in_store_is_what_comes_when_it_is_flown(delay):
 
 
 def test_a_track_is_in_store_where_its_velocity_takes_it():
-    options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=0")
+    options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=0", "tracking.motion=ncv")
     recording, scenario = recorded(*options, planner=Straight(), duration=1)
     below = np.concatenate([recording.poses[2, 0, :2], Straight.controls[0]])
     look = planned_visibility(recording, scenario, 2, 0, 0, Gaussian(below, np.eye(4)))
@@ -52,3 +53,15 @@ def test_a_track_is_in_store_where_its_velocity_takes_it():
     other = planned_visibility(recording, scenario, 2, 0, 0, Gaussian(below * [1, 1, -1, -1], np.eye(4)))
     # They part by 1.2 m east and west a scan; at the height of a person half the view is 9.5 m.
     assert other.track.tolist() == [IN_VIEW] * 7 + [OUTSIDE] * 16
+
+
+def test_a_track_out_of_sight_is_where_planners_expect_its_person():
+    """A running person who parts from the UAV is expected to slow down, and is longer in view than at 3.2 m/s."""
+    options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=0")
+    recording, scenario = recorded(*options, planner=Straight(), duration=1)
+    belief = Gaussian(np.concatenate([recording.poses[2, 0, :2], -Straight.controls[0]]), 0.01 * np.eye(4))
+    look, inside = planned_visibility(recording, scenario, 2, 0, 0, belief), []
+    for place in look.path:
+        belief = tracker_parameters(scenario).motion.predict(belief)
+        inside.append(np.abs(belief.mean[:2] - place).max() < 9.5)
+    assert look.track.tolist() == np.where(inside, IN_VIEW, OUTSIDE).tolist() and 7 < sum(inside) < 23
