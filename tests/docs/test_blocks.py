@@ -143,13 +143,13 @@ def test_the_commands_on_debugging_tell_of_the_lost_person(shell, tmp_path):
     outputs = [shell.line(line) for line in block.splitlines()]
     folder = tmp_path / "runs" / "dense"
     assert outputs[0].count("timeline.png") == 1 and "\nTimeline: runs/dense/timeline.png\n" in outputs[1]
-    assert outputs[1].splitlines()[-1].startswith("The longest loss: understory explain runs/dense --target 1 --time ")
+    assert outputs[1].splitlines()[-1].startswith("The longest loss: understory explain runs/dense --target 2 --time ")
     assert [f"person {m}" in outputs[1].splitlines() for m in range(4)] == [True] * 4
     assert outputs[2].count("person ") == 1 and "lost  hidden by tree" in outputs[2]
-    assert outputs[3].startswith("person 1 at 3.6 s\n  is at (") and "  lost since " in outputs[3]
+    assert outputs[3].startswith("person 2 at 3.2 s\n  is at (") and "  lost since " in outputs[3]
     assert re.search(r"hidden by tree (\d+), .*\n  tree \1 stands at ", outputs[3])
     files = {path.name for path in folder.iterdir()}
-    picture = "explain-target1-3.6s.png"
+    picture = "explain-target2-3.2s.png"
     assert files == {"mission.npz", "ospa.png", "summary.json", "timeline.png", picture}
     assert (folder / picture).read_bytes().startswith(b"\x89PNG")
     (folder / "timeline.png").rename(folder / "first.png")
