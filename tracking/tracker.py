@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracking.filter.negative_information import Viewpoint, miss_likelihood
+from tracking.filter.negative_information import Viewpoint, miss_likelihood, negative_information_update, views_of
 from tracking.fusion.exchange import SURE, UNSEEN, Link
 from tracking.fusion.labels import FIRST_LABEL, UAVS, is_new_label, new_label
 from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs
 from tracking.geometry.camera import Camera
-from tracking.geometry.visibility import Forest, visible_samples
+from tracking.geometry.visibility import SAMPLES, Forest, visible_samples
 from tracking.management.deletion import counted_misses, missed, shared_people, without_measurement
 from tracking.management.initiation import Initiator, Tentative
 from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
@@ -20,6 +20,7 @@ from tracking.management.validation import check_track, checked_scan
 from tracking.measurement_update import scan_prediction, scan_update
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
+from tracking.numerics.universal import power_each
 from tracking.parameters import TrackerParameters
 from tracking.track import Scan, Track, TrackTable, beliefs_of, tracks_of
 
@@ -28,6 +29,7 @@ __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 _VIEWED = 1e-4  # weight in the average of a belief in view without a detection: matters only if no UAV detected it
 _LATELY = 1.0  # s since the last detection of each of two tracks that share one person
 _BORN = 1.0  # s for which a new track takes the id of one whose person it shares
+_BITS = np.arange(len(SAMPLES))  # of a number that holds which samples of a belief are in view
 _NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
 
 
@@ -85,14 +87,11 @@ class Tracker:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
         z, R = checked_scan(scan.time, scan.pose, scan.measurements, scan.covariances)
         times = self._link.time, scan.time
-        self.coast(scan.time)
+        views = self._predict(scan.time, (scan.time, scan.pose))
         table = self._table
         beliefs = table.means, table.covariances
-        now, last = (scan.time, scan.pose), self._viewpoint
-        self._viewpoint = now
-        views = self._camera, self._forest, beliefs
-        likelihood = miss_likelihood(*views, now=now, last=last, detection_probability=p.detection_probability)
-        before = scan_prediction(beliefs, table.existence, *likelihood, p)
+        likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, 3], p.detection_probability)
+        before = scan_prediction(beliefs, table.existence, views[:, 0], likelihood, p)
         turned = turned_density(table.sightings, table.existence, z, R, times, p)
         after = scan_update(before, z, R, turned, p)
         self._predicted = *beliefs, z, after.gates
@@ -100,14 +99,17 @@ class Tracker:
         hits = detected >= p.seen
         if p.life == "m_of_n":
             hits &= ~without_measurement(after.gates, detected)
-        marks = np.array([hits, before.visible >= p.expected, detected >= SURE]).T
+        happened, gated = table.times.copy(), np.zeros(len(table), dtype=np.bool_)
+        happened[:, :3][np.array([hits, before.visible >= p.expected, detected >= SURE]).T] = scan.time
+        gated[after.gates[:, 0]] = True
         self._table = replace(
             table,
-            means=after.means,
-            covariances=after.covariances,
+            means=np.where(gated[:, None], after.means, table.means),
+            covariances=np.where(gated[:, None, None], after.covariances, table.covariances),
             existence=after.existence,
             weights=np.maximum(detected, UNSEEN + _VIEWED * before.visible),
-            times=np.where(marks, scan.time, table.times),
+            times=happened,
+            views=np.where(gated[:, None] & [True, False], 0, table.views),  # the association has taken it
         )
         self._initiate(scan, z[~after.explained], R[~after.explained])
 
@@ -125,6 +127,10 @@ class Tracker:
 
     def coast(self, time: float) -> None:
         """Predict to the time of a scan without a frame of this UAV, which is neither a hit nor a miss."""
+        self._predict(time, None)
+
+    def _predict(self, time: float, frame: Viewpoint | None) -> Flags:
+        """Predict to the time of a scan; what its frame, if there is one, shows of beliefs, as `views_of`."""
         self._link.begin(time)
         if self._link.scans == 1:
             self._first = time
@@ -138,7 +144,14 @@ class Tracker:
         for _ in range(elapsed):
             means, covariances = self.parameters.motion.predict_all(means, covariances)
         existence = self._table.existence * power(self.parameters.step_survival, elapsed)
-        self._table = replace(self._table, means=means, covariances=covariances, existence=existence)
+        times, last = self._table.times.copy(), self._viewpoint
+        times[:, 3], self._viewpoint = last[0] if last else -math.inf, frame or last
+        views = views_of(self._camera, self._forest, (means, covariances), frame, last)
+        shown, table = (views << _BITS).sum(axis=2), self._table
+        self._table = replace(
+            table, means=means, covariances=covariances, existence=existence, times=times, views=shown
+        )
+        return views
 
     def message(self, degree: int) -> Message:
         """Message for the first round, to so many neighbours."""
@@ -151,7 +164,7 @@ class Tracker:
     def accept(self, message: Message) -> None:
         """Take over the fleet's tracks, count its scan, and delete tracks."""
         p, now, scans = self.parameters, self._link.time, self._link.scans
-        means, covariances = message.beliefs
+        means, covariances = self._undetected(message)
         existence = message.existence() if p.life == "existence" else np.ones(len(means))
         misses = counted_misses(message.misses, message.times, now, p.delete[1])
         gone = existence < p.doubt if p.life == "existence" else missed(misses, p.delete[0])
@@ -167,12 +180,23 @@ class Tracker:
         self._link.accept(message)
         self._link.delete(ids[gone].tolist())
         self._predicted = _NOTHING
-        weights = np.full(len(means), UNSEEN)
-        table = TrackTable(ids, means, covariances, existence, weights, message.times, misses, message.sighted())
+        told = np.full(len(means), UNSEEN), message.times, message.views, misses, message.sighted()
+        table = TrackTable(ids, means, covariances, existence, *told)
         if gone.any():
             order = np.argsort(ids, kind="stable")
             table = table[order[~gone[order]]]
         self._table = self._with_reacquired(table)
+
+    def _undetected(self, message: Message) -> tuple[Array, Array]:
+        """Means (T, 4) and covariances (T, 4, 4) of the fleet's tracks, with the negative information of all frames."""
+        now, p = self._link.time, self.parameters
+        detected = message.times[:, 0] >= now
+        if detected.all():
+            return message.beliefs
+        views = (message.views[..., None] >> _BITS) & 1 > 0
+        views[detected] = False
+        missed = miss_likelihood(*message.beliefs, views, now - message.times[:, 3], p.detection_probability)
+        return negative_information_update(message.beliefs, power_each(missed, p.absence_weight))
 
     def _with_reacquired(self, table: TrackTable) -> TrackTable:
         """Give new tracks of this scan the ids of lost tracks that they continue.
@@ -209,7 +233,8 @@ def _tabulated(tracks: Sequence[Track], *, weight: float, seen: float) -> TrackT
         covariances=covariances,
         existence=np.array([t.existence for t in tracks], dtype=float),
         weights=np.full(count, weight),
-        times=np.full((count, 3), seen),
+        times=np.full((count, 4), seen),
+        views=np.zeros((count, 2), dtype=np.int64),
         misses=np.zeros(count, dtype=np.int64),
         sightings=np.column_stack([means[:, :2], np.full(count, -math.inf)]),
     )

@@ -32,7 +32,8 @@ def message(uav: int, ids, means, covariances, *, degree: int, weight=1.0, seen=
     said = {
         "partition": partition,
         "names": np.column_stack([np.full(len(q), partition[0]), np.array(ids, np.int64)]),
-        "times": np.column_stack([seen, seen, seen]),
+        "times": np.column_stack([seen, seen, seen, seen]),
+        "views": np.zeros((len(q), 2), np.int64),
         "misses": np.zeros(len(q), np.int64),
         "sightings": np.column_stack([np.reshape(means, (-1, 4))[:, :2], seen]),
         "novel": np.zeros((len(q), 0)),

@@ -5,79 +5,63 @@ import math
 import numpy as np
 
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.lens import Lens
-from tracking.geometry.line_of_sight import Grid
-from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, seen_samples
+from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, visible_samples
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
-from tracking.numerics.stacks import cholesky_factors
 
 Viewpoint = tuple[float, Pose]  # time of a frame [s], and pose of its camera
 
-# Decrease of the log-likelihood of a second missed detection per width of the belief crossed meanwhile. With 4 to 5
-# beliefs are as wide as those of a particle filter, under canopies of 1 to 8 m; with 2, far wider.
-_AGAIN = 4.5
+# Decrease of the log-likelihood of a second missed detection per width of the belief crossed meanwhile, and the share
+# of the mean velocity in that: a motion of all of the belief crosses one of its edges only. Beliefs are then as wide
+# as those of a particle filter, of one UAV or a fleet, under canopies of 1 to 8 m.
+_AGAIN, _TOGETHER = 8.5, 0.35
 
 
-def miss_likelihood(
-    camera: Camera,
-    forest: Forest,
-    beliefs: tuple[Array, Array],
-    *,
-    now: Viewpoint,
-    last: Viewpoint | None,
-    detection_probability: float,
-) -> tuple[Flags, Array]:
-    """Likelihood of no detection at the samples of beliefs, means (T, 4) and covariances (T, 4, 4).
+def views_of(camera: Camera, forest: Forest, beliefs: tuple[Array, Array], *frames: Viewpoint | None) -> Flags:
+    """Flags (T, F, K) of the positions `visibility.SAMPLES` of beliefs that F frames show in plain view, None nothing.
 
-    now, last: time and pose of the frame and of the UAV's frame before, if any. Returns flags (T, K) of the positions
-    `visibility.SAMPLES` that are in plain view, and the likelihood of no detection at each (T, K).
-    Negative information of the last frame is already in the belief, but for the tails that a Gaussian has again in the
-    empty place. A second look at an empty place says only that no person has come there since. So where both frames
-    show a place, the likelihood falls with the share of the belief that people cross between the frames.
-    Note: this is ours; tests/tracking/filter/test_negative_information.py compares it with a particle filter. The last
-    frame is taken to be in the belief also if it showed all of it, which is no information, or if the UAV did not hold
-    the track then. Frames of other UAVs are left out: consensus averages those of one time.
+    beliefs: means (T, 4) and covariances (T, 4, 4); frames: of a UAV, in this scan and before.
     """
-    means, covariances = (np.ascontiguousarray(part) for part in beliefs)
-    views = camera.lens(now[1]), camera.lens((last or now)[1])
-    elapsed = now[0] - last[0] if last else 0.0
-    return _miss_likelihood(means, covariances, views, elapsed, (forest.blockers, forest.grid), detection_probability)
+    means, covariances = beliefs
+    views = np.zeros((len(means), len(frames), len(SAMPLES)), np.bool_)
+    for k, frame in enumerate(frames):
+        if frame:
+            views[:, k] = visible_samples(camera, frame[1], means[:, :2], covariances[:, :2, :2], forest)
+    return views
 
 
 @compiled
-def _miss_likelihood(
-    means: Array,
-    covariances: Array,
-    views: tuple[Lens, Lens],
-    elapsed: float,
-    trees: tuple[Array, Grid],
-    detection_probability: float,
-) -> tuple[Flags, Array]:
-    """As `miss_likelihood`, from the views now and `elapsed` s before; 0 s stands for the first frame."""
-    places, roots = means[:, :2].copy(), cholesky_factors(covariances[:, :2, :2].copy())
-    seen = seen_samples(places, roots, views[0], *trees)
-    missed = np.where(seen, 1.0 - detection_probability, 1.0)
-    for t in range(len(seen)):
-        if elapsed > 0.0 and np.any(seen[t]) and not np.all(seen[t]):
-            before = seen_samples(places[t : t + 1], roots[t : t + 1], views[1], *trees)[0]
-            again = exp(-_AGAIN * share_crossed(means[t], covariances[t], elapsed))
-            for k in range(len(before)):
-                if before[k] and seen[t, k]:
+def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Array, detection: float) -> Array:
+    """Likelihood (T, K) of no detection at the samples of beliefs, means (T, 4) and covariances (T, 4, 4).
+
+    views (T, 2, K): as from `views_of`, of one UAV or of any of several; elapsed (T,) s since the frames before;
+    detection: its probability in plain view.
+    Negative information of the last frames is already in the belief, but for the tails that a Gaussian has again in the
+    empty place. A second look at an empty place says only that no person has come there since. So where frames of both
+    times show a place, the likelihood falls with the share of the belief that people cross between them.
+    Note: this is ours; tests/tracking/filter compares it with particle filters. The last frames are taken to be in the
+    belief also if they showed all of it, which is no information, or if the fleet did not hold the track then.
+    """
+    missed = np.where(views[:, 0], 1.0 - detection, 1.0)
+    for t in range(len(missed)):
+        if np.any(views[t, 0] & views[t, 1]) and not np.all(views[t, 0]):
+            again = exp(-_AGAIN * share_crossed(means[t], covariances[t], elapsed[t]))
+            for k in range(missed.shape[1]):
+                if views[t, 0, k] and views[t, 1, k]:
                     missed[t, k] = max(missed[t, k], again)
-    return seen, missed
+    return missed
 
 
 @compiled
 def share_crossed(mean: Array, covariance: Array, elapsed: float) -> float:
     """Share of its belief's width that a person crosses in `elapsed` seconds, in root mean squares.
 
-    mean (4,) and covariance (4, 4) of the belief.
+    mean (4,) and covariance (4, 4) of the belief; a part of its mean velocity counts.
     """
     width = covariance[0, 0] + covariance[1, 1]
-    speed = covariance[2, 2] + covariance[3, 3] + (mean[2] * mean[2] + mean[3] * mean[3])
-    return elapsed * math.sqrt(speed / width)
+    together = _TOGETHER * _TOGETHER * (mean[2] * mean[2] + mean[3] * mean[3])
+    return elapsed * math.sqrt((covariance[2, 2] + covariance[3, 3] + together) / width)
 
 
 @compiled

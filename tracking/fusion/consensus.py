@@ -11,6 +11,8 @@ from tracking.fusion.track_association import associate_tracks
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 
+_Told = tuple[Array, Indices, Indices, Array]  # times, views, misses and sightings, as columns of messages
+
 
 def fuse(
     members: Sequence[Member],
@@ -81,35 +83,33 @@ def _mixed(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], In
     for row, m in zip(novel, messages, strict=True):
         row[:, : m.novel.shape[1]] = m.novel
     degrees = np.array([m.degree for m in messages], dtype=float)
-    shares, times, misses, sightings = (
-        np.array([getattr(m, name) for m in messages]) for name in ("shares", "times", "misses", "sightings")
-    )
-    *tables, numbers = _after_rounds(novel, shares, (times, misses, sightings), degrees, heard)
+    names = "shares", "times", "views", "misses", "sightings"
+    shares, times, views, misses, sightings = (np.array([getattr(m, name) for m in messages]) for name in names)
+    *tables, numbers = _after_rounds(novel, shares, (times, views, misses, sightings), degrees, heard)
     partitions = [m.partition for m in messages]
     for of in heard:
         if len(set(partitions)) > 1:
             partitions = _joint_partitions(partitions, of)
-    names = ("novel", "shares", "times", "misses", "sightings", "partition")
     columns = zip(*tables, partitions, strict=False)
-    mixed = [replace(m, **dict(zip(names, row, strict=True))) for m, row in zip(messages, columns, strict=False)]
+    parts = ("novel", *names, "partition")
+    mixed = [replace(m, **dict(zip(parts, row, strict=True))) for m, row in zip(messages, columns, strict=False)]
     return mixed, 8 * (numbers + len(heard) * np.array([m.numbers for m in mixed]))
 
 
 @compiled
 def _after_rounds(
-    novel: Array, shares: Array, told: tuple[Array, Indices, Array], degrees: Array, heard: Flags
-) -> tuple[Array, Array, Array, Indices, Array, Indices]:
+    novel: Array, shares: Array, told: _Told, degrees: Array, heard: Flags
+) -> tuple[Array, Array, Array, Indices, Indices, Array, Indices]:
     """Columns of M messages after rounds `heard` (R, M, N), and numbers of novel information sent by each (M,)."""
     numbers = np.zeros(heard.shape[1], np.int64)
-    times, misses, sightings = told
     for k in range(len(heard)):
         for i in range(len(numbers)):
             numbers[i] += novel_numbers(novel[i])
         shares = _averaged(shares, degrees, heard[k])
         if novel.shape[2]:
             novel = _averaged(novel, degrees, heard[k])
-        times, misses, sightings = _latest(times, misses, sightings, heard[k])
-    return novel[: len(numbers)], shares, times, misses, sightings, numbers
+        told = _latest(told, heard[k])
+    return novel[: len(numbers)], shares, *told, numbers
 
 
 def _joint_partitions(partitions: Sequence[tuple[int, float]], heard: Flags) -> list[tuple[int, float]]:
@@ -134,19 +134,21 @@ def _averaged(tables: Array, degrees: Array, heard: Flags) -> Array:
 
 
 @compiled
-def _latest(times: Array, misses: Indices, sightings: Array, heard: Flags) -> tuple[Array, Indices, Array]:
-    """Latest times (M, T, 3) and sightings (M, T, 3) of those heard, and the misses (M, T) that all of them count."""
-    last, common, places = times[: len(heard)].copy(), misses[: len(heard)].copy(), sightings[: len(heard)].copy()
+def _latest(told: _Told, heard: Flags) -> _Told:
+    """Latest times (M, T, 4) and sightings (M, T, 3) of those heard, all views (M, T, 2) and common misses (M, T)."""
+    times, views, misses, sightings = told
+    last, seen = times[: len(heard)].copy(), views[: len(heard)].copy()
+    common, places = misses[: len(heard)].copy(), sightings[: len(heard)].copy()
     for i in range(len(heard)):
         for j in range(len(times)):
             if heard[i, j]:
                 for t in range(times.shape[1]):
-                    for c in range(times.shape[2]):
-                        last[i, t, c] = max(last[i, t, c], times[j, t, c])
+                    last[i, t] = np.maximum(last[i, t], times[j, t])
+                    seen[i, t] |= views[j, t]
                     common[i, t] &= misses[j, t]
                     if sightings[j, t, 2] > places[i, t, 2]:
                         places[i, t] = sightings[j, t]
-    return last, common, places
+    return last, seen, common, places
 
 
 def _check(messages: Sequence[Message]) -> None:

@@ -19,7 +19,7 @@ SURE = 0.99
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
 _CERTAIN = 1.0 - 2e-9  # existence from which on it is 1, as log-odds are kept finite
 # Of a track that is new and of one known at the start, which count as sighted in their first scan.
-_NEW, _UNKNOWN = np.full(6, -np.inf), np.full(6, -np.inf)
+_NEW, _UNKNOWN = np.full(7, -np.inf), np.full(7, -np.inf)
 
 
 class Link:
@@ -61,6 +61,7 @@ class Link:
             names=np.column_stack([np.full(len(table), partition[0]), table.ids]),
             shares=shares,
             times=table.times,
+            views=table.views,
             misses=table.misses,
             sightings=table.sightings,
             deleted=tuple(sorted(self._deleted.items())),
@@ -112,19 +113,20 @@ class TrackExchange:
         means, covariances = beliefs_of(held)
         nothing = (means[:0], covariances[:0]), np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
         chances = np.array([detected.get(id, 0.0) for id in ids])
-        marks = np.column_stack([chances >= self._seen] * 2 + [chances >= SURE])
-        history = np.array([self._known[id] for id in ids], dtype=float).reshape(-1, 6)
+        marks = np.column_stack([chances >= self._seen] * 2 + [chances >= SURE, chances < 0.0])
+        history = np.array([self._known[id] for id in ids], dtype=float).reshape(-1, 7)
         here = np.column_stack([means[:, :2], np.full(len(means), time)])
-        history[:, 3:] = np.where(history[:, 5:] > -math.inf, history[:, 3:], here)
+        history[:, 4:] = np.where(history[:, 6:] > -math.inf, history[:, 4:], here)
         table = TrackTable(
             ids=np.array(ids, dtype=np.int64),
             means=means,
             covariances=covariances,
             existence=np.array([t.existence for t in held], dtype=float),
             weights=np.maximum(chances, UNSEEN),
-            times=np.where(marks, time, history[:, :3]),
+            times=np.where(marks, time, history[:, :4]),
+            views=np.zeros((len(ids), 2), dtype=np.int64),
             misses=np.zeros(len(ids), dtype=np.int64),
-            sightings=history[:, 3:],
+            sightings=history[:, 4:],
         )
         local = LocalBeliefs(self._link.uav, means, covariances, table.weights, *nothing)
         return self._link.message(degree, table, local)

@@ -19,7 +19,7 @@ class HybridConsensus:
     """Sums of what each UAV has learned in this scan, added to the average of what was known before.
 
     Source: [Battistelli15].
-    Note: negative information is averaged, not added up, as that of UAVs with the same view is the same.
+    Note: negative information is not added up, as that of UAVs with the same view is the same.
     The weights of prior beliefs fall with their uncertainty, as in [Niehsen02]: where partitions meet, UAVs that
     lost a person do not dilute the information of the others.
     """

@@ -17,8 +17,8 @@ from tracking.numerics.matrices import products
 
 INFORMATION = 4 + 16  # numbers of a packed (q, Ω)
 _REDUNDANT = 16 - 10  # numbers of a symmetric matrix below its upper triangle
-_COLUMNS = ("ids", "names", "shares", "times", "misses", "sightings", "novel")
-_PER_TRACK = 3 + (1 + INFORMATION - _REDUNDANT + 1) + 3 + 1 + 3  # id and name, shares, times, misses, sighting
+_COLUMNS = ("ids", "names", "shares", "times", "views", "misses", "sightings", "novel")
+_PER_TRACK = 3 + (1 + INFORMATION - _REDUNDANT + 1) + 4 + 2 + 1 + 3  # id and name, shares, and the rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,8 @@ class Message:
     ids: Indices  # (T,)
     names: Indices  # (T, 2)
     shares: Array  # (T, 22)
-    times: Array  # (T, 3) s: last detection by the fleet, last scan with the person in view, and last sure detection
+    times: Array  # (T, 4) s: as in `tracking.track.TrackTable`
+    views: Indices  # (T, 2), as there; those of any UAV heard
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3), position [m] and time [s] of the fleet's last sure detection before this scan
     deleted: tuple[tuple[int, float], ...]  # ids, ascending, and the time [s] up to which sightings of them are void
@@ -53,7 +54,7 @@ class Message:
 
     @property
     def numbers(self) -> int:
-        """Count of the numbers but for novel information: 6, 26 for each track, 2 for each deleted id."""
+        """Count of the numbers but for novel information: 6, 29 for each track, 2 for each deleted id."""
         return 6 + _PER_TRACK * len(self.ids) + 2 * len(self.deleted)
 
     @cached_property

@@ -13,7 +13,7 @@ _LIKELIER = 3.0  # ratio of two probabilities from which on the larger decides w
 
 @compiled
 def counted_misses(misses: Indices, times: Array, now: float, window: int) -> Indices:
-    """Bits (T,) of the misses with the scan at `now` counted, once the fleet agrees on the times (T, 3).
+    """Bits (T,) of the misses with the scan at `now` counted, once the fleet agrees on the times (T, 4).
 
     A scan is a hit if any UAV detected the person, and a miss if none did although one had the person in view.
     Otherwise it does not count.

@@ -9,7 +9,7 @@ from sim.mission.tracker_setup import initial_tracks, tracker_parameters
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
-from tracking.filter.negative_information import miss_likelihood
+from tracking.filter.negative_information import miss_likelihood, views_of
 from tracking.geometry.visibility import Forest
 from tracking.management.reacquisition import turned_density
 from tracking.measurement_update import ScanPrediction, associate, scan_prediction
@@ -58,9 +58,10 @@ class Association:
         forest = Forest(recording.forest.trees, scenario.sensing.occlusion)  # as trackers take it to hide people
         frames = (recording.scan_at(j, uav) for j in range(k - 1, -1, -1) if takes[j] and scenario.has_frame(uav, j))
         last = next(((frame.time, frame.pose) for frame in frames), None)
-        beliefs, now, certainty = (means, covariances), (scan.time, scan.pose), p.detection_probability
-        shows = miss_likelihood(camera, forest, beliefs, now=now, last=last, detection_probability=certainty)
-        before = scan_prediction(beliefs, existence, *shows, p)
+        views = views_of(camera, forest, (means, covariances), (scan.time, scan.pose), last)
+        elapsed = np.full(len(means), scan.time - last[0] if last else np.inf)
+        missed = miss_likelihood(means, covariances, views, elapsed, p.detection_probability)
+        before = scan_prediction((means, covariances), existence, views[:, 0], missed, p)
         z, R = (np.ascontiguousarray(table) for table in (scan.measurements, scan.covariances))
         sightings = np.array([t.sighting for t in tracks]).reshape(-1, 3)
         turned = turned_density(sightings, existence, z, R, (float(recording.times[max(k - 1, 0)]), scan.time), p)

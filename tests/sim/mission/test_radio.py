@@ -86,10 +86,10 @@ def test_losses_are_those_of_the_seed_and_change_no_people_nor_noise():
 
 
 def test_bytes_count_rounds_to_linked_uavs_and_survive_the_disk(tmp_path):
-    # Four tracks: 6 + 4 * 26 numbers of 8 bytes in each of five rounds; UAV 2 has no link.
+    # Four tracks: 6 + 4 * 29 numbers of 8 bytes in each of five rounds; UAV 2 has no link.
     _, snapshots = fly_ideal("network.links=[[0, 1]]", "network.fusion=kla", duration=1)
     for s in snapshots:
-        np.testing.assert_array_equal(s.bytes_sent, [5 * 8 * 110, 5 * 8 * 110, 0])
+        np.testing.assert_array_equal(s.bytes_sent, [5 * 8 * 122, 5 * 8 * 122, 0])
     recording = dataclasses.replace(hand_made(), bytes_sent=np.array([[100, 300], [0, 1000]]))
     network = summary(recording)["network"]
     assert {k: v for k, v in network.items() if k.startswith("bytes")} == {

@@ -15,10 +15,15 @@ from tracking.geometry.visibility import Forest, Tree
 
 INSTANTS = (10, 25, 50)  # scans: 2, 5 and 10 s
 UAVS = 3
-# Cameras above the canopy, or around it so that each sees another side; its radius [m]; and at how many of the instants
-# the bounds hold. Later, and under smaller canopies, beliefs are wider: their Gaussians reach beyond the edge, and the
-# average of beliefs that each lack another side lacks none.
-HELD = [(0, 2, 1), (0, 3, 2), (0, 5, 2), (0, 8, 3), (1, 2, 1), (1, 3, 1), (1, 5, 2), (1, 8, 2)]
+# Cameras above the canopy, or around it so that each sees another side; its radius [m]; and the speed on the way out.
+# Nobody of 1.5 m/s stays under a canopy of 1 m: no detection by cameras around it says that there is no person.
+CASES = [
+    (a, r, v)
+    for a in (False, True)
+    for r in (1.0, 2.0, 3.0, 5.0, 8.0)
+    for v in (0.5, 1.5)
+    if (a, r, v) != (True, 1.0, 1.5)
+]
 
 
 def poses(radius: float, around: bool) -> list[Pose]:
@@ -28,17 +33,17 @@ def poses(radius: float, around: bool) -> list[Pose]:
 
 
 @cache
-def true_deviations(radius: float, speed: float, around: bool, instants: int = 3) -> np.ndarray:
-    """Deviations of the position at the first `INSTANTS`, by particles and the likelihood of all frames."""
-    states = list(hidden(radius, speed, poses(radius, around), INSTANTS[instants - 1] + 1))
-    return np.array([math.sqrt(states[k][:, :2].var(axis=0).sum()) for k in INSTANTS[:instants]])
+def true_deviations(radius: float, speed: float, around: bool) -> np.ndarray:
+    """Deviations of the position at `INSTANTS`, by particles and the likelihood of all frames."""
+    states = list(hidden(radius, speed, poses(radius, around), INSTANTS[-1] + 1))
+    return np.array([math.sqrt(states[k][:, :2].var(axis=0).sum()) for k in INSTANTS])
 
 
-def believed(radius: float, speed: float, around: bool, instants: int = 3, **settings) -> np.ndarray:
+def believed(radius: float, speed: float, around: bool, **settings) -> np.ndarray:
     """The same of a fleet of trackers, all of which hear one another."""
     known, tree, out = track(3, *start(radius, speed)), Forest((Tree(0.0, 0.0, radius),)), []
     members = [tracker(known, uav=u, forest=tree, doubt=1e-300, **settings) for u in range(UAVS)]
-    for k in range(INSTANTS[instants - 1] + 1):
+    for k in range(INSTANTS[-1] + 1):
         for member, pose in zip(members, poses(radius, around), strict=True):
             member.step(scan(k, uav=member.uav, pose=pose))
         fuse(members, graph("complete", UAVS), 5)
@@ -47,12 +52,10 @@ def believed(radius: float, speed: float, around: bool, instants: int = 3, **set
     return np.array(out)
 
 
-@pytest.mark.parametrize("speed", [0.5, 1.5])
-@pytest.mark.parametrize(("around", "radius", "instants"), HELD)
-def test_a_fleets_belief_in_a_hidden_person_is_as_wide_as_a_particle_filters(around, radius, instants, speed):
-    case = float(radius), speed, bool(around), instants
+@pytest.mark.parametrize(("around", "radius", "speed"), CASES)
+def test_a_fleets_belief_in_a_hidden_person_is_as_wide_as_a_particle_filters(around, radius, speed):
     for fusion in ("kla", "hcmci"):
-        ratios = believed(*case, fusion=fusion) / true_deviations(*case)
+        ratios = believed(radius, speed, around, fusion=fusion) / true_deviations(radius, speed, around)
         assert 0.8 <= ratios.min() and ratios.max() <= 1.25
 
 

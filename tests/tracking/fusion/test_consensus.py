@@ -43,7 +43,8 @@ def like_named(rng: np.random.Generator, uavs: int) -> list[Message]:
     for u in range(uavs):
         said = {
             "partition": (0, float(rng.integers(0, 3))),
-            "times": rng.integers(0, 3, (5, 3)) / 5.0,
+            "times": rng.integers(0, 3, (5, 4)) / 5.0,
+            "views": rng.integers(0, 2**36, (5, 2)),
             "misses": rng.integers(0, 4, 5),
             "sightings": np.column_stack([rng.normal(size=(5, 2)), np.arange(5.0)]),
             "novel": rng.normal(size=(5, 20 + u + 1)) * (rng.random((5, 1)) < 0.5),
@@ -68,6 +69,7 @@ def test_averages_are_mixed_by_metropolis_weights_and_the_latest_of_all_else_is_
             np.testing.assert_allclose(ours, np.tensordot(weights[u], all_of_them, 1), rtol=1e-12, atol=1e-12)
         told = [m for m, one in zip(said, heard[u] | (np.arange(6) == u), strict=True) if one]
         np.testing.assert_array_equal(left.times, np.max([m.times for m in told], axis=0))
+        np.testing.assert_array_equal(left.views, np.bitwise_or.reduce([m.views for m in told]))
         np.testing.assert_array_equal(left.misses, np.bitwise_and.reduce([m.misses for m in told]))
         np.testing.assert_array_equal(left.sightings, said[u].sightings)
         assert left.partition == (0, max(m.partition[1] for m in told))
@@ -86,7 +88,7 @@ def test_a_table_of_all_rounds_equals_the_updates_of_single_uavs(seed):
     assert len({m.times.tobytes() for m in expected}) > 1
     for ours, theirs in zip([m.left for m in members], expected, strict=True):
         assert (ours.partition, ours.deleted) == (theirs.partition, theirs.deleted)
-        for name in ("ids", "names", "shares", "times", "misses", "sightings"):
+        for name in ("ids", "names", "shares", "times", "views", "misses", "sightings"):
             np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
         width = theirs.novel.shape[1]  # columns of UAVs that it has not heard of are empty
         np.testing.assert_array_equal(ours.novel[:, :width], theirs.novel)
@@ -99,7 +101,7 @@ def test_a_fleet_without_tracks_agrees_on_that(columns):
     said = [m.only(np.array([], dtype=np.int64)) for m in like_named(rng, 3)]
     members = [Heard(replace(m, novel=np.zeros((0, columns)))) for m in said]
     fuse(members, graph("complete", 3), 2)
-    assert [(m.left.shares.shape, m.left.times.shape) for m in members] == [((0, 22), (0, 3))] * 3
+    assert [(m.left.shares.shape, m.left.times.shape) for m in members] == [((0, 22), (0, 4))] * 3
 
 
 def team(means, covariances, adjacency: np.ndarray, weights=None) -> list[Message]:

@@ -192,4 +192,4 @@ def test_the_bytes_of_a_message_are_those_of_its_numbers():
         trackers[0].step(scan(0, (0.0, 0.0)))
         sizes[fusion] = trackers[0].message(2).size
     # UAV, degree, scan, time, partition; two tracks; of the one seen, novel q and Ω, and one UAV with its share.
-    assert sizes == {"kla": 8 * (6 + 2 * 26), "hcmci": 8 * (6 + 2 * 26 + 14 + 2)}
+    assert sizes == {"kla": 8 * (6 + 2 * 29), "hcmci": 8 * (6 + 2 * 29 + 14 + 2)}
