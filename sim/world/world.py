@@ -12,7 +12,7 @@ import numpy as np
 from sim.scenario.scenario import Scenario
 from sim.world import opengl
 from sim.world.appearance import sample_appearance
-from sim.world.bodies import AWAY, Bodies, Body
+from sim.world.bodies import AWAY, Bodies, Body, rotated
 from sim.world.contacts import Contact, nearest
 from sim.world.engine import Engine, pybullet
 from sim.world.quadrotor import ROTORS, drag, glide, rotor_thrusts, settled, steady_thrusts
@@ -154,9 +154,10 @@ class World:
             self.engine.performCollisionDetection()
             self._touch()
             return
-        for k, (east, north) in enumerate(commands.tolist()):
-            self._thrust(k, np.array([east, north, self._altitudes[k]]), wind)
+        before = [self._thrust(k, np.array([*command, self._altitudes[k]]), wind) for k, command in enumerate(commands)]
         self.engine.stepSimulation()
+        for body, quaternion in zip(self._bodies.uavs, before, strict=True):
+            self._turn(body, quaternion)
         self._touch()
 
     def take_contacts(self) -> tuple[Contact, ...]:
@@ -199,8 +200,11 @@ class World:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def _thrust(self, uav: int, target: Array, wind: Array | None) -> None:
-        """Apply what rotors, towards a target (3,): velocity east and north m/s, altitude m, and the wind give."""
+    def _thrust(self, uav: int, target: Array, wind: Array | None) -> Array:
+        """Apply what rotors, towards a target (3,): velocity east and north m/s, altitude m, and the wind give.
+
+        Returns the quaternion (4,) of the body.
+        """
         body = self._bodies.uavs[uav]
         position, quaternion = self.engine.getBasePositionAndOrientation(body.id)
         velocity, spin = self.engine.getBaseVelocity(body.id)
@@ -217,6 +221,15 @@ class World:
         for thrust, rotor in zip(thrusts, _ROTORS, strict=True):
             self.engine.applyExternalForce(body.id, -1, (0.0, 0.0, thrust), rotor, pybullet.LINK_FRAME)
         self.engine.applyExternalTorque(body.id, -1, (0.0, 0.0, yaw), pybullet.LINK_FRAME)
+        return state[3:7]
+
+    def _turn(self, body: Body, before: Array) -> None:
+        """Turn a body after a step of the engine from its quaternion (4,) before, the same on every processor."""
+        position, _ = self.engine.getBasePositionAndOrientation(body.id)
+        velocity, spin = self.engine.getBaseVelocity(body.id)
+        quaternion = rotated(before, np.array(spin), 1.0 / self._scenario.rates.physics)
+        self.engine.resetBasePositionAndOrientation(body.id, position, quaternion.tolist())
+        self.engine.resetBaseVelocity(body.id, velocity, spin)
 
     def _touch(self) -> None:
         """Note the contacts that the engine found, with its margin of 2 cm."""

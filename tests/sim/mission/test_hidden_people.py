@@ -68,5 +68,5 @@ def test_tracks_of_hidden_people_are_as_near_as_a_particle_filters_means():
     print(f"\n{len(tracks)} errors [m]: particle filter {particles.mean():.3f}, tracks {tracks.mean():.3f}")
     print(f"above 2 m: {np.mean(particles > 2.0):.1%} and {np.mean(tracks > 2.0):.1%}")
     assert len(tracks) > 7000  # lost tracks are neither dropped nor far off
-    assert tracks.mean() < 0.96
-    assert np.mean(tracks > 2.0) < 0.09
+    assert tracks.mean() < particles.mean()
+    assert np.mean(tracks > 2.0) < np.mean(particles > 2.0)

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pybullet
@@ -8,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
+from sim.world.bodies import rotated
 from sim.world.quadrotor import GRAVITY, INERTIA, MASS, MAX_ROTOR_THRUST, ROTORS, _mix, _torque, rotor_thrusts
 from sim.world.world import World
 from tracking.geometry.visibility import Forest
@@ -80,6 +82,35 @@ def fly(commands, seconds, quaternion=LEVEL, wind=None):
                 rows.append([*world.velocities()[0], pose.position[2] - UAV.altitude, pose.rotation[2, 2]])
     rows = np.array(rows)
     return rows[:, :3], rows[:, 3], np.arccos(np.clip(rows[:, 4], -1, 1))
+
+
+def test_a_body_turns_as_the_rotation_vector_of_its_spin_says():
+    rng = np.random.default_rng(3)
+    for spin in (np.zeros(3), *rng.normal(0, (1e-5, 0.1, 5.0), (50, 3)).T.reshape(-1, 3)):
+        before = Rotation.random(random_state=rng)
+        found = rotated(before.as_quat(), spin, 0.01)
+        assert (Rotation.from_rotvec(0.01 * spin) * before * Rotation.from_quat(found).inv()).magnitude() < 1e-15
+
+
+def test_a_quadrotor_turns_as_in_the_engine_but_by_our_sine_and_cosine():
+    rng, off = np.random.default_rng(6), []
+    with World(Scenario(uavs=(UAV,)), Forest(()), 0) as world:
+        (uav,), engine = world.bodies, world.engine
+        for _ in range(200):
+            before = world.poses()[0]
+            world.step(rng.uniform(-5, 5, (1, 2)))
+            after, spin = world.poses()[0], engine.getBaseVelocity(uav.id)[1]
+            world.place_uavs([replace(after, quaternion=rotated(before.quaternion, np.array(spin), 1 / RATE))])
+            np.testing.assert_array_equal(world.poses()[0].quaternion, after.quaternion)
+            # The engine by itself, from the same place at the same spin.
+            world.place_uavs([before])
+            engine.resetBaseVelocity(uav.id, (0.0, 0.0, 0.0), spin)
+            engine.stepSimulation()
+            by_itself, spin_then = world.poses()[0].quaternion, engine.getBaseVelocity(uav.id)[1]
+            off.append(np.abs(by_itself - rotated(before.quaternion, np.array(spin_then), 1 / RATE)).max())
+            world.place_uavs([after])
+            engine.resetBaseVelocity(uav.id, (0.0, 0.0, 0.0), spin)
+    assert 0.0 < max(off) < 2e-15
 
 
 def test_the_quadrotor_reaches_its_top_speed_and_stops_without_overshoot():
