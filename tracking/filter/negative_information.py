@@ -66,7 +66,7 @@ def share_crossed(mean: Array, covariance: Array, elapsed: float) -> float:
 
 @compiled
 def negative_information_update(predicted: tuple[Array, Array], missed: Array) -> tuple[Array, Array]:
-    """Viewpoints of beliefs after a scan without a detection: Bayes' rule over samples.
+    """Beliefs after a scan without a detection: Bayes' rule over samples.
 
     predicted: means (T, 4) and covariances (T, 4, 4); missed (T, K): the likelihood of no detection at each of the
     positions `tracking.geometry.visibility.SAMPLES`.

@@ -113,9 +113,10 @@ class TrackExchange:
         means, covariances = beliefs_of(held)
         nothing = (means[:0], covariances[:0]), np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
         chances = np.array([detected.get(id, 0.0) for id in ids])
-        marks = np.column_stack([chances >= self._seen] * 2 + [chances >= SURE, chances < 0.0])
+        marks = np.column_stack([chances >= self._seen] * 2 + [chances >= SURE])
         history = np.array([self._known[id] for id in ids], dtype=float).reshape(-1, 7)
         here = np.column_stack([means[:, :2], np.full(len(means), time)])
+        history[:, :3][marks] = time
         history[:, 4:] = np.where(history[:, 6:] > -math.inf, history[:, 4:], here)
         table = TrackTable(
             ids=np.array(ids, dtype=np.int64),
@@ -123,7 +124,7 @@ class TrackExchange:
             covariances=covariances,
             existence=np.array([t.existence for t in held], dtype=float),
             weights=np.maximum(chances, UNSEEN),
-            times=np.where(marks, time, history[:, :4]),
+            times=history[:, :4],
             views=np.zeros((len(ids), 2), dtype=np.int64),
             misses=np.zeros(len(ids), dtype=np.int64),
             sightings=history[:, 4:],
