@@ -37,7 +37,7 @@ class Score:
     present: Bools  # (K, M)
     switches: int
     fragmentations: int
-    position_nees: Array  # (E,), a number for each pair of a track and a person, as GOSPA makes them
+    position_nees: Array  # (E,), a number for each pair of a track and a person
     state_nees: Array  # (E',), fewer by those without a known velocity
 
 
@@ -63,14 +63,19 @@ def velocities(recording: Recording) -> Array:
     return np.where(both[0], after, np.where(both[1], before, (before + after) / 2))
 
 
-def _paired(tracks: Array, people: Array) -> tuple[Ints, Ints, Ints]:
-    """Scans, tracks and people of the pairs that GOSPA makes, scan by scan; tracks (K, A, 2) m, people (K, M, 2) m.
+def _paired(tracks: Array, people: Array, near: Ints) -> tuple[Ints, Ints, Ints]:
+    """Scans, tracks and people of the pairs that errors are of; tracks (K, A, 2) m, people (K, M, 2) m.
 
-    Whether a belief is consistent does not depend on its label: people who exchange their tracks are no outliers.
+    near (K, M): tracks that hold people, -1 for none. The others are paired as GOSPA pairs them, scan by scan. Whether
+    a belief is consistent does not depend on its label: an exchange of two tracks makes no outliers. Nor is a track
+    that holds one person paired with another, though that may make GOSPA's sum smaller.
     """
     pairs: list[tuple[int, int, int]] = []
-    for scan, (at, truth) in enumerate(zip(tracks, people, strict=True)):
+    for scan, (at, truth, held) in enumerate(zip(tracks, people, near, strict=True)):
         squares = np.square(at[:, None] - truth).sum(axis=2)
+        taken = np.flatnonzero(held >= 0)
+        pairs += [(scan, int(held[m]), int(m)) for m in taken]
+        squares[held[taken]] = squares[:, taken] = np.inf
         pairs += [(scan, a, m) for a, m in pairs_within(squares, FAR * FAR) if squares[a, m] < FAR * FAR]
     k, a, m = np.array(pairs, dtype=np.int64).reshape(-1, 3).T
     return k, a, m
@@ -85,7 +90,7 @@ def score(recording: Recording, uav: int) -> Score:
     present = ~np.isnan(people[..., 0])
     parts = [gospa(t[~np.isnan(t[:, 0])], p[~np.isnan(p[:, 0])], FAR) for t, p in zip(tracks, people, strict=True)]
     truth = np.concatenate([people, velocities(recording)[on]], axis=2)
-    k, column, m = _paired(tracks, people)
+    k, column, m = _paired(tracks, people, near)
     errors = believed.means[on][k, column] - truth[k, m]
     P = believed.covariances[on][k, column]
     moving = ~np.isnan(errors[:, 2])  # a person present for a single scan has no velocity

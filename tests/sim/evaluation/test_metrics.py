@@ -112,6 +112,13 @@ def test_exchanged_tracks_of_two_people_are_switches_and_no_outliers_of_nees():
     assert len(score(recorded(people, [[{1: (-9.9, 0.0, 0.0, 0.0), 2: (14.1, 0.0, 0.0, 0.0)}]] * 4), 0).state_nees) == 4
 
 
+def test_a_track_that_holds_one_person_is_no_outlier_of_nees_for_another():
+    people = np.zeros((4, 2, 2))
+    people[:, 1, 0] = 5.0
+    tracks = {1: (0.5, 0.0, 0.0, 0.0), 2: (-8.0, 0.0, 0.0, 0.0)}  # GOSPA pairs 1 with the person at 5 m
+    np.testing.assert_allclose(score(recorded(people, [[tracks]] * 4), 0).position_nees, np.ones(4))
+
+
 def test_a_uav_that_breaks_down_counts_until_then():
     people, held = walk(), [[dict(a), dict(a)] for a, _ in HELD]
     whole = summary(recorded(people, held))
