@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,14 +11,14 @@ from tracking.association.jpda import existence_association, gated_likelihood, m
 from tracking.association.resolution import unresolved
 from tracking.filter.negative_information import negative_information_update
 from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.numerics.compiled import compiled
 from tracking.numerics.universal import power_each
 from tracking.parameters import TrackerParameters
 
 _AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating clusters pay
 
 
-@dataclass(frozen=True, eq=False)
-class ScanPrediction:
+class ScanPrediction(NamedTuple):
     """Beliefs of T tracks, predicted to a scan's time."""
 
     means: Array  # (T, 4)
@@ -28,16 +28,18 @@ class ScanPrediction:
     visible: Array  # (T,), probability of being in plain view
     detectable: Array  # (T,), the same, less where the last frame was negative information
 
-    def __getitem__(self, rows: Indices) -> ScanPrediction:
+    def only(self, rows: Indices) -> ScanPrediction:
         """Prediction of some of the tracks."""
         means, covariances = self.undetected
         rest = self.existence[rows], self.visible[rows], self.detectable[rows]
         return ScanPrediction(self.means[rows], self.covariances[rows], (means[rows], covariances[rows]), *rest)
 
 
-@dataclass(frozen=True, eq=False)
-class ScanUpdate:
-    """Beliefs of T tracks after a scan, and the association of its N measurements."""
+class ScanUpdate(NamedTuple):
+    """Beliefs of T tracks after a scan, and the association of its N measurements.
+
+    Without a measurement in its gate a belief is as predicted: negative information counts once the fleet has it.
+    """
 
     means: Array  # (T, 4)
     covariances: Array  # (T, 4, 4)
@@ -54,11 +56,21 @@ def scan_prediction(
 
     existence (T,); seen and missed (T, 36) as from `tracking.filter.negative_information.miss_likelihood`.
     """
-    undetected = negative_information_update(beliefs, power_each(missed, p.absence_weight))
+    tempered = missed if p.absence_weight == 1.0 else power_each(missed, p.absence_weight)
+    undetected = negative_information_update(beliefs, tempered)
     detectable = (1.0 - missed.mean(axis=1)) / p.detection_probability
     if p.life == "existence":
-        detectable = detectable * (1.0 - unresolved(beliefs[0], existence))
-    return ScanPrediction(*beliefs, undetected, existence, seen.sum(axis=1) / seen.shape[1], detectable)
+        detectable *= 1.0 - unresolved(beliefs[0], existence)
+    return ScanPrediction(*beliefs, undetected, existence, _shares(seen), detectable)
+
+
+@compiled
+def _shares(flags: Flags) -> Array:
+    """Share (T,) of the flags (T, K) that are set."""
+    shares = np.empty(len(flags))
+    for t in range(len(flags)):
+        shares[t] = np.count_nonzero(flags[t]) / flags.shape[1]
+    return shares
 
 
 def scan_update(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
@@ -72,7 +84,7 @@ def scan_update(before: ScanPrediction, z: Array, R: Array, lost: Array, p: Trac
     means, covariances, existence, missed = (np.empty((count, *n)) for n in ((4,), (4, 4), (), ()))
     explained, gates = np.zeros(len(z), np.bool_), []
     for rows, columns in gating_clusters(before.means, before.covariances, z, R, p.measurement_gate):
-        part = _at_once(before[rows], z[columns], R[columns], lost[columns], p)
+        part = _at_once(before.only(rows), z[columns], R[columns], lost[columns], p)
         means[rows], covariances[rows], existence[rows] = part.means, part.covariances, part.existence
         missed[rows], explained[columns] = part.missed, part.explained
         gates.append(np.column_stack([rows[part.gates[:, 0]], columns[part.gates[:, 1]]]))
@@ -89,15 +101,51 @@ def associate(
     Returns the likelihood (T, N) 1/m² of each for each track, zero outside its gate; and the result of
     `tracking.association.jpda.existence_association`.
     """
-    likelihood = gated_likelihood(before.means, before.covariances, z, R, p.gate_probability)
-    likelihood *= p.clutter_density / (p.clutter_density + lost)
-    detection = p.detection(before.detectable, len(z))
-    return likelihood, *existence_association(likelihood, detection, p.clutter_density, before.existence)
+    settings = p.gate_probability, p.clutter_density, p.detection_probability
+    return _associated(before, z, R, lost, settings)
 
 
 def _at_once(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
-    likelihood, beta, given, existence = associate(before, z, R, lost, p)
+    settings = p.gate_probability, p.clutter_density, p.detection_probability
+    return ScanUpdate(*_updated(before, z, R, lost, settings))
+
+
+_Settings = tuple[float, float, float]  # probability of a gate, density of clutter [1/m²], probability of detection
+
+
+@compiled
+def _updated(
+    before: ScanPrediction, z: Array, R: Array, lost: Array, settings: _Settings
+) -> tuple[Array, Array, Array, Array, Indices, Flags]:
+    """The fields of `ScanUpdate`."""
+    likelihood, beta, given, existence = _associated(before, z, R, lost, settings)
     means, covariances = mixture_update((before.means, before.covariances), before.undetected, z, R, given)
+    gates, count = np.empty((np.count_nonzero(likelihood), 2), np.int64), 0
+    for t in range(len(means)):
+        if not np.any(likelihood[t]):
+            means[t], covariances[t] = before.means[t], before.covariances[t]
     # A wide belief must not take measurements of new people: it explains those that it makes likelier than clutter.
-    explained = p.detection_probability * likelihood.max(axis=0, initial=0.0) > p.clutter_density
-    return ScanUpdate(means, covariances, existence, beta[:, 0], np.argwhere(likelihood), explained)
+    explained = np.zeros(len(z), np.bool_)
+    for t in range(len(likelihood)):
+        for j in range(len(z)):
+            if likelihood[t, j] > 0.0:
+                gates[count, 0], gates[count, 1] = t, j
+                count += 1
+                explained[j] |= settings[2] * likelihood[t, j] > settings[1]
+    return means, covariances, existence, beta[:, 0].copy(), gates, explained
+
+
+@compiled
+def _associated(
+    before: ScanPrediction, z: Array, R: Array, lost: Array, settings: _Settings
+) -> tuple[Array, Array, Array, Array]:
+    gate_probability, clutter, detection = settings
+    likelihood = gated_likelihood(before.means, before.covariances, z, R, gate_probability)
+    for j in range(len(z)):
+        likelihood[:, j] *= clutter / (clutter + lost[j])
+    # Where a measurement was made the view is free: only the probability of a miss depends on the whole belief. So a
+    # person who leaves the cover of a tree earlier than predicted is detected at once.
+    chances = np.full((len(likelihood), len(z) + 1), detection * gate_probability)
+    chances[:, 0] *= before.detectable
+    beta, given, existence = existence_association(likelihood, chances, clutter, before.existence)
+    return likelihood, beta, given, existence

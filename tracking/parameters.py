@@ -8,7 +8,6 @@ from functools import cache, cached_property
 import numpy as np
 
 from tracking.filter.motion import MotionModel
-from tracking.numerics.arrays import Array
 from tracking.numerics.exponential import log, power
 
 LIVES = ("m_of_n", "existence")
@@ -78,18 +77,6 @@ class TrackerParameters:
     def step_survival(self) -> float:
         """Probability that a person in the area still is one step of motion later."""
         return power(self.survival, self.motion.dt) if self.life == "existence" else 1.0
-
-    def detection(self, detectable: Array, count: int) -> Array:
-        """Probabilities of detection (T, count + 1), as `jpda.existence_association` takes them.
-
-        detectable (T,): probability that each track's person is in plain view, less where the last frame was negative
-        information (`tracking.filter.negative_information`). Where a measurement was made the view is free: only the
-        probability of a miss depends on the whole belief. So a person who leaves the cover of a tree earlier than
-        predicted is detected at once.
-        """
-        detection = np.full((len(detectable), count + 1), self.detection_probability * self.gate_probability)
-        detection[:, 0] *= detectable
-        return detection
 
 
 @cache

@@ -50,7 +50,7 @@ def beliefs_of(tracks: Sequence[Track]) -> tuple[Array, Array]:
     return means, np.array([t.belief.covariance for t in tracks], dtype=float).reshape(-1, 4, 4)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)  # one that is frozen takes four times as long to make
 class TrackTable:
     """Columns of T confirmed tracks of one UAV; `table[rows]` has some of them, `table + other` those of both."""
 

@@ -18,7 +18,8 @@ from tracking.management.initiation import Initiator, Tentative
 from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
 from tracking.management.validation import check_track, checked_scan
 from tracking.measurement_update import scan_prediction, scan_update
-from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import power
 from tracking.numerics.universal import power_each
 from tracking.parameters import TrackerParameters
@@ -86,31 +87,23 @@ class Tracker:
         if scan.uav != self.uav:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
         z, R = checked_scan(scan.time, scan.pose, scan.measurements, scan.covariances)
-        times = self._link.time, scan.time
+        between = self._link.time, scan.time
         views = self._predict(scan.time, (scan.time, scan.pose))
         table = self._table
         beliefs = table.means, table.covariances
         likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, 3], p.detection_probability)
         before = scan_prediction(beliefs, table.existence, views[:, 0], likelihood, p)
-        turned = turned_density(table.sightings, table.existence, z, R, times, p)
+        turned = turned_density(table.sightings, table.existence, z, R, between, p)
         after = scan_update(before, z, R, turned, p)
         self._predicted = *beliefs, z, after.gates
         detected = 1.0 - after.missed
         hits = detected >= p.seen
         if p.life == "m_of_n":
             hits &= ~without_measurement(after.gates, detected)
-        happened, gated = table.times.copy(), np.zeros(len(table), dtype=np.bool_)
-        happened[:, :3][np.array([hits, before.visible >= p.expected, detected >= SURE]).T] = scan.time
-        gated[after.gates[:, 0]] = True
-        self._table = replace(
-            table,
-            means=np.where(gated[:, None], after.means, table.means),
-            covariances=np.where(gated[:, None, None], after.covariances, table.covariances),
-            existence=after.existence,
-            weights=np.maximum(detected, UNSEEN + _VIEWED * before.visible),
-            times=happened,
-            views=np.where(gated[:, None] & [True, False], 0, table.views),  # the association has taken it
-        )
+        scores = detected, hits, before.visible
+        told = _told((table.times, table.views), scores, after.gates, scan.time, p.expected)
+        rest = after.existence, *told, table.misses, table.sightings
+        self._table = TrackTable(table.ids, after.means, after.covariances, *rest)
         self._initiate(scan, z[~after.explained], R[~after.explained])
 
     def _initiate(self, scan: Scan, z: Array, R: Array) -> None:
@@ -132,10 +125,9 @@ class Tracker:
     def _predict(self, time: float, frame: Viewpoint | None) -> Flags:
         """Predict to the time of a scan; what its frame, if there is one, shows of beliefs, as `views_of`."""
         self._link.begin(time)
-        if self._link.scans == 1:
+        if self._link.scans == 1:  # initial tracks hold now
             self._first = time
-            sightings = np.column_stack([self._table.means[:, :2], np.full(len(self._table), time)])
-            self._table = replace(self._table, sightings=sightings)
+            self._table.sightings[:, 2] = time
         # Steps since the first scan are rounded, not those since the last one, so that no drift adds up.
         elapsed = round((time - self._first) / self.parameters.motion.dt) - self._steps
         self._steps += elapsed
@@ -148,9 +140,8 @@ class Tracker:
         times[:, 3], self._viewpoint = last[0] if last else -math.inf, frame or last
         views = views_of(self._camera, self._forest, (means, covariances), frame, last)
         shown, table = (views << _BITS).sum(axis=2), self._table
-        self._table = replace(
-            table, means=means, covariances=covariances, existence=existence, times=times, views=shown
-        )
+        rest = existence, table.weights, times, shown, table.misses, table.sightings
+        self._table = TrackTable(table.ids, means, covariances, *rest)
         return views
 
     def message(self, degree: int) -> Message:
@@ -171,18 +162,17 @@ class Tracker:
         gone |= covariances[:, 0, 0] + covariances[:, 1, 1] > p.max_variance
         # Those of hidden people may agree without a measurement for which they compete.
         lately = message.times[:, 0] > now - _LATELY
-        ids, alive = message.ids.copy(), np.flatnonzero(~gone & lately)
-        for a, b in shared_people(means[alive], covariances[alive], existence[alive], p.match_gate):
-            kept, other = alive[a], alive[b]
+        ids = message.ids.copy()
+        for kept, other in shared_people((means, covariances), existence, ~gone & lately, p.match_gate):
             existence[kept], gone[other] = min(existence[kept] + existence[other], 1.0), True
             if ids[kept] >= new_label(max(scans - round(_BORN / p.motion.dt), 1), 0, 0):
                 ids[[kept, other]] = np.sort(ids[[kept, other]])
         self._link.accept(message)
-        self._link.delete(ids[gone].tolist())
         self._predicted = _NOTHING
         told = np.full(len(means), UNSEEN), message.times, message.views, misses, message.sighted()
         table = TrackTable(ids, means, covariances, existence, *told)
         if gone.any():
+            self._link.delete(ids[gone].tolist())
             order = np.argsort(ids, kind="stable")
             table = table[order[~gone[order]]]
         self._table = self._with_reacquired(table)
@@ -221,6 +211,28 @@ class Tracker:
         left = np.setdiff1d(np.arange(len(ids)), [lost[k] for _, k in pairs])
         order = left[np.argsort(ids[left], kind="stable")]
         return replace(table, ids=ids)[order]
+
+
+@compiled
+def _told(
+    columns: tuple[Array, Indices], scores: tuple[Array, Flags, Array], gates: Indices, now: float, expected: float
+) -> tuple[Array, Array, Indices]:
+    """Weights, times and views of tracks after a scan, from their times and views before.
+
+    scores: probability of a detection, whether it counts as one, and probability to be in plain view, all (T,).
+    """
+    times, views = columns[0].copy(), columns[1].copy()
+    detected, hits, visible = scores
+    for t in range(len(times)):
+        if hits[t]:
+            times[t, 0] = now
+        if visible[t] >= expected:
+            times[t, 1] = now
+        if detected[t] >= SURE:
+            times[t, 2] = now
+    for g in range(len(gates)):
+        views[gates[g, 0], 0] = 0  # the association has taken it
+    return np.maximum(detected, UNSEEN + _VIEWED * visible), times, views
 
 
 def _tabulated(tracks: Sequence[Track], *, weight: float, seen: float) -> TrackTable:

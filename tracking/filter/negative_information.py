@@ -5,10 +5,11 @@ import math
 import numpy as np
 
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, visible_samples
+from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, seen_samples
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
+from tracking.numerics.stacks import cholesky_factors
 
 Viewpoint = tuple[float, Pose]  # time of a frame [s], and pose of its camera
 
@@ -24,10 +25,11 @@ def views_of(camera: Camera, forest: Forest, beliefs: tuple[Array, Array], *fram
     beliefs: means (T, 4) and covariances (T, 4, 4); frames: of a UAV, in this scan and before.
     """
     means, covariances = beliefs
+    roots = cholesky_factors(np.ascontiguousarray(covariances[:, :2, :2]))
     views = np.zeros((len(means), len(frames), len(SAMPLES)), np.bool_)
     for k, frame in enumerate(frames):
         if frame:
-            views[:, k] = visible_samples(camera, frame[1], means[:, :2], covariances[:, :2, :2], forest)
+            views[:, k] = seen_samples(means, roots, camera.lens(frame[1]), forest.blockers, forest.grid)
     return views
 
 

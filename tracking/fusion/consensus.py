@@ -1,7 +1,6 @@
 """Consensus by messages between neighbours: weighted averages of beliefs, and sums of novel information."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -90,9 +89,10 @@ def _mixed(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], In
     for of in heard:
         if len(set(partitions)) > 1:
             partitions = _joint_partitions(partitions, of)
-    columns = zip(*tables, partitions, strict=False)
-    parts = ("novel", *names, "partition")
-    mixed = [replace(m, **dict(zip(parts, row, strict=True))) for m, row in zip(messages, columns, strict=False)]
+    mixed = [
+        Message(m.uav, m.degree, m.scan, m.time, partition, m.ids, m.names, q, t, v, n, s, m.deleted, added)
+        for m, partition, added, q, t, v, n, s in zip(messages, partitions, *tables, strict=False)
+    ]
     return mixed, 8 * (numbers + len(heard) * np.array([m.numbers for m in mixed]))
 
 
@@ -165,6 +165,6 @@ def _links(adjacency: Flags, count: int) -> Flags:
     graph = np.asarray(adjacency)
     if graph.shape != (count, count) or graph.dtype != np.bool_:
         raise ValueError(f"adjacency must be bool ({count}, {count}), is {graph.dtype} {graph.shape}")
-    if not np.array_equal(graph, graph.T):
+    if (graph != graph.T).any():
         raise ValueError("adjacency must be symmetric: UAVs hear one another or do not")
     return graph & ~np.eye(count, dtype=np.bool_)

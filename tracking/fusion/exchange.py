@@ -7,8 +7,10 @@ import numpy as np
 
 from tracking.association.jpda import log_odds
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
-from tracking.fusion.message import Message
+from tracking.fusion.message import INFORMATION, Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
+from tracking.numerics.arrays import Array, Indices
+from tracking.numerics.compiled import compiled
 from tracking.parameters import TrackerParameters
 from tracking.track import Track, TrackTable, beliefs_of, tracks_of
 
@@ -47,10 +49,10 @@ class Link:
     def message(self, degree: int, table: TrackTable, local: LocalBeliefs) -> Message:
         """Message for the first round about the tracks of a table, their beliefs being `local`."""
         averaged, novel, weights = self._rule.contribution(local)
-        shares = np.column_stack([np.ones(len(table)), averaged, log_odds(table.existence)]) * weights[:, None]
         # A UAV leads where its number is the smallest, or where it has not heard of another leader lately.
         leads = self._heard[0] >= self.uav or self.time - self._heard[1] > _IN_TOUCH
         partition = (self.uav, self.time) if leads else self._heard
+        shares, names = _weighted(averaged, log_odds(table.existence), weights, partition[0], table.ids)
         return Message(
             uav=self.uav,
             degree=degree,
@@ -58,7 +60,7 @@ class Link:
             time=self.time,
             partition=partition,
             ids=table.ids,
-            names=np.column_stack([np.full(len(table), partition[0]), table.ids]),
+            names=names,
             shares=shares,
             times=table.times,
             views=table.views,
@@ -73,6 +75,18 @@ class Link:
         # Deletions are forgotten in the end: a partition cut off for longer may bring a track back, deleted again then.
         self._deleted = {id: until for id, until in message.deleted if self.time - until <= self._forget_after}
         self._heard = message.partition
+
+
+@compiled
+def _weighted(averaged: Array, odds: Array, weights: Array, leader: int, ids: Indices) -> tuple[Array, Indices]:
+    """Shares (T, 22) and names (T, 2) of a message, from the information (T, 20) to average and log-odds (T,)."""
+    shares, names = np.empty((len(ids), INFORMATION + 2)), np.empty((len(ids), 2), np.int64)
+    for t in range(len(ids)):
+        names[t, 0], names[t, 1] = leader, ids[t]
+        shares[t, 0], shares[t, -1] = weights[t], odds[t] * weights[t]
+        for c in range(INFORMATION):
+            shares[t, 1 + c] = averaged[t, c] * weights[t]
+    return shares, names
 
 
 class TrackExchange:

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, inlined
 
 
 class Lens(NamedTuple):
@@ -38,7 +38,7 @@ def image_point(lens: Lens, point: tuple[float, float, float]) -> tuple[float, f
     return u, v, depth
 
 
-@compiled
+@inlined
 def in_image(point: tuple[float, float, float], lens: Lens) -> bool:
     """Test if a world point (3,) m is inside the image of `Camera.project`, or seen by a view all round."""
     if lens.focal == 0.0:

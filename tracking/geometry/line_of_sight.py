@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.numerics.arrays import Array, Indices
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, inlined
 
 PIECE = 4.0  # m, horizontally: a steep line of sight from above leaves the height of the trees within this
 _CELL = 2.0  # m, unless there were more than about _CELLS of them
@@ -92,7 +92,7 @@ def blocked(origin: Vector, point: Vector, cylinder: Vector) -> bool:
     return bool(x * x + y * y <= cylinder[2] * cylinder[2])
 
 
-@compiled
+@inlined
 def unobstructed(origin: Vector, point: Vector, cylinders: Array, grid: Grid) -> bool:
     """Test if the segment from origin (3,) to point (3,) misses all cylinders (B, 5)."""
     start, end = _inside(origin, point, grid.low, grid.high)
@@ -121,7 +121,7 @@ def _cell(x: float, y: float, grid: Grid) -> int:
     return row * grid.columns + column
 
 
-@compiled
+@inlined
 def _inside(origin: Vector, point: Vector, low: Vector, high: Vector) -> tuple[float, float]:
     """The part [start, end] of the segment from origin (3,), 0, to point (3,), 1, in a box; start > end if none is."""
     start, end = 0.0, 1.0

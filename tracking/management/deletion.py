@@ -50,18 +50,19 @@ def without_measurement(gates: Indices, detected: Array) -> Flags:
     return without
 
 
-def shared_people(means: Array, covariances: Array, existence: Array, gate: float) -> list[tuple[int, int]]:
+def shared_people(beliefs: tuple[Array, Array], existence: Array, among: Flags, gate: float) -> list[tuple[int, int]]:
     """Pairs (kept, other) of tracks that are of one person between them, the nearest pairs first, each track in one.
 
-    means (T, 4), covariances (T, 4, 4), existence (T,); gate is the squared distance allowed. Where two tracks compete
+    beliefs: means (T, 4) and covariances (T, 4, 4); existence (T,); among (T,): flags of the tracks that may be; gate
+    is the squared distance allowed. Where two tracks compete
     for one person's measurements, their probabilities of existence add up to one. One track with the sum of them, and
     none, is nearer to this than two halves. The first is kept of two that are about as likely, else the likelier.
     Note: this is ours; [Williams15] approximates by tracks in their order, and lets two halves be.
     """
-    if len(existence) < 2 or np.sort(existence)[:2].sum() >= _ONE:
+    rows = _with_rivals(existence, among)
+    if len(rows) < 2:
         return []
-    rows = np.flatnonzero(existence < _ONE - existence.min())  # others have no rival
-    distance, _ = pair_distances(*[(means[rows], covariances[rows])] * 2)
+    distance, _ = pair_distances(*[(beliefs[0][rows], beliefs[1][rows])] * 2)
     near = np.triu((distance <= gate) & (existence[rows][:, None] + existence[rows] < _ONE), 1)
     pairs: list[tuple[int, int]] = []
     for a, b in sorted(np.argwhere(near).tolist(), key=lambda pair: distance[pair[0], pair[1]]):
@@ -70,3 +71,13 @@ def shared_people(means: Array, covariances: Array, existence: Array, gate: floa
             likelier = existence[second] > _LIKELIER * existence[first]
             pairs.append((second, first) if likelier else (first, second))
     return pairs
+
+
+@compiled
+def _with_rivals(existence: Array, among: Flags) -> Indices:
+    """Rows of some of the tracks, those that with the least likely one of them add up to less than `_ONE`."""
+    least = np.inf
+    for t in range(len(existence)):
+        if among[t]:
+            least = min(least, existence[t])
+    return np.flatnonzero(among & (existence < _ONE - least))

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tracking.association.jpda import existence_association, gated_likelihood, mixture_update
 from tracking.filter.kalman import Gaussian
+from tracking.measurement_update import ScanPrediction, scan_update
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.exponential import power
 from tracking.parameters import TrackerParameters
@@ -98,13 +98,14 @@ class Initiator:
         p = self.parameters
         means = np.array([t.belief.mean for t in tentative]).reshape(-1, 4)
         covariances = np.array([t.belief.covariance for t in tentative]).reshape(-1, 4, 4)
-        likelihood = gated_likelihood(means, covariances, z, R, p.gate_probability)
-        detection = p.detection(visible(means, covariances).mean(axis=1), len(z))
-        before = np.array([t.existence for t in tentative], dtype=float)
-        beta, given, after = existence_association(likelihood, detection, p.clutter_density, before)
-        updated = mixture_update((means, covariances), (means, covariances), z, R, given)
+        existence = np.array([t.existence for t in tentative], dtype=float)
+        detectable = visible(means, covariances).mean(axis=1)
+        before = ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
+        after = scan_update(before, z, R, np.zeros(len(z)), p)
+        seen = after.missed < 0.5
+        rows = zip(tentative, after.means, after.covariances, seen, after.existence.tolist(), strict=True)
         grown = [
-            Tentative(Gaussian(mean, covariance), r, t.hits + seen, t.scans, 0 if seen else t.unseen)
-            for t, mean, covariance, seen, r in zip(tentative, *updated, beta[:, 0] < 0.5, after.tolist(), strict=True)
+            Tentative(Gaussian(mean, covariance), r, t.hits + hit, t.scans, 0 if hit else t.unseen)
+            for t, mean, covariance, hit, r in rows
         ]
-        return grown, np.asarray(np.any(p.detection_probability * likelihood > p.clutter_density, axis=0))
+        return grown, after.explained

@@ -21,9 +21,18 @@ def lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
 
     sightings (T, 3): position [m] and time [s] of the last sure detection of each.
     """
-    unseen = time - sightings[:, 2]
-    late = unseen > max(p.recovery_after - p.motion.dt / 2, 0.0)  # but for rounding
-    return np.flatnonzero(late & np.isfinite(unseen))
+    least = _least_unseen(p)
+    return np.array([t for t, seen in enumerate(sightings[:, 2]) if _lost(seen, time, least)], dtype=np.int64)
+
+
+def _least_unseen(p: TrackerParameters) -> float:
+    return max(p.recovery_after - p.motion.dt / 2, 0.0)  # but for rounding
+
+
+@compiled
+def _lost(seen: float, time: float, least: float) -> bool:
+    """Test if a track seen last at a time [s], -inf for never, has been unseen for longer."""
+    return time - seen > least and time - seen < np.inf
 
 
 def turned_density(
@@ -39,15 +48,18 @@ def turned_density(
     Source: [Williams15], recycling, here by the time since the last detection.
     Note: the track keeps its whole existence, and a person after a turn is taken to be detected for sure.
     """
-    rows = lost_tracks(sightings, times[0], p)
-    return _turned_density(sightings[rows], existence[rows], z, R, times[1], p.max_speed)
+    return _turned_density(sightings, existence, z, R, times, (_least_unseen(p), p.max_speed))
 
 
 @compiled
-def _turned_density(sightings: Array, existence: Array, z: Array, R: Array, now: float, max_speed: float) -> Array:
-    density = np.zeros(len(z))
+def _turned_density(
+    sightings: Array, existence: Array, z: Array, R: Array, times: tuple[float, float], limits: tuple[float, float]
+) -> Array:
+    density, (least, max_speed) = np.zeros(len(z)), limits
     for t in range(len(sightings)):
-        unseen = now - sightings[t, 2]
+        if not _lost(sightings[t, 2], times[0], least):
+            continue
+        unseen = times[1] - sightings[t, 2]
         turned, reach = existence[t] * (1.0 - exp(-unseen / _TURN)), 0.5 * max_speed * unseen
         for j in range(len(z)):
             x, y = z[j, 0] - sightings[t, 0], z[j, 1] - sightings[t, 1]

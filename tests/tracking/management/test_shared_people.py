@@ -18,13 +18,14 @@ PAIR = np.ones((2, 2), bool)
 def test_pairs_that_share_a_person_are_near_and_add_up_to_one():
     means = np.zeros((4, 4))
     means[3, 0] = 9.0
-    covariances = np.tile(0.1 * np.eye(4), (4, 1, 1))
-    assert shared_people(means, covariances, np.array([0.6, 0.95, 0.7, 0.5]), 20.0) == [(0, 2)]
-    assert shared_people(means, covariances, np.ones(4), 20.0) == []
+    beliefs, all_of_them = (means, np.tile(0.1 * np.eye(4), (4, 1, 1))), np.ones(4, bool)
+    assert shared_people(beliefs, np.array([0.6, 0.95, 0.7, 0.5]), all_of_them, 20.0) == [(0, 2)]
+    assert shared_people(beliefs, np.ones(4), all_of_them, 20.0) == []
     # The likelier by far is kept; a track is in one pair, with the nearest.
-    assert shared_people(means, covariances, np.array([0.2, 1.0, 1.0, 0.2]), 20.0) == [(1, 0)]
+    assert shared_people(beliefs, np.array([0.2, 1.0, 1.0, 0.2]), all_of_them, 20.0) == [(1, 0)]
     means[1, 0], means[2, 0] = 0.3, 0.5
-    assert shared_people(means, covariances, np.array([0.6, 0.7, 0.7, 0.5]), 20.0) == [(1, 2)]
+    assert shared_people(beliefs, np.array([0.6, 0.7, 0.7, 0.5]), all_of_them, 20.0) == [(1, 2)]
+    assert shared_people(beliefs, np.array([0.6, 0.7, 0.7, 0.5]), np.arange(4) != 1, 20.0) == [(0, 2)]
 
 
 @pytest.mark.parametrize("faint", [0.3, 0.002])

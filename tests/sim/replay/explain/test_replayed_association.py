@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from helpers.flights import recorded
 
-import tracking.measurement_update
+import tracking.tracker
 from sim.replay.explain.association import Association
+from tracking.measurement_update import associate, scan_update
 
 CASES = {
     "m_of_n": ["trees.density=75"],
@@ -23,13 +24,12 @@ CASES = {
 def flown(case, monkeypatch):
     """A recording, its scenario, and what each tracker saw, found and weighed, in the order of scans and UAVs."""
     spied = []
-    weigh = tracking.measurement_update.associate
 
-    def weighed(before, z, R, lost, p):
-        spied.append((before, z, R, lost, *weigh(before, z, R, lost, p)))
-        return spied[-1][4:]
+    def updated(before, z, R, lost, p):
+        spied.append((before, z, R, lost, scan_update(before, z, R, lost, p), associate(before, z, R, lost, p)[1]))
+        return spied[-1][4]
 
-    monkeypatch.setattr(tracking.measurement_update, "associate", weighed)
+    monkeypatch.setattr(tracking.tracker, "scan_update", updated)
     return *recorded("sensing.mode=ideal", *CASES[case], duration=5), spied
 
 
@@ -42,10 +42,13 @@ def test_associations_are_those_of_the_flight(case, monkeypatch):
         if found is None:
             assert (uav == 1 and k % 5) or (uav == 2 and k >= 10)
             continue
-        before, z, R, lost, likelihood, beta, _, existence = spied.pop(0)
-        np.testing.assert_equal(vars(found.before), vars(before))
+        before, z, R, lost, after, beta = spied.pop(0)
+        np.testing.assert_equal(found.before._asdict(), before._asdict())
         made = (found.measurements, found.covariances, found.gated, found.beta, found.existence)
-        np.testing.assert_equal(made, (z, R, likelihood > 0, beta, existence))
+        gated = np.zeros_like(found.gated)
+        gated[tuple(after.gates.T)] = True
+        np.testing.assert_equal(made, (z, R, gated, beta, after.existence))
+        np.testing.assert_array_equal(found.beta[:, 0], after.missed)
         turned += np.count_nonzero(lost)
         hidden += np.count_nonzero(found.before.visible < 0.5)
         ambiguous += np.count_nonzero((found.beta[:, 1:] > 0.01) & (found.beta[:, 1:] < 0.99))
