@@ -8,7 +8,7 @@ import numpy as np
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import log
-from tracking.numerics.stacks import cholesky_factors, common_lead, mapped_over_stack, stacked
+from tracking.numerics.stacks import cholesky_factors, over_stacks
 
 
 def length(vectors: Array) -> Array:
@@ -21,14 +21,12 @@ def squared_distance(differences: Array, covariances: Array) -> Array:
 
     NaN where P is not positive definite.
     """
-    differences, covariances = np.asarray(differences, dtype=float), np.asarray(covariances, dtype=float)
-    lead = common_lead(differences.shape[:-1], covariances.shape[:-2])
-    return squared_distances(stacked(differences, lead, 1), stacked(covariances, lead, 2)).reshape(lead)
+    return over_stacks(squared_distances, (differences, 1), (covariances, 2))
 
 
 def log_determinant(matrices: Array) -> Array:
     """Logarithms (...) of the determinants of symmetric positive definite matrices (..., n, n); NaN for others."""
-    return mapped_over_stack(_log_determinants, matrices)
+    return over_stacks(_log_determinants, (matrices, 2))
 
 
 def pair_distances(ours: tuple[Array, Array], theirs: tuple[Array, Array]) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.stacks import cholesky_factors, forward_solutions, mapped_over_stack, stacked
+from tracking.numerics.stacks import cholesky_factors, forward_solutions, over_stacks, stacked
 
 _SWEEPS = 30  # of Jacobi's method, at most; matrices of 4 x 4 take four to six
 
@@ -19,12 +19,12 @@ def cholesky(matrices: Array) -> Array:
 
     An axis without any variance gives a column of zeros; for other semidefinite matrices rounding decides.
     """
-    return mapped_over_stack(cholesky_factors, matrices)
+    return over_stacks(cholesky_factors, (matrices, 2))
 
 
 def inverse(matrices: Array) -> Array:
     """Inverses (..., n, n), exactly symmetric, of symmetric positive definite matrices; NaN for others."""
-    return mapped_over_stack(inverses, matrices)
+    return over_stacks(inverses, (matrices, 2))
 
 
 def eigen(matrices: Array) -> tuple[Array, Array]:

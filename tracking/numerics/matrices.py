@@ -8,15 +8,12 @@ import numpy as np
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.stacks import common_lead, stacked
+from tracking.numerics.stacks import over_stacks
 
 
 def product(left: Array, right: Array) -> Array:
     """Matrix products (..., n, m) of stacks (..., n, k) and (..., k, m); leading axes broadcast."""
-    left, right = np.asarray(left, dtype=float), np.asarray(right, dtype=float)
-    lead = common_lead(left.shape[:-2], right.shape[:-2])
-    out = products(stacked(left, lead, 2), stacked(right, lead, 2))
-    return out.reshape(*lead, *out.shape[1:])
+    return over_stacks(products, (left, 2), (right, 2))
 
 
 def applied(matrices: Array, vectors: Array) -> Array:

@@ -9,11 +9,6 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 
 
-def common_lead(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
-    """The leading axes to which those of two stacks broadcast."""
-    return one if one == other else np.broadcast_shapes(one, other)
-
-
 def stacked(array: Array, lead: tuple[int, ...], kept: int) -> Array:
     """The array with its leading axes broadcast to `lead` and joined into one, contiguous.
 
@@ -25,11 +20,16 @@ def stacked(array: Array, lead: tuple[int, ...], kept: int) -> Array:
     return np.ascontiguousarray(array).reshape(math.prod(lead), *shape)
 
 
-def mapped_over_stack(function: Callable[[Array], Array], matrices: Array) -> Array:
-    """The values of a function of stacks (T, n, n) for matrices (..., n, n) with any leading axes."""
-    matrices = np.asarray(matrices, dtype=float)
-    out = function(stacked(matrices, matrices.shape[:-2], 2))
-    return out.reshape(matrices.shape[:-2] + out.shape[1:])
+def over_stacks(function: Callable[..., Array], *arrays: tuple[Array, int]) -> Array:
+    """The values of a function of stacks (T, ...) for arrays with leading axes that broadcast.
+
+    Each array comes with the number of its axes that are not leading.
+    """
+    given = [(np.asarray(array, dtype=float), kept) for array, kept in arrays]
+    leads = {array.shape[: array.ndim - kept] for array, kept in given}
+    lead = leads.pop() if len(leads) == 1 else np.broadcast_shapes(*leads)
+    out = function(*(stacked(array, lead, kept) for array, kept in given))
+    return out.reshape(lead + out.shape[1:])
 
 
 @compiled
