@@ -83,68 +83,36 @@ def _enumerate(pairs: Array, row_free: Array, column_free: Array) -> tuple[Array
     and backward sums of each row are rescaled: only their ratios matter.
     """
     rows, columns = pairs.shape
-    forward = np.zeros((rows + 1, 1 << columns))
+    sets = np.arange(1 << columns)  # of columns, as bits
+    without = [sets[sets >> c & 1 == 0] for c in range(columns)]
+    forward, backward = np.zeros((rows + 1, len(sets))), np.ones(len(sets))
     forward[0, 0] = 1.0
     for r in range(rows):
         after = row_free[r] * forward[r]
         for c in range(columns):
-            _join(after, forward[r], c, pairs[r, c])
+            for used in without[c]:
+                after[used | 1 << c] += pairs[r, c] * forward[r, used]
         forward[r + 1] = after / after.max()
-    backward = _unused_weights(column_free)
+    for c in range(columns):
+        backward[without[c]] *= column_free[c]
     last = forward[rows] * backward
-    free_columns = np.array([_without(last, c) for c in range(columns)]) / last.sum()
+    free_columns = np.array([last[free].sum() for free in without]) / last.sum()
     matched, free_rows = np.empty((rows, columns)), np.empty(rows)
     for r in range(rows - 1, -1, -1):
         before = row_free[r] * backward
         free_rows[r] = (forward[r] * before).sum()
         for c in range(columns):
-            rest = pairs[r, c] * _shifted(backward, c)
-            matched[r, c] = (forward[r] * rest).sum()
-            before += rest
+            bit, weight, total = 1 << c, pairs[r, c], 0.0
+            for used in without[c]:
+                rest = weight * backward[used | bit]
+                total += forward[r, used] * rest
+                before[used] += rest
+            matched[r, c] = total
         total = free_rows[r] + matched[r].sum()
         free_rows[r] /= total
         matched[r] /= total
         backward = before / before.max()
     return matched, free_rows, free_columns
-
-
-@compiled
-def _join(after: Array, before: Array, c: int, weight: float) -> None:
-    """Add to the sum of each set with column c the weighted sum of the set without it."""
-    for used in range(len(before)):
-        if not used >> c & 1:
-            after[used | 1 << c] += weight * before[used]
-
-
-@compiled
-def _unused_weights(column_free: Array) -> Array:
-    """Weight of each set of columns: that of leaving out all other columns."""
-    out = np.ones(1 << len(column_free))
-    for c in range(len(column_free)):
-        for used in range(len(out)):
-            if not used >> c & 1:
-                out[used] *= column_free[c]
-    return out
-
-
-@compiled
-def _without(sums: Array, c: int) -> float:
-    """Sum over the sets that do not hold column c."""
-    total = 0.0
-    for used in range(len(sums)):
-        if not used >> c & 1:
-            total += sums[used]
-    return total
-
-
-@compiled
-def _shifted(sums: Array, c: int) -> Array:
-    """Sum of each set without column c after c joins it; zero for sets that hold c."""
-    out = np.zeros_like(sums)
-    for used in range(len(sums)):
-        if not used >> c & 1:
-            out[used] = sums[used | 1 << c]
-    return out
 
 
 @compiled
