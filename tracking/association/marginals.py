@@ -27,10 +27,7 @@ def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
             continue
         rows, columns = _cluster(pairs, start)
         done[rows] = True
-        part = np.empty((len(rows), len(columns)))
-        for i in range(len(rows)):
-            part[i] = pairs[rows[i]][columns]
-        solved = _solve(misses[rows], part, exact_side)
+        solved = _solve(misses[rows], pairs[rows][:, columns], exact_side)
         for i in range(len(rows)):
             beta[rows[i], 0] = solved[i, 0]
             for j in range(len(columns)):
