@@ -67,9 +67,10 @@ def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
             whole = len(sample.blobs) == 1 and places_of(sample.frame, sample.blob, sample.forest) is None
             if whole:
                 pose, ground = sample.frame.pose, detections_of(sample.frame, [sample.blob]).ground
-                axes, tangent = sight_axes(pose, ground)
+                lens = sample.frame.camera.lens(pose)
+                axes, tangent = sight_axes(lens, ground)
                 error_along = np.einsum("nij,ni->nj", axes, ground - sample.person)
-                cases.append((tangent, pixel_footprints(sample.frame.camera, pose, ground), error_along))
+                cases.append((tangent, pixel_footprints(lens, ground), error_along))
     tangents, pixels, errors = (np.concatenate(column) for column in zip(*cases, strict=True))
     start = np.array([*WHOLE.powers, WHOLE.stretch])
     found = _minimum(lambda x: _surprise(_with_powers(error, x).detected(tangents, pixels), errors), start, 2000)
@@ -88,9 +89,10 @@ def fit_split(seed: int, frames: int) -> SplitError:
         rng = np.random.default_rng([seed, 4, k])
         for pair in pairs(rng, frames=frames, attitudes=tilted(rng, tilt, frames, sway)):
             found = located_detections(pair.frame, pair.blobs, Forest(()))
-            axes, tangents = sight_axes(pair.frame.pose, found.ground)
+            lens = pair.frame.camera.lens(pair.frame.pose)
+            axes, tangents = sight_axes(lens, found.ground)
             alone = np.einsum("nij,nik,nkj->nj", axes, found.covariances, axes)
-            gaps = split_gaps(pair.frame, found.pixels, pair.components)
+            gaps = split_gaps(lens, found.pixels, pair.components)
             errors_along = np.einsum("nij,ni->nj", axes, found.ground - pair.people)
             cases.append((tangents, gaps, alone, errors_along, np.full(2, tilt == sway == 0.0)))
     tangents, gaps, alone, errors, level = (np.concatenate(column) for column in zip(*cases, strict=True))

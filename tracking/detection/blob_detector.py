@@ -10,7 +10,7 @@ import numpy as np
 from tracking.detection.components import components as components_of
 from tracking.detection.detector import Detections, Frame
 from tracking.detection.ground_measurement import detections_of, split_covariances
-from tracking.detection.partial_visibility import locate
+from tracking.detection.partial_visibility import places_of
 from tracking.detection.person_size import sizes_at
 from tracking.geometry.lens import Lens, ground_point, image_point
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
@@ -33,14 +33,14 @@ def blobs_of(frame: Frame) -> tuple[list[Array], Indices]:
     """
     lens = frame.camera.lens(frame.pose)
     blobs = components_of(frame.image)
-    whole, _ = _joined(frame, blobs, range(len(blobs)))
+    whole, _ = _joined(lens, blobs, range(len(blobs)))
     parts = [
         (part, k)
         for k, blob in enumerate(whole)
         for part in ([blob] if _one_person(lens, blob) else _split(lens, blob))
     ]
     if len(parts) > len(whole):  # a foot that does not fit two people together may fit one of them
-        parts = list(zip(*_joined(frame, [blob for blob, _ in parts], [k for _, k in parts]), strict=True))
+        parts = list(zip(*_joined(lens, [blob for blob, _ in parts], [k for _, k in parts]), strict=True))
     found = [(blob, k) for blob, k in parts if _meets_ground(lens, blob)]
     return [blob for blob, _ in found], np.array([k for _, k in found], dtype=np.int64)
 
@@ -48,7 +48,8 @@ def blobs_of(frame: Frame) -> tuple[list[Array], Indices]:
 @compiled
 def _one_person(lens: Lens, blob: Array) -> bool:
     """Test if one person in the middle of a blob can span all its pixels (K, 2)."""
-    axes, extents, areas = sizes_at(lens, np.array([[_middle(blob[:, 0]), _middle(blob[:, 1])]]))
+    middle = np.array([[blob[:, 0].min() + blob[:, 0].max(), blob[:, 1].min() + blob[:, 1].max()]]) / 2
+    axes, extents, areas = sizes_at(lens, middle)
     if not len(blob) <= _CROWD * areas[0] + 1.0:
         return False
     for k in range(2):
@@ -58,16 +59,11 @@ def _one_person(lens: Lens, blob: Array) -> bool:
     return True
 
 
-@compiled
-def _middle(values: Array) -> float:
-    return float((values.min() + values.max()) / 2)
-
-
-def _joined(frame: Frame, blobs: list[Array], origins: Sequence[int]) -> tuple[list[Array], list[int]]:
+def _joined(lens: Lens, blobs: list[Array], origins: Sequence[int]) -> tuple[list[Array], list[int]]:
     """Join the nearest two blobs that one person can span until there are none; the larger one gives the origin."""
     if len(blobs) < 2:
         return blobs, list(origins)
-    blobs, origins, lens = list(blobs), list(origins), frame.camera.lens(frame.pose)
+    blobs, origins = list(blobs), list(origins)
     centres = np.array([blob.mean(axis=0) for blob in blobs])
     reach = length(sizes_at(lens, centres)[1])
     joins = [0] * len(blobs)  # of each blob so far; pairs found before the last join are out of date
@@ -152,11 +148,12 @@ def located_detections(
     found = detections_of(frame, blobs, components)
     if forest is None:
         return found
-    places = {k: place for k, blob in enumerate(blobs) if (place := locate(frame, blob, forest)) is not None}
-    if not places:
+    parts = [(k, places) for k, blob in enumerate(blobs) if (places := places_of(frame, blob, forest)) is not None]
+    if not parts:
         return found
     ground, covariances = found.ground.copy(), found.covariances.copy()
     split = split_covariances(frame, found.pixels, components)
-    for k, (mean, covariance) in places.items():
+    for k, places in parts:
+        mean, covariance, _ = places.posterior()
         ground[k], covariances[k] = mean, covariance + split[k]
     return replace(found, ground=ground, covariances=covariances)

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
@@ -93,23 +93,19 @@ class SplitError:
 SPLIT = SplitError()
 
 
-def sight_axes(pose: Pose, ground: Array) -> tuple[Array, Array]:
+@compiled
+def sight_axes(lens: Lens, ground: Array) -> tuple[Array, Array]:
     """Axes along and across the line of sight to ground points (N, 2) m, and tangents of the angle off nadir.
 
     The axes (N, 2, 2) are unit vectors in columns; the tangents are (N,).
     """
-    return _sight(pose.position, ground)
-
-
-@compiled
-def _sight(eye: Array, ground: Array) -> tuple[Array, Array]:
     axes, tangents = np.empty((len(ground), 2, 2)), np.empty(len(ground))
     for k in range(len(ground)):
-        x, y = ground[k, 0] - eye[0], ground[k, 1] - eye[1]
+        x, y = ground[k, 0] - lens.eye[0], ground[k, 1] - lens.eye[1]
         distance = math.sqrt(x * x + y * y)
         cos, sin = (x / distance, y / distance) if distance > 0.0 else (1.0, 0.0)
         axes[k, 0], axes[k, 1] = (cos, -sin), (sin, cos)
-        tangents[k] = distance / abs(eye[2] - TARGET_HEIGHT)
+        tangents[k] = distance / abs(lens.eye[2] - TARGET_HEIGHT)
     return axes, tangents
 
 
@@ -125,22 +121,17 @@ def covariances_along(axes: Array, variances: Array) -> Array:
     return out
 
 
-def pixel_footprints(camera: Camera, pose: Pose, ground: Array) -> Array:
+@compiled
+def pixel_footprints(lens: Lens, ground: Array) -> Array:
     """Extents (N, 2) m on the ground, along and across the line of sight, of a pixel at ground points (N, 2) m.
 
     An error of one pixel in each direction of the image has these standard deviations.
     """
-    return _footprints(pose.position, pose.rotation, camera.focal, ground)
-
-
-@compiled
-def _footprints(eye: Array, rotation: Array, focal: float, ground: Array) -> Array:
-    out = np.empty((len(ground), 2))
+    (axes, _), rotation, out = sight_axes(lens, ground), lens.rotation, np.empty((len(ground), 2))
     for k in range(len(ground)):
-        x, y, z = ground[k, 0] - eye[0], ground[k, 1] - eye[1], TARGET_HEIGHT - eye[2]
+        x, y, z = ground[k, 0] - lens.eye[0], ground[k, 1] - lens.eye[1], TARGET_HEIGHT - lens.eye[2]
         depth = -(x * rotation[0, 2] + y * rotation[1, 2] + z * rotation[2, 2])
-        distance = math.sqrt(x * x + y * y)
-        cos, sin = (x / distance, y / distance) if distance > 0.0 else (1.0, 0.0)
+        cos, sin = axes[k, 0, 0], axes[k, 1, 0]
         radial = tangential = 0.0
         # The ray r through a pixel, of unit depth, meets the plane at p = eye + s r, with s = depth. As s r_z is
         # constant, dp = s (dr - r dr_z / r_z); and dr are the image's axes in the world, over the focal length.
@@ -149,7 +140,7 @@ def _footprints(eye: Array, rotation: Array, focal: float, ground: Array) -> Arr
             north = rotation[1, j] - rotation[2, j] * y / z
             along, across = cos * east + sin * north, cos * north - sin * east
             radial, tangential = radial + along * along, tangential + across * across
-        out[k] = depth / focal * math.sqrt(radial), depth / focal * math.sqrt(tangential)
+        out[k] = depth / lens.focal * math.sqrt(radial), depth / lens.focal * math.sqrt(tangential)
     return out
 
 

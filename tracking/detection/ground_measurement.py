@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tracking.detection.detection_errors import SPLIT, WHOLE, covariances_along, pixel_footprints, sight_axes
 from tracking.detection.detector import Detections, Frame
 from tracking.detection.person_size import sizes_at
+from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import length
@@ -49,8 +50,9 @@ def detections_of(frame: Frame, blobs: list[Array], components: Indices | None =
 
 def whole_covariances(frame: Frame, ground: Array) -> Array:
     """Covariances (N, 2, 2) m² of people seen whole at ground points (N, 2) m."""
-    axes, tangents = sight_axes(frame.pose, ground)
-    variances = WHOLE.detected(tangents, pixel_footprints(frame.camera, frame.pose, ground))
+    lens = frame.camera.lens(frame.pose)
+    axes, tangents = sight_axes(lens, ground)
+    variances = WHOLE.detected(tangents, pixel_footprints(lens, ground))
     # Towards the horizon a pixel's ground grows without bounds; a person's distance bounds the standard deviation.
     distances = np.sum(np.square(ground - frame.pose.position[:2]), axis=1) + np.square(frame.pose.position[2])
     return covariances_along(axes, np.minimum(variances, distances[:, None]))
@@ -61,14 +63,15 @@ def split_covariances(frame: Frame, pixels: Array, components: Indices | None) -
     """Additional covariances (N, 2, 2) m² of detections at pixels (N, 2); zero but for split components."""
     if components is None or len(np.unique(components)) == len(components):
         return np.zeros((len(pixels), 2, 2))
-    axes, tangents = sight_axes(frame.pose, frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT))
-    return covariances_along(axes, SPLIT.variances(tangents, split_gaps(frame, pixels, components)))
+    lens = frame.camera.lens(frame.pose)
+    axes, tangents = sight_axes(lens, frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT))
+    return covariances_along(axes, SPLIT.variances(tangents, split_gaps(lens, pixels, components)))
 
 
 @np.errstate(divide="ignore", invalid="ignore")
-def split_gaps(frame: Frame, pixels: Array, components: Indices) -> Array:
+def split_gaps(lens: Lens, pixels: Array, components: Indices) -> Array:
     """Distances (N,), in extents of a person, to the nearest detection of the same component; else infinite."""
-    size = sizes_at(frame.camera.lens(frame.pose), pixels)
+    size = sizes_at(lens, pixels)
     offsets = product(pixels[None] - pixels[:, None], size.axes) / size.extents[:, None]
     siblings = (components[:, None] == components) & ~np.eye(len(components), dtype=np.bool_)
     gaps = np.where(siblings, length(offsets), np.inf).min(axis=1)

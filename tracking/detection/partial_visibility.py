@@ -100,18 +100,12 @@ class Places(NamedTuple):
         return mean, error.factor(self.pixel, hidden) * covariance, hidden
 
 
-def locate(frame: Frame, blob: Array, forest: Forest) -> tuple[Array, Array] | None:
-    """Mean (2,) m and covariance (2, 2) m² of the place of a person from a blob (K, 2); None for a person seen whole.
-
-    Bayes' rule over a grid of places. Camera, map of trees and a mean silhouette predict the visible part at each
-    place; its centroid and area are compared with the blob's.
-    """
-    places = places_of(frame, blob, forest)
-    return None if places is None else places.posterior()[:2]
-
-
 def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
-    """Possible places of the person that a blob (K, 2) of pixels is from; None if nothing seems hidden."""
+    """Possible places of the person that a blob (K, 2) of pixels is from; None if nothing seems hidden.
+
+    Camera, map of trees and a mean silhouette predict the visible part at each place; its centroid and area are
+    compared with the blob's.
+    """
     lens = frame.camera.lens(frame.pose)
     if lens.eye[2] <= TALLEST:
         return None  # among people, not above them

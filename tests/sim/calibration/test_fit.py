@@ -17,7 +17,7 @@ from tracking.detection.detection_errors import SPLIT, WHOLE, pixel_footprints, 
 from tracking.detection.detector import Frame
 from tracking.detection.ground_measurement import detections_of, split_covariances, whole_covariances
 from tracking.detection.noise import NoiseModel
-from tracking.detection.partial_visibility import PART, locate, places_of
+from tracking.detection.partial_visibility import PART, places_of
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 
@@ -78,7 +78,7 @@ def test_people_seen_in_part_are_placed_without_bias_and_less_surely(parts, plac
 
 
 def test_people_seen_whole_are_placed_by_their_centroids_alone(population):
-    whole = [s for s in population[:600] if s.hidden == 0.0 and locate(s.frame, s.blob, s.forest) is None]
+    whole = [s for s in population[:600] if s.hidden == 0.0 and places_of(s.frame, s.blob, s.forest) is None]
     assert len(whole) > 300
     for sample in whole:
         one = located_detections(sample.frame, [sample.blob], sample.forest)
@@ -119,19 +119,19 @@ def test_a_pixels_footprint_is_the_spread_of_its_neighbours_ground_points(pose):
         (CAMERA.ground_points(pose, pixels + d, TARGET_HEIGHT) - CAMERA.ground_points(pose, pixels - d, TARGET_HEIGHT))
         for d in (np.array([h, 0.0]), np.array([0.0, h]))
     ]
-    along = np.einsum("nij,dni->dnj", sight_axes(pose, ground)[0], np.array(steps) / (2 * h))
-    np.testing.assert_allclose(pixel_footprints(CAMERA, pose, ground), np.sqrt((along**2).sum(axis=0)), rtol=1e-6)
+    along = np.einsum("nij,dni->dnj", sight_axes(CAMERA.lens(pose), ground)[0], np.array(steps) / (2 * h))
+    np.testing.assert_allclose(pixel_footprints(CAMERA.lens(pose), ground), np.sqrt((along**2).sum(axis=0)), rtol=1e-6)
 
 
 def test_footprints_are_those_of_trigonometry():
     height = 19.0 - TARGET_HEIGHT
     places = np.random.default_rng(1).uniform([-5, -10], [11, 6], (20, 2))
-    np.testing.assert_allclose(pixel_footprints(CAMERA, posed(), places), height / CAMERA.focal, rtol=1e-12)
+    np.testing.assert_allclose(pixel_footprints(CAMERA.lens(posed()), places), height / CAMERA.focal, rtol=1e-12)
     for tilt in (15.0, 30.0, 45.0):  # on the optical axis a pixel is range / focal wide, and longer by 1 / cos
         axis = np.array([[3.0 + height * math.tan(math.radians(tilt)), -2.0]])
         width = height / math.cos(math.radians(tilt)) / CAMERA.focal
         expected = [[width / math.cos(math.radians(tilt)), width]]
-        np.testing.assert_allclose(pixel_footprints(CAMERA, posed(tilt), axis), expected, rtol=1e-12)
+        np.testing.assert_allclose(pixel_footprints(CAMERA.lens(posed(tilt)), axis), expected, rtol=1e-12)
 
 
 def test_the_covariance_of_a_level_camera_is_that_of_the_planners_times_its_excess():

@@ -55,7 +55,7 @@ def test_fragments_are_joined_nearest_first(tilt):
             for (x, y), n in zip(corners, sizes, strict=True)
         ]
         frame = Frame(0, 0.0, CAMERA, tilted(tilt), IMAGE)
-        found, origins = _joined(frame, blobs, range(count))
+        found, origins = _joined(frame.camera.lens(frame.pose), blobs, range(count))
         expected, theirs = plainly_joined(frame, blobs, range(count)) if count else ([], [])
         assert origins == theirs
         for one, other in zip(found, expected, strict=True):
@@ -70,7 +70,7 @@ def test_eight_hundred_fragments_are_measured_little_more_than_once(monkeypatch)
     counted = lambda lens, blob: tried.append(1) or _one_person(lens, blob)  # noqa: E731
     monkeypatch.setattr("tracking.detection.blob_detector._one_person", counted)
     blobs = [pixel[None] + 0.5 for pixel in np.random.default_rng(1).integers(0, 128, (800, 2)).astype(float)]
-    found, _ = _joined(Frame(0, 0.0, CAMERA, tilted(0.0), IMAGE), blobs, range(800))
+    found, _ = _joined(CAMERA.lens(tilted(0.0)), blobs, range(800))
     assert len(found) < 500 and len(tried) < 30 * 800
 
 
