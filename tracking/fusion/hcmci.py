@@ -90,13 +90,11 @@ def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array]
     """
     (means, covariances), (q, omega) = prior, posterior
     # With P⁻ = C Cᵀ and V the axes of Cᵀ Ω⁺ C, the inverse of L is Vᵀ Cᵀ.
-    roots, identities = cholesky_factors(covariances), np.zeros_like(covariances)
+    roots = cholesky_factors(covariances)
     upper = _transposed(roots)
     inner = products(products(upper, omega), roots)
     ratio, axes = eigensystems(0.5 * (inner + _transposed(inner)))
-    for i in range(4):
-        identities[:, i, i] = 1.0
-    inverse = forward_solutions(roots, identities)
+    inverse = forward_solutions(roots, np.zeros_like(covariances) + np.eye(4))
     back = _transposed(axes)
     L = products(_transposed(inverse), axes)
     # Along these axes the prior has unit information: q = L y with y the information vector there.

@@ -12,7 +12,7 @@ from tracking.geometry.lens import Lens, in_image
 from tracking.geometry.line_of_sight import Grid, blocked, gridded, unobstructed
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
-from tracking.numerics.normal import normal_quantile_each
+from tracking.numerics.normal import normal_quantiles
 from tracking.numerics.stacks import cholesky_factors
 from tracking.numerics.universal import exp_each
 
@@ -105,7 +105,7 @@ def _touched(camera: Array, points: Array, cylinders: Array) -> Flags:
 
 def _centroids(count: int) -> Array:
     """Means of `count` equally probable parts of a standard normal distribution (count,)."""
-    edges = normal_quantile_each(np.arange(1, count) / count)
+    edges = normal_quantiles(np.arange(1, count) / count)
     density = np.concatenate([[0.0], exp_each(-0.5 * edges * edges) / math.sqrt(2 * math.pi), [0.0]])
     return np.asarray(count * (density[:-1] - density[1:]))
 

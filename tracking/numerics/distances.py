@@ -8,7 +8,7 @@ import numpy as np
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import log
-from tracking.numerics.stacks import cholesky_factors, over_stacks
+from tracking.numerics.stacks import cholesky_factors, forward_solutions, over_stacks
 
 
 def length(vectors: Array) -> Array:
@@ -55,13 +55,9 @@ def squared_distances(differences: Array, covariances: Array) -> Array:
 
     They are the sums of squares of the solutions y of L y = d.
     """
-    roots, out = cholesky_factors(covariances), np.zeros(len(differences))
-    y = np.empty(differences.shape[1])
-    for t in range(len(differences)):
-        for i in range(len(y)):
-            y[i] = differences[t, i]
-            for k in range(i):
-                y[i] -= roots[t, i, k] * y[k]
-            y[i] /= roots[t, i, i]
-            out[t] += y[i] * y[i]
+    y = forward_solutions(cholesky_factors(covariances), differences.reshape(*differences.shape, 1))
+    out = np.zeros(len(y))
+    for t in range(len(y)):
+        for i in range(y.shape[1]):
+            out[t] += y[t, i, 0] * y[t, i, 0]
     return out

@@ -40,11 +40,8 @@ def eigen(matrices: Array) -> tuple[Array, Array]:
 @compiled
 def inverses(matrices: Array) -> Array:
     """Inverses (T, n, n) of a stack, Yᵀ Y with Y the inverse of the Cholesky factor, for compiled code."""
-    n = matrices.shape[1]
-    identities = np.zeros_like(matrices)
-    for i in range(n):
-        identities[:, i, i] = 1.0
-    halves, out = forward_solutions(cholesky_factors(matrices), identities), np.empty_like(matrices)
+    n, out = matrices.shape[1], np.empty_like(matrices)
+    halves = forward_solutions(cholesky_factors(matrices), np.zeros_like(matrices) + np.eye(n))
     for t in range(len(matrices)):
         for i in range(n):
             for j in range(i, n):

