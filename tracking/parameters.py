@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 
@@ -71,19 +71,13 @@ class TrackerParameters:
     @cached_property
     def match_gate(self) -> float:
         """Squared distance between two tracks of one person that `gate_probability` keeps (four)."""
-        return _quantile_of_four(self.measurement_gate)
+        # P(distance > g) = (1 + g / 2) exp(-g / 2): a fixed point, which iterations approach by factors of 1 + g / 2.
+        gate, before = self.measurement_gate, 0.0
+        while abs(gate - before) > 1e-15 * gate:
+            before, gate = gate, self.measurement_gate + 2.0 * log(1.0 + gate / 2.0)
+        return gate
 
     @cached_property
     def step_survival(self) -> float:
         """Probability that a person in the area still is one step of motion later."""
         return power(self.survival, self.motion.dt) if self.life == "existence" else 1.0
-
-
-@cache
-def _quantile_of_four(of_two: float) -> float:
-    """Quantile of the chi-square law with four degrees of freedom, from that of the same probability with two."""
-    # P(distance > g) = (1 + g / 2) exp(-g / 2): a fixed point, which iterations approach by factors of 1 + g / 2.
-    gate, before = of_two, 0.0
-    while abs(gate - before) > 1e-15 * gate:
-        before, gate = gate, of_two + 2.0 * log(1.0 + gate / 2.0)
-    return gate

@@ -48,8 +48,7 @@ def existence_association(
     given, after = beta.copy(), np.zeros(len(beta))
     for t in range(len(beta)):
         given[t, 0] *= existence[t] * (1.0 - detection_probability[t, 0]) / (1.0 - detection[t, 0])
-        for j in range(beta.shape[1]):
-            after[t] += given[t, j]
+        after[t] = given[t].sum()
         given[t] /= after[t]
         after[t] = min(after[t], 1.0)
     return beta, given, after
