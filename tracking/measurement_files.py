@@ -4,7 +4,7 @@ import csv
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,7 @@ TREE_COLUMNS = ("x", "y", "canopy_radius", "canopy_base", "canopy_top", "trunk_r
 _DIGITS = 18  # of an integer: what fits into 64 bits
 
 _Path = str | os.PathLike[str]
+_Scans = dict[int, tuple[tuple[float, ...], list[list[float]]]]  # by UAV: the camera's pose, and a list for each row
 
 
 def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
@@ -32,7 +33,7 @@ def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
     quaternion xyzw. A scan that measured nothing is one row without x, y, xx, xy and yy, which is negative information
     for a tracker. Rows are in the order of time. Raises ValueError with file, line and column of an invalid entry.
     """
-    time, scans = -math.inf, dict[int, _ScanRows]()
+    time, scans = -math.inf, _Scans()
     for row in _rows(path, SCAN_COLUMNS):
         now = row.number("time")
         if now < time:
@@ -40,8 +41,9 @@ def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
         if now > time:
             if scans:
                 yield _scans(time, scans)
-            time, scans = now, {}
-        scans.setdefault(row.integer("uav"), _ScanRows(row.pose())).add(row)
+            time, scans = now, _Scans()
+        pose, rows = scans.setdefault(row.integer("uav"), (row.pose(), []))
+        rows.append(row.measurement(pose, rows))
     if not scans:
         raise ValueError(f"{path}: holds no scan")
     yield _scans(time, scans)
@@ -115,38 +117,28 @@ class _Row:
             raise self.wrong("camera_qx", f"the quaternion's norm is {norm:g}, not 1")
         return pose
 
-
-@dataclass
-class _ScanRows:
-    """Rows of one scan."""
-
-    pose: tuple[float, ...]
-    rows: list[list[float]] = field(default_factory=list)
-    empty: bool = False
-
-    def add(self, row: _Row) -> None:
-        """Add the measurement of a row, if it has one; ValueError if the row contradicts the rows before."""
-        if row.pose() != self.pose:
-            raise row.wrong("camera_x", "the camera has another pose in another row of this scan")
-        if self.empty:
-            raise row.wrong("x", "this scan has another row, without a measurement")
-        if not any(row.values[name] for name in MEASUREMENT):
-            if self.rows:
-                raise row.wrong("x", "is empty, but this scan has measurements")
-            self.empty = True
-            return
-        x, y, xx, xy, yy = (row.number(name) for name in MEASUREMENT)
+    def measurement(self, pose: tuple[float, ...], before: list[list[float]]) -> list[float]:
+        """Position and covariance, or nothing; ValueError if the row contradicts pose and rows before of its scan."""
+        if self.pose() != pose:
+            raise self.wrong("camera_x", "the camera has another pose in another row of this scan")
+        if before == [[]]:
+            raise self.wrong("x", "this scan has another row, without a measurement")
+        if not any(self.values[name] for name in MEASUREMENT):
+            if before:
+                raise self.wrong("x", "is empty, but this scan has measurements")
+            return []
+        x, y, xx, xy, yy = (self.number(name) for name in MEASUREMENT)
         if not (xx > 0 and xx * yy > xy * xy):
-            raise row.wrong("xx", f"xx, xy, yy of {xx:g}, {xy:g}, {yy:g} m² are not positive definite")
-        self.rows.append([x, y, xx, xy, xy, yy])
+            raise self.wrong("xx", f"xx, xy, yy of {xx:g}, {xy:g}, {yy:g} m² are not positive definite")
+        return [x, y, xx, xy, xy, yy]
 
 
-def _scans(time: float, of_uavs: dict[int, _ScanRows]) -> tuple[Scan, ...]:
+def _scans(time: float, of_uavs: _Scans) -> tuple[Scan, ...]:
     scans = []
-    for uav, scan in sorted(of_uavs.items()):
-        table = np.array(scan.rows, dtype=float).reshape(-1, 6)
-        pose = Pose(np.array(scan.pose[:3]), np.array(scan.pose[3:]))
-        scans.append(Scan(uav, time, pose, table[:, :2].copy(), table[:, 2:].reshape(-1, 2, 2)))
+    for uav, (pose, rows) in sorted(of_uavs.items()):
+        table = np.array(rows, dtype=float).reshape(-1, 6)
+        at = Pose(np.array(pose[:3]), np.array(pose[3:]))
+        scans.append(Scan(uav, time, at, table[:, :2].copy(), table[:, 2:].reshape(-1, 2, 2)))
     return tuple(scans)
 
 
