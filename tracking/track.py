@@ -35,12 +35,9 @@ class Track:
     sighting: Array = field(default_factory=lambda: np.full(3, np.nan))
 
 
-def tracks_of(
-    ids: Indices, means: Array, covariances: Array, existence: Array, sightings: Array | None = None
-) -> tuple[Track, ...]:
+def tracks_of(ids: Indices, means: Array, covariances: Array, existence: Array, sightings: Array) -> tuple[Track, ...]:
     """Tracks with copies of ids (T,), means (T, 4), covariances (T, 4, 4), existence (T,) and sightings (T, 3)."""
-    told = np.full((len(ids), 3), np.nan) if sightings is None else sightings.copy()
-    rows = zip(ids.tolist(), means.copy(), covariances.copy(), existence.tolist(), told, strict=True)
+    rows = zip(ids.tolist(), means.copy(), covariances.copy(), existence.tolist(), sightings.copy(), strict=True)
     return tuple(Track(id, Gaussian(mean, covariance), r, sighting) for id, mean, covariance, r, sighting in rows)
 
 

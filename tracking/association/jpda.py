@@ -100,11 +100,7 @@ def gated_likelihood(
 
 @compiled
 def mixture_update(
-    predicted: tuple[Array, Array],
-    undetected: tuple[Array, Array],
-    measurements: Array,
-    noise: Array,
-    beta: Array,
+    predicted: tuple[Array, Array], undetected: tuple[Array, Array], measurements: Array, noise: Array, beta: Array
 ) -> tuple[Array, Array]:
     """Moments of the mixture over association hypotheses, the spread of the means included.
 

@@ -13,12 +13,7 @@ from tracking.numerics.compiled import compiled
 _Told = tuple[Array, Indices, Indices, Array]  # times, views, misses and sightings, as columns of messages
 
 
-def fuse(
-    members: Sequence[Member],
-    adjacency: Flags,
-    rounds: int,
-    lost: Flags | None = None,
-) -> Indices:
+def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags | None = None) -> Indices:
     """Exchange rounds of messages over the undirected graph `adjacency` (n, n), its diagonal aside.
 
     Each UAV hands a neighbour the share 1 / (1 + max(degrees)) of its information (Metropolis weights) and keeps the
@@ -45,7 +40,10 @@ def fuse(
     sends, k = linked.any(axis=1), 0
     while k < rounds and not alike(messages):
         sent += sends * np.array([message.size for message in messages])
-        messages = _after_a_round(members, messages, heard[k])
+        messages = [
+            combine(own, [messages[j] for j in np.flatnonzero(row).tolist()], member.max_speed)
+            for own, member, row in zip(messages, members, heard[k], strict=True)
+        ]
         k += 1
     if k < rounds and sends.any():  # one table serves all UAVs and rounds
         messages, sizes = _mixed(messages, heard[k:])
@@ -61,14 +59,6 @@ def combine(own: Message, received: Sequence[Message], max_speed: float) -> Mess
         return own
     same = associate_tracks(own, received, max_speed)
     return _mixed(same, np.arange(len(same))[None, None] > 0)[0][0]
-
-
-def _after_a_round(members: Sequence[Member], messages: Sequence[Message], heard: Flags) -> list[Message]:
-    """Messages of the next round; heard (n, n): row i has the UAVs that UAV i heard."""
-    return [
-        combine(own, [messages[j] for j in np.flatnonzero(row).tolist()], member.max_speed)
-        for own, member, row in zip(messages, members, heard, strict=True)
-    ]
 
 
 def _mixed(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], Indices]:
