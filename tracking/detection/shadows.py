@@ -20,7 +20,7 @@ Hull = tuple[float, float, float, float, float, float]  # two discs: u, v, radiu
 @compiled
 def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float) -> Clearing:
     """The clearing with the shadows of cylinders (B, 5) within `reach` m of its origin."""
-    shadows, count = np.empty((8, 7)), 0
+    shadows, count = np.empty((len(cylinders), 7)), 0
     for k in range(len(cylinders)):
         x, y, radius = cylinders[k, 0], cylinders[k, 1], cylinders[k, 2]
         low, high = max(cylinders[k, 3], TARGET_HEIGHT), min(cylinders[k, 4], eye[2] - 1e-3)
@@ -36,8 +36,6 @@ def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float
         u, v = u0 + s * du, v0 + s * dv
         if u * u + v * v > most * most:
             continue
-        if count == len(shadows):
-            shadows = np.concatenate((shadows, np.empty_like(shadows)))
         front = hypot(x - eye[0], y - eye[1]) - radius if cylinders[k, 3] <= TARGET_HEIGHT else 0.0
         shadows[count] = (u0, v0, radius * near, u1, v1, radius * far, max(front, 0.0))
         count += 1

@@ -1,7 +1,4 @@
-"""Euclidean and Mahalanobis distances of stacks of vectors, with the same bits on every processor.
-
-The method is that of `tracking.numerics.matrices`.
-"""
+"""Euclidean and Mahalanobis distances of stacks of vectors; the method is that of `tracking.numerics.matrices`."""
 
 import numpy as np
 

@@ -1,7 +1,4 @@
-"""Cholesky factors, inverses and eigenvalues of stacks of small matrices, with the same bits on every processor.
-
-The method is that of `tracking.numerics.matrices`.
-"""
+"""Cholesky factors, inverses and eigenvalues of stacks of matrices; the method is that of `numerics.matrices`."""
 
 import math
 

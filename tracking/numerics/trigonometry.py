@@ -1,9 +1,4 @@
-"""Trigonometric functions and the length of a vector of the plane, with the same bits on every processor.
-
-The method is that of `tracking.numerics.exponential`.
-Each is within two units in the last place of the true value unless its docstring says otherwise
-(tests/tracking/numerics/test_elementary.py).
-"""
+"""Trigonometric functions and the length of a vector of the plane; method and errors as in `exponential`."""
 
 import math
 
