@@ -61,16 +61,7 @@ def scan_prediction(
     detectable = (1.0 - missed.mean(axis=1)) / p.detection_probability
     if p.life == "existence":
         detectable *= 1.0 - unresolved(beliefs[0], existence)
-    return ScanPrediction(*beliefs, undetected, existence, _shares(seen), detectable)
-
-
-@compiled
-def _shares(flags: Flags) -> Array:
-    """Share (T,) of the flags (T, K) that are set."""
-    shares = np.empty(len(flags))
-    for t in range(len(flags)):
-        shares[t] = np.count_nonzero(flags[t]) / flags.shape[1]
-    return shares
+    return ScanPrediction(*beliefs, undetected, existence, seen.mean(axis=1), detectable)
 
 
 def scan_update(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
