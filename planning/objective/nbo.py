@@ -62,10 +62,10 @@ def objective(
     others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), deciding, measure)
 
     def values(candidates: Array, ease: Array | None = None) -> Array:
-        views = belief.views.copy()
+        eased = belief
         if ease is not None:  # the margins of wider fields of view may lack some of the trees that hide targets
-            views[list(uavs), :4, 2] += belief.step * ease[:, None]
-        eased = belief._replace(views=views)
+            eased = belief._replace(views=belief.views.copy())
+            eased.views[deciding, :4, 2] += belief.step * ease[:, None]
         return _costs(eased, others, np.ascontiguousarray(candidates, dtype=float), beta, samples)
 
     return values

@@ -57,7 +57,7 @@ def test_decisions(random_team, judged):
     default, mwtp, nbo, mcr = decisions(random_team, teams, names, 10 if judged else 1, options)
     print(f"\nsma-nbo-gospa {default:.1f} ms, sma-nbo-mwtp {mwtp:.1f} ms, sma-nbo {nbo:.1f} ms, ", end="")
     print(f"mcr {mcr:.1f} ms: {mcr / nbo:.1f} x sma-nbo")
-    assert not judged or (max(default, mwtp) < 30.0 and mcr < 10.0 * nbo)
+    assert not judged or (default < 25.0 and mwtp < 30.0 and mcr < 10.0 * nbo)
 
 
 def test_decisions_of_rivals(random_team, judged):

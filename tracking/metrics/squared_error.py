@@ -19,6 +19,10 @@ def cut_off(traces: Array, cutoff: float) -> None:
     Note: Of an oblong covariance the true value is smaller, by up to a fifth where all of it lies along one line.
     """
     square = cutoff * cutoff
-    for k in range(len(traces)):
-        if traces[k] * _NEGLIGIBLE > square:
-            traces[k] *= 1.0 - exp(-square / traces[k])
+    some = 0
+    for k in range(len(traces)):  # a loop without branches, as the next one: both are vectorised
+        some += traces[k] * _NEGLIGIBLE > square
+    for k in range(len(traces) if some else 0):
+        trace = traces[k]
+        counts = trace * _NEGLIGIBLE > square
+        traces[k] = trace * (1.0 - exp(-square / trace if counts else 0.0)) if counts else trace

@@ -12,12 +12,11 @@ import math
 import numpy as np
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, inlined
 
 _LOG2E = 1.4426950408889634
 # ln 2 as a sum. The first part has so few bits that its products with small integers are exact.
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
-_POWERS_OF_TWO = np.array([math.ldexp(1.0, k) for k in range(-1074, 1024)])
 _ROOT_HALF = int(np.array([math.sqrt(0.5)]).view(np.int64)[0])  # its bits
 # Coefficients of Taylor series, that of the highest power first.
 _EXP = tuple(1.0 / math.factorial(k) for k in range(13, 1, -1))
@@ -33,19 +32,25 @@ def polynomial(coefficients: tuple[float, ...], x: float) -> float:
     return value
 
 
-@compiled
+@inlined
+def _power_of_two(k: int) -> float:
+    """2^k for k from -1022 to 1023, by its bits."""
+    return np.int64((k + 1023) << 52).view(np.float64)
+
+
+@inlined
 def exp(x: float) -> float:
-    """Exponential of x, by its Taylor series about the nearest multiple of ln 2."""
+    """Exponential of x, by its Taylor series about the nearest multiple of ln 2; loops over it can be vectorised."""
     inside = -745.2 < x < 709.79
-    safe = x if inside else 0.0  # compiled code may evaluate both branches, which must not raise flags
-    k = math.floor(safe * _LOG2E + 0.5)
-    r = (safe - k * _LN2_HIGH) - k * _LN2_LOW
+    safe = x if inside else 0.0
+    nearest = np.floor(safe * _LOG2E + 0.5)
+    r = (safe - nearest * _LN2_HIGH) - nearest * _LN2_LOW
     value = 1.0 + (r + r * r * polynomial(_EXP, r))
-    half = k // 2  # in two factors, as the power of two itself may be out of range
-    value *= _POWERS_OF_TWO[half + 1074] * _POWERS_OF_TWO[k - half + 1074]
-    if inside:
-        return float(value)
-    return x if math.isnan(x) else (0.0 if x < 0.0 else math.inf)
+    k = int(np.int32(nearest))  # processors convert to 32 bits side by side
+    half = k >> 1  # in two factors, as the power of two itself may be out of range
+    value *= _power_of_two(half) * _power_of_two(k - half)
+    outside = x if math.isnan(x) else (0.0 if x < 0.0 else math.inf)
+    return float(value if inside else outside)
 
 
 @compiled

@@ -25,10 +25,10 @@ def test_the_expected_squared_error_is_the_integral_over_all_errors(cutoff):
 
 
 def test_a_trace_far_below_the_cutoff_keeps_its_bits_and_none_passes_its_square():
-    traces = np.array([1e-6, 0.03, 1.0, 2.6, 1e9])
+    traces = np.array([0.0, 1e-6, 0.03, 1.0, 2.6, 1e9])
     found = expected(traces, 10.0)
-    assert found[:4].tolist() == traces[:4].tolist()
-    assert found[4] == pytest.approx(100.0, rel=1e-6) and found[4] <= 100.0
+    assert found[:5].tolist() == traces[:5].tolist()
+    assert found[5] == pytest.approx(100.0, rel=1e-6) and found[5] <= 100.0
     assert expected(traces, math.inf).tolist() == traces.tolist()
 
 
