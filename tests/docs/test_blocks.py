@@ -63,7 +63,8 @@ def test_a_pages_blocks_run(name, shell):
 @pytest.mark.docs
 def test_the_commands_on_ten_worlds_fly_their_planners(shell):
     """Each in one of the worlds, for a second."""
-    text = re.sub(r"bench-1 --maps \d+", "paper --seeds 0", text_of("results/worlds.md").replace("\\\n", " "))
+    page = text_of("results/worlds.md").replace("\\\n", " ")
+    text = re.sub(r"bench-1 --(maps|seeds) [\d-]+", "paper --seeds 0", page)
     for _, command in blocks(text.replace("300-315", "300").replace("40-59", "40")):
         out = shell.line(command, "--duration", "1.2", "--out", f"runs/{len(command)}")
         planners = set(re.findall(r"--planner '?([\w-]+)", command))
