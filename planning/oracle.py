@@ -10,6 +10,7 @@ from planning.contract import TruePositions
 from planning.pieces import Composed
 from planning.planner import Exchange, Plan, Planner, Situation
 from planning.prediction.predicted_belief import PredictedBelief, predicted_belief
+from planning.prediction.propagation import FIVE_POINTS
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.assignment import pairs_within
@@ -18,6 +19,7 @@ from tracking.track import Track, beliefs_of
 
 # Of a person without a track: the trace at which the paper's tracks end, 400 m², and walking speed.
 _UNKNOWN = np.diag([200.0, 200.0, 2.25, 2.25])
+_ABOUT = 0.5  # m: deviation along each axis of the places at which a person is judged to be in view or not
 
 
 @dataclass(frozen=True)
@@ -25,12 +27,14 @@ class Oracle(Composed):
     """`Composed` on people's true positions, now and along their true paths: an upper bound.
 
     The mission hands it the truth by `knowing`; situations hold none. Without the truth it plans on its beliefs. Each
-    person has the covariance of the track assigned to them. Trees, fields of view, noise, dynamics and tracker stay as
-    they are, so its misses are not for want of knowing positions.
+    person has the second moment P + e eᵀ of the track assigned to them, with the track's covariance P and true error e.
+    Trees, fields of view, noise, dynamics and tracker stay as they are, so its misses are not for want of knowing
+    positions.
 
-    Note: With the MWTP, P + e eᵀ with the track's true error e, measured instead of P, gave a smaller share of scans
-    with OSPA under 1 m: the noise of single scans sends UAVs astray. Where P alone decides, in open woods, beliefs do
-    as well. The built-in `oracle` has no cost-to-go: people out of reach within its horizon do not attract it.
+    UAVs are not exactly where they plan to be. So each person is judged at five equally probable places about the true
+    one: a plan that brings a person barely into view may miss them, however well the person's path is known.
+
+    Note: the built-in `oracle` has no cost-to-go: people out of reach within its horizon do not attract it.
     """
 
     def knowing(self, people: TruePositions) -> Planner:
@@ -61,19 +65,20 @@ class _TruePaths:
         """As `planning.prediction.propagation.Propagation.predict`; a person that leaves stays at the last position."""
         means, covariances = beliefs_of(situation.tracks)
         persons = [track.id for track in situation.tracks]
-        points = np.full((horizon, len(persons), 1, 3), TARGET_HEIGHT)
+        points = np.full((horizon, len(persons), len(FIVE_POINTS), 3), TARGET_HEIGHT)
         last = means[:, :2]
         for step in range(horizon):
             ahead = self.people(situation.time + (step + 1) * situation.step)[persons]
             last = np.where(np.isnan(ahead), last, ahead)
-            points[step, :, 0, :2] = last
+            points[step, :, :, :2] = last[:, None] + _ABOUT * FIVE_POINTS
         return predicted_belief(situation, points, covariances)
 
 
 def true_tracks(situation: Situation, people: TruePositions) -> tuple[Track, ...]:
-    """Tracks of the people present, by index: true states, with the covariances of the tracks assigned to them.
+    """Tracks of the people present, by index: true states, with the second moments of the tracks assigned to them.
 
-    The assignment has the least total distance; the velocity is the mean over the next step.
+    The assignment has the least total distance; the velocity is the mean over the next step. That of a track counts as
+    right, so that errors of positions alone add to its covariance.
     """
     here, there = people(situation.time), people(situation.time + situation.step)
     present = np.flatnonzero(~np.isnan(here[:, 0]))
@@ -83,6 +88,8 @@ def true_tracks(situation: Situation, people: TruePositions) -> tuple[Track, ...
     spread = np.tile(_UNKNOWN, (len(present), 1, 1))
     gaps = length(states[:, None, :2] - means[None, :, :2])
     for row, track in pairs_within(gaps, np.inf):
+        error = states[row, :2] - means[track, :2]
         spread[row] = covariances[track]
+        spread[row, :2, :2] += error[:, None] * error
     rows = zip(present.tolist(), states, spread, strict=True)
     return tuple(Track(person, Gaussian(state, P)) for person, state, P in rows)

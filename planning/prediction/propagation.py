@@ -21,7 +21,7 @@ _FIFTHS = np.array([0.0, 0.5616259126, 1.4780312359])
 # Five equally probable points of a standard normal in the plane, with its mean (first) and covariance: a lattice that
 # has each piece once along either axis, so that the edge of a field of view parts them in five ways.
 _LATTICE = np.array([(0, 0), (1, -2), (2, 1), (-1, 2), (-2, -1)])
-_FIVE = np.sign(_LATTICE) * _FIFTHS[np.abs(_LATTICE)]
+FIVE_POINTS = np.sign(_LATTICE) * _FIFTHS[np.abs(_LATTICE)]
 
 
 class Propagation(Protocol):
@@ -44,14 +44,14 @@ class Nominal:
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
         """As `Propagation.predict`, of one sample; draws no random numbers."""
         means, covariances = beliefs_of(situation.tracks)
-        points = np.empty((horizon, len(means), len(_FIVE) if self.expected else 1, 3))
+        points = np.empty((horizon, len(means), len(FIVE_POINTS) if self.expected else 1, 3))
         points[..., 2] = TARGET_HEIGHT
         points[:, :, 0, :2] = nominal_positions(situation, horizon)
         ahead, spread = means, covariances
         for step in range(horizon if self.expected else 0):
             ahead, spread = situation.motion.predict_all(ahead, spread)
             roots = cholesky(spread[:, :2, :2])
-            points[step, :, :, :2] = points[step, :, :1, :2] + applied(roots[:, None], _FIVE)
+            points[step, :, :, :2] = points[step, :, :1, :2] + applied(roots[:, None], FIVE_POINTS)
         return predicted_belief(situation, points, covariances)
 
 

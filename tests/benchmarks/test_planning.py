@@ -61,7 +61,7 @@ def test_decisions(random_team, judged):
 
 
 def test_decisions_of_rivals(random_team, judged):
-    """Three UAVs, four targets, 75 trees: no rival has much more time than the default, the first."""
+    """Three UAVs, four targets, 75 trees: no planner takes much longer than the first, `sma-nbo-mwtp`."""
     teams = [random_team(seed, trees=75) for seed in range(6 if judged else 1)]
     few = [name.replace(", evaluations=9216)", ")").replace(")", ", evaluations=64)") for name in RIVALS]
     names = RIVALS if judged else few

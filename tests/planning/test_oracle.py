@@ -6,10 +6,11 @@ import pickle
 import struct
 
 import numpy as np
-from helpers.teams import Spy, planned
+from helpers.teams import Spy
 
 from planning.loading import load_planner
 from planning.oracle import _UNKNOWN, Oracle, _TruePaths, true_tracks
+from planning.prediction.propagation import Nominal
 from planning.registry import PLANNERS
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.summary import results_table
@@ -66,15 +67,19 @@ def walking(team, rng):
     return [dataclasses.replace(s, tracks=tracks) for s in team], lambda time: start + time * velocity
 
 
-def test_where_tracks_are_right_and_people_walk_straight_the_oracle_knows_nothing_more(random_team):
+def test_where_tracks_are_right_and_people_walk_straight_the_oracle_knows_nothing_more(random_team, monkeypatch):
+    """Judged at the true place alone, it predicts what follows from the tracks, to the bit."""
+    monkeypatch.setattr("planning.oracle._ABOUT", 0.0)
     for seed in range(4):
-        team, people = walking(random_team(seed), np.random.default_rng(seed))
-        planner = load_planner("oracle")
-        believed = planned(planner.composition, team, seed)
-        np.testing.assert_array_equal(planned(planner.knowing(people), team, seed), believed)
+        rng = np.random.default_rng(seed)
+        team, people = walking(random_team(seed), rng)
+        believed = Nominal().predict(team[0], 5, rng)
+        known = _TruePaths(people).predict(dataclasses.replace(team[0], tracks=true_tracks(team[0], people)), 5, rng)
+        np.testing.assert_array_equal(known.points, np.repeat(believed.points, 5, axis=2))
+        np.testing.assert_array_equal(known.covariances, believed.covariances)
 
 
-def test_a_persons_covariance_is_that_of_the_track_assigned_at_the_least_total_distance(random_team):
+def test_a_persons_second_moment_is_that_of_the_track_assigned_at_the_least_total_distance(random_team):
     situation = random_team(1)[0]
     means = np.array([t.belief.mean for t in situation.tracks])
 
@@ -85,10 +90,11 @@ def test_a_persons_covariance_is_that_of_the_track_assigned_at_the_least_total_d
     situation = dataclasses.replace(situation, tracks=situation.tracks[:3])
     found = true_tracks(situation, people)
     assert [t.id for t in found] == [0, 1, 2, 3]
-    for person, track in ((0, 1), (1, 0), (3, 2)):
+    for person, track, error in ((0, 1, (3.0, -4.0)), (1, 0, (3.0, -4.0)), (3, 2, (0.0, 0.0))):
         truth = np.concatenate([people(0.0)[person], [2.0, 2.0]])
         np.testing.assert_allclose(found[person].belief.mean, truth, atol=1e-12)
-        np.testing.assert_array_equal(found[person].belief.covariance, situation.tracks[track].belief.covariance)
+        moment = situation.tracks[track].belief.covariance + np.outer((*error, 0.0, 0.0), (*error, 0.0, 0.0))
+        np.testing.assert_allclose(found[person].belief.covariance, moment, rtol=1e-12)
     np.testing.assert_array_equal(found[2].belief.covariance, _UNKNOWN)
 
 
@@ -100,6 +106,11 @@ def test_the_oracle_plans_along_true_paths_which_end_where_a_person_leaves(rando
     np.testing.assert_array_equal(view.points[:, 0, 0, :2], [circle(3.0 + k)[0] for k in range(1, 5)])
     np.testing.assert_array_equal(view.points[:, 1, 0, :2], [[4, 1], [5, 1], [5, 1], [5, 1]])
     np.testing.assert_array_equal(view.points[..., 2], TARGET_HEIGHT)
+    about = view.points[..., :2] - view.points[:, :, :1, :2]  # five places, 0.5 m about the true one along each axis
+    np.testing.assert_allclose(about.mean(axis=2), 0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        np.swapaxes(about, -1, -2) @ about / 5, np.broadcast_to(0.25 * np.eye(2), (4, 2, 2, 2)), atol=1e-9
+    )
 
 
 def test_the_oracle_alone_searches_for_a_person_without_a_track():
