@@ -14,6 +14,7 @@ from planning.optimizers.optimizer import Optimizer, pursuits, turns
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import base_policy_plans
 from planning.prediction.propagation import Nominal, Propagation, nominal_positions
+from planning.prediction.response import mean_velocities, response
 from planning.prediction.targets_in_reach import Objective, targets_in_reach
 from tracking.geometry.visibility import Forest, Occlusion
 from tracking.numerics.arrays import Array
@@ -37,8 +38,8 @@ class Coordination(Protocol):
 class Term(Protocol):
     """A term of the objective besides the uncertainty of tracks."""
 
-    def term(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Objective | None:
-        """Cost [m²] of plans of the UAVs in rows `uavs` while others fly `controls` (n, H, 2) m/s; None: nothing."""
+    def term(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
+        """Cost [m²] of mean velocities of the UAVs in rows `uavs` while others have (n, H, 2) m/s; None: nothing."""
 
 
 @dataclass(frozen=True)
@@ -76,15 +77,18 @@ class Composition:
         speeds = np.array([situation.vehicles[i].max_speed for i in uavs])
         starts = self._starts(situation, controls, uavs)
         measure = Measure(self.uncertainty == "information", self.cutoff)
-        of_tracks = objective(belief, controls, uavs, self.beta, samples, measure)
-        extra = [term for term in (t.term(situation, controls, uavs) for t in self.terms) if term is not None]
+        own, fleet = response(situation, uavs), response(situation, range(len(controls)))
+        expected = mean_velocities(fleet, np.array(controls[None], dtype=float))[0]
+        of_tracks = objective(belief, expected, uavs, self.beta, samples, measure)
+        extra = [term for term in (t.term(situation, expected, uavs) for t in self.terms) if term is not None]
 
         def value(candidates: Array, ease: Array | None = None) -> Array:
             """Sum of all terms, of which only that of tracks can be relaxed."""
-            found = of_tracks(candidates, ease)
-            return found + reduce(np.add, (term(candidates) for term in extra)) if extra else found
+            velocities = mean_velocities(own, np.ascontiguousarray(candidates, dtype=float))
+            found = of_tracks(velocities, ease)
+            return found + reduce(np.add, (term(velocities) for term in extra)) if extra else found
 
-        in_reach = targets_in_reach(belief, uavs, speeds)
+        in_reach = targets_in_reach(belief, uavs, speeds, own)
         if self.actions == "all":
             return self.optimizer.minimise(value, starts, speeds, rng, in_reach).plans
 

@@ -29,6 +29,7 @@ class Vehicle:
     max_speed: float  # m/s
     # Quaternion of the camera, xyzw, as it stays in level flight; by default it looks down, north at the image's top.
     attitude: Array = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
+    lag: float = 0.0  # s: time constant with which its velocity follows a command; 0: at once, [Li22] eq. (5)
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,6 +50,7 @@ def objective(
 ) -> Objective:
     """The objective [m², nats] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly (n, H, 2).
 
+    Candidates and controls are mean velocities over the steps, with which [Li22] eq. (5) holds of any UAV.
     Σ over steps and targets of tr P (position block) times the target's weight, each P updated with the information
     of all UAVs that see the target at its predicted position ([Li22] eq. (11) with C̃ of eq. (7)), plus, for beta > 0,
     the MWTP of Algorithm 2 on weighted traces; the mean over `samples` sets of targets. Of a target with several
@@ -121,7 +122,7 @@ def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, sa
 
 @compiled
 def _fly(belief: PredictedBelief, uavs: Indices, plans: Array, flight: _CameraPaths) -> None:
-    """Set the camera paths of up to LANES plans (N, k, H, 2) m/s, [Li22] eq. (5); the last plan fills spare lanes."""
+    """Set the camera paths under up to LANES plans of mean velocities (N, k, H, 2) m/s; the last fills spare lanes."""
     cameras, boxes = flight
     for j in range(len(uavs)):
         for axis in range(2):

@@ -32,12 +32,12 @@ class Separation:
 
     distance: float
 
-    def term(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Objective:
+    def term(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective:
         """As `planning.composition.Term.term`."""
         now = np.array([v.position for v in situation.vehicles], dtype=float)
         chosen = np.asarray(uavs, dtype=np.int64)
         others = np.delete(
-            np.concatenate([now[:, None], camera_paths(now, controls, situation.step)], axis=1), chosen, axis=0
+            np.concatenate([now[:, None], camera_paths(now, velocities, situation.step)], axis=1), chosen, axis=0
         )
 
         def cost(candidates: Array) -> Array:
@@ -98,7 +98,7 @@ class Search:
 
     weight: float
 
-    def term(self, situation: Situation, controls: Array, uavs: Sequence[int]) -> Objective | None:
+    def term(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
         """As `planning.composition.Term.term`; None where no undetected people are expected."""
         unseen = situation.unseen
         cells = np.zeros(0, np.int64) if unseen is None else np.flatnonzero(unseen.people.ravel() > _FEWEST)
@@ -107,8 +107,8 @@ class Search:
         centres = unseen.centres().reshape(-1, 2)[cells]
         points = centres[:, None] + _QUARTERS * unseen.cell
         vehicles = situation.vehicles
-        fleet = camera_paths(np.array([v.position for v in vehicles], dtype=float), controls, situation.step)
-        left = np.repeat(unseen.people.ravel()[cells][None], controls.shape[1], axis=0)
+        fleet = camera_paths(np.array([v.position for v in vehicles], dtype=float), velocities, situation.step)
+        left = np.repeat(unseen.people.ravel()[cells][None], velocities.shape[1], axis=0)
         for i in sorted(set(range(len(vehicles))) - set(uavs)):
             _thin(left, _viewed([vehicles[i]], [fleet[i]], points, situation.forest))
         raster = _raster(situation, uavs, fleet, (centres, points, left[-1]))

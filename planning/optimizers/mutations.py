@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planning.prediction.quadrangle import shortest_move
+from planning.prediction.response import Response, followed
 from planning.prediction.targets_in_reach import TargetsInReach
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, inlined
@@ -136,12 +137,27 @@ def _follow(path: Array, step: int, plans: Array, c: int, j: int) -> None:
 def _show(path: Array, in_reach: TargetsInReach, s: int) -> bool:
     """Displace a step of a path by the least that brings a target into view; False if it is in view already."""
     j, h = in_reach.which[s, 0], in_reach.which[s, 1]
-    dx, dy = shortest_move(in_reach.views, j, in_reach.places[s, 0] - path[h, 0], in_reach.places[s, 1] - path[h, 1])
+    x, y = _reached(path, h, in_reach.response, j)
+    dx, dy = shortest_move(in_reach.views, j, in_reach.places[s, 0] - x, in_reach.places[s, 1] - y)
     length = math.sqrt(dx * dx + dy * dy)
     if length == 0.0:
         return False
-    _shift(path, h, h + 1, dx * (1.0 + _MARGIN / length), dy * (1.0 + _MARGIN / length))
+    size = (1.0 + _MARGIN / length) / (1.0 - in_reach.response.lacks[j])
+    _shift(path, h, h + 1, dx * size, dy * size)
     return True
+
+
+@inlined
+def _reached(path: Array, h: int, response: Response, j: int) -> tuple[float, float]:
+    """Place of UAV j after step h, if it is commanded along a path, which it follows with its lag."""
+    x, y, vx, vy = 0.0, 0.0, response.velocities[j, 0], response.velocities[j, 1]
+    for i in range(h + 1):
+        px, py = (path[i - 1, 0], path[i - 1, 1]) if i else (0.0, 0.0)
+        mean, vx = followed(response, j, vx, path[i, 0] - px)
+        x += mean
+        mean, vy = followed(response, j, vy, path[i, 1] - py)
+        y += mean
+    return x, y
 
 
 @inlined

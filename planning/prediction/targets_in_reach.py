@@ -7,6 +7,7 @@ import numpy as np
 
 from planning.prediction.predicted_belief import PredictedBelief
 from planning.prediction.quadrangle import shortest_move
+from planning.prediction.response import Response, at_once
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
@@ -21,23 +22,26 @@ class TargetsInReach(NamedTuple):
     which: Indices  # (S, 2): the UAV, and the step after which
     places: Array  # (S, 2) m/s: of the target, from the present position of that UAV
     views: Array  # (k, 5, 3): fields of view, see `field_of_view.view_quadrangle`, with lengths in m/s
+    response: Response  # of the UAVs to commands
 
 
-NO_TARGETS = TargetsInReach(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 5, 3)))
+NO_TARGETS = TargetsInReach(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 5, 3)), at_once(0))
 
 
-def targets_in_reach(belief: PredictedBelief, uavs: Sequence[int], max_speeds: Array) -> TargetsInReach:
+def targets_in_reach(
+    belief: PredictedBelief, uavs: Sequence[int], max_speeds: Array, response: Response
+) -> TargetsInReach:
     """Predicted places of targets that a UAV in rows `uavs` can have in its field of view in time.
 
-    max_speeds (k,) m/s. Trees are left out; the objective accounts for them.
+    max_speeds (k,) m/s. Trees are left out, and so is the time to gain speed; the objective accounts for them.
     """
     rows = np.asarray(uavs, dtype=np.int64)
-    views = belief.views[rows] / np.array([1.0, 1.0, belief.step])
-    return _within_reach(belief, rows, np.ascontiguousarray(views), max_speeds)
+    views = np.ascontiguousarray(belief.views[rows] / np.array([1.0, 1.0, belief.step]))
+    return TargetsInReach(*_within_reach(belief, rows, views, max_speeds), views, response)
 
 
 @compiled
-def _within_reach(belief: PredictedBelief, uavs: Indices, views: Array, max_speeds: Array) -> TargetsInReach:
+def _within_reach(belief: PredictedBelief, uavs: Indices, views: Array, max_speeds: Array) -> tuple[Indices, Array]:
     points, (H, T, K) = belief.points, belief.points.shape[:3]
     which, places, count = np.empty((len(uavs) * H * T * K, 2), np.int64), np.empty((len(uavs) * H * T * K, 2)), 0
     for j in range(len(uavs)):
@@ -51,4 +55,4 @@ def _within_reach(belief: PredictedBelief, uavs: Indices, views: Array, max_spee
                         which[count, 0], which[count, 1] = j, h
                         places[count, 0], places[count, 1] = x, y
                         count += 1
-    return TargetsInReach(which[:count], places[:count], views)
+    return which[:count], places[:count]

@@ -7,6 +7,7 @@ import numpy as np
 from planning.planner import Vehicle
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
+from sim.world.quadrotor import COMMAND_LAG
 from tracking.detection.noise import NoiseModel
 from tracking.geometry.camera import ALL_ROUND, Camera, Pose
 from tracking.numerics.arrays import Array
@@ -34,7 +35,8 @@ def vehicle_of(i: int, body: Pose, scenario: Scenario) -> Vehicle:
     """UAV i with its body at a pose, as planners know it: all of it is a copy of their own."""
     uav = scenario.uavs[i]
     camera, noise = view_of(uav, scenario), noise_of(uav, scenario)
-    return Vehicle(i, body.position.copy(), camera, noise, uav.max_speed, _planned_attitude(uav, body))
+    lag = COMMAND_LAG if scenario.dynamics == "quadrotor" else 0.0
+    return Vehicle(i, body.position.copy(), camera, noise, uav.max_speed, _planned_attitude(uav, body), lag)
 
 
 def camera_pose(uav: Uav, body: Pose) -> Pose:

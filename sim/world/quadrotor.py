@@ -25,6 +25,9 @@ MAX_CLIMB_ACCELERATION = 4.0  # m/s²
 # Rotors and body in moving air: to hover in a wind of 5 m/s takes a tilt of 9 degrees, in 12 m/s of 20 degrees.
 DRAG = 0.36  # N s/m
 
+# s: of the first-order lag by which planners foresee how velocities follow commands. Limits of acceleration make it
+# longer than the control loops alone.
+COMMAND_LAG = 0.65
 _VELOCITY_GAIN = 5.0  # 1/s
 _ALTITUDE_GAINS = (9.0, 6.0)  # 1/s², 1/s: critically damped
 _ATTITUDE_GAINS = (400.0, 36.0)  # 1/s², 1/s: 20 rad/s, damping ratio 0.9

@@ -79,7 +79,7 @@ def test_where_tracks_are_right_and_people_walk_straight_the_oracle_knows_nothin
         np.testing.assert_array_equal(known.covariances, believed.covariances)
 
 
-def test_a_persons_second_moment_is_that_of_the_track_assigned_at_the_least_total_distance(random_team):
+def test_a_persons_second_moment_is_of_the_track_at_the_least_total_distance(random_team):
     situation = random_team(1)[0]
     means = np.array([t.belief.mean for t in situation.tracks])
 

@@ -7,10 +7,21 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from planning.prediction.response import Response, mean_velocities
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
 from sim.world.bodies import rotated
-from sim.world.quadrotor import GRAVITY, INERTIA, MASS, MAX_ROTOR_THRUST, ROTORS, _mix, _torque, rotor_thrusts
+from sim.world.quadrotor import (
+    COMMAND_LAG,
+    GRAVITY,
+    INERTIA,
+    MASS,
+    MAX_ROTOR_THRUST,
+    ROTORS,
+    _mix,
+    _torque,
+    rotor_thrusts,
+)
 from sim.world.world import World
 from tracking.geometry.visibility import Forest
 
@@ -130,6 +141,19 @@ def test_the_quadrotor_keeps_altitude_and_tilt_under_reversals_and_random_comman
     rng = np.random.default_rng(4)
     _, height, tilt = fly(rng.uniform(-3.5, 3.5, (40, 2)), 1.0)
     assert np.abs(height).max() < 0.3 and tilt.max() < math.radians(35)
+
+
+def test_planners_foresee_where_a_quadrotor_is_a_step_after_each_of_random_commands():
+    """A third of the error of [Li22] eq. (5), by which velocities follow commands at once."""
+    commands = np.random.default_rng(7).uniform(-3.5, 3.5, (60, 2))
+    velocity = fly(commands, 1.0)[0]
+    flown = velocity.reshape(60, RATE, 3)[1:, :, :2].mean(axis=1)
+    left = math.exp(-1.0 / COMMAND_LAG)
+    lack = COMMAND_LAG * (1.0 - left)
+    foreseen = mean_velocities(Response(commands[:1], np.array([lack]), np.array([left])), commands[None, None, 1:])
+    off, at_once = (np.sqrt(np.mean((flown - means) ** 2)) for means in (foreseen[0, 0], commands[1:]))
+    print(f"{off:.2f} m, at once {at_once:.2f} m")
+    assert off < at_once / 3.0
 
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (0.6, 0.8, 0), (0.5, 0.5, 0.7)])

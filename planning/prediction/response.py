@@ -1,0 +1,64 @@
+"""Response of UAVs to velocity commands: their mean velocity in each step of a plan."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from planning.planner import Situation
+from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled, inlined
+from tracking.numerics.exponential import exp
+from tracking.numerics.trigonometry import hypot
+
+
+class Response(NamedTuple):
+    """Velocities of k UAVs, and how they follow commands over a step."""
+
+    velocities: Array  # (k, 2) m/s, now
+    lacks: Array  # (k,): share of a commanded change of velocity that the step's mean lacks
+    lefts: Array  # (k,): share of it that is left to come after the step
+
+
+def at_once(count: int) -> Response:
+    """Response of so many hovering UAVs that take a command at once, [Li22] eq. (5)."""
+    return Response(np.zeros((count, 2)), np.zeros(count), np.zeros(count))
+
+
+def response(situation: Situation, uavs: Sequence[int]) -> Response:
+    """Response of the UAVs in rows `uavs`, each taken to fly at its last known command, or to hover without one."""
+    found = at_once(len(uavs))
+    for k, i in enumerate(uavs):
+        vehicle = situation.vehicles[i]
+        plan = situation.intents.get(vehicle.id)
+        if plan is not None and len(plan.controls):
+            last = plan.controls[0]
+            found.velocities[k] = last * min(1.0, vehicle.max_speed / max(hypot(last[0], last[1]), 1e-12))
+        if vehicle.lag > 0.0:
+            steps = situation.step / vehicle.lag
+            left = exp(-steps)
+            found.lacks[k], found.lefts[k] = (1.0 - left) / steps, left
+    return found
+
+
+@compiled
+def mean_velocities(response: Response, plans: Array) -> Array:
+    """Mean velocities (N, k, H, 2) m/s in the steps of plans (N, k, H, 2) m/s.
+
+    The velocity v follows a command u as a first-order lag, dv/dt = (u - v) / lag. The means take the place of the
+    controls in [Li22] eq. (5), and are equal to them without a lag.
+    """
+    means = np.empty_like(plans)
+    for n in range(len(plans)):
+        for j in range(plans.shape[1]):
+            for axis in range(2):
+                v = response.velocities[j, axis]
+                for h in range(plans.shape[2]):
+                    means[n, j, h, axis], v = followed(response, j, v, plans[n, j, h, axis])
+    return means
+
+
+@inlined
+def followed(response: Response, j: int, v: float, u: float) -> tuple[float, float]:
+    """Mean and last velocity of a step that UAV j begins at velocity v, under the command u, along one axis [m/s]."""
+    return u + response.lacks[j] * (v - u), u + response.lefts[j] * (v - u)
