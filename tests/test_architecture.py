@@ -33,7 +33,7 @@ BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets
 BELOW["sim"] = {"sim", "planning", "tracking"}
 MOST_MODULES = 12
 ENGINE = {"world", "bodies", "opengl", "renderer", "window"}
-# Of these, mwtp_matches.py asks what the MWTP makes of plans that were flown.
+# Of these, mwtp_matches.py asks what the MWTP makes of plans that were flown, and person.py where they lead.
 PLANNING = {
     "sim/mission/plan_check.py",
     "sim/mission/mission.py",
@@ -45,6 +45,7 @@ PLANNING = {
     "sim/cli/checks.py",
     "sim/cli/compare.py",
     "sim/cli/start.py",
+    "sim/replay/explain/person.py",
     "sim/replay/rerun/mwtp_matches.py",
     "sim/study/tasks.py",
 }

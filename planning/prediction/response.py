@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planning.planner import Situation
+from planning.planner import Plan, Situation, Vehicle
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.exponential import exp
@@ -19,23 +19,27 @@ class Response(NamedTuple):
     lacks: Array  # (k,): share of a commanded change of velocity that the step's mean lacks
     lefts: Array  # (k,): share of it that is left to come after the step
 
-
-def at_once(count: int) -> Response:
-    """Response of so many hovering UAVs that take a command at once, [Li22] eq. (5)."""
-    return Response(np.zeros((count, 2)), np.zeros(count), np.zeros(count))
+    @classmethod
+    def at_once(cls, count: int) -> "Response":
+        """Response of so many hovering UAVs that take a command at once, [Li22] eq. (5)."""
+        return cls(np.zeros((count, 2)), np.zeros(count), np.zeros(count))
 
 
 def response(situation: Situation, uavs: Sequence[int]) -> Response:
     """Response of the UAVs in rows `uavs`, each taken to fly at its last known command, or to hover without one."""
-    found = at_once(len(uavs))
-    for k, i in enumerate(uavs):
-        vehicle = situation.vehicles[i]
-        plan = situation.intents.get(vehicle.id)
-        if plan is not None and len(plan.controls):
-            last = plan.controls[0]
-            found.velocities[k] = last * min(1.0, vehicle.max_speed / max(hypot(last[0], last[1]), 1e-12))
+    vehicles = [situation.vehicles[i] for i in uavs]
+    hover = Plan(np.zeros((0, 2)))
+    plans = [situation.intents.get(v.id, hover).controls for v in vehicles]
+    return response_from(vehicles, [plan[0] if len(plan) else np.zeros(2) for plan in plans], situation.step)
+
+
+def response_from(vehicles: Sequence[Vehicle], commands: Sequence[Array], step: float) -> Response:
+    """Response over steps [s] of UAVs that fly at these commands (2,) m/s, or as fast as they can."""
+    found = Response.at_once(len(vehicles))
+    for k, (vehicle, command) in enumerate(zip(vehicles, commands, strict=True)):
+        found.velocities[k] = command * min(1.0, vehicle.max_speed / max(hypot(command[0], command[1]), 1e-12))
         if vehicle.lag > 0.0:
-            steps = situation.step / vehicle.lag
+            steps = step / vehicle.lag
             left = exp(-steps)
             found.lacks[k], found.lefts[k] = (1.0 - left) / steps, left
     return found

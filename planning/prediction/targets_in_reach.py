@@ -7,7 +7,7 @@ import numpy as np
 
 from planning.prediction.predicted_belief import PredictedBelief
 from planning.prediction.quadrangle import shortest_move
-from planning.prediction.response import Response, at_once
+from planning.prediction.response import Response
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
@@ -25,7 +25,7 @@ class TargetsInReach(NamedTuple):
     response: Response  # of the UAVs to commands
 
 
-NO_TARGETS = TargetsInReach(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 5, 3)), at_once(0))
+NO_TARGETS = TargetsInReach(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 5, 3)), Response.at_once(0))
 
 
 def targets_in_reach(

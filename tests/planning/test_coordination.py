@@ -17,7 +17,7 @@ from planning.optimizers.optimizer import pursuits, turns
 from planning.planner import Plan
 from planning.prediction.intent import BASE_RANGE, base_control, expected_plans, policy_of_intent
 from planning.prediction.propagation import MonteCarlo, nominal_positions
-from planning.prediction.response import at_once
+from planning.prediction.response import Response
 from planning.prediction.targets_in_reach import targets_in_reach
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import Forest
@@ -36,7 +36,7 @@ def test_with_one_uav_the_plan_is_the_single_uav_plan(random_team, coordination)
         np.concatenate([intent[None], chases[:, None]]),
         np.array([5.0]),
         np.random.default_rng(9),
-        targets_in_reach(view, [0], np.array([5.0]), at_once(1)),
+        targets_in_reach(view, [0], np.array([5.0]), Response.at_once(1)),
     )
     plans = planned(Composition(3, coordination), team, seed=9)
     np.testing.assert_array_equal(plans, alone.plans)

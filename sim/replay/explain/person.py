@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planning.prediction.response import mean_velocities, response_from
 from sim.evaluation.score import velocities
 from sim.mission.snapshot import Ints
 from sim.mission.tracker_setup import planned_motion
@@ -68,14 +69,18 @@ def planned_visibility(
 def _flight(recording: Recording, scenario: Scenario, plan: int, uav: int) -> tuple[Array, Array, Pose]:
     """Times (H + 1,) s and corners (H + 1, 2) m of a plan's path, and the camera's pose at its first.
 
-    The path begins where the UAV was when the plan was due. The camera is held as planners take it to be held.
+    The path begins where the UAV was when the plan was due, and follows the commands as planners take it to. The camera
+    is held as planners take it to be held.
     """
     step, begun = 1 / scenario.rates.planning, recording.plan_times[plan] + scenario.network.plan_delay
     controls = recording.plans[plan, uav]
     controls = controls[~np.isnan(controls[:, 0])]
     body = recording.snapshot(int(np.argmin(np.abs(recording.times - begun)))).poses[uav]
-    corners = body.position[:2] + np.vstack([np.zeros(2), step * np.cumsum(controls, axis=0)])
-    camera = Pose(body.position, vehicle_of(uav, body, scenario).attitude)
+    vehicle = vehicle_of(uav, body, scenario)
+    before = np.nan_to_num(recording.plans[plan - 1, uav, 0]) if plan else np.zeros(2)
+    flown = mean_velocities(response_from([vehicle], [before], step), controls[None, None])[0, 0]
+    corners = body.position[:2] + np.vstack([np.zeros(2), step * np.cumsum(flown, axis=0)])
+    camera = Pose(body.position, vehicle.attitude)
     return begun + step * np.arange(len(corners)), corners, camera
 
 

@@ -19,6 +19,7 @@ def matches_at(recording: Recording, scenario: Scenario, k: int, believer: int) 
 
     They are by ids of UAVs and tracks, each with where the track is then expected (2,) m. They are what the MWTP would
     make of these plans, [Li22] Algorithm 2, whether or not the planner had it as a cost-to-go.
+    Note: UAVs are taken to obey commands at once here, [Li22] eq. (5).
     """
     plans, situation = recording.plans_at(k), situation_at(recording, scenario, k, believer)
     if plans is None or not situation.tracks:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from planning.planner import Plan
-from planning.prediction.response import at_once, mean_velocities, response
+from planning.prediction.response import Response, mean_velocities, response
 
 
 def lagging(team, lags, last):
@@ -37,7 +37,7 @@ def test_without_a_lag_mean_velocities_are_the_commands_to_the_bit(random_team):
     plans = rng.uniform(-5, 5, (4, 3, 5, 2))
     situation = lagging(random_team(0), (0.0, 0.0, 0.0), rng.uniform(-3, 3, (3, 2)))
     assert mean_velocities(response(situation, range(3)), plans).tobytes() == plans.tobytes()
-    assert mean_velocities(at_once(3), plans).tobytes() == plans.tobytes()
+    assert mean_velocities(Response.at_once(3), plans).tobytes() == plans.tobytes()
 
 
 def test_a_uav_without_a_known_command_hovers_and_none_is_faster_than_its_limit(random_team):
