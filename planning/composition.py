@@ -78,7 +78,7 @@ class Composition:
         starts = self._starts(situation, controls, uavs)
         measure = Measure(self.uncertainty == "information", self.cutoff)
         own, fleet = response(situation, uavs), response(situation, range(len(controls)))
-        expected = mean_velocities(fleet, np.array(controls[None], dtype=float))[0]
+        expected = mean_velocities(fleet, np.ascontiguousarray(controls[None], dtype=float))[0]
         of_tracks = objective(belief, expected, uavs, self.beta, samples, measure)
         extra = [term for term in (t.term(situation, expected, uavs) for t in self.terms) if term is not None]
 

@@ -27,9 +27,9 @@ class Oracle(Composed):
     """`Composed` on people's true positions, now and along their true paths: an upper bound.
 
     The mission hands it the truth by `knowing`; situations hold none. Without the truth it plans on its beliefs. Each
-    person has the second moment P + e eᵀ of the track assigned to them, with the track's covariance P and true error e.
-    Trees, fields of view, noise, dynamics and tracker stay as they are, so its misses are not for want of knowing
-    positions.
+    person has the second moment P + e eᵀ of the track assigned to them: its covariance P, and the true error e of its
+    position. Trees, fields of view, noise, dynamics and tracker stay as they are, so its misses are not for want of
+    knowing positions.
 
     UAVs are not exactly where they plan to be. So each person is judged at five equally probable places about the true
     one: a plan that brings a person barely into view may miss them, however well the person's path is known.
@@ -77,8 +77,8 @@ class _TruePaths:
 def true_tracks(situation: Situation, people: TruePositions) -> tuple[Track, ...]:
     """Tracks of the people present, by index: true states, with the second moments of the tracks assigned to them.
 
-    The assignment has the least total distance; the velocity is the mean over the next step. That of a track counts as
-    right, so that errors of positions alone add to its covariance.
+    The assignment has the least total distance; the velocity is the mean over the next step. A track's velocity counts
+    as right, so that the error of its position alone adds to its covariance.
     """
     here, there = people(situation.time), people(situation.time + situation.step)
     present = np.flatnonzero(~np.isnan(here[:, 0]))

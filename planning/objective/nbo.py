@@ -34,15 +34,15 @@ TRACE = Measure(gains=False, cutoff=np.inf)
 
 
 def costs(
-    belief: PredictedBelief, controls: Array, uavs: Sequence[int], candidates: Array, beta: float, samples: int = 1
+    belief: PredictedBelief, velocities: Array, uavs: Sequence[int], candidates: Array, beta: float, samples: int = 1
 ) -> Array:
-    """Objective (N,) m² of `candidates` (N, k, H, 2) m/s for k UAVs while the others fly `controls` (n, H, 2)."""
-    return objective(belief, controls, uavs, beta, samples)(candidates)
+    """Objective (N,) m² of `candidates` (N, k, H, 2) m/s for k UAVs while the others fly `velocities` (n, H, 2)."""
+    return objective(belief, velocities, uavs, beta, samples)(candidates)
 
 
 def objective(
     belief: PredictedBelief,
-    controls: Array,
+    velocities: Array,
     uavs: Sequence[int],
     beta: float,
     samples: int = 1,
@@ -50,7 +50,7 @@ def objective(
 ) -> Objective:
     """The objective [m², nats] as a function of candidates (N, k, H, 2) m/s for k UAVs; the others fly (n, H, 2).
 
-    Candidates and controls are mean velocities over the steps, with which [Li22] eq. (5) holds of any UAV.
+    Velocities are means over the steps, with which [Li22] eq. (5) holds of any UAV: `prediction.response`.
     Σ over steps and targets of tr P (position block) times the target's weight, each P updated with the information
     of all UAVs that see the target at its predicted position ([Li22] eq. (11) with C̃ of eq. (7)), plus, for beta > 0,
     the MWTP of Algorithm 2 on weighted traces; the mean over `samples` sets of targets. Of a target with several
@@ -60,7 +60,7 @@ def objective(
     (`information_gain`) in the place of each trace.
     """
     deciding = np.asarray(uavs, dtype=np.int64)
-    others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), deciding, measure)
+    others = _contribution(belief, np.ascontiguousarray(velocities, dtype=float), deciding, measure)
 
     def values(candidates: Array, ease: Array | None = None) -> Array:
         eased = belief
@@ -72,10 +72,10 @@ def objective(
     return values
 
 
-def terminal_matches(belief: PredictedBelief, controls: Array) -> tuple[Array, tuple[Match, ...]]:
-    """Targets (T, 3) m at the end of a joint plan (n, H, 2) m/s, of one sample, and how the MWTP matches them."""
+def terminal_matches(belief: PredictedBelief, velocities: Array) -> tuple[Array, tuple[Match, ...]]:
+    """Targets (T, 3) m of one sample after mean velocities (n, H, 2) m/s of a team, and how the MWTP matches them."""
     none = np.empty(0, dtype=np.int64)
-    others = _contribution(belief, np.ascontiguousarray(controls, dtype=float), none, TRACE)
+    others = _contribution(belief, np.ascontiguousarray(velocities, dtype=float), none, TRACE)
     targets = np.ascontiguousarray(belief.points[-1, :, 0])
     ends = others.costs[len(others.costs) - belief.points[-1, :, :, 0].size :]
     traces = belief.weights * ends.reshape(len(targets), -1).mean(axis=1)
@@ -220,8 +220,8 @@ def _penalise(
 
 
 @compiled
-def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices, measure: Measure) -> _Others:
-    """Contribution of the UAVs other than `uavs` with their controls (n, H, 2) m/s."""
+def _contribution(belief: PredictedBelief, velocities: Array, uavs: Indices, measure: Measure) -> _Others:
+    """Contribution of the UAVs other than `uavs` with their mean velocities (n, H, 2) m/s."""
     targets, each = belief.points.shape[1], belief.points.shape[1] * belief.points.shape[2]
     rows = belief.points.shape[0] * each
     others = _Others(
@@ -229,11 +229,11 @@ def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices, measu
         np.zeros((rows, 3)),
         np.empty((rows, 10)),
         np.empty(rows),
-        np.zeros((len(controls), 3)),
+        np.zeros((len(velocities), 3)),
         np.zeros(targets, dtype=np.bool_),
         measure,
     )
-    _add_others(belief, controls, others)
+    _add_others(belief, velocities, others)
     P, information, trace = np.empty(10 * LANES), np.empty(3 * LANES), np.empty(LANES)
     for index in range(each):
         for k, (i, j) in enumerate(_TRIANGLE):
@@ -247,15 +247,15 @@ def _contribution(belief: PredictedBelief, controls: Array, uavs: Indices, measu
 
 
 @compiled
-def _add_others(belief: PredictedBelief, controls: Array, others: _Others) -> None:
+def _add_others(belief: PredictedBelief, velocities: Array, others: _Others) -> None:
     """Set the information of the UAVs that do not decide, their final positions and the targets in view there."""
     steps = belief.points.shape[0]
     flight = _CameraPaths(np.empty((1, steps, 2, LANES)), np.empty((1, steps, 4)))
     information, free = np.empty(3 * LANES), np.empty(LANES)
-    for i in range(len(controls)):
+    for i in range(len(velocities)):
         if np.any(others.uavs == i):
             continue
-        _fly(belief, np.array([i]), controls[i : i + 1].reshape(1, 1, steps, 2), flight)
+        _fly(belief, np.array([i]), velocities[i : i + 1].reshape(1, 1, steps, 2), flight)
         others.ends[i, :2] = flight.cameras[0, -1, :, 0]
         mark_in_view(belief.points[-1, :, 0], others.seen, others.ends, belief.views, i)
         near = possibly_visible(belief, np.array([i]), flight.boxes)

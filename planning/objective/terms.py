@@ -27,7 +27,8 @@ _PRICE = 1e6  # m² per m and step, above any gain in knowledge
 class Separation:
     """Penalty far above any gain in knowledge for plans that bring UAVs nearer than `distance` [m] in space.
 
-    UAVs fly straight between steps. If all plans come too near, the one that keeps the most distance costs least.
+    UAVs are taken to fly straight between steps. If all plans come too near, the one that keeps the most distance costs
+    least.
     """
 
     distance: float
@@ -203,7 +204,7 @@ def _thin(left: Array, views: _Views) -> None:
 
 @compiled
 def _costs(weight: float, to_come: Array, raster: _Raster, own: Array, step: float, candidates: Array) -> Array:
-    """Objective (N,) m² of plans (N, k, H, 2) m/s of UAVs now at `own` (k, 2) m; to_come (H, C) people."""
+    """Objective (N,) m² of mean velocities (N, k, H, 2) m/s of UAVs now at `own` (k, 2) m; to_come (H, C) people."""
     result = np.full(len(candidates), to_come[0].sum())
     left = np.ones(to_come.shape[1])
     places = np.empty((len(to_come), len(own)), np.int64)

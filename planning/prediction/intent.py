@@ -67,9 +67,9 @@ def _towards(aimed: Array, places: Array, traces: Array, step: float, max_speed:
     return controls
 
 
-def camera_paths(positions: Array, controls: Array, step: float) -> Array:
-    """Positions (..., n, H, 3) m of cameras under controls (..., n, H, 2) m/s from (n, 3) m ([Li22] eq. (5))."""
-    path = np.empty((*controls.shape[:-1], 3))
-    path[..., :2] = positions[:, None, :2] + step * np.cumsum(controls, axis=-2)
+def camera_paths(positions: Array, velocities: Array, step: float) -> Array:
+    """Positions (..., n, H, 3) m of cameras at mean velocities (..., n, H, 2) m/s from (n, 3) m ([Li22] eq. (5))."""
+    path = np.empty((*velocities.shape[:-1], 3))
+    path[..., :2] = positions[:, None, :2] + step * np.cumsum(velocities, axis=-2)
     path[..., 2] = positions[:, None, 2]
     return path

@@ -11,8 +11,8 @@ from planning.prediction.response import Response
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 
-# Candidates (N, k, H, 2) m/s -> costs (N,) m². That of tracks also takes `ease` (k,) m/s: fields of view are then wider
-# on each side by this displacement in a step.
+# Candidates (N, k, H, 2) m/s -> costs (N,) m²: of commands for optimisers, of mean velocities in terms. That of tracks
+# also takes `ease` (k,) m/s: fields of view are then wider on each side by this displacement in a step.
 Objective = Callable[..., Array]
 
 

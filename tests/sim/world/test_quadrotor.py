@@ -1,5 +1,6 @@
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pybullet
@@ -7,9 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from planning.prediction.response import Response, mean_velocities
+from planning.prediction.response import mean_velocities, response_from
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
+from sim.sensing.cameras import vehicle_of
 from sim.world.bodies import rotated
 from sim.world.quadrotor import (
     COMMAND_LAG,
@@ -23,6 +25,7 @@ from sim.world.quadrotor import (
     rotor_thrusts,
 )
 from sim.world.world import World
+from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
 
 LEVEL = [0.0, 0.0, 0.0, 1.0]
@@ -146,14 +149,21 @@ def test_the_quadrotor_keeps_altitude_and_tilt_under_reversals_and_random_comman
 def test_planners_foresee_where_a_quadrotor_is_a_step_after_each_of_random_commands():
     """A third of the error of [Li22] eq. (5), by which velocities follow commands at once."""
     commands = np.random.default_rng(7).uniform(-3.5, 3.5, (60, 2))
-    velocity = fly(commands, 1.0)[0]
-    flown = velocity.reshape(60, RATE, 3)[1:, :, :2].mean(axis=1)
-    left = math.exp(-1.0 / COMMAND_LAG)
-    lack = COMMAND_LAG * (1.0 - left)
-    foreseen = mean_velocities(Response(commands[:1], np.array([lack]), np.array([left])), commands[None, None, 1:])
-    off, at_once = (np.sqrt(np.mean((flown - means) ** 2)) for means in (foreseen[0, 0], commands[1:]))
-    print(f"{off:.2f} m, at once {at_once:.2f} m")
-    assert off < at_once / 3.0
+    flown = fly(commands, 1.0)[0].reshape(60, RATE, 3)[1:, :, :2].mean(axis=1)
+    vehicle = vehicle_of(0, Pose.level(0.0, 0.0, UAV.altitude), Scenario(uavs=(UAV,)))
+    foreseen = [
+        mean_velocities(response_from([vehicle], [before], 1.0), command[None, None, None])[0, 0, 0]
+        for before, command in pairwise(commands)
+    ]
+    off, at_once = (np.sqrt(np.mean((flown - means) ** 2)) for means in (np.array(foreseen), commands[1:]))
+    assert 1.3 < at_once < 1.5 and off < at_once / 3.0
+
+
+def test_planners_are_told_of_no_lag_of_kinematic_uavs():
+    flying = [
+        vehicle_of(0, Pose.level(0.0, 0.0, 20.0), Scenario(uavs=(UAV,), dynamics=d)) for d in ("quadrotor", "kinematic")
+    ]
+    assert [v.lag for v in flying] == [COMMAND_LAG, 0.0]
 
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (0.6, 0.8, 0), (0.5, 0.5, 0.7)])

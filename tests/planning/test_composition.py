@@ -1,0 +1,52 @@
+"""A composed planner judges commands by the mean velocities that UAVs with a lag have under them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from helpers.teams import planned, refitted
+
+from planning.composition import Composition
+from planning.objective.nbo import costs
+from planning.optimizers.optimizer import SearchResult
+from planning.planner import Plan
+from planning.prediction.intent import base_policy_plans, expected_plans
+from planning.prediction.propagation import Nominal
+from planning.prediction.response import mean_velocities, response
+
+COMMANDS = np.random.default_rng(5).uniform(-5, 5, (40, 1, 3, 2))
+
+
+class Asking:
+    """An optimiser that asks for the costs of fixed commands, and keeps them."""
+
+    def __init__(self):
+        self.values, self.candidates = [], []
+
+    def minimise(self, objective, starts, max_speeds, rng, in_reach=None):
+        asked = COMMANDS[:, :, : starts.shape[2]]
+        self.values.append(objective(asked))
+        return SearchResult(asked[0], 0.0, len(asked))
+
+
+@pytest.mark.parametrize("actions", ["all", "first"])
+def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team, actions):
+    """UAVs 0, 3 and 4, each with a lag of its own and a last command."""
+    ids, rng = {0: 0, 1: 3, 2: 4}, np.random.default_rng(2)
+    team = refitted(
+        random_team(4, spread=12.0), lambda v: dataclasses.replace(v, id=ids[v.id], lag=0.3 + 0.3 * v.id, max_speed=4.0)
+    )
+    intents = {i: Plan(rng.uniform(-2.5, 2.5, (4, 2))) for i in ids.values()}
+    team = [dataclasses.replace(s, intents=intents) for s in team]
+    asking = Asking()
+    planned(Composition(horizon=3, optimizer=asking, actions=actions, beta=0.5), team[:1])
+    situation, uavs = team[0], [0]
+    expected = expected_plans(situation, 3)
+    belief = Nominal().predict(situation, 3, rng)
+    plans = COMMANDS
+    if actions == "first":
+        plans = base_policy_plans(situation, situation.own, COMMANDS[:, 0, :1], 3)[:, None]
+    others = mean_velocities(response(situation, range(3)), expected[None])[0]
+    flown = mean_velocities(response(situation, uavs), plans)
+    np.testing.assert_allclose(asking.values[0], costs(belief, others, uavs, flown, 0.5), rtol=1e-12)
+    assert np.mean(np.abs(asking.values[0] - costs(belief, expected, uavs, plans, 0.5)) > 1e-6) > 0.5
