@@ -92,51 +92,52 @@ def associate(
     Returns the likelihood (T, N) 1/m² of each for each track, zero outside its gate; and the result of
     `tracking.association.jpda.existence_association`.
     """
-    settings = p.gate_probability, p.clutter_density, p.detection_probability
-    return _associated(before, z, R, lost, settings)
+    return _updated(before, z, R, lost, (p.gate_probability, p.clutter_density, p.detection_probability))[1]
 
 
 def _at_once(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
     settings = p.gate_probability, p.clutter_density, p.detection_probability
-    return ScanUpdate(*_updated(before, z, R, lost, settings))
+    return ScanUpdate(*_updated(before, z, R, lost, settings)[0])
 
 
 _Settings = tuple[float, float, float]  # probability of a gate, density of clutter [1/m²], probability of detection
+_Association = tuple[Array, Array, Array, Array]
 
 
 @compiled
 def _updated(
     before: ScanPrediction, z: Array, R: Array, lost: Array, settings: _Settings
-) -> tuple[Array, Array, Array, Array, Indices, Flags]:
-    """The fields of `ScanUpdate`."""
-    likelihood, beta, given, existence = _associated(before, z, R, lost, settings)
-    means, covariances = mixture_update((before.means, before.covariances), before.undetected, z, R, given)
-    gates, count = np.empty((np.count_nonzero(likelihood), 2), np.int64), 0
-    for t in range(len(means)):
-        if not np.any(likelihood[t]):
-            means[t], covariances[t] = before.means[t], before.covariances[t]
-    # A wide belief must not take measurements of new people: it explains those that it makes likelier than clutter.
-    explained = np.zeros(len(z), np.bool_)
+) -> tuple[tuple[Array, Array, Array, Array, Indices, Flags], _Association]:
+    """The fields of `ScanUpdate`, and the result of `associate`."""
+    gate_probability, clutter, detection = settings
+    likelihood = gated_likelihood(before.means, before.covariances, z, R, gate_probability)
+    # Where a measurement was made the view is free: only the probability of a miss depends on the whole belief. So a
+    # person who leaves the cover of a tree earlier than predicted is detected at once.
+    chances = np.full((len(likelihood), len(z) + 1), detection * gate_probability)
     for t in range(len(likelihood)):
+        chances[t, 0] *= before.detectable[t]
+        for j in range(len(z)):
+            likelihood[t, j] *= clutter / (clutter + lost[j])
+    beta, given, existence = existence_association(likelihood, chances, clutter, before.existence)
+    means, covariances = mixture_update((before.means, before.covariances), before.undetected, z, R, given)
+    gates, count, explained = np.empty((likelihood.size, 2), np.int64), 0, np.zeros(len(z), np.bool_)
+    for t in range(len(likelihood)):
+        first = count
         for j in range(len(z)):
             if likelihood[t, j] > 0.0:
                 gates[count, 0], gates[count, 1] = t, j
                 count += 1
-                explained[j] |= settings[2] * likelihood[t, j] > settings[1]
-    return means, covariances, existence, beta[:, 0].copy(), gates, explained
-
-
-@compiled
-def _associated(
-    before: ScanPrediction, z: Array, R: Array, lost: Array, settings: _Settings
-) -> tuple[Array, Array, Array, Array]:
-    gate_probability, clutter, detection = settings
-    likelihood = gated_likelihood(before.means, before.covariances, z, R, gate_probability)
-    for j in range(len(z)):
-        likelihood[:, j] *= clutter / (clutter + lost[j])
-    # Where a measurement was made the view is free: only the probability of a miss depends on the whole belief. So a
-    # person who leaves the cover of a tree earlier than predicted is detected at once.
-    chances = np.full((len(likelihood), len(z) + 1), detection * gate_probability)
-    chances[:, 0] *= before.detectable
-    beta, given, existence = existence_association(likelihood, chances, clutter, before.existence)
-    return likelihood, beta, given, existence
+                # A wide belief must not take measurements of new people: it explains those that it makes likelier than
+                # clutter.
+                explained[j] |= detection * likelihood[t, j] > clutter
+        for a in range(4 if count == first else 0):
+            means[t, a] = before.means[t, a]
+            for b in range(4):
+                covariances[t, a, b] = before.covariances[t, a, b]
+    missed = beta[:, 0].copy()
+    return (means, covariances, existence, missed, gates[:count].copy(), explained), (
+        likelihood,
+        beta,
+        given,
+        existence,
+    )

@@ -29,7 +29,9 @@ def information_gain(P: Array, transition: tuple[float, float], noise: Array, in
         c, d = jxy * xx + jyy * xy, 1.0 + jxy * xy + jyy * yy
         gains[k] = a * d - b * c
     logs(gains)
-    return 0.5 * gains
+    for k in range(LANES):
+        gains[k] *= 0.5
+    return gains
 
 
 @compiled
@@ -37,4 +39,5 @@ def gain_transition(P: Array, transition: tuple[float, float], noise: Array, inf
     """`belief_transition` of P that sets `costs` (LANES,) to minus the information gained rather than to traces."""
     gains = information_gain(P, transition, noise, information)
     belief_transition(P, transition, noise, information, costs)
-    costs[:] = -gains
+    for k in range(LANES):
+        costs[k] = -gains[k]

@@ -116,8 +116,9 @@ def _costs(belief: PredictedBelief, others: _Others, own: Array, beta: float, sa
             _penalise(belief, others, flight.cameras[:, -1], traces, work, sums)
             for lane in range(LANES):
                 total[lane] += beta * sums[lane]
-        result[first : first + LANES] = total[: len(plans)]
-    return result / samples
+        for lane in range(len(plans)):
+            result[first + lane] = total[lane] / samples
+    return result
 
 
 @compiled
@@ -214,7 +215,9 @@ def _penalise(
         for t in range(each):
             work.unseen[t, :] = 0.0 if seen[t] else 1.0
         for j in range(len(others.uavs)):
-            work.sensors[others.uavs[j], :2] = own[j]
+            east, north = work.sensors[others.uavs[j], 0], work.sensors[others.uavs[j], 1]
+            for lane in range(LANES):
+                east[lane], north[lane] = own[j, 0, lane], own[j, 1, lane]
             mark_in_view_lanes(work, targets, others.uavs[j], belief.views)
         penalties(work, targets, traces[first : first + each], belief.views, sums)
 
@@ -239,7 +242,8 @@ def _contribution(belief: PredictedBelief, velocities: Array, uavs: Indices, mea
         for k, (i, j) in enumerate(_TRIANGLE):
             P[k * LANES : (k + 1) * LANES] = belief.covariances[index * targets // each, i, j]
         for row in range(index, rows, each):
-            others.before[row] = P[::LANES]
+            for k in range(len(_TRIANGLE)):
+                others.before[row, k] = P[k * LANES]
             _fill(information, others.information[row])
             _advance(P, belief, information, measure, trace)
             others.costs[row] = trace[0]
@@ -253,14 +257,15 @@ def _add_others(belief: PredictedBelief, velocities: Array, others: _Others) -> 
     flight = _CameraPaths(np.empty((1, steps, 2, LANES)), np.empty((1, steps, 4)))
     information, free = np.empty(3 * LANES), np.empty(LANES)
     for i in range(len(velocities)):
-        if np.any(others.uavs == i):
+        if i in others.uavs:
             continue
         _fly(belief, np.array([i]), velocities[i : i + 1].reshape(1, 1, steps, 2), flight)
-        others.ends[i, :2] = flight.cameras[0, -1, :, 0]
+        others.ends[i, 0], others.ends[i, 1] = flight.cameras[0, -1, 0, 0], flight.cameras[0, -1, 1, 0]
         mark_in_view(belief.points[-1, :, 0], others.seen, others.ends, belief.views, i)
         near = possibly_visible(belief, np.array([i]), flight.boxes)
         for row in range(len(near)):
             if near[row]:
                 _fill(information, others.information[row])
                 add_information(belief, i, flight.cameras[0, row * steps // len(near)], row, information, free)
-                others.information[row] = information[::LANES]
+                for k in range(3):
+                    others.information[row, k] = information[k * LANES]

@@ -200,8 +200,9 @@ def distinct(plans: Array, order: Indices, most: int, apart: float, max_speeds: 
     """
     _, k, H, _ = plans.shape
     chosen, count = np.empty(most, dtype=np.int64), 0
-    paths, path = np.empty((most, 2 * k * H)), np.empty(2 * k * H)
+    paths = np.empty((most, 2 * k * H))
     for i in order:
+        path = paths[count]
         _path(plans[i], max_speeds, path)
         alike = False
         for c in range(count):
@@ -209,7 +210,7 @@ def distinct(plans: Array, order: Indices, most: int, apart: float, max_speeds: 
                 alike = True
                 break
         if not alike:
-            chosen[count], paths[count] = i, path
+            chosen[count] = i
             count += 1
             if count == most:
                 break

@@ -40,7 +40,8 @@ def simulate(states: Array, paces: Array, drifts: Array, routes: Array, trunks: 
     positions = np.empty((len(paces), len(states), 2))
     decisions, progress = states[:, 2].copy(), np.zeros(len(states), dtype=np.int64)
     for k in range(len(paces)):
-        positions[k] = states[:, :2]
+        for i in range(len(states)):
+            positions[k, i, 0], positions[k, i, 1] = states[i, 0], states[i, 1]
         for i in range(len(states)):
             if k % _PERIOD == 0:
                 progress[i] = _advance(states[i], routes[i], progress[i])
@@ -78,13 +79,12 @@ def _hazards(i: int, states: Array, paces: Array, trunks: Array) -> Array:
     time = _HORIZON * _ROLLOUT_STEP
     for trunk in trunks:
         if hypot(trunk[0] - states[i, 0], trunk[1] - states[i, 1]) < paces[i] * time + trunk[2] + 1:
-            hazards[n, :2] = trunk[:2]
-            hazards[n, 4] = trunk[2] + _SLACK
+            hazards[n, 0], hazards[n, 1], hazards[n, 4] = trunk[0], trunk[1], trunk[2] + _SLACK
             n += 1
     for j in range(len(states)):
         away = hypot(states[j, 0] - states[i, 0], states[j, 1] - states[i, 1])
         if j != i and away < (paces[i] + paces[j]) * time + SEPARATION + 1:
-            hazards[n, :2] = states[j, :2]
+            hazards[n, 0], hazards[n, 1] = states[j, 0], states[j, 1]
             hazards[n, 2] = paces[j] * cos(states[j, 2])
             hazards[n, 3] = paces[j] * sin(states[j, 2])
             hazards[n, 4] = SEPARATION + _SLACK

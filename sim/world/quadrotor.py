@@ -6,7 +6,7 @@ import numpy as np
 
 from tracking.geometry.camera import rotation
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.exponential import exp
 from tracking.numerics.trigonometry import arctan2, cos, hypot, sin, tan
 
@@ -65,8 +65,13 @@ def steady_thrusts(state: Array, target: Array, memory: Array, dt: float) -> tup
     gain = share / dt
     disturbance = memory + gain * state[7:10]
     thrusts = rotor_thrusts(state, target, disturbance)
-    applied = np.sum(thrusts[:4]) / MASS * rotation(state[3:7])[:, 2] - np.array([0.0, 0.0, GRAVITY])
-    return thrusts, (1.0 - share) * disturbance - gain * state[7:10] - share * applied
+    R, lift, kept = rotation(state[3:7]), 0.0, np.empty(3)
+    for k in range(4):
+        lift += thrusts[k]
+    for i in range(3):
+        applied = lift / MASS * R[i, 2] - (GRAVITY if i == 2 else 0.0)
+        kept[i] = (1.0 - share) * disturbance[i] - gain * state[7 + i] - share * applied
+    return thrusts, kept
 
 
 def drag(velocity: Array, wind: Array) -> Array:
@@ -95,17 +100,26 @@ def _acceleration(state: Array, target: Array, R: Array, disturbance: Array) -> 
 def _torque(R: Array, omega: Array, acceleration: Array) -> Array:
     """Body torque (3,) N m that turns the body's z to the thrust for this acceleration, its x to the east."""
     up = acceleration + np.array([0.0, 0.0, GRAVITY])
-    up /= math.sqrt(np.sum(up * up))
+    up /= math.sqrt(up[0] * up[0] + up[1] * up[1] + up[2] * up[2])
     left = np.array([0.0, up[2], -up[1]])
-    left /= math.sqrt(np.sum(left * left))
-    forward = np.cross(left, up)
-    error = 0.5 * (np.cross(forward, R[:, 0]) + np.cross(left, R[:, 1]) + np.cross(up, R[:, 2]))
-    alpha = -_ATTITUDE_GAINS[0] * error - _ATTITUDE_GAINS[1] * omega
-    body_alpha, body_omega = np.empty(3), np.empty(3)
-    for i in range(3):
-        body_alpha[i] = np.sum(R[:, i] * alpha)
-        body_omega[i] = np.sum(R[:, i] * omega)
-    return INERTIA * body_alpha + np.cross(body_omega, INERTIA * body_omega)
+    left /= math.sqrt(left[1] * left[1] + left[2] * left[2])
+    forward = np.array([_cross(left, up, i) for i in range(3)])
+    body_alpha, body_omega = np.zeros(3), np.zeros(3)
+    for j in range(3):
+        error = 0.5 * (_cross(forward, R[:, 0], j) + _cross(left, R[:, 1], j) + _cross(up, R[:, 2], j))
+        alpha = -_ATTITUDE_GAINS[0] * error - _ATTITUDE_GAINS[1] * omega[j]
+        for i in range(3):
+            body_alpha[i] += R[j, i] * alpha
+            body_omega[i] += R[j, i] * omega[j]
+    momentum = INERTIA * body_omega
+    return np.array([INERTIA[i] * body_alpha[i] + _cross(body_omega, momentum, i) for i in range(3)])
+
+
+@inlined
+def _cross(one: Array, other: Array, i: int) -> float:
+    """Component of the cross product of two vectors (3,)."""
+    j, k = (i + 1) % 3, (i + 2) % 3
+    return float(one[j] * other[k] - one[k] * other[j])
 
 
 @compiled
@@ -113,10 +127,13 @@ def _mix(lift: float, torque: Array) -> Array:
     """Four thrusts and the yaw torque (5,); where rotors saturate, tilting torque yields and lift is kept."""
     mean = min(max(lift / 4, 0.0), MAX_ROTOR_THRUST)
     room = min(mean, MAX_ROTOR_THRUST - mean)
-    difference = (torque[0] / ROTORS[:, 1] - torque[1] / ROTORS[:, 0]) / 4
-    scale = min(1.0, room / max(np.max(np.abs(difference)), 1e-9))
-    out = np.empty(5)
-    out[:4] = np.minimum(np.maximum(mean + scale * difference, 0.0), MAX_ROTOR_THRUST)
+    out, most = np.empty(5), 1e-9
+    for k in range(4):
+        out[k] = (torque[0] / ROTORS[k, 1] - torque[1] / ROTORS[k, 0]) / 4
+        most = max(most, abs(out[k]))
+    scale = min(1.0, room / most)
+    for k in range(4):
+        out[k] = min(max(mean + scale * out[k], 0.0), MAX_ROTOR_THRUST)
     out[4] = min(max(torque[2], -MAX_YAW_TORQUE), MAX_YAW_TORQUE)
     return out
 

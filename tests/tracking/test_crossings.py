@@ -18,7 +18,6 @@ from tracking.fusion.consensus import fuse
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.metrics.ospa import ospa
-from tracking.numerics.matrices import symmetric
 from tracking.tracker import Scan, Track, Tracker, TrackerParameters
 
 MOTION = NearlyConstantVelocity(0.2, 0.5)
@@ -40,7 +39,8 @@ def track_deviation() -> float:
     P, R = np.eye(4), NOISE.covariance(POSE.position[:2], np.zeros(2))
     for _ in range(500):
         P = MOTION.F @ P @ MOTION.F.T + MOTION.Q
-        P = symmetric(P - P @ H.T @ np.linalg.inv(H @ P @ H.T + R) @ H @ P)
+        P = P - P @ H.T @ np.linalg.inv(H @ P @ H.T + R) @ H @ P
+        P = 0.5 * (P + P.T)
     return math.sqrt(np.trace(P[:2, :2]) / 2)
 
 

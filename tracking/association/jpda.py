@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from tracking.association.marginals import EXACT_SIDE, marginals
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled, elementwise
 from tracking.numerics.exponential import exp, log
+from tracking.numerics.matrices import symmetrise
 
 _SUREST = 1e-9  # least probability of existing, or of not: however long the history, later scans can outweigh it
 
@@ -40,35 +41,36 @@ def existence_association(
     belief propagation. Source: [BarShalom11] 6.2, [Williams14]; [Musicki04], with a P_D that depends on the person's
     position.
     """
-    detection = existence.reshape(-1, 1) * detection_probability
-    misses, pairs = _joint_weights(likelihood, detection, clutter_density)
+    misses, pairs = _joint_weights(likelihood, detection_probability, clutter_density, existence)
     beta = marginals(misses, pairs, EXACT_SIDE)
     if np.all(existence == 1.0):
         return beta, beta, existence
     given, after = beta.copy(), np.zeros(len(beta))
     for t in range(len(beta)):
-        given[t, 0] *= existence[t] * (1.0 - detection_probability[t, 0]) / (1.0 - detection[t, 0])
-        after[t] = given[t].sum()
-        given[t] /= after[t]
-        after[t] = min(after[t], 1.0)
+        miss = detection_probability[t, 0]
+        given[t, 0] *= existence[t] * (1.0 - miss) / (1.0 - existence[t] * miss)
+        row, total = given[t], given[t].sum()
+        row /= total
+        after[t] = min(total, 1.0)
     return beta, given, after
 
 
 @compiled
-def _joint_weights(likelihood: Array, detection: Array, clutter_density: float) -> tuple[Array, Array]:
+def _joint_weights(likelihood: Array, detection: Array, clutter: float, existence: Array) -> tuple[Array, Array]:
     """Weights of misses (T,) and of pairs (T, N), relative to the largest of their track.
 
     Every joint event has one factor of each track: scaling a track's row keeps products in range.
     """
-    misses, pairs = 1.0 - detection[:, 0], np.zeros_like(likelihood)
+    misses, pairs = np.empty(len(likelihood)), np.zeros_like(likelihood)
     for i in range(len(misses)):
-        scale = misses[i]
+        scale = misses[i] = 1.0 - existence[i] * detection[i, 0]
         for j in range(pairs.shape[1]):
             if likelihood[i, j] > 0.0:
-                pairs[i, j] = detection[i, j + 1] * likelihood[i, j] / clutter_density
+                pairs[i, j] = existence[i] * detection[i, j + 1] * likelihood[i, j] / clutter
                 scale = max(scale, pairs[i, j])
         misses[i] /= scale
-        pairs[i] /= scale
+        row = pairs[i]
+        row /= scale
     return misses, pairs
 
 
@@ -113,35 +115,37 @@ def mixture_update(
     moves = np.empty((len(measurements) + 1, 4))
     K, updated = np.empty((4, 2)), np.empty((4, 4))
     for i in range(len(means)):
-        P = covariances[i]
         components = np.flatnonzero(beta[i])  # few of all: a track's cost must not grow with measurements far away
-        moves[0] = undetected[0][i] - means[i]
-        total = beta[i, 0] * undetected[1][i]
-        last, move = -1, np.zeros(4)  # measurements of equal noise, as neighbours', share gain and covariance
+        for a in range(4):
+            moves[0, a] = undetected[0][i, a] - means[i, a]
+            for b in range(4):
+                new_covariances[i, a, b] = beta[i, 0] * undetected[1][i, a, b]
+        last = -1  # measurements of equal noise, as neighbours', share gain and covariance
         for c in components:
             if c > 0:
-                j = c - 1
-                if last < 0 or (noise[j] != noise[last]).any():
-                    _update(P, noise[j], K, updated)
-                last = int(j)
-                x, y = measurements[j, 0] - means[i, 0], measurements[j, 1] - means[i, 1]
-                moves[c] = K[:, 0] * x + K[:, 1] * y
-                total += beta[i, c] * updated
-            move += beta[i, c] * moves[c]
-        for c in components:
-            spread = moves[c] - move
-            _add_square(total, beta[i, c], spread)
-        new_means[i] += move
-        new_covariances[i] = 0.5 * (total + total.T)
+                j = int(c) - 1
+                _update(covariances[i], noise, (j, last), K, updated)
+                last = j
+                x, y = measurements[last, 0] - means[i, 0], measurements[last, 1] - means[i, 1]
+                for a in range(4):
+                    moves[c, a] = K[a, 0] * x + K[a, 1] * y
+                    for b in range(4):
+                        new_covariances[i, a, b] += beta[i, c] * updated[a, b]
+        _add_moves(components, beta[i], moves, new_means[i], new_covariances[i])
+    symmetrise(new_covariances)
     return new_means, new_covariances
 
 
 @compiled
-def _update(P: Array, R: Array, K: Array, updated: Array) -> None:
-    """Write gain K (4, 2) and covariance (4, 4) after a measurement of noise R (2, 2), in Joseph's form.
+def _update(P: Array, noise: Array, rows: tuple[int, int], K: Array, updated: Array) -> None:
+    """Write gain K (4, 2) and covariance (4, 4) after a measurement, in Joseph's form.
 
+    rows: of its noise, and of that for which they are already there, or -1.
     Written out: for matrices this small, library calls and new arrays cost ten times the arithmetic.
     """
+    R, last = noise[rows[0]], rows[1]
+    if last >= 0 and np.all(R == noise[last]):
+        return
     xx, xy, yy = P[0, 0] + R[0, 0], P[0, 1] + R[0, 1], P[1, 1] + R[1, 1]
     det = xx * yy - xy * xy
     for a in range(4):
@@ -158,8 +162,15 @@ def _update(P: Array, R: Array, K: Array, updated: Array) -> None:
 
 
 @compiled
-def _add_square(total: Array, weight: float, vector: Array) -> None:
-    """Add the weighted outer product of a vector with itself, without a new array, which would cost most."""
-    for a in range(len(vector)):
-        for b in range(len(vector)):
-            total[a, b] += weight * (vector[a] * vector[b])
+def _add_moves(components: Indices, beta: Array, moves: Array, mean: Array, covariance: Array) -> None:
+    """Add to a mean that of its components' moves (N + 1, 4), and to a covariance their spread."""
+    move = np.zeros(4)
+    for c in components:
+        for a in range(4):
+            move[a] += beta[c] * moves[c, a]
+    for c in components:
+        for a in range(4):
+            for b in range(4):
+                covariance[a, b] += beta[c] * ((moves[c, a] - move[a]) * (moves[c, b] - move[b]))
+    for a in range(4):
+        mean[a] += move[a]

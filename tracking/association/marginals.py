@@ -27,11 +27,21 @@ def marginals(misses: Array, pairs: Array, exact_side: int) -> Array:
             continue
         rows, columns = _cluster(pairs, start)
         done[rows] = True
-        solved = _solve(misses[rows], pairs[rows][:, columns], exact_side)
+        if len(columns) == 0:
+            beta[start, 0] = 1.0
+            continue
+        weights, rest = pairs[rows][:, columns], misses[rows]
+        if min(weights.shape) > exact_side:
+            matched, free = _propagate(weights, rest)
+        elif len(columns) <= len(rows):
+            matched, free, _ = _enumerate(weights, rest, np.ones(len(columns)))
+        else:
+            flipped, _, free = _enumerate(weights.T.copy(), np.ones(len(columns)), rest)
+            matched = flipped.T.copy()
         for i in range(len(rows)):
-            beta[rows[i], 0] = solved[i, 0]
+            beta[rows[i], 0] = free[i]
             for j in range(len(columns)):
-                beta[rows[i], columns[j] + 1] = solved[i, j + 1]
+                beta[rows[i], columns[j] + 1] = matched[i, j]
     return beta
 
 
@@ -55,23 +65,6 @@ def _cluster(pairs: Array, start: int) -> tuple[Indices, Indices]:
 
 
 @compiled
-def _solve(misses: Array, pairs: Array, exact_side: int) -> Array:
-    """Marginals of one cluster (T, N + 1)."""
-    rows, columns = pairs.shape
-    beta = np.empty((rows, columns + 1))
-    if columns == 0:
-        beta[:, 0] = 1.0
-    elif min(rows, columns) > exact_side:
-        beta[:, 1:], beta[:, 0] = _propagate(pairs, misses)
-    elif columns <= rows:
-        beta[:, 1:], beta[:, 0], _ = _enumerate(pairs, misses, np.ones(columns))
-    else:
-        flipped, _, beta[:, 0] = _enumerate(pairs.T.copy(), np.ones(columns), misses)
-        beta[:, 1:] = flipped.T
-    return beta
-
-
-@compiled
 def _enumerate(pairs: Array, row_free: Array, column_free: Array) -> tuple[Array, Array, Array]:
     """Exact marginals over all matchings of rows to columns, by dynamic programming over sets of used columns.
 
@@ -82,32 +75,34 @@ def _enumerate(pairs: Array, row_free: Array, column_free: Array) -> tuple[Array
     rows, columns = pairs.shape
     sets = np.arange(1 << columns)  # of columns, as bits
     without = [sets[sets >> c & 1 == 0] for c in range(columns)]
-    forward, backward = np.zeros((rows + 1, len(sets))), np.ones(len(sets))
-    forward[0, 0] = 1.0
+    forward, backward = [np.zeros(len(sets))], np.ones(len(sets))
+    forward[0][0] = 1.0
     for r in range(rows):
-        after = row_free[r] * forward[r]
+        before, after = forward[r], row_free[r] * forward[r]
         for c in range(columns):
+            bit, weight = 1 << c, pairs[r, c]
             for used in without[c]:
-                after[used | 1 << c] += pairs[r, c] * forward[r, used]
-        forward[r + 1] = after / after.max()
+                after[used | bit] += weight * before[used]
+        forward.append(after / after.max())
     for c in range(columns):
-        backward[without[c]] *= column_free[c]
+        taken = sets >> c & 1
+        backward *= taken + (1 - taken) * column_free[c]
     last = forward[rows] * backward
     free_columns = np.array([last[free].sum() for free in without]) / last.sum()
     matched, free_rows = np.empty((rows, columns)), np.empty(rows)
     for r in range(rows - 1, -1, -1):
-        before = row_free[r] * backward
-        free_rows[r] = (forward[r] * before).sum()
+        sums, before = forward[r], row_free[r] * backward
+        free_rows[r] = (sums * before).sum()
         for c in range(columns):
             bit, weight, total = 1 << c, pairs[r, c], 0.0
             for used in without[c]:
                 rest = weight * backward[used | bit]
-                total += forward[r, used] * rest
+                total += sums[used] * rest
                 before[used] += rest
             matched[r, c] = total
-        total = free_rows[r] + matched[r].sum()
+        shares, total = matched[r], free_rows[r] + matched[r].sum()
+        shares /= total
         free_rows[r] /= total
-        matched[r] /= total
         backward = before / before.max()
     return matched, free_rows, free_columns
 
@@ -122,18 +117,17 @@ def _propagate(pairs: Array, misses: Array) -> tuple[Array, Array]:
     """
     where = np.flatnonzero(pairs)  # one message in each direction for each possible pair
     rows, columns, weights = where // pairs.shape[1], where % pairs.shape[1], pairs.ravel()[where]
-    by_row, by_column = np.arange(len(rows)), np.argsort(columns, kind="mergesort")
-    row_starts = np.searchsorted(rows, np.arange(len(misses) + 1))
-    column_starts = np.searchsorted(columns[by_column], np.arange(pairs.shape[1] + 1))
     clutter = np.ones(pairs.shape[1])
+    by_row = [np.flatnonzero(rows == i) for i in range(len(misses))]
+    by_column = [np.flatnonzero(columns == j) for j in range(len(clutter))]
     back, values, sums = np.ones(len(rows)), np.empty(len(rows)), np.empty(len(rows))
     for _ in range(min(_ITERATIONS, _MESSAGES * len(misses) // len(rows))):
         for e in range(len(rows)):
             values[e] = weights[e] * back[e]
-        _others(values, misses, by_row, row_starts, sums)
+        _others(values, misses, by_row, sums)
         for e in range(len(rows)):
             values[e] = weights[e] / sums[e]
-        _others(values, clutter, by_column, column_starts, sums)
+        _others(values, clutter, by_column, sums)
         change = 0.0
         for e in range(len(rows)):
             new = 1.0 / sums[e]
@@ -145,24 +139,24 @@ def _propagate(pairs: Array, misses: Array) -> tuple[Array, Array]:
     for e in range(len(rows)):
         matched[rows[e], columns[e]] = weights[e] * back[e]
     for i in range(len(misses)):
-        total = misses[i] + matched[i].sum()
-        matched[i] /= total
+        shares, total = matched[i], free[i] + matched[i].sum()
+        shares /= total
         free[i] /= total
     return matched, free
 
 
 @compiled
-def _others(values: Array, bases: Array, members: Indices, starts: Indices, sums: Array) -> None:
+def _others(values: Array, bases: Array, groups: list[Indices], sums: Array) -> None:
     """Write for each value the base plus all other values of its group, without differences and their cancellation.
 
-    Group g is members[starts[g] : starts[g + 1]] of the values and has the base bases[g]; the result goes to `sums`.
+    groups: indices of the values of each, which has the base bases[g]; the result goes to `sums`.
     """
     for g in range(len(bases)):
-        left, right = bases[g], 0.0
-        for k in range(starts[g], starts[g + 1]):
-            sums[members[k]] = 0.0
-        for k in range(starts[g + 1] - starts[g]):  # in both directions at once: neither sum waits for the other
-            first, last = members[starts[g] + k], members[starts[g + 1] - 1 - k]
+        members, left, right = groups[g], bases[g], 0.0
+        for k in members:
+            sums[k] = 0.0
+        for k in range(len(members)):  # in both directions at once: neither sum waits for the other
+            first, last = members[k], members[len(members) - 1 - k]
             sums[first] += left
             left += values[first]
             sums[last] += right

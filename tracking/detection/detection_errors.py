@@ -104,7 +104,7 @@ def sight_axes(lens: Lens, ground: Array) -> tuple[Array, Array]:
         x, y = ground[k, 0] - lens.eye[0], ground[k, 1] - lens.eye[1]
         distance = math.sqrt(x * x + y * y)
         cos, sin = (x / distance, y / distance) if distance > 0.0 else (1.0, 0.0)
-        axes[k, 0], axes[k, 1] = (cos, -sin), (sin, cos)
+        axes[k, 0, 0], axes[k, 0, 1], axes[k, 1, 0], axes[k, 1, 1] = cos, -sin, sin, cos
         tangents[k] = distance / abs(lens.eye[2] - TARGET_HEIGHT)
     return axes, tangents
 
@@ -140,7 +140,7 @@ def pixel_footprints(lens: Lens, ground: Array) -> Array:
             north = rotation[1, j] - rotation[2, j] * y / z
             along, across = cos * east + sin * north, cos * north - sin * east
             radial, tangential = radial + along * along, tangential + across * across
-        out[k] = depth / lens.focal * math.sqrt(radial), depth / lens.focal * math.sqrt(tangential)
+        out[k, 0], out[k, 1] = depth / lens.focal * math.sqrt(radial), depth / lens.focal * math.sqrt(tangential)
     return out
 
 

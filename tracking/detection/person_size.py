@@ -33,8 +33,8 @@ def sizes_at(lens: Lens, pixels: Array) -> Sizes:
         right, down = head[0] - foot[0], head[1] - foot[1]
         height = math.sqrt(right * right + down * down)
         cos, sin = (right / height, down / height) if height > 0.0 else (1.0, 0.0)
-        axes[k, 0], axes[k, 1] = (cos, -sin), (sin, cos)
-        extents[k] = np.maximum(0.75 * scale + 0.95 * height, 0.95 * scale), 0.95 * scale
+        axes[k, 0, 0], axes[k, 0, 1], axes[k, 1, 0], axes[k, 1, 1] = cos, -sin, sin, cos
+        extents[k, 0], extents[k, 1] = np.maximum(0.75 * scale + 0.95 * height, 0.95 * scale), 0.95 * scale
         # The image plane stretches silhouettes away from its centre: across people only if the camera is tilted.
         off = ((pixels[k, 1] - lens.pixels / 2) * cos - (pixels[k, 0] - lens.pixels / 2) * sin) / lens.focal
         extents[k, 1] *= math.sqrt(1.0 + off * off)

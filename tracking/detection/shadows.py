@@ -37,7 +37,8 @@ def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float
         if u * u + v * v > most * most:
             continue
         front = hypot(x - eye[0], y - eye[1]) - radius if cylinders[k, 3] <= TARGET_HEIGHT else 0.0
-        shadows[count] = (u0, v0, radius * near, u1, v1, radius * far, max(front, 0.0))
+        for column, value in enumerate((u0, v0, radius * near, u1, v1, radius * far, max(front, 0.0))):
+            shadows[count, column] = value
         count += 1
     c = clearing
     return Clearing(c.origin, c.away, c.distance, c.edges, c.footprint, shadows[:count])

@@ -9,7 +9,7 @@ import numpy as np
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.factorisation import inverse
-from tracking.numerics.matrices import applied, congruent, product
+from tracking.numerics.matrices import applied, product
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ def update(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
     left = np.eye(4)
     left[:, :2] -= K
     return Gaussian(
-        predicted.mean + applied(K, nu.mean), congruent(left, predicted.covariance) + congruent(K, np.asarray(R))
+        predicted.mean + applied(K, nu.mean), _congruent(left, predicted.covariance) + _congruent(K, np.asarray(R))
     )
 
 
@@ -117,3 +117,9 @@ def _predicted(means: Array, covariances: Array, transition: tuple[float, float]
                 total = half[i, j] + way * half[i, j + 2] if j < 2 else left * half[i, j]
                 spread[t, i, j] = spread[t, j, i] = total + Q[i, j]
     return moved, spread
+
+
+def _congruent(outer: Array, inner: Array) -> Array:
+    """A B Aᵀ (n, n), exactly symmetric, of A (n, k) and a symmetric B (k, k)."""
+    made = product(product(outer, inner), outer.T)
+    return 0.5 * (made + made.T)

@@ -45,9 +45,14 @@ def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Arr
     Note: this is ours; tests/tracking/filter compares it with particle filters. The last frames are taken to be in the
     belief also if they showed all of it, which is no information, or if the fleet did not hold the track then.
     """
-    missed = np.where(views[:, 0], 1.0 - detection, 1.0)
+    missed = np.ones((len(views), views.shape[2]))
     for t in range(len(missed)):
-        if np.any(views[t, 0] & views[t, 1]) and not np.all(views[t, 0]):
+        shown = twice = 0
+        for k in range(missed.shape[1]):
+            if views[t, 0, k]:
+                missed[t, k] = 1.0 - detection
+                shown, twice = shown + 1, twice + views[t, 1, k]
+        if twice > 0 and shown < missed.shape[1]:
             again = exp(-_AGAIN * share_crossed(means[t], covariances[t], elapsed[t]))
             for k in range(missed.shape[1]):
                 if views[t, 0, k] and views[t, 1, k]:

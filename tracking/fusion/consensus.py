@@ -133,11 +133,13 @@ def _latest(told: _Told, heard: Flags) -> _Told:
         for j in range(len(times)):
             if heard[i, j]:
                 for t in range(times.shape[1]):
-                    last[i, t] = np.maximum(last[i, t], times[j, t])
-                    seen[i, t] |= views[j, t]
+                    for c in range(4):
+                        last[i, t, c] = max(last[i, t, c], times[j, t, c])
+                    seen[i, t, 0] |= views[j, t, 0]
+                    seen[i, t, 1] |= views[j, t, 1]
                     common[i, t] &= misses[j, t]
-                    if sightings[j, t, 2] > places[i, t, 2]:
-                        places[i, t] = sightings[j, t]
+                    for c in range(3 if sightings[j, t, 2] > places[i, t, 2] else 0):
+                        places[i, t, c] = sightings[j, t, c]
     return last, seen, common, places
 
 

@@ -1,15 +1,16 @@
 """Novel information of a scan, apart from the prior: hybrid consensus on measurements and information (HCMCI)."""
 
+import math
+
 import numpy as np
 
 from tracking.fusion.message import INFORMATION
 from tracking.fusion.rule import Contribution, LocalBeliefs
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
-from tracking.numerics.distances import squared_distances
 from tracking.numerics.factorisation import eigensystems, inverses
-from tracking.numerics.matrices import products
-from tracking.numerics.stacks import cholesky_factors, forward_solutions
+from tracking.numerics.matrices import products, symmetrise, transposed_products
+from tracking.numerics.stacks import cholesky_factors, triangular_inverses
 
 # Gains of information below this share of the prior's are rounding.
 _ROUNDING = 1e-9
@@ -41,20 +42,25 @@ def _parts(
     """Information (T, 20) to average, novel information (T, 20 + uav + 1), and weights (T,) of the average."""
     means, covariances, weights = beliefs
     omega = inverses(covariances)
-    q = products(omega, means.reshape(-1, 4, 1))[:, :, 0].copy()
+    q = products(omega, means.reshape(-1, 4, 1))
     averaged, novel = np.empty((len(means), INFORMATION)), np.zeros((len(means), INFORMATION + uav + 1))
-    averaged[:, :4], averaged[:, 4:] = q, omega.reshape(-1, 16)
-    spread = covariances[:, 0, 0] + covariances[:, 1, 1]
+    shares = np.empty(len(means))
+    for t in range(len(means)):
+        shares[t] = weights[t] / (covariances[t, 0, 0] + covariances[t, 1, 1])
+        for c in range(INFORMATION):
+            averaged[t, c] = q[t, c, 0] if c < 4 else omega[t, c // 4 - 1, c % 4]
     if len(seen):
         reach = largest_innovation(*prior, *measured)[seen]
         before, spreads = prior[0][seen], prior[1][seen]
         held, gained = split_information((before, spreads), (q[seen], omega[seen]), reach)
         for k in range(len(seen)):
             t = seen[k]
-            spread[t] = spreads[k, 0, 0] + spreads[k, 1, 1]
-            averaged[t], novel[t, :INFORMATION] = held[k], gained[k]
-            novel[t, -1] = 1.0 if np.any(gained[k] != 0.0) else 0.0
-    return averaged, novel, weights / spread
+            shares[t] = weights[t] / (spreads[k, 0, 0] + spreads[k, 1, 1])
+            for c in range(INFORMATION):
+                averaged[t, c], novel[t, c] = held[k, c], gained[k, c]
+                if gained[k, c] != 0.0:
+                    novel[t, -1] = 1.0
+    return averaged, novel, shares
 
 
 @compiled
@@ -63,14 +69,16 @@ def largest_innovation(means: Array, covariances: Array, z: Array, gates: Indice
 
     means (T, 4), covariances (T, 4, 4), gates (G, 2): pairs of a track and a measurement in its gate.
     """
-    nu, spreads = np.empty((len(gates), 2)), np.empty((len(gates), 2, 2))
+    most = np.zeros(len(means))
     for g in range(len(gates)):
-        t = gates[g, 0]
-        nu[g], spreads[g] = z[gates[g, 1]] - means[t, :2], covariances[t, :2, :2]
-    squared, most = squared_distances(nu, spreads), np.zeros(len(means))
-    for g in range(len(gates)):
-        most[gates[g, 0]] = max(most[gates[g, 0]], squared[g])
-    return np.sqrt(most)
+        t, j = gates[g, 0], gates[g, 1]
+        one = math.sqrt(covariances[t, 0, 0])  # Cholesky factor of the position block: one, 0; across, two
+        across = covariances[t, 1, 0] / one
+        two = math.sqrt(covariances[t, 1, 1] - across * across)
+        x = (z[j, 0] - means[t, 0]) / one
+        y = (z[j, 1] - means[t, 1] - across * x) / two
+        most[t] = max(most[t], math.sqrt(x * x + y * y))
+    return most
 
 
 @compiled
@@ -91,38 +99,37 @@ def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array]
     (means, covariances), (q, omega) = prior, posterior
     # With P⁻ = C Cᵀ and V the axes of Cᵀ Ω⁺ C, the inverse of L is Vᵀ Cᵀ.
     roots = cholesky_factors(covariances)
-    upper = _transposed(roots)
-    inner = products(products(upper, omega), roots)
-    ratio, axes = eigensystems(0.5 * (inner + _transposed(inner)))
-    inverse = forward_solutions(roots, np.zeros_like(covariances) + np.eye(4))
-    back = _transposed(axes)
-    L = products(_transposed(inverse), axes)
+    inner = products(transposed_products(roots, omega), roots)
+    symmetrise(inner)
+    ratio, axes = eigensystems(inner)
+    inverse = triangular_inverses(roots)
+    L = transposed_products(inverse, axes)
     # Along these axes the prior has unit information: q = L y with y the information vector there.
-    before = products(back, products(inverse, means.reshape(-1, 4, 1)))[:, :, 0]
-    after = products(back, products(upper, q.reshape(-1, 4, 1)))[:, :, 0]
-    gain, novel = np.empty_like(ratio), np.empty_like(ratio)
+    before = transposed_products(axes, products(inverse, means.reshape(-1, 4, 1)))
+    after = transposed_products(axes, transposed_products(roots, q.reshape(-1, 4, 1)))
+    kept, gain, novel = np.empty_like(ratio), np.empty_like(ratio), np.empty_like(ratio)
     for t in range(len(ratio)):
         for i in range(4):
             g = ratio[t, i] - 1.0
             g = g if g >= _ROUNDING else 0.0
-            most, shift = g * reach[t], after[t, i] - ratio[t, i] * before[t, i]
-            gain[t, i], novel[t, i] = g, g * before[t, i] + min(max(shift, -most), most)
-    return _packed(L, after - novel, ratio - gain), _packed(L, novel, gain)
+            most, shift = g * reach[t], after[t, i, 0] - ratio[t, i] * before[t, i, 0]
+            gain[t, i], novel[t, i] = g, g * before[t, i, 0] + min(max(shift, -most), most)
+            ratio[t, i], kept[t, i] = ratio[t, i] - g, after[t, i, 0] - novel[t, i]
+    return _packed(L, kept, ratio), _packed(L, novel, gain)
 
 
 @compiled
 def _packed(L: Array, y: Array, weights: Array) -> Array:
     """Information (T, 20) with the vector L y and the matrix L diag(weights) Lᵀ."""
-    out = np.empty((len(L), 20))
-    out[:, :4] = products(L, y.reshape(-1, 4, 1))[:, :, 0]
-    scaled = L.copy()
+    out = np.zeros((len(L), INFORMATION))
     for t in range(len(L)):
-        scaled[t] *= weights[t]
-    square = products(scaled, _transposed(L))
-    out[:, 4:] = (0.5 * (square + _transposed(square))).reshape(-1, 16)
+        for i in range(4):
+            for k in range(4):
+                out[t, i] += L[t, i, k] * y[t, k]
+            for j in range(4):
+                one = other = 0.0
+                for k in range(4):
+                    one += L[t, i, k] * weights[t, k] * L[t, j, k]
+                    other += L[t, j, k] * weights[t, k] * L[t, i, k]
+                out[t, 4 + 4 * i + j] = 0.5 * (one + other)
     return out
-
-
-@compiled
-def _transposed(matrices: Array) -> Array:
-    return np.ascontiguousarray(matrices.transpose(0, 2, 1))

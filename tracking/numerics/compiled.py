@@ -23,12 +23,12 @@ def compiled(function: Function) -> Function:
 
     `error_model="numpy"` divides as NumPy does; fast-math stays off, so that results are the same everywhere.
     """
-    return cast(Function, _kept(numba.njit, function, error_model="numpy"))
+    return cast(Function, _kept(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True))
 
 
 def inlined(function: Function) -> Function:
     """As `compiled`, and copied into the compiled functions that call it, where a call takes longer than the work."""
-    return cast(Function, _kept(numba.njit, function, error_model="numpy", forceinline=True))
+    return cast(Function, _kept(numba.njit, function, error_model="numpy", no_cfunc_wrapper=True, forceinline=True))
 
 
 def elementwise(function: Callable[..., float]) -> Callable[..., Array]:

@@ -6,7 +6,8 @@ import numpy as np
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.stacks import cholesky_factors, forward_solutions, over_stacks, stacked
+from tracking.numerics.matrices import transposed_products
+from tracking.numerics.stacks import cholesky_factors, over_stacks, stacked, triangular_inverses
 
 _SWEEPS = 30  # of Jacobi's method, at most; matrices of 4 x 4 take four to six
 
@@ -37,16 +38,8 @@ def eigen(matrices: Array) -> tuple[Array, Array]:
 @compiled
 def inverses(matrices: Array) -> Array:
     """Inverses (T, n, n) of a stack, Yᵀ Y with Y the inverse of the Cholesky factor, for compiled code."""
-    n, out = matrices.shape[1], np.empty_like(matrices)
-    halves = forward_solutions(cholesky_factors(matrices), np.zeros_like(matrices) + np.eye(n))
-    for t in range(len(matrices)):
-        for i in range(n):
-            for j in range(i, n):
-                total = 0.0
-                for k in range(j, n):
-                    total += halves[t, k, i] * halves[t, k, j]
-                out[t, i, j] = out[t, j, i] = total
-    return out
+    halves = triangular_inverses(cholesky_factors(matrices))
+    return transposed_products(halves, halves)
 
 
 @compiled
@@ -55,7 +48,7 @@ def eigensystems(matrices: Array) -> tuple[Array, Array]:
     n = matrices.shape[1]
     values, vectors = np.empty(matrices.shape[:2]), np.zeros_like(matrices)
     for t in range(len(matrices)):
-        A, V = matrices[t].copy(), np.zeros((n, n))
+        A, V = matrices[t].copy(), vectors[t]
         for i in range(n):
             V[i, i] = 1.0
         for _ in range(_SWEEPS):
@@ -65,11 +58,22 @@ def eigensystems(matrices: Array) -> tuple[Array, Array]:
                     rotations += _rotated(A, V, p, q)
             if rotations == 0:
                 break
-        order = np.argsort(np.diag(A), kind="mergesort")
-        for j in range(n):
-            values[t, j] = A[order[j], order[j]]
-            vectors[t, :, j] = V[:, order[j]]
+        for i in range(n):
+            values[t, i] = A[i, i]
+        _sort(values[t], V)
     return values, vectors
+
+
+@compiled
+def _sort(values: Array, vectors: Array) -> None:
+    """Sort values (n,), ascending, and vectors (n, n), in columns, with them."""
+    for last in range(1, len(values)):
+        for j in range(last, 0, -1):
+            if not values[j] < values[j - 1]:
+                break
+            values[j - 1], values[j] = values[j], values[j - 1]
+            for i in range(len(values)):
+                vectors[i, j - 1], vectors[i, j] = vectors[i, j], vectors[i, j - 1]
 
 
 @compiled

@@ -21,16 +21,6 @@ def applied(matrices: Array, vectors: Array) -> Array:
     return product(matrices, np.asarray(vectors)[..., None])[..., 0]
 
 
-def congruent(outer: Array, inner: Array) -> Array:
-    """A B Aᵀ (..., n, n), exactly symmetric, of stacks A (..., n, k) and symmetric B (..., k, k)."""
-    return symmetric(product(product(outer, inner), np.swapaxes(outer, -1, -2)))
-
-
-def symmetric(matrices: Array) -> Array:
-    """Matrices (..., n, n) without the asymmetry that rounding left in them."""
-    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
-
-
 @compiled
 def products(left: Array, right: Array) -> Array:
     """Matrix products (T, n, m) of stacks (T, n, k) and (T, k, m), for compiled code."""
@@ -41,3 +31,24 @@ def products(left: Array, right: Array) -> Array:
                 for j in range(right.shape[2]):
                     out[t, i, j] += left[t, i, k] * right[t, k, j]
     return out
+
+
+@compiled
+def transposed_products(left: Array, right: Array) -> Array:
+    """Products Aᵀ B (T, n, m) of stacks A (T, k, n) and B (T, k, m), for compiled code."""
+    out = np.zeros((len(left), left.shape[2], right.shape[2]))
+    for t in range(len(left)):
+        for i in range(left.shape[2]):
+            for k in range(left.shape[1]):
+                for j in range(right.shape[2]):
+                    out[t, i, j] += left[t, k, i] * right[t, k, j]
+    return out
+
+
+@compiled
+def symmetrise(matrices: Array) -> None:
+    """Take from matrices (T, n, n) the asymmetry that rounding left in them, in place."""
+    for t in range(len(matrices)):
+        for i in range(matrices.shape[1]):
+            for j in range(i):
+                matrices[t, i, j] = matrices[t, j, i] = 0.5 * (matrices[t, i, j] + matrices[t, j, i])

@@ -61,3 +61,13 @@ def forward_solutions(roots: Array, right: Array) -> Array:
                     rest -= roots[t, i, k] * out[t, k, j]
                 out[t, i, j] = rest / roots[t, i, i]
     return out
+
+
+@compiled
+def triangular_inverses(roots: Array) -> Array:
+    """Inverses (T, n, n) of a stack of lower triangular matrices."""
+    right = np.zeros_like(roots)
+    for t in range(len(right)):
+        for i in range(right.shape[1]):
+            right[t, i, i] = 1.0
+    return forward_solutions(roots, right)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tracking.filter.kalman import _congruent
 from tracking.numerics import distances, factorisation, matrices
 from tracking.numerics.stacks import forward_solutions
 
@@ -23,6 +24,15 @@ def _definite(n, *lead, spread=3.0):
 def test_products_broadcast_as_numpy_has_them(shapes):
     left, right = (_RNG.normal(size=shape) for shape in shapes)
     np.testing.assert_allclose(matrices.product(left, right), left @ right, rtol=1e-13, atol=1e-14)
+
+
+def test_transposed_products_and_symmetric_parts_agree_with_numpy():
+    left, right = _RNG.normal(size=(6, 3, 4)), _RNG.normal(size=(6, 3, 2))
+    np.testing.assert_allclose(matrices.transposed_products(left, right), np.swapaxes(left, 1, 2) @ right, rtol=1e-12)
+    square = _RNG.normal(size=(6, 4, 4))
+    expected = 0.5 * (square + np.swapaxes(square, 1, 2))
+    matrices.symmetrise(square)
+    assert np.array_equal(square, expected)
 
 
 def test_a_matrix_applies_to_vectors_along_the_last_axis():
@@ -78,7 +88,7 @@ def test_equal_eigenvalues_keep_axes_and_forward_solutions_solve():
 
 def test_congruence_is_exactly_symmetric_and_lengths_are_euclidean():
     A, B = _RNG.normal(size=(9, 4, 4)), _definite(4, 9, spread=1.0)
-    C = matrices.congruent(A, B)
+    C = np.array([_congruent(a, b) for a, b in zip(A, B, strict=True)])
     assert np.array_equal(C, np.swapaxes(C, 1, 2))
     np.testing.assert_allclose(C, A @ B @ np.swapaxes(A, 1, 2), rtol=1e-9, atol=1e-9)
     assert distances.length(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist() == [5.0, 0.0]
