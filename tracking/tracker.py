@@ -110,7 +110,7 @@ class Tracker:
         """Begin tracks of new people, from the measurements z (N, 2) m, R (N, 2, 2) m² that tracks do not explain."""
 
         def visible_at(means: Array, covariances: Array) -> Flags:
-            return visible_samples(self._camera, scan.pose, means[:, :2], covariances[:, :2, :2], self._forest)
+            return visible_samples(self._camera, scan.pose, means, covariances[:, :2, :2], self._forest)
 
         elapsed, self._waited = self._waited, 0
         born, self._tentative = self._initiator.step(self._tentative, z, R, elapsed=elapsed, visible=visible_at)

@@ -120,7 +120,7 @@ def mixture_update(
             moves[0, a] = undetected[0][i, a] - means[i, a]
             for b in range(4):
                 new_covariances[i, a, b] = beta[i, 0] * undetected[1][i, a, b]
-        last = -1  # measurements of equal noise, as neighbours', share gain and covariance
+        last = len(noise)  # measurements of equal noise, as neighbours', share gain and covariance
         for c in components:
             if c > 0:
                 j = int(c) - 1
@@ -140,11 +140,11 @@ def mixture_update(
 def _update(P: Array, noise: Array, rows: tuple[int, int], K: Array, updated: Array) -> None:
     """Write gain K (4, 2) and covariance (4, 4) after a measurement, in Joseph's form.
 
-    rows: of its noise, and of that for which they are already there, or -1.
+    rows: of its noise, and of that for which they are already there; the number of rows if of none.
     Written out: for matrices this small, library calls and new arrays cost ten times the arithmetic.
     """
     R, last = noise[rows[0]], rows[1]
-    if last >= 0 and np.all(R == noise[last]):
+    if last < len(noise) and np.all(R == noise[last]):
         return
     xx, xy, yy = P[0, 0] + R[0, 0], P[0, 1] + R[0, 1], P[1, 1] + R[1, 1]
     det = xx * yy - xy * xy

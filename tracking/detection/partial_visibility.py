@@ -179,7 +179,8 @@ def _places(clearing: Clearing, seen: Seen, altitude: float, constants: _Constan
     slack = 4 * math.sqrt(max(seen.whole[0, 0], seen.whole[1, 1]) + constants[0] * constants[0] + rounding)
     half = silhouette.half + slack
     low, high = (-silhouette.high - slack, -half), (slack - silhouette.low, half)
-    coarse = _grid(clearing, seen, silhouette, (low, high, _COARSE))
+    # `int`, because numba compiles a function anew for each constant that it is given.
+    coarse = _grid(clearing, seen, silhouette, (low, high), int(_COARSE))
     surprises = _surprises(coarse, constants)
     least = surprises.min()
     if least == math.inf:
@@ -190,13 +191,13 @@ def _places(clearing: Clearing, seen: Seen, altitude: float, constants: _Constan
             if surprises[i, j] <= least + _IMPROBABLE:
                 low = min(low[0], coarse.u[j] - coarse.cell[0]), min(low[1], coarse.v[i] - coarse.cell[1])
                 high = max(high[0], coarse.u[j] + coarse.cell[0]), max(high[1], coarse.v[i] + coarse.cell[1])
-    return _grid(clearing, seen, silhouette, (low, high, _FINE))
+    return _grid(clearing, seen, silhouette, (low, high), int(_FINE))
 
 
 @compiled
-def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, box: tuple[Pair, Pair, int]) -> Places:
-    """Grid of about `box[2]` places in a box from its low to its high corner (u, v) m."""
-    low, high, count = box
+def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, box: tuple[Pair, Pair], count: int) -> Places:
+    """Grid of about so many places in a box from its low to its high corner (u, v) m."""
+    low, high = box
     width, height = high[0] - low[0], high[1] - low[1]
     columns = min(max(round(math.sqrt(count * width / height)), 6), count // 6)
     rows = count // columns

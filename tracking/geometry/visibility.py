@@ -121,7 +121,7 @@ SAMPLE_VARIANCE = float(1.0 - np.mean(np.square(_centroids(6))))
 def visible_samples(camera: Camera, pose: Pose, means: Array, covariances: Array, forest: Forest) -> Flags:
     """Flags (N, 36) of the samples of each Gaussian that are inside the image and not hidden.
 
-    means (N, 2) m, covariances (N, 2, 2) m²; the points are mean + L `SAMPLES`, with L Lᵀ the covariance.
+    means (N, 2 or 4) m, covariances (N, 2, 2) m²; the points are mean + L `SAMPLES`, with L Lᵀ the covariance.
     """
     spreads = np.ascontiguousarray(covariances)
     return seen_samples(means, cholesky_factors(spreads), camera.lens(pose), forest.blockers, forest.grid)
