@@ -101,7 +101,7 @@ def _at_once(before: ScanPrediction, z: Array, R: Array, lost: Array, p: Tracker
 
 
 _Settings = tuple[float, float, float]  # probability of a gate, density of clutter [1/m²], probability of detection
-_Association = tuple[Array, Array, Array, Array]
+_Association = tuple[Array, Array, Array, Array]  # what `associate` returns
 
 
 @compiled

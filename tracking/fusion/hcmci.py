@@ -9,7 +9,7 @@ from tracking.fusion.rule import Contribution, LocalBeliefs
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.factorisation import eigensystems, inverses
-from tracking.numerics.matrices import products, symmetrise, transposed_products
+from tracking.numerics.matrices import products, symmetrise, transposed
 from tracking.numerics.stacks import cholesky_factors, triangular_inverses
 
 # Gains of information below this share of the prior's are rounding.
@@ -99,14 +99,15 @@ def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array]
     (means, covariances), (q, omega) = prior, posterior
     # With P⁻ = C Cᵀ and V the axes of Cᵀ Ω⁺ C, the inverse of L is Vᵀ Cᵀ.
     roots = cholesky_factors(covariances)
-    inner = products(transposed_products(roots, omega), roots)
+    upper = transposed(roots)
+    inner = products(products(upper, omega), roots)
     symmetrise(inner)
     ratio, axes = eigensystems(inner)
     inverse = triangular_inverses(roots)
-    L = transposed_products(inverse, axes)
+    L, turned = products(transposed(inverse), axes), transposed(axes)
     # Along these axes the prior has unit information: q = L y with y the information vector there.
-    before = transposed_products(axes, products(inverse, means.reshape(-1, 4, 1)))
-    after = transposed_products(axes, transposed_products(roots, q.reshape(-1, 4, 1)))
+    before = products(turned, products(inverse, means.reshape(-1, 4, 1)))
+    after = products(turned, products(upper, q.reshape(-1, 4, 1)))
     kept, gain, novel = np.empty_like(ratio), np.empty_like(ratio), np.empty_like(ratio)
     for t in range(len(ratio)):
         for i in range(4):

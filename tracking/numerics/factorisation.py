@@ -6,7 +6,7 @@ import numpy as np
 
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.matrices import transposed_products
+from tracking.numerics.matrices import products, transposed
 from tracking.numerics.stacks import cholesky_factors, over_stacks, stacked, triangular_inverses
 
 _SWEEPS = 30  # of Jacobi's method, at most; matrices of 4 x 4 take four to six
@@ -39,7 +39,7 @@ def eigen(matrices: Array) -> tuple[Array, Array]:
 def inverses(matrices: Array) -> Array:
     """Inverses (T, n, n) of a stack, Yᵀ Y with Y the inverse of the Cholesky factor, for compiled code."""
     halves = triangular_inverses(cholesky_factors(matrices))
-    return transposed_products(halves, halves)
+    return products(transposed(halves), halves)
 
 
 @compiled

@@ -34,14 +34,13 @@ def products(left: Array, right: Array) -> Array:
 
 
 @compiled
-def transposed_products(left: Array, right: Array) -> Array:
-    """Products Aᵀ B (T, n, m) of stacks A (T, k, n) and B (T, k, m), for compiled code."""
-    out = np.zeros((len(left), left.shape[2], right.shape[2]))
-    for t in range(len(left)):
-        for i in range(left.shape[2]):
-            for k in range(left.shape[1]):
-                for j in range(right.shape[2]):
-                    out[t, i, j] += left[t, k, i] * right[t, k, j]
+def transposed(matrices: Array) -> Array:
+    """Transposes (T, m, n) of a stack (T, n, m), as a new array that `products` need not be compiled again for."""
+    out = np.empty((len(matrices), matrices.shape[2], matrices.shape[1]))
+    for t in range(len(matrices)):
+        for i in range(matrices.shape[1]):
+            for j in range(matrices.shape[2]):
+                out[t, j, i] = matrices[t, i, j]
     return out
 
 
