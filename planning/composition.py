@@ -74,10 +74,10 @@ class Composition:
         samples = belief.points.shape[1] // len(situation.tracks) if situation.tracks else 1
         if self.existence:
             belief = belief._replace(weights=np.tile([t.existence for t in situation.tracks], samples).astype(float))
-        speeds = np.array([situation.vehicles[i].max_speed for i in uavs])
         starts = self._starts(situation, controls, uavs)
         measure = Measure(self.uncertainty == "information", self.cutoff)
-        own, fleet = response(situation, uavs), response(situation, range(len(controls)))
+        vehicles, step = situation.vehicles, situation.step
+        own, fleet = response([vehicles[i] for i in uavs], step), response(vehicles, step)
         expected = mean_velocities(fleet, np.ascontiguousarray(controls[None], dtype=float))[0]
         of_tracks = objective(belief, expected, uavs, self.beta, samples, measure)
         extra = [term for term in (t.term(situation, expected, uavs) for t in self.terms) if term is not None]
@@ -88,6 +88,7 @@ class Composition:
             found = of_tracks(velocities, ease)
             return found + reduce(np.add, (term(velocities) for term in extra)) if extra else found
 
+        speeds = np.array([vehicles[i].max_speed for i in uavs])
         in_reach = targets_in_reach(belief, uavs, speeds, own)
         if self.actions == "all":
             return self.optimizer.minimise(value, starts, speeds, rng, in_reach).plans

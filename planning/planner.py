@@ -26,9 +26,10 @@ class Vehicle:
     position: Array  # (3,) m
     camera: Camera
     noise: NoiseModel
-    max_speed: float  # m/s
+    max_speed: float  # m/s, of commands
     # Quaternion of the camera, xyzw, as it stays in level flight; by default it looks down, north at the image's top.
     attitude: Array = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
+    velocity: Array = field(default_factory=lambda: np.zeros(2))  # m/s, east and north
     lag: float = 0.0  # s: time constant with which its velocity follows a command; 0: at once, [Li22] eq. (5)
 
 
@@ -42,8 +43,8 @@ class Plan:
 
     @property
     def size(self) -> int:
-        """Bytes of the message: sender, time, position and controls, eight for each number."""
-        return 8 * (5 + np.size(self.controls))
+        """Bytes of the message: sender, time, position, velocity and controls, eight for each number."""
+        return 8 * (7 + np.size(self.controls))
 
 
 @dataclass(frozen=True)

@@ -33,9 +33,11 @@ BELOW = {"tracking": {"tracking"}, "planning": {"planning", "tracking"}, "assets
 BELOW["sim"] = {"sim", "planning", "tracking"}
 MOST_MODULES = 12
 ENGINE = {"world", "bodies", "opengl", "renderer", "window"}
-# Of these, mwtp_matches.py asks what the MWTP makes of plans that were flown, and person.py where they lead.
+# Of these, mwtp_matches.py asks what the MWTP makes of plans that were flown, person.py where they lead, and
+# plan_exchange.py where they have brought a UAV out of contact.
 PLANNING = {
     "sim/mission/plan_check.py",
+    "sim/mission/plan_exchange.py",
     "sim/mission/mission.py",
     "sim/mission/warmup.py",
     "sim/running/flight.py",

@@ -21,9 +21,9 @@ _ASIDE = np.array([2.0, -1.0, 0.0])  # m
 KNOWLEDGE: dict[str, Callable[[Situation], Situation]] = {
     "tracks": lambda s: replace(s, tracks=tuple(_displaced(t, np.array([3.0, -2.0, 0.5, 0.3]), 4.0) for t in s.tracks)),
     "received intents": lambda s: replace(s, intents={i: Plan(-plan.controls) for i, plan in s.intents.items()}),
-    "own measured position": lambda s: replace(s, own=replace(s.own, position=s.own.position + _ASIDE)),
-    "neighbours' positions": lambda s: replace(
-        s, neighbours=tuple(replace(v, position=v.position - _ASIDE) for v in s.neighbours)
+    "own measured position and velocity": lambda s: replace(s, own=_moved(s.own, _ASIDE)),
+    "neighbours' positions and velocities": lambda s: replace(
+        s, neighbours=tuple(_moved(v, -_ASIDE) for v in s.neighbours)
     ),
     "people not found": lambda s: replace(
         s, unseen=s.unseen and replace(s.unseen, people=s.unseen.people[::-1].copy())
@@ -63,13 +63,16 @@ def random_team(
 
 
 def ordinary_team(seed: int = 0, targets: int = 4) -> list[Situation]:
-    """Three UAVs in flight: each has its own beliefs and top speed, and knows the last plans of two of them.
+    """Three quadrotors in flight: each has its own beliefs and top speed, and knows the last plans of two of them.
 
     Each has its own intensity of undetected targets.
     """
     rng, places = np.random.default_rng([seed, 1]), np.random.default_rng([seed, 2])
     team = random_team(seed, targets=targets)
-    fleet = {s.own.id: replace(s.own, max_speed=5.0 - s.own.id) for s in team}
+    fleet = {
+        s.own.id: replace(s.own, max_speed=5.0 - s.own.id, velocity=np.array([1.0 + s.own.id, 0.5]), lag=0.65)
+        for s in team
+    }
     intents = {i: Plan(rng.uniform(-2.0, 2.0, (5, 2))) for i in (0, 1)}
     return [
         replace(
@@ -88,6 +91,11 @@ def ordinary_team(seed: int = 0, targets: int = 4) -> list[Situation]:
 def _sprinkled(rng: np.random.Generator) -> Intensity:
     people = np.where(rng.random((20, 30)) < 0.1, rng.random((20, 30)), 0.0)
     return Intensity(people, (-75.0, -50.0), (5.0, 5.0))
+
+
+def _moved(vehicle: Vehicle, by: Array) -> Vehicle:
+    """The UAV with its position displaced by (3,) m, and its velocity by as much in a second."""
+    return replace(vehicle, position=vehicle.position + by, velocity=vehicle.velocity + by[:2])
 
 
 def _displaced(track: Track, by: Array, times: float) -> Track:

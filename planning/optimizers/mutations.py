@@ -142,7 +142,7 @@ def _show(path: Array, in_reach: TargetsInReach, s: int) -> bool:
     length = math.sqrt(dx * dx + dy * dy)
     if length == 0.0:
         return False
-    size = (1.0 + _MARGIN / length) / (1.0 - in_reach.response.lacks[j])
+    size = (1.0 + _MARGIN / length) / (1.0 - in_reach.response.lacking[j])
     _shift(path, h, h + 1, dx * size, dy * size)
     return True
 

@@ -9,8 +9,9 @@ import numpy as np
 from planning.planner import Plan, Situation, Vehicle
 from planning.prediction.field_of_view import aim_point
 from planning.prediction.propagation import nominal_positions
+from planning.prediction.response import Response, followed, response
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, inlined
 from tracking.track import beliefs_of
 
 BASE_RANGE = 40.0  # m: the base policy looks no further
@@ -39,32 +40,54 @@ def expected_plans(situation: Situation, horizon: int, decided: Mapping[int, Arr
 
 
 def base_policy_plans(situation: Situation, vehicle: Vehicle, firsts: Array, horizon: int) -> Array:
-    """Plans (N, H, 2) m/s that begin with the controls `firsts` (N, h, 2) and go on by the base policy."""
-    step, begun = situation.step, firsts.shape[1]
-    _, covariances = beliefs_of(situation.tracks)
+    """Plans (N, H, 2) m/s that begin with the controls `firsts` (N, h, 2) and go on by the base policy.
+
+    The policy aims from where the UAV is by then with its lag, and flies as if it had none.
+    """
+    begun, (_, covariances) = firsts.shape[1], beliefs_of(situation.tracks)
     traces, places = covariances[:, 0, 0] + covariances[:, 1, 1], nominal_positions(situation, horizon)
-    plans = np.empty((len(firsts), horizon, 2))
+    plans = np.zeros((len(firsts), horizon, 2))
     plans[:, :begun] = firsts
-    aimed = vehicle.position[:2] + step * firsts.sum(axis=1) + aim_point(vehicle)
-    for k in range(begun, horizon):
-        plans[:, k] = _towards(aimed, places[k], traces, step, vehicle.max_speed)
-        aimed = aimed + step * plans[:, k]
+    aimed = np.stack([vehicle.position[:2], aim_point(vehicle)]).astype(float)
+    follows = response([vehicle], situation.step)
+    _extend(plans, begun, (aimed, follows), (places, traces), (situation.step, vehicle.max_speed))
     return plans
 
 
 @compiled
-def _towards(aimed: Array, places: Array, traces: Array, step: float, max_speed: float) -> Array:
-    """`base_control` (N, 2) m/s of a vehicle that is aimed at (N, 2) m, to places (T, 2) m with traces (T,) m²."""
-    controls = np.zeros_like(aimed)
-    for n in range(len(aimed)):
-        most = 0.0
-        for t in range(len(places)):
-            x, y = places[t, 0] - aimed[n, 0], places[t, 1] - aimed[n, 1]
-            distance = math.sqrt(x * x + y * y)
-            if distance <= BASE_RANGE and traces[t] > most:
-                most, slower = traces[t], min(1.0, max_speed * step / max(distance, 1e-300))
-                controls[n, 0], controls[n, 1] = x / step * slower, y / step * slower
-    return controls
+def _extend(
+    plans: Array, begun: int, flight: tuple[Array, Response], targets: tuple[Array, Array], limits: tuple[float, float]
+) -> None:
+    """Extend plans (N, H, 2) m/s from a step on by `base_control`.
+
+    flight: position (2,) m of a UAV and where it aims from there (2,) m, and its response; targets: places (H, T, 2) m
+    and traces (T,) m²; limits: the step [s] and the greatest speed [m/s].
+    """
+    (aimed, follows), (places, traces), (step, max_speed) = flight, targets, limits
+    for n in range(len(plans)):
+        vx, vy = follows.velocities[0]
+        x = y = way_x = way_y = 0.0
+        for h in range(plans.shape[1]):
+            if h <= begun:
+                x, y = aimed[0, 0] + step * way_x + aimed[1, 0], aimed[0, 1] + step * way_y + aimed[1, 1]
+            if h >= begun:
+                plans[n, h, 0], plans[n, h, 1] = _towards(x, y, places[h], traces, step, max_speed)
+            mean_x, vx = followed(follows, 0, vx, plans[n, h, 0])
+            mean_y, vy = followed(follows, 0, vy, plans[n, h, 1])
+            way_x, way_y, x, y = way_x + mean_x, way_y + mean_y, x + step * mean_x, y + step * mean_y
+
+
+@inlined
+def _towards(x: float, y: float, places: Array, traces: Array, step: float, max_speed: float) -> tuple[float, float]:
+    """`base_control` [m/s] of a UAV that is aimed at (x, y) m, to places (T, 2) m with traces (T,) m²."""
+    most = east = north = 0.0
+    for t in range(len(places)):
+        dx, dy = places[t, 0] - x, places[t, 1] - y
+        distance = math.sqrt(dx * dx + dy * dy)
+        if distance <= BASE_RANGE and traces[t] > most:
+            most, slower = traces[t], min(1.0, max_speed * step / max(distance, 1e-300))
+            east, north = dx / step * slower, dy / step * slower
+    return east, north
 
 
 def camera_paths(positions: Array, velocities: Array, step: float) -> Array:

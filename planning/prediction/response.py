@@ -1,11 +1,12 @@
 """Response of UAVs to velocity commands: their mean velocity in each step of a plan."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from planning.planner import Plan, Situation, Vehicle
+from planning.planner import Vehicle
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled, inlined
 from tracking.numerics.exponential import exp
@@ -16,8 +17,8 @@ class Response(NamedTuple):
     """Velocities of k UAVs, and how they follow commands over a step."""
 
     velocities: Array  # (k, 2) m/s, now
-    lacks: Array  # (k,): share of a commanded change of velocity that the step's mean lacks
-    lefts: Array  # (k,): share of it that is left to come after the step
+    lacking: Array  # (k,): share of a commanded change of velocity that the step's mean lacks
+    remaining: Array  # (k,): share of it that is still to come after the step
 
     @classmethod
     def at_once(cls, count: int) -> "Response":
@@ -25,28 +26,26 @@ class Response(NamedTuple):
         return cls(np.zeros((count, 2)), np.zeros(count), np.zeros(count))
 
 
-def response(situation: Situation, uavs: Sequence[int]) -> Response:
-    """Response of the UAVs in rows `uavs`, each taken to fly at its last known command, or to hover without one.
-
-    Note: a last command is nearly reached after a step of 1.5 lags or more. At five decisions a second it is not, and
-    little of what the lag explains is foreseen.
-    """
-    vehicles = [situation.vehicles[i] for i in uavs]
-    hover = Plan(np.zeros((0, 2)))
-    plans = [situation.intents.get(v.id, hover).controls for v in vehicles]
-    return response_from(vehicles, [plan[0] if len(plan) else np.zeros(2) for plan in plans], situation.step)
-
-
-def response_from(vehicles: Sequence[Vehicle], commands: Sequence[Array], step: float) -> Response:
-    """Response over steps [s] of UAVs that fly at these commands (2,) m/s, or as fast as they can."""
-    found = Response.at_once(len(vehicles))  # none faster than its limit: `Search` relies on how far UAVs get
-    for k, (vehicle, command) in enumerate(zip(vehicles, commands, strict=True)):
-        found.velocities[k] = command * min(1.0, vehicle.max_speed / max(hypot(command[0], command[1]), 1e-12))
+def response(vehicles: Sequence[Vehicle], step: float) -> Response:
+    """Response of UAVs over steps [s]; one that flies faster than its limit is taken to fly at it."""
+    found = Response.at_once(len(vehicles))
+    for k, vehicle in enumerate(vehicles):
+        east, north = vehicle.velocity
+        # `Search` relies on how far UAVs get, and gusts and turns bring a quadrotor a little above its limit.
+        found.velocities[k] = vehicle.velocity * min(1.0, vehicle.max_speed / max(hypot(east, north), 1e-12))
         if vehicle.lag > 0.0:
             steps = step / vehicle.lag
             left = exp(-steps)
-            found.lacks[k], found.lefts[k] = (1.0 - left) / steps, left
+            found.lacking[k], found.remaining[k] = (1.0 - left) / steps, left
     return found
+
+
+def flown(vehicle: Vehicle, command: Array, step: float) -> Vehicle:
+    """The UAV after a step [s] under a command (2,) m/s."""
+    about = response([vehicle], step)
+    mean = mean_velocities(about, command[None, None, None])[0, 0, 0]
+    velocity = command + about.remaining[0] * (about.velocities[0] - command)
+    return replace(vehicle, position=vehicle.position + np.append(step * mean, 0.0), velocity=velocity)
 
 
 @compiled
@@ -69,4 +68,4 @@ def mean_velocities(response: Response, plans: Array) -> Array:
 @inlined
 def followed(response: Response, j: int, v: float, u: float) -> tuple[float, float]:
     """Mean and last velocity of a step that UAV j begins at velocity v, under the command u, along one axis [m/s]."""
-    return u + response.lacks[j] * (v - u), u + response.lefts[j] * (v - u)
+    return u + response.lacking[j] * (v - u), u + response.remaining[j] * (v - u)

@@ -25,10 +25,10 @@ class Observations:
 
     The nearest come first, each list is padded with zeros, and a mask of ones and zeros `*_mask` says which rows count:
 
-    - `own` (6,): x, y, z [m], velocity of its last plan east and north [m/s], edge of its field of view [m];
+    - `own` (6,): x, y, z [m], velocity east and north [m/s], edge of its field of view [m];
     - `tracks` (T, 9): offset [m] and velocity [m/s] east and north, covariance xx, xy and yy of the position [m²],
       probability of existence, time since the last sure detection that it knows of, at most since the start [s];
-    - `neighbours` (N, 6): offset east, north and up [m], velocity of the last plan known of it [m/s], edge [m]; not
+    - `neighbours` (N, 6): offset east, north and up [m], velocity [m/s], edge [m]; not
       there for a fleet of one;
     - `trees` (K, 3): offset east and north, radius of the canopy [m];
     - `unseen` (rows, columns): expected number of undetected people in each cell of the area, from south to north.
@@ -41,10 +41,8 @@ class Observations:
     def of(self, situation: Situation) -> Observed:
         """Observation of one UAV, as 32-bit floats and masks of 8-bit integers."""
         here = situation.own.position
-        found: Observed = {
-            "own": _float32([*here, *_velocity(situation, situation.own), _edge(situation, situation.own)])
-        }
-        others = [[*(v.position - here), *_velocity(situation, v), _edge(situation, v)] for v in situation.neighbours]
+        found: Observed = {"own": _float32([*here, *situation.own.velocity, _edge(situation, situation.own)])}
+        others = [[*(v.position - here), *v.velocity, _edge(situation, v)] for v in situation.neighbours]
         canopies = situation.forest.cylinders[len(situation.forest.trees) :, :3]
         parts = {
             "tracks": (_tracks(situation), self.tracks),
@@ -77,12 +75,6 @@ def _padded(rows: Array, most: int) -> tuple[NDArray[np.float32], NDArray[np.int
     table[: len(nearest)] = rows[nearest]
     mask[: len(nearest)] = 1
     return table, mask
-
-
-def _velocity(situation: Situation, vehicle: Vehicle) -> Array:
-    """First control (2,) m/s of the last plan known of a vehicle; zero without one."""
-    plan = situation.intents.get(vehicle.id)
-    return np.zeros(2) if plan is None or not len(plan.controls) else np.asarray(plan.controls[0])
 
 
 def _edge(situation: Situation, vehicle: Vehicle) -> float:

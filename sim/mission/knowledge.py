@@ -16,7 +16,7 @@ from tracking.fusion.consensus import fuse
 from tracking.fusion.member import tracker
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest
-from tracking.numerics.arrays import Indices
+from tracking.numerics.arrays import Array, Indices
 from tracking.track import Track
 from tracking.undetected import UndetectedIntensity
 
@@ -71,10 +71,15 @@ class Knowledge:
             sent[working] = fuse(members, links.up[np.ix_(working, working)], self._scenario.network.rounds, lost)
         return sent
 
-    def situations(self, k: int, bodies: Sequence[Pose], links: Links, working: Sequence[int]) -> list[Situation]:
-        """One situation per working UAV at a decision at scan k: itself, its own tracks, and the others."""
+    def situations(
+        self, k: int, bodies: Sequence[tuple[Pose, Array]], links: Links, working: Sequence[int]
+    ) -> list[Situation]:
+        """One situation per working UAV at a decision at scan k: itself, its own tracks, and the others.
+
+        bodies: the pose and the velocity (2,) m/s of each UAV.
+        """
         time = k / self._scenario.rates.sensing
-        fleet = [vehicle_of(i, body, self._scenario) for i, body in enumerate(bodies)]
+        fleet = [vehicle_of(i, body, velocity, self._scenario) for i, (body, velocity) in enumerate(bodies)]
         self.plans.begin(fleet, links, working, 1 / self._scenario.rates.planning)
         for i in working:
             known = [v for v in fleet if v.id == i or (links.contact[i, v.id] and v.id in working)]

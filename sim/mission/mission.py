@@ -237,9 +237,8 @@ class Mission:
 
     def _links(self, time: float, bodies: list[Pose]) -> Links:
         """Links between UAVs with bodies at these poses, and the messages that get lost."""
-        network = self.scenario.network
-        up = open_links(network, time, np.array([body.position for body in bodies]))
-        return Links(up, lost_messages(network, len(bodies), self._radio))
+        network, places = self.scenario.network, np.array([body.position for body in bodies])
+        return Links(open_links(network, time, places), lost_messages(network, len(bodies), self._radio))
 
     def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
         """OSPA and its parts (n, 3) m of each UAV's tracks against people (P, 2) m; NaN for UAVs that broke down."""
@@ -279,7 +278,8 @@ class Mission:
         """One situation per working UAV at a decision: itself, its own tracks, and its knowledge of the others."""
         if self._team is None:
             sensed = self._sense()
-            about = self._k, sensed.snapshot.poses, sensed.links, self._working
+            bodies = list(zip(sensed.snapshot.poses, self._world.velocities()[:, :2], strict=True))
+            about = self._k, bodies, sensed.links, self._working
             self._team = self._knowledge.situations(*about) if self._decides() else []
             if self._reset and self._team:  # here, as the planner may be asked from outside, too
                 reset(self.planner, int(stream(self.seed, "memory", repeat=self.repeat).integers(2**63)))

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planning.planner import Exchange, Plan, Situation, Vehicle
+from planning.prediction.response import flown
 from sim.scenario.fleet import Link, Network
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.distances import length
@@ -67,9 +68,9 @@ class _Known:
     plan: Plan  # as made at the last instant of planning
 
     def later(self, step: float) -> "_Known":
-        """The same `step` s later, if it has flown as planned."""
-        moved = np.append(step * self.plan.controls[:1].sum(axis=0), 0.0)
-        return _Known(replace(self.vehicle, position=self.vehicle.position + moved), self.plan)
+        """The same `step` s later, if it has flown as planned; without a plan it brakes."""
+        command = self.plan.controls[0] if len(self.plan.controls) else np.zeros(2)
+        return _Known(flown(self.vehicle, command, step), self.plan)
 
 
 class PlanExchange:

@@ -31,12 +31,13 @@ def noise_of(uav: Uav, scenario: Scenario) -> NoiseModel:
     return NoiseModel.camera(camera_of(uav), uav.altitude)
 
 
-def vehicle_of(i: int, body: Pose, scenario: Scenario) -> Vehicle:
-    """UAV i with its body at a pose, as planners know it: all of it is a copy of their own."""
+def vehicle_of(i: int, body: Pose, velocity: Array, scenario: Scenario) -> Vehicle:
+    """UAV i with its body at a pose and a velocity (2,) m/s, as planners know it: all of it is a copy of their own."""
     uav = scenario.uavs[i]
     camera, noise = view_of(uav, scenario), noise_of(uav, scenario)
     lag = COMMAND_LAG if scenario.dynamics == "quadrotor" else 0.0
-    return Vehicle(i, body.position.copy(), camera, noise, uav.max_speed, _planned_attitude(uav, body), lag)
+    attitude = _planned_attitude(uav, body)
+    return Vehicle(i, body.position.copy(), camera, noise, uav.max_speed, attitude, np.array(velocity), lag)
 
 
 def camera_pose(uav: Uav, body: Pose) -> Pose:

@@ -130,6 +130,8 @@ class World:
 
     def velocities(self) -> Array:
         """Velocities of the UAVs (n, 3) m/s."""
+        if not self._made:
+            return np.pad(self._commands, ((0, 0), (0, 1)))
         return np.array([self.engine.getBaseVelocity(b.id)[0] for b in self._bodies.uavs])
 
     def advance(self, commands: Array, winds: Sequence[Array | None]) -> None:

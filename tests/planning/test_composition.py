@@ -31,10 +31,12 @@ class Asking:
 
 @pytest.mark.parametrize("actions", ["all", "first"])
 def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team, actions):
-    """UAVs 0, 3 and 4, each with a lag of its own and a last command."""
+    """UAVs 0, 3 and 4, each with a lag and a velocity of its own."""
     ids, rng = {0: 0, 1: 3, 2: 4}, np.random.default_rng(2)
+    velocities = rng.uniform(-2.5, 2.5, (3, 2))
     team = refitted(
-        random_team(4, spread=12.0), lambda v: dataclasses.replace(v, id=ids[v.id], lag=0.3 + 0.3 * v.id, max_speed=4.0)
+        random_team(4, spread=12.0),
+        lambda v: dataclasses.replace(v, id=ids[v.id], lag=0.3 + 0.3 * v.id, max_speed=4.0, velocity=velocities[v.id]),
     )
     intents = {i: Plan(rng.uniform(-2.5, 2.5, (4, 2))) for i in ids.values()}
     team = [dataclasses.replace(s, intents=intents) for s in team]
@@ -46,7 +48,7 @@ def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team
     plans = COMMANDS
     if actions == "first":
         plans = base_policy_plans(situation, situation.own, COMMANDS[:, 0, :1], 3)[:, None]
-    others = mean_velocities(response(situation, range(3)), expected[None])[0]
-    flown = mean_velocities(response(situation, uavs), plans)
+    others = mean_velocities(response(situation.vehicles, situation.step), expected[None])[0]
+    flown = mean_velocities(response([situation.own], situation.step), plans)
     np.testing.assert_allclose(asking.values[0], costs(belief, others, uavs, flown, 0.5), rtol=1e-12)
     assert np.mean(np.abs(asking.values[0] - costs(belief, expected, uavs, plans, 0.5)) > 1e-6) > 0.5

@@ -11,8 +11,9 @@ from helpers.teams import knowing, planned
 from planning.composition import Composition
 from planning.coordination.schemes import Centralised
 from planning.optimizers.grid_search import GridSearch
-from planning.prediction.intent import base_control, expected_plans
+from planning.prediction.intent import base_control, base_policy_plans, expected_plans
 from planning.prediction.propagation import MonteCarlo
+from planning.prediction.response import flown
 from tracking.filter.kalman import Gaussian
 
 
@@ -26,11 +27,26 @@ def rolled_out(situation, uav, first, horizon):
     """A first control and what the base policy makes of the steps after it, one by one."""
     vehicle, controls = situation.vehicles[uav], [np.asarray(first)]
     for k in range(1, horizon):
-        position = vehicle.position + np.r_[np.sum(controls, axis=0), 0.0]
+        vehicle = flown(vehicle, controls[-1], 1.0)
         tracks = tuple(moved(track, float(k)) for track in situation.tracks)
-        then = dataclasses.replace(situation, own=dataclasses.replace(vehicle, position=position), tracks=tracks)
+        then = dataclasses.replace(situation, own=vehicle, tracks=tracks)
         controls.append(base_control(then))
     return np.array(controls)
+
+
+def test_the_base_policy_aims_from_where_a_lag_has_brought_the_uav(random_team):
+    velocity, rng, apart = np.array([3.0, -2.0]), np.random.default_rng(0), 0
+    for seed in range(6):
+        (situation, *_) = random_team(seed, spread=15.0)
+        lagging = dataclasses.replace(situation.own, velocity=velocity, lag=0.65)
+        situation = dataclasses.replace(situation, own=lagging)
+        first = rng.uniform(-3.0, 3.0, (2, 1, 2))
+        plans = base_policy_plans(situation, lagging, first, 5)
+        expected = [rolled_out(situation, 0, controls[0], 5) for controls in first]
+        np.testing.assert_allclose(plans, expected, atol=1e-9)
+        at_once = base_policy_plans(situation, dataclasses.replace(lagging, lag=0.0), first, 5)
+        apart += np.abs(plans - at_once).max() > 0.1
+    assert apart > 3
 
 
 @pytest.mark.parametrize("horizon", [1, 2, 5])

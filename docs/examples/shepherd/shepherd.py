@@ -13,6 +13,7 @@ from planning.optimizers.optimizer import pursuits
 from planning.planner import Plan, Situation
 from planning.prediction.field_of_view import aim_point
 from planning.prediction.propagation import nominal_positions
+from planning.prediction.response import mean_velocities, response
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.numerics.matrices import applied
@@ -47,23 +48,25 @@ class Herding(Composition):
 
     def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
         """Plans (k, H, 2) m/s of the UAVs in rows `uavs` while the others fly `controls` (n, H, 2) m/s."""
-        vehicles, rows = situation.vehicles, list(uavs)
+        vehicles, rows, step = situation.vehicles, list(uavs), situation.step
         nominal = nominal_positions(situation, self.horizon)  # (H, T, 2) m
         traces = np.array([t.belief.covariance[0, 0] + t.belief.covariance[1, 1] for t in situation.tracks])
         seen_from = np.array([v.position[:2] + aim_point(v) for v in vehicles])
-        belief = self.propagation.predict(situation, self.horizon, rng)
+        belief, follows = self.propagation.predict(situation, self.horizon, rng), response(vehicles, step)
 
         def objective(candidates: Array) -> Array:  # (N, k, H, 2) m/s -> (N,) m²
-            flown = np.repeat(controls[None], len(candidates), axis=0)
-            flown[:, rows] = candidates
-            ends = seen_from + situation.step * flown.sum(axis=2)  # (N, n, 2) m
+            joint = np.repeat(controls[None], len(candidates), axis=0)
+            joint[:, rows] = candidates
+            flown = mean_velocities(follows, joint)  # quadrotors take time to follow a command
+            ends = seen_from + step * flown.sum(axis=2)  # (N, n, 2) m
             gaps = length(ends[:, :, None] - nominal[-1]).min(axis=1)  # (N, T) m
-            return np.asarray(costs(belief, controls, rows, candidates, beta=0.0) + applied(gaps, traces) / self.far)
+            over_horizon = costs(belief, flown[0], rows, flown[:, rows], beta=0.0)
+            return np.asarray(over_horizon + applied(gaps, traces) / self.far)
 
         intents = controls[rows][None]  # (1, k, H, 2)
         starts = [intents]
         for j, i in enumerate(rows):
-            for chase in pursuits(nominal, vehicles[i], situation.step):
+            for chase in pursuits(nominal, vehicles[i], step):
                 start = intents.copy()
                 start[0, j] = chase
                 starts.append(start)

@@ -6,15 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planning.prediction.response import mean_velocities, response_from
+from planning.prediction.response import mean_velocities, response
 from sim.evaluation.score import velocities
 from sim.mission.snapshot import Ints
 from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.history import History
+from sim.replay.recorded_fleet import vehicles_at
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import vehicle_of, view_of
+from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
@@ -75,12 +76,10 @@ def _flight(recording: Recording, scenario: Scenario, plan: int, uav: int) -> tu
     step, begun = 1 / scenario.rates.planning, recording.plan_times[plan] + scenario.network.plan_delay
     controls = recording.plans[plan, uav]
     controls = controls[~np.isnan(controls[:, 0])]
-    body = recording.snapshot(int(np.argmin(np.abs(recording.times - begun)))).poses[uav]
-    vehicle = vehicle_of(uav, body, scenario)
-    before = np.nan_to_num(recording.plans[plan - 1, uav, 0]) if plan else np.zeros(2)
-    flown = mean_velocities(response_from([vehicle], [before], step), controls[None, None])[0, 0]
-    corners = body.position[:2] + np.vstack([np.zeros(2), step * np.cumsum(flown, axis=0)])
-    camera = Pose(body.position, vehicle.attitude)
+    vehicle = vehicles_at(recording, scenario, int(np.argmin(np.abs(recording.times - begun))))[uav]
+    flown = mean_velocities(response([vehicle], step), controls[None, None])[0, 0]
+    corners = vehicle.position[:2] + np.vstack([np.zeros(2), step * np.cumsum(flown, axis=0)])
+    camera = Pose(vehicle.position, vehicle.attitude)
     return begun + step * np.arange(len(corners)), corners, camera
 
 

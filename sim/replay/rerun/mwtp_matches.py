@@ -6,10 +6,11 @@ from planning.objective.mwtp import Match
 from planning.objective.nbo import terminal_matches
 from planning.planner import Situation
 from planning.prediction.propagation import Nominal
+from planning.prediction.response import mean_velocities, response
 from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
+from sim.replay.recorded_fleet import vehicles_at
 from sim.scenario.scenario import Scenario
-from sim.sensing.cameras import vehicle_of
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
@@ -19,19 +20,19 @@ def matches_at(recording: Recording, scenario: Scenario, k: int, believer: int) 
 
     They are by ids of UAVs and tracks, each with where the track is then expected (2,) m. They are what the MWTP would
     make of these plans, [Li22] Algorithm 2, whether or not the planner had it as a cost-to-go.
-    Note: UAVs are taken to obey commands at once here, [Li22] eq. (5).
     """
     plans, situation = recording.plans_at(k), situation_at(recording, scenario, k, believer)
     if plans is None or not situation.tracks:
         return ()
-    flown = [plans[v.id].controls for v in situation.vehicles]
-    horizon = max(map(len, flown))
+    planned = [plans[v.id].controls for v in situation.vehicles]
+    horizon = max(map(len, planned))
     if not horizon:
         return ()
-    controls = np.array([np.pad(plan, ((0, horizon - len(plan)), (0, 0))) for plan in flown])  # others hover then
+    controls = np.array([np.pad(plan, ((0, horizon - len(plan)), (0, 0))) for plan in planned])  # others hover then
     view = Nominal().predict(situation, horizon, np.random.default_rng(0))  # draws nothing
     view = view._replace(weights=np.array([t.existence for t in situation.tracks]))
-    targets, found = terminal_matches(view, controls)
+    flown = mean_velocities(response(situation.vehicles, situation.step), controls[None])[0]
+    targets, found = terminal_matches(view, flown)
     ids = [v.id for v in situation.vehicles], [t.id for t in situation.tracks]
     return tuple((m._replace(uav=ids[0][m.uav], target=ids[1][m.target]), targets[m.target, :2]) for m in found)
 
@@ -41,8 +42,7 @@ def situation_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> 
 
     Note: the team is the true one; links that were down then, and earlier intents, are left out.
     """
-    bodies = recording.snapshot(k).poses
-    fleet = [vehicle_of(i, bodies[i], scenario) for i in np.flatnonzero(recording.working[k]).tolist()]
+    fleet = [v for v in vehicles_at(recording, scenario, k) if recording.working[k, v.id]]
     return Situation(
         time=float(recording.times[k]),
         own=next(v for v in fleet if v.id == uav),

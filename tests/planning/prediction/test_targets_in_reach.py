@@ -63,7 +63,7 @@ def test_a_mutation_brings_its_target_into_view_or_keeps_the_paths_end(response)
     aimed = np.isin(np.arange(800) % 8, (2, 6))
     in_view = np.max(np.abs(flown[:, 1] - [12.0, 3.0]), axis=1) <= 5.0
     same_end = np.linalg.norm(after[:, -1] - before, axis=1) < 1e-9
-    if not response.lacks.any():  # else full speed does not always bring it into view in time
+    if not response.lacking.any():  # else full speed does not always bring it into view in time
         assert np.all((in_view | same_end)[aimed])
     assert 70 < np.sum(in_view & aimed) < 200 and np.sum(in_view & ~aimed) < 100
 

@@ -52,7 +52,7 @@ def test_where_undetected_people_are_not_estimated_none_are_expected(random_team
     assert "neighbours" not in Observations(0).of(situation)
 
 
-def test_own_state_and_neighbours_come_with_what_they_intended(teams):
+def test_own_state_and_neighbours_come_with_their_velocities(teams):
     for k, team in enumerate(teams):
         for situation, edge in zip(team, (20.0, 25.0, 22.0), strict=True):
             found, own = Observations(2).of(situation), situation.own

@@ -21,7 +21,7 @@ from sim.scenario.fleet import Network
 from sim.scenario.loading import load
 from sim.scenario.random_streams import stream
 
-FIVE_STEPS = 8 * (5 + 2 * 5)  # bytes: sender, time, x, y, z, and five controls
+FIVE_STEPS = 8 * (7 + 2 * 5)  # bytes: sender, time, x, y, z, velocity and five controls
 
 
 class Drawn:
@@ -184,7 +184,7 @@ def test_without_messages_a_uav_remembers_what_it_planned_for_the_others():
     ("planner", "sent", "rounds"),
     [
         ("sma-nbo-mwtp", [FIVE_STEPS] * 3, 1),
-        ("sma-nbo(sweeps=2, horizon=3)", [2 * 8 * (5 + 2 * 3)] * 3, 2),
+        ("sma-nbo(sweeps=2, horizon=3)", [2 * 8 * (7 + 2 * 3)] * 3, 2),
         ("pma-nbo", [FIVE_STEPS] * 3, 1),
         ("mcr(samples=3)", [FIVE_STEPS] * 3, 1),
         ("dec-pomdp(evaluations=64)", [0, 0, 0], 0),
@@ -208,13 +208,13 @@ def test_bytes_and_rounds_of_plans_are_those_counted_by_hand(planner, sent, roun
 
 def test_without_an_exchange_attribute_each_plan_is_sent_once():
     _, snapshots = fly_ideal("network.links=[[0, 1]]", "network.loss=1", planner=Drawn(steps=2), duration=1)
-    assert snapshots[0].plan_bytes.tolist() == [72, 72, 0]  # lost ones count; the last has no neighbour
+    assert snapshots[0].plan_bytes.tolist() == [88, 88, 0]  # lost ones count; the last has no neighbour
     _, snapshots = fly_ideal(planner=Drawn(steps=2, exchange="of glances"), duration=1)
-    assert snapshots[0].plan_bytes.tolist() == [8 * 9] * 3 and snapshots[0].plan_rounds == 1
+    assert snapshots[0].plan_bytes.tolist() == [8 * 11] * 3 and snapshots[0].plan_rounds == 1
     planner = Drawn(steps=2, exchange=Exchange(3))
     _, snapshots = fly_ideal("network.links=[[0, 1], [1, 2]]", "uavs.0.fails_at=0.5", planner=planner, duration=1)
-    assert snapshots[0].plan_bytes.tolist() == [3 * 72] * 3
-    assert snapshots[-1].plan_bytes.tolist() == [0, 3 * 72, 3 * 72] and snapshots[-1].plan_rounds == 3
+    assert snapshots[0].plan_bytes.tolist() == [3 * 88] * 3
+    assert snapshots[-1].plan_bytes.tolist() == [0, 3 * 88, 3 * 88] and snapshots[-1].plan_rounds == 3
     assert [s.reception for s in planner.teams[0]] == [((1,),) * 3, ((0, 2),) * 3, ((1,),) * 3]
 
 
@@ -229,10 +229,10 @@ def test_a_run_says_what_plans_took_to_send(tmp_path):
     summary = run(Trial(setting, "sma-nbo-mwtp(evaluations=64)", 0), tmp_path / "out", video=False)
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["network"] == summary["network"]
     assert summary["network"]["plans"] == {
-        "bytes_total": 5 * FIVE_STEPS, "bytes_per_decision_mean": 120.0, "bytes_per_decision_max": 120, "rounds": 1,
+        "bytes_total": 5 * FIVE_STEPS, "bytes_per_decision_mean": 136.0, "bytes_per_decision_max": 136, "rounds": 1,
     }  # fmt: skip
     (line,) = [line for line in shown(summary).splitlines() if "plans of a UAV per decision" in line]
-    assert "120 B, 1 round " in line
+    assert "136 B, 1 round " in line
 
 
 @pytest.mark.parametrize("others", [{1: "north"}, {1: np.zeros(3)}, {1: [[np.inf, 0.0]]}, [1]])
@@ -253,7 +253,7 @@ def test_the_messages_of_a_centralised_planner_are_never_lost(random_team):
     intents = PlanExchange(Network(loss=1.0), Exchange(centre=True), np.random.default_rng(0))
     intents.begin(fleet, Links(none, none[None]), [0, 2], 1.0)
     sent = intents.end({0: Plan(np.ones((4, 2))), 2: Plan(np.ones((3, 2)))})
-    assert sent.tolist() == [8 * (5 + 6), 0, 0] and intents.own[2].controls.shape == (3, 2)
+    assert sent.tolist() == [8 * (7 + 6), 0, 0] and intents.own[2].controls.shape == (3, 2)
 
 
 @pytest.mark.parametrize("delay", [0.2, 1.0, 2.4])

@@ -19,8 +19,8 @@ from sim.study.trial import fly
 
 # Of the short mission and of images, on any machine: what `python tests/helpers/reproducibility.py --short` prints.
 EXPECTED = [
-    "463cc22045a1193a1b11afefe3b94cf63a8c747fda1835a2490c73278dc48878",
-    "c12c47809451281788382cf54136d2171032ad584eb17857782bf793c0f398c9",
+    "28a141a4963292f618a0be77d7455a6fa69249703ebe18ee6a3f40197d9d364c",
+    "e81a19bd5c1e2888362b3f0b133131ce295c18691c56b550ca28283890b29039",
 ]
 # At once, as each alone flies the mission again.
 EVERYTHING = {

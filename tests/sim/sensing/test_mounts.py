@@ -36,7 +36,7 @@ def body(*angles):
 
 
 def planned_attitude(carrier, pose):
-    return vehicle_of(0, pose, Scenario(uavs=(carrier,))).attitude
+    return vehicle_of(0, pose, np.zeros(2), Scenario(uavs=(carrier,))).attitude
 
 
 @pytest.mark.parametrize("tilt", [0.0, 10.0, 59.0])
