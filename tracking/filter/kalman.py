@@ -67,7 +67,7 @@ class NearlyConstantVelocity:
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
-        return _predicted(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.transition, self.Q)
+        return predicted(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.transition, self.Q)
 
     def positions_ahead(self, means: Array, covariances: Array, steps: int) -> Array:
         """Positions (H, T, 2) m of the means (T, 4) of beliefs after 1 to H steps."""
@@ -101,7 +101,7 @@ def update(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
 
 
 @compiled
-def _predicted(means: Array, covariances: Array, transition: tuple[float, float], Q: Array) -> tuple[Array, Array]:
+def predicted(means: Array, covariances: Array, transition: tuple[float, float], Q: Array) -> tuple[Array, Array]:
     """F ξ (T, 4) and the symmetric F P Fᵀ + Q (T, 4, 4), with F = [[I, w I], [0, l I]] by `transition` (w, l)."""
     moved, spread, half = np.empty_like(means), np.empty_like(covariances), np.empty((4, 4))
     way, left = transition

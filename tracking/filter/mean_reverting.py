@@ -6,11 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
-from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.filter.kalman import NearlyConstantVelocity, predicted
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
 
+_Linear = tuple[tuple[float, float], Array]  # the last arguments of `predicted`, of one scan
+_Reverting = tuple[float, tuple[float, float], float]  # a scan [s], what `_reversion` gives for it, walking speed [m/s]
 _MEMORY = 3.0  # s, after which 1/e of a deviation from the walking speed is left
 
 
@@ -45,18 +47,14 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
         return np.asarray(self.predict_all(np.zeros((1, 4)), np.zeros((1, 4, 4)))[1][0])
 
     @cached_property
-    def _scan(self) -> "MeanRevertingVelocity":
-        return replace(self, dt=self.dt / self.scans, scans=1)
+    def _scan(self) -> tuple[_Linear, _Reverting]:
+        """The last arguments of `_after_scans`."""
+        scan = replace(self, dt=self.dt / self.scans, scans=1)
+        return (scan.transition, scan.Q), (scan.dt, _reversion(scan.dt, _MEMORY), self.walking_speed)
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
-        if self.scans > 1:
-            for _ in range(self.scans):
-                means, covariances = self._scan.predict_all(means, covariances)
-            return means, covariances
-        moved, spread = super().predict_all(means, covariances)
-        _move(moved, (means, covariances), self.dt, _reversion(self.dt, _MEMORY), self.walking_speed)
-        return moved, spread
+        return _after_scans(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.scans, *self._scan)
 
     def positions_ahead(self, means: Array, covariances: Array, steps: int) -> Array:
         """As `NearlyConstantVelocity.positions_ahead`."""
@@ -79,11 +77,21 @@ def _reversion(dt: float, memory: float) -> tuple[float, float]:
 
 
 @compiled
-def _move(
-    moved: Array, beliefs: tuple[Array, Array], dt: float, reversion: tuple[float, float], walking_speed: float
-) -> None:
+def _after_scans(
+    means: Array, covariances: Array, scans: int, linear: _Linear, reverting: _Reverting
+) -> tuple[Array, Array]:
+    """Means (T, 4) and covariances (T, 4, 4) of beliefs so many scans later."""
+    for _ in range(scans):
+        moved, spread = predicted(means, covariances, linear[0], linear[1])
+        _move(moved, means, covariances, reverting)
+        means, covariances = moved, spread
+    return means, covariances
+
+
+@compiled
+def _move(moved: Array, means: Array, covariances: Array, reverting: _Reverting) -> None:
     """Set the means `moved` (T, 4) of beliefs, means (T, 4) and covariances (T, 4, 4), to those a scan later."""
-    (means, covariances), (way, left) = beliefs, reversion
+    dt, (way, left), walking_speed = reverting
     for t in range(len(means)):
         x, y = means[t, 2], means[t, 3]
         square = x * x + y * y + covariances[t, 2, 2] + covariances[t, 3, 3]
