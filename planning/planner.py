@@ -29,7 +29,7 @@ class Vehicle:
     max_speed: float  # m/s, of commands
     # Quaternion of the camera, xyzw, as it stays in level flight; by default it looks down, north at the image's top.
     attitude: Array = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
-    velocity: Array = field(default_factory=lambda: np.zeros(2))  # m/s, east and north
+    velocity: Array = field(default_factory=lambda: np.zeros(2))  # m/s, east and north, as measured
     lag: float = 0.0  # s: time constant with which its velocity follows a command; 0: at once, [Li22] eq. (5)
 
 
@@ -103,7 +103,7 @@ class Planner(Protocol):
     between calls, unless it declares that: `stateful = True`, and a method `reset(seed)` that forgets all. A mission
     calls that once, before the first decision; after it the same calls give the same plans.
     A UAV that broke down has no situation and is not a neighbour, so ids may differ from places in `team`.
-    A neighbour out of contact is where its last known plan would have brought it, until that plan ends.
+    A neighbour out of contact is where its last known plan would have brought it, as fast as then, until the plan ends.
 
     Optional attributes: `exchange`, the exchange of plans at a decision, if not `Exchange()`. `decentralised = True`
     claims that the plan of UAV i depends only on `team[i]` and on plans of UAVs j with `team[i].receives(j)`;

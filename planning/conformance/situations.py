@@ -70,7 +70,7 @@ def ordinary_team(seed: int = 0, targets: int = 4) -> list[Situation]:
     rng, places = np.random.default_rng([seed, 1]), np.random.default_rng([seed, 2])
     team = random_team(seed, targets=targets)
     fleet = {
-        s.own.id: replace(s.own, max_speed=5.0 - s.own.id, velocity=np.array([1.0 + s.own.id, 0.5]), lag=0.65)
+        s.own.id: replace(s.own, max_speed=5.0 - s.own.id, velocity=np.array([1.0 + 0.5 * s.own.id, 0.5]), lag=0.65)
         for s in team
     }
     intents = {i: Plan(rng.uniform(-2.0, 2.0, (5, 2))) for i in (0, 1)}

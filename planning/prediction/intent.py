@@ -21,8 +21,8 @@ def base_control(situation: Situation) -> Array:
     """Base policy: fly at full speed towards the track of largest covariance trace within 40 m; (2,) m/s.
 
     The tracks are taken at their nominal positions one step later, when the UAV can be there, with the covariances they
-    have now. The middle of the image is steered towards the track. It arrives without overshooting, and hovers if no
-    track is near.
+    have now. The middle of the image is steered towards the track. Without a lag it arrives without overshooting. If no
+    track is near, the UAV hovers.
     """
     return np.asarray(base_policy_plans(situation, situation.own, np.empty((1, 0, 2)), 1)[0, 0])
 
@@ -58,23 +58,25 @@ def base_policy_plans(situation: Situation, vehicle: Vehicle, firsts: Array, hor
 def _extend(
     plans: Array, begun: int, flight: tuple[Array, Response], targets: tuple[Array, Array], limits: tuple[float, float]
 ) -> None:
-    """Extend plans (N, H, 2) m/s from a step on by `base_control`.
+    """Extend plans (N, H, 2) m/s, of which `begun` steps are given, by `base_control`.
 
-    flight: position (2,) m of a UAV and where it aims from there (2,) m, and its response; targets: places (H, T, 2) m
-    and traces (T,) m²; limits: the step [s] and the greatest speed [m/s].
+    flight: position (2,) m of a UAV and the middle of its image from there (2,) m, and its response; targets: places
+    (H, T, 2) m and traces (T,) m²; limits: the step [s] and the greatest speed [m/s].
     """
     (aimed, follows), (places, traces), (step, max_speed) = flight, targets, limits
     for n in range(len(plans)):
         vx, vy = follows.velocities[0]
-        x = y = way_x = way_y = 0.0
-        for h in range(plans.shape[1]):
-            if h <= begun:
-                x, y = aimed[0, 0] + step * way_x + aimed[1, 0], aimed[0, 1] + step * way_y + aimed[1, 1]
-            if h >= begun:
-                plans[n, h, 0], plans[n, h, 1] = _towards(x, y, places[h], traces, step, max_speed)
+        way_x = way_y = 0.0
+        for h in range(begun):
             mean_x, vx = followed(follows, 0, vx, plans[n, h, 0])
             mean_y, vy = followed(follows, 0, vy, plans[n, h, 1])
-            way_x, way_y, x, y = way_x + mean_x, way_y + mean_y, x + step * mean_x, y + step * mean_y
+            way_x, way_y = way_x + mean_x, way_y + mean_y
+        x, y = aimed[0, 0] + step * way_x + aimed[1, 0], aimed[0, 1] + step * way_y + aimed[1, 1]
+        for h in range(begun, plans.shape[1]):
+            plans[n, h, 0], plans[n, h, 1] = _towards(x, y, places[h], traces, step, max_speed)
+            mean_x, vx = followed(follows, 0, vx, plans[n, h, 0])
+            mean_y, vy = followed(follows, 0, vy, plans[n, h, 1])
+            x, y = x + step * mean_x, y + step * mean_y
 
 
 @inlined

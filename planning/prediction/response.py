@@ -40,12 +40,13 @@ def response(vehicles: Sequence[Vehicle], step: float) -> Response:
     return found
 
 
-def flown(vehicle: Vehicle, command: Array, step: float) -> Vehicle:
+def vehicle_after(vehicle: Vehicle, command: Array, step: float) -> Vehicle:
     """The UAV after a step [s] under a command (2,) m/s."""
-    about = response([vehicle], step)
-    mean = mean_velocities(about, command[None, None, None])[0, 0, 0]
-    velocity = command + about.remaining[0] * (about.velocities[0] - command)
-    return replace(vehicle, position=vehicle.position + np.append(step * mean, 0.0), velocity=velocity)
+    found, position, velocity = response([vehicle], step), vehicle.position.copy(), np.empty(2)
+    for axis in range(2):
+        mean, velocity[axis] = followed(found, 0, found.velocities[0, axis], command[axis])
+        position[axis] += step * mean
+    return replace(vehicle, position=position, velocity=velocity)
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""Knowledge of each UAV: its tracks, where undetected people may be, and positions and plans of the others."""
+"""Knowledge of each UAV: its tracks, where undetected people may be, and what others have told of themselves."""
 
 from collections.abc import Sequence
 from copy import deepcopy

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planning.planner import Exchange, Plan, Situation, Vehicle
-from planning.prediction.response import flown
+from planning.prediction.response import vehicle_after
 from sim.scenario.fleet import Link, Network
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.distances import length
@@ -68,17 +68,16 @@ class _Known:
     plan: Plan  # as made at the last instant of planning
 
     def later(self, step: float) -> "_Known":
-        """The same `step` s later, if it has flown as planned; without a plan it brakes."""
-        command = self.plan.controls[0] if len(self.plan.controls) else np.zeros(2)
-        return _Known(flown(self.vehicle, command, step), self.plan)
+        """The same `step` s later, if it has flown as planned."""
+        return replace(self, vehicle=vehicle_after(self.vehicle, self.plan.controls[0], step))
 
 
 class PlanExchange:
-    """Last known position and plan of every UAV, for each other one; plans are shifted as time goes by.
+    """Last known position, velocity and plan of every UAV, for each other one; plans are shifted as time goes by.
 
     Plans are sent over the links at the time of the decision and are not forwarded; each message is lost with the
-    network's probability. Positions of UAVs in contact (`Links.contact`) are known; others are extrapolated along their
-    last known plan. A UAV out of contact beyond the end of that plan is forgotten.
+    network's probability. Positions and velocities of UAVs in contact (`Links.contact`) are known; those of others are
+    what their last known plan makes of them, with their lag. A UAV out of contact beyond its end is forgotten.
     """
 
     def __init__(self, network: Network, exchange: Exchange, rng: np.random.Generator) -> None:
@@ -95,8 +94,12 @@ class PlanExchange:
         both = works[:, None] & works
         self._fleet, self._up, self._contact = fleet, links.up & both, links.contact & both
         self.own = {i: plan for i, plan in self.own.items() if works[i]}
-        kept = {pair: known.later(step) for pair, known in self._known.items() if both[pair]}
-        self._known = {p: known for p, known in kept.items() if self._contact[p] or len(known.plan.controls) > 1}
+        kept = {pair: known for pair, known in self._known.items() if both[pair]}
+        self._known = {
+            p: known if self._contact[p] else known.later(step)
+            for p, known in kept.items()
+            if self._contact[p] or len(known.plan.controls) > 1
+        }
         for i, j in np.argwhere(self._contact).tolist():
             plan = self._known[i, j].plan if (i, j) in self._known else _NOTHING
             self._known[i, j] = _Known(fleet[j], plan)

@@ -160,12 +160,16 @@ class Recording:
         before = float(self.times[k - 1]) if k else -math.inf
         return tuple(fault for fault in read(self.faults) if before < fault.time <= float(self.times[k]))
 
+    def poses_at(self, k: int) -> list[Pose]:
+        """Poses of the UAVs' bodies at scan k."""
+        return [Pose(row[:3], row[3:]) for row in self.poses[k]]
+
     def snapshot(self, k: int) -> Snapshot:
         """Scan k as the recorder was given it."""
         uavs = range(self.poses.shape[1])
         return Snapshot(
             time=float(self.times[k]),
-            poses=[Pose(row[:3], row[3:]) for row in self.poses[k]],
+            poses=self.poses_at(k),
             cameras=[self.camera_at(k, i) for i in uavs],
             scans=[self.scan_at(k, i) for i in uavs],
             pixels=[self.pixels_at(k, i) for i in uavs],

@@ -13,7 +13,7 @@ from planning.coordination.schemes import Centralised
 from planning.optimizers.grid_search import GridSearch
 from planning.prediction.intent import base_control, base_policy_plans, expected_plans
 from planning.prediction.propagation import MonteCarlo
-from planning.prediction.response import flown
+from planning.prediction.response import vehicle_after
 from tracking.filter.kalman import Gaussian
 
 
@@ -23,28 +23,30 @@ def moved(track, seconds):
     return dataclasses.replace(track, belief=belief)
 
 
-def rolled_out(situation, uav, first, horizon):
-    """A first control and what the base policy makes of the steps after it, one by one."""
-    vehicle, controls = situation.vehicles[uav], [np.asarray(first)]
-    for k in range(1, horizon):
-        vehicle = flown(vehicle, controls[-1], 1.0)
+def rolled_out(situation, uav, firsts, horizon):
+    """First controls (h, 2) and what the base policy makes of the steps after them, one by one."""
+    vehicle, controls = situation.vehicles[uav], list(np.asarray(firsts))
+    for first in controls:
+        vehicle = vehicle_after(vehicle, first, 1.0)
+    for k in range(len(controls), horizon):
         tracks = tuple(moved(track, float(k)) for track in situation.tracks)
-        then = dataclasses.replace(situation, own=vehicle, tracks=tracks)
-        controls.append(base_control(then))
+        controls.append(base_control(dataclasses.replace(situation, own=vehicle, tracks=tracks)))
+        vehicle = vehicle_after(vehicle, controls[-1], 1.0)
     return np.array(controls)
 
 
-def test_the_base_policy_aims_from_where_a_lag_has_brought_the_uav(random_team):
+@pytest.mark.parametrize("given", [1, 3])
+def test_the_base_policy_aims_from_where_a_lag_has_brought_the_uav(random_team, given):
     velocity, rng, apart = np.array([3.0, -2.0]), np.random.default_rng(0), 0
     for seed in range(6):
         (situation, *_) = random_team(seed, spread=15.0)
         lagging = dataclasses.replace(situation.own, velocity=velocity, lag=0.65)
         situation = dataclasses.replace(situation, own=lagging)
-        first = rng.uniform(-3.0, 3.0, (2, 1, 2))
-        plans = base_policy_plans(situation, lagging, first, 5)
-        expected = [rolled_out(situation, 0, controls[0], 5) for controls in first]
+        firsts = rng.uniform(-3.0, 3.0, (2, given, 2))
+        plans = base_policy_plans(situation, lagging, firsts, 5)
+        expected = [rolled_out(situation, 0, controls, 5) for controls in firsts]
         np.testing.assert_allclose(plans, expected, atol=1e-9)
-        at_once = base_policy_plans(situation, dataclasses.replace(lagging, lag=0.0), first, 5)
+        at_once = base_policy_plans(situation, dataclasses.replace(lagging, lag=0.0), firsts, 5)
         apart += np.abs(plans - at_once).max() > 0.1
     assert apart > 3
 
@@ -60,11 +62,11 @@ def test_the_first_action_on_a_grid_is_the_best_by_brute_force(random_team, hori
         rng, joint = np.random.default_rng(seed), expected_plans(team[0], horizon)
         for uav, situation in enumerate(team):
             view = MonteCarlo(6).predict(situation, horizon, rng)
-            np.testing.assert_allclose(plans[uav], rolled_out(situation, uav, plans[uav, 0], horizon), atol=1e-9)
+            np.testing.assert_allclose(plans[uav], rolled_out(situation, uav, plans[uav, :1], horizon), atol=1e-9)
             costs = {}
             for first in [*map(tuple, grid.controls(5.0)), tuple(plans[uav, 0])]:
                 tried = joint.copy()
-                tried[uav] = rolled_out(situation, uav, first, horizon)
+                tried[uav] = rolled_out(situation, uav, [first], horizon)
                 costs[first] = team_cost(view, tried, 0.0, 6)
             assert costs[tuple(plans[uav, 0])] <= min(costs.values()) * (1 + 1e-12)
             joint[uav] = plans[uav]
@@ -78,7 +80,7 @@ def test_joint_first_actions_are_the_best_by_brute_force(random_team):
         plans = planned(pieces, team, seed)
         view = pieces.propagation.predict(team[0], 3, np.random.default_rng(0))
         tried = [
-            team_cost(view, np.array([rolled_out(team[0], i, u, 3) for i, u in enumerate(firsts)]), 0.5)
+            team_cost(view, np.array([rolled_out(team[0], i, [u], 3) for i, u in enumerate(firsts)]), 0.5)
             for firsts in itertools.product(grid.controls(5.0), repeat=2)
         ]
         assert team_cost(view, plans, 0.5) <= min(tried) * (1 + 1e-12)

@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
+from tracking.filter.linear_prediction import predict_linear
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
 from tracking.numerics.factorisation import inverse
 from tracking.numerics.matrices import applied, product
 
@@ -67,7 +67,7 @@ class NearlyConstantVelocity:
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
-        return predicted(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.transition, self.Q)
+        return predict_linear(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.transition, self.Q)
 
     def positions_ahead(self, means: Array, covariances: Array, steps: int) -> Array:
         """Positions (H, T, 2) m of the means (T, 4) of beliefs after 1 to H steps."""
@@ -98,25 +98,6 @@ def update(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
     return Gaussian(
         predicted.mean + applied(K, nu.mean), _congruent(left, predicted.covariance) + _congruent(K, np.asarray(R))
     )
-
-
-@compiled
-def predicted(means: Array, covariances: Array, transition: tuple[float, float], Q: Array) -> tuple[Array, Array]:
-    """F ξ (T, 4) and the symmetric F P Fᵀ + Q (T, 4, 4), with F = [[I, w I], [0, l I]] by `transition` (w, l)."""
-    moved, spread, half = np.empty_like(means), np.empty_like(covariances), np.empty((4, 4))
-    way, left = transition
-    for t in range(len(means)):
-        for i in range(2):
-            moved[t, i] = means[t, i] + way * means[t, 2 + i]
-            moved[t, 2 + i] = left * means[t, 2 + i]
-            for j in range(4):
-                half[i, j] = covariances[t, i, j] + way * covariances[t, 2 + i, j]
-                half[2 + i, j] = left * covariances[t, 2 + i, j]
-        for i in range(4):
-            for j in range(i, 4):
-                total = half[i, j] + way * half[i, j + 2] if j < 2 else left * half[i, j]
-                spread[t, i, j] = spread[t, j, i] = total + Q[i, j]
-    return moved, spread
 
 
 def _congruent(outer: Array, inner: Array) -> Array:

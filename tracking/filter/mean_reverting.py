@@ -6,12 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
-from tracking.filter.kalman import NearlyConstantVelocity, predicted
+from tracking.filter.kalman import NearlyConstantVelocity
+from tracking.filter.linear_prediction import predict_linear
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
 
-_Linear = tuple[tuple[float, float], Array]  # the last arguments of `predicted`, of one scan
+_Linear = tuple[tuple[float, float], Array]  # the last arguments of `predict_linear`, of one scan
 _Reverting = tuple[float, tuple[float, float], float]  # a scan [s], what `_reversion` gives for it, walking speed [m/s]
 _MEMORY = 3.0  # s, after which 1/e of a deviation from the walking speed is left
 
@@ -82,7 +83,7 @@ def _after_scans(
 ) -> tuple[Array, Array]:
     """Means (T, 4) and covariances (T, 4, 4) of beliefs so many scans later."""
     for _ in range(scans):
-        moved, spread = predicted(means, covariances, linear[0], linear[1])
+        moved, spread = predict_linear(means, covariances, linear[0], linear[1])
         _move(moved, means, covariances, reverting)
         means, covariances = moved, spread
     return means, covariances

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from planning.conformance.situations import random_team
-from planning.prediction.response import Response, flown, mean_velocities, response
+from planning.prediction.response import Response, mean_velocities, response, vehicle_after
 
 
 def lagging(lags, velocities):
@@ -46,10 +46,10 @@ def test_none_is_taken_to_be_faster_than_its_limit():
     np.testing.assert_allclose(response(fleet, 1.0).velocities, [[3.0, 4.0], [1.0, 2.0]])
 
 
-def test_a_uav_flown_on_is_where_the_mean_velocities_bring_it():
-    """Two steps in turn are the two steps of a plan."""
+def test_a_vehicle_a_step_later_has_moved_and_turned_as_the_differential_equation_says():
     (uav,) = lagging((0.65,), np.array([[1.0, -2.0]]))
-    commands = np.array([[-3.0, 2.0], [4.0, 0.0]])
-    means = mean_velocities(response([uav], 0.5), commands[None, None])[0, 0]
-    after = flown(flown(uav, commands[0], 0.5), commands[1], 0.5)
-    np.testing.assert_allclose(after.position, [*(uav.position[:2] + 0.5 * means.sum(axis=0)), uav.position[2]])
+    command, left = np.array([-3.0, 2.0]), np.exp(-0.5 / 0.65)
+    after = vehicle_after(uav, command, 0.5)
+    np.testing.assert_allclose(after.velocity, command + left * (uav.velocity - command))
+    way = 0.5 * command + 0.65 * (1.0 - left) * (uav.velocity - command)
+    np.testing.assert_allclose(after.position, [*(uav.position[:2] + way), uav.position[2]])

@@ -256,6 +256,24 @@ def test_the_messages_of_a_centralised_planner_are_never_lost(random_team):
     assert sent.tolist() == [8 * (7 + 6), 0, 0] and intents.own[2].controls.shape == (3, 2)
 
 
+def test_a_silent_neighbour_is_reckoned_with_its_momentum(random_team):
+    """Two steps of half a second after the link from UAV 1 to UAV 0 went down, by the lag's differential equation."""
+    before, commands, left = np.array([2.0, -1.0]), np.array([[-3.0, 1.0], [0.5, 4.0], [1.0, 1.0]]), np.exp(-0.5 / 0.65)
+    fleet = [dataclasses.replace(s.own, lag=0.65, velocity=before) for s in random_team(0, uavs=2)]
+    up, exchange = ~np.eye(2, dtype=bool), PlanExchange(Network(), Exchange(), np.random.default_rng(0))
+    exchange.begin(fleet, Links(up, None), [0, 1], 0.5)
+    exchange.end({i: Plan(commands) for i in range(2)})
+    place, velocity = fleet[1].position[:2], before
+    for command in commands[:2]:
+        exchange.begin(fleet, Links(~up & False, None), [0, 1], 0.5)
+        (known,) = exchange.informed(random_team(0, uavs=2)[0]).neighbours
+        place = place + 0.5 * command + 0.65 * (1.0 - left) * (velocity - command)
+        velocity = command + left * (velocity - command)
+        np.testing.assert_allclose(known.position, [*place, fleet[1].position[2]])
+        np.testing.assert_allclose(known.velocity, velocity)
+        exchange.end({i: Plan(commands) for i in range(2)})
+
+
 @pytest.mark.parametrize("delay", [0.2, 1.0, 2.4])
 def test_a_delayed_plan_is_flown_exactly_so_much_later(delay):
     """Of a planner with plans that depend on the time of the decision alone."""
