@@ -103,7 +103,7 @@ class Planner(Protocol):
     between calls, unless it declares that: `stateful = True`, and a method `reset(seed)` that forgets all. A mission
     calls that once, before the first decision; after it the same calls give the same plans.
     A UAV that broke down has no situation and is not a neighbour, so ids may differ from places in `team`.
-    A neighbour out of contact is where its last known plan would have brought it, as fast as then, until the plan ends.
+    A neighbour out of contact has the place and velocity that its last known plan would have given it, until that ends.
 
     Optional attributes: `exchange`, the exchange of plans at a decision, if not `Exchange()`. `decentralised = True`
     claims that the plan of UAV i depends only on `team[i]` and on plans of UAVs j with `team[i].receives(j)`;

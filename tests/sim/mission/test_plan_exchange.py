@@ -265,7 +265,7 @@ def test_a_silent_neighbour_is_reckoned_with_its_momentum(random_team):
     exchange.end({i: Plan(commands) for i in range(2)})
     place, velocity = fleet[1].position[:2], before
     for command in commands[:2]:
-        exchange.begin(fleet, Links(~up & False, None), [0, 1], 0.5)
+        exchange.begin(fleet, Links(np.zeros_like(up), None), [0, 1], 0.5)
         (known,) = exchange.informed(random_team(0, uavs=2)[0]).neighbours
         place = place + 0.5 * command + 0.65 * (1.0 - left) * (velocity - command)
         velocity = command + left * (velocity - command)
