@@ -11,6 +11,7 @@ from sim.drawing.strokes import stroke
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from tracking.numerics.arrays import Array
+from tracking.reporting import UNLIKELY
 from tracking.track import Track
 
 Side = tuple[float, float]
@@ -28,6 +29,11 @@ def with_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
         numbers.setdefault(track.id, len(numbers))
     tracks = [tuple(Track(numbers[t.id], t.belief, t.existence) for t in held) for held in snapshot.tracks]
     return replace(snapshot, tracks=tracks)
+
+
+def track_name(track: Track) -> str:
+    """The number of a track, with a question mark if it is not reported, as it rather stands for no person."""
+    return f"{track.id}?" if track.existence <= UNLIKELY else str(track.id)
 
 
 def numbered(recording: Recording, k: int) -> Snapshot:

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from sim.drawing.labels import Labels
+from sim.drawing.labels import Labels, track_name
 from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.marks import broken, cross, detection
 from sim.drawing.palette import FAINT, INK, LINE, PANEL, Colour, ink_on, track_colour, uav_colour
@@ -55,9 +55,9 @@ def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, came
     pose, tracks = snapshot.cameras[uav], snapshot.tracks[uav]
     points = np.array([[*track.belief.mean[:2], TARGET_HEIGHT] for track in tracks]).reshape(-1, 3)
     pixels = view.shape[0] / camera.pixels * camera.project(pose, points)[0]
-    shown = [(tracks[t].id, pixels[t]) for t in np.flatnonzero(camera.sees(pose, points)).tolist()]
-    for number, at in shown:
-        cross(view, at, track_colour(number))
+    shown = [(tracks[t], pixels[t]) for t in np.flatnonzero(camera.sees(pose, points)).tolist()]
+    for track, at in shown:
+        cross(view, at, track_colour(track.id))
         labels.reserve(at, 6.0)
-    for number, at in shown:
-        labels.put(str(number), at, TextStyle(13, track_colour(number), True, PANEL), gap=11.0)
+    for track, at in shown:
+        labels.put(track_name(track), at, TextStyle(13, track_colour(track.id), True, PANEL), gap=11.0)

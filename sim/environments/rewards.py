@@ -11,6 +11,7 @@ from tracking.metrics.gospa import gospa
 from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array
 from tracking.plugins.registry import check_known
+from tracking.reporting import reported
 from tracking.track import beliefs_of
 
 Reward = Callable[[Situation, Array], float]  # of a situation, and true positions (M, 2) m of all people there
@@ -33,9 +34,8 @@ def expected_gospa(situation: Situation, people: Array) -> float:
 
 
 def true_gospa(situation: Situation, people: Array) -> float:
-    """Negative GOSPA distance [m] of the UAV's tracks to the true people, cut-off 10 m: for training alone."""
-    means, _ = beliefs_of(situation.tracks)
-    return -gospa(means[:, :2], people, FAR).distance
+    """Negative GOSPA [m] of the people that the UAV reports to the true ones, cut-off 10 m: for training alone."""
+    return -gospa(reported(situation.tracks), people, FAR).distance
 
 
 def trace(situation: Situation, people: Array) -> float:

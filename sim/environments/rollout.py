@@ -17,7 +17,7 @@ from sim.running.run import record
 from sim.scenario.scenario import Scenario
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
-from tracking.track import beliefs_of
+from tracking.reporting import reported
 
 NAME = "environment"  # of what decides, on films and in recordings
 
@@ -73,9 +73,8 @@ class Rollout:
         """Time, and OSPA and GOSPA of one UAV's tracks, by the truth; without these for one that has broken down."""
         told: dict[str, Any] = {"time": self.now.time}
         if uav in self.now.working:
-            means, _ = beliefs_of(self.now.tracks[uav])
             told["ospa"] = float(self.now.ospa[uav, 0])
-            told["gospa"] = gospa(means[:, :2], self.people, FAR).distance
+            told["gospa"] = gospa(reported(self.now.tracks[uav]), self.people, FAR).distance
         return told
 
     def draw(self) -> NDArray[np.uint8]:

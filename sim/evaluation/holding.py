@@ -7,6 +7,7 @@ import numpy as np
 from sim.evaluation.score import HELD
 from sim.mission.snapshot import Bools, Ints, Snapshot
 from tracking.metrics.clearmot import Matcher
+from tracking.reporting import UNLIKELY, reported
 
 
 class Episode(NamedTuple):
@@ -28,7 +29,7 @@ HOLDS = ("absent", "not found yet", "lost", "held by some", "held")
 
 
 class Holding:
-    """The states of M people while a mission flies; a track within `HELD` m holds a person."""
+    """The states of M people while a mission flies; a track that is reported within `HELD` m holds a person."""
 
     def __init__(self, people: int, uavs: int) -> None:
         self._fleet = [(Matcher(people, HELD), dict[int, int]()) for _ in range(uavs)]  # and columns by id
@@ -38,9 +39,10 @@ class Holding:
         """The states (M,) at the next scan, indices into `HOLDS`."""
         count = np.zeros(len(snapshot.people), dtype=np.int64)
         for (matcher, columns), tracks in zip(self._fleet, snapshot.tracks, strict=True):
-            own = [columns.setdefault(track.id, len(columns)) for track in tracks]
+            likely = [track for track in tracks if track.existence > UNLIKELY]
+            own = [columns.setdefault(track.id, len(columns)) for track in likely]
             places = np.full((len(columns), 2), np.nan)
-            places[own] = np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2)
+            places[own] = reported(likely)
             count += matcher.step(places, snapshot.people) >= 0
         self._found |= count > 0
         return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]))

@@ -19,7 +19,7 @@ FAR = 10.0  # m, beyond which a track is of no person: cut-off of GOSPA, and of 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """Tracks of one UAV at K scans: a column for each of A ids, NaN where the track is not there."""
+    """Tracks that one UAV reports at K scans: a column for each of A ids, NaN where it reports none."""
 
     ids: Ints  # (A,) ascending
     means: Array  # (K, A, 4)
@@ -42,9 +42,9 @@ class Score:
 
 
 def held_by(recording: Recording, uav: int) -> Held:
-    """The tracks of one UAV in the order of their ids, scan by scan."""
+    """The tracks that one UAV reports in the order of their ids, scan by scan."""
     k, owner = recording.cells(recording.track_offsets)
-    rows, scans = owner == uav, len(recording.times)
+    rows, scans = (owner == uav) & recording.reported, len(recording.times)
     ids, columns = np.unique(recording.track_ids[rows], return_inverse=True)
     means = np.full((scans, len(ids), 4), np.nan)
     covariances = np.full((scans, len(ids), 4, 4), np.nan)

@@ -32,6 +32,7 @@ from tracking.geometry.camera import Pose
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.registry import InputError
+from tracking.reporting import reported
 from tracking.track import Track
 
 
@@ -213,7 +214,6 @@ class Mission:
         with self.clock.measure("tracking"):
             sent = self._knowledge.track(time, looks, links, self._working)
         tracks = self._knowledge.tracks(self._working)
-        present = people[~np.isnan(people[:, 0])]
         snapshot = Snapshot(
             time=time,
             people=people,
@@ -225,7 +225,7 @@ class Mission:
             pixels=[look.pixels for look in looks],
             tracks=tracks,
             plans=None,
-            ospa=self._errors(tracks, present),
+            ospa=self._errors(tracks, people[~np.isnan(people[:, 0])]),
             visible=np.array([look.visible for look in looks]),
             matched=np.array([look.matched for look in looks]),
             contacts=self._world.take_contacts(),
@@ -244,7 +244,7 @@ class Mission:
         """OSPA and its parts (n, 3) m of each UAV's tracks against people (P, 2) m; NaN for UAVs that broke down."""
         errors = np.full((len(tracks), 3), np.nan)
         for i in self._working:
-            errors[i] = ospa(np.array([t.belief.mean[:2] for t in tracks[i]]), present)
+            errors[i] = ospa(reported(tracks[i]), present)
         return errors
 
     def _decide(self, given: Sequence[Plan | Array] | Array | None) -> tuple[list[Plan] | None, Indices]:

@@ -18,6 +18,7 @@ from sim.world.contacts import KINDS, Contact
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.numerics.arrays import Array
+from tracking.reporting import UNLIKELY
 from tracking.track import Scan, Track, tracks_of
 
 VERSION = 1
@@ -142,6 +143,12 @@ class Recording:
         """For each track of one UAV after scan k the existence probability (N,); NaN if unknown."""
         existence = self.track_existence[self._rows(self.track_offsets, k, uav)]
         return np.where(existence >= 0.0, existence, math.nan)
+
+    @property
+    def reported(self) -> Bools:
+        """Tracks (S,) that are reported, as by `tracking.reporting.reported`; those of unknown existence are."""
+        known = self.track_existence >= 0.0
+        return ~known | (self.track_existence > UNLIKELY)
 
     def plans_at(self, k: int) -> list[Plan] | None:
         """The plans made at scan k, if any were."""

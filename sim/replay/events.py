@@ -18,6 +18,7 @@ from sim.replay.event import KINDS, Event
 from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
+from tracking.reporting import UNLIKELY
 
 _TOUCHED = {"uav": "UAV", "canopy": "the canopy of tree", "trunk": "the trunk of tree"}
 
@@ -222,7 +223,10 @@ def _track(recording: Recording, history: History, loss: Loss) -> str:
     for track in recording.tracks_at(loss.first, uav):
         if track.id == column[uav]:
             gap = np.hypot(*(track.belief.mean[:2] - recording.people[loss.first, loss.person]))
-            return f"; track {number} is {gap:.1f} m off"
+            doubt = (
+                f", but rather of no person (existence {track.existence:.2f})" if track.existence <= UNLIKELY else ""
+            )
+            return f"; track {number} is {gap:.1f} m off{doubt}"
     return f"; track {number} is gone"
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from sim.drawing.labels import track_name
 from sim.drawing.layout import GAP
 from sim.drawing.lettering import Image, TextStyle, listed, write
 from sim.drawing.map_view import ellipse, looks_down
@@ -136,7 +137,7 @@ def _sections(sight: Sight, notes: list[str]) -> list[Section]:
     error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
     ideal = not sight.scenario.sensing.renders
     tracks = [
-        f"track {track.id}: ± {ring.max():.2f} × {ring.min():.2f} m"
+        f"track {track_name(track)}: ± {ring.max():.2f} × {ring.min():.2f} m"
         for track in sight.snapshot.tracks[sight.uav]
         for ring in [np.hypot(*ellipse(np.zeros(2), track.belief.covariance[:2, :2]).T)]
     ]

@@ -84,12 +84,12 @@ def _views(recording: Recording, scenario: Scenario) -> list[list[list[float] | 
 
 
 def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
-    """Number, x, y, half axes [m] and turn [rad] of the ellipse that holds 95 % of each track."""
+    """Number, x, y, half axes [m] and turn [rad] of the ellipse that holds 95 % of each track, and 1 if reported."""
     variances, axes = np.linalg.eigh(recording.track_covariances[:, :2, :2])
     half = ELLIPSE * np.sqrt(np.maximum(variances, 0.0))
     turn = np.arctan2(axes[:, 1, 1], axes[:, 0, 1])
     number = recording.numbers_of(recording.track_ids)
-    rows = _rounded(np.column_stack([number, recording.track_means[:, :2], half[:, ::-1], turn]))
+    rows = _rounded(np.column_stack([number, recording.track_means[:, :2], half[:, ::-1], turn, recording.reported]))
     uavs, offsets = recording.poses.shape[1], recording.track_offsets.tolist()
     cells = [rows[a:b] for a, b in pairwise(offsets)]
     return [cells[k : k + uavs] for k in range(0, len(cells), uavs)]

@@ -133,7 +133,7 @@ function drawUav(ctx, [x, y], i, works, view) {
   else want(`UAV ${i}`, u, v, colour, 10);
 }
 
-function drawTrack(ctx, [number, x, y, a, b, turn]) {
+function drawTrack(ctx, [number, x, y, a, b, turn, reported]) {
   const colour = trackColour(number);
   ctx.strokeStyle = colour;
   ctx.lineWidth = 2;
@@ -148,7 +148,7 @@ function drawTrack(ctx, [number, x, y, a, b, turn]) {
     }
   }
   reserve(px(x), py(y), 6);
-  want(String(number), px(x), py(y), colour, 8);
+  want(`${number}${reported ? "" : "?"}`, px(x), py(y), colour, 8);
 }
 
 // A person that a frame shows is a full disc, one that something hides is hollow, one outside every view is grey.
@@ -187,8 +187,8 @@ function named(u, v) {
   data.people[k].forEach((at, m) => at && add(...at, `person ${m}: ${views(k, m)}; ${holders(k, m)}`, 6));
   data.uavs[k].forEach(([x, y, z], i) => add(x, y, `UAV ${i}${data.works[k][i] ? `, ${z.toFixed(1)} m up` : ", broken down"}`, 4));
   if (who >= 0) {
-    for (const [number, x, y, a, b] of data.tracks[k][who]) {
-      add(x, y, `track ${number} of UAV ${who}: 95 % within ${a.toFixed(1)} × ${b.toFixed(1)} m`, 4);
+    for (const [number, x, y, a, b, , reported] of data.tracks[k][who]) {
+      add(x, y, `track ${number} of UAV ${who}${reported ? "" : ", rather of no person"}: 95 % within ${a.toFixed(1)} × ${b.toFixed(1)} m`, 4);
     }
   }
   const near = found.filter(([gap]) => gap < 12).sort((one, other) => one[0] - other[0])[0];

@@ -67,6 +67,16 @@ def test_velocities_are_central_differences_and_tracks_sorted_by_uav_and_scan():
     assert np.array_equal(np.isnan(held.covariances[..., 0, 0]), np.isnan(held.means[..., 0]))
 
 
+def test_tracks_likelier_of_no_person_count_in_no_figure():
+    doubted = recorded(walk(), HELD)
+    rows = doubted.track_ids == 8
+    doubted = dataclasses.replace(doubted, track_existence=np.where(rows, 0.5, [np.nan, 1.0, 0.51, 0.8, 0.9, 0.9]))
+    without = [[{id: mean for id, mean in cell.items() if id != 8} for cell in row] for row in HELD]
+    one, other = summary(doubted), summary(recorded(walk(), without))
+    assert one["gospa"] == other["gospa"] and one["uavs"] == other["uavs"] and one["tracks"] == other["tracks"]
+    assert summary(recorded(walk(), HELD))["gospa"] != other["gospa"]
+
+
 def test_the_figures_match_the_hand_count():
     result = summary(recorded(walk(), HELD))
     first, second = result["uavs"]
