@@ -11,7 +11,7 @@ from tracking.metrics.gospa import gospa
 from tracking.metrics.squared_error import cut_off
 from tracking.numerics.arrays import Array
 from tracking.plugins.registry import check_known
-from tracking.reporting import reported
+from tracking.reporting import UNLIKELY, reported
 from tracking.track import beliefs_of
 
 Reward = Callable[[Situation, Array], float]  # of a situation, and true positions (M, 2) m of all people there
@@ -20,17 +20,18 @@ Reward = Callable[[Situation, Array], float]  # of a situation, and true positio
 def expected_gospa(situation: Situation, people: Array) -> float:
     """Negative root of the expected square of GOSPA [m] by the UAV's own belief, cut-off 10 m; no truth.
 
-    A track adds r e + (1 - r) c² / 2, for its existence r and the expected squared error e of its position up to c²
-    (`cut_off`); each undetected person that is expected adds c² / 2. Tracks are taken as far apart.
-    Source: [GarciaFernandez21].
+    A track that is reported adds r e + (1 - r) c² / 2, for its existence r and the expected squared error e of its
+    position up to c² (`cut_off`), any other r c² / 2; each undetected person that is expected adds c² / 2. Tracks are
+    taken as far apart. Source: [GarciaFernandez21].
     """
     _, covariances = beliefs_of(situation.tracks)
     errors = covariances[:, 0, 0] + covariances[:, 1, 1]
     cut_off(errors, FAR)
     r = np.array([track.existence for track in situation.tracks])
     unseen = 0.0 if situation.unseen is None else float(situation.unseen.people.sum())
-    square = float((r * errors).sum()) + (float((1.0 - r).sum()) + unseen) * FAR * FAR / 2
-    return -math.sqrt(square)
+    missed = FAR * FAR / 2
+    costs = np.where(r > UNLIKELY, r * errors + (1.0 - r) * missed, r * missed)
+    return -math.sqrt(float(costs.sum()) + unseen * missed)
 
 
 def true_gospa(situation: Situation, people: Array) -> float:

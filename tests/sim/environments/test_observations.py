@@ -12,6 +12,7 @@ from sim.environments.observations import Observations
 from sim.environments.rewards import expected_gospa, trace, true_gospa
 from tracking.filter.kalman import Gaussian
 from tracking.metrics.gospa import gospa
+from tracking.reporting import reported
 from tracking.track import Track
 from tracking.undetected import Intensity
 
@@ -87,9 +88,8 @@ def test_the_expected_gospa_is_the_mean_of_its_square_over_the_belief(teams):
     spreads = np.array([[[0.8, 0.3], [0.3, 0.5]], [[40.0, 0.0], [0.0, 40.0]], [[3.0, 0.0], [0.0, 3.0]]])
     tracks = tuple(
         Track(i, Gaussian(np.array([100.0 * i, 0.0, 0.0, 0.0]), np.kron(np.eye(2), spreads[i])), r)
-        for i, r in enumerate((0.9, 0.5, 0.2))
+        for i, r in enumerate((0.9, 0.6, 0.2))
     )
-    means = np.array([track.belief.mean[:2] for track in tracks])
     squares = []
     for _ in range(4000):
         there = [
@@ -98,7 +98,7 @@ def test_the_expected_gospa_is_the_mean_of_its_square_over_the_belief(teams):
             if rng.random() < track.existence
         ]
         unseen = [[1e6 + 1e3 * k, 0.0] for k in range(rng.poisson(0.7))]
-        squares.append(gospa(means, np.array([*there, *unseen]).reshape(-1, 2)).distance ** 2)
+        squares.append(gospa(reported(tracks), np.array([*there, *unseen]).reshape(-1, 2)).distance ** 2)
     reward = expected_gospa(believed(teams[0][0], tracks, 0.7), np.zeros((0, 2)))
     assert reward**2 == pytest.approx(np.mean(squares), abs=4 * np.std(squares) / math.sqrt(len(squares)))
     assert reward < 0
