@@ -17,6 +17,7 @@ from sim.replay.explain.observation import PersonMeasurement, PersonObservation
 from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
 from sim.replay.history import History, fleet_text
 from tracking.numerics.arrays import Array
+from tracking.reporting import UNLIKELY
 
 Group = tuple[str, list[str]]  # a heading, and facts under it
 
@@ -147,7 +148,8 @@ def _track(holder: HoldingTrack, facts: PersonFacts, recording: Recording) -> li
     lines.append(f"error {error:.2f} m, {math.sqrt(square):.1f} σ (NEES {square:.1f}, 2 expected)")
     lines.append(f"standard deviations {major:.2f} × {minor:.2f} m")
     if not math.isnan(holder.existence):
-        lines.append(f"existence {holder.existence:.4f}")
+        told = "" if holder.existence > UNLIKELY else ", so not reported: rather of no person"
+        lines.append(f"existence {holder.existence:.4f}{told}")
     return lines
 
 

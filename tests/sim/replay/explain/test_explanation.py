@@ -202,6 +202,17 @@ def test_pages_of_any_fleet_can_be_drawn(options):
             assert page.shape[1] > 1000 and page.std() > 10
 
 
+def test_a_track_that_is_not_reported_is_said_to_be_so(mission, all_facts):
+    recording = mission[0]
+    facts = next(a for a in all_facts if a.holder and a.holder.belief)
+    for existence, told in (
+        (0.51, "existence 0.5100"),
+        (0.5, "existence 0.5000, so not reported: rather of no person"),
+    ):
+        doubted = replace(facts, holder=replace(facts.holder, existence=existence))
+        assert told in [line for _, lines in explanation(doubted, recording, ()) for line in lines]
+
+
 def test_the_page_shows_the_frame_and_the_pixels_round_the_person(mission, all_facts):
     recording, _, _, observer = mission
     facts = next(a for a in all_facts if any(w.found for w in a.observations))
