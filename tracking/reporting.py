@@ -1,21 +1,23 @@
 """Reporting: the tracks that are told as estimates, by their probability of existence."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
-import numpy as np
-
-from tracking.numerics.arrays import Array
 from tracking.track import Track
 
-# Probability of existence up to which a track is not reported. A track that is reported costs GOSPA (1 - r) c² / 2 and
-# its error, one that is not r c² / 2, for its existence r and the cut-off c.
+# Probability of existence up to which a track is not reported. For its existence r, the square e of its error and the
+# cut-off c, to report it costs GOSPA r e + (1 - r) c² / 2, to leave it out r c² / 2.
 UNLIKELY = 0.5
 
 
-def reported(tracks: Sequence[Track]) -> Array:
-    """Positions (N, 2) m of the people that a tracker reports: those of tracks that rather exist than not.
+def is_reported(track: Track) -> bool:
+    """True if the track's person rather exists than not.
 
-    Less likely ones are hypotheses still: planners weigh them, and a measurement may confirm them.
-    Source: [GarciaFernandez18], the first of its estimators, with the threshold that GOSPA implies.
+    Less likely tracks are hypotheses still: planners weigh them, and a measurement may confirm them.
+    Source: [GarciaFernandez18], the first of its estimators, with the threshold that GOSPA implies for small errors.
     """
-    return np.array([t.belief.mean[:2] for t in tracks if t.existence > UNLIKELY]).reshape(-1, 2)
+    return track.existence > UNLIKELY
+
+
+def reported(tracks: Iterable[Track]) -> list[Track]:
+    """The tracks that are reported, in their order."""
+    return [track for track in tracks if is_reported(track)]

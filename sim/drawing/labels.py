@@ -11,7 +11,7 @@ from sim.drawing.strokes import stroke
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from tracking.numerics.arrays import Array
-from tracking.reporting import UNLIKELY
+from tracking.reporting import is_reported
 from tracking.track import Track
 
 Side = tuple[float, float]
@@ -31,9 +31,9 @@ def with_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
     return replace(snapshot, tracks=tracks)
 
 
-def track_name(track: Track) -> str:
-    """The number of a track, with a question mark if it is not reported, as it rather stands for no person."""
-    return f"{track.id}?" if track.existence <= UNLIKELY else str(track.id)
+def track_name(number: int, track: Track) -> str:
+    """A track's number, with a question mark if the track is not reported."""
+    return str(number) if is_reported(track) else f"{number}?"
 
 
 def numbered(recording: Recording, k: int) -> Snapshot:

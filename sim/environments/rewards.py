@@ -35,8 +35,9 @@ def expected_gospa(situation: Situation, people: Array) -> float:
 
 
 def true_gospa(situation: Situation, people: Array) -> float:
-    """Negative GOSPA [m] of the people that the UAV reports to the true ones, cut-off 10 m: for training alone."""
-    return -gospa(reported(situation.tracks), people, FAR).distance
+    """Negative GOSPA [m] of the tracks that the UAV reports to the true people, cut-off 10 m: for training alone."""
+    means, _ = beliefs_of(reported(situation.tracks))
+    return -gospa(means[:, :2], people, FAR).distance
 
 
 def trace(situation: Situation, people: Array) -> float:

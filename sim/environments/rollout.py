@@ -18,6 +18,7 @@ from sim.scenario.scenario import Scenario
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
 from tracking.reporting import reported
+from tracking.track import beliefs_of
 
 NAME = "environment"  # of what decides, on films and in recordings
 
@@ -70,11 +71,12 @@ class Rollout:
         return self.now.people[~np.isnan(self.now.people[:, 0])]
 
     def metrics(self, uav: int) -> dict[str, Any]:
-        """Time, and OSPA and GOSPA of one UAV's tracks, by the truth; without these for one that has broken down."""
+        """Time, and OSPA and GOSPA of one UAV's reported tracks, by the truth; the time alone if it has broken down."""
         told: dict[str, Any] = {"time": self.now.time}
         if uav in self.now.working:
             told["ospa"] = float(self.now.ospa[uav, 0])
-            told["gospa"] = gospa(reported(self.now.tracks[uav]), self.people, FAR).distance
+            means, _ = beliefs_of(reported(self.now.tracks[uav]))
+            told["gospa"] = gospa(means[:, :2], self.people, FAR).distance
         return told
 
     def draw(self) -> NDArray[np.uint8]:

@@ -7,7 +7,8 @@ import numpy as np
 from sim.evaluation.score import HELD
 from sim.mission.snapshot import Bools, Ints, Snapshot
 from tracking.metrics.clearmot import Matcher
-from tracking.reporting import UNLIKELY, reported
+from tracking.reporting import reported
+from tracking.track import beliefs_of
 
 
 class Episode(NamedTuple):
@@ -39,10 +40,10 @@ class Holding:
         """The states (M,) at the next scan, indices into `HOLDS`."""
         count = np.zeros(len(snapshot.people), dtype=np.int64)
         for (matcher, columns), tracks in zip(self._fleet, snapshot.tracks, strict=True):
-            likely = [track for track in tracks if track.existence > UNLIKELY]
-            own = [columns.setdefault(track.id, len(columns)) for track in likely]
+            told = reported(tracks)
+            own = [columns.setdefault(track.id, len(columns)) for track in told]
             places = np.full((len(columns), 2), np.nan)
-            places[own] = reported(likely)
+            places[own] = beliefs_of(told)[0][:, :2]
             count += matcher.step(places, snapshot.people) >= 0
         self._found |= count > 0
         return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]))

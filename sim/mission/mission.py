@@ -33,7 +33,7 @@ from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.registry import InputError
 from tracking.reporting import reported
-from tracking.track import Track
+from tracking.track import Track, beliefs_of
 
 
 class Mission:
@@ -241,10 +241,10 @@ class Mission:
         return Links(open_links(network, time, places), lost_messages(network, len(bodies), self._radio))
 
     def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
-        """OSPA and its parts (n, 3) m of each UAV's tracks against people (P, 2) m; NaN for UAVs that broke down."""
+        """OSPA and its parts (n, 3) m of each UAV's reported tracks against people (P, 2) m; NaN for broken UAVs."""
         errors = np.full((len(tracks), 3), np.nan)
         for i in self._working:
-            errors[i] = ospa(reported(tracks[i]), present)
+            errors[i] = ospa(beliefs_of(reported(tracks[i]))[0][:, :2], present)
         return errors
 
     def _decide(self, given: Sequence[Plan | Array] | Array | None) -> tuple[list[Plan] | None, Indices]:

@@ -18,7 +18,7 @@ from sim.replay.event import KINDS, Event
 from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
-from tracking.reporting import UNLIKELY
+from tracking.reporting import is_reported
 
 _TOUCHED = {"uav": "UAV", "canopy": "the canopy of tree", "trunk": "the trunk of tree"}
 
@@ -209,7 +209,7 @@ def _causes(history: History, loss: Loss) -> str:
     parts = []
     for state, between in (key for key in scans if key in most):
         text = view_text(state, {tree: sorted(uavs[state, tree]) for tree in between})
-        text += f", but no track within {HELD:g} m" if state == "seen" else ""
+        text += f", but no reported track within {HELD:g} m" if state == "seen" else ""
         parts.append(text + (f" ({scans[state, between] * step:.1f} s)" if len(scans) > 1 else ""))
     return "; ".join(parts)
 
@@ -223,9 +223,7 @@ def _track(recording: Recording, history: History, loss: Loss) -> str:
     for track in recording.tracks_at(loss.first, uav):
         if track.id == column[uav]:
             gap = np.hypot(*(track.belief.mean[:2] - recording.people[loss.first, loss.person]))
-            doubt = (
-                f", but rather of no person (existence {track.existence:.2f})" if track.existence <= UNLIKELY else ""
-            )
+            doubt = "" if is_reported(track) else f", but not reported (existence {track.existence:.2f})"
             return f"; track {number} is {gap:.1f} m off{doubt}"
     return f"; track {number} is gone"
 

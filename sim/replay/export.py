@@ -17,6 +17,7 @@ from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
 from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
 from tracking.numerics.arrays import Array
 from tracking.plugins.registry import check_known
+from tracking.reporting import UNLIKELY
 
 Row = Sequence[float | int | str]
 Rows = Iterable[tuple[Any, ...]]
@@ -75,6 +76,7 @@ def _stonesoup(recording: Recording, folder: Path) -> None:
 def _mot(recording: Recording, folder: Path) -> None:
     """MOTChallenge's text in its 3-D variant: a sequence for each UAV, boxes -1, positions on the ground in m."""
     scenario, found, tracks = scenario_of(recording), list(_measurements(recording)), list(_tracks(recording))
+    reported = [row for row in tracks if not row[-1] <= UNLIKELY]
     truth = [_mot_row(k, m + 1, xy) for k, m, _, *xy, _, _ in _truth(recording)]
     (folder / "tracks").mkdir()
     for uav in range(recording.poses.shape[1]):
@@ -84,7 +86,7 @@ def _mot(recording: Recording, folder: Path) -> None:
         _table(sequence / "gt" / "gt.txt", (), truth)
         own = (_mot_row(k, -1, row[:2]) for k, i, _, *row in found if i == uav)
         _table(sequence / "det" / "det.txt", (), own)
-        own = (_mot_row(k, id_ + 1, row[:2]) for k, i, _, id_, *row in tracks if i == uav)
+        own = (_mot_row(k, id_ + 1, row[:2]) for k, i, _, id_, *row in reported if i == uav)
         _table(folder / "tracks" / f"uav{uav}.txt", (), own)
         facts = {
             "name": f"uav{uav}",

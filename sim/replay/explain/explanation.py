@@ -63,7 +63,7 @@ def _holding(facts: PersonFacts, events: Sequence[Event]) -> list[str]:
     later = f"held from {times[end]:.1f} s on" if end < len(times) else "not held again by the end of the mission"
     if holder is None:
         return [f"not found yet: no track has been within {HELD:g} m so far", later]
-    lines = [f"lost since {loss.time:.1f} s{_ago(times, loss.first, facts.k)}: no track within {HELD:g} m"]
+    lines = [f"lost since {loss.time:.1f} s{_ago(times, loss.first, facts.k)}: no reported track within {HELD:g} m"]
     return [*lines, f"last held as track {holder.number} at {holder.until:.1f} s; {later}"]
 
 
@@ -148,7 +148,7 @@ def _track(holder: HoldingTrack, facts: PersonFacts, recording: Recording) -> li
     lines.append(f"error {error:.2f} m, {math.sqrt(square):.1f} σ (NEES {square:.1f}, 2 expected)")
     lines.append(f"standard deviations {major:.2f} × {minor:.2f} m")
     if not math.isnan(holder.existence):
-        told = "" if holder.existence > UNLIKELY else ", so not reported: rather of no person"
+        told = "" if holder.existence > UNLIKELY else ", so it is not reported"
         lines.append(f"existence {holder.existence:.4f}{told}")
     return lines
 

@@ -224,7 +224,7 @@ def _fed(facts: TrackFacts) -> Iterator[str]:
 
 
 def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
-    """For each span in which the track stood for no person, what told for it and against it."""
+    """Evidence for the track and against it while it stood for no person, and when it was not reported."""
     p = facts.parameters
     for event in own:
         if event.kind not in UNMATCHED:
@@ -236,6 +236,12 @@ def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
         first, last = (facts.held_at(k)[2] for k in (event.first, event.last))
         known = "" if math.isnan(first) else f"; existence {first:.4f} at first, {last:.4f} at last"
         yield f"{event.when}: {told}{known}"
+    scans, _ = facts.recording.cells(facts.recording.track_offsets)
+    rows = facts.recording.track_ids == facts.id
+    without = np.setdiff1d(scans[rows], scans[rows & facts.recording.reported])
+    if len(without):
+        first, last = facts.recording.times[without[[0, -1]]]
+        yield f"not reported in {len(without)} scans, {first:.1f} to {last:.1f} s: existence of one half or less"
     if facts.feeds:
         feed = facts.feeds[-1]
         source = f"of person {feed.person}" if feed.person >= 0 else "of a false alarm"

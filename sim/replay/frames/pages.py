@@ -137,7 +137,7 @@ def _sections(sight: Sight, notes: list[str]) -> list[Section]:
     error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
     ideal = not sight.scenario.sensing.renders
     tracks = [
-        f"track {track_name(track)}: ± {ring.max():.2f} × {ring.min():.2f} m"
+        f"track {track_name(track.id, track)}: ± {ring.max():.2f} × {ring.min():.2f} m"
         for track in sight.snapshot.tracks[sight.uav]
         for ring in [np.hypot(*ellipse(np.zeros(2), track.belief.covariance[:2, :2]).T)]
     ]

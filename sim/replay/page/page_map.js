@@ -188,7 +188,7 @@ function named(u, v) {
   data.uavs[k].forEach(([x, y, z], i) => add(x, y, `UAV ${i}${data.works[k][i] ? `, ${z.toFixed(1)} m up` : ", broken down"}`, 4));
   if (who >= 0) {
     for (const [number, x, y, a, b, , reported] of data.tracks[k][who]) {
-      add(x, y, `track ${number} of UAV ${who}${reported ? "" : ", rather of no person"}: 95 % within ${a.toFixed(1)} × ${b.toFixed(1)} m`, 4);
+      add(x, y, `track ${number} of UAV ${who}${reported ? "" : ", not reported"}: 95 % within ${a.toFixed(1)} × ${b.toFixed(1)} m`, 4);
     }
   }
   const near = found.filter(([gap]) => gap < 12).sort((one, other) => one[0] - other[0])[0];

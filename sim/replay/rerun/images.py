@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import rerun as rr
 
+from sim.drawing.labels import track_name
 from sim.drawing.lettering import Image
 from sim.drawing.palette import DETECTION, on_dark, track_colour
 from sim.drawing.tiles import draw_broken
@@ -81,7 +82,7 @@ class Cameras:
             marks[shown],
             radii=rr.Radius.ui_points(3),
             colors=[on_dark(track_colour(number)) for number in numbers],
-            labels=[str(number) for number in numbers],
+            labels=[track_name(number, tracks[j]) for number, j in zip(numbers, shown, strict=True)],
             show_labels=True,
         )
         self._stream.log(f"world/camera/{uav}/tracks", points)

@@ -10,6 +10,7 @@ import numpy as np
 import rerun as rr
 
 from planning.planner import Plan
+from sim.drawing.labels import track_name
 from sim.drawing.map_view import ellipse, intended
 from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, PANEL, TRUNK, Colour, on_dark, track_colour, uav_colour
 from sim.mission.snapshot import Ints, Snapshot
@@ -167,7 +168,7 @@ class Scene:
             _at(means, TARGET_HEIGHT),
             radii=0.15,
             colors=[on_dark(track_colour(number)) for number in numbers],
-            labels=[str(number) for number in numbers],
+            labels=[track_name(*pair) for pair in zip(numbers, tracks, strict=True)],
             show_labels=uav == self._recording.working[0].argmax(),  # once, as they agree where all is well
         )
         self._stream.log(f"world/tracks/{uav}/ellipses", lines)

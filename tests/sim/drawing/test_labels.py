@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from sim.drawing.labels import OUTSIDE, Labels
+from sim.drawing.labels import OUTSIDE, Labels, track_name
 from sim.drawing.lettering import TextStyle
 from sim.drawing.palette import INK, PANEL
+from tracking.filter.kalman import Gaussian
+from tracking.track import Track
 
 
 @pytest.mark.parametrize("crowd", [0, 5, 40])
@@ -17,3 +19,8 @@ def test_the_name_of_a_view_lies_above_or_left_of_its_corner(crowd):
     labels.put("UAV 0", corner, TextStyle(13, INK, True, PANEL), gap=1.0, sides=OUTSIDE)
     rows, columns = np.nonzero(image.any(axis=2))
     assert len(rows) > 50 and not np.any((rows > corner[1] + 1) & (columns > corner[0] + 1))
+
+
+def test_names_of_tracks_that_are_not_reported_have_a_question_mark():
+    belief = Gaussian(np.zeros(4), np.eye(4))
+    assert [track_name(3, Track(7, belief, r)) for r in (1.0, 0.51, 0.5, 0.01)] == ["3", "3", "3?", "3?"]

@@ -67,7 +67,7 @@ def test_velocities_are_central_differences_and_tracks_sorted_by_uav_and_scan():
     assert np.array_equal(np.isnan(held.covariances[..., 0, 0]), np.isnan(held.means[..., 0]))
 
 
-def test_tracks_likelier_of_no_person_count_in_no_figure():
+def test_tracks_that_are_not_reported_count_in_no_figure_of_tracking():
     doubted = recorded(walk(), HELD)
     rows = doubted.track_ids == 8
     doubted = dataclasses.replace(doubted, track_existence=np.where(rows, 0.5, [np.nan, 1.0, 0.51, 0.8, 0.9, 0.9]))

@@ -70,12 +70,12 @@ def test_losses_say_where_the_track_is_and_finds_how_long_it_took():
     assert found.text == "person 0 found again by UAV 0 after 0.4 s" and (found.first, found.uavs) == (4, (0,))
 
 
-def test_a_track_likelier_of_no_person_holds_no_person_and_is_not_false():
+def test_a_track_that_is_not_reported_holds_no_person_and_is_not_false():
     on, off = held((7, 0.0), (9, 20.0)), held((7, 50.0), (9, 20.0))
     recording = recorded([(on, on), (on, on), (off, off)])
     existence = np.where(recording.track_ids == 7, np.repeat([0.51, 0.5, 0.34], 4), np.nan)
     (lost,) = (e for e in events_of(replace(recording, track_existence=existence), SETTING) if e.kind == "person lost")
-    assert lost.why.endswith("; track 0 is 0.0 m off, but rather of no person (existence 0.50)")
+    assert lost.why.endswith("; track 0 is 0.0 m off, but not reported (existence 0.50)")
     assert lost.when == "from 0.2 s to the end"
     likely = [e.kind for e in events_of(recording, SETTING)]
     unlikely = [e.kind for e in events_of(replace(recording, track_existence=existence), SETTING)]

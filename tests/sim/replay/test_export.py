@@ -96,6 +96,17 @@ def test_without_a_frame_or_after_a_breakdown_there_is_no_row(tmp_path):
     assert len(rows(tmp_path / "mot" / "tracks" / "uav2.txt")) == 7 * 4
 
 
+def test_only_reported_tracks_go_to_mot_and_all_to_the_others(recording, tmp_path):
+    existence = np.where(np.arange(len(recording.track_ids)) % 3 > 0, np.nan, 0.5)
+    doubted = dataclasses.replace(recording, track_existence=existence)
+    for target in module.TARGETS:
+        export(doubted, target, tmp_path / target)
+    found = [row for i in range(3) for row in rows(tmp_path / "mot" / "tracks" / f"uav{i}.txt")]
+    told = doubted.track_means[~np.isfinite(existence), :2]
+    assert sorted(row[7:9] for row in found) == sorted(told.tolist())
+    assert len(rows(tmp_path / "csv" / "tracks.csv")) == len(existence) > len(told)
+
+
 def test_stone_soup_reads_detections_truth_tracks_and_sensors(recording, folders):
     folder = folders / "stonesoup"
     detections = CSVDetectionReader(str(folder / "detections-uav1.csv"), state_vector_fields=("x", "y"), **SECONDS)

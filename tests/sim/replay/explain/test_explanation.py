@@ -205,10 +205,7 @@ def test_pages_of_any_fleet_can_be_drawn(options):
 def test_a_track_that_is_not_reported_is_said_to_be_so(mission, all_facts):
     recording = mission[0]
     facts = next(a for a in all_facts if a.holder and a.holder.belief)
-    for existence, told in (
-        (0.51, "existence 0.5100"),
-        (0.5, "existence 0.5000, so not reported: rather of no person"),
-    ):
+    for existence, told in ((0.51, "existence 0.5100"), (0.5, "existence 0.5000, so it is not reported")):
         doubted = replace(facts, holder=replace(facts.holder, existence=existence))
         assert told in [line for _, lines in explanation(doubted, recording, ()) for line in lines]
 

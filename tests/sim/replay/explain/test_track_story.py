@@ -6,12 +6,14 @@ from helpers.flights import IDEAL, recorded
 from helpers.identities import FALSE, swapping
 from msgspec import structs
 
+from sim.evaluation.score import held_by
 from sim.recording.archive import save
 from sim.replay.events import events_of
 from sim.replay.explain.association import Association
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.track_story import TrackFacts, track_story
 from sim.replay.frames.rerender import scenario_of
+from tracking.metrics.ospa import ospa
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +50,26 @@ def test_tracks_are_born_from_the_measurements_that_their_trackers_had(mission):
             assert observer.owners(origin.k, uav)[origin.measurement] == origin.person
         false += first.person < 0
     assert len(recording.track_numbers) >= 6 and false >= 2
+
+
+def test_errors_in_flight_are_those_of_reported_tracks(mission):
+    recording = mission[0]
+    assert not recording.reported.all()
+    told = held_by(recording, 0).means[..., :2]
+    for k, places in enumerate(told):
+        error = ospa(places[~np.isnan(places[:, 0])], recording.people[k])
+        np.testing.assert_array_equal(recording.ospa[k, 0], error)
+
+
+def test_the_story_says_when_a_track_was_not_reported(mission):
+    recording, scenario, observer, _ = mission
+    id_ = recording.track_ids[~recording.reported][0]
+    facts = TrackFacts(observer, recording.track_numbers[id_])
+    scans, _ = recording.cells(recording.track_offsets)
+    own = np.unique(scans[~recording.reported & (recording.track_ids == id_)])  # on all UAVs alike
+    (line,) = [line for line in dict(track_story(facts, events_of(recording, scenario)))["kept"] if "reported" in line]
+    first, last = recording.times[own[[0, -1]]]
+    assert line.startswith(f"not reported in {len(own)} scans, {first:.1f} to {last:.1f} s")
 
 
 def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
