@@ -30,7 +30,7 @@ HOLDS = ("absent", "not found yet", "lost", "held by some", "held")
 
 
 class Holding:
-    """The states of M people while a mission flies; a track that is reported within `HELD` m holds a person."""
+    """The states of M people while a mission flies; a reported track within `HELD` m holds a person."""
 
     def __init__(self, people: int, uavs: int) -> None:
         self._fleet = [(Matcher(people, HELD), dict[int, int]()) for _ in range(uavs)]  # and columns by id
