@@ -139,6 +139,13 @@ def test_the_recording_of_the_lost_person_is_of_its_scenario():
 
 
 @pytest.mark.docs
+def test_the_story_on_debugging_is_what_its_commands_print(shell):
+    (_, commands), (_, story) = blocks(text_of("how-to/debugging.md"))[1:3]
+    _, told = (shell.line(line) for line in commands.replace("\\\n", " ").splitlines())
+    assert told == story
+
+
+@pytest.mark.docs
 def test_the_commands_on_debugging_tell_of_the_lost_person(shell, tmp_path):
     ((_, block),) = blocks(text_of("how-to/debugging.md"))[:1]
     outputs = [shell.line(line) for line in block.splitlines()]
