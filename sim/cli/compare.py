@@ -24,18 +24,25 @@ _Entered = Annotated[
 ]
 _Planners = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAME", help="A planner; repeat for each. Default: the study's, or two of the paper's."),
+    typer.Option(
+        metavar="NAME", help=f"A planner; repeat for each. Default: the study's, or {', '.join(COMPARED)}."
+    ),
 ]
 _Trackers = Annotated[
     list[str] | None,
     typer.Option(metavar="NAME", help="A tracker, each with each planner; repeat for each. Default: the scenario's."),
 ]
+_Scenarios = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME", help="Of a study's scenarios this one alone; repeat for more. Default: all."),
+]
 _Seeds = Annotated[
-    str | None, typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. [default: 0-9]")
+    str | None,
+    typer.Option(metavar="LIST", help="Seeds that every planner flies: 0-9 or 0,3,7. Default: the study's, or 0-9."),
 ]
 _Maps = Annotated[str | None, typer.Option(metavar="N", help="Seeds 0 to N - 1; the paper has 50.")]
 _Repeats = Annotated[
-    str | None, typer.Option(metavar="K", help="Flights on each map, with other noise each. [default: 1]")
+    str | None, typer.Option(metavar="K", help="Flights on each map, with other noise each. Default: the study's, or 1.")
 ]
 _Sensing = Annotated[str | None, typer.Option(metavar="MODE", help="camera or ideal.")]
 _Out = Annotated[
@@ -65,6 +72,7 @@ def compare(
     study: _Entered = "forest",
     planner: _Planners = None,
     tracker: _Trackers = None,
+    scenario: _Scenarios = None,
     seeds: _Seeds = None,
     maps: _Maps = None,
     repeats: _Repeats = None,
@@ -85,7 +93,14 @@ def compare(
     changes = [*_sensing(sensing), *with_duration(overrides, duration)]
     number = None if repeats is None else integer(repeats, "--repeats", least=1, most=REPEATS)
     begun = _study(study, tracker or ())
-    chosen = adapted(begun, planners=planner or (), seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
+    chosen = adapted(
+        begun,
+        planners=planner or (),
+        scenarios=scenario or (),
+        seeds=_seeds(seeds, maps),
+        repeats=number,
+        overrides=changes,
+    )
     processes = integer(workers, "--workers", least=1, most=1024) if workers else os.cpu_count() or 1
     limit = None if timeout is None else seconds(timeout, "--timeout")
     if keep is not None:

@@ -10,7 +10,7 @@ from sim.installation import ASSETS
 from sim.scenario.quantities import REPEATS
 from sim.scenario.text_files import located, toml_file
 from sim.study.settings_text import flat, toml
-from tracking.plugins.registry import InputError
+from tracking.plugins.registry import InputError, check_known
 from tracking.plugins.spelling import did_you_mean
 
 STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"))}
@@ -67,11 +67,17 @@ def adapted(
     study: Study,
     *,
     planners: Sequence[str] = (),
+    scenarios: Sequence[str] = (),
     seeds: str | None = None,
     repeats: int | None = None,
     overrides: Sequence[str] = (),
 ) -> Study:
-    """The study with what is given in place of its own; InputError where an override is what a factor sets."""
+    """The study with what is given in place of its own, and of its scenarios those named.
+
+    InputError where an override is what a factor sets, or a scenario is not one of the study's.
+    """
+    for scenario in scenarios:
+        check_known("--scenario", scenario, study.scenarios)
     added: dict[str, str] = {}
     for override in overrides:
         key, equals, value = (part.strip() for part in override.partition("="))
@@ -85,6 +91,7 @@ def adapted(
     return msgspec.structs.replace(
         study,
         planners=tuple(dict.fromkeys(planners)) or study.planners,
+        scenarios=tuple(dict.fromkeys(scenarios)) or study.scenarios,
         seeds=study.seeds if seeds is None else seeds,
         repeats=study.repeats if repeats is None else repeats,
         settings={**study.settings, **added},

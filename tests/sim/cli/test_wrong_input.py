@@ -98,6 +98,7 @@ COMPARISONS = {
     "label without a planner": (["--label", "short"], ["--label: 'short'", "label=planner"]),
     "label of an unknown planner": (["--label", "a=hoover"], ["--label: 'hoover' is none of"]),
     "one label for two": (["--label", "a=hover", "--label", "a=greedy"], ["'a' would stand for two"]),
+    "world of another study": (["bench-1", "--scenario", "forrest"], ["--scenario: 'forrest'", "did you mean forest?"]),
     "varied key": (["faults", "--set", "network.loss=0.1"], ["network.loss is what factor 'fault'"]),
     "forest that cannot be": (["--set", "trees.density=160"], ["trees.density = 160"]),
     "newer store": (["--out", "newer"], [f"store of version {SCHEMA + 1}", f"reads {SCHEMA}"]),
