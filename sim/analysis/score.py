@@ -1,4 +1,4 @@
-"""Scores of a study: the place of each planner between a floor and a bound, on the maps that all three flew."""
+"""Normalised scores of a study: planners between a floor and a bound, on the maps that all three flew."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,23 +17,23 @@ from sim.study.cells import VIEW, with_options
 from sim.study.study import ScoreScale
 from sim.study.tasks import Row
 
-SCORE = Metric("place between floor and bound", unit="%", better="higher", scale=100.0, digits=0, least=-np.inf)
+SCORE = Metric("normalised score", unit="%", better="higher", scale=100.0, digits=0, least=-np.inf)
 
 
 @dataclass(frozen=True)
-class Place:
-    """The score of a planner in one cell, or the mean over all cells: 0 that of the floor, 1 that of the bound."""
+class Score:
+    """The score of a planner in one cell, or the mean over all cells: that of the floor is 0, that of the bound 1."""
 
     cell: Cell | None  # None: all cells
     planner: str
-    score: Estimate
+    estimate: Estimate
     maps: int
 
 
 class Scored(NamedTuple):
-    """Places of planners, and what they are places of."""
+    """Scores of planners, and of which metric between which ends."""
 
-    places: list[Place]
+    scores: list[Score]
     metric: Metric
     ends: tuple[str, str]  # floor and bound
 
@@ -45,7 +45,7 @@ def scored(
     if score is None:
         return None
     ends, metric = ends_of(rows, score, given), metric_shown(score.metric)
-    found = places(groups, metric, *ends)
+    found = scores(groups, metric, *ends)
     return Scored(found, metric, ends) if found else None
 
 
@@ -55,41 +55,41 @@ def ends_of(rows: Sequence[Placed], score: ScoreScale, given: Mapping[str, str] 
     return baseline_of(rows, score.floor, given), baseline_of(rows, bound, given)
 
 
-def places(groups: Sequence[Group], metric: Metric, floor: str, bound: str) -> list[Place]:
-    """Cell by cell the place of each planner between floor and bound, then the mean over cells of those in all.
+def scores(groups: Sequence[Group], metric: Metric, floor: str, bound: str) -> list[Score]:
+    """Cell by cell the score of each planner, then the mean over cells of planners that are in all of them.
 
-    A place is (m - f) / (b - f) of the means m, f and b of planner, floor and bound over the maps that all three flew.
-    Its interval is that of `means` for the linearised ratio: a map counts with the place and its own residual
-    (mᵢ - fᵢ - place (bᵢ - fᵢ)) / (b - f). A cell has no places where the bound is no better than the floor. In the mean
+    A score is (m - f) / (b - f) of the means m, f and b of planner, floor and bound over the maps that all three flew.
+    Its interval is that of `means` for the linearised ratio: a map counts with the score and its own residual
+    (mᵢ - fᵢ - score (bᵢ - fᵢ)) / (b - f). A cell has no scores where the bound is no better than the floor. In the mean
     over cells, a seed counts if it has all of them.
     """
-    by_place = {(group.cell, group.planner): group for group in groups}
+    by_key = {(group.cell, group.planner): group for group in groups}
     cells = list(dict.fromkeys(group.cell for group in groups))
     values: dict[str, list[dict[int, float]]] = {}
     found = []
     for group in groups:
-        low, high = by_place.get((group.cell, floor)), by_place.get((group.cell, bound))
+        low, high = by_key.get((group.cell, floor)), by_key.get((group.cell, bound))
         if group.planner not in (floor, bound) and low and high and (own := _by_map(group, low, high, metric)):
-            found.append(_place(group.cell, group.planner, own))
+            found.append(_score(group.cell, group.planner, own))
             values.setdefault(group.planner, []).append(own)
     for planner, tables in values.items():
         if len(tables) == len(cells) > 1:
             seeds = [seed for seed in tables[0] if all(seed in table for table in tables)]
-            found.append(_place(None, planner, {s: float(np.mean([t[s] for t in tables])) for s in seeds}))
+            found.append(_score(None, planner, {s: float(np.mean([t[s] for t in tables])) for s in seeds}))
     return found
 
 
-def _place(cell: Cell | None, planner: str, values: Mapping[int, float]) -> Place:
-    (score,) = means(np.array([*values.values()], dtype=float).reshape(-1, 1))
-    return Place(cell, planner, score, len(values))
+def _score(cell: Cell | None, planner: str, values: Mapping[int, float]) -> Score:
+    (estimate,) = means(np.array([*values.values()], dtype=float).reshape(-1, 1))
+    return Score(cell, planner, estimate, len(values))
 
 
 def _by_map(group: Group, floor: Group, bound: Group, metric: Metric) -> dict[int, float]:
-    """The linearised places of maps, their mean is the place; nothing where the bound is not above the floor."""
+    """The linearised scores of maps, their mean is the score; nothing where the bound is not above the floor."""
     maps, values = common_values([group, floor, bound], metric)
     gains, rooms = values[:, 0] - values[:, 1], values[:, 2] - values[:, 1]
     room = float(rooms.mean()) if maps else 0.0
     if not (room > 0 if metric.better == "higher" else room < 0):
         return {}
-    place = float(gains.mean()) / room
-    return dict(zip(maps, (place + (gains - place * rooms) / room).tolist(), strict=True))
+    score = float(gains.mean()) / room
+    return dict(zip(maps, (score + (gains - score * rooms) / room).tolist(), strict=True))

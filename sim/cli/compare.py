@@ -24,9 +24,7 @@ _Entered = Annotated[
 ]
 _Planners = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar="NAME", help=f"A planner; repeat for each. Default: the study's, or {', '.join(COMPARED)}."
-    ),
+    typer.Option(metavar="NAME", help=f"A planner; repeat for each. Default: the study's, or {', '.join(COMPARED)}."),
 ]
 _Trackers = Annotated[
     list[str] | None,
@@ -42,7 +40,8 @@ _Seeds = Annotated[
 ]
 _Maps = Annotated[str | None, typer.Option(metavar="N", help="Seeds 0 to N - 1; the paper has 50.")]
 _Repeats = Annotated[
-    str | None, typer.Option(metavar="K", help="Flights on each map, with other noise each. Default: the study's, or 1.")
+    str | None,
+    typer.Option(metavar="K", help="Flights on each map, with other noise each. Default: the study's, or 1."),
 ]
 _Sensing = Annotated[str | None, typer.Option(metavar="MODE", help="camera or ideal.")]
 _Out = Annotated[

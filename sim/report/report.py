@@ -95,7 +95,7 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     times = answers(groups, [metric_shown(name) for name in RUNTIME if name in available(rows)], baseline)
     drawn, timing = pictures(groups, baseline, metrics), runtime_pictures(groups)
     scores = scored(rows, groups, about.score, about.labels)
-    placed = [score_picture(scores.places, scores.ends)] if scores else []
+    placed = [score_picture(scores.scores, scores.ends)] if scores else []
     table = score_table(scores, groups) if scores else None
     full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
     all_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in (*found, *times)]

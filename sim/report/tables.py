@@ -14,7 +14,7 @@ from sim.analysis.intervals import LEVEL, MOST_MAPS, POWER
 from sim.analysis.score import SCORE, Scored
 from sim.evaluation.metric import UNKNOWN, Metric
 
-SCORES = "Place of each planner [%]"  # the title of their table
+SCORES = "Normalised score of each planner [%]"  # the title of their table
 _NOTE = "In brackets: 95 % intervals over the maps (seeds); expect means of as many others within 1.4 times the width."
 _COMPARED = (
     "Differences are means over the maps that both flew; won, tied, lost counts these maps. Maps needed: so many find "
@@ -51,19 +51,19 @@ def tables(found: Sequence[Answer], baseline: str) -> list[Table]:
 
 
 def score_table(scored: Scored, groups: Sequence[Group]) -> Table:
-    """Scores, a line a cell: the metric of floor and bound, and the place of each planner with its interval."""
+    """Scores, a line a cell: the metric of floor and bound, and the score of each planner with its interval."""
     found, metric, ends = scored
-    planners = list(dict.fromkeys(place.planner for place in found))
-    by_place = {(group.cell, group.planner): group for group in groups}
+    planners = list(dict.fromkeys(score.planner for score in found))
+    by_key = {(group.cell, group.planner): group for group in groups}
     lines = []
-    for cell, of_cell in groupby(found, lambda place: place.cell):
-        scores = {place.planner: place.score.text(SCORE) for place in of_cell}
+    for cell, of_cell in groupby(found, lambda score: score.cell):
+        texts = {score.planner: score.estimate.text(SCORE) for score in of_cell}
         if cell is None:
             start = ["mean over cells", "", ""]
         else:
-            means = [map_means(by_place[cell, end], metric).value for end in ends]
+            means = [map_means(by_key[cell, end], metric).value for end in ends]
             start = [cell_text(cell) or "all missions", *map(metric.text, means)]
-        lines.append([*start, *(scores.get(planner, UNKNOWN) for planner in planners)])
+        lines.append([*start, *(texts.get(planner, UNKNOWN) for planner in planners)])
     note = (
         f"{metric.label}: 0 is that of {ends[0]}, 100 that of {ends[1]}, on the maps that all three flew. In brackets: "
         "95 % intervals over the maps; how often these hold was not counted."

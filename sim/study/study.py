@@ -17,7 +17,7 @@ STUDIES = {path.stem: path for path in sorted((ASSETS / "studies").glob("*.toml"
 
 
 class ScoreScale(Struct, frozen=True, forbid_unknown_fields=True):
-    """Ends between which a study places its planners; both are flown, whatever planners are compared."""
+    """Ends of the normalised score of a study; both are flown, whatever planners are compared."""
 
     floor: str  # a planner
     bound: str  # a planner, which flies with an unlimited field of view and ideal sensing

@@ -14,7 +14,7 @@ from sim.analysis.answers import map_means
 from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.cells import Group
 from sim.analysis.distributions import bands, ecdf
-from sim.analysis.score import Place
+from sim.analysis.score import Score
 from sim.drawing.palette import FAINT
 from sim.drawing.plots import new_figure, rgb
 from sim.evaluation.metric import Metric
@@ -118,16 +118,16 @@ def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
     return _dot_figure([dot(group) for group in groups], dress)
 
 
-def score_figure(found: Sequence[Place]) -> Figure:
-    """Places between floor and bound with their intervals, a line per cell and a dot per planner."""
-    dots = [(p.cell, p.planner, 100 * np.array([p.score.value, p.score.low, p.score.high])) for p in found]
+def score_figure(found: Sequence[Score]) -> Figure:
+    """Normalised scores with their intervals, a line per cell and a dot per planner."""
+    dots = [(s.cell, s.planner, 100 * np.array([s.estimate.value, s.estimate.low, s.estimate.high])) for s in found]
 
     def dress(axes: Axes) -> None:
         for end in (0, 100):
             axes.axvline(end, color=rgb(FAINT), lw=1.0, ls="--", zorder=0.5)
         values = [dot[0] for _, _, dot in dots]
         axes.set_xlim(min(-10.0, *values) - 5, max(110.0, *values) + 5)  # a long interval may leave the figure
-        axes.set_xlabel("place between floor (0) and bound (100) [%]")
+        axes.set_xlabel("normalised score: floor 0, bound 100 [%]")
 
     return _dot_figure(dots, dress)
 

@@ -155,7 +155,7 @@ score = { floor = "hover", bound = "greedy", metric = "ospa.mean_m" }
 """
 
 
-def test_a_study_with_a_score_flies_its_ends_and_shows_places(compare, tmp_path):
+def test_a_study_with_a_score_flies_its_ends_and_shows_scores(compare, tmp_path):
     (tmp_path / "mine.toml").write_text(SCORED)
     flags = ["--duration", "1", "--set", "trees.density=3"]
     code, out, err = compare("mine.toml", *flags, "--planner", "lawnmower", backend=Serial(INVENTED))

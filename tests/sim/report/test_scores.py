@@ -24,7 +24,7 @@ def rows():
     return found
 
 
-def test_report_and_terminal_have_places_where_the_study_has_a_score(without_pictures):
+def test_report_and_terminal_have_scores_where_the_study_has_a_score(without_pictures):
     files = made(rows(), About("tried", score=SCORE))
     page, text = files["report.html"].decode(), files["table.md"].decode()
     assert ">Scores</h2>" in page and "0 is that of hover, 100 that of sma-nbo(view=unlimited)" in page
