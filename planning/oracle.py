@@ -37,6 +37,12 @@ class Oracle(Composed):
     Note: the built-in `oracle` has no cost-to-go: people out of reach within its horizon do not attract it.
     """
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("propagation", "visibility"):
+            if (value := getattr(self, name)) != getattr(Composed, name):
+                raise ValueError(f"{name}={value} has no effect on an oracle, which knows where people will be")
+
     def knowing(self, people: TruePositions) -> Planner:
         """The planner that knows these positions."""
         return _Seer(replace(self.composition, propagation=_TruePaths(people)), people)

@@ -24,7 +24,8 @@ _RANGES = {"horizon": (1, 100), "sweeps": (1, 100), "samples": (1, 10_000), "bet
 _RANGES |= {"evaluations": (0, 10_000_000), "seconds": (0, 3600), "search": (0, 1e6), "separation": (0, 1e4)}
 _RANGES |= {"rounds": (0, 100), "cutoff": (0, 1e6)}
 _NEEDS = {"order": ("coordination", "sequential"), "samples": ("propagation", "monte-carlo")}
-_NEEDS |= {"rounds": ("coordination", "partitions")}
+_NEEDS |= {"rounds": ("coordination", "partitions"), "sweeps": ("coordination", "sequential")}
+_NEEDS |= {"visibility": ("propagation", "nominal")}
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class Composed:
             if getattr(self, name) != getattr(Composed, name) and getattr(self, piece) != word:
                 raise ValueError(
                     f"{name}={getattr(self, name)} has no effect with {piece} {getattr(self, piece)!r}; "
-                    f"leave it out, or set {piece}={word}"
+                    f"set {name}={getattr(Composed, name)} or {piece}={word}"
                 )
         for name in ("beta", "cutoff") if self.uncertainty == "information" else ():
             if value := getattr(self, name):
@@ -115,10 +116,14 @@ class Composed:
 
     @property
     def decentralised(self) -> bool:
-        """True if UAVs need only plans of each other; the order "worst-first" compares beliefs."""
-        if self.coordination == "sequential":
-            return self.order != "worst-first"
-        return self.coordination != "centralised"
+        """True if UAVs need only plans of each other.
+
+        The order "worst-first" compares beliefs. Monte Carlo samples of all UAVs come from one stream, from which each
+        UAV draws the more, the more tracks it has.
+        """
+        if self.propagation == "monte-carlo" or self.coordination == "centralised":
+            return False
+        return self.coordination != "sequential" or self.order != "worst-first"
 
     @cached_property
     def composition(self) -> Composition:

@@ -52,9 +52,19 @@ WRONG = {
     "sma-nbo(horizon=3, horizon=4)": ["is not of the form name(option=value, ...)"],
     "hover(": ["'hover(' is not of the form name(option=value, ...)"],
     "lawnmower(pace=2)": ["pace must be in (0, 1], is 2"],
-    "pma-nbo(order=random)": ["order=random has no effect with coordination 'parallel'", "coordination=sequential"],
+    "pma-nbo(order=random)": [
+        "order=random has no effect with coordination 'parallel'; set order=fixed or coordination=sequential"
+    ],
     "sma-nbo(samples=5)": ["samples=5 has no effect with propagation 'nominal'", "propagation=monte-carlo"],
     "sma-nbo(rounds=2)": ["rounds=2 has no effect with coordination 'sequential'", "coordination=partitions"],
+    "pma-nbo(sweeps=3)": ["sweeps=3 has no effect with coordination 'parallel'", "coordination=sequential"],
+    "mcr(visibility=expected)": [
+        "visibility=expected has no effect with propagation 'monte-carlo'",
+        "propagation=nominal",
+    ],
+    "sma-nbo-gospa(propagation=monte-carlo)": ["visibility=expected has no effect", "propagation=nominal"],
+    "oracle(visibility=expected)": ["visibility=expected has no effect on an oracle", "people will be"],
+    "oracle(propagation=monte-carlo)": ["propagation=monte-carlo has no effect on an oracle", "people will be"],
     "rsp(cutoff=10)": ["cutoff=10 has no effect with uncertainty 'information'; set cutoff=0"],
     "rsp(beta=0.5)": ["beta=0.5 has no effect with uncertainty 'information'; set beta=0"],
     "dec-mcts(horizon=9)": ["horizon must be a whole number from 1 to 8, is 9"],
@@ -76,8 +86,10 @@ WRONG = {
 def test_options_that_cannot_be_or_have_no_effect_are_refused(text):
     with pytest.raises(PlannerError, match="^planner: .*" + ".*".join(map(re.escape, WRONG[text])) + "$") as error:
         load_planner(text)
-    _, advised, needed = str(error.value).partition("leave it out, or set ")
-    assert not advised or callable(load_planner(text.replace(")", f", {needed})")).plan)
+    name, _, options = text.removesuffix(")").partition("(")
+    for option, value in re.findall(r"(?:set| or) (\w+)=([\w-]+)(?= or|$)", str(error.value)):
+        others = [other for other in options.split(", ") if not other.startswith(f"{option}=")]
+        assert callable(load_planner(f"{name}({', '.join([*others, f'{option}={value}'])})").plan)
 
 
 def test_random_velocities_are_spread_evenly_over_the_disc(random_team):
