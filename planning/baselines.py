@@ -37,8 +37,8 @@ class Random:
 
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """One step at a velocity drawn from the disc of the UAV's top speed."""
-        angles, areas = 2 * math.pi * rng.random(len(team)), np.sqrt(rng.random(len(team)))
-        rims = areas[:, None] * np.column_stack([cos_each(angles), sin_each(angles)])
+        angles, radii = 2 * math.pi * rng.random(len(team)), np.sqrt(rng.random(len(team)))
+        rims = radii[:, None] * np.column_stack([cos_each(angles), sin_each(angles)])
         return [Plan(s.own.max_speed * rim[None]) for s, rim in zip(team, rims, strict=True)]
 
 

@@ -7,7 +7,8 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from planning.coordination.schemes import Decision, Sequential
+from planning.coordination.decision import Decision
+from planning.coordination.schemes import Sequential
 from planning.objective.nbo import Measure, objective
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.optimizer import Optimizer, pursuits, turns
@@ -39,7 +40,7 @@ class Term(Protocol):
     """A term of the objective besides the uncertainty of tracks."""
 
     def term(self, situation: Situation, velocities: Array, uavs: Sequence[int]) -> Objective | None:
-        """Cost [m²] of mean velocities of the UAVs in rows `uavs` while others have (n, H, 2) m/s; None: nothing."""
+        """Cost [m²] as a function of the mean velocities of UAVs `uavs`; the others fly (n, H, 2) m/s. None: zero."""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planning.coordination.schemes import Decision
+from planning.coordination.decision import Decision, own_plan
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import expected_plans
 from tracking.numerics.arrays import Array
@@ -44,4 +44,4 @@ def _answer(situation: Situation, known: dict[int, Array], decision: Decision, r
     """Plan (H, 2) m/s of a UAV among those with known plans alone."""
     among = replace(situation, neighbours=tuple(v for v in situation.neighbours if v.id in known))
     plans = expected_plans(among, decision.horizon, known)
-    return np.asarray(decision.decide(among, plans, [among.vehicles.index(among.own)], rng)[0])
+    return own_plan(among, plans, decision, rng)

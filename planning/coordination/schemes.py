@@ -2,27 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
+from planning.coordination.decision import Decision, own_plan
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.intent import BASE_RANGE, expected_plans
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 
 Order = Literal["fixed", "random", "worst-first"]
-
-
-class Decision(Protocol):
-    """Optimises plans of some UAVs on one UAV's belief."""
-
-    @property
-    def horizon(self) -> int:
-        """Steps of a plan."""
-
-    def decide(self, situation: Situation, controls: Array, uavs: Sequence[int], rng: np.random.Generator) -> Array:
-        """Plans (k, H, 2) m/s of the UAVs in rows `uavs` of `situation.vehicles` if others fly `controls` (n, H, 2)."""
 
 
 @dataclass(frozen=True)
@@ -38,18 +28,18 @@ class Sequential:
 
     @property
     def exchange(self) -> Exchange:
-        """As `Coordination.exchange`."""
+        """As `composition.Coordination.exchange`."""
         return Exchange(self.sweeps)
 
     def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
-        """As `Coordination.plans`."""
+        """As `composition.Coordination.plans`."""
         known: dict[int, dict[int, Array]] = {s.own.id: {} for s in team}  # to each UAV, its own and those it received
         sequence = self._sequence(team, rng)
         for sweep in range(self.sweeps):
             for situation in sequence:
                 sender = situation.own.id
                 plans = expected_plans(situation, decision.horizon, known[sender])
-                plan = _own_plan(situation, plans, decision, rng)
+                plan = own_plan(situation, plans, decision, rng)
                 for s in team:
                     if s.own.id == sender or s.receives(sender, sweep):
                         known[s.own.id][sender] = plan
@@ -61,11 +51,6 @@ class Sequential:
         if self.order == "worst-first":
             return sorted(team, key=_largest_trace, reverse=True)
         return list(team)
-
-
-def _own_plan(situation: Situation, plans: Array, decision: Decision, rng: np.random.Generator) -> Array:
-    """Plan (H, 2) m/s of the UAV itself, if others fly `plans` (n, H, 2) m/s."""
-    return np.asarray(decision.decide(situation, plans, [situation.vehicles.index(situation.own)], rng)[0])
 
 
 def _largest_trace(situation: Situation) -> float:
@@ -84,8 +69,8 @@ class Parallel:
     exchange = Exchange()
 
     def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
-        """As `Coordination.plans`."""
-        return [Plan(_own_plan(s, expected_plans(s, decision.horizon), decision, rng)) for s in team]
+        """As `composition.Coordination.plans`."""
+        return [Plan(own_plan(s, expected_plans(s, decision.horizon), decision, rng)) for s in team]
 
 
 @dataclass(frozen=True)
@@ -99,7 +84,7 @@ class Decentralised:
     exchange = Exchange(0)
 
     def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
-        """As `Coordination.plans`."""
+        """As `composition.Coordination.plans`."""
         seed = int(rng.integers(2**63))
         plans = []
         for s in team:
@@ -115,7 +100,7 @@ class Centralised:
     exchange = Exchange(centre=True)
 
     def plans(self, team: Sequence[Situation], decision: Decision, rng: np.random.Generator) -> list[Plan]:
-        """As `Coordination.plans`."""
+        """As `composition.Coordination.plans`."""
         first = team[0]
         intents = {i: plan for s in team for i, plan in s.intents.items() if i == s.own.id}
         centre = replace(first, neighbours=tuple(s.own for s in team[1:]), intents=intents)

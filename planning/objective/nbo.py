@@ -58,6 +58,9 @@ def objective(
     the same for all candidates and computed once. Another `measure` puts the expected squared error up to a cut-off
     (`squared_error.cut_off`) or minus the mutual information of targets' paths and all measurements
     (`information_gain`) in the place of each trace.
+
+    Note: as in [Li22], a UAV makes one measurement of a target in view at the end of each step. Trackers get one from
+    every frame, five in a step of 1 s by default, so beliefs in people in view become narrower than predicted.
     """
     deciding = np.asarray(uavs, dtype=np.int64)
     others = _contribution(belief, np.ascontiguousarray(velocities, dtype=float), deciding, measure)

@@ -13,13 +13,13 @@ from tracking.numerics.arrays import Array
 
 @dataclass(frozen=True)
 class ParticleSwarm:
-    """Particle swarm of [Li22] IV: 20 particles per step of the horizon, each drawn to its own and the swarm's best.
+    """Particle swarm of [Li22]'s public code: 20 particles per step of the horizon, drawn to their own and common best.
 
     Up to half of the particles begin at the best starts, the others at random; `evaluations` of 0 means 51 moves of the
     whole swarm.
     """
 
-    evaluations: int = 0  # the starts aside
+    evaluations: int = 0  # the starts aside; the last move of the swarm is made whole
     particles_per_step: int = 20
     own: float = 0.5  # c1
     swarm: float = 0.3  # c2

@@ -69,9 +69,7 @@ class MonteCarlo:
         """As `Propagation.predict`, of `samples` samples."""
         means, covariances = beliefs_of(situation.tracks)
         S, T = self.samples, len(means)
-        values, axes = eigen(covariances)  # which may be singular
-        roots = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-        states = means + applied(roots, standard_normal(rng, (S, T, 4)))
+        states = means + deviations(covariances, rng, (S,))
         points = np.empty((horizon, S, T, 1, 3))
         points[..., 2] = TARGET_HEIGHT
         motion, spread = situation.motion, covariances
@@ -84,13 +82,20 @@ class MonteCarlo:
         return predicted_belief(situation, points.reshape(horizon, S * T, 1, 3), np.tile(covariances, (S, 1, 1)))
 
 
+def deviations(covariances: Array, rng: np.random.Generator, draws: tuple[int, ...] = ()) -> Array:
+    """Deviations (*draws, T, 4) from means, drawn from covariances (T, 4, 4), which may be singular."""
+    values, axes = eigen(covariances)
+    roots = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    return np.asarray(applied(roots, standard_normal(rng, (*draws, len(covariances), 4))))
+
+
 def nominal_positions(situation: Situation, horizon: int) -> Array:
     """Undisturbed positions (H, T, 2) m of the tracks after 1 to H steps."""
     return situation.motion.positions_ahead(*beliefs_of(situation.tracks), horizon)
 
 
 def _disturbance(motion: NearlyConstantVelocity, normal: Array) -> Array:
-    """Process noise of a step on states (S, T, 4), from normal numbers (S, T, 2, 2), in the last axis x and y.
+    """Process noise of a step on states (S, T, 4), from two normal numbers for each axis (S, T, 2, 2), x first.
 
     The two numbers of an axis are multiplied by the Cholesky factor of its block of Q, of rank one over a single scan.
     """

@@ -16,7 +16,7 @@ class Team(NamedTuple):
     prior: Prior
     own: Array  # (M, B, 3 LANES): information from each place of its moves
     others: Array  # (S, H, B, 3 LANES): information of each sequence of the others
-    first: Indices  # (n,): the first sequence of each other UAV, and their number
+    first: Indices  # (n,): the first sequence of each of n - 1 other UAVs and, last, the number of all their sequences
     chances: Array  # (S,): probability of each UAV's sequences, summed up
 
 
@@ -34,7 +34,7 @@ def drawn_information(team: Team, draws: Array) -> Array:
 
 @compiled
 def gains(team: Team, sequences: Array, draws: Array) -> Array:
-    """Mean gain (S,) of own sequences with information (S, H, B, 3 LANES) over the others', drawn by `draws` (D, n)."""
+    """Mean gain (S,) of own sequences with information (S, H, B, 3 LANES) over those drawn by `draws` (D, n - 1)."""
     found = np.zeros(len(sequences))
     for i in range(len(draws)):
         others = drawn_information(team, draws[i])

@@ -10,14 +10,12 @@ import numpy as np
 from planning.optimizers.optimizer import speed_limited
 from planning.planner import Exchange, Plan, Situation
 from planning.prediction.field_of_view import IMAGE_POINTS, points_shown, view_quadrangle
+from planning.prediction.propagation import deviations
 from planning.prediction.quadrangle import inside
 from tracking.geometry.line_of_sight import Grid, unobstructed
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.factorisation import eigen
-from tracking.numerics.matrices import applied
-from tracking.numerics.normal import standard_normal
 from tracking.numerics.poisson import poisson
 from tracking.track import beliefs_of
 
@@ -81,9 +79,7 @@ class Thompson:
 def drawn_world(situation: Situation, rng: np.random.Generator) -> DrawnWorld:
     """People drawn from the intensity of undetected ones and from the tracks, by their probability of existence."""
     means, covariances = beliefs_of(situation.tracks)
-    values, axes = eigen(covariances)  # which may be singular
-    roots = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    errors = applied(roots, standard_normal(rng, (len(means), 4)))
+    errors = deviations(covariances, rng)
     exists = rng.random(len(means)) < np.array([track.existence for track in situation.tracks])
     people = np.zeros((0, 4))
     if situation.unseen is not None:

@@ -21,7 +21,7 @@ SCORE = Metric("normalised score", unit="%", better="higher", scale=100.0, digit
 
 
 @dataclass(frozen=True)
-class Score:
+class NormalisedScore:
     """The score of a planner in one cell, or the mean over all cells: that of the floor is 0, that of the bound 1."""
 
     cell: Cell | None  # None: all cells
@@ -33,7 +33,7 @@ class Score:
 class Scored(NamedTuple):
     """Scores of planners, and of which metric between which ends."""
 
-    scores: list[Score]
+    scores: list[NormalisedScore]
     metric: Metric
     ends: tuple[str, str]  # floor and bound
 
@@ -55,7 +55,7 @@ def ends_of(rows: Sequence[Placed], score: ScoreScale, given: Mapping[str, str] 
     return baseline_of(rows, score.floor, given), baseline_of(rows, bound, given)
 
 
-def scores(groups: Sequence[Group], metric: Metric, floor: str, bound: str) -> list[Score]:
+def scores(groups: Sequence[Group], metric: Metric, floor: str, bound: str) -> list[NormalisedScore]:
     """Cell by cell the score of each planner, then the mean over cells of planners that are in all of them.
 
     A score is (m - f) / (b - f) of the means m, f and b of planner, floor and bound over the maps that all three flew.
@@ -79,9 +79,9 @@ def scores(groups: Sequence[Group], metric: Metric, floor: str, bound: str) -> l
     return found
 
 
-def _score(cell: Cell | None, planner: str, values: Mapping[int, float]) -> Score:
+def _score(cell: Cell | None, planner: str, values: Mapping[int, float]) -> NormalisedScore:
     (estimate,) = means(np.array([*values.values()], dtype=float).reshape(-1, 1))
-    return Score(cell, planner, estimate, len(values))
+    return NormalisedScore(cell, planner, estimate, len(values))
 
 
 def _by_map(group: Group, floor: Group, bound: Group, metric: Metric) -> dict[int, float]:

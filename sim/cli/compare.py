@@ -91,20 +91,12 @@ def compare(
     """Fly planners or trackers on the same forests, people and seeds; compare them. Goes on where it stopped."""
     changes = [*_sensing(sensing), *with_duration(overrides, duration)]
     number = None if repeats is None else integer(repeats, "--repeats", least=1, most=REPEATS)
-    begun = _study(study, tracker or ())
-    chosen = adapted(
-        begun,
-        planners=planner or (),
-        scenarios=scenario or (),
-        seeds=_seeds(seeds, maps),
-        repeats=number,
-        overrides=changes,
-    )
+    begun = _study(study, tracker or (), scenario or ())
+    chosen = adapted(begun, planners=planner or (), seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
     processes = integer(workers, "--workers", least=1, most=1024) if workers else os.cpu_count() or 1
     limit = None if timeout is None else seconds(timeout, "--timeout")
-    if keep is not None:
-        check_known("--keep", keep, ["recordings"])
     folder = out or Path("runs") / chosen.name
+    kept = _kept(keep, folder)
     # A complaint about the input needs none of what these import.
     from sim.analysis.metric_choice import from_outside
     from sim.cli.study_flight import facts_of, fly_study, show_study
@@ -113,15 +105,15 @@ def compare(
 
     listed = tasks(chosen, from_outside(metric or ()))
     facts = facts_of(chosen, listed, baseline=baseline, labels=label or (), metrics=tuple(metric or ()))
-    rows = fly_study(listed, folder, Options(limit, folder / "recordings" if keep else None, redo), processes, dask)
+    rows = fly_study(listed, folder, Options(limit, kept, redo), processes, dask)
     show_study(rows, folder, facts)
 
 
-def _study(name: str, trackers: Sequence[str]) -> Study:
-    """A packaged study, a study file, or one made of a scenario and flags, with trackers in place of its own."""
+def _study(name: str, trackers: Sequence[str], scenarios: Sequence[str]) -> Study:
+    """A packaged study, a study file, or one made of a scenario and flags, with trackers and scenarios as given."""
     for tracker in trackers:
         replace(TRACKERS, field="--tracker").check(tracker)
-    return with_trackers(_named(name), trackers)
+    return adapted(with_trackers(_named(name), trackers), scenarios=scenarios)
 
 
 def _named(name: str) -> Study:
@@ -131,6 +123,14 @@ def _named(name: str) -> Study:
     if not is_file:
         check_known("study", name, [*STUDIES, *SCENARIOS], " (or a .toml file)")
     return Study(name="compare", planners=COMPARED, scenarios=(name,))
+
+
+def _kept(keep: str | None, folder: Path) -> Path | None:
+    """Folder of recordings, if they are kept."""
+    if keep is None:
+        return None
+    check_known("--keep", keep, ["recordings"])
+    return folder / "recordings"
 
 
 def _seeds(seeds: str | None, maps: str | None) -> str | None:

@@ -14,7 +14,7 @@ from sim.analysis.answers import map_means
 from sim.analysis.cell_text import Cell, cell_text
 from sim.analysis.cells import Group
 from sim.analysis.distributions import bands, ecdf
-from sim.analysis.score import Score
+from sim.analysis.score import NormalisedScore
 from sim.drawing.palette import FAINT
 from sim.drawing.plots import new_figure, rgb
 from sim.evaluation.metric import Metric
@@ -118,7 +118,7 @@ def runtime_figure(groups: Sequence[Group], metric: Metric) -> Figure:
     return _dot_figure([dot(group) for group in groups], dress)
 
 
-def score_figure(found: Sequence[Score]) -> Figure:
+def score_figure(found: Sequence[NormalisedScore]) -> Figure:
     """Normalised scores with their intervals, a line per cell and a dot per planner."""
     dots = [(s.cell, s.planner, 100 * np.array([s.estimate.value, s.estimate.low, s.estimate.high])) for s in found]
 

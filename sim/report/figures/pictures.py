@@ -14,7 +14,7 @@ from sim.analysis.cell_text import cell_text
 from sim.analysis.cells import Group
 from sim.analysis.distributions import bands, share_under
 from sim.analysis.metric_choice import RUNTIME, metric_shown
-from sim.analysis.score import SCORE, Score
+from sim.analysis.score import SCORE, NormalisedScore
 from sim.evaluation.metric import UNKNOWN, Metric
 from sim.report.figures.charts import LOOK, ecdf_figure, runtime_figure, scatter_figure, score_figure, time_figure
 from sim.report.figures.panels import Sheet, sheets
@@ -58,7 +58,7 @@ def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
     return [_picture("runtime", "Time for a decision", caption, "; ".join(lines), runtime_figure(flown, timed))]
 
 
-def score_picture(found: Sequence[Score], ends: tuple[str, str]) -> Picture:
+def score_picture(found: Sequence[NormalisedScore], ends: tuple[str, str]) -> Picture:
     """Normalised scores of planners, cell by cell."""
     lines = [f"{cell_text(s.cell)}, {s.planner} {SCORE.text(s.estimate.value)} %" for s in found]
     caption = f"0 is {ends[0]}, 100 is {ends[1]}. Lines are 95 % intervals over the maps."
