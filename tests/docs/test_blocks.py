@@ -21,6 +21,7 @@ NAMES = (
     "how-to/wrapping",
     "how-to/trackers",
     "explanation/equations",
+    "explanation/frames-to-tracks",
     "explanation/rivals",
     *(f"reference/{n}" for n in REFERENCE),
 )
