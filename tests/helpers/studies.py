@@ -2,6 +2,7 @@
 
 import math
 import sqlite3
+import time
 from concurrent.futures import Future
 from contextlib import closing
 
@@ -69,6 +70,7 @@ class Serial:
     def __init__(self, fates=None):
         self.fates = {name: list(fate) for name, fate in (fates or {}).items()}
         self.flown, self.dropped = [], []
+        self._begun = {}  # s, by future
 
     def room(self):
         return True
@@ -76,6 +78,7 @@ class Serial:
     def submit(self, task, *, keep, timeout):
         self.flown.append((task.planner, task.seed))
         future = Future()
+        self._begun[future] = time.monotonic()
         fate = self.fates[task.planner].pop(0) if self.fates.get(task.planner) else None
         if isinstance(fate, type):
             raise fate("shut down")
@@ -87,8 +90,8 @@ class Serial:
             future.set_result(fly(task, keep=keep) if not self.fates else Flown(invented(task)))
         return future
 
-    def started(self, future):
-        return True
+    def overdue(self, seconds):
+        return [f for f, begun in self._begun.items() if not f.done() and time.monotonic() - begun > seconds]
 
     def drop(self, future):
         self.dropped.append(future)
