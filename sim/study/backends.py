@@ -202,7 +202,7 @@ class _Lane:
 
     @property
     def seconds(self) -> float:
-        """How long its task flies, since this was first asked when the process was ready."""
+        """Time that its task flies, since this was first asked when the process was ready."""
         if self.idle or not self.ready:
             return 0.0
         if self._since is None:
