@@ -43,7 +43,7 @@ class _Kept(msgspec.Struct, frozen=True):
     factors: str
     settings: str
     planner: str
-    seed: int | str | float  # as SQLite takes text that is a number of more than 64 bits
+    seed: int | str | float  # real and rounded where it has more than 63 bits and an earlier release wrote it
     repeat: int
     recording: str
     machine: str
@@ -145,7 +145,7 @@ def read_rows(path: Path) -> list[Row]:
         study = _name(connection, path)
         old = "0 AS repeat, '' AS recording, '' AS machine"
         columns = _COLUMNS if version > 1 else _COLUMNS.replace("repeat, recording, machine", old)
-        order = "scenario, factors, planner, seed, repeat, version"
+        order = "scenario, factors, planner, length(seed), seed, repeat, version"
         rows = connection.execute(f"SELECT {columns} FROM trials ORDER BY {order}").fetchall()
     return [_row(path, study, values) for values in rows]
 
@@ -240,7 +240,8 @@ def _kept(task: Task, row: Row) -> _Kept:
         scenario=scenario,
         factors=factors,
         settings=settings,
-        seed=row.seed if row.seed < 2**63 else str(row.seed),  # SQLite's integers have 64 bits
+        # SQLite's integers have 64 bits, and text of digits alone is rounded to a number in a column of integers.
+        seed=row.seed if row.seed < 2**63 else f"{row.seed:_}",
         metrics=_json(row.metrics),
         ospa=row.ospa.astype("<f4").tobytes(),
         scans_per_s=task.setting.rates.sensing,
