@@ -109,12 +109,6 @@ def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
     return made
 
 
-def task_of(setting: Scenario, planner: str, seed: int) -> Task:
-    """A trial by itself, of no study."""
-    key = _key(_digest_of(setting, planner), seed, 0)
-    return Task(key=key, setting=setting, planner=planner, seed=seed, version=release())
-
-
 @functools.lru_cache(maxsize=1)
 def release() -> str:
     """Version of this package and, as a checkout changes between releases, a digest of its code: 1.2.0+89abcdef.

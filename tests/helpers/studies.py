@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.study.store import NAME, Store
 from sim.study.study import Study
-from sim.study.tasks import tasks
+from sim.study.tasks import Task, release, tasks
 from sim.study.trial import Flown, failed, fly
 
 NUMBERS = ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m", "recall", "wall_s", "seconds.planning", "faults")
@@ -21,6 +21,11 @@ SHORT = {"duration": "1", "sensing.mode": "ideal", "trees.density": "5"}
 def short(planners=("hover", "greedy"), seeds="0-1", **changes):
     """Trials of a second."""
     return tasks(Study(name="short", planners=tuple(planners), seeds=seeds, settings=SHORT, **changes))
+
+
+def task_of(setting, planner, seed):
+    """A trial by itself, of no study."""
+    return Task(key=f"{planner} {seed}", setting=setting, planner=planner, seed=seed, version=release())
 
 
 def invented(task):

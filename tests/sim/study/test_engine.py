@@ -11,11 +11,10 @@ from unittest.mock import Mock
 import msgspec
 import numpy as np
 import pytest
+from helpers.flights import mission_of
 from helpers.processes import ended
 from helpers.studies import Serial, plain, short
 
-from sim.mission.mission import Mission
-from sim.mission.trial import Trial
 from sim.study import backends, engine, trial
 from sim.study.backends import Borrowed, Pool, connected
 from sim.study.engine import Options, complete, rows_of
@@ -92,7 +91,7 @@ def test_trials_that_fail_or_are_interrupted_are_failed_rows_with_reasons(ailing
 def test_a_row_holds_what_the_mission_came_to():
     (task,) = short(["greedy"], "4")
     row = fly(task).row
-    mission = Mission.of(Trial(task.setting, "greedy", 4))
+    mission = mission_of(task.setting, "greedy", 4)
     snapshots = list(mission.fly())
     errors = [snapshot.error for snapshot in snapshots]
     distance = np.array([snapshot.ospa[:, 0] for snapshot in snapshots])
