@@ -53,9 +53,14 @@ def load_planner(text: str) -> Planner:
     return cast("Planner", planner)
 
 
+def planner_target(text: str) -> str:
+    """Import string of the class or function that makes a planner; PlannerError if there is no planner of that name."""
+    return _spec(_parsed(text)[0]).target
+
+
 def is_built_in_planner(text: str) -> bool:
     """True if a planner's code comes with this package; PlannerError if there is no planner of that name."""
-    return _spec(_parsed(text)[0]).target.partition(".")[0] == __package__
+    return planner_target(text).partition(".")[0] == __package__
 
 
 def _takes_two(plan: Any) -> bool:  # noqa: ANN401 - whatever a user's class holds

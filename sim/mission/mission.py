@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.contract import exchange_of, is_stateful, reset, with_truth
-from planning.loading import load_planner, planner_errors
+from planning.loading import planner_errors
 from planning.planner import Exchange, Plan, Planner, Situation
 from sim.mission.knowledge import Knowledge
 from sim.mission.plan_check import checked_plans, handed, usable_plans
 from sim.mission.plan_exchange import Links, lost_messages, open_links
 from sim.mission.snapshot import Snapshot
 from sim.mission.tracker_setup import initial_tracks
-from sim.mission.trial import Trial
 from sim.mission.wind import Air
 from sim.mission.world_setup import forest_and_people
 from sim.scenario.random_streams import stream
@@ -83,11 +82,6 @@ class Mission:
         flown, sees_truth = with_truth(planner, partial(_places, self.people))
         with planner_errors(type(planner).__qualname__, "say what it sends"):
             return flown, sees_truth, exchange_of(flown)
-
-    @staticmethod
-    def of(trial: Trial) -> "Mission":
-        """The mission of a trial, its planner loaded."""
-        return Mission(trial.scenario, load_planner(trial.planner), trial.seed, trial.repeat)
 
     @property
     def over(self) -> bool:

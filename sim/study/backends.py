@@ -18,7 +18,7 @@ from tracking.plugins.registry import InputError
 
 
 class Backend(Protocol):
-    """Executor of trials that can end one."""
+    """Executor of trials that can end a trial."""
 
     def room(self) -> bool:
         """True if another task may be submitted, as it always may where there is a queue."""
@@ -27,15 +27,15 @@ class Backend(Protocol):
     def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
         """`sim.study.trial.fly` of a task, to come."""
 
-    def started(self, future: Future[Flown]) -> bool:
-        """True if it flies by now."""
+    def overdue(self, seconds: float) -> list[Future[Flown]]:
+        """Trials that have flown for longer than so many seconds, their waiting and all compiling aside."""
 
     def drop(self, future: Future[Flown]) -> None:
         """Waste no more on a task that hangs."""
 
 
 class Borrowed(Backend):
-    """Executor of the caller. A trial that hangs in it cannot be killed, and keeps its place."""
+    """Executor of the caller. A trial that hangs in it cannot be ended, and is waited for."""
 
     def __init__(self, executor: Executor) -> None:
         self._executor = executor
@@ -44,16 +44,15 @@ class Borrowed(Backend):
         """Submit as to any executor."""
         return self._executor.submit(fly, task, keep=keep, timeout=timeout)
 
-    def started(self, future: Future[Flown]) -> bool:
-        """As the future says."""
-        return future.running()
+    def overdue(self, seconds: float) -> list[Future[Flown]]:
+        """None, as it cannot be told: futures of Python's process pool run, by their own account, while they wait."""
+        return []
 
     def drop(self, future: Future[Flown]) -> None:
         """Cancel, which helps only what has not started."""
         future.cancel()
 
 
-_POLL = 2.0  # s, between questions to the scheduler
 _CONNECT = 10.0  # s
 
 
@@ -66,37 +65,57 @@ class Cluster(Backend):
     def __init__(self, client: Any) -> None:  # noqa: ANN401 - of a library that may not be there
         self._client = client
         self._executor = client.get_executor(pure=False)
-        self._names: dict[Future[Flown], str] = {}
+        self._topic = f"understory-{client.id}"
         self._submitted = 0
-        self._asked = 0.0
-        self._workers: dict[str, str] = {}  # of each task that flies, as last asked
+        self._names: dict[Future[Flown], str] = {}  # of trials that have not ended
+        self._begun: dict[str, tuple[str, float]] = {}  # of those that fly, by name: worker, and when it began [s]
+        client.subscribe_topic(self._topic, self._hear)
 
     def submit(self, task: Task, *, keep: bool, timeout: float | None) -> Future[Flown]:
         """Submit under a name of its own, so that a second try is not taken for the first."""
         self._submitted += 1
         name = f"{task.key}-{self._submitted}"
-        future: Future[Flown] = self._executor.submit(fly, task, keep=keep, timeout=timeout, key=name)
+        future: Future[Flown] = self._executor.submit(
+            _fly_announced, task, keep=keep, timeout=timeout, announcement=(self._topic, name), key=name
+        )
         self._names[future] = name
+        future.add_done_callback(self._forget)
         return future
 
-    def started(self, future: Future[Flown]) -> bool:
-        """True if a worker flies it; one is given more than it has threads for, first come, first served."""
-        if time.monotonic() - self._asked > _POLL:
-            threads, ours = self._client.nthreads(), list(self._names.values())  # in the order of submission
-            self._workers = {
-                name: worker
-                for worker, names in self._client.processing().items()
-                for name in [name for name in ours if name in names][: threads.get(worker, 0)]
-            }
-            self._asked = time.monotonic()
-        return self._names[future] in self._workers
+    def overdue(self, seconds: float) -> list[Future[Flown]]:
+        """Trials that began so long ago and that their workers still have: those of a lost worker wait for another."""
+        limit = time.monotonic() - seconds
+        late = {name: worker for name, (worker, begun) in list(self._begun.items()) if begun < limit}
+        if not late:
+            return []
+        processing = self._client.processing()
+        held = {name for name, worker in late.items() if name in processing.get(worker, ())}
+        return [future for future, name in list(self._names.items()) if name in held]
 
     def drop(self, future: Future[Flown]) -> None:
         """Cancel it, and restart the worker that it hangs in."""
-        worker = self._workers.get(self._names.pop(future))
+        worker, _ = self._begun.get(self._names.get(future, ""), ("", 0.0))
         future.cancel()
-        if worker is not None:
+        if worker:
             self._client.restart_workers([worker], raise_for_error=False)
+
+    def _hear(self, event: tuple[float, tuple[str, str]]) -> None:
+        """Note that a trial began, for the first time or anew, as its worker announces."""
+        name, worker = event[1]
+        self._begun[name] = worker, time.monotonic()
+
+    def _forget(self, future: Future[Flown]) -> None:
+        """Drop what is known of a trial that has ended."""
+        self._begun.pop(self._names.pop(future, ""), None)
+
+
+def _fly_announced(task: Task, *, keep: bool, timeout: float | None, announcement: tuple[str, str]) -> Flown:
+    """As `fly`, in a worker, which announces under a topic that the trial of a name begins."""
+    from distributed import get_worker
+
+    worker: Any = cast(Any, get_worker)()
+    topic, name = announcement
+    return fly(task, keep=keep, timeout=timeout, begun=lambda: worker.log_event(topic, (name, worker.address)))
 
 
 @contextmanager
@@ -151,9 +170,9 @@ class Pool:
         """Fly a task in a free process."""
         return next(lane for lane in self._lanes if lane.idle).submit(task, keep, timeout)
 
-    def started(self, future: Future[Flown]) -> bool:
-        """True if a task flies, its process having started."""
-        return any(lane.future is future and lane.ready for lane in self._lanes)
+    def overdue(self, seconds: float) -> list[Future[Flown]]:
+        """Trials that have flown for longer than so many seconds since their process had started."""
+        return [lane.future for lane in self._lanes if lane.future is not None and lane.seconds > seconds]
 
     def drop(self, future: Future[Flown]) -> None:
         """Kill the process that a task hangs in; another takes its place."""
@@ -169,6 +188,7 @@ class _Lane:
         self.future: Future[Flown] | None = None
         self._executor: ProcessPoolExecutor | None = None
         self._greeting: Future[int] | None = None
+        self._since: float | None = None  # s, when its task was first seen to fly
         self._processes: list[BaseProcess] = []
 
     @property
@@ -180,11 +200,21 @@ class _Lane:
         """True if the process has started, all compiled code in it."""
         return self._greeting is not None and self._greeting.done() and self._greeting.exception() is None
 
+    @property
+    def seconds(self) -> float:
+        """Time that its task flies, since this was first asked when the process was ready."""
+        if self.idle or not self.ready:
+            return 0.0
+        if self._since is None:
+            self._since = time.monotonic()
+        return time.monotonic() - self._since
+
     def submit(self, task: Task, keep: bool, timeout: float | None) -> Future[Flown]:
         if self.future is not None and self.future.exception() is not None:
             self.end()  # `fly` raises nothing, so the process is dead
         if self._executor is None:
             self._executor = self._start()
+        self._since = None
         self.future = self._executor.submit(_fly, task, keep=keep, timeout=timeout)
         return self.future
 

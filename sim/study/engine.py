@@ -1,6 +1,5 @@
 """Flies trials on any executor, keeps each result as it comes, and gives what fails a second chance."""
 
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -24,7 +23,6 @@ Heard = Callable[[Task, Row, bool], None]  # a task, its row, and whether it was
 class _Flight:
     task: Task
     attempt: int
-    since: float | None = None  # s, when it was seen to have started
 
 
 @dataclass(frozen=True)
@@ -121,19 +119,8 @@ def _over(
         first = None
     found = [first] if first in flying else []  # not if it was given up before
     if timeout is not None:
-        found += [future for future in _overdue(flying, backend, timeout) if future is not first]
+        found += [future for future in backend.overdue(timeout + _GRACE) if future is not first and future in flying]
     return found
-
-
-def _overdue(flying: dict[Future[Flown], _Flight], backend: Backend, timeout: float) -> list[Future[Flown]]:
-    """Flights that have not ended by themselves for too long since they were first seen to fly."""
-    now = time.monotonic()
-    for future, flight in flying.items():
-        if not backend.started(future):
-            flight.since = None
-        elif flight.since is None:
-            flight.since = now
-    return [f for f, flight in flying.items() if flight.since is not None and now - flight.since > timeout + _GRACE]
 
 
 def _outcome(future: Future[Flown], task: Task, timeout: float | None) -> Flown:

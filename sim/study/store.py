@@ -18,22 +18,21 @@ from tracking.plugins.registry import InputError
 
 SCHEMA = 2  # in the file's user_version; docs/how-to/studies.md describes it
 NAME = "study.sqlite"
+# Columns that version 1 lacks: the type of each, and its default, as which it reads there.
+_LATER = {"repeat": ("INTEGER", "0"), "recording": ("TEXT", "''"), "machine": ("TEXT", "''")}
+_DECLARED = [f"{name} {kind} NOT NULL DEFAULT {default}" for name, (kind, default) in _LATER.items()]
 _TABLES = (
     "CREATE TABLE study (name TEXT NOT NULL)",
-    """CREATE TABLE trials (
+    f"""CREATE TABLE trials (
         key TEXT PRIMARY KEY, scenario TEXT NOT NULL, factors TEXT NOT NULL, settings TEXT NOT NULL,
         planner TEXT NOT NULL, seed INTEGER NOT NULL, version TEXT NOT NULL, status TEXT NOT NULL,
         error TEXT NOT NULL, metrics TEXT NOT NULL, ospa BLOB NOT NULL, scans_per_s REAL NOT NULL,
-        finished TEXT NOT NULL DEFAULT (datetime('now')), repeat INTEGER NOT NULL DEFAULT 0,
-        recording TEXT NOT NULL DEFAULT '', machine TEXT NOT NULL DEFAULT ''
+        finished TEXT NOT NULL DEFAULT (datetime('now')), {", ".join(_DECLARED)}
     )""",
     "CREATE VIEW metrics AS SELECT t.key, j.key AS name, j.value FROM trials t, json_each(t.metrics) j",
     "CREATE VIEW factors AS SELECT t.key, j.value ->> 0 AS name, j.value ->> 1 AS level"
     " FROM trials t, json_each(t.factors) j",
 )
-# Which version 1 lacks, and how they read there.
-_LATER = {"repeat": "INTEGER NOT NULL DEFAULT 0", "recording": "TEXT NOT NULL DEFAULT ''"}
-_LATER["machine"] = _LATER["recording"]
 
 
 class _Kept(msgspec.Struct, frozen=True):
@@ -43,7 +42,7 @@ class _Kept(msgspec.Struct, frozen=True):
     factors: str
     settings: str
     planner: str
-    seed: int | str | float  # as SQLite takes text that is a number of more than 64 bits
+    seed: int | str | float  # real and rounded where it has more than 63 bits and an earlier release wrote it
     repeat: int
     recording: str
     machine: str
@@ -55,7 +54,8 @@ class _Kept(msgspec.Struct, frozen=True):
     scans_per_s: float
 
 
-_COLUMNS = ", ".join(_Kept.__struct_fields__)
+_FIELDS = _Kept.__struct_fields__
+_COLUMNS = ", ".join(_FIELDS)
 _SAME = ("planner", "repeat", "recording", "machine", "version", "status", "error")  # of a row and in a store
 _DAMAGED = (sqlite3.Error, UnicodeDecodeError)  # of a file of other bytes, or a locked one
 
@@ -143,9 +143,9 @@ def read_rows(path: Path) -> list[Row]:
         if version == 0:
             raise InputError(f"{file}: holds no study")
         study = _name(connection, path)
-        old = "0 AS repeat, '' AS recording, '' AS machine"
-        columns = _COLUMNS if version > 1 else _COLUMNS.replace("repeat, recording, machine", old)
-        order = "scenario, factors, planner, seed, repeat, version"
+        absent = {name: default for name, (_, default) in _LATER.items()} if version == 1 else {}
+        columns = ", ".join(f"{absent[name]} AS {name}" if name in absent else name for name in _FIELDS)
+        order = "scenario, factors, planner, length(seed), seed, repeat, version"
         rows = connection.execute(f"SELECT {columns} FROM trials ORDER BY {order}").fetchall()
     return [_row(path, study, values) for values in rows]
 
@@ -190,8 +190,8 @@ def _prepare(connection: sqlite3.Connection, path: Path, study: str) -> None:
             connection.execute(table)
         connection.execute("INSERT INTO study VALUES (?)", (study,))
     elif version == 1:
-        for name, kind in _LATER.items():
-            connection.execute(f"ALTER TABLE trials ADD COLUMN {name} {kind}")
+        for column in _DECLARED:
+            connection.execute(f"ALTER TABLE trials ADD COLUMN {column}")
     connection.execute(f"PRAGMA user_version = {SCHEMA}")
     name = _name(connection, path)
     if name != study:
@@ -240,7 +240,8 @@ def _kept(task: Task, row: Row) -> _Kept:
         scenario=scenario,
         factors=factors,
         settings=settings,
-        seed=row.seed if row.seed < 2**63 else str(row.seed),  # SQLite's integers have 64 bits
+        # SQLite's integers have 64 bits, and text of digits alone is rounded to a number in a column of integers.
+        seed=row.seed if row.seed < 2**63 else f"{row.seed:_}",
         metrics=_json(row.metrics),
         ospa=row.ospa.astype("<f4").tobytes(),
         scans_per_s=task.setting.rates.sensing,
@@ -251,7 +252,7 @@ def _kept(task: Task, row: Row) -> _Kept:
 def _row(path: Path, study: str, values: Sequence[Any]) -> Row:
     """A trial that was read; InputError where it is none that was written."""
     try:
-        kept = msgspec.convert(dict(zip(_Kept.__struct_fields__, values, strict=True)), _Kept, builtin_types=(bytes,))
+        kept = msgspec.convert(dict(zip(_FIELDS, values, strict=True)), _Kept, builtin_types=(bytes,))
         distances = np.frombuffer(kept.ospa, dtype="<f4").astype(np.float32)
         if not kept.scans_per_s > 0:
             raise ValueError(f"scans_per_s is {kept.scans_per_s:g}")

@@ -2,7 +2,7 @@
 
 import functools
 import hashlib
-import inspect
+import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -12,7 +12,8 @@ import numpy as np
 from msgspec import Struct, field
 from numpy.typing import NDArray
 
-from planning.loading import load_planner
+from planning.loading import load_planner, planner_target
+from sim.installation import ROOT
 from sim.scenario.loading import load
 from sim.scenario.quantities import integers
 from sim.scenario.scenario import Scenario, resolved
@@ -21,10 +22,16 @@ from sim.study.cells import cells
 from sim.study.study import Study
 from sim.world.trajectories import MOST_BYTES
 from tracking.numerics.arrays import Array
-from tracking.plugins.registry import InputError
+from tracking.plugins.registry import InputError, imported
 
 _MOST_TRIALS = 1_000_000
 _OURS = ("planning", "sim", "tracking")
+# What decides a flight beside its settings: code, the quadrotor's body, and what cameras see.
+_RELEASED = (
+    *(f"{name}/**/*.py" for name in _OURS),
+    "assets/*.urdf",
+    *(f"assets/meshes/*.{e}" for e in ("obj", "mtl", "png")),
+)
 
 
 class _Setup(Struct, frozen=True, kw_only=True):
@@ -102,18 +109,16 @@ def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
     return made
 
 
-def task_of(setting: Scenario, planner: str, seed: int) -> Task:
-    """A trial by itself, of no study."""
-    key = _key(_digest_of(setting, planner), seed, 0)
-    return Task(key=key, setting=setting, planner=planner, seed=seed, version=release())
-
-
 @functools.lru_cache(maxsize=1)
 def release() -> str:
-    """Version of this package and, as a checkout changes between releases, a digest of its code: 1.2.0+89abcdef."""
-    root, digest = Path(__file__).parents[2], hashlib.sha256()
-    for file in sorted(file for name in _OURS for file in (root / name).rglob("*.py")):
-        digest.update(file.read_bytes())
+    """Version of this package and, as a checkout changes between releases, a digest of its code: 1.2.0+89abcdef.
+
+    The digest is of the body of the quadrotor and the meshes, too, wherever the package is installed.
+    """
+    digest = hashlib.sha256()
+    for name in sorted(file.relative_to(ROOT).as_posix() for pattern in _RELEASED for file in ROOT.glob(pattern)):
+        content = (ROOT / name).read_bytes()
+        digest.update(f"{name} {len(content)}\n".encode() + content)
     return f"{version('understory')}+{digest.hexdigest()[:8]}"
 
 
@@ -124,11 +129,19 @@ def _digest_of(setting: Scenario, planner: str) -> str:
 
 
 def _contents(setting: Scenario, planner: str) -> list[str]:
-    """Digests of files that a trial depends on and that change without a new version: paths of people, plug-ins."""
-    kinds: list[type] = [type(load_planner(planner))]
-    kinds += [registry.find(name) for registry, name in setting.plugins if name not in registry.built_in]
-    files = [inspect.getsourcefile(kind) for kind in kinds if kind.__module__.partition(".")[0] not in _OURS]
+    """Digests of files that a trial depends on and that change without a new version: plug-ins, paths of people."""
+    made, target = load_planner(planner), planner_target(planner)
+    plugins = [(target, imported(target)), (target, type(made))]
+    plugins += [(name, registry.find(name)) for registry, name in setting.plugins if name not in registry.built_in]
+    files = dict.fromkeys(file for target, plugin in plugins for file in _sources(target, plugin))
     return [_digest(Path(file)) for file in [*files, setting.people.trajectory_file] if file]
+
+
+def _sources(target: str, plugin: object) -> list[str]:
+    """Files of the module that an import string names and of that which defines the plug-in, if they are the user's."""
+    names = [target.partition(":")[0], str(getattr(plugin, "__module__", ""))]
+    theirs = [name for name in names if name.partition(".")[0] not in (*_OURS, *sys.stdlib_module_names)]
+    return [getattr(sys.modules.get(name), "__file__", None) or "" for name in theirs]
 
 
 def _digest(path: Path) -> str:

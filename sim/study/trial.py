@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 
 import numpy as np
@@ -26,15 +26,19 @@ class Flown(Struct, frozen=True):
     recording: bytes = b""
 
 
-def fly(task: Task, *, keep: bool = False, timeout: float | None = None) -> Flown:
+def fly(
+    task: Task, *, keep: bool = False, timeout: float | None = None, begun: Callable[[], object] = lambda: None
+) -> Flown:
     """Fly a trial. Whatever it raises is the error of a failed row, since not every exception survives pickling.
 
-    keep: whether the recording comes back too; timeout: wall time [s] beyond which the trial has failed.
+    keep: whether the recording comes back too. timeout: wall time [s] beyond which the trial has failed; compiling
+    before it is not counted. begun: called when that time starts.
     """
     try:
         if release() != task.version:
             raise RuntimeError(f"understory is {release()} here, not {task.version}")
         warm_up()  # so that the first trial's times are those of the others
+        begun()
         with contained():
             return _flown(task, keep, timeout)
     except ForeignError as error:

@@ -11,6 +11,11 @@ PAIR = "uavs=[{{start=[-28,-2],footprint=20,mount='{0}'}},{{start=[-28,2],footpr
 IDEAL = ("sensing.mode=ideal", "dynamics=kinematic")
 
 
+def mission_of(setting, planner="hover", seed=0, repeat=0):
+    """A mission that has not begun, by the planner of a name."""
+    return Mission(setting, load_planner(planner), seed, repeat)
+
+
 def fly(*overrides, planner="hover", seed=0, duration=1, repeat=0, see=lambda mission: None):
     """The mission flown by a planner, or the one of a name, and its snapshots; `see` is called at each scan."""
     setting = load("forest", [f"duration={duration}", *overrides])

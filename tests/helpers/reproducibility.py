@@ -50,16 +50,17 @@ SHORT = ("seed 0", 6.0)  # mission and its duration [s]
 # Last come the images themselves, of a short mission with an appearance drawn at random.
 _FLY = """
 import hashlib, json, sys
+from planning.loading import load_planner
 from planning.registry import DEFAULT_PLANNER
 from sim.scenario.loading import load
 from sim.mission.mission import Mission
-from sim.mission.trial import Trial
-from sim.study.tasks import task_of
+from sim.study.tasks import Task, release
 from sim.study.trial import fly
 for seed, overrides in json.loads(sys.argv[1]):
-    row = fly(task_of(load("forest", overrides), DEFAULT_PLANNER, seed)).row
+    setting = load("forest", overrides)
+    row = fly(Task(key="", setting=setting, planner=DEFAULT_PLANNER, seed=seed, version=release())).row
     print(row.recording or sys.exit(row.error))
-mission = Mission.of(Trial(load("forest", ["duration=2", "appearance.randomise=true"]), DEFAULT_PLANNER, 0))
+mission = Mission(load("forest", ["duration=2", "appearance.randomise=true"]), load_planner(DEFAULT_PLANNER))
 images = hashlib.sha256()
 for _ in mission.fly():
     for frame in mission.frames:

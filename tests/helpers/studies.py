@@ -2,6 +2,7 @@
 
 import math
 import sqlite3
+import time
 from concurrent.futures import Future
 from contextlib import closing
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from sim.study.store import NAME, Store
 from sim.study.study import Study
-from sim.study.tasks import tasks
+from sim.study.tasks import Task, release, tasks
 from sim.study.trial import Flown, failed, fly
 
 NUMBERS = ("ospa.mean_m", "ospa.median_m", "ospa.share_under_1m", "recall", "wall_s", "seconds.planning", "faults")
@@ -20,6 +21,11 @@ SHORT = {"duration": "1", "sensing.mode": "ideal", "trees.density": "5"}
 def short(planners=("hover", "greedy"), seeds="0-1", **changes):
     """Trials of a second."""
     return tasks(Study(name="short", planners=tuple(planners), seeds=seeds, settings=SHORT, **changes))
+
+
+def task_of(setting, planner, seed):
+    """A trial by itself, of no study."""
+    return Task(key=f"{planner} {seed}", setting=setting, planner=planner, seed=seed, version=release())
 
 
 def invented(task):
@@ -69,6 +75,7 @@ class Serial:
     def __init__(self, fates=None):
         self.fates = {name: list(fate) for name, fate in (fates or {}).items()}
         self.flown, self.dropped = [], []
+        self._begun = {}  # s, by future
 
     def room(self):
         return True
@@ -76,6 +83,7 @@ class Serial:
     def submit(self, task, *, keep, timeout):
         self.flown.append((task.planner, task.seed))
         future = Future()
+        self._begun[future] = time.monotonic()
         fate = self.fates[task.planner].pop(0) if self.fates.get(task.planner) else None
         if isinstance(fate, type):
             raise fate("shut down")
@@ -87,8 +95,8 @@ class Serial:
             future.set_result(fly(task, keep=keep) if not self.fates else Flown(invented(task)))
         return future
 
-    def started(self, future):
-        return True
+    def overdue(self, seconds):
+        return [f for f, begun in self._begun.items() if not f.done() and time.monotonic() - begun > seconds]
 
     def drop(self, future):
         self.dropped.append(future)

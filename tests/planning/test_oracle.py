@@ -6,6 +6,8 @@ import pickle
 import struct
 
 import numpy as np
+from helpers.flights import mission_of
+from helpers.studies import task_of
 from helpers.teams import Spy
 
 from planning.loading import load_planner
@@ -22,7 +24,6 @@ from sim.report.terminal import show
 from sim.running import run as flights
 from sim.running.run import run
 from sim.scenario.loading import load
-from sim.study.tasks import task_of
 from sim.study.trial import fly
 from sim.terminal.console import console
 from tracking.filter.kalman import Gaussian
@@ -54,7 +55,7 @@ def test_situations_hold_no_truth_even_when_an_oracle_flies():
         held = snapshots[5 * k].tracks[0]
         assert all(struct.pack("<d", t.belief.mean[0]) in team for t in held)  # as one that is there would be found
     assert not any(hasattr(load_planner(name), "knowing") for name in PLANNERS if name != "oracle")
-    assert not Mission.of(Trial(load("forest", [*SHORT]), "sma-nbo-mwtp", 0)).sees_truth
+    assert not mission_of(load("forest", [*SHORT]), "sma-nbo-mwtp", 0).sees_truth
 
 
 def walking(team, rng):

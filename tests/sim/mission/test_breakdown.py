@@ -8,6 +8,7 @@ from helpers import synthetic
 from helpers.films import frames_of
 from helpers.flights import fly_ideal as fly
 from helpers.flights import recording_of
+from helpers.studies import task_of
 from helpers.summaries import summary
 from helpers.teams import Spy
 
@@ -22,7 +23,6 @@ from sim.replay.frames.rerender import scenario_of
 from sim.running.run import run
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault
-from sim.study.tasks import task_of
 from sim.study.trial import fly as fly_trial
 from tracking.geometry.visibility import Forest
 from tracking.plugins.registry import InputError

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers.flights import IDEAL, fly, fly_ideal
+from helpers.flights import IDEAL, fly, fly_ideal, mission_of
 from helpers.teams import Spy
 
 from planning.loading import load_planner
@@ -73,7 +73,7 @@ def test_without_people_there_are_no_detections_and_no_tracks():
 def test_people_of_a_file_appear_and_leave_with_no_trunk_in_the_way(tmp_path):
     (tmp_path / "crowd.csv").write_text(CROWD)
     (tmp_path / "crowd.toml").write_text('duration = 3.0\n[people]\ntrajectories = "crowd.csv"\n[trees]\ndensity = 0\n')
-    snapshots = list(Mission.of(Trial(load(str(tmp_path / "crowd.toml")), "hover", 0)).fly())
+    snapshots = list(mission_of(load(str(tmp_path / "crowd.toml")), "hover", 0).fly())
     present = np.array([~np.isnan(s.people[:, 0]) for s in snapshots])
     time = np.array([s.time for s in snapshots])
     np.testing.assert_array_equal(present, np.column_stack([time <= 1, time >= 0, time >= 1]))
@@ -83,7 +83,7 @@ def test_people_of_a_file_appear_and_leave_with_no_trunk_in_the_way(tmp_path):
     path = tmp_path / "walk.csv"
     rows = [f"{t},{y},{-70 + 14 * t},{y}" for t in range(11) for y in range(-48, 49, 6)]
     path.write_text("t,id,x,y\n" + "\n".join(rows))
-    mission = Mission.of(Trial(load("forest", [f"people.trajectories={path}", "duration=10"]), "hover", 0))
+    mission = mission_of(load("forest", [f"people.trajectories={path}", "duration=10"]), "hover", 0)
     trunks = np.array([(t.x, t.y) for t in mission.forest.trees])
     gaps = np.linalg.norm(mission.people.positions[:, :, None] - trunks, axis=3)
     assert gaps.min() > 0.2 + 0.5 - 0.12  # the path is kept clear where it is sampled, 0.23 m apart

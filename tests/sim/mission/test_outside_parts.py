@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from helpers.pages import DOCS, ROOT, blocks
 from helpers.processes import python
+from helpers.studies import task_of
 
 from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
 from sim.recording.archive import digest, load
 from sim.running.run import run
 from sim.scenario.loading import load as load_scenario
-from sim.study.tasks import task_of
 from sim.study.trial import fly
 from tracking.filter.motion import motion_model
 from tracking.fusion.rule import LocalBeliefs, fusion_rule

@@ -8,6 +8,7 @@ import pytest
 from helpers.flights import IDEAL, fly, fly_ideal, recording_of
 from helpers.recordings import assert_same, npy, record, rewritten
 from helpers.scenes import track
+from helpers.studies import task_of
 from helpers.summaries import hand_made, shown, summary
 from scipy.sparse.csgraph import connected_components
 
@@ -17,7 +18,6 @@ from sim.recording.archive import load as load_recording
 from sim.recording.archive import save
 from sim.scenario.fleet import Cut, Network
 from sim.scenario.loading import load
-from sim.study.tasks import task_of
 from sim.study.trial import fly as fly_trial
 from tracking.metrics.ospa import ospa
 

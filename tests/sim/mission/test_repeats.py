@@ -6,11 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from helpers.flights import recorded
+from helpers.flights import mission_of, recorded
 from helpers.studies import invented, plain, short
 
-from sim.mission.mission import Mission
-from sim.mission.trial import Trial
 from sim.mission.world_setup import forest_and_people
 from sim.recording.archive import load as load_recording
 from sim.replay.events import links_of
@@ -55,7 +53,7 @@ def test_repeats_share_forest_and_people_not_chance_which_replay_finds(recording
 def test_a_map_is_what_the_seed_gives_and_looks_the_same():
     setting = load("forest", NOISY)
     forest, people = forest_and_people(setting, 7)
-    mission = Mission.of(Trial(setting, "hover", 7, 3))
+    mission = mission_of(setting, "hover", 7, 3)
     assert mission.forest.trees == forest.trees and mission.people.positions.tobytes() == people.positions.tobytes()
     setting = load("forest", ["appearance.randomise=true"])
     one, other = (sample_appearance(setting, 4, trees=3, people=2, repeat=repeat) for repeat in (0, 5))

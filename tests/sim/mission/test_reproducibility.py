@@ -7,6 +7,7 @@ from functools import partial
 
 import pytest
 from helpers.reproducibility import ROOT, SHORT, VARIANTS, hashes, hashes_here
+from helpers.studies import task_of
 
 from planning.registry import DEFAULT_PLANNER
 from sim.evaluation.machine import machine, machine_line
@@ -14,7 +15,6 @@ from sim.mission.trial import Trial
 from sim.recording.archive import digest, load
 from sim.running.run import run
 from sim.scenario.loading import load as load_scenario
-from sim.study.tasks import task_of
 from sim.study.trial import fly
 
 # Of the short mission and of images, on any machine: what `python tests/helpers/reproducibility.py --short` prints.

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from helpers.flights import fly, recording_of
+from helpers.studies import task_of
 
 from planning.loading import load_planner
 from sim.mission.trial import Trial
@@ -15,7 +16,6 @@ from sim.recording.recording import Recorder
 from sim.running.run import run
 from sim.scenario.loading import load
 from sim.sensing.fault import Fault
-from sim.study.tasks import task_of
 from sim.study.trial import fly as fly_trial
 
 OPTIONS = ("sensing.mode=ideal", "uavs.1.fails_at=1.1")

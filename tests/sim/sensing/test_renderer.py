@@ -7,11 +7,10 @@ import cv2
 import msgspec
 import numpy as np
 import pytest
+from helpers.flights import mission_of
 from helpers.poses import tilted
 from helpers.views import ALTITUDES, CAMERA, SCENARIO, random_forest
 
-from sim.mission.mission import Mission
-from sim.mission.trial import Trial
 from sim.scenario.fleet import DEFAULT_FLEET
 from sim.scenario.scenario import Scenario
 from sim.sensing.renderer import FAR, NEAR, Renderer, capture
@@ -235,7 +234,7 @@ def test_image_and_line_of_sight_hide_the_same_ground(views):
 def flown(pixels):
     """Images of each scan of a short mission, UAV by UAV."""
     uavs = tuple(msgspec.structs.replace(uav, pixels=n) for uav, n in zip(DEFAULT_FLEET, pixels, strict=True))
-    mission = Mission.of(Trial(Scenario(duration=0.4, uavs=uavs), "hover", 2))
+    mission = mission_of(Scenario(duration=0.4, uavs=uavs), "hover", 2)
     return [tuple(mission.frames) for _ in mission.fly()]
 
 

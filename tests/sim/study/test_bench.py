@@ -5,7 +5,7 @@ import hashlib
 import msgspec
 import numpy as np
 import pytest
-from helpers.studies import Serial
+from helpers.studies import Serial, task_of
 
 from sim.installation import ASSETS
 from sim.scenario.loading import SCENARIOS, load, remarks
@@ -13,7 +13,7 @@ from sim.scenario.scenario import resolved
 from sim.study.cells import VIEW, cells
 from sim.study.engine import rows_of
 from sim.study.study import adapted, read
-from sim.study.tasks import task_of, tasks
+from sim.study.tasks import tasks
 
 BENCH = read("bench-1")
 WORLDS = ("paper", "forest", "scatter", "search", "crowd", "dense", "wind", "patchwork", "recorded", "fleet")

@@ -1,25 +1,27 @@
 """Whatever ends a trial, the others fly on, and it has a second chance; any executor gives the same rows."""
 
+import multiprocessing
 import os
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
+from unittest.mock import Mock
 
 import msgspec
 import numpy as np
 import pytest
+from helpers.flights import mission_of
 from helpers.processes import ended
 from helpers.studies import Serial, plain, short
 
-from sim.mission.mission import Mission
-from sim.mission.trial import Trial
-from sim.study import backends, engine
-from sim.study.backends import Borrowed, Pool
+from sim.study import backends, engine, trial
+from sim.study.backends import Borrowed, Pool, connected
 from sim.study.engine import Options, complete, rows_of
 from sim.study.store import Store, StoreError, read_rows
 from sim.study.trial import fly
 
-# Planners that end their process, hang or raise, always or but once (a file tells).
+# Planners that end their process, hang, take long or raise, always or but once (a file tells).
 AILING = """
 import os, subprocess, time
 from pathlib import Path
@@ -39,6 +41,14 @@ class Dies:
 class Hangs(Dies):
     def fail(self):
         self.mark.write_text(str(subprocess.Popen(["sleep", "3600"]).pid))
+        time.sleep(3600)
+
+class Sleeps(Dies):
+    def fail(self):
+        time.sleep(0.75)
+
+class Stalls(Dies):
+    def fail(self):
         time.sleep(3600)
 
 class Interrupts(Dies):
@@ -81,7 +91,7 @@ def test_trials_that_fail_or_are_interrupted_are_failed_rows_with_reasons(ailing
 def test_a_row_holds_what_the_mission_came_to():
     (task,) = short(["greedy"], "4")
     row = fly(task).row
-    mission = Mission.of(Trial(task.setting, "greedy", 4))
+    mission = mission_of(task.setting, "greedy", 4)
     snapshots = list(mission.fly())
     errors = [snapshot.error for snapshot in snapshots]
     distance = np.array([snapshot.ospa[:, 0] for snapshot in snapshots])
@@ -114,6 +124,61 @@ def test_trials_that_hang_are_dropped_and_the_rest_flies_on(tmp_path, monkeypatc
     assert [row.status for row in rows] == ["done", "failed"]
     assert rows[1].error == "TimeoutError: hung for longer than the timeout of 0.05 s"
     assert len(backend.dropped) == 2
+
+
+def test_trials_that_wait_in_the_queue_of_a_process_pool_do_not_hang(ailing, tmp_path, monkeypatch):
+    """Futures of Python's pool say that they run from when they are in its queue, before its process has started."""
+    monkeypatch.setattr(engine, "_GRACE", 0.0)
+    tasks = short([ailing("Sleeps", once=False)], "0-2")
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as executor:
+        monkeypatch.setattr(executor, "submit", Mock(wraps=executor.submit))
+        rows = run(tmp_path, tasks, Borrowed(executor), Options(timeout=3.0))  # two of 1.5 s take longer
+        assert executor.submit.call_count == len(tasks)
+    assert [row.error for row in rows] == [""] * len(tasks)
+
+
+@pytest.fixture
+def cluster():
+    """Connects to a cluster of one worker of a thread, of the given kind: in this process or in one with a nanny."""
+    distributed = pytest.importorskip("distributed")
+
+    @contextmanager
+    def started(kind):
+        workers = {0: {"cls": getattr(distributed, kind), "options": {"nthreads": 1}}}
+        scheduler = {"cls": distributed.Scheduler, "options": {"dashboard_address": None}}
+        with (
+            distributed.SpecCluster(workers, scheduler, silence_logs=50) as local,
+            connected(local.scheduler_address) as backend,
+        ):
+            backend.submit = Mock(wraps=backend.submit)
+            yield backend
+
+    return started
+
+
+def test_trials_that_wait_for_a_worker_or_its_warm_up_do_not_hang(ailing, cluster, tmp_path, monkeypatch):
+    monkeypatch.setattr(engine, "_GRACE", 0.0)
+    warm_up = Mock()
+    warm_up.side_effect = lambda: time.sleep(4.0 if warm_up.call_count == 1 else 0.0)
+    monkeypatch.setattr(trial, "warm_up", warm_up)
+    tasks = short([ailing("Sleeps", once=False)], "0-2")
+    with cluster("Worker") as backend:
+        rows = run(tmp_path, tasks, backend, Options(timeout=3.0))
+        assert backend.submit.call_count == len(tasks) and backend._names == backend._begun == {}
+        future = backend.submit(tasks[0], keep=False, timeout=None)
+        seen = [backend.overdue(0.3) for _ in iter(lambda: time.sleep(0.05) or future.done(), True)]
+        assert [future] in seen and backend.overdue(0.0) == []
+    assert [row.error for row in rows] == [""] * len(tasks)
+
+
+@pytest.mark.slow
+def test_a_trial_that_hangs_in_a_worker_ends_with_it_and_is_flown_again(ailing, cluster, tmp_path, monkeypatch):
+    monkeypatch.setattr(engine, "_GRACE", 0.0)
+    tasks = short([ailing("Stalls"), "hover"], "0")
+    with cluster("Nanny") as backend:
+        rows = run(tmp_path, tasks, backend, Options(timeout=2.0))
+        assert backend.submit.call_count == len(tasks) + 1 and backend._names == backend._begun == {}
+    assert [row.error for row in rows] == [""] * len(tasks)
 
 
 def test_an_executor_that_takes_no_more_ends_the_study_and_keeps_what_there_is(tmp_path):

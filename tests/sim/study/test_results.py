@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
+from helpers.flights import mission_of
+from helpers.studies import task_of
 
 from planning.registry import DEFAULT_PLANNER
-from sim.mission.mission import Mission
-from sim.mission.trial import Trial
 from sim.scenario.loading import load
 from sim.study.backends import Pool
 from sim.study.engine import rows_of
-from sim.study.tasks import task_of
 
 SEEDS = range(10)
 
@@ -28,7 +27,7 @@ def test_the_default_planner_holds_the_people_and_baselines_do_not():
 @pytest.mark.parametrize("seed", SEEDS)
 def test_people_unknown_at_first_are_all_found_and_held(seed):
     setting = load("forest", ["tracking.initial_tracks=none"])
-    sizes = [len(s.tracks[0]) for s in Mission.of(Trial(setting, DEFAULT_PLANNER, seed)).fly()]
+    sizes = [len(s.tracks[0]) for s in mission_of(setting, DEFAULT_PLANNER, seed).fly()]
     found = sizes.index(4)
     assert found <= 100  # within 20 s
     assert np.mean(np.array(sizes[found:]) == 4) >= 0.95

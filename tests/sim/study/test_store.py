@@ -21,7 +21,7 @@ def filled(tmp_path):
     return tmp_path, tasks, store(tmp_path, tasks)
 
 
-def test_rows_come_back_as_they_were_whatever_their_seed(filled, tmp_path):
+def test_rows_come_back_as_they_were(filled):
     folder, tasks, rows = filled
     with Store.opened(folder, "short") as opened:
         found = opened.done(tasks)
@@ -29,10 +29,14 @@ def test_rows_come_back_as_they_were_whatever_their_seed(filled, tmp_path):
     assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))
     assert sorted(map(str, map(plain, read_rows(folder)))) == sorted(map(str, map(plain, rows)))
     assert found[tasks[0].key].metrics["wall_s"] == rows[0].metrics["wall_s"]
-    tasks = short(["hover"], f"{2**63 - 1},{2**63},{2**80}")
-    store(tmp_path, tasks)
-    with Store.opened(tmp_path, "short") as opened:
-        assert [opened.done(tasks)[task.key].seed for task in tasks] == [2**63 - 1, 2**63, 2**80]
+
+
+def test_seeds_of_any_size_are_read_as_they_were_in_order(tmp_path):
+    seeds = [9, 10, 2**63 - 1, 2**63, 2**63 + 1, 2**64 - 1, 10**20, 2**80]
+    store(tmp_path, short(["hover"], ",".join(map(str, reversed(seeds)))))
+    assert [row.seed for row in read_rows(tmp_path)] == frame(tmp_path)["seed"].tolist() == seeds
+    sql(tmp_path, f"UPDATE trials SET seed = '{2**64}'")  # as it was written before, which SQLite rounds
+    assert {row.seed for row in read_rows(tmp_path)} == {2**64}
 
 
 def test_trials_are_what_their_keys_say_and_added_again_replace_the_first(filled):

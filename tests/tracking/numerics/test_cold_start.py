@@ -65,17 +65,17 @@ def test_a_mission_compiles_nothing_in_flight():
     code = """
 import gc
 from numba.core.dispatcher import Dispatcher
+from planning.loading import load_planner
 from planning.registry import DEFAULT_PLANNER
 from sim.scenario.loading import load
 from sim.mission.mission import Mission
-from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
 def signatures():
     compiled = [d for d in gc.get_objects() if issubclass(type(d), Dispatcher)]
     return {(d.py_func.__qualname__, s) for d in compiled for s in d.overloads}
 warm_up()
 before = signatures()
-for _ in Mission.of(Trial(load("forest", ["duration=6"]), DEFAULT_PLANNER, 0)).fly():
+for _ in Mission(load("forest", ["duration=6"]), load_planner(DEFAULT_PLANNER)).fly():
     pass
 print(len(before) > 20, signatures() - before)
 """
