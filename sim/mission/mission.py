@@ -277,13 +277,12 @@ class Mission:
     def _situations(self) -> list[Situation]:
         """One situation per working UAV at a decision: itself, its own tracks, and its knowledge of the others."""
         if self._team is None:
-            sensed = self._sense()
-            bodies = list(zip(sensed.snapshot.poses, self._world.velocities()[:, :2], strict=True))
-            about = self._k, bodies, sensed.links, self._working
-            self._team = self._knowledge.situations(*about) if self._decides() else []
-            if self._reset and self._team:  # here, as the planner may be asked from outside, too
+            sensed, due = self._sense(), self._decides()
+            if due and self._reset:  # here, as the planner may be asked from outside, too; first, as it may fail
                 reset(self.planner, int(stream(self.seed, "memory", repeat=self.repeat).integers(2**63)))
                 self._reset = False
+            bodies = list(zip(sensed.snapshot.poses, self._world.velocities()[:, :2], strict=True))
+            self._team = self._knowledge.situations(self._k, bodies, sensed.links, self._working) if due else []
         return self._team
 
 
