@@ -101,6 +101,4 @@ class Rollout:
 
 def decision_times(scenario: Scenario) -> list[float]:
     """Times of the decisions of a mission [s]."""
-    every = scenario.rates.sensing // scenario.rates.planning
-    first = round(scenario.first_decision * scenario.rates.sensing)
-    return [time for k, time in enumerate(scenario.scan_times) if k % every == 0 and k >= first]
+    return [time for k, time in enumerate(scenario.scan_times) if scenario.decides(k)]

@@ -64,7 +64,6 @@ class Mission:
             scenario, self.forest, initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
         )
         self._rounds = exchange.rounds
-        self._first = round(scenario.first_decision * scenario.rates.sensing)  # scan
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
         self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
         self._working = list(range(len(scenario.uavs)))  # UAVs that have not broken down, at the last scan
@@ -270,9 +269,8 @@ class Mission:
         return [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(count)], self._knowledge.plans.end(plans)
 
     def _decides(self) -> bool:
-        rates = self.scenario.rates
         self._sense()
-        return bool(self._working) and self._k >= self._first and self._k % (rates.sensing // rates.planning) == 0
+        return bool(self._working) and self.scenario.decides(self._k)
 
     def _situations(self) -> list[Situation]:
         """One situation per working UAV at a decision: itself, its own tracks, and its knowledge of the others."""
