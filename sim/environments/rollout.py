@@ -39,7 +39,11 @@ class Rollout:
         self._drawn = -math.inf  # s, the last scan that the film knows
         self._image: NDArray[np.uint8]  # of that scan
         self._last = decision_times(scenario)[-1]
-        self._go_on()
+        try:
+            self._go_on()
+        except BaseException:
+            self.close()
+            raise
 
     def step(self, velocities: Mapping[int, Array]) -> None:
         """Fly to the next decision by a velocity (2,) m/s of each UAV of the team."""

@@ -57,8 +57,6 @@ class Mission:
         chance = partial(stream, seed, repeat=repeat)
         self.rng = chance("planner")  # the planner's only source of chance, but for what it is reset with
         self._reset = is_stateful(self.planner)  # is due before the first decision
-        self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
-        self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
         starts = [self.people.at(time)[0] for time in (0.0, 1 / scenario.rates.sensing)]
         self._knowledge = Knowledge(
             scenario, self.forest, initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
@@ -74,6 +72,12 @@ class Mission:
         self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, in force
         self._sensed: _Sensed | None = None  # at the present scan
         self._team: list[Situation] | None = None  # as of the present scan
+        self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
+        try:
+            self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
+        except BaseException:
+            self._world.close()
+            raise
 
     def _known_of(self, planner: Planner | None) -> tuple[Planner | None, bool, Exchange]:
         """The planner to fly, whether it is an oracle, and what it sends. An oracle is given the truth here."""

@@ -91,10 +91,14 @@ class World:
         client = self._given
         if client is None:
             largest = max(uav.pixels for uav in self._scenario.uavs)
-            client = opengl.connect(largest) if self.opengl else pybullet.connect(pybullet.DIRECT)
-        made = Bodies(client, self._scenario, self.trees, self.style, opengl=self.opengl)
-        self._put_uavs(made)
-        _put_people(made, self._people_centres, self._headings)
+            client = opengl.connect(largest, self.trees) if self.opengl else pybullet.connect(pybullet.DIRECT)
+        try:
+            made = Bodies(client, self._scenario, self.trees, self.style, opengl=self.opengl)
+            self._put_uavs(made)
+            _put_people(made, self._people_centres, self._headings)
+        except BaseException:
+            self._disconnect(client)
+            raise
         return made
 
     @property
@@ -171,7 +175,10 @@ class World:
         """Free the client."""
         self._closed = True
         if self._made and self.engine.isConnected():
-            (opengl.disconnect if self.opengl else pybullet.disconnect)(self.client)
+            self._disconnect(self.client)
+
+    def _disconnect(self, client: int) -> None:
+        (opengl.disconnect if self.opengl else pybullet.disconnect)(client)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Recipe by which `copy` and `pickle` make it again."""

@@ -4,6 +4,7 @@ from pathlib import Path
 import numpy as np
 import pybullet
 import pytest
+from helpers.clients import open_clients
 
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
@@ -40,6 +41,15 @@ def test_uavs_start_level_at_their_places_in_a_world_that_closes():
         assert pybullet.isConnected(physicsClientId=world.client)
     assert not pybullet.isConnected(physicsClientId=world.client)
     world.close()
+
+
+def test_a_world_whose_bodies_cannot_be_made_leaves_no_client(monkeypatch, tmp_path):
+    monkeypatch.setattr("sim.world.bodies.ASSETS", tmp_path)
+    before = open_clients()
+    for client in (None, pybullet.connect(pybullet.DIRECT)):
+        with pytest.raises(pybullet.error):
+            World(ONE, NO_TREES, 0, client=client)
+    assert open_clients() == before
 
 
 def test_rotors_move_the_body_as_newton_and_euler_say():
