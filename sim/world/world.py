@@ -172,10 +172,10 @@ class World:
         return taken
 
     def close(self) -> None:
-        """Free the client."""
-        self._closed = True
-        if self._made and self.engine.isConnected():
+        """Free the client, once, as PyBullet gives its number to the next one."""
+        if self._made and not self._closed and self.engine.isConnected():
             self._disconnect(self.client)
+        self._closed = True
 
     def _disconnect(self, client: int) -> None:
         (opengl.disconnect if self.opengl else pybullet.disconnect)(client)
@@ -194,10 +194,10 @@ class World:
 
     def restore(self, state: dict[str, Any], engine: bytes | None) -> None:
         """Take over the state of a world of the same scenario and forest; engine: of its client, if it has one."""
-        vars(self).update(state)
-        if self._closed:
+        if state["_closed"]:
             self.close()
-        elif engine is not None:
+        vars(self).update(state)
+        if engine is not None:
             with TemporaryDirectory() as folder:
                 path = Path(folder, "world.bullet")
                 path.write_bytes(engine)
