@@ -60,6 +60,10 @@ class Composition:
     uncertainty: Uncertainty = "trace"  # of tracks: summed traces, or minus the mutual information [nats]
     cutoff: float = np.inf  # m, above 0: up to which squared errors count; infinite: the trace itself
 
+    def __post_init__(self) -> None:
+        if not self.cutoff > 0.0:
+            raise ValueError(f"cutoff must be above 0 m, is {self.cutoff}; infinite: the trace")
+
     def plan(self, team: Sequence[Situation], rng: np.random.Generator) -> list[Plan]:
         """Plans of the team, in its order."""
         return self.coordination.plans([self._modelled(situation) for situation in team], self, rng)

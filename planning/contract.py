@@ -6,14 +6,14 @@ from typing import Any, cast
 from planning.loading import planner_errors
 from planning.planner import Exchange, Planner
 from tracking.numerics.arrays import Array
-from tracking.plugins.containment import Unusable, contained
+from tracking.plugins.containment import Unusable
 
 TruePositions = Callable[[float], Array]  # of people: (M, 2) m at a time [s], NaN where absent
 
 
 def exchange_of(planner: object) -> Exchange:
-    """The exchange of plans that a planner declares, else `Exchange()`; `ForeignError` if reading it fails."""
-    with contained():
+    """The exchange of plans that a planner declares, else `Exchange()`; PlannerError if it cannot be asked."""
+    with planner_errors(type(planner).__qualname__, "say what it sends"):
         exchange = getattr(planner, "exchange", None)  # a plug-in may declare anything
         # A copy, so that it stays as it was checked.
         return Exchange(exchange.rounds, exchange.centre is True) if isinstance(exchange, Exchange) else Exchange()

@@ -16,7 +16,7 @@ from planning.conformance.situations import (
     with_other_knowledge,
 )
 from planning.contract import exchange_of, is_stateful, reset
-from planning.loading import PlannerError, load_planner
+from planning.loading import PlannerError, load_planner, planner_errors
 from planning.planner import Planner, Situation
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
 
@@ -33,7 +33,8 @@ class Subject:
         self.team = ordinary_team()
         planner = self.make()
         self.remembers = is_stateful(planner)
-        self.claims = bool(getattr(planner, "decentralised", False))
+        with planner_errors(type(planner).__qualname__, "say whether it is decentralised"):
+            self.claims = bool(getattr(planner, "decentralised", False))
         self.rounds = exchange_of(planner).rounds
         self.first = attempt(planner, self.team, watched=True)
 

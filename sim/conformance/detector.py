@@ -15,8 +15,8 @@ from sim.scenario.fleet import Uav
 from sim.scenario.perception import DETECTORS
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_pose
+from sim.sensing.detection_check import usable_detections
 from sim.sensing.detection_truth import MaskDetector, matched_detections
-from sim.sensing.rendered_mode import usable_detections
 from sim.sensing.renderer import Rendered, Renderer
 from sim.world.world import World
 from tracking.detection.detector import Detections, Frame

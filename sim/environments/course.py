@@ -40,18 +40,13 @@ class Course:
         self.scenario = chosen(scenario, settings)
         if len(decision_times(self.scenario)) < 2:
             raise InputError(f"duration: {self.scenario.duration:g} s is too short; an episode needs two decisions")
-        if observe is not None and not isinstance(observe, Mapping):
-            raise InputError(f"observe: {observe!r} is not allowed; expected a dict with keys of {', '.join(_OBSERVE)}")
-        given = {**_OBSERVE, **(observe or {})}
-        for name, value in given.items():
-            check_known("observe", name, _OBSERVE)
-            if name != "image" and not (type(value) is int and 1 <= value <= _MOST_ROWS):
-                raise InputError(f"observe: {name} {value!r} is not allowed; expected an integer, 1 to {_MOST_ROWS}")
-        self.image = bool(given["image"])
+        given = _observed(observe)
+        self.image: bool = given["image"]
         if self.image and not self.scenario.sensing.renders:
             raise InputError(f"observe: image is not there with sensing.mode {self.scenario.sensing.mode!r}")
         self.uavs = range(len(self.scenario.uavs))
         self.observations = Observations(len(self.uavs) - 1, given["tracks"], given["trees"])
+        self.spaces = [self._space(uav) for uav in self.uavs]  # of observations
         self.reward = reward_of(reward)
         self.metadata = {
             "render_modes": RENDER_MODES,
@@ -69,20 +64,6 @@ class Course:
         if self._rollout is None:
             raise error.ResetNeeded("call reset first")
         return self._rollout
-
-    def space(self, uav: int) -> spaces.Dict:
-        """Space of observations of one UAV."""
-        o, area = self.observations, (self.scenario.area.width, self.scenario.area.height)
-        tables = {"tracks": (o.tracks, TRACK), "neighbours": (o.neighbours, NEIGHBOUR), "trees": (o.trees, TREE)}
-        found: dict[str, spaces.Space[Any]] = {"own": _reals(len(OWN))}
-        if not o.neighbours:
-            del tables["neighbours"]
-        for name, (rows, columns) in tables.items():
-            found[name], found[f"{name}_mask"] = _reals(rows, len(columns)), spaces.MultiBinary(rows)
-        found["unseen"] = spaces.Box(0.0, np.inf, raster_shape(area))
-        if self.image:
-            found["image"] = spaces.Box(0, 255, self._blank(uav).shape, np.uint8)
-        return spaces.Dict(found)
 
     def begin(self, seed: int | None, options: Mapping[str, Any] | None, rng: np.random.Generator) -> None:
         """Start the mission of a seed, or of one that `rng` draws; the option `repeat` gives it other noise.
@@ -111,7 +92,7 @@ class Course:
         """Observation of a UAV that works; zeros of one that does not."""
         situation = self.rollout.team.get(uav)
         if situation is None:
-            return {name: np.zeros_like(space.sample()) for name, space in self.space(uav).items()}
+            return {name: _zeros(space) for name, space in self.spaces[uav].items()}
         found = self.observations.of(situation)
         if self.image:
             found["image"] = self.rollout.images.get(uav, self._blank(uav)).copy()
@@ -144,6 +125,20 @@ class Course:
         if self._rollout is not None:
             self._rollout.close()
             self._rollout = None
+
+    def _space(self, uav: int) -> spaces.Dict:
+        """Space of observations of one UAV."""
+        o, area = self.observations, (self.scenario.area.width, self.scenario.area.height)
+        tables = {"tracks": (o.tracks, TRACK), "neighbours": (o.neighbours, NEIGHBOUR), "trees": (o.trees, TREE)}
+        found: dict[str, spaces.Space[Any]] = {"own": _reals(len(OWN))}
+        if not o.neighbours:
+            del tables["neighbours"]
+        for name, (rows, columns) in tables.items():
+            found[name], found[f"{name}_mask"] = _reals(rows, len(columns)), spaces.MultiBinary(rows)
+        found["unseen"] = spaces.Box(0.0, np.inf, raster_shape(area))
+        if self.image:
+            found["image"] = spaces.Box(0, 255, self._blank(uav).shape, np.uint8)
+        return spaces.Dict(found)
 
     def _blank(self, uav: int) -> NDArray[np.uint8]:
         edge = self.scenario.uavs[uav].pixels
@@ -178,6 +173,28 @@ class Episodes:
     def flight(self) -> Flight:
         """Recording since the last reset, to look into; ValueError before the first step."""
         return self._course.rollout.flight()
+
+
+def _observed(given: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Settings of observations, defaults included; InputError says what is wrong with them."""
+    if given is not None and not isinstance(given, Mapping):
+        raise InputError(f"observe: {given!r} is not allowed; expected a dict with keys of {', '.join(_OBSERVE)}")
+    observed = {**_OBSERVE, **(given or {})}
+    for name, value in observed.items():
+        check_known("observe", name, _OBSERVE)
+        if name == "image":
+            usable, expected = isinstance(value, bool), "True or False"
+        else:
+            usable, expected = type(value) is int and 1 <= value <= _MOST_ROWS, f"an integer, 1 to {_MOST_ROWS}"
+        if not usable:
+            raise InputError(f"observe: {name} {value!r} is not allowed; expected {expected}")
+    return observed
+
+
+def _zeros(space: spaces.Space[Any]) -> NDArray[Any]:
+    """Zeros as an element of a space of arrays."""
+    assert space.shape is not None
+    return np.zeros(space.shape, space.dtype)
 
 
 def _reals(*shape: int) -> spaces.Box:

@@ -36,7 +36,7 @@ class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[A
         self.metadata = {**self.metadata, **self._course.metadata}
         self.possible_agents = [f"uav_{i}" for i in self._course.uavs]
         self.agents: list[str] = []
-        self.observation_spaces = {f"uav_{i}": self._course.space(i) for i in self._course.uavs}
+        self.observation_spaces = {f"uav_{i}": self._course.spaces[i] for i in self._course.uavs}
         self.action_spaces = {agent: spaces.Box(-1.0, 1.0, (2,), np.float32) for agent in self.possible_agents}
         self._last: dict[str, Observed] = {}
         self._rng: np.random.Generator | None = None

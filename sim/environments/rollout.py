@@ -39,7 +39,11 @@ class Rollout:
         self._drawn = -math.inf  # s, the last scan that the film knows
         self._image: NDArray[np.uint8]  # of that scan
         self._last = decision_times(scenario)[-1]
-        self._go_on()
+        try:
+            self._go_on()
+        except BaseException:
+            self.close()
+            raise
 
     def step(self, velocities: Mapping[int, Array]) -> None:
         """Fly to the next decision by a velocity (2,) m/s of each UAV of the team."""
@@ -101,6 +105,4 @@ class Rollout:
 
 def decision_times(scenario: Scenario) -> list[float]:
     """Times of the decisions of a mission [s]."""
-    every = scenario.rates.sensing // scenario.rates.planning
-    first = round(scenario.first_decision * scenario.rates.sensing)
-    return [time for k, time in enumerate(scenario.scan_times) if k % every == 0 and k >= first]
+    return [time for k, time in enumerate(scenario.scan_times) if scenario.decides(k)]

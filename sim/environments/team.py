@@ -40,7 +40,7 @@ class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
             raise InputError("observe: images of several sizes are not one array; set uavs.N.pixels alike")
         self.render_mode = render_mode
         self.metadata = course.metadata
-        one = course.space(0)
+        one = course.spaces[0]
         self.observation_space = spaces.Dict(
             {
                 **{name: _repeated(space, len(course.uavs)) for name, space in one.items()},

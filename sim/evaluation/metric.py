@@ -82,7 +82,10 @@ class Metric:
         return f"{self.label} [{self.unit}]" if self.unit else self.label
 
     def text(self, value: float, *, signed: bool = False) -> str:
-        """The value in the unit, without it; a dash where it is undefined. Signed zeros were rounded."""
+        """The value in the metric's unit, without the unit's name; a dash if NaN.
+
+        A difference that rounds to zero keeps its sign.
+        """
         if math.isnan(value):
             return UNKNOWN
         shown = f"{value * self.scale:{'+' if signed and value else ''}.{self.digits}f}"

@@ -1,1 +1,1 @@
-"""The mission loop and the radio network."""
+"""The mission loop, the radio network and the wind."""

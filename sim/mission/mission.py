@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.contract import exchange_of, is_stateful, reset, with_truth
-from planning.loading import planner_errors
 from planning.planner import Exchange, Plan, Planner, Situation
 from sim.mission.knowledge import Knowledge
 from sim.mission.plan_check import checked_plans, handed, usable_plans
@@ -56,14 +55,11 @@ class Mission:
         chance = partial(stream, seed, repeat=repeat)
         self.rng = chance("planner")  # the planner's only source of chance, but for what it is reset with
         self._reset = is_stateful(self.planner)  # is due before the first decision
-        self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
-        self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
         starts = [self.people.at(time)[0] for time in (0.0, 1 / scenario.rates.sensing)]
         self._knowledge = Knowledge(
             scenario, self.forest, initial_tracks(scenario, *starts), exchange=exchange, rng=chance("intents")
         )
         self._rounds = exchange.rounds
-        self._first = round(scenario.first_decision * scenario.rates.sensing)  # scan
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
         self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
         self._working = list(range(len(scenario.uavs)))  # UAVs that have not broken down, at the last scan
@@ -74,14 +70,19 @@ class Mission:
         self._commands = np.zeros((len(scenario.uavs), 2))  # m/s, in force
         self._sensed: _Sensed | None = None  # at the present scan
         self._team: list[Situation] | None = None  # as of the present scan
+        self._world = World(scenario, self.forest, self.people.positions.shape[1], seed, repeat=repeat)
+        try:
+            self._sensors = Sensors(scenario, self._world, self.forest, rng=chance("sensors"), clock=self.clock)
+        except BaseException:
+            self._world.close()
+            raise
 
     def _known_of(self, planner: Planner | None) -> tuple[Planner | None, bool, Exchange]:
         """The planner to fly, whether it is an oracle, and what it sends. An oracle is given the truth here."""
         if planner is None:
             return None, False, Exchange()
         flown, sees_truth = with_truth(planner, partial(_places, self.people))
-        with planner_errors(type(planner).__qualname__, "say what it sends"):
-            return flown, sees_truth, exchange_of(flown)
+        return flown, sees_truth, exchange_of(flown)
 
     @property
     def over(self) -> bool:
@@ -264,20 +265,18 @@ class Mission:
         return [plans.get(i, Plan(np.zeros((0, 2)))) for i in range(count)], self._knowledge.plans.end(plans)
 
     def _decides(self) -> bool:
-        rates = self.scenario.rates
         self._sense()
-        return bool(self._working) and self._k >= self._first and self._k % (rates.sensing // rates.planning) == 0
+        return bool(self._working) and self.scenario.decides(self._k)
 
     def _situations(self) -> list[Situation]:
         """One situation per working UAV at a decision: itself, its own tracks, and its knowledge of the others."""
         if self._team is None:
-            sensed = self._sense()
-            bodies = list(zip(sensed.snapshot.poses, self._world.velocities()[:, :2], strict=True))
-            about = self._k, bodies, sensed.links, self._working
-            self._team = self._knowledge.situations(*about) if self._decides() else []
-            if self._reset and self._team:  # here, as the planner may be asked from outside, too
+            sensed, due = self._sense(), self._decides()
+            if due and self._reset:  # here, as the planner may be asked from outside, too; first, as it may fail
                 reset(self.planner, int(stream(self.seed, "memory", repeat=self.repeat).integers(2**63)))
                 self._reset = False
+            bodies = list(zip(sensed.snapshot.poses, self._world.velocities()[:, :2], strict=True))
+            self._team = self._knowledge.situations(self._k, bodies, sensed.links, self._working) if due else []
         return self._team
 
 

@@ -77,7 +77,8 @@ class PlanExchange:
 
     Plans are sent over the links at the time of the decision and are not forwarded; each message is lost with the
     network's probability. Positions and velocities of UAVs in contact (`Links.contact`) are known; those of others are
-    what their last known plan makes of them, with their lag. A UAV out of contact beyond its end is forgotten.
+    what their last known plan makes of them, with their lag. A UAV out of contact is forgotten after its last known
+    plan has ended.
     """
 
     def __init__(self, network: Network, exchange: Exchange, rng: np.random.Generator) -> None:

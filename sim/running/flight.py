@@ -32,14 +32,15 @@ def fly(
     if planner is None:
         planner = load_planner(trial.planner)
     mission = Mission(trial.scenario, planner, trial.seed, trial.repeat)
-    prepare()
-    start_up = time.perf_counter() - start
     recorder = Recorder(trial.repeat)
-    with watching(mission) as watch:
-        for snapshot in mission.fly():
-            recorder.add(snapshot)
-            if not watch(snapshot):
-                break
+    with mission:
+        prepare()
+        start_up = time.perf_counter() - start
+        with watching(mission) as watch:
+            for snapshot in mission.fly():
+                recorder.add(snapshot)
+                if not watch(snapshot):
+                    break
     wall = time.perf_counter() - start
     return Outcome(
         recording_of(mission, recorder, trial.planner),

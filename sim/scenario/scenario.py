@@ -118,6 +118,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         rate = self.uavs[uav].rate or self.rates.sensing
         return k % (self.rates.sensing // rate) == 0
 
+    def decides(self, k: int) -> bool:
+        """True if UAVs decide at scan k."""
+        rates = self.rates
+        return k >= round(self.first_decision * rates.sensing) and k % (rates.sensing // rates.planning) == 0
+
     def works(self, uav: int, time: float) -> bool:
         """True if a UAV has not broken down at a time [s]."""
         fails_at = self.uavs[uav].fails_at

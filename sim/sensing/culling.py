@@ -59,7 +59,7 @@ def people_hidden(people: Array, trees: Array, position: Array, fov: float) -> F
 def _covers(tree: Array, body: tuple[float, float, float, float], position: Array, fov: float) -> bool:
     """True if a tree's canopy hides an upright cylinder, x, y, radius, height, from a camera at position (3,) m."""
     radius, base, top = _INNER * tree[2], tree[3], tree[4]
-    # Else the near plane could cut away what hides the body: so high above a canopy it is too far for that.
+    # So far above a canopy the near plane cuts none of it away.
     clearance = NEAR * math.sqrt(1 + 2 * tan(fov / 2) * tan(fov / 2))
     if position[2] < top + clearance or body[3] > base:
         return False

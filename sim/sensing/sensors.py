@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from sim.scenario.perception import SENSOR_MODES, Sensing
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import noise_of, view_of
+from sim.sensing.detection_check import usable_matches, usable_output
 from sim.sensing.fault import Fault
 from sim.sensing.sensor_mode import SensorMode, SensorOutput, SensorSetup
 from sim.sensing.stopwatch import Stopwatch
@@ -20,7 +21,6 @@ from tracking.numerics.factorisation import cholesky
 from tracking.numerics.matrices import applied
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.poisson import poisson
-from tracking.plugins.results import check_positive_definite, checked_array
 from tracking.track import Scan
 
 
@@ -83,16 +83,15 @@ class Sensors:
 
     def look(self, uav: int, time: float, pose: Pose, people: Array) -> Observation:
         """Observation of one camera at `pose`; people (M, 2) m, NaN where absent, are those in the world now."""
-        output = self._sensed(uav, time, pose, people)
+        output, kept, matched = self._sensed(uav, time, pose, people)
         with self._clock.measure("detection"):
             if output.covariances is None:
                 scan = self._sampled(uav, time, pose, output.ground)
             else:
                 scan = Scan(uav, time, pose, output.ground, output.covariances)
-            kept = self._clutter.kept(len(output.ground))
             scan, pixels = self._cluttered(scan, output, kept)
         image = output.frame.image if output.frame else None
-        return Observation(scan, pixels, image, output.visible, output.matched(kept), faults=output.faults)
+        return Observation(scan, pixels, image, output.visible, matched, faults=output.faults)
 
     @staticmethod
     def rest(uav: int, time: float, pose: Pose, people: Array) -> Observation:
@@ -101,18 +100,19 @@ class Sensors:
         unseen = np.zeros(len(people), dtype=np.int64)
         return Observation(nothing, np.zeros((0, 2)), None, unseen, unseen > 0, taken=False)
 
-    def _sensed(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
-        """Output of the mode; InputError where one from outside fails, or gives what trackers cannot use."""
+    def _sensed(self, uav: int, time: float, pose: Pose, people: Array) -> tuple[SensorOutput, Flags, Flags]:
+        """Output of the mode, masks of its detections (N,) that are not missed, and of people (M,) that these find.
+
+        InputError where a mode from outside fails, or gives what trackers and recordings cannot use.
+        """
         if self._name in SENSOR_MODES.built_in:
-            return self._mode.sense(uav, time, pose, people)
+            output = self._mode.sense(uav, time, pose, people)
+            kept = self._clutter.kept(len(output.ground))
+            return output, kept, output.matched(kept)
         with SENSOR_MODES.errors(self._name, "sense"):
-            output = self._mode.sense(uav, time, pose, people.copy())
-            ground = checked_array("ground", output.ground, (len(output.ground), 2))
-            R = None
-            if output.covariances is not None:
-                R = checked_array("covariances", output.covariances, (len(ground), 2, 2))
-                check_positive_definite("covariances", R, " m²")
-            return replace(output, ground=ground, covariances=R)
+            output = usable_output(self._mode.sense(uav, time, pose, people.copy()), people)
+            kept = self._clutter.kept(len(output.ground))
+            return output, kept, usable_matches(output.matched(kept.copy()), people)
 
     def _cluttered(self, scan: Scan, output: SensorOutput, kept: Flags) -> tuple[Scan, Array]:
         """The scan without missed detections and with false alarms, and its pixels (N, 2), in the same order.

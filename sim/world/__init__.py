@@ -1,1 +1,1 @@
-"""The physical world: engine, forest, people, quadrotors, wind."""
+"""The physical world: engine, forest, people, quadrotors."""

@@ -83,8 +83,6 @@ class Bodies:
         """Canopies, then trunks; shapes are made once for all trees of equal size."""
         shapes: dict[tuple[str, float, float], tuple[int, int]] = {}
         bodies = []
-        if self.opengl and len({(t.canopy_radius, t.canopy_base, t.canopy_top, t.trunk_radius) for t in trees}) > 1:
-            raise ValueError("EGL draws trees of one size only")
         for kind in ("canopy", "trunk"):
             for k, tree in enumerate(trees):
                 canopy = kind == "canopy"

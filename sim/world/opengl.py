@@ -7,8 +7,11 @@ Bodies of one mesh share its transparency, so they cannot be hidden one by one, 
 
 import functools
 import importlib.util
+from collections.abc import Sequence
+from dataclasses import replace
 
 from sim.world.engine import pybullet, quiet, refusal_of
+from tracking.geometry.visibility import Tree
 from tracking.plugins.registry import InputError
 
 MOST_PIXELS = 768  # along an edge: the height of the plug-in's window
@@ -23,13 +26,17 @@ p.disconnect(client)
 _open: set[int] = set()
 
 
-def connect(pixels: int) -> int:
-    """A client with the OpenGL renderer, for images of up to so many pixels along an edge.
+def connect(pixels: int, trees: Sequence[Tree]) -> int:
+    """A client with the OpenGL renderer, for images of up to so many pixels along an edge and trees of one size.
 
     InputError where that cannot be had.
     """
     if pixels > MOST_PIXELS:
         raise InputError(f"uavs.pixels: {pixels} is not allowed with 'egl'; expected at most {MOST_PIXELS}")
+    sizes = len({replace(tree, x=0.0, y=0.0) for tree in trees})
+    if sizes > 1:
+        told = f"'egl' draws trees of one size only, not of {sizes} (trees.largest_radius)"
+        raise InputError(f"sensing.renderer: {told}; allowed is tiny")
     reason = refusal()
     if reason:
         raise InputError(f"sensing.renderer: 'egl' cannot start here ({reason}); allowed is tiny")

@@ -171,7 +171,10 @@ def _turn(state: Array, heading: float, pace: float, dt: float) -> None:
 
 @compiled
 def _move(i: int, states: Array, pace: float, trunks: Array, half: Array) -> None:
-    """Move person i one step, in place; it may turn at once, as little as possible, to touch nothing."""
+    """Move person i one step, in place; it may turn at once, as little as possible, to touch nothing.
+
+    Where each of the headings, 5° apart, touches something, it walks straight on all the same.
+    """
     heading, length = states[i, 2], pace * _STEP
     for n in range(73):
         side = (n + 1) // 2 if n % 2 else -(n // 2)

@@ -91,10 +91,14 @@ class World:
         client = self._given
         if client is None:
             largest = max(uav.pixels for uav in self._scenario.uavs)
-            client = opengl.connect(largest) if self.opengl else pybullet.connect(pybullet.DIRECT)
-        made = Bodies(client, self._scenario, self.trees, self.style, opengl=self.opengl)
-        self._put_uavs(made)
-        _put_people(made, self._people_centres, self._headings)
+            client = opengl.connect(largest, self.trees) if self.opengl else pybullet.connect(pybullet.DIRECT)
+        try:
+            made = Bodies(client, self._scenario, self.trees, self.style, opengl=self.opengl)
+            self._put_uavs(made)
+            _put_people(made, self._people_centres, self._headings)
+        except BaseException:
+            self._disconnect(client)
+            raise
         return made
 
     @property
@@ -168,10 +172,13 @@ class World:
         return taken
 
     def close(self) -> None:
-        """Free the client."""
+        """Free the client, once, as PyBullet gives its number to the next one."""
+        if self._made and not self._closed and self.engine.isConnected():
+            self._disconnect(self.client)
         self._closed = True
-        if self._made and self.engine.isConnected():
-            (opengl.disconnect if self.opengl else pybullet.disconnect)(self.client)
+
+    def _disconnect(self, client: int) -> None:
+        (opengl.disconnect if self.opengl else pybullet.disconnect)(client)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Recipe by which `copy` and `pickle` make it again."""
@@ -187,10 +194,10 @@ class World:
 
     def restore(self, state: dict[str, Any], engine: bytes | None) -> None:
         """Take over the state of a world of the same scenario and forest; engine: of its client, if it has one."""
-        vars(self).update(state)
-        if self._closed:
+        if state["_closed"]:
             self.close()
-        elif engine is not None:
+        vars(self).update(state)
+        if engine is not None:
             with TemporaryDirectory() as folder:
                 path = Path(folder, "world.bullet")
                 path.write_bytes(engine)

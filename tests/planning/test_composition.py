@@ -1,4 +1,4 @@
-"""A composed planner judges commands by the mean velocities that UAVs with a lag have under them."""
+"""A composed planner judges commands by mean velocities under lag, and refuses a cut-off at which all cost nothing."""
 
 import dataclasses
 
@@ -52,3 +52,9 @@ def test_commands_are_judged_by_the_mean_velocities_of_uavs_that_lag(random_team
     flown = mean_velocities(response([situation.own], situation.step), plans)
     np.testing.assert_allclose(asking.values[0], costs(belief, others, uavs, flown, 0.5), rtol=1e-12)
     assert np.mean(np.abs(asking.values[0] - costs(belief, expected, uavs, plans, 0.5)) > 1e-6) > 0.5
+
+
+@pytest.mark.parametrize("cutoff", [0.0, -1.0, np.nan])
+def test_a_cut_off_that_leaves_no_cost_is_refused(cutoff):
+    with pytest.raises(ValueError, match=rf"^cutoff must be above 0 m, is {cutoff}; infinite: the trace$"):
+        Composition(cutoff=cutoff)

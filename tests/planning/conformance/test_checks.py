@@ -330,6 +330,23 @@ def test_a_memory_that_cannot_be_reset_is_refused_in_one_line(changed, text):
     assert str(refused.value).startswith(text) and "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("exchange", "planner: 'Odd' cannot say what it sends: KeyError: 'gone'"),
+        ("decentralised", "planner: 'Odd' cannot say whether it is decentralised: KeyError: 'gone'"),
+        ("stateful", "planner: 'Odd' cannot say what it remembers: KeyError: 'gone'"),
+    ],
+)
+def test_a_planner_that_cannot_be_asked_is_refused_in_one_line(name, text):
+    def gone(self):
+        raise KeyError("gone")
+
+    with pytest.raises(PlannerError) as refused:
+        check(type("Odd", (Good,), {name: property(gone)}))
+    assert str(refused.value).startswith(text) and "\n" not in str(refused.value)
+
+
 def test_global_random_numbers_are_left_as_they_were():
     random.seed(3)
     np.random.seed(3)  # noqa: NPY002

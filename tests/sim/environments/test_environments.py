@@ -169,6 +169,8 @@ REFUSED = [
     ("observe: 'track' is unknown; allowed are tracks, trees, image; did you mean", TEAM, {"observe": {"track": 3}}),
     ("observe: 'image' is not allowed; expected a dict with keys of tracks, trees", TEAM, {"observe": "image"}),
     ("observe: trees 0 is not allowed; expected an integer, 1 to 10000", TEAM, {"observe": {"trees": 0}}),
+    ("observe: image 'no' is not allowed; expected True or False", TEAM, {"observe": {"image": "no"}}),
+    ("observe: image 1 is not allowed; expected True or False", TEAM, {"observe": {"image": 1}}),
     ("observe: image is not there with sensing.mode 'ideal'", TEAM, {"settings": IDEAL, "observe": {"image": True}}),
     ("observe: images of several sizes are not one array", TEAM, SIZES),
     ("duration: 0.5 s is too short; an episode needs two decisions", TEAM, {"settings": {"duration": 0.5}}),

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from helpers.clients import open_clients
 from helpers.flights import IDEAL, fly, fly_ideal, mission_of
 from helpers.teams import Spy
 
@@ -15,6 +16,7 @@ from sim.recording.archive import load as load_recording
 from sim.running.run import run
 from sim.scenario.loading import load
 from sim.scenario.scenario import Scenario
+from tracking.plugins.registry import InputError
 
 CROWD = "t,id,x,y\n" + "".join(
     f"{t},{name},{-28 + 1.5 * t},{y}\n"
@@ -33,6 +35,21 @@ def test_a_mission_has_scans_and_plans_in_time_and_closes_its_world():
     next(flight)
     flight.close()
     assert list(flight) == []
+
+
+class Raising:
+    """A detector, a tracker or a sensor mode that cannot be made."""
+
+    def __init__(self, *given):
+        raise ValueError("no weights")
+
+
+@pytest.mark.parametrize("part", ["sensing.detector", "sensing.mode", "tracking.tracker"])
+def test_a_mission_that_cannot_be_set_up_leaves_no_world(part):
+    before = open_clients()
+    with pytest.raises(InputError, match=f"{part}: '{__name__}:Raising' cannot be made: no weights"):
+        fly(f"{part}={__name__}:Raising")
+    assert open_clients() == before
 
 
 @pytest.mark.parametrize(

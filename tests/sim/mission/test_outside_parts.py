@@ -163,6 +163,7 @@ def test_what_is_no_tracker_rule_or_model_is_refused_before_the_flight(tmp_path,
 MODEL = "from tracking.filter.kalman import NearlyConstantVelocity\n", "NearlyConstantVelocity"
 RULE = "from tracking.fusion.kla import KullbackLeiblerAverage\n", "KullbackLeiblerAverage"
 TRACKER = f"{NEAREST}\n\n", "Nearest"
+MODE = f"from dataclasses import replace\nfrom tracking.detection.detector import Frame\n{MODES}\n\n"
 METHODS = {
     "step": ("tracking.tracker", *TRACKER, "scan"),
     "coast": ("tracking.tracker", *TRACKER, "time"),
@@ -170,6 +171,7 @@ METHODS = {
     "accept": ("tracking.tracker", *TRACKER, "message"),
     "predict_all": ("tracking.motion", *MODEL, "means, covariances"),
     "contribution": ("network.fusion", *RULE, "local"),
+    "sense": ("sensing.mode", MODE, "Radar", "uav, time, pose, people"),
 }
 MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super().__init__(dt, sigma_a)\n\n    "}
 
@@ -205,6 +207,27 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
         ("contribution", "given = given._replace(weights=np.ones((4, 1)))", "contribute: weights of shape (4, 1)"),
         ("contribution", "given.averaged[:, 4:] *= -1.0", "are not symmetric and positive definite"),
         ("contribution", "return None", "cannot contribute: "),
+        ("sense", "return None", "cannot sense: "),
+        ("sense", "return replace(given, ground=given.ground[:, 0])", "cannot sense: ground of shape (2,), not (2, 2)"),
+        ("sense", "return replace(given, ground=given.ground + 1e7)", "cannot sense: ground more than 1e+06 m away"),
+        ("sense", "return replace(given, covariances=-np.ones((2, 2, 2)))", "are not symmetric and positive definite"),
+        ("sense", "return replace(given, visible=given.visible[1:])", "visible are no table (4,) of whole numbers"),
+        ("sense", "return replace(given, visible=given.visible / 2)", "visible are no table (4,) of whole numbers"),
+        ("sense", "return replace(given, visible=-given.visible)", "cannot sense: visible are below 0"),
+        ("sense", "return replace(given, pixels=np.zeros((3, 2)))", "cannot sense: pixels of shape (3, 2), not (2, 2)"),
+        ("sense", "return replace(given, pixels=np.full((2, 2), np.nan))", "cannot sense: pixels are not finite"),
+        ("sense", "return replace(given, pixels=np.full((2, 2), 1e7))", "pixels more than 1e+06 pixels away"),
+        ("sense", "return replace(given, frame=3)", "frame: int is no tracking.detection.detector.Frame"),
+        (
+            "sense",
+            "return replace(given, frame=Frame(uav, time, None, pose, np.zeros(3)))",
+            "frame's image of shape (3,)",
+        ),
+        ("sense", "return replace(given, faults=('hot',))", "faults: str is no sim.sensing.fault.Fault"),
+        ("sense", "return replace(given, matched=None)", "cannot sense: 'NoneType' object is not callable"),
+        ("sense", "return replace(given, matched=lambda kept: 1 / 0)", "cannot sense: ZeroDivisionError: "),
+        ("sense", "return replace(given, matched=lambda kept: kept)", "matched are no table (4,) of True and False"),
+        ("sense", "return replace(given, matched=lambda kept: people[:, 0])", "matched are no table (4,) of True and"),
     ],
 )
 def test_nonsense_in_flight_ends_the_run_in_one_line(tmp_path, module, call, line, complaint):

@@ -74,6 +74,30 @@ def test_a_copy_of_a_mission_has_a_memory_of_its_own(copied, scans):
     assert mission.planner.seeds == other.planner.seeds and len(other.planner.seeds) == 1
 
 
+def test_after_a_reset_that_failed_the_step_taken_again_resets():
+    class Busy(Wanderer):
+        def __init__(self, failures):
+            super().__init__()
+            self.failures, self.heard = failures, []
+
+        def reset(self, seed):
+            super().reset(seed)
+            if len(self.seeds) <= self.failures:
+                raise ValueError("no weights yet")
+
+        def plan(self, team, rng):
+            self.heard.append([situation.reception for situation in team])
+            return super().plan(team, rng)
+
+    lossy = load("forest", ["sensing.mode=ideal", "dynamics=kinematic", "duration=3", "network.loss=0.3"])
+    smooth, retried = (Mission(lossy, Busy(failures), seed=3) for failures in (0, 1))
+    with pytest.raises(PlannerError, match="cannot be reset: no weights yet"):
+        retried.step()
+    np.testing.assert_array_equal(commands(retried), commands(smooth))
+    assert retried.planner.heard == smooth.planner.heard  # the radio's chance is drawn once
+    assert retried.planner.seeds == 2 * smooth.planner.seeds and len(smooth.planner.seeds) == 1
+
+
 def test_a_reset_that_fails_or_is_missing_is_one_line():
     class Silent(Wanderer):
         reset = None

@@ -13,7 +13,6 @@ from sim.scenario.fleet import Uav
 from sim.scenario.perception import DETECTORS, Sensing
 from sim.scenario.scenario import Scenario
 from sim.sensing.detection_truth import MaskDetector, matched_people
-from sim.sensing.rendered_mode import usable_detections
 from sim.sensing.renderer import Renderer
 from sim.world.world import World
 from tracking.detection.blob_detector import BlobDetector
@@ -110,23 +109,6 @@ def test_a_detector_that_fails_is_a_fault_and_a_scan_without_detections():
     words = ("RuntimeError: no network", "AttributeError", "not finite", "positive definite", "not (2, 2)")
     assert all(w in fault.message for w, fault in zip(words, mission.faults, strict=True))
     assert all(snapshot.scans[0].measurements.shape == (0, 2) for snapshot, _ in flown)
-
-
-@pytest.mark.parametrize(
-    ("ground", "variance", "words"),
-    [(1e155, 1.0, "more than 1e\\+06 m away"), (1.0, 1e-320, "1e-12 to 1e12"), (1.0, 1e13, "1e-12 to 1e12")],
-)
-def test_detections_beyond_all_measure_are_faults(ground, variance, words):
-    with pytest.raises(ValueError, match=words):
-        usable_detections(Detections([[1.0, 2.0]], [[ground, 0.0]], [variance * np.eye(2)]))
-
-
-def test_usable_detections_pass_as_floats_and_none_as_an_empty_list():
-    found = usable_detections(Detections([[1, 2]], [[3, 4]], [[[2, 1], [1, 2]]]))
-    assert [a.dtype for a in (found.pixels, found.ground, found.covariances)] == [np.float64] * 3
-    assert found.covariances.tolist() == [[[2.0, 1.0], [1.0, 2.0]]]
-    found = usable_detections(Detections([], [], []))
-    assert [a.shape for a in (found.pixels, found.ground, found.covariances)] == [(0, 2), (0, 2), (0, 2, 2)]
 
 
 def shown(rng, forest, count):

@@ -2,6 +2,7 @@
 
 import msgspec
 import numpy as np
+import pybullet
 import pytest
 from helpers import synthetic
 from helpers.flights import filmed
@@ -84,10 +85,21 @@ def test_one_world_at_a_time_has_opengl(started):
     World(EGL, OPEN, 0).close()
 
 
-def test_large_images_are_refused_and_ideal_sensing_needs_no_renderer(absent):
+def test_opengl_is_free_again_after_a_world_that_could_not_be_made(started, monkeypatch, tmp_path):
+    with monkeypatch.context() as patch, pytest.raises(pybullet.error):
+        patch.setattr("sim.world.bodies.ASSETS", tmp_path)
+        World(EGL, OPEN, 0)
+    World(EGL, OPEN, 0).close()
+
+
+def test_large_images_and_mixed_trees_are_refused_and_ideal_sensing_needs_no_renderer(absent):
     large = msgspec.structs.replace(EGL.uavs[0], pixels=1000)
     with pytest.raises(InputError, match=r"uavs.pixels: 1000 is not allowed with 'egl'; expected at most 768"):
         World(msgspec.structs.replace(EGL, uavs=(large,)), OPEN, 0)
+    mixed = Forest((Tree(0.0, 0.0, 1.0), Tree(9.0, 0.0, 3.0), Tree(-9.0, 0.0, 3.0)))
+    told = r"sensing.renderer: 'egl' draws trees of one size only, not of 2 \(trees.largest_radius\); allowed is tiny"
+    with pytest.raises(InputError, match=told):
+        World(EGL, mixed, 0)
     ideal = msgspec.structs.replace(EGL, sensing=Sensing(mode="ideal", renderer="egl"))
     with World(ideal, OPEN, 1) as world:
         assert not world.opengl

@@ -1,9 +1,11 @@
+import copy
 import math
 from pathlib import Path
 
 import numpy as np
 import pybullet
 import pytest
+from helpers.clients import open_clients
 
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
@@ -40,6 +42,28 @@ def test_uavs_start_level_at_their_places_in_a_world_that_closes():
         assert pybullet.isConnected(physicsClientId=world.client)
     assert not pybullet.isConnected(physicsClientId=world.client)
     world.close()
+
+
+def test_a_world_that_is_closed_again_leaves_the_next_one_open():
+    """PyBullet gives the number of a closed client to the next one."""
+    first = World(ONE, NO_TREES, 0)
+    first.close()
+    with World(ONE, NO_TREES, 0) as second:
+        assert second.client == first.client
+        there = open_clients()
+        for closed in (first, copy.copy(first)):
+            closed.close()
+            assert open_clients() == there
+    assert second.client not in open_clients()
+
+
+def test_a_world_whose_bodies_cannot_be_made_leaves_no_client(monkeypatch, tmp_path):
+    monkeypatch.setattr("sim.world.bodies.ASSETS", tmp_path)
+    before = open_clients()
+    for client in (None, pybullet.connect(pybullet.DIRECT)):
+        with pytest.raises(pybullet.error):
+            World(ONE, NO_TREES, 0, client=client)
+    assert open_clients() == before
 
 
 def test_rotors_move_the_body_as_newton_and_euler_say():

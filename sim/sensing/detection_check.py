@@ -1,0 +1,95 @@
+"""Detection check: what detectors and sensor modes from outside give, as trackers and recordings can use it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from sim.sensing.fault import Fault
+from sim.sensing.sensor_mode import SensorOutput
+from tracking.detection.detector import Detections, Frame
+from tracking.numerics.arrays import Array, Flags, Indices
+from tracking.plugins.containment import Unusable, numbers
+from tracking.plugins.results import check_positive_definite, checked_array
+
+_SHAPES = {"pixels": (2,), "ground": (2,), "covariances": (2, 2)}  # of one detection
+_UNITS = {"pixels": "pixels", "ground": "m"}
+_FARTHEST = 1e6  # m or pixels: farther ones mean nothing
+_MOST = 200  # detections of a plug-in in one frame: trackers take seconds over so many
+
+
+def usable_detections(found: Detections) -> Detections:
+    """Detections that trackers can use, as arrays of floats; `Unusable` says what is wrong with them."""
+    arrays = {name: numbers(name, getattr(found, name), _MOST * math.prod(each)) for name, each in _SHAPES.items()}
+    if not any(array.size for array in arrays.values()):
+        return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    count = len(arrays["ground"]) if arrays["ground"].ndim else 0
+    return Detections(**{name: _usable(name, array, count) for name, array in arrays.items()})
+
+
+def usable_output(output: SensorOutput, people: Array) -> SensorOutput:
+    """Output of a mode that sensed people (M, 2) m, NaN where absent; `Unusable` says what is wrong with it.
+
+    What its `matched` gives is for `usable_matches`.
+    """
+    count, faults = len(output.ground), tuple(output.faults)
+    for fault in faults:
+        _check_kind("faults", fault, Fault)
+    if output.frame is not None:
+        _check_frame(output.frame)
+    return replace(
+        output,
+        ground=_usable("ground", output.ground, count),
+        visible=_visible(output.visible, people),
+        covariances=None if output.covariances is None else _usable("covariances", output.covariances, count),
+        pixels=None if output.pixels is None else _usable("pixels", output.pixels, count),
+        faults=faults,
+    )
+
+
+def usable_matches(matched: object, people: Array) -> Flags:
+    """Mask (M,) of people (M, 2) m, NaN where absent, that a mode detected; `Unusable` says what is wrong with it."""
+    found = np.array(matched)
+    if found.shape != (len(people),) or found.dtype != np.bool_:
+        raise Unusable(f"matched are no table ({len(people)},) of True and False")
+    _check_present("matched", found, people)
+    return found
+
+
+def _usable(name: str, given: object, count: int) -> Array:
+    """Pixels, ground points or covariances of so many detections."""
+    array = checked_array(name, given, (count, *_SHAPES[name]))
+    if name not in _UNITS:
+        check_positive_definite(name, array, " m²")
+    elif np.abs(array).max(initial=0.0) > _FARTHEST:
+        raise Unusable(f"{name} more than {_FARTHEST:g} {_UNITS[name]} away")
+    return array
+
+
+def _visible(given: object, people: Array) -> Indices:
+    """Pixels (M,) that show each person; True and False count as 1 and 0."""
+    found = np.array(given)
+    if found.shape != (len(people),) or found.dtype.kind not in "biu":
+        raise Unusable(f"visible are no table ({len(people)},) of whole numbers")
+    visible = found.astype(np.int64)
+    if visible.min(initial=0) < 0:
+        raise Unusable("visible are below 0")
+    _check_present("visible", visible > 0, people)
+    return visible
+
+
+def _check_present(name: str, found: Flags, people: Array) -> None:
+    if np.any(found & np.isnan(people[:, 0])):
+        raise Unusable(f"{name} include absent people")
+
+
+def _check_frame(frame: Frame) -> None:
+    _check_kind("frame", frame, Frame)
+    image = np.asarray(frame.image)
+    if image.shape != (*image.shape[:1], *image.shape[:1], 3) or image.dtype != np.uint8:
+        raise Unusable(f"frame's image of shape {image.shape} and type {image.dtype}, not (P, P, 3) and uint8")
+
+
+def _check_kind(name: str, given: object, kind: type) -> None:
+    if not isinstance(given, kind):
+        raise Unusable(f"{name}: {type(given).__name__} is no {kind.__module__}.{kind.__qualname__}")
