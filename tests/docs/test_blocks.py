@@ -12,6 +12,7 @@ from helpers.pages import DOCS, PAGES, ROOT, SHORTER, blocks, generator
 
 from planning.conformance import checks
 from sim.recording.archive import load
+from sim.study.study import read
 
 TUTORIALS = [page for page in PAGES if page.parent.name == "tutorials" and page.stem not in ("lost-person", "learning")]
 REFERENCE = ("api", "figures", "planners")
@@ -25,6 +26,7 @@ NAMES = (
     "explanation/rivals",
     *(f"reference/{n}" for n in REFERENCE),
 )
+BENCH = read("bench-1")
 README = {"run": ["--duration", "2", "--no-video"], "compare": ["--duration", "1", "--seeds", "0,1"]}
 README |= {command: ["--time", "1"] for command in ("frames", "explain")} | {"replay": ["--time", "1:2"]}
 
@@ -65,10 +67,10 @@ def test_a_pages_blocks_run(name, shell):
 def test_the_commands_on_ten_worlds_fly_their_planners(shell):
     """Each in one of the worlds, for a second."""
     page = text_of("results/worlds.md").replace("\\\n", " ")
-    text = re.sub(r"bench-1 --(maps|seeds) [\d-]+", "paper --seeds 0", page)
-    for _, command in blocks(text.replace("300-315", "300").replace("40-59", "40")):
+    text = re.sub(r"--(maps|seeds) (\d+)[\d-]*", lambda m: f"--seeds {m[2] if m[1] == 'seeds' else 0}", page)
+    for _, command in blocks(re.sub(r"( --scenario [\w-]+)+", " --scenario paper", text)):
         out = shell.line(command, "--duration", "1.2", "--out", f"runs/{len(command)}")
-        planners = set(re.findall(r"--planner '?([\w-]+)", command))
+        planners = set(re.findall(r"--planner '?([\w-]+)", command)) or {name.split("(")[0] for name in BENCH.planners}
         assert planners == {name for name in planners if name in out} and len(planners) >= 3
 
 
