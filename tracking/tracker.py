@@ -23,7 +23,7 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import power
 from tracking.numerics.universal import power_each
 from tracking.parameters import TrackerParameters
-from tracking.track import Scan, Track, TrackTable, beliefs_of, tracks_of
+from tracking.track import Scan, Track, TrackTable, tracks_of
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 
@@ -68,7 +68,7 @@ class Tracker:
         self._link = Link(uav, parameters)
         self._first, self._steps = 0.0, 0  # time of the first scan [s], and steps of motion since then
         self._viewpoint: Viewpoint | None = None  # of the last frame
-        self._table = _tabulated(known, weight=UNSEEN, seen=-math.inf)
+        self._table = TrackTable.of(known, UNSEEN, -math.inf)
         self._predicted = _NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
         self._tentative: list[Tentative] = []
         self._waited = 0  # steps of motion since tentative tracks were last predicted
@@ -116,7 +116,7 @@ class Tracker:
         born, self._tentative = self._initiator.step(self._tentative, z, R, elapsed=elapsed, visible=visible_at)
         if born:
             known = [Track(new_label(self._link.scans, self.uav, k), b.belief, b.existence) for k, b in enumerate(born)]
-            self._table += _tabulated(known, weight=1.0, seen=scan.time)
+            self._table += TrackTable.of(known, 1.0, scan.time)
 
     def coast(self, time: float) -> None:
         """Predict to the time of a scan without a frame of this UAV, which is neither a hit nor a miss."""
@@ -233,20 +233,3 @@ def _told(
     for g in range(len(gates)):
         views[gates[g, 0], 0] = 0  # the association has taken it
     return np.maximum(detected, UNSEEN + _VIEWED * visible), times, views
-
-
-def _tabulated(tracks: Sequence[Track], *, weight: float, seen: float) -> TrackTable:
-    """Tracks as a table; all have the same weight and time [s] of their last detection, and no sighting yet."""
-    count = len(tracks)
-    means, covariances = beliefs_of(tracks)
-    return TrackTable(
-        ids=np.array([t.id for t in tracks], dtype=np.int64),
-        means=means,
-        covariances=covariances,
-        existence=np.array([t.existence for t in tracks], dtype=float),
-        weights=np.full(count, weight),
-        times=np.full((count, 4), seen),
-        views=np.zeros((count, 2), dtype=np.int64),
-        misses=np.zeros(count, dtype=np.int64),
-        sightings=np.column_stack([means[:, :2], np.full(count, -math.inf)]),
-    )

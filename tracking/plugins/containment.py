@@ -91,7 +91,7 @@ def numbers(name: str, given: object, most: int) -> Array:
             raise Unusable(_too_many(name, most))
         if array.dtype.kind not in "biufO":
             raise Unusable(f"{name} are not numbers")
-        return np.array(array, dtype=float)
+        return np.array(array, dtype=float, order="C")
     except OverflowError:
         raise Unusable(f"{name} are not finite") from None
     except (TypeError, ValueError) as error:
