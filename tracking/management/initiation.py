@@ -48,7 +48,7 @@ class Initiator:
         """
         if not tentative and not len(z):
             return [], []
-        grown, known = self._updated([self._predicted(t, elapsed) for t in tentative], z, R, visible)
+        grown, known = self._updated(tentative, z, R, elapsed, visible)
         grown += [self._started(z[j], R[j]) for j in np.flatnonzero(~known).tolist()]
         verdicts = [self._verdict(t) for t in grown]
         confirmed = [t for t, verdict in zip(grown, verdicts, strict=True) if verdict]
@@ -83,29 +83,23 @@ class Initiator:
         late = track.unseen > round(PATIENCE / p.motion.dt)
         return False if late or track.existence < p.doubt * self._start() else None
 
-    def _predicted(self, track: Tentative, elapsed: int) -> Tentative:
-        """The track at the time of the scan."""
-        p, belief = self.parameters, track.belief
-        for _ in range(elapsed):
-            belief = p.motion.predict(belief)
-        existence = track.existence * power(p.step_survival, elapsed)
-        return Tentative(belief, existence, track.hits, track.scans + 1, track.unseen + elapsed)
-
     def _updated(
-        self, tentative: list[Tentative], z: Array, R: Array, visible: VisibleSamples
+        self, tentative: list[Tentative], z: Array, R: Array, elapsed: int, visible: VisibleSamples
     ) -> tuple[list[Tentative], Flags]:
         """Tentative tracks after a scan, and flags (N,) of the measurements that they explain."""
         p = self.parameters
         means = np.array([t.belief.mean for t in tentative]).reshape(-1, 4)
         covariances = np.array([t.belief.covariance for t in tentative]).reshape(-1, 4, 4)
-        existence = np.array([t.existence for t in tentative], dtype=float)
+        for _ in range(elapsed):
+            means, covariances = p.motion.predict_all(means, covariances)
+        existence = np.array([t.existence for t in tentative], dtype=float) * power(p.step_survival, elapsed)
         detectable = visible(means, covariances).mean(axis=1)
         before = ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
         after = scan_update(before, z, R, np.zeros(len(z)), p)
         seen = after.missed < 0.5
         rows = zip(tentative, after.means, after.covariances, seen, after.existence.tolist(), strict=True)
         grown = [
-            Tentative(Gaussian(mean, covariance), r, t.hits + hit, t.scans, 0 if hit else t.unseen)
+            Tentative(Gaussian(mean, covariance), r, t.hits + hit, t.scans + 1, 0 if hit else t.unseen + elapsed)
             for t, mean, covariance, hit, r in rows
         ]
         return grown, after.explained

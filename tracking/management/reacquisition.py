@@ -21,18 +21,12 @@ def lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
 
     sightings (T, 3): position [m] and time [s] of the last sure detection of each.
     """
-    least = _least_unseen(p)
-    return np.array([t for t, seen in enumerate(sightings[:, 2]) if _lost(seen, time, least)], dtype=np.int64)
+    unseen = time - sightings[:, 2]  # inf for tracks that were never detected surely
+    return np.flatnonzero((unseen > _least_unseen(p)) & (unseen < np.inf))
 
 
 def _least_unseen(p: TrackerParameters) -> float:
     return max(p.recovery_after - p.motion.dt / 2, 0.0)  # but for rounding
-
-
-@compiled
-def _lost(seen: float, time: float, least: float) -> bool:
-    """Test if a track seen last at a time [s], -inf for never, has been unseen for longer."""
-    return time - seen > least and time - seen < np.inf
 
 
 def turned_density(
@@ -57,7 +51,7 @@ def _turned_density(
 ) -> Array:
     density, (least, max_speed) = np.zeros(len(z)), limits
     for t in range(len(sightings)):
-        if not _lost(sightings[t, 2], times[0], least):
+        if not least < times[0] - sightings[t, 2] < np.inf:
             continue
         unseen = times[1] - sightings[t, 2]
         turned, reach = existence[t] * (1.0 - exp(-unseen / _TURN)), 0.5 * max_speed * unseen
