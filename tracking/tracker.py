@@ -8,7 +8,7 @@ import numpy as np
 
 from tracking.filter.negative_information import Viewpoint, miss_likelihood, negative_information_update, views_of
 from tracking.fusion.exchange import SURE, UNSEEN, Link
-from tracking.fusion.labels import FIRST_LABEL, UAVS, is_new_label, new_label
+from tracking.fusion.labels import FIRST_LABEL, LABELS_PER_SCAN, UAVS, is_new_label, new_label
 from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs
 from tracking.geometry.camera import Camera
@@ -29,6 +29,7 @@ __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 
 _VIEWED = 1e-4  # weight in the average of a belief in view without a detection: matters only if no UAV detected it
 _LATELY = 1.0  # s since the last detection of each of two tracks that share one person
+_BIRTHS = LABELS_PER_SCAN // 2  # new tracks of a scan, at most
 _BORN = 1.0  # s for which a new track takes the id of one whose person it shares
 _BITS = np.arange(len(SAMPLES))  # of a number that holds which samples of a belief are in view
 _NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
@@ -114,6 +115,8 @@ class Tracker:
 
         elapsed, self._waited = self._waited, 0
         born, self._tentative = self._initiator.step(self._tentative, z, R, elapsed=elapsed, visible=visible_at)
+        # More than there are labels for begin in the next scan.
+        born, self._tentative = born[:_BIRTHS], born[_BIRTHS:] + self._tentative
         if born:
             known = [Track(new_label(self._link.scans, self.uav, k), b.belief, b.existence) for k, b in enumerate(born)]
             self._table += TrackTable.of(known, 1.0, scan.time)

@@ -148,6 +148,10 @@ def _check(messages: Sequence[Message]) -> None:
     uavs = [m.uav for m in messages]
     if len(set(uavs)) < len(uavs):
         raise ValueError(f"uav must differ among members, are {uavs}")
+    if len({(m.scan, m.time) for m in messages}) > 1:
+        raise ValueError(
+            f"messages must be of one scan, are of scans {[(m.scan, m.time) for m in messages]} (number, s)"
+        )
     if len({m.novel.shape[1] > 0 for m in messages}) > 1:
         raise ValueError("fusion must be the same for all members, is not")
 
