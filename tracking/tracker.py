@@ -49,12 +49,7 @@ class Tracker:
     """
 
     def __init__(
-        self,
-        uav: int,
-        camera: Camera,
-        forest: Forest,
-        parameters: TrackerParameters,
-        initial: Sequence[Track] = (),
+        self, uav: int, camera: Camera, forest: Forest, parameters: TrackerParameters, initial: Sequence[Track] = ()
     ) -> None:
         if not 0 <= uav < UAVS:
             raise ValueError(f"uav must be in [0, {UAVS}), is {uav}")
@@ -79,8 +74,8 @@ class Tracker:
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks by ascending id."""
         table = self._table
-        told = np.where(table.sightings[:, 2:] >= 0.0, table.sightings, np.nan)
-        return tracks_of(table.ids, table.means, table.covariances, table.existence, told)
+        sightings = np.where(table.sightings[:, 2:] >= 0.0, table.sightings, np.nan)
+        return tracks_of(table.ids, table.means, table.covariances, table.existence, sightings)
 
     def step(self, scan: Scan) -> None:
         """Predict to the scan's time, associate, update, initiate."""
@@ -102,8 +97,8 @@ class Tracker:
         if p.life == "m_of_n":
             hits &= ~without_measurement(after.gates, detected)
         scores = detected, hits, before.visible
-        told = _told((table.times, table.views), scores, after.gates, scan.time, p.expected)
-        rest = after.existence, *told, table.misses, table.sightings
+        history = _history((table.times, table.views), scores, after.gates, scan.time, p.expected)
+        rest = after.existence, *history, table.misses, table.sightings
         self._table = TrackTable(table.ids, after.means, after.covariances, *rest)
         self._initiate(scan, z[~after.explained], R[~after.explained])
 
@@ -172,8 +167,8 @@ class Tracker:
                 ids[[kept, other]] = np.sort(ids[[kept, other]])
         self._link.accept(message)
         self._predicted = _NOTHING
-        told = np.full(len(means), UNSEEN), message.times, message.views, misses, message.sighted()
-        table = TrackTable(ids, means, covariances, existence, *told)
+        rest = existence, np.full(len(means), UNSEEN), message.times, message.views, misses, message.sighted()
+        table = TrackTable(ids, means, covariances, *rest)
         if gone.any():
             self._link.delete(ids[gone].tolist())
             order = np.argsort(ids, kind="stable")
@@ -201,13 +196,8 @@ class Tracker:
         if len(born) == 0:
             return table
         lost = lost_tracks(table.sightings, self._link.time, p)
-        pairs = reacquisitions(
-            (table.means[born], table.covariances[born]),
-            (table.means[lost], table.covariances[lost]),
-            table.sightings[lost],
-            now=self._link.time,
-            max_speed=p.max_speed,
-        )
+        new, old = ((table.means[rows], table.covariances[rows]) for rows in (born, lost))
+        pairs = reacquisitions(new, old, table.sightings[lost], now=self._link.time, max_speed=p.max_speed)
         ids = table.ids.copy()
         for b, k in pairs:
             ids[born[b]] = table.ids[lost[k]]
@@ -217,7 +207,7 @@ class Tracker:
 
 
 @compiled
-def _told(
+def _history(
     columns: tuple[Array, Indices], scores: tuple[Array, Flags, Array], gates: Indices, now: float, expected: float
 ) -> tuple[Array, Array, Indices]:
     """Weights, times and views of tracks after a scan, from their times and views before.

@@ -20,7 +20,8 @@ UNSEEN = 1e-9  # least weight of a belief in the fleet's average: it matters onl
 SURE = 0.99
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
 _CERTAIN = 1.0 - 2e-9  # existence from which on it is 1, as log-odds are kept finite
-# Of a track that is new and of one known at the start, which count as sighted in their first scan.
+# Of a track that is new and of one known at the start, which count as sighted in their first scan; the code
+# distinguishes the two by identity.
 _NEW, _UNKNOWN = np.full(7, -np.inf), np.full(7, -np.inf)
 
 
@@ -28,7 +29,6 @@ class Link:
     """Link of one UAV to its fleet: what its messages say beside its tracks, and the partition that it hears."""
 
     def __init__(self, uav: int, parameters: TrackerParameters) -> None:
-        """Begin before the first scan."""
         self.uav, self.scans, self.time = uav, 0, -math.inf
         self._rule, self._forget_after = fusion_rule(parameters.fusion), parameters.forget_after
         self._heard = (0, -math.inf)  # leader of the partition, and the time [s] at which it was last heard

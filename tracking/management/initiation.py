@@ -33,8 +33,9 @@ class Initiator:
 
     A measurement that no track explains is of a new person or clutter: a track starts with the probability
     birth_density / (birth_density + clutter_density). It is confirmed at `sure`, and ends below `doubt` times its
-    start. By m of n, it needs so many measurements within its first n scans; one counts that is the track's with a
-    probability above one half. Source: [Musicki04], [Williams15].
+    start, or after `PATIENCE` s without a measurement. By m of n, it needs so many measurements within its first n
+    scans. A measurement counts that is the track's with a probability above one half.
+    Source: [Musicki04], [Williams15].
     """
 
     parameters: TrackerParameters
@@ -44,7 +45,7 @@ class Initiator:
     ) -> tuple[list[Tentative], list[Tentative]]:
         """Confirmed and remaining tentative tracks after a scan, `elapsed` steps of motion later.
 
-        z (N, 2) m, R (N, 2, 2) m²; visible: flags of the samples of each belief in view.
+        z (N, 2) m, R (N, 2, 2) m²; visible: function that flags the samples of beliefs in view.
         """
         if not tentative and not len(z):
             return [], []

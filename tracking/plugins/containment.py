@@ -35,14 +35,13 @@ class ForeignError(Exception):
         self.kind, self.text, self.trace = kind, text, trace
 
     def __str__(self) -> str:
-        """Kind and text."""
         return ": ".join(filter(None, (self.kind, self.text)))
 
     @property
     def explained(self) -> str:
         """Text and place of the error; the kind is left out for errors of values and types."""
-        told = self.text if self.text and self.kind in ("ValueError", "TypeError") else str(self)
-        return f"{told} ({self.trace[-1].partition(': ')[0]})" if self.trace else told
+        text = self.text if self.text and self.kind in ("ValueError", "TypeError") else str(self)
+        return f"{text} ({self.trace[-1].partition(': ')[0]})" if self.trace else text
 
 
 @contextmanager
