@@ -13,7 +13,7 @@ from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import SAMPLES, Forest, visible_samples
-from tracking.management.deletion import counted_misses, missed, shared_people, without_measurement
+from tracking.management.deletion import counted_misses, shared_people, without_measurement
 from tracking.management.initiation import Initiator, Tentative
 from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
 from tracking.management.validation import check_track, checked_scan
@@ -156,7 +156,7 @@ class Tracker:
         means, covariances = self._undetected(message)
         existence = message.existence() if p.life == "existence" else np.ones(len(means))
         misses = counted_misses(message.misses, message.times, now, p.delete[1])
-        gone = existence < p.doubt if p.life == "existence" else missed(misses, p.delete[0])
+        gone = existence < p.doubt if p.life == "existence" else np.bitwise_count(misses) >= p.delete[0]
         gone |= covariances[:, 0, 0] + covariances[:, 1, 1] > p.max_variance
         # Those of hidden people may agree without a measurement for which they compete.
         lately = message.times[:, 0] > now - _LATELY

@@ -26,11 +26,6 @@ def counted_misses(misses: Indices, times: Array, now: float, window: int) -> In
     return counted
 
 
-def missed(misses: Indices, m: int) -> Flags:
-    """Flags (T,) of tracks with m misses among the last scans."""
-    return np.array([bin(bits).count("1") >= m for bits in misses.tolist()], dtype=np.bool_)
-
-
 @compiled
 def without_measurement(gates: Indices, detected: Array) -> Flags:
     """Flags (T,) of tracks whose measurements are rather those of another track, which counts the hit.
