@@ -17,8 +17,8 @@ def gating_clusters(
     """Tracks and measurements, ascending, of clusters without gates in common.
 
     means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m²; gate is the squared distance
-    allowed. Each track is in one cluster; a measurement near no track is in none. Connected
-    components of the graph of gates are joined to clusters of enough tracks.
+    allowed. Each track is in one cluster; a measurement near no track is in none. Connected components of the graph of
+    gates are joined to clusters of enough tracks.
     """
     roots = _roots(means, covariances, measurements, noise, gate)
     firsts, component, counts = np.unique(roots[: len(means)], return_inverse=True, return_counts=True)

@@ -18,9 +18,8 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
 
     Each UAV hands a neighbour the share 1 / (1 + max(degrees)) of its information (Metropolis weights) and keeps the
     rest. So the fleet's sum is conserved, under any ids, where losses are mutual. In any case the ratio of weighted
-    information to weight tends to a weighted average everywhere.
-    Source: [Battistelli14], with weights that differ by UAV.
-    Novel information is mixed likewise. Source: [Battistelli15].
+    information to weight tends to a weighted average everywhere. Novel information is mixed likewise.
+    Source: [Battistelli14], with weights that differ by UAV, and [Battistelli15].
     Note: the shares of all UAVs are mixed along, in place of the factor of their number that undoes the mixing of
     novel information. So nothing counts more than once where messages are lost, though some of it then counts less.
     UAVs without novel information do not dilute it.

@@ -66,18 +66,16 @@ def largest_innovation(means: Array, covariances: Array, z: Array, gates: Indice
 
 @compiled
 def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array], reach: Array) -> tuple[Array, Array]:
-    """Split posterior information into a prior and a novel part, as packed (q, Ω) (T, 20) each.
+    """Split posterior information into a prior and a novel part, as packed (q, Ω) (T, 20) each; they add up to it.
 
-    prior: means (T, 4) and covariances (T, 4, 4); posterior: information vectors (T, 4) and matrices (T, 4, 4). The
-    two parts add up to the posterior.
+    prior: means (T, 4) and covariances (T, 4, 4); posterior: information vectors (T, 4, 1) and matrices (T, 4, 4).
     With Ω⁻ = L Lᵀ and Ω⁺ = L diag(λ) Lᵀ the prior part is L diag(min(1, λ)) Lᵀ, the novel one L diag(max(λ - 1, 0)) Lᵀ.
     Neither is ever indefinite, though association may leave a posterior wider than the prior along some axis.
     The novel part takes the shift of the mean up to that of a measurement with this much information at the distance
     `reach` (T,), in prior standard deviations. The prior part takes the rest.
-
     Source: [Battistelli15], whose measurements have an information matrix of their own.
-    Note: the bound on the shift is ours. The novel parts of UAVs are summed. Where doubt between measurements moves a
-    mean without any gain of information, the sum of such shifts would be unbounded.
+    Note: the bound on the shift is ours. Doubt between measurements moves a mean without any gain of information, and
+    the sum of such shifts over UAVs would be unbounded.
     """
     (means, covariances), (q, omega) = prior, posterior
     # With P⁻ = C Cᵀ and V the axes of Cᵀ Ω⁺ C, the inverse of L is Vᵀ Cᵀ.

@@ -33,9 +33,8 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     """Associate the tracks of messages: the messages, own first, with the same tracks in the same rows.
 
     Tracks of one id are of one person within a partition of the fleet. All others are joined by the ratio of two
-    likelihoods, that both are of one person and that they are of two, the likeliest pair first, and never two tracks
-    of which one UAV made the last detection. A track without a match is taken over without any share of the own
-    beliefs. The order of messages has no influence. `max_speed` [m/s] is that of people.
+    likelihoods, that both are of one person and that they are of two, and never two tracks of which one UAV made the
+    last detection. The order of messages has no influence. `max_speed` [m/s] is that of people.
     """
     messages = [own, *received]
     if alike(messages):

@@ -35,10 +35,9 @@ def turned_density(
     """Density (N,) 1/m² of lost people after a turn, at measurements z (N, 2) m with noise R (N, 2, 2) m².
 
     sightings (T, 3) as in `lost_tracks`; existence (T,); times: of the scan before and of this one [s].
-    After a turn a person is about the last place, with a standard deviation of half the distance within reach. So the
-    motion model is right but for rare turns, and lost people are in part a Poisson process as unknown ones are. What
-    is rather of this process than of a track starts a new track: a belief that missed a turn is not to be mended by a
-    far measurement, but to be replaced.
+    After a turn a person is about the last place, with a standard deviation of half the distance within reach. So lost
+    people are in part a Poisson process, as unknown ones are. What is rather of this process than of a track starts a
+    new track, which replaces a belief that missed a turn.
     Source: [Williams15], recycling, here by the time since the last detection.
     Note: the track keeps its whole existence, and a person after a turn is taken to be detected for sure.
     """

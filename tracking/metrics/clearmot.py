@@ -13,8 +13,8 @@ def correspondence(tracks: Array, people: Array, within: float) -> Indices:
     tracks (K, A, 2) m and people (K, M, 2) m, NaN where absent. A track may correspond to a person `within` m, and at
     each scan to one only. A person keeps the last track while it is near enough, also after an interruption. Of two
     people with the same last track, the one that had it later keeps it. The others are paired anew: as many pairs as
-    possible, then as near as possible. Source: [Bernardin08], as read by most
-    evaluation kits: a mapping outlives a gap.
+    possible, then as near as possible.
+    Source: [Bernardin08], as most evaluation kits read it: a mapping outlives a gap.
     """
     X, Y = np.asarray(tracks, dtype=float), np.asarray(people, dtype=float)
     if X.ndim != 3 or Y.ndim != 3 or len(X) != len(Y):

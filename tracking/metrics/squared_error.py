@@ -15,8 +15,7 @@ def cut_off(traces: Array, cutoff: float) -> None:
     mean τ. A person and their track, far from all others, add min(|e|², c²) to the square of GOSPA of order 2 with
     alpha = 2: beyond c, c²/2 for the missed person and c²/2 for the false track. A trace below c²/37 keeps its bits.
     Source: [Rahmathullah17].
-
-    Note: Of an oblong covariance the true value is smaller, by up to a fifth where all of it lies along one line.
+    Note: of an oblong covariance the true value is smaller, by up to a fifth where all of it lies along one line.
     """
     square = cutoff * cutoff
     some = 0
