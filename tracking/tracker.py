@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracking.filter.negative_information import Viewpoint, miss_likelihood, negative_information_update, views_of
+from tracking.filter.negative_information import miss_likelihood, negative_information_update, views_of
 from tracking.fusion.exchange import SURE, UNSEEN, Link
 from tracking.fusion.labels import FIRST_LABEL, LABELS_PER_SCAN, UAVS, is_new_label, new_label
 from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs
 from tracking.geometry.camera import Camera
+from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import SAMPLES, Forest, visible_samples
 from tracking.management.deletion import counted_misses, shared_people, without_measurement
 from tracking.management.initiation import Initiator, Tentative
@@ -63,7 +64,7 @@ class Tracker:
         self.max_speed = parameters.max_speed
         self._link = Link(uav, parameters)
         self._first, self._steps = 0.0, 0  # time of the first scan [s], and steps of motion since then
-        self._viewpoint: Viewpoint | None = None  # of the last frame
+        self._last_frame: tuple[float, Lens | None] = -math.inf, None  # its time [s], and its camera at its pose
         self._table = TrackTable.of(known, UNSEEN, -math.inf)
         self._predicted = _NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
         self._tentative: list[Tentative] = []
@@ -84,7 +85,7 @@ class Tracker:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
         z, R = checked_scan(scan.time, scan.pose, scan.measurements, scan.covariances)
         between = self._link.time, scan.time
-        views = self._predict(scan.time, (scan.time, scan.pose))
+        views = self._predict(scan.time, self._camera.lens(scan.pose))
         table = self._table
         beliefs = table.means, table.covariances
         likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, 3], p.detection_probability)
@@ -120,7 +121,7 @@ class Tracker:
         """Predict to the time of a scan without a frame of this UAV, which is neither a hit nor a miss."""
         self._predict(time, None)
 
-    def _predict(self, time: float, frame: Viewpoint | None) -> Flags:
+    def _predict(self, time: float, frame: Lens | None) -> Flags:
         """Predict to the time of a scan; what its frame, if there is one, shows of beliefs, as `views_of`."""
         self._link.begin(time)
         if self._link.scans == 1:  # initial tracks hold now
@@ -134,9 +135,10 @@ class Tracker:
         for _ in range(elapsed):
             means, covariances = self.parameters.motion.predict_all(means, covariances)
         existence = self._table.existence * power(self.parameters.step_survival, elapsed)
-        times, last = self._table.times.copy(), self._viewpoint
-        times[:, 3], self._viewpoint = last[0] if last else -math.inf, frame or last
-        views = views_of(self._camera, self._forest, (means, covariances), frame, last)
+        times = self._table.times.copy()
+        times[:, 3], before = self._last_frame
+        views = views_of(self._forest, (means, covariances), frame, before)
+        self._last_frame = (time, frame) if frame else self._last_frame
         shown, table = (views << _BITS).sum(axis=2), self._table
         rest = existence, table.weights, times, shown, table.misses, table.sightings
         self._table = TrackTable(table.ids, means, covariances, *rest)

@@ -8,7 +8,6 @@ from tracking.fusion.message import INFORMATION
 from tracking.fusion.rule import Contribution, LocalBeliefs
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
-from tracking.numerics.distances import squared_distances
 from tracking.numerics.factorisation import eigensystems, inverses
 from tracking.numerics.matrices import products, symmetrise, transposed
 from tracking.numerics.stacks import cholesky_factors, triangular_inverses
@@ -28,27 +27,33 @@ class HybridConsensus:
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
         """As `FusionRule.contribution`."""
-        return Contribution(*_parts(local))
+        beliefs = local.means, local.covariances, local.weights
+        return Contribution(*_parts(local.uav, beliefs, local.prior, (local.measurements, local.gates), local.detected))
 
 
 @compiled
-def _parts(local: LocalBeliefs) -> tuple[Array, Array, Array]:
+def _parts(
+    uav: int,
+    beliefs: tuple[Array, Array, Array],
+    prior: tuple[Array, Array],
+    measured: tuple[Array, Indices],
+    seen: Indices,
+) -> tuple[Array, Array, Array]:
     """Information (T, 20) to average, novel information (T, 20 + uav + 1), and weights (T,) of the average."""
-    P, seen = local.covariances, local.detected
+    means, P, weights = beliefs
     omega = inverses(P)
-    q = products(omega, local.means.reshape(-1, 4, 1))
+    q = products(omega, means.reshape(-1, 4, 1))
     averaged = np.concatenate((q.reshape(-1, 4), omega.reshape(-1, 16)), axis=1)
-    novel = np.zeros((len(P), INFORMATION + local.uav + 1))
-    uncertainty = P[:, 0, 0] + P[:, 1, 1]
+    novel, shares = np.zeros((len(P), INFORMATION + uav + 1)), weights / (P[:, 0, 0] + P[:, 1, 1])
     if len(seen):
-        reach = largest_innovation(local.prior[0], local.prior[1], local.measurements, local.gates)[seen]
-        prior = local.prior[0][seen], local.prior[1][seen]
-        averaged[seen], gained = split_information(prior, (q[seen], omega[seen]), reach)
+        reach = largest_innovation(*prior, *measured)[seen]
+        before, spreads = prior[0][seen], prior[1][seen]
+        averaged[seen], gained = split_information((before, spreads), (q[seen], omega[seen]), reach)
         novel[seen, :INFORMATION] = gained
-        uncertainty[seen] = prior[1][:, 0, 0] + prior[1][:, 1, 1]
+        shares[seen] = weights[seen] / (spreads[:, 0, 0] + spreads[:, 1, 1])
         for k in range(len(seen)):
             novel[seen[k], -1] = np.any(gained[k] != 0.0)
-    return averaged, novel, local.weights / uncertainty
+    return averaged, novel, shares
 
 
 @compiled
@@ -57,10 +62,15 @@ def largest_innovation(means: Array, covariances: Array, z: Array, gates: Indice
 
     means (T, 4), covariances (T, 4, 4), gates (G, 2): pairs of a track and a measurement in its gate.
     """
-    rows, most = gates[:, 0], np.zeros(len(means))
-    gaps = squared_distances(z[gates[:, 1]] - means[rows, :2], covariances[rows][:, :2, :2].copy())
+    most = np.zeros(len(means))
     for g in range(len(gates)):
-        most[rows[g]] = max(most[rows[g]], math.sqrt(gaps[g]))
+        t, j = gates[g, 0], gates[g, 1]
+        one = math.sqrt(covariances[t, 0, 0])  # Cholesky factor of the position block: one, 0; across, two
+        across = covariances[t, 1, 0] / one
+        two = math.sqrt(covariances[t, 1, 1] - across * across)
+        x = (z[j, 0] - means[t, 0]) / one
+        y = (z[j, 1] - means[t, 1] - across * x) / two
+        most[t] = max(most[t], math.sqrt(x * x + y * y))
     return most
 
 
@@ -103,6 +113,15 @@ def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array]
 @compiled
 def _packed(L: Array, y: Array, weights: Array) -> Array:
     """Information (T, 20) with the vector L y and the matrix L diag(weights) Lᵀ."""
-    matrices = products(L * weights.reshape(-1, 1, 4), transposed(L))
-    symmetrise(matrices)
-    return np.concatenate((products(L, y.reshape(-1, 4, 1)).reshape(-1, 4), matrices.reshape(-1, 16)), axis=1)
+    out = np.zeros((len(L), INFORMATION))
+    for t in range(len(L)):
+        for i in range(4):
+            for k in range(4):
+                out[t, i] += L[t, i, k] * y[t, k]
+            for j in range(4):
+                one = other = 0.0
+                for k in range(4):
+                    one += L[t, i, k] * weights[t, k] * L[t, j, k]
+                    other += L[t, j, k] * weights[t, k] * L[t, i, k]
+                out[t, 4 + 4 * i + j] = 0.5 * (one + other)
+    return out
