@@ -42,8 +42,11 @@ def read_scans(path: _Path) -> Iterator[tuple[Scan, ...]]:
             if scans:
                 yield _scans(time, scans)
             time, scans = now, _Scans()
-        pose, rows = scans.setdefault(row.integer("uav"), (row.pose(), []))
-        rows.append(row.measurement(pose, rows))
+        uav, pose = row.integer("uav"), row.pose()
+        first, rows = scans.setdefault(uav, (pose, []))
+        if pose != first:
+            raise row.wrong("camera_x", "the camera has another pose in another row of this scan")
+        rows.append(row.measurement(rows))
     if not scans:
         raise ValueError(f"{path}: holds no scan")
     yield _scans(time, scans)
@@ -117,10 +120,8 @@ class _Row:
             raise self.wrong("camera_qx", f"the quaternion's norm is {norm:g}, not 1")
         return pose
 
-    def measurement(self, pose: tuple[float, ...], before: list[list[float]]) -> list[float]:
-        """Position and covariance, or nothing; ValueError if the row contradicts pose and rows before of its scan."""
-        if self.pose() != pose:
-            raise self.wrong("camera_x", "the camera has another pose in another row of this scan")
+    def measurement(self, before: list[list[float]]) -> list[float]:
+        """Position and covariance, or nothing; ValueError if the row contradicts those before of its scan."""
         if before == [[]]:
             raise self.wrong("x", "this scan has another row, without a measurement")
         if not any(self.values[name] for name in MEASUREMENT):
@@ -162,14 +163,11 @@ def _rows(path: _Path, columns: Sequence[str]) -> Iterator[_Row]:
 def _lines(path: _Path, file: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
     """Number and fields of each line; ValueError names a line that is no text or no table."""
     table = csv.reader(file)
-    while True:
-        try:
-            fields = next(table)
-        except StopIteration:
-            return
-        except csv.Error as error:
-            raise ValueError(f"{path}, line {table.line_num}: {error}") from error
-        for text in fields:
-            if not text.isascii() and any("\udc80" <= letter <= "\udcff" for letter in text):
-                raise ValueError(f"{path}, line {table.line_num}: {text[:40]!a} is not UTF-8")
-        yield table.line_num, fields
+    try:
+        for fields in table:
+            for text in fields:
+                if not text.isascii() and any("\udc80" <= letter <= "\udcff" for letter in text):
+                    raise ValueError(f"{path}, line {table.line_num}: {text[:40]!a} is not UTF-8")
+            yield table.line_num, fields
+    except csv.Error as error:
+        raise ValueError(f"{path}, line {table.line_num}: {error}") from error

@@ -26,7 +26,7 @@ class ScanPrediction(NamedTuple):
     undetected: tuple[Array, Array]  # the same, given that the scan does not detect the person
     existence: Array  # (T,)
     visible: Array  # (T,), probability of being in plain view
-    detectable: Array  # (T,), the same, less where the last frame was negative information
+    detectable: Array  # (T,), the same, less where negative information or a nearer person's measurement counts
 
     def only(self, rows: Indices) -> ScanPrediction:
         """Prediction of some of the tracks."""
@@ -54,7 +54,8 @@ def scan_prediction(
 ) -> ScanPrediction:
     """Prediction from beliefs at a scan's time, means (T, 4) and covariances (T, 4, 4).
 
-    existence (T,); seen and missed (T, 36) as from `tracking.filter.negative_information.miss_likelihood`.
+    existence (T,); seen (T, 36): flags of the samples in view; missed (T, 36) as from
+    `tracking.filter.negative_information.miss_likelihood`.
     """
     tempered = missed if p.absence_weight == 1.0 else power_each(missed, p.absence_weight)
     undetected = negative_information_update(beliefs, tempered)
@@ -134,10 +135,5 @@ def _updated(
             means[t, a] = before.means[t, a]
             for b in range(4):
                 covariances[t, a, b] = before.covariances[t, a, b]
-    missed = beta[:, 0].copy()
-    return (means, covariances, existence, missed, gates[:count].copy(), explained), (
-        likelihood,
-        beta,
-        given,
-        existence,
-    )
+    updated = means, covariances, existence, beta[:, 0].copy(), gates[:count].copy(), explained
+    return updated, (likelihood, beta, given, existence)

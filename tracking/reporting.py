@@ -1,4 +1,4 @@
-"""Reporting: the tracks that are told as estimates, by their probability of existence."""
+"""Reporting: the tracks that are given as estimates, by their probability of existence."""
 
 from collections.abc import Iterable
 
@@ -10,7 +10,7 @@ UNLIKELY = 0.5
 
 
 def is_reported(track: Track) -> bool:
-    """True if the track's person rather exists than not.
+    """Test if the track's person more likely exists than not.
 
     Less likely tracks are hypotheses still: planners weigh them, and a measurement may confirm them.
     Source: [GarciaFernandez18], the first of its estimators, with the threshold that GOSPA implies for small errors.

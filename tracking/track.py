@@ -61,8 +61,21 @@ class TrackTable:
     misses: Indices  # (T,), bit k is set if the k-th last scan that counts was a miss
     sightings: Array  # (T, 3) position [m] and time [s] of the fleet's last sure detection of each
 
-    def __len__(self) -> int:
-        return len(self.ids)
+    @staticmethod
+    def of(tracks: Sequence[Track], weights: float | Array, times: float | Array) -> TrackTable:
+        """Table of tracks without a sighting yet; weights (T,) and times (T, 4), or one number for all."""
+        count, (means, covariances) = len(tracks), beliefs_of(tracks)
+        return TrackTable(
+            ids=np.array([t.id for t in tracks], dtype=np.int64),
+            means=means,
+            covariances=covariances,
+            existence=np.array([t.existence for t in tracks], dtype=float),
+            weights=np.full(count, weights),
+            times=np.full((count, 4), times),
+            views=np.zeros((count, 2), dtype=np.int64),
+            misses=np.zeros(count, dtype=np.int64),
+            sightings=np.column_stack([means[:, :2], np.full(count, -np.inf)]),
+        )
 
     def __getitem__(self, rows: Indices | Flags) -> TrackTable:
         return TrackTable(*(column[rows] for column in _COLUMNS(self)))

@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracking.filter.negative_information import Viewpoint, miss_likelihood, negative_information_update, views_of
+from tracking.filter.negative_information import miss_likelihood, negative_information_update, views_of
 from tracking.fusion.exchange import SURE, UNSEEN, Link
-from tracking.fusion.labels import FIRST_LABEL, UAVS, is_new_label, new_label
+from tracking.fusion.labels import FIRST_LABEL, LABELS_PER_SCAN, UAVS, is_new_label, new_label
 from tracking.fusion.message import Message
 from tracking.fusion.rule import LocalBeliefs
 from tracking.geometry.camera import Camera
+from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import SAMPLES, Forest, visible_samples
-from tracking.management.deletion import counted_misses, missed, shared_people, without_measurement
+from tracking.management.deletion import counted_misses, shared_people, without_measurement
 from tracking.management.initiation import Initiator, Tentative
 from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
 from tracking.management.validation import check_track, checked_scan
@@ -23,12 +24,13 @@ from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import power
 from tracking.numerics.universal import power_each
 from tracking.parameters import TrackerParameters
-from tracking.track import Scan, Track, TrackTable, beliefs_of, tracks_of
+from tracking.track import Scan, Track, TrackTable, tracks_of
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
 
 _VIEWED = 1e-4  # weight in the average of a belief in view without a detection: matters only if no UAV detected it
 _LATELY = 1.0  # s since the last detection of each of two tracks that share one person
+_BIRTHS = LABELS_PER_SCAN // 2  # new tracks of a scan, at most
 _BORN = 1.0  # s for which a new track takes the id of one whose person it shares
 _BITS = np.arange(len(SAMPLES))  # of a number that holds which samples of a belief are in view
 _NOTHING = np.zeros((0, 4)), np.zeros((0, 4, 4)), np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
@@ -48,12 +50,7 @@ class Tracker:
     """
 
     def __init__(
-        self,
-        uav: int,
-        camera: Camera,
-        forest: Forest,
-        parameters: TrackerParameters,
-        initial: Sequence[Track] = (),
+        self, uav: int, camera: Camera, forest: Forest, parameters: TrackerParameters, initial: Sequence[Track] = ()
     ) -> None:
         if not 0 <= uav < UAVS:
             raise ValueError(f"uav must be in [0, {UAVS}), is {uav}")
@@ -67,8 +64,8 @@ class Tracker:
         self.max_speed = parameters.max_speed
         self._link = Link(uav, parameters)
         self._first, self._steps = 0.0, 0  # time of the first scan [s], and steps of motion since then
-        self._viewpoint: Viewpoint | None = None  # of the last frame
-        self._table = _tabulated(known, weight=UNSEEN, seen=-math.inf)
+        self._last_frame: tuple[float, Lens | None] = -math.inf, None  # its time [s], and its camera at its pose
+        self._table = TrackTable.of(known, UNSEEN, -math.inf)
         self._predicted = _NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
         self._tentative: list[Tentative] = []
         self._waited = 0  # steps of motion since tentative tracks were last predicted
@@ -78,8 +75,8 @@ class Tracker:
     def tracks(self) -> tuple[Track, ...]:
         """Confirmed tracks by ascending id."""
         table = self._table
-        told = np.where(table.sightings[:, 2:] >= 0.0, table.sightings, np.nan)
-        return tracks_of(table.ids, table.means, table.covariances, table.existence, told)
+        sightings = np.where(table.sightings[:, 2:] >= 0.0, table.sightings, np.nan)
+        return tracks_of(table.ids, table.means, table.covariances, table.existence, sightings)
 
     def step(self, scan: Scan) -> None:
         """Predict to the scan's time, associate, update, initiate."""
@@ -88,7 +85,7 @@ class Tracker:
             raise ValueError(f"a scan of UAV {scan.uav} was given to the tracker of UAV {self.uav}")
         z, R = checked_scan(scan.time, scan.pose, scan.measurements, scan.covariances)
         between = self._link.time, scan.time
-        views = self._predict(scan.time, (scan.time, scan.pose))
+        views = self._predict(scan.time, self._camera.lens(scan.pose))
         table = self._table
         beliefs = table.means, table.covariances
         likelihood = miss_likelihood(*beliefs, views, scan.time - table.times[:, 3], p.detection_probability)
@@ -101,8 +98,8 @@ class Tracker:
         if p.life == "m_of_n":
             hits &= ~without_measurement(after.gates, detected)
         scores = detected, hits, before.visible
-        told = _told((table.times, table.views), scores, after.gates, scan.time, p.expected)
-        rest = after.existence, *told, table.misses, table.sightings
+        history = _history((table.times, table.views), scores, after.gates, scan.time, p.expected)
+        rest = after.existence, *history, table.misses, table.sightings
         self._table = TrackTable(table.ids, after.means, after.covariances, *rest)
         self._initiate(scan, z[~after.explained], R[~after.explained])
 
@@ -114,15 +111,17 @@ class Tracker:
 
         elapsed, self._waited = self._waited, 0
         born, self._tentative = self._initiator.step(self._tentative, z, R, elapsed=elapsed, visible=visible_at)
+        # More than there are labels for begin in the next scan.
+        born, self._tentative = born[:_BIRTHS], born[_BIRTHS:] + self._tentative
         if born:
             known = [Track(new_label(self._link.scans, self.uav, k), b.belief, b.existence) for k, b in enumerate(born)]
-            self._table += _tabulated(known, weight=1.0, seen=scan.time)
+            self._table += TrackTable.of(known, 1.0, scan.time)
 
     def coast(self, time: float) -> None:
         """Predict to the time of a scan without a frame of this UAV, which is neither a hit nor a miss."""
         self._predict(time, None)
 
-    def _predict(self, time: float, frame: Viewpoint | None) -> Flags:
+    def _predict(self, time: float, frame: Lens | None) -> Flags:
         """Predict to the time of a scan; what its frame, if there is one, shows of beliefs, as `views_of`."""
         self._link.begin(time)
         if self._link.scans == 1:  # initial tracks hold now
@@ -136,9 +135,10 @@ class Tracker:
         for _ in range(elapsed):
             means, covariances = self.parameters.motion.predict_all(means, covariances)
         existence = self._table.existence * power(self.parameters.step_survival, elapsed)
-        times, last = self._table.times.copy(), self._viewpoint
-        times[:, 3], self._viewpoint = last[0] if last else -math.inf, frame or last
-        views = views_of(self._camera, self._forest, (means, covariances), frame, last)
+        times = self._table.times.copy()
+        times[:, 3], before = self._last_frame
+        views = views_of(self._forest, (means, covariances), frame, before)
+        self._last_frame = (time, frame) if frame else self._last_frame
         shown, table = (views << _BITS).sum(axis=2), self._table
         rest = existence, table.weights, times, shown, table.misses, table.sightings
         self._table = TrackTable(table.ids, means, covariances, *rest)
@@ -158,7 +158,7 @@ class Tracker:
         means, covariances = self._undetected(message)
         existence = message.existence() if p.life == "existence" else np.ones(len(means))
         misses = counted_misses(message.misses, message.times, now, p.delete[1])
-        gone = existence < p.doubt if p.life == "existence" else missed(misses, p.delete[0])
+        gone = existence < p.doubt if p.life == "existence" else np.bitwise_count(misses) >= p.delete[0]
         gone |= covariances[:, 0, 0] + covariances[:, 1, 1] > p.max_variance
         # Those of hidden people may agree without a measurement for which they compete.
         lately = message.times[:, 0] > now - _LATELY
@@ -169,8 +169,8 @@ class Tracker:
                 ids[[kept, other]] = np.sort(ids[[kept, other]])
         self._link.accept(message)
         self._predicted = _NOTHING
-        told = np.full(len(means), UNSEEN), message.times, message.views, misses, message.sighted()
-        table = TrackTable(ids, means, covariances, existence, *told)
+        rest = existence, np.full(len(means), UNSEEN), message.times, message.views, misses, message.sighted()
+        table = TrackTable(ids, means, covariances, *rest)
         if gone.any():
             self._link.delete(ids[gone].tolist())
             order = np.argsort(ids, kind="stable")
@@ -198,13 +198,8 @@ class Tracker:
         if len(born) == 0:
             return table
         lost = lost_tracks(table.sightings, self._link.time, p)
-        pairs = reacquisitions(
-            (table.means[born], table.covariances[born]),
-            (table.means[lost], table.covariances[lost]),
-            table.sightings[lost],
-            now=self._link.time,
-            max_speed=p.max_speed,
-        )
+        new, old = ((table.means[rows], table.covariances[rows]) for rows in (born, lost))
+        pairs = reacquisitions(new, old, table.sightings[lost], now=self._link.time, max_speed=p.max_speed)
         ids = table.ids.copy()
         for b, k in pairs:
             ids[born[b]] = table.ids[lost[k]]
@@ -214,7 +209,7 @@ class Tracker:
 
 
 @compiled
-def _told(
+def _history(
     columns: tuple[Array, Indices], scores: tuple[Array, Flags, Array], gates: Indices, now: float, expected: float
 ) -> tuple[Array, Array, Indices]:
     """Weights, times and views of tracks after a scan, from their times and views before.
@@ -233,20 +228,3 @@ def _told(
     for g in range(len(gates)):
         views[gates[g, 0], 0] = 0  # the association has taken it
     return np.maximum(detected, UNSEEN + _VIEWED * visible), times, views
-
-
-def _tabulated(tracks: Sequence[Track], *, weight: float, seen: float) -> TrackTable:
-    """Tracks as a table; all have the same weight and time [s] of their last detection, and no sighting yet."""
-    count = len(tracks)
-    means, covariances = beliefs_of(tracks)
-    return TrackTable(
-        ids=np.array([t.id for t in tracks], dtype=np.int64),
-        means=means,
-        covariances=covariances,
-        existence=np.array([t.existence for t in tracks], dtype=float),
-        weights=np.full(count, weight),
-        times=np.full((count, 4), seen),
-        views=np.zeros((count, 2), dtype=np.int64),
-        misses=np.zeros(count, dtype=np.int64),
-        sightings=np.column_stack([means[:, :2], np.full(count, -math.inf)]),
-    )

@@ -46,7 +46,7 @@ class UndetectedIntensity:
 
     At first `people` are expected evenly over the area. They spread as walkers do. Each frame thins the intensity where
     the line of sight is free. A track that ends is recycled: its person is added to the intensity.
-    Source: the Poisson part of J. L. Williams, Marginal multi-Bernoulli filters, IEEE Trans. AES 51 (3), 2015.
+    Source: [Williams15], the Poisson part.
     """
 
     def __init__(self, area: tuple[float, float], people: float, detection: float, pace: float) -> None:
@@ -60,7 +60,7 @@ class UndetectedIntensity:
         self._time = 0.0
         self._tracks: dict[int, Gaussian] = {}
 
-    def step(self, time: float, looks: Sequence[tuple[Camera, Pose]], tracks: Sequence[Track], forest: Forest) -> None:
+    def step(self, time: float, frames: Sequence[tuple[Camera, Pose]], tracks: Sequence[Track], forest: Forest) -> None:
         """Predict to a time [s] and thin by frames, as cameras and poses; their detections are among the tracks."""
         elapsed, self._time = time - self._time, time
         people = self.belief.people
@@ -70,7 +70,7 @@ class UndetectedIntensity:
             people = np.ascontiguousarray(_blurred(people, sigma / height).T)
             people = _blurred(people, sigma / width).T  # the area keeps all people
         people = people + self._recycled(tracks)
-        for camera, pose in looks if people.any() else ():
+        for camera, pose in frames if people.any() else ():
             people = self._thinned(people, camera, pose, forest)
         self.belief = Intensity(people, self.belief.low, self.belief.cell)
         self._tracks = {track.id: track.belief for track in tracks}

@@ -21,8 +21,8 @@ from planning.contract import reset
 from planning.loading import load_planner
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
 from tracking.numerics.arrays import Array
-from tracking.plugins.changes import change, contents
 from tracking.plugins.containment import ForeignError, contained, numbers
+from tracking.plugins.results import change, contents
 
 SEED = 5  # of the memory of stateful planners
 _CHILD = """

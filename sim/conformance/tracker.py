@@ -21,11 +21,10 @@ from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.parameters import TrackerParameters
-from tracking.plugins.changes import change, contents
 from tracking.plugins.containment import ForeignError, Unusable, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
 from tracking.plugins.registry import InputError
-from tracking.plugins.results import check_positive_definite
+from tracking.plugins.results import change, check_positive_definite, contents
 from tracking.track import Scan, Track
 
 _SCANS, _STEP = 25, 0.2  # and s between them

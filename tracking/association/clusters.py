@@ -17,23 +17,16 @@ def gating_clusters(
     """Tracks and measurements, ascending, of clusters without gates in common.
 
     means (T, 4), covariances (T, 4, 4), measurements (N, 2) m, noise (N, 2, 2) m²; gate is the squared distance
-    allowed. Each track is in one cluster; a measurement near no track is in none. Connected
-    components of the graph of gates are joined to clusters of enough tracks.
+    allowed. Each track is in one cluster; a measurement near no track is in none. Connected components of the graph of
+    gates are joined to clusters of enough tracks.
     """
     roots = _roots(means, covariances, measurements, noise, gate)
     firsts, component, counts = np.unique(roots[: len(means)], return_inverse=True, return_counts=True)
     cluster = (np.cumsum(counts) - counts) // _TRACKS  # whole components, one after the other
     near = np.minimum(np.searchsorted(firsts, roots[len(means) :]), len(firsts) - 1)
     of_measurements = np.where(firsts[near] == roots[len(means) :], cluster[near], -1)
-    numbers = np.unique(cluster)
-    return list(zip(_members(cluster[component], numbers), _members(of_measurements, numbers), strict=True))
-
-
-def _members(values: Indices, numbers: Indices) -> list[Indices]:
-    """Indices at which `values` hold each of the numbers, which ascend."""
-    order = np.argsort(values, kind="stable")
-    left, right = (np.searchsorted(values[order], numbers, side=side) for side in ("left", "right"))
-    return [order[a:b] for a, b in zip(left.tolist(), right.tolist(), strict=True)]
+    numbers = np.unique(cluster).tolist()
+    return [(np.flatnonzero(cluster[component] == k), np.flatnonzero(of_measurements == k)) for k in numbers]
 
 
 @compiled

@@ -36,10 +36,8 @@ def existence_association(
     measurement inside its gate, below 1: column 0 over the whole belief, column 1 + j given that measurement j is the
     person's; clutter_density > 0, 1/m²; existence r (T,), before the scan.
     Returns beta (T, N + 1), column 0 for no person or no detection; the same given that the person exists; and r (T,)
-    after the scan. Every joint event has factors 1 - r P_D and r P_D likelihood / clutter_density in place of
-    JPDA's; certain tracks are JPDA's. Exact per cluster up to a smaller side of `EXACT_SIDE`, above that by loopy
-    belief propagation. Source: [BarShalom11] 6.2, [Williams14]; [Musicki04], with a P_D that depends on the person's
-    position.
+    after the scan. Every joint event has factors 1 - r P_D and r P_D likelihood / clutter_density in place of JPDA's.
+    Source: [BarShalom11] 6.2, [Williams14]; [Musicki04], with a P_D that depends on the person's position.
     """
     misses, pairs = _joint_weights(likelihood, detection_probability, clutter_density, existence)
     beta = marginals(misses, pairs, EXACT_SIDE)

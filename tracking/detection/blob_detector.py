@@ -34,11 +34,7 @@ def blobs_of(frame: Frame) -> tuple[list[Array], Indices]:
     lens = frame.camera.lens(frame.pose)
     blobs = components_of(frame.image)
     whole, _ = _joined(lens, blobs, range(len(blobs)))
-    parts = [
-        (part, k)
-        for k, blob in enumerate(whole)
-        for part in ([blob] if _one_person(lens, blob) else _split(lens, blob))
-    ]
+    parts = [(part, k) for k, blob in enumerate(whole) for part in _split(lens, blob)]
     if len(parts) > len(whole):  # a foot that does not fit two people together may fit one of them
         parts = list(zip(*_joined(lens, [blob for blob, _ in parts], [k for _, k in parts]), strict=True))
     found = [(blob, k) for blob, k in parts if _meets_ground(lens, blob)]
@@ -99,7 +95,12 @@ def _near(centres: Array, reach: Array, k: int, stop: int) -> list[tuple[float, 
 
 
 def _split(lens: Lens, blob: Array) -> list[Array]:
-    """Parts of a blob, as many as its area has people's; k-means from evenly spread starts."""
+    """Parts of a blob, one if one person can span it, else as many as its area has people's.
+
+    They are found by k-means from evenly spread starts.
+    """
+    if _one_person(lens, blob):
+        return [blob]
     middle = (blob.min(axis=0) + blob.max(axis=0))[None] / 2
     area = float(sizes_at(lens, middle).areas[0])
     if len(blob) == 1 or math.isnan(area):

@@ -9,6 +9,7 @@ from tracking.geometry.lens import Lens, ground_point
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
+from tracking.numerics.matrices import products, transposed
 
 Pair = tuple[float, float]
 
@@ -44,12 +45,8 @@ def clearing_at(lens: Lens, pixel: Pair) -> Clearing:
     distance = math.sqrt(east * east + north * north)
     away = (east / distance, north / distance) if distance > 0.0 else (1.0, 0.0)
     # Body coordinates right, up and back, each as a linear function of (u, v, 1).
-    to_plane = np.array([[away[0], away[1], 0.0], [-away[1], away[0], 0.0], [east, north, TARGET_HEIGHT - lens.eye[2]]])
-    body = np.zeros((3, 3))
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                body[i, j] += lens.rotation[k, i] * to_plane[j, k]
+    plane = np.array([[[away[0], -away[1], east], [away[1], away[0], north], [0.0, 0.0, TARGET_HEIGHT - lens.eye[2]]]])
+    body = products(transposed(lens.rotation.reshape(1, 3, 3)), plane)[0]
     edges = np.empty((4, 3))
     half = lens.pixels / 2
     for j in range(3):

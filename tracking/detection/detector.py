@@ -25,7 +25,7 @@ class Frame:
 class Detections:
     """People found in one frame, from the image's top to its bottom.
 
-    A detector may leave out areas and boxes, which only drawings of frames need.
+    A detector may leave out areas and boxes: trackers do not read them.
     """
 
     pixels: Array  # (N, 2) of each person's mid-height in the image, as if the whole person were seen

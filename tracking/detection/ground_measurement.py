@@ -19,13 +19,8 @@ from tracking.numerics.trigonometry import cos, sin
 
 # A walking person's mean outline over all headings, as three horizontal circles: height above ground, radius [m].
 _CIRCLES = ((0.0, 0.25), (1.4, 0.23), (1.7, 0.08))
-_OUTLINE = np.array(
-    [
-        (radius * cos(angle), radius * sin(angle), height)
-        for height, radius in _CIRCLES
-        for angle in (np.arange(12) * (math.pi / 6)).tolist()
-    ]
-)
+_ANGLES = (np.arange(12) * (math.pi / 6)).tolist()
+_OUTLINE = np.array([(r * cos(angle), r * sin(angle), height) for height, r in _CIRCLES for angle in _ANGLES])
 
 
 @np.errstate(divide="ignore", invalid="ignore")

@@ -71,8 +71,5 @@ def ground_covariance(dx: float, dy: float, coefficients: Array) -> tuple[float,
     r = max(d, c[6])
     along = c[0] + r * (c[1] + r * c[2])
     across = c[3] + r * (c[4] + r * c[5])
-    return (
-        along * cos * cos + across * sin * sin,
-        (along - across) * cos * sin,
-        along * sin * sin + across * cos * cos,
-    )
+    xx, yy = along * cos * cos + across * sin * sin, along * sin * sin + across * cos * cos
+    return xx, (along - across) * cos * sin, yy

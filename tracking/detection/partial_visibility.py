@@ -24,7 +24,7 @@ _SMALL = 0.6
 _COARSE, _FINE = 100, 200
 # Where less than this share of a silhouette would show, a person would not be seen.
 _LEAST = 0.01
-# Places with a surprise that exceeds the least by more are left out: a probability of e^-10.
+# Places with a deviance that exceeds the least by more are left out: a probability of e^-10.
 _IMPROBABLE = 20.0
 
 _Constants = tuple[float, float, float, float]
@@ -96,7 +96,7 @@ class Places(NamedTuple):
 
     def posterior(self, error: PartError = PART) -> tuple[Array, Array, float]:
         """Mean (2,) m, covariance (2, 2) m² and the hidden share of a person, with a uniform prior over places."""
-        mean, covariance, hidden = _moments(self, _surprises(self, error.constants))
+        mean, covariance, hidden = _moments(self, _deviances(self, error.constants))
         return mean, error.factor(self.pixel, hidden) * covariance, hidden
 
 
@@ -127,9 +127,8 @@ def _surroundings(lens: Lens, blob: Array, cylinders: Array) -> tuple[bool, Clea
     clearing, area = clearing_at(lens, centre), sizes_at(lens, np.array([centre]))[2][0]
     growth = (lens.eye[2] - TARGET_HEIGHT) / (lens.eye[2] - TALLEST)
     clearing = with_shadows(clearing, lens.eye, cylinders, 2.5 + 2 * clearing.distance * (growth - 1.0))
-    placed = bool(
-        np.isfinite(clearing.footprint).all() and np.isfinite(area)
-    )  # not at the horizon, where sizes are not finite
+    # At the horizon sizes are not finite.
+    placed = bool(np.isfinite(clearing.footprint).all() and np.isfinite(area))
     return placed and (len(blob) <= _SMALL * area or not _all_open(lens, clearing, blob)), clearing, area
 
 
@@ -181,14 +180,14 @@ def _places(clearing: Clearing, seen: Seen, altitude: float, constants: _Constan
     low, high = (-silhouette.high - slack, -half), (slack - silhouette.low, half)
     # `int`, because numba compiles a function anew for each constant that it is given.
     coarse = _grid(clearing, seen, silhouette, (low, high), int(_COARSE))
-    surprises = _surprises(coarse, constants)
-    least = surprises.min()
+    deviances = _deviances(coarse, constants)
+    least = deviances.min()
     if least == math.inf:
         return coarse
     low, high = (math.inf, math.inf), (-math.inf, -math.inf)
     for i in range(len(coarse.v)):
         for j in range(len(coarse.u)):
-            if surprises[i, j] <= least + _IMPROBABLE:
+            if deviances[i, j] <= least + _IMPROBABLE:
                 low = min(low[0], coarse.u[j] - coarse.cell[0]), min(low[1], coarse.v[i] - coarse.cell[1])
                 high = max(high[0], coarse.u[j] + coarse.cell[0]), max(high[1], coarse.v[i] + coarse.cell[1])
     return _grid(clearing, seen, silhouette, (low, high), int(_FINE))
@@ -215,8 +214,8 @@ def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, box: tuple[Pai
 
 
 @compiled
-def _surprises(places: Places, constants: _Constants) -> Array:
-    """Twice the negative log-likelihood of each place (M, N), but for a constant; inf where too little shows."""
+def _deviances(places: Places, constants: _Constants) -> Array:
+    """Deviances (M, N), twice the negative log-likelihoods of places but for a constant; inf where too little shows."""
     posture, rounding, fringe, limb = constants
     seen, cell = places.seen, places.cell
     out = np.full(places.shares.shape, math.inf)
@@ -244,13 +243,13 @@ def _surprises(places: Places, constants: _Constants) -> Array:
 
 
 @compiled
-def _moments(places: Places, surprises: Array) -> tuple[Array, Array, float]:
-    """Mean (2,) m, covariance (2, 2) m² and expected hidden share, from twice the negative log-likelihoods (M, N)."""
-    least = surprises.min()
+def _moments(places: Places, deviances: Array) -> tuple[Array, Array, float]:
+    """Mean (2,) m, covariance (2, 2) m² and expected hidden share, from deviances (M, N)."""
+    least = deviances.min()
     total = along = across = uu = uv = vv = hidden = 0.0
     for i in range(len(places.v)):
         for j in range(len(places.u)):
-            weight = exp(0.5 * (least - surprises[i, j]))
+            weight = exp(0.5 * (least - deviances[i, j]))
             u, v = weight * places.u[j], weight * places.v[i]
             total, along, across = total + weight, along + u, across + v
             uu, uv, vv = uu + u * places.u[j], uv + u * places.v[i], vv + v * places.v[i]

@@ -82,21 +82,15 @@ def _after_scans(
     means: Array, covariances: Array, scans: int, linear: _Linear, reverting: _Reverting
 ) -> tuple[Array, Array]:
     """Means (T, 4) and covariances (T, 4, 4) of beliefs so many scans later."""
+    dt, (way, left), walking_speed = reverting
     for _ in range(scans):
         moved, spread = predict_linear(means, covariances, linear[0], linear[1])
-        _move(moved, means, covariances, reverting)
+        for t in range(len(means)):
+            x, y = means[t, 2], means[t, 3]
+            square = x * x + y * y + covariances[t, 2, 2] + covariances[t, 3, 3]
+            share = walking_speed / math.sqrt(square) if square > 0.0 else 0.0  # u over E v
+            for i in range(2):
+                moved[t, i] = means[t, i] + (way + (dt - way) * share) * means[t, 2 + i]
+                moved[t, 2 + i] = (left + (1.0 - left) * share) * means[t, 2 + i]
         means, covariances = moved, spread
     return means, covariances
-
-
-@compiled
-def _move(moved: Array, means: Array, covariances: Array, reverting: _Reverting) -> None:
-    """Set the means `moved` (T, 4) of beliefs, means (T, 4) and covariances (T, 4, 4), to those a scan later."""
-    dt, (way, left), walking_speed = reverting
-    for t in range(len(means)):
-        x, y = means[t, 2], means[t, 3]
-        square = x * x + y * y + covariances[t, 2, 2] + covariances[t, 3, 3]
-        share = walking_speed / math.sqrt(square) if square > 0.0 else 0.0  # u over E v
-        for i in range(2):
-            moved[t, i] = means[t, i] + (way + (dt - way) * share) * means[t, 2 + i]
-            moved[t, 2 + i] = (left + (1.0 - left) * share) * means[t, 2 + i]

@@ -57,14 +57,12 @@ class _Checked:
     dt: float
 
     def predict(self, belief: Gaussian) -> Gaussian:
-        """As `MotionModel.predict`."""
         with MOTION_MODELS.errors(self.name, "predict"):
             given = self.model.predict(belief)
             means, covariances = _beliefs([given.mean], [given.covariance], 1)
         return type(belief)(means[0], covariances[0])
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
-        """As `MotionModel.predict_all`."""
         with MOTION_MODELS.errors(self.name, "predict"):
             moved, spread = self.model.predict_all(means, covariances)
             return _beliefs(moved, spread, len(means))

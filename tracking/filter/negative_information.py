@@ -4,14 +4,12 @@ import math
 
 import numpy as np
 
-from tracking.geometry.camera import Camera, Pose
+from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, seen_samples
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
 from tracking.numerics.stacks import cholesky_factors
-
-Viewpoint = tuple[float, Pose]  # time of a frame [s], and pose of its camera
 
 # Decrease of the log-likelihood of a second missed detection per width of the belief crossed meanwhile, and the share
 # of the mean velocity in that: a motion of all of the belief crosses one of its edges only. Beliefs are then as wide
@@ -19,17 +17,17 @@ Viewpoint = tuple[float, Pose]  # time of a frame [s], and pose of its camera
 _AGAIN, _TOGETHER = 8.5, 0.35
 
 
-def views_of(camera: Camera, forest: Forest, beliefs: tuple[Array, Array], *frames: Viewpoint | None) -> Flags:
+def views_of(forest: Forest, beliefs: tuple[Array, Array], *frames: Lens | None) -> Flags:
     """Flags (T, F, K) of the positions `visibility.SAMPLES` of beliefs that F frames show in plain view, None nothing.
 
-    beliefs: means (T, 4) and covariances (T, 4, 4); frames: of a UAV, in this scan and before.
+    beliefs: means (T, 4) and covariances (T, 4, 4); frames: camera and pose of a UAV, in this scan and before.
     """
     means, covariances = beliefs
     roots = cholesky_factors(np.ascontiguousarray(covariances[:, :2, :2]))
     views = np.zeros((len(means), len(frames), len(SAMPLES)), np.bool_)
-    for k, frame in enumerate(frames):
-        if frame:
-            views[:, k] = seen_samples(means, roots, camera.lens(frame[1]), forest.blockers, forest.grid)
+    for k, lens in enumerate(frames):
+        if lens:
+            views[:, k] = seen_samples(means, roots, lens, forest.blockers, forest.grid)
     return views
 
 

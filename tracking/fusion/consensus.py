@@ -10,7 +10,7 @@ from tracking.fusion.track_association import associate_tracks
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 
-_Told = tuple[Array, Indices, Indices, Array]  # times, views, misses and sightings, as columns of messages
+_History = tuple[Array, Indices, Indices, Array]  # times, views, misses and sightings, as columns of messages
 
 
 def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags | None = None) -> Indices:
@@ -18,9 +18,8 @@ def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags |
 
     Each UAV hands a neighbour the share 1 / (1 + max(degrees)) of its information (Metropolis weights) and keeps the
     rest. So the fleet's sum is conserved, under any ids, where losses are mutual. In any case the ratio of weighted
-    information to weight tends to a weighted average everywhere.
-    Source: [Battistelli14], with weights that differ by UAV.
-    Novel information is mixed likewise. Source: [Battistelli15].
+    information to weight tends to a weighted average everywhere. Novel information is mixed likewise.
+    Source: [Battistelli14], with weights that differ by UAV, and [Battistelli15].
     Note: the shares of all UAVs are mixed along, in place of the factor of their number that undoes the mixing of
     novel information. So nothing counts more than once where messages are lost, though some of it then counts less.
     UAVs without novel information do not dilute it.
@@ -88,7 +87,7 @@ def _mixed(messages: Sequence[Message], heard: Flags) -> tuple[list[Message], In
 
 @compiled
 def _after_rounds(
-    novel: Array, shares: Array, told: _Told, degrees: Array, heard: Flags
+    novel: Array, shares: Array, history: _History, degrees: Array, heard: Flags
 ) -> tuple[Array, Array, Array, Indices, Indices, Array, Indices]:
     """Columns of M messages after rounds `heard` (R, M, N), and numbers of novel information sent by each (M,)."""
     numbers = np.zeros(heard.shape[1], np.int64)
@@ -98,8 +97,8 @@ def _after_rounds(
         shares = _averaged(shares, degrees, heard[k])
         if novel.shape[2]:
             novel = _averaged(novel, degrees, heard[k])
-        told = _latest(told, heard[k])
-    return novel[: len(numbers)], shares, *told, numbers
+        history = _latest(history, heard[k])
+    return novel[: len(numbers)], shares, *history, numbers
 
 
 def _joint_partitions(partitions: Sequence[tuple[int, float]], heard: Flags) -> list[tuple[int, float]]:
@@ -124,9 +123,9 @@ def _averaged(tables: Array, degrees: Array, heard: Flags) -> Array:
 
 
 @compiled
-def _latest(told: _Told, heard: Flags) -> _Told:
+def _latest(history: _History, heard: Flags) -> _History:
     """Latest times (M, T, 4) and sightings (M, T, 3) of those heard, all views (M, T, 2) and common misses (M, T)."""
-    times, views, misses, sightings = told
+    times, views, misses, sightings = history
     last, seen = times[: len(heard)].copy(), views[: len(heard)].copy()
     common, places = misses[: len(heard)].copy(), sightings[: len(heard)].copy()
     for i in range(len(heard)):
@@ -148,6 +147,10 @@ def _check(messages: Sequence[Message]) -> None:
     uavs = [m.uav for m in messages]
     if len(set(uavs)) < len(uavs):
         raise ValueError(f"uav must differ among members, are {uavs}")
+    if len({(m.scan, m.time) for m in messages}) > 1:
+        raise ValueError(
+            f"messages must be of one scan, are of scans {[(m.scan, m.time) for m in messages]} (number, s)"
+        )
     if len({m.novel.shape[1] > 0 for m in messages}) > 1:
         raise ValueError("fusion must be the same for all members, is not")
 

@@ -12,7 +12,7 @@ from tracking.fusion.rule import LocalBeliefs, fusion_rule
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.parameters import TrackerParameters
-from tracking.track import Track, TrackTable, beliefs_of, tracks_of
+from tracking.track import Track, TrackTable, tracks_of
 
 UNSEEN = 1e-9  # least weight of a belief in the fleet's average: it matters only if no UAV had the person in view
 # Probability of a detection from which on it is a sighting. Of two tracks that share one person's measurements, one is
@@ -20,7 +20,8 @@ UNSEEN = 1e-9  # least weight of a belief in the fleet's average: it matters onl
 SURE = 0.99
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
 _CERTAIN = 1.0 - 2e-9  # existence from which on it is 1, as log-odds are kept finite
-# Of a track that is new and of one known at the start, which count as sighted in their first scan.
+# Of a track that is new and of one known at the start, which count as sighted in their first scan; the code
+# distinguishes the two by identity.
 _NEW, _UNKNOWN = np.full(7, -np.inf), np.full(7, -np.inf)
 
 
@@ -28,7 +29,6 @@ class Link:
     """Link of one UAV to its fleet: what its messages say beside its tracks, and the partition that it hears."""
 
     def __init__(self, uav: int, parameters: TrackerParameters) -> None:
-        """Begin before the first scan."""
         self.uav, self.scans, self.time = uav, 0, -math.inf
         self._rule, self._forget_after = fusion_rule(parameters.fusion), parameters.forget_after
         self._heard = (0, -math.inf)  # leader of the partition, and the time [s] at which it was last heard
@@ -53,22 +53,9 @@ class Link:
         leads = self._heard[0] >= self.uav or self.time - self._heard[1] > _IN_TOUCH
         partition = (self.uav, self.time) if leads else self._heard
         shares, names = _weighted(averaged, log_odds(table.existence), weights, partition[0], table.ids)
-        return Message(
-            uav=self.uav,
-            degree=degree,
-            scan=self.scans,
-            time=self.time,
-            partition=partition,
-            ids=table.ids,
-            names=names,
-            shares=shares,
-            times=table.times,
-            views=table.views,
-            misses=table.misses,
-            sightings=table.sightings,
-            deleted=tuple(sorted(self._deleted.items())),
-            novel=novel,
-        )
+        deleted = tuple(sorted(self._deleted.items()))
+        rest = shares, table.times, table.views, table.misses, table.sightings, deleted, novel
+        return Message(self.uav, degree, self.scans, self.time, partition, table.ids, names, *rest)
 
     def accept(self, message: Message) -> None:
         """Take over the fleet's partition and deletions."""
@@ -124,25 +111,15 @@ class TrackExchange:
         self._check(ids, detected)
         self._link.begin(time)
         self._link.delete(id for id, last in self._known.items() if id not in ids and last is not _NEW)
-        means, covariances = beliefs_of(held)
-        nothing = (means[:0], covariances[:0]), np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
         chances = np.array([detected.get(id, 0.0) for id in ids])
         marks = np.column_stack([chances >= self._seen] * 2 + [chances >= SURE])
         history = np.array([self._known[id] for id in ids], dtype=float).reshape(-1, 7)
-        here = np.column_stack([means[:, :2], np.full(len(means), time)])
         history[:, :3][marks] = time
-        history[:, 4:] = np.where(history[:, 6:] > -math.inf, history[:, 4:], here)
-        table = TrackTable(
-            ids=np.array(ids, dtype=np.int64),
-            means=means,
-            covariances=covariances,
-            existence=np.array([t.existence for t in held], dtype=float),
-            weights=np.maximum(chances, UNSEEN),
-            times=history[:, :4],
-            views=np.zeros((len(ids), 2), dtype=np.int64),
-            misses=np.zeros(len(ids), dtype=np.int64),
-            sightings=history[:, 4:],
-        )
+        table = TrackTable.of(held, np.maximum(chances, UNSEEN), history[:, :4])
+        sighted = history[:, 6] > -math.inf
+        table.sightings[sighted], table.sightings[~sighted, 2] = history[sighted, 4:], time
+        means, covariances = table.means, table.covariances
+        nothing = (means[:0], covariances[:0]), np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
         local = LocalBeliefs(self._link.uav, means, covariances, table.weights, *nothing)
         return self._link.message(degree, table, local)
 

@@ -27,7 +27,7 @@ class HybridConsensus:
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
         """As `FusionRule.contribution`."""
-        beliefs = np.ascontiguousarray(local.means), np.ascontiguousarray(local.covariances), local.weights
+        beliefs = local.means, local.covariances, local.weights
         return Contribution(*_parts(local.uav, beliefs, local.prior, (local.measurements, local.gates), local.detected))
 
 
@@ -40,26 +40,19 @@ def _parts(
     seen: Indices,
 ) -> tuple[Array, Array, Array]:
     """Information (T, 20) to average, novel information (T, 20 + uav + 1), and weights (T,) of the average."""
-    means, covariances, weights = beliefs
-    omega = inverses(covariances)
+    means, P, weights = beliefs
+    omega = inverses(P)
     q = products(omega, means.reshape(-1, 4, 1))
-    averaged, novel = np.empty((len(means), INFORMATION)), np.zeros((len(means), INFORMATION + uav + 1))
-    shares = np.empty(len(means))
-    for t in range(len(means)):
-        shares[t] = weights[t] / (covariances[t, 0, 0] + covariances[t, 1, 1])
-        for c in range(INFORMATION):
-            averaged[t, c] = q[t, c, 0] if c < 4 else omega[t, c // 4 - 1, c % 4]
+    averaged = np.concatenate((q.reshape(-1, 4), omega.reshape(-1, 16)), axis=1)
+    novel, shares = np.zeros((len(P), INFORMATION + uav + 1)), weights / (P[:, 0, 0] + P[:, 1, 1])
     if len(seen):
         reach = largest_innovation(*prior, *measured)[seen]
         before, spreads = prior[0][seen], prior[1][seen]
-        held, gained = split_information((before, spreads), (q[seen], omega[seen]), reach)
+        averaged[seen], gained = split_information((before, spreads), (q[seen], omega[seen]), reach)
+        novel[seen, :INFORMATION] = gained
+        shares[seen] = weights[seen] / (spreads[:, 0, 0] + spreads[:, 1, 1])
         for k in range(len(seen)):
-            t = seen[k]
-            shares[t] = weights[t] / (spreads[k, 0, 0] + spreads[k, 1, 1])
-            for c in range(INFORMATION):
-                averaged[t, c], novel[t, c] = held[k, c], gained[k, c]
-                if gained[k, c] != 0.0:
-                    novel[t, -1] = 1.0
+            novel[seen[k], -1] = np.any(gained[k] != 0.0)
     return averaged, novel, shares
 
 
@@ -83,18 +76,16 @@ def largest_innovation(means: Array, covariances: Array, z: Array, gates: Indice
 
 @compiled
 def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array], reach: Array) -> tuple[Array, Array]:
-    """Split posterior information into a prior and a novel part, as packed (q, Ω) (T, 20) each.
+    """Split posterior information into a prior and a novel part, as packed (q, Ω) (T, 20) each; they add up to it.
 
-    prior: means (T, 4) and covariances (T, 4, 4); posterior: information vectors (T, 4) and matrices (T, 4, 4). The
-    two parts add up to the posterior.
+    prior: means (T, 4) and covariances (T, 4, 4); posterior: information vectors (T, 4, 1) and matrices (T, 4, 4).
     With Ω⁻ = L Lᵀ and Ω⁺ = L diag(λ) Lᵀ the prior part is L diag(min(1, λ)) Lᵀ, the novel one L diag(max(λ - 1, 0)) Lᵀ.
     Neither is ever indefinite, though association may leave a posterior wider than the prior along some axis.
     The novel part takes the shift of the mean up to that of a measurement with this much information at the distance
     `reach` (T,), in prior standard deviations. The prior part takes the rest.
-
     Source: [Battistelli15], whose measurements have an information matrix of their own.
-    Note: the bound on the shift is ours. The novel parts of UAVs are summed. Where doubt between measurements moves a
-    mean without any gain of information, the sum of such shifts would be unbounded.
+    Note: the bound on the shift is ours. Doubt between measurements moves a mean without any gain of information, and
+    the sum of such shifts over UAVs would be unbounded.
     """
     (means, covariances), (q, omega) = prior, posterior
     # With P⁻ = C Cᵀ and V the axes of Cᵀ Ω⁺ C, the inverse of L is Vᵀ Cᵀ.

@@ -88,23 +88,14 @@ class Message:
 
 @compiled
 def _beliefs(shares: Array, novel: Array) -> tuple[Array, Array]:
-    q, omega = np.empty((len(shares), 4, 1)), np.empty((len(shares), 4, 4))
-    for t in range(len(shares)):
+    packed = shares[:, 1 : 1 + INFORMATION] / shares[:, :1]
+    for t in range(len(packed) if novel.shape[1] > INFORMATION else 0):
         # Mixing has left a share of every UAV's information. Division by the largest share undoes the mixing where it
         # has converged, and counts no information more than once where it has not.
-        most = 0.0
-        for share in novel[t, INFORMATION:]:
-            most = max(most, share)
-        for c in range(INFORMATION):
-            packed = shares[t, 1 + c] / shares[t, 0]
-            if novel.shape[1] > INFORMATION:
-                packed += novel[t, c] / (most if most > 0.0 else 1.0)
-            if c < 4:
-                q[t, c, 0] = packed
-            else:
-                omega[t, (c - 4) // 4, (c - 4) % 4] = packed
-    covariances = inverses(omega)
-    return products(covariances, q)[:, :, 0].copy(), covariances
+        most = novel[t, INFORMATION:].max()
+        packed[t] += novel[t, :INFORMATION] / (most if most > 0.0 else 1.0)
+    covariances = inverses(packed[:, 4:].copy().reshape(-1, 4, 4))
+    return products(covariances, packed[:, :4].copy().reshape(-1, 4, 1))[:, :, 0].copy(), covariances
 
 
 @compiled
@@ -118,15 +109,10 @@ def _sighted(sightings: Array, times: Array, means: Array, now: float) -> Array:
 
 def alike(messages: Sequence[Message]) -> bool:
     """Test if messages are about the same tracks in the same rows, last seen at the same times but for this scan."""
-    first = messages[0]
-    return all(
-        m.partition[0] == first.partition[0]
-        and m.deleted == first.deleted
-        and m.ids.tobytes() == first.ids.tobytes()
-        and m.names.tobytes() == first.names.tobytes()
-        and m.sightings[:, 2].tobytes() == first.sightings[:, 2].tobytes()
-        for m in messages
-    )
+    same = [
+        (m.partition[0], m.deleted, m.ids.tobytes(), m.names.tobytes(), m.sightings[:, 2].tobytes()) for m in messages
+    ]
+    return same.count(same[0]) == len(same)
 
 
 @compiled

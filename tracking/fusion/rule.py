@@ -18,7 +18,7 @@ FUSION_RULES = Registry(
 
 
 class LocalBeliefs(NamedTuple):
-    """Beliefs of one UAV after its scan, before fusion; `prior` and `gates` count rows from the same first track."""
+    """Beliefs of one UAV after its scan, before fusion; `prior` and `gates` are of the first K of its T tracks."""
 
     uav: int
     means: Array  # (T, 4)
@@ -59,7 +59,6 @@ class _Checked:
     rule: FusionRule
 
     def contribution(self, local: LocalBeliefs) -> Contribution:
-        """As `FusionRule.contribution`."""
         with FUSION_RULES.errors(self.name, "contribute"):
             return _usable(self.rule.contribution(local), len(local.means))
 

@@ -22,7 +22,7 @@ _TURNED = 0.05  # probability that an unseen person is anywhere within reach, ra
 
 
 class LatestTracks(NamedTuple):
-    """Tracks of G people as the UAV that saw each last has them."""
+    """Tracks of G people, each as the UAV with its last detection has it."""
 
     means: Array  # (G, 4)
     covariances: Array  # (G, 4, 4)
@@ -33,9 +33,8 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     """Associate the tracks of messages: the messages, own first, with the same tracks in the same rows.
 
     Tracks of one id are of one person within a partition of the fleet. All others are joined by the ratio of two
-    likelihoods, that both are of one person and that they are of two, the likeliest pair first, and never two tracks
-    of which one UAV made the last detection. A track without a match is taken over without any share of the own
-    beliefs. The order of messages has no influence. `max_speed` [m/s] is that of people.
+    likelihoods, that both are of one person and that they are of two, and never two tracks of which one UAV made the
+    last detection. The order of messages has no influence. `max_speed` [m/s] is that of people.
     """
     messages = [own, *received]
     if alike(messages):
@@ -46,17 +45,17 @@ def associate_tracks(own: Message, received: Sequence[Message], max_speed: float
     names, rows = np.unique(np.concatenate([m.names for m in messages]), axis=0, return_inverse=True)
     tracks = np.split(rows.reshape(-1), np.cumsum([len(m.names) for m in messages])[:-1])
     order = sorted(range(len(messages)), key=lambda k: messages[k].uav)
-    people = _last_seen([messages[k] for k in order], [tracks[k] for k in order], len(names))
-    told = _latest(tracks, [m.sightings[:, 2] for m in messages], len(names))
-    # Where UAVs differ in when a person was last seen, the last one tells.
-    valid = [m.sightings[:, 2] >= told[of] for m, of in zip(messages, tracks, strict=True)]
+    states = _last_seen([messages[k] for k in order], [tracks[k] for k in order], len(names))
+    times = _latest(tracks, [m.sightings[:, 2] for m in messages], len(names))
+    # Where UAVs differ in when a person was last seen, the last one counts.
+    valid = [m.sightings[:, 2] >= times[of] for m, of in zip(messages, tracks, strict=True)]
     holders = np.array([np.isin(np.arange(len(names)), tracks[k][valid[k]]) for k in order]).T
-    claims = _claims(messages, tracks, len(names))
-    group, ends = _joined(people, claims, holders, is_new_label(names[:, 1], own.scan), max_speed)
-    ids = _ids(names, claims, group, ends, own.scan)
+    labels = _labels(messages, tracks, len(names))
+    group, ends = _joined(states, labels, holders, is_new_label(names[:, 1], own.scan), max_speed)
+    ids = _ids(names, labels, group, ends, own.scan)
     kept, first = np.unique(ids, return_index=True)
     kept, first = kept[kept >= 0], first[kept >= 0]
-    seen = people.sightings[:, 2]
+    seen = states.sightings[:, 2]
     current = seen >= _latest([group], [seen], len(names))[group]
     out = []
     for m, of, last in zip(messages, tracks, valid, strict=True):
@@ -72,7 +71,7 @@ def _latest(rows: Sequence[Indices], times: Sequence[Array], count: int) -> Arra
     return latest
 
 
-def likelihood_ratios(people: LatestTracks, max_speed: float) -> Array:
+def likelihood_ratios(states: LatestTracks, max_speed: float) -> Array:
     """Logarithms (G, G) of the likelihood that two tracks are of one person, over that of two people.
 
     Of one person the states are equal: the density is that of the difference of the beliefs. A person out of
@@ -80,10 +79,10 @@ def likelihood_ratios(people: LatestTracks, max_speed: float) -> Array:
     people, one is unknown to a UAV that has the other track, at any place and of any velocity.
     Note: of the two densities of one person the larger counts, rather than their weighted sum.
     """
-    _, cost = pair_distances(people[:2], people[:2])
+    _, cost = pair_distances(states[:2], states[:2])
     elsewhere = log(_UNKNOWN / (math.pi * max_speed * max_speed))
     ratios = -0.5 * cost - 2.0 * log(2.0 * math.pi) - elsewhere
-    reach, within = _reach(people, max_speed)
+    reach, within = _reach(states, max_speed)
     turned = np.where(within, _turned(reach), -np.inf)
     return np.maximum(ratios, np.maximum(turned, turned.T))
 
@@ -94,12 +93,12 @@ def _turned(reach: float) -> float:
     return log(_TURNED / (math.pi * reach * reach * _UNKNOWN))
 
 
-def _reach(people: LatestTracks, max_speed: float) -> tuple[Array, Flags]:
+def _reach(states: LatestTracks, max_speed: float) -> tuple[Array, Flags]:
     """Distances (G, G) [m] that each can have moved from its last detection to that of another, flags if it can have.
 
     Flags are set only where the other was seen later.
     """
-    places, seen = people.sightings[:, :2], people.sightings[:, 2]
+    places, seen = states.sightings[:, :2], states.sightings[:, 2]
     unseen = seen - seen[:, None]
     reach = farthest(np.maximum(unseen, 0.0), max_speed)
     gap = length(places[:, None] - places)
@@ -107,44 +106,44 @@ def _reach(people: LatestTracks, max_speed: float) -> tuple[Array, Flags]:
 
 
 def _last_seen(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> LatestTracks:
-    """Each track as the message has it that tells of its last detection, the first of such."""
-    people = LatestTracks(np.zeros((count, 4)), np.zeros((count, 4, 4)), np.full((count, 3), -np.inf))
+    """Each track as the first of the messages with its last detection has it."""
+    states = LatestTracks(np.zeros((count, 4)), np.zeros((count, 4, 4)), np.full((count, 3), -np.inf))
     known = np.zeros(count, dtype=np.bool_)
     for message, rows in zip(messages, tracks, strict=True):
-        told = *message.beliefs, message.sighted()
-        later = ~known[rows] | (told[2][:, 2] > people.sightings[rows, 2])
-        for column, latest in zip(people, told, strict=True):
-            column[rows[later]] = latest[later]
+        columns = *message.beliefs, message.sighted()
+        later = ~known[rows] | (columns[2][:, 2] > states.sightings[rows, 2])
+        for state, column in zip(states, columns, strict=True):
+            state[rows[later]] = column[later]
         known[rows] = True
-    return people
+    return states
 
 
-def _claims(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> list[set[int]]:
-    """Ids that messages give to each track."""
-    claims: list[set[int]] = [set() for _ in range(count)]
+def _labels(messages: Sequence[Message], tracks: Sequence[Indices], count: int) -> list[set[int]]:
+    """Labels of each track in messages."""
+    labels: list[set[int]] = [set() for _ in range(count)]
     every = zip(np.concatenate(tracks).tolist(), np.concatenate([m.ids for m in messages]).tolist(), strict=True)
     for row, id in every:
-        claims[row].add(id)
-    return claims
+        labels[row].add(id)
+    return labels
 
 
 def _joined(
-    people: LatestTracks, claims: Sequence[set[int]], holders: Flags, born: Flags, max_speed: float
+    states: LatestTracks, labels: Sequence[set[int]], holders: Flags, born: Flags, max_speed: float
 ) -> tuple[Indices, Flags]:
     """Group (G,) of each track, named by its first one, and flags (G,) of tracks that end.
 
-    claims: ids of each track; holders (G, N): flags of the UAVs that hold each; born (G,): flags of tracks begun in
+    labels: those of each track; holders (G, N): flags of the UAVs that hold each; born (G,): flags of tracks begun in
     this scan. UAV by UAV one assignment joins the tracks that the UAVs before do not hold to groups of others, new
     tracks after all others: a new track and a lost one of the same UAV may both be of the person that another UAV has.
     A group out of sight ends if its person was seen later, within reach, as another track of its only id.
     """
-    common = np.array([[not one.isdisjoint(other) for other in claims] for one in claims], dtype=np.bool_)
-    common = common.reshape(len(claims), len(claims))
-    seen = people.sightings[:, 2]
+    common = np.array([[not one.isdisjoint(other) for other in labels] for one in labels], dtype=np.bool_)
+    common = common.reshape(len(labels), len(labels))
+    seen = states.sightings[:, 2]
     together = seen[:, None] == seen
-    ratios = likelihood_ratios(people, max_speed) + _LABELLED * (common & together)
-    every = np.arange(len(claims))
-    group, known = every.copy(), np.zeros(len(claims), dtype=np.bool_)
+    ratios = likelihood_ratios(states, max_speed) + _LABELLED * (common & together)
+    every = np.arange(len(labels))
+    group, known = every.copy(), np.zeros(len(labels), dtype=np.bool_)
     for held in (*(holders & ~born[:, None]).T, *(holders & born[:, None]).T):
         new, old = np.flatnonzero(held & ~known), np.flatnonzero(known & (group == every))
         cost = np.full((len(new), len(old)), np.inf)
@@ -155,14 +154,14 @@ def _joined(
         for a, b in pairs_within(cost, 0.0):
             group[new[a]] = old[b]
         known[new] = True
-    later = np.any(common & _reach(people, max_speed)[1] & (group[:, None] != group), axis=1)
-    ends = np.zeros(len(claims), dtype=np.bool_)
+    later = np.any(common & _reach(states, max_speed)[1] & (group[:, None] != group), axis=1)
+    ends = np.zeros(len(labels), dtype=np.bool_)
     for rows in [np.flatnonzero(group == g).tolist() for g in np.unique(group)]:
-        ends[rows] = later[rows].all() and len({id for k in rows for id in claims[k]}) == 1
+        ends[rows] = later[rows].all() and len({id for k in rows for id in labels[k]}) == 1
     return group, ends
 
 
-def _ids(names: Indices, claims: Sequence[set[int]], group: Indices, ends: Flags, scan: int) -> Indices:
+def _ids(names: Indices, labels: Sequence[set[int]], group: Indices, ends: Flags, scan: int) -> Indices:
     """Id of each track, the same within a group; -1 for tracks that end.
 
     The smallest id stays. Where two people would have it, the partition of the smaller UAV keeps it; the other track
@@ -170,7 +169,7 @@ def _ids(names: Indices, claims: Sequence[set[int]], group: Indices, ends: Flags
     """
     owners: dict[int, int] = {}  # the group of each id
     for k in np.flatnonzero(~ends).tolist():
-        for id in sorted(claims[k]):
+        for id in sorted(labels[k]):
             owners.setdefault(id, int(group[k]))
     ids = np.full(len(names), -1)
     for g in np.unique(group[~ends]).tolist():

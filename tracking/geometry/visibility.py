@@ -136,7 +136,6 @@ def seen_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid:
         for k in range(len(SAMPLES)):
             x = means[i, 0] + roots[i, 0, 0] * SAMPLES[k, 0]
             y = means[i, 1] + (roots[i, 1, 0] * SAMPLES[k, 0] + roots[i, 1, 1] * SAMPLES[k, 1])
-            seen[i, k] = in_image((x, y, TARGET_HEIGHT), lens) and unobstructed(
-                origin, (x, y, TARGET_HEIGHT), cylinders, grid
-            )
+            point = x, y, TARGET_HEIGHT
+            seen[i, k] = in_image(point, lens) and unobstructed(origin, point, cylinders, grid)
     return seen

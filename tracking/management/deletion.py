@@ -26,11 +26,6 @@ def counted_misses(misses: Indices, times: Array, now: float, window: int) -> In
     return counted
 
 
-def missed(misses: Indices, m: int) -> Flags:
-    """Flags (T,) of tracks with m misses among the last scans."""
-    return np.array([bin(bits).count("1") >= m for bits in misses.tolist()], dtype=np.bool_)
-
-
 @compiled
 def without_measurement(gates: Indices, detected: Array) -> Flags:
     """Flags (T,) of tracks whose measurements are rather those of another track, which counts the hit.
@@ -54,9 +49,9 @@ def shared_people(beliefs: tuple[Array, Array], existence: Array, among: Flags, 
     """Pairs (kept, other) of tracks that are of one person between them, the nearest pairs first, each track in one.
 
     beliefs: means (T, 4) and covariances (T, 4, 4); existence (T,); among (T,): flags of those that may be; gate: the
-    squared distance allowed. Where two tracks compete
-    for one person's measurements, their probabilities of existence add up to one. One track with the sum of them, and
-    none, is nearer to this than two halves. The first is kept of two that are about as likely, else the likelier.
+    squared distance allowed. Where two tracks compete for one person's measurements, their probabilities of existence
+    add up to one. One track with the sum of them is nearer to this than two halves. The first is kept of two that are
+    about as likely, else the likelier.
     Note: this is ours; [Williams15] approximates by tracks in their order, and lets two halves be.
     """
     rows = _with_rivals(existence, among)

@@ -33,8 +33,9 @@ class Initiator:
 
     A measurement that no track explains is of a new person or clutter: a track starts with the probability
     birth_density / (birth_density + clutter_density). It is confirmed at `sure`, and ends below `doubt` times its
-    start. By m of n, it needs so many measurements within its first n scans; one counts that is the track's with a
-    probability above one half. Source: [Musicki04], [Williams15].
+    start, or after `PATIENCE` s without a measurement. By m of n, it needs so many measurements within its first n
+    scans. A measurement counts that is the track's with a probability above one half.
+    Source: [Musicki04], [Williams15].
     """
 
     parameters: TrackerParameters
@@ -44,11 +45,11 @@ class Initiator:
     ) -> tuple[list[Tentative], list[Tentative]]:
         """Confirmed and remaining tentative tracks after a scan, `elapsed` steps of motion later.
 
-        z (N, 2) m, R (N, 2, 2) m²; visible: flags of the samples of each belief in view.
+        z (N, 2) m, R (N, 2, 2) m²; visible: function that flags the samples of beliefs in view.
         """
         if not tentative and not len(z):
             return [], []
-        grown, known = self._updated([self._predicted(t, elapsed) for t in tentative], z, R, visible)
+        grown, known = self._updated(tentative, z, R, elapsed, visible)
         grown += [self._started(z[j], R[j]) for j in np.flatnonzero(~known).tolist()]
         verdicts = [self._verdict(t) for t in grown]
         confirmed = [t for t, verdict in zip(grown, verdicts, strict=True) if verdict]
@@ -83,29 +84,23 @@ class Initiator:
         late = track.unseen > round(PATIENCE / p.motion.dt)
         return False if late or track.existence < p.doubt * self._start() else None
 
-    def _predicted(self, track: Tentative, elapsed: int) -> Tentative:
-        """The track at the time of the scan."""
-        p, belief = self.parameters, track.belief
-        for _ in range(elapsed):
-            belief = p.motion.predict(belief)
-        existence = track.existence * power(p.step_survival, elapsed)
-        return Tentative(belief, existence, track.hits, track.scans + 1, track.unseen + elapsed)
-
     def _updated(
-        self, tentative: list[Tentative], z: Array, R: Array, visible: VisibleSamples
+        self, tentative: list[Tentative], z: Array, R: Array, elapsed: int, visible: VisibleSamples
     ) -> tuple[list[Tentative], Flags]:
         """Tentative tracks after a scan, and flags (N,) of the measurements that they explain."""
         p = self.parameters
         means = np.array([t.belief.mean for t in tentative]).reshape(-1, 4)
         covariances = np.array([t.belief.covariance for t in tentative]).reshape(-1, 4, 4)
-        existence = np.array([t.existence for t in tentative], dtype=float)
+        for _ in range(elapsed):
+            means, covariances = p.motion.predict_all(means, covariances)
+        existence = np.array([t.existence for t in tentative], dtype=float) * power(p.step_survival, elapsed)
         detectable = visible(means, covariances).mean(axis=1)
         before = ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
         after = scan_update(before, z, R, np.zeros(len(z)), p)
         seen = after.missed < 0.5
         rows = zip(tentative, after.means, after.covariances, seen, after.existence.tolist(), strict=True)
         grown = [
-            Tentative(Gaussian(mean, covariance), r, t.hits + hit, t.scans, 0 if hit else t.unseen)
+            Tentative(Gaussian(mean, covariance), r, t.hits + hit, t.scans + 1, 0 if hit else t.unseen + elapsed)
             for t, mean, covariance, hit, r in rows
         ]
         return grown, after.explained

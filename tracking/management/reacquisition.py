@@ -21,18 +21,12 @@ def lost_tracks(sightings: Array, time: float, p: TrackerParameters) -> Indices:
 
     sightings (T, 3): position [m] and time [s] of the last sure detection of each.
     """
-    least = _least_unseen(p)
-    return np.array([t for t, seen in enumerate(sightings[:, 2]) if _lost(seen, time, least)], dtype=np.int64)
+    unseen = time - sightings[:, 2]  # inf for tracks that were never detected surely
+    return np.flatnonzero((unseen > _least_unseen(p)) & (unseen < np.inf))
 
 
 def _least_unseen(p: TrackerParameters) -> float:
     return max(p.recovery_after - p.motion.dt / 2, 0.0)  # but for rounding
-
-
-@compiled
-def _lost(seen: float, time: float, least: float) -> bool:
-    """Test if a track seen last at a time [s], -inf for never, has been unseen for longer."""
-    return time - seen > least and time - seen < np.inf
 
 
 def turned_density(
@@ -41,10 +35,9 @@ def turned_density(
     """Density (N,) 1/m² of lost people after a turn, at measurements z (N, 2) m with noise R (N, 2, 2) m².
 
     sightings (T, 3) as in `lost_tracks`; existence (T,); times: of the scan before and of this one [s].
-    After a turn a person is about the last place, with a standard deviation of half the distance within reach. So the
-    motion model is right but for rare turns, and lost people are in part a Poisson process as unknown ones are. What
-    is rather of this process than of a track starts a new track: a belief that missed a turn is not to be mended by a
-    far measurement, but to be replaced.
+    After a turn a person is about the last place, with a standard deviation of half the distance within reach. So lost
+    people are in part a Poisson process, as unknown ones are. What is rather of this process than of a track starts a
+    new track, which replaces a belief that missed a turn.
     Source: [Williams15], recycling, here by the time since the last detection.
     Note: the track keeps its whole existence, and a person after a turn is taken to be detected for sure.
     """
@@ -57,7 +50,7 @@ def _turned_density(
 ) -> Array:
     density, (least, max_speed) = np.zeros(len(z)), limits
     for t in range(len(sightings)):
-        if not _lost(sightings[t, 2], times[0], least):
+        if not least < times[0] - sightings[t, 2] < np.inf:
             continue
         unseen = times[1] - sightings[t, 2]
         turned, reach = existence[t] * (1.0 - exp(-unseen / _TURN)), 0.5 * max_speed * unseen

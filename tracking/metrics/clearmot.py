@@ -13,8 +13,8 @@ def correspondence(tracks: Array, people: Array, within: float) -> Indices:
     tracks (K, A, 2) m and people (K, M, 2) m, NaN where absent. A track may correspond to a person `within` m, and at
     each scan to one only. A person keeps the last track while it is near enough, also after an interruption. Of two
     people with the same last track, the one that had it later keeps it. The others are paired anew: as many pairs as
-    possible, then as near as possible. Source: [Bernardin08], as read by most
-    evaluation kits: a mapping outlives a gap.
+    possible, then as near as possible.
+    Source: [Bernardin08], as most evaluation kits read it: a mapping outlives a gap.
     """
     X, Y = np.asarray(tracks, dtype=float), np.asarray(people, dtype=float)
     if X.ndim != 3 or Y.ndim != 3 or len(X) != len(Y):
@@ -39,8 +39,19 @@ class Matcher:
         gap = length(tracks[:, None] - people)
         gap[~(gap <= self._within)] = np.inf  # absent or too far
         now = np.full(len(people), -1)
-        _keep(gap, self._last, self._since, now)
-        _pair(gap, now)
+        # Give people the tracks that they had last, where these are near enough. People with the latest correspondence
+        # come first; two people cannot have had a track at the same scan.
+        held = np.flatnonzero(self._last >= 0)
+        held = held[np.isfinite(gap[self._last[held], held])]
+        held = held[np.argsort(-self._since[held], kind="stable")]
+        _, first = np.unique(self._last[held], return_index=True)
+        now[held[first]] = self._last[held[first]]
+        # Pair people and tracks without a correspondence yet.
+        left = np.setdiff1d(np.arange(len(gap)), now)
+        without = np.flatnonzero(now < 0)
+        rest = gap[left[:, None], without]
+        for k, m in most_pairs(np.isfinite(rest), rest):
+            now[without[m]] = left[k]
         found = now >= 0
         self._last[found], self._since[found] = now[found], self._scan
         self._scan += 1
@@ -63,26 +74,3 @@ def fragmentations(matches: Indices, present: Flags) -> Indices:
     held = [(matches[present[:, m], m] >= 0).astype(np.int64) for m in range(matches.shape[1])]
     rises = [np.count_nonzero(np.diff(h, prepend=0) == 1) for h in held]
     return np.array([max(0, count - 1) for count in rises], dtype=np.int64)
-
-
-def _keep(gap: Array, last: Indices, since: Indices, now: Indices) -> None:
-    """Give people the tracks that they had last, where these may stand for them; gap (A, M) m is inf else."""
-    people = np.flatnonzero(last >= 0)
-    people = people[np.isfinite(gap[last[people], people])]
-    # People with the latest correspondence come first; two people cannot have had a track at the same scan.
-    people = people[np.argsort(-since[people], kind="stable")]
-    _, first = np.unique(last[people], return_index=True)
-    now[people[first]] = last[people[first]]
-
-
-def _pair(gap: Array, now: Indices) -> None:
-    """Pair people and tracks without a correspondence yet."""
-    people = np.flatnonzero(now < 0)
-    if len(people) == 0:
-        return
-    free = np.ones(len(gap), dtype=np.bool_)
-    free[now[now >= 0]] = False
-    tracks = np.flatnonzero(free)
-    left = gap[tracks[:, None], people]
-    for k, m in most_pairs(np.isfinite(left), left):
-        now[people[m]] = tracks[k]

@@ -41,9 +41,8 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
     X, Y = np.asarray(estimates, dtype=float), np.asarray(truths, dtype=float)
     if X.ndim != 3 or Y.ndim != 3 or len(X) != len(Y):
         raise ValueError(f"estimates and truths must be (K, A, 2) and (K, B, 2), are {X.shape} and {Y.shape}")
+    X, Y = (Z[:, ~np.isnan(Z[..., 0]).all(axis=0)] for Z in (X, Y))
     here, there = ~np.isnan(X[..., 0]), ~np.isnan(Y[..., 0])
-    X, Y = X[:, here.any(axis=0)], Y[:, there.any(axis=0)]
-    here, there = here[:, here.any(axis=0)], there[:, there.any(axis=0)]
     gaps = length(X[:, :, None] - Y[:, None])
     both, either = here[:, :, None] & there[:, None], here[:, :, None] | there[:, None]
     total = np.where(both, np.minimum(gaps, c), np.where(either, c, 0.0)).sum(axis=0)

@@ -9,14 +9,13 @@ _NEGLIGIBLE = 37.0  # exp(-37) is less than the spacing of floating-point number
 
 @compiled
 def cut_off(traces: Array, cutoff: float) -> None:
-    """Replace traces τ (N,) [m²] of position covariances by E min(|e|², c²) of errors e [m²] with the cut-off c [m].
+    """Replace traces τ (N,) [m²] of position covariances by E min(|e|², c²) of errors e [m] with the cut-off c [m].
 
     It is τ (1 - exp(-c²/τ)): |e|² of a Gaussian error in the plane, equally wide in all directions, is exponential with
     mean τ. A person and their track, far from all others, add min(|e|², c²) to the square of GOSPA of order 2 with
     alpha = 2: beyond c, c²/2 for the missed person and c²/2 for the false track. A trace below c²/37 keeps its bits.
     Source: [Rahmathullah17].
-
-    Note: Of an oblong covariance the true value is smaller, by up to a fifth where all of it lies along one line.
+    Note: of an oblong covariance the true value is smaller, by up to a fifth where all of it lies along one line.
     """
     square = cutoff * cutoff
     some = 0

@@ -87,7 +87,7 @@ def logs(x: Array) -> None:
 
 @compiled
 def power(x: float, y: float) -> float:
-    """X to the y of x >= 0; exact for y of 0, 1 and 2, else the error is up to 2 + 3 |y log x| units."""
+    """The y-th power of x >= 0; exact for y of 0, 1/2, 1 and 2, else the error is up to 2 + 3 |y log x| units."""
     if y == 2.0:
         return x * x
     if y == 1.0:

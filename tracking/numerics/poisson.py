@@ -14,11 +14,9 @@ def poisson(rng: np.random.Generator, mean: float) -> int:
     """Draw a Poisson number: the one that `rng.poisson` draws, which calls the C library's logarithm."""
     if mean <= 0.0:
         return 0
-    return _rejected(rng, mean) if mean >= _LARGE else _multiplied(rng, mean)
-
-
-def _multiplied(rng: np.random.Generator, mean: float) -> int:
-    """Count how many uniform numbers can be multiplied before the product falls to exp(-mean)."""
+    if mean >= _LARGE:
+        return _rejected(rng, mean)
+    # Count how many uniform numbers can be multiplied before the product falls to exp(-mean).
     least, count, product = exp(-mean), 0, rng.random()
     while product > least:
         count, product = count + 1, product * rng.random()

@@ -35,14 +35,13 @@ class ForeignError(Exception):
         self.kind, self.text, self.trace = kind, text, trace
 
     def __str__(self) -> str:
-        """Kind and text."""
         return ": ".join(filter(None, (self.kind, self.text)))
 
     @property
     def explained(self) -> str:
         """Text and place of the error; the kind is left out for errors of values and types."""
-        told = self.text if self.text and self.kind in ("ValueError", "TypeError") else str(self)
-        return f"{told} ({self.trace[-1].partition(': ')[0]})" if self.trace else told
+        text = self.text if self.text and self.kind in ("ValueError", "TypeError") else str(self)
+        return f"{text} ({self.trace[-1].partition(': ')[0]})" if self.trace else text
 
 
 @contextmanager
@@ -91,7 +90,7 @@ def numbers(name: str, given: object, most: int) -> Array:
             raise Unusable(_too_many(name, most))
         if array.dtype.kind not in "biufO":
             raise Unusable(f"{name} are not numbers")
-        return np.array(array, dtype=float)
+        return np.array(array, dtype=float, order="C")
     except OverflowError:
         raise Unusable(f"{name} are not finite") from None
     except (TypeError, ValueError) as error:

@@ -15,7 +15,6 @@ class Finding:
     seen: str
 
     def __str__(self) -> str:
-        """One line."""
         return f"{_MARKS[self.passed]:<8}{self.check:<26}{self.seen}"
 
 

@@ -36,7 +36,6 @@ class Registry:
     bare: bool = False  # plug-ins from outside are made without arguments
 
     def __iter__(self) -> Iterator[str]:
-        """Names of the built-in plug-ins."""
         return iter(self.built_in)
 
     def check(self, name: str) -> None:
@@ -64,7 +63,7 @@ class Registry:
 
     @contextmanager
     def errors(self, name: str, what: str) -> Iterator[None]:
-        """Raises a InputError, "FIELD: NAME cannot WHAT: why", for whatever a plug-in raises in the block."""
+        """Raise an InputError, "FIELD: NAME cannot WHAT: why", for whatever a plug-in raises in the block."""
         try:
             with contained():
                 yield

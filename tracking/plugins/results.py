@@ -1,4 +1,8 @@
-"""Checks of the arrays that plug-ins return."""
+"""Checks of the arrays that plug-ins return, and changes of the values that they were given and must leave."""
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
 
 import numpy as np
 
@@ -26,3 +30,29 @@ def check_positive_definite(name: str, matrices: Array, unit: str = "") -> None:
     symmetric = np.all(np.abs(matrices - transposed) <= 1e-8 + 1e-5 * np.abs(matrices))
     if not symmetric or not np.all((values >= _LEAST) & (values <= _LARGEST)):
         raise Unusable(f"{name} are not symmetric and positive definite, from 1e-12 to 1e12{unit}")
+
+
+def contents(value: Any, path: str) -> dict[str, object]:  # noqa: ANN401 - whatever a value holds
+    """Everything in a value by its path: fields, entries and arrays, with their flag for writing."""
+    if isinstance(value, np.ndarray):
+        return {path: (value.dtype.str, value.shape, value.tobytes()), f"writing to {path}": value.flags.writeable}
+    if is_dataclass(value):
+        parts = {f"{path}.{f.name}": getattr(value, f.name) for f in fields(value)}
+    elif isinstance(value, Mapping):
+        parts = {f"{path}[{key!r}]": entry for key, entry in value.items()}
+    elif isinstance(value, list | tuple):
+        parts = {f"{path}[{k}]": entry for k, entry in enumerate(value)}
+    else:
+        return {path: value}
+    found: dict[str, object] = {f"{path}, what it holds": tuple(parts)}
+    for name, part in parts.items():
+        found |= contents(part, name)
+    return found
+
+
+def change(before: Mapping[str, object], after: Mapping[str, object]) -> str:
+    """The first difference, in words; empty: none."""
+    for path, value in before.items():
+        if path not in after or after[path] != value:
+            return f"{path} is changed"
+    return ""

@@ -57,9 +57,10 @@ class Association:
         camera = view_of(scenario.uavs[uav], scenario)
         forest = Forest(recording.forest.trees, scenario.sensing.occlusion)  # as trackers take it to hide people
         frames = (recording.scan_at(j, uav) for j in range(k - 1, -1, -1) if takes[j] and scenario.has_frame(uav, j))
-        last = next(((frame.time, frame.pose) for frame in frames), None)
-        views = views_of(camera, forest, (means, covariances), (scan.time, scan.pose), last)
-        elapsed = np.full(len(means), scan.time - last[0] if last else np.inf)
+        last = next(frames, None)
+        lenses = camera.lens(scan.pose), camera.lens(last.pose) if last else None
+        views = views_of(forest, (means, covariances), *lenses)
+        elapsed = np.full(len(means), scan.time - last.time if last else np.inf)
         missed = miss_likelihood(means, covariances, views, elapsed, p.detection_probability)
         before = scan_prediction((means, covariances), existence, views[:, 0], missed, p)
         z, R = (np.ascontiguousarray(table) for table in (scan.measurements, scan.covariances))

@@ -184,14 +184,14 @@ def test_a_frame_counts_in_full_beyond_the_last_frames_view():
     assert (there & before).any() and (there & ~before).any()
 
     def looked(time, last):
-        views = views_of(CAMERA, tree, beliefs, (time, ABOVE), last)
+        views = views_of(tree, beliefs, CAMERA.lens(ABOVE), last)
         return views[:, 0], miss_likelihood(*beliefs, views, np.array([time - 1.0]), 0.9)
 
-    seen, missed = looked(1.2, (1.0, beside))
+    seen, missed = looked(1.2, CAMERA.lens(beside))
     np.testing.assert_array_equal(seen[0], there)
     again = math.exp(-8.5 * 0.2 * math.sqrt(2 / 8))
     np.testing.assert_allclose(missed[0], np.where(there, np.where(before, again, 0.1), 1.0), rtol=1e-12)
-    late, first = looked(9.0, (1.0, beside))[1], looked(9.0, None)[1]
+    late, first = looked(9.0, CAMERA.lens(beside))[1], looked(9.0, None)[1]
     np.testing.assert_allclose(late[0], np.where(there, 0.1, 1.0), rtol=1e-12)
     np.testing.assert_array_equal(first, late)
 

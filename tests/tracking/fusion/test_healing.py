@@ -77,3 +77,13 @@ def test_members_of_one_number_or_with_different_settings_are_refused():
     ):
         with pytest.raises(ValueError, match=complaint):
             fuse([tracker(), other], PAIR, 5)
+
+
+@pytest.mark.parametrize(("scans", "at"), [((0, 1), (1,)), ((0,), (1,))])
+def test_messages_of_different_scans_are_refused(scans, at):
+    one, other = fleet(2)
+    for subject, times in ((one, scans), (other, at)):
+        for k in times:
+            subject.step(scan(k, uav=subject.uav))
+    with pytest.raises(ValueError, match=r"messages must be of one scan, are of scans"):
+        fuse([one, other], PAIR, 5)

@@ -13,6 +13,7 @@ from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.filter.motion import motion_model
 from tracking.fusion.consensus import fuse
+from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
 from tracking.parameters import TrackerParameters
@@ -30,6 +31,14 @@ def test_a_person_that_turns_under_a_canopy_keeps_the_id(life):
     ids = play(subject, [scan(k, (0.0, 5.4 + 0.3 * (k - 17))) for k in range(17, 22)])
     assert ids[-1] == (3,)
     np.testing.assert_allclose(subject.tracks[0].belief.mean[:2], [0.0, 6.6], atol=0.3)
+
+
+def test_of_more_births_than_labels_the_rest_begins_in_the_next_scan():
+    subject, half = tracker(life="m_of_n", confirm=(1, 1)), LABELS_PER_SCAN // 2
+    places = [(float(k % 25 - 12) * 0.8, float(k // 25 - 12) * 0.8) for k in range(half + 3)]
+    first, second = play(subject, [scan(k, *places) for k in range(2)])
+    assert first == tuple(new_label(1, 0, k) for k in range(half))
+    assert second == (*first, *(new_label(2, 0, k) for k in range(3)))
 
 
 @pytest.mark.parametrize(("apart", "confirmed"), [(6, True), (7, False)])
