@@ -1,5 +1,6 @@
 """Trackers from outside: what they give is checked before the fleet uses it."""
 
+import math
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from copy import deepcopy
@@ -25,6 +26,7 @@ class CheckedTracker:
     def __init__(self, name: str, made: Any, uav: int, max_speed: float) -> None:  # noqa: ANN401 - not ours
         self.uav, self.max_speed = uav, max_speed
         self._name, self._made = name, made
+        self._scans, self._time = 0, -math.inf  # number of scans, and time of the last [s]
         self._read: tuple[Track, ...] | None = None
         _ = self.tracks
 
@@ -38,20 +40,24 @@ class CheckedTracker:
 
     def step(self, scan: Scan) -> None:
         """As `Member.step`."""
-        self._read = None
+        self._begin(scan.time)
         with self._errors("take a scan"):
             self._made.step(deepcopy(scan))
 
     def coast(self, time: float) -> None:
         """As `Member.coast`."""
-        self._read = None
+        self._begin(time)
         with self._errors("coast"):
             self._made.coast(time)
 
     def message(self, degree: int) -> Message:
         """As `Member.message`."""
         with self._errors("give a message"):
-            return replace(checked_message(self._made.message(degree)), uav=self.uav, degree=degree)
+            given = checked_message(self._made.message(degree))
+            if (given.scan, given.time) != (self._scans, self._time):
+                here = f"scan {self._scans} at {self._time} s"
+                raise Unusable(f"it is of scan {given.scan} at {given.time} s, not of {here}")
+            return replace(given, uav=self.uav, degree=degree)
 
     def accept(self, message: Message) -> None:
         """As `Member.accept`."""
@@ -59,6 +65,10 @@ class CheckedTracker:
         with self._errors("accept a message"):
             self._made.accept(deepcopy(message))
         _ = self.tracks
+
+    def _begin(self, time: float) -> None:
+        self._read = None
+        self._scans, self._time = self._scans + 1, time
 
     def _errors(self, what: str) -> AbstractContextManager[None]:
         return TRACKERS.errors(self._name, what)
