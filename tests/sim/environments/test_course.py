@@ -16,7 +16,9 @@ def test_an_environment_that_begins_anew_leaves_the_world_of_another_alone():
     other.reset(seed=1)
     one.reset(seed=2)
     for env in (other, one):
-        env.step(dict.fromkeys(env.agents, np.zeros(2)))
+        agents = env.agents
+        observations, *_ = env.step(dict.fromkeys(agents, np.zeros(2)))
+        assert list(observations) == agents and all(env.observation_space(a).contains(observations[a]) for a in agents)
         env.close()
 
 
