@@ -60,12 +60,11 @@ class MapView:
         self._unlimited = scenario.sensing.field_of_view == "unlimited"
         self._size = size
         self.scale = min(size[0] / (self._area[0] + 2 * MARGIN), size[1] / (self._area[1] + 2 * MARGIN))
-        self._rate = scenario.rates.sensing
+        self._has_frame, self._rate = scenario.has_frame, scenario.rates.sensing
         self._alert = round(ALERT * self._rate)
-        # Scans in which every camera takes a frame.
-        self.cycle = self._rate // min(uav.rate or self._rate for uav in scenario.uavs)
         self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * self._rate))
         self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
+        self._last: dict[int, Snapshot] = {}  # at which each camera took its last frame
         self._ground = self._draw_ground(forest)
 
     def follow(self, snapshot: Snapshot) -> None:
@@ -73,6 +72,8 @@ class MapView:
         if snapshot.plans is not None:
             self._plans = (snapshot.time, snapshot.plans)
         self._past.append(snapshot)
+        k = round(snapshot.time * self._rate)
+        self._last |= {i: snapshot for i in snapshot.working if self._has_frame(i, k)}
 
     def draw(self, image: Image, snapshot: Snapshot, holds: Ints | None = None) -> None:
         """Draw one snapshot into an RGB image of the map's size.
@@ -172,19 +173,19 @@ class MapView:
             disc(image, path[-1], 4.0, uav_colour(i), 2)
 
     def _draw_people(self, image: Image, snapshot: Snapshot, holds: Ints) -> None:
-        views = self._people_views(snapshot.people)
+        views = self._people_views(snapshot)
         for place, heading, view, hold in zip(snapshot.people, snapshot.headings, views, holds, strict=True):
             if not np.isnan(place[0]):
                 person(image, self._pixels(place), heading, view=view, hold=HOLDS[hold])
 
-    def _people_views(self, people: Array) -> list[str]:
-        """States of people (M, 2) m to the last frame of each camera, as `person` takes them."""
-        points = np.column_stack([np.nan_to_num(people), np.full(len(people), TARGET_HEIGHT)])
-        seen, inside = np.zeros((2, len(people)), dtype=np.bool_)
-        for old in list(self._past)[-self.cycle :]:
-            seen |= (old.visible > 0).any(axis=0)
-            for i in old.working:
-                inside |= self._views[i].sees(old.cameras[i], points)
+    def _people_views(self, snapshot: Snapshot) -> list[str]:
+        """States of people to the last frame of each camera, as `person` takes them."""
+        seen, inside = np.zeros((2, len(snapshot.people)), dtype=np.bool_)
+        for i in snapshot.working:
+            last = self._last.get(i, snapshot)
+            points = np.column_stack([np.nan_to_num(last.people), np.full(len(seen), TARGET_HEIGHT)])
+            seen |= last.visible[i] > 0
+            inside |= self._views[i].sees(last.cameras[i], points) & ~np.isnan(last.people[:, 0])
         return ["seen" if s else "hidden" if h else "out of view" for s, h in zip(seen, inside, strict=True)]
 
     def _draw_contacts(self, image: Image, snapshot: Snapshot, labels: Labels) -> None:
