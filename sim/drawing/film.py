@@ -56,7 +56,8 @@ class Film:
         self._sparkline = Sparkline(scenario.duration)
         self._last: dict[int, Image] = {}  # tiles as they were when their cameras last took a frame
         first = "UAV 0" if scenario.uavs[0].fails_at is None else "first UAV that works"
-        self.cycle = self._map.cycle  # scans in which every camera takes a frame
+        rate = scenario.rates.sensing
+        self.cycle = rate // min(uav.rate or rate for uav in scenario.uavs)  # scans in which every camera takes a frame
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
         legend, believer = self._empty[-_LEGEND:, GAP:-GAP], first if self._layout.map else None
         draw_legend(legend, believer=believer, tiles=bool(self._layout.tiles), scale=self._map.scale)

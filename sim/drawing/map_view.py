@@ -60,12 +60,11 @@ class MapView:
         self._unlimited = scenario.sensing.field_of_view == "unlimited"
         self._size = size
         self.scale = min(size[0] / (self._area[0] + 2 * MARGIN), size[1] / (self._area[1] + 2 * MARGIN))
-        self._rate = scenario.rates.sensing
+        self._has_frame, self._rate = scenario.has_frame, scenario.rates.sensing
         self._alert = round(ALERT * self._rate)
-        # Scans in which every camera takes a frame.
-        self.cycle = self._rate // min(uav.rate or self._rate for uav in scenario.uavs)
         self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * self._rate))
         self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
+        self._last: dict[int, Snapshot] = {}  # at which each camera took its last frame
         self._ground = self._draw_ground(forest)
 
     def follow(self, snapshot: Snapshot) -> None:
@@ -73,6 +72,8 @@ class MapView:
         if snapshot.plans is not None:
             self._plans = (snapshot.time, snapshot.plans)
         self._past.append(snapshot)
+        k = round(snapshot.time * self._rate)
+        self._last |= {i: snapshot for i in snapshot.working if self._has_frame(i, k)}
 
     def draw(self, image: Image, snapshot: Snapshot, holds: Ints | None = None) -> None:
         """Draw one snapshot into an RGB image of the map's size.
@@ -84,26 +85,26 @@ class MapView:
         image[:] = self._ground
         for i in snapshot.working:
             if not self._unlimited and looks_down(self._cameras[i], snapshot.cameras[i]):
-                outline = self._pixels(self._cameras[i].footprint(snapshot.cameras[i]))
+                outline = self.pixels(self._cameras[i].footprint(snapshot.cameras[i]))
                 self._draw_view(image, outline, uav_colour(i))
         self._draw_trails(image, snapshot)
         self._draw_intents(image, snapshot)
         labels = Labels(image, veil=False)
         for i, pose in enumerate(snapshot.poses):
-            at = self._pixels(pose.position[:2])
+            at = self.pixels(pose.position[:2])
             labels.reserve(at, 8.0)
             if i in snapshot.working:
                 quadrotor(image, at, uav_colour(i))
             else:
                 broken(image, at)
         for track in _shown(snapshot):
-            colour, at = track_colour(track.id), self._pixels(track.belief.mean[:2])
+            colour, at = track_colour(track.id), self.pixels(track.belief.mean[:2])
             ring = ellipse(track.belief.mean[:2], track.belief.covariance[:2, :2])
-            stroke(image, self._pixels(ring), colour, thickness=2, closed=True)
+            stroke(image, self.pixels(ring), colour, thickness=2, closed=True)
             cross(image, at, colour)
             labels.reserve(at, 6.0)
         for place in snapshot.people[~np.isnan(snapshot.people[:, 0])]:
-            labels.reserve(self._pixels(place), 9.0)
+            labels.reserve(self.pixels(place), 9.0)
         self._draw_contacts(image, snapshot, labels)
         self._put_names(snapshot, holds, labels)
         self._draw_people(image, snapshot, holds)
@@ -119,7 +120,8 @@ class MapView:
         self.draw(image, numbered(recording, k), holds[k])
         return image
 
-    def _pixels(self, points: Array) -> Array:
+    def pixels(self, points: Array) -> Array:
+        """Pixels (..., 2) of the map at points (..., 2) m."""
         centre = np.array(self._size) / 2
         return centre + self.scale * np.asarray(points, dtype=float) * [1.0, -1.0]
 
@@ -130,16 +132,16 @@ class MapView:
             for tick in np.arange(-(half[axis] // 10) * 10, half[axis] + 1e-9, 10.0):
                 ends = np.array([-half, half])
                 ends[:, axis] = tick
-                stroke(image, self._pixels(ends), mixed(palette.LINE, PANEL, 0.5))
+                stroke(image, self.pixels(ends), mixed(palette.LINE, PANEL, 0.5))
         canopies = image.copy()
         for tree in forest.trees:
-            disc(canopies, self._pixels(np.array([tree.x, tree.y])), tree.canopy_radius * self.scale, palette.CANOPY)
+            disc(canopies, self.pixels(np.array([tree.x, tree.y])), tree.canopy_radius * self.scale, palette.CANOPY)
         cv2.addWeighted(canopies, 0.6, image, 0.4, 0, dst=image)
         for tree in forest.trees:
-            place = self._pixels(np.array([tree.x, tree.y]))
+            place = self.pixels(np.array([tree.x, tree.y]))
             disc(image, place, tree.canopy_radius * self.scale, palette.CANOPY_EDGE, 1)
             disc(image, place, max(tree.trunk_radius * self.scale, 2.2), palette.TRUNK)
-        stroke(image, self._pixels(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), palette.FAINT, closed=True)
+        stroke(image, self.pixels(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]), palette.FAINT, closed=True)
         return image
 
     def _draw_view(self, image: Image, outline: Array, colour: Colour) -> None:
@@ -157,57 +159,57 @@ class MapView:
         for m in range(past.shape[1]):
             known = past[~np.isnan(past[:, m, 0]), m]
             if len(known) > 1:
-                stroke(image, self._pixels(known), mixed(INK, PANEL, 0.45))
+                stroke(image, self.pixels(known), mixed(INK, PANEL, 0.45))
         for track in _shown(snapshot):
             means = [same.belief.mean[:2] for old in self._past for same in _shown(old) if same.id == track.id]
-            stroke(image, self._pixels(np.array(means)), mixed(track_colour(track.id), PANEL, 0.7))
+            stroke(image, self.pixels(np.array(means)), mixed(track_colour(track.id), PANEL, 0.7))
 
     def _draw_intents(self, image: Image, snapshot: Snapshot) -> None:
         """Dots along the rest of each plan, from where the UAV is."""
         made, plans = self._plans
         for i in snapshot.working if plans else []:
-            path = self._pixels(intended(snapshot.poses[i].position[:2], plans[i], snapshot.time - made, self._step))
+            path = self.pixels(intended(snapshot.poses[i].position[:2], plans[i], snapshot.time - made, self._step))
             for dot in _spaced(path, 7.0)[2:]:
                 disc(image, dot, 2.0, uav_colour(i))
             disc(image, path[-1], 4.0, uav_colour(i), 2)
 
     def _draw_people(self, image: Image, snapshot: Snapshot, holds: Ints) -> None:
-        views = self._people_views(snapshot.people)
+        views = self._people_views(snapshot)
         for place, heading, view, hold in zip(snapshot.people, snapshot.headings, views, holds, strict=True):
             if not np.isnan(place[0]):
-                person(image, self._pixels(place), heading, view=view, hold=HOLDS[hold])
+                person(image, self.pixels(place), heading, view=view, hold=HOLDS[hold])
 
-    def _people_views(self, people: Array) -> list[str]:
-        """States of people (M, 2) m to the last frame of each camera, as `person` takes them."""
-        points = np.column_stack([np.nan_to_num(people), np.full(len(people), TARGET_HEIGHT)])
-        seen, inside = np.zeros((2, len(people)), dtype=np.bool_)
-        for old in list(self._past)[-self.cycle :]:
-            seen |= (old.visible > 0).any(axis=0)
-            for i in old.working:
-                inside |= self._views[i].sees(old.cameras[i], points)
+    def _people_views(self, snapshot: Snapshot) -> list[str]:
+        """States of people to the last frame of each camera, as `person` takes them."""
+        seen, inside = np.zeros((2, len(snapshot.people)), dtype=np.bool_)
+        for i in snapshot.working:
+            last = self._last.get(i, snapshot)
+            points = np.column_stack([np.nan_to_num(last.people), np.full(len(seen), TARGET_HEIGHT)])
+            seen |= last.visible[i] > 0
+            inside |= self._views[i].sees(last.cameras[i], points) & ~np.isnan(last.people[:, 0])
         return ["seen" if s else "hidden" if h else "out of view" for s, h in zip(seen, inside, strict=True)]
 
     def _draw_contacts(self, image: Image, snapshot: Snapshot, labels: Labels) -> None:
         """A ring round each UAV that has just touched something, and what that was."""
         latest = {c.uav: c for old in list(self._past)[-self._alert :] for c in old.contacts}
         for uav, contact in latest.items():
-            centre = self._pixels(snapshot.poses[uav].position[:2])
+            centre = self.pixels(snapshot.poses[uav].position[:2])
             disc(image, centre, 15.0, palette.ALARM, 3)
             labels.put(f"touched {contact.kind} {contact.other}", centre, TextStyle(13, palette.ALARM, True, PANEL))
 
     def _put_names(self, snapshot: Snapshot, holds: Ints, labels: Labels) -> None:
         """Name UAVs, tracks and lost people, clear of all marks."""
         for track in _shown(snapshot):
-            at, style = self._pixels(track.belief.mean[:2]), TextStyle(13, track_colour(track.id), True, PANEL)
+            at, style = self.pixels(track.belief.mean[:2]), TextStyle(13, track_colour(track.id), True, PANEL)
             labels.put(track_name(track.id, track), at, style, gap=11.0)
         for m in np.flatnonzero(holds == HOLDS.index("lost")).tolist():
-            labels.put(f"person {m}", self._pixels(snapshot.people[m]), TextStyle(13, palette.LOST, True, PANEL))
+            labels.put(f"person {m}", self.pixels(snapshot.people[m]), TextStyle(13, palette.LOST, True, PANEL))
         for i, (camera, pose) in enumerate(zip(self._cameras, snapshot.cameras, strict=True)):
-            at, style = self._pixels(pose.position[:2]), TextStyle(13, mixed(uav_colour(i), INK, 0.7), True, PANEL)
+            at, style = self.pixels(pose.position[:2]), TextStyle(13, mixed(uav_colour(i), INK, 0.7), True, PANEL)
             if i not in snapshot.working:
                 labels.put(f"UAV {i}: broken down", at, TextStyle(13, INK, True, PANEL), gap=18.0)
             elif not self._unlimited and looks_down(camera, pose):
-                corner = self._pixels(camera.footprint(pose)).min(axis=0)
+                corner = self.pixels(camera.footprint(pose)).min(axis=0)
                 labels.put(f"UAV {i}", corner, style, gap=1.0, sides=OUTSIDE)
             else:
                 labels.put(f"UAV {i}", at, style)

@@ -46,15 +46,14 @@ def track_colour(track: int) -> Colour:
     return TRACK_COLOURS[track % len(TRACK_COLOURS)]
 
 
-def ink_on(colour: Colour) -> Colour:
-    """Black or white, the one that is read better on the colour."""
-    red, green, blue = colour
-    return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140 else PANEL
-
-
 def on_dark(colour: Colour) -> Colour:
     """The colour, lightened so that it is read on dark ground."""
     return mixed((255, 255, 255), colour, 0.45)
+
+
+def pale(colour: Colour) -> Colour:
+    """The colour for the lesser case of what it stands for: shown but not detected, or a duplicate."""
+    return mixed(colour, PANEL, 0.45)
 
 
 def mixed(colour: Colour, other: Colour, weight: float) -> Colour:

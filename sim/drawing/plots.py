@@ -34,11 +34,11 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
         )
         for i in range(ospa.shape[1]):
             errors, colour, label = ospa[:, i, 0], rgb(uav_colour(i)), f"UAV {i}" if ospa.shape[1] <= 4 else None
-            axes.plot(times, errors, color=colour, lw=0.9, alpha=0.8, label=label)
+            axes.plot(times, errors, color=colour, lw=0.9, alpha=0.8, marker=_dot(times), label=label)
             works = np.flatnonzero(~np.isnan(errors))
             if 0 < len(works) < len(times):
                 axes.scatter(times[works[-1]], errors[works[-1]], marker="x", s=50, color=colour, lw=2.0, zorder=3)
-        axes.plot(times, mean[:, 0], color=rgb(INK), lw=1.8, label="mean of UAVs")
+        axes.plot(times, mean[:, 0], color=rgb(INK), lw=1.8, marker=_dot(times), label="mean of UAVs")
         distances = ospa[:, :, 0][~np.isnan(ospa[:, :, 0])]
         _scale_errors(axes, float(distances.max(initial=0.0)))
         axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
@@ -66,9 +66,14 @@ def new_figure(width: float, height: float, *, letters: int) -> Iterator[Figure]
 def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:
     """Mean OSPA of the UAVs that work over time, with the line of 1 m; `width` of the curve in points."""
     mean = _fleet_mean(ospa)[:, 0]
-    axes.plot(times, mean, color=rgb(INK), lw=width, marker="." if len(times) == 1 else "")
+    axes.plot(times, mean, color=rgb(INK), lw=width, marker=_dot(times))
     _scale_errors(axes, float(np.max(mean[~np.isnan(mean)], initial=0.0)))
     axes.set_ylabel("mean OSPA [m]")
+
+
+def _dot(times: Array) -> str:
+    """The marker of a curve, which a single scan has instead of a line."""
+    return "." if len(times) == 1 else ""
 
 
 def _fleet_mean(ospa: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from sim.drawing.labels import Labels, track_name
 from sim.drawing.lettering import Image, TextStyle, width, write
 from sim.drawing.marks import broken, cross, detection
-from sim.drawing.palette import FAINT, INK, LINE, PANEL, Colour, ink_on, track_colour, uav_colour
+from sim.drawing.palette import FAINT, INK, LINE, PANEL, Colour, track_colour, uav_colour
 from sim.mission.snapshot import Snapshot
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -45,10 +45,16 @@ def draw_broken(image: Image, uav: int) -> None:
 
 
 def _name(image: Image, uav: int, colour: Colour) -> None:
-    tab = TextStyle(13, ink_on(colour), True)
+    tab = TextStyle(13, _ink_on(colour), True)
     name = f"UAV {uav}"
     image[: BORDER + 18, : BORDER + width(name, tab) + 6] = colour
     write(image, name, (BORDER + 1, BORDER + 8), tab)
+
+
+def _ink_on(colour: Colour) -> Colour:
+    """Black or white, the one that is read better on the colour."""
+    red, green, blue = colour
+    return INK if 0.299 * red + 0.587 * green + 0.114 * blue > 140 else PANEL
 
 
 def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, camera: Camera) -> None:

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from sim.drawing import palette
-from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, PANEL, UAV_COLOURS, mixed, uav_colour
+from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COLOURS, pale, uav_colour
 from sim.drawing.plots import draw_mean, new_figure, rgb
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
@@ -22,7 +22,6 @@ from tracking.numerics.arrays import Array
 
 _WIDTH = 11.0  # inches
 _BAR, _GAP = 1.0, 0.8  # of a person's rows: the bar of the tracks, and the gap to the next, in lanes
-_TINT = 0.45  # share of the UAV's colour in lanes of a person shown but not detected
 _VEIL = rgb((250, 214, 212))
 _SWITCHED: Any = {"marker": "D", "ms": 6, "color": rgb(ORANGE), "mec": rgb(INK), "mew": 0.8, "ls": ""}  # a track
 _BARS = {"held": palette.HELD, "held by some": palette.HELD_BY_SOME}
@@ -30,7 +29,7 @@ _EVENTS = {
     "person lost": palette.LOST,
     "person not found yet": palette.NOT_FOUND_YET,
     "false track": palette.FALSE,
-    "duplicate track": mixed(palette.FALSE, PANEL, _TINT),
+    "duplicate track": pale(palette.FALSE),
 }
 _MEANT = {
     "held": f"held within {HELD:g} m by all",
@@ -115,7 +114,7 @@ def _box(times: Array, event: Event, top: float) -> tuple[Box, Shade]:
 
 def _lane(times: Array, states: Ints, top: float, uav: int) -> list[tuple[Box, Shade]]:
     colour, boxes = uav_colour(uav), []
-    shades = {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": mixed(colour, PANEL, _TINT), "seen": colour}
+    shades = {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": pale(colour), "seen": colour}
     for first, last, value in episodes(states):
         if value != BROKEN and STATES[value] in shades:
             inset = 0.35 if STATES[value] == "out of view" else 0.06
@@ -129,13 +128,13 @@ def _bar(times: Array, states: Ints, top: float) -> list[tuple[Box, Shade]]:
 
 
 def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, named: bool) -> None:
-    for event in (event for event in events if event.kind == "breakdown"):
+    for n, event in enumerate(event for event in events if event.kind == "breakdown"):
         start = float(history.times[event.first])
         axes.axvline(start, color=rgb(uav_colour(event.uavs[0])), lw=1.4, ls=":", zorder=3)
         if named:
             late = start > sum(_span(history.times)) / 2
             side, place = "right" if late else "left", axes.get_xaxis_transform()
-            axes.text(start, 1.0, f"  {event.text}  ", transform=place, ha=side, va="top", fontsize=9)
+            axes.text(start, 1.0 - 0.14 * (n % 6), f"  {event.text}  ", transform=place, ha=side, va="top", fontsize=9)
 
 
 def _legend(uavs: int, unmatched: Sequence[Event]) -> list[Patch | Line2D]:
@@ -147,7 +146,7 @@ def _legend(uavs: int, unmatched: Sequence[Event]) -> list[Patch | Line2D]:
     bars = {kind: colour for kind, colour in {**_BARS, **_EVENTS}.items() if kind not in UNMATCHED or kind in kinds}
     return [
         *seen,
-        Patch(color=rgb(mixed(uav_colour(0), PANEL, _TINT)), label="shown, not detected"),
+        Patch(color=rgb(pale(uav_colour(0))), label="shown, not detected"),
         Patch(color=rgb(HIDDEN), label="in the frame, hidden"),
         Patch(color=rgb(OUT_OF_VIEW), label="out of view"),
         *(Patch(color=rgb(colour), label=_MEANT.get(kind, kind)) for kind, colour in bars.items()),

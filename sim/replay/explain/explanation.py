@@ -60,7 +60,10 @@ def _holding(facts: PersonFacts, events: Sequence[Event]) -> list[str]:
     unheld = (event for event in events if event.kind in UNHELD and event.person == facts.person)
     loss = next(event for event in unheld if event.first <= facts.k <= event.last)
     end = loss.last + 1
-    later = f"held from {times[end]:.1f} s on" if end < len(times) else "not held again by the end of the mission"
+    if end == len(times):
+        later = "not held again by the end of the mission"
+    else:
+        later = f"{'held from' if facts.history.held[end, facts.person] else 'absent from'} {times[end]:.1f} s on"
     if holder is None:
         return [f"not found yet: no track has been within {HELD:g} m so far", later]
     lines = [f"lost since {loss.time:.1f} s{_ago(times, loss.first, facts.k)}: no reported track within {HELD:g} m"]

@@ -100,10 +100,7 @@ def _map(observer: Observer, facts: PersonFacts) -> Image:
     holds = facts.history.hold_states.copy()
     holds[:, facts.person] = HOLDS.index("held")  # has a ring and a name of its own
     image = view.recorded(recording, facts.k, holds)
-
-    def pixels(ground: Array) -> Array:
-        return np.array([width, height]) / 2 + view.scale * ground * [1.0, -1.0]
-
+    pixels = view.pixels
     if np.isnan(facts.place[0]):
         return _cut(image, pixels(np.zeros(2)))
     _draw_sight(image, facts, pixels(facts.place), pixels(recording.poses[facts.k, :, :2]))

@@ -249,11 +249,16 @@ def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
 
 
 def _end(facts: TrackFacts) -> Iterator[str]:
-    last, times, p = facts.scans[1], facts.recording.times, facts.parameters
+    last, recording, p = facts.scans[1], facts.recording, facts.parameters
+    times = recording.times
     if last == len(times) - 1:
         yield "still there at the end of the mission"
         return
     uav, own, existence = facts.held_at(last)
+    holders = [i for i in range(recording.poses.shape[1]) if facts.id in recording.track_ids_at(last, i)]
+    if not recording.working[last + 1, holders].any():
+        yield f"ended at {times[last + 1]:.1f} s, as {fleet_text(holders)} broke down"
+        return
     yield f"deleted at {times[last + 1]:.1f} s"
     if not facts.foreign:
         if math.isnan(existence):
@@ -261,8 +266,8 @@ def _end(facts: TrackFacts) -> Iterator[str]:
         else:
             yield f"existence {existence:.4f} before; a track ends below {p.doubt:g}"
         yield f"variance {np.trace(own.covariance[:2, :2]):.1f} m² before; a track ends beyond {p.max_variance:g} m²"
-    others = [t for t in facts.recording.tracks_at(last, uav) if t.id != facts.id]
-    gaps = [(math.dist(t.belief.mean[:2], own.mean[:2]), facts.recording.track_numbers[t.id]) for t in others]
+    others = [t for t in recording.tracks_at(last, uav) if t.id != facts.id]
+    gaps = [(math.dist(t.belief.mean[:2], own.mean[:2]), recording.track_numbers[t.id]) for t in others]
     if gaps:
         gap, near = min(gaps)
         yield f"track {near} was the nearest, {gap:.1f} m away"

@@ -94,8 +94,10 @@ function drawOspa() {
   const y = (value) => bottom - (level(value) / top) * (bottom - 8);
   ctx.clearRect(0, 0, charts.ospa.clientWidth, charts.height);
   write(ctx, "OSPA", 8, bottom / 2 - 7, colours.ink, "left");
+  let lowest = Infinity;
   for (const tick of [0, 0.5, 1, 2, 5, 10, 20, 50]) {
-    if (level(tick) > top) continue;
+    if (level(tick) > top || lowest - y(tick) < 13) continue; // else one number would cover the last
+    lowest = y(tick);
     ctx.strokeStyle = tick === 1 ? colours.faint : colours.line;
     ctx.setLineDash(tick === 1 ? [5, 4] : []);
     ctx.lineWidth = 1;

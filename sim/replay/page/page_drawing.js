@@ -63,13 +63,14 @@ function write(ctx, text, x, y, colour, align) {
 // Names beside marks: noted while the marks are drawn, written when all are, where they cover least.
 const names = { marks: [], wanted: [] };
 const SIDES = [[0, 1], [0, -1], [1, 0], [-1, 0], [1, -1], [1, 1], [-1, -1], [-1, 1]];
+const OUTSIDE = [[1, -1], [0, -1], [-1, -1], [-1, 0]]; // of the top left corner of a view, so that no edge runs through
 
 function reserve(x, y, reach) {
   names.marks.push([x - reach, y - reach, x + reach, y + reach]);
 }
 
-function want(text, x, y, colour, gap) {
-  names.wanted.push({ text, x, y, colour, gap });
+function want(text, x, y, colour, gap, sides = SIDES) {
+  names.wanted.push({ text, x, y, colour, gap, sides });
 }
 
 function writeNames(ctx) {
@@ -77,9 +78,9 @@ function writeNames(ctx) {
   const overlap = (a, b) =>
     Math.max(0, Math.min(a[2], b[2]) - Math.max(a[0], b[0])) * Math.max(0, Math.min(a[3], b[3]) - Math.max(a[1], b[1]));
   ctx.font = FONT;
-  for (const { text, x, y, colour, gap } of names.wanted) {
+  for (const { text, x, y, colour, gap, sides } of names.wanted) {
     const [w, h] = [ctx.measureText(text).width / 2, 8];
-    const boxes = SIDES.flatMap(([dx, dy]) => [gap, gap + 16].map((away) => {
+    const boxes = sides.flatMap(([dx, dy]) => [gap, gap + 16].map((away) => {
       const [u, v] = [x + dx * (away + w), y + dy * (away + h)];
       return { away, box: [u - w, v - h, u + w, v + h] };
     }));

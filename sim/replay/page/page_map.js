@@ -129,7 +129,10 @@ function drawUav(ctx, [x, y], i, works, view) {
   }
   reserve(u, v, 8);
   if (!works) want(`UAV ${i}: broken down`, u, v, colours.ink, 14);
-  else if (view) want(`UAV ${i}`, px(Math.min(view[0], view[6])), py(Math.max(view[5], view[7])), colour, 1);
+  else if (view) {
+    const [xs, ys] = [0, 1].map((axis) => view.filter((_, c) => c % 2 === axis));
+    want(`UAV ${i}`, px(Math.min(...xs)), py(Math.max(...ys)), colour, 1, OUTSIDE);
+  }
   else want(`UAV ${i}`, u, v, colour, 10);
 }
 

@@ -11,6 +11,7 @@ from sim.drawing.tiles import draw_broken
 from sim.recording.recording import Recording
 from sim.replay.explain.association import Association
 from sim.replay.frames.rerender import Rerenderer
+from sim.replay.rerun.scene import broken_at
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.camera import Camera
@@ -31,7 +32,7 @@ class Cameras:
 
     def log(self, k: int) -> None:
         """Log scan k: images of cameras that took one, and of those that broke down what stands for one."""
-        for i in np.flatnonzero(self._recording.working[max(k - 1, 0)] & ~self._recording.working[k]).tolist():
+        for i in broken_at(self._recording, k):
             self._log_breakdown(i)
         for i, uav in enumerate(self._scenario.uavs):
             told = Association.of(self._recording, self._scenario, k, i)

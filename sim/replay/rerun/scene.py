@@ -12,7 +12,21 @@ import rerun as rr
 from planning.planner import Plan
 from sim.drawing.labels import track_name
 from sim.drawing.map_view import ellipse, intended
-from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, PANEL, TRUNK, Colour, on_dark, track_colour, uav_colour
+from sim.drawing.palette import (
+    ALARM,
+    CANOPY,
+    FAINT,
+    INK,
+    LOST,
+    NOT_FOUND_YET,
+    PANEL,
+    TRUNK,
+    Colour,
+    on_dark,
+    track_colour,
+    uav_colour,
+)
+from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Ints, Snapshot
 from sim.recording.recording import Recording
 from sim.replay.rerun.mwtp_matches import matches_at
@@ -25,6 +39,7 @@ from tracking.track import Track
 _ARM = 0.6  # m, of the drawn quadrotor: twice its size, to be seen from afar
 _TURN = np.linspace(0.0, 2 * math.pi, 25)
 _SEE_THROUGH = 150  # of 255, opacity of canopies
+_UNHELD = {"lost": LOST, "not found yet": NOT_FOUND_YET}
 
 
 class Gap(NamedTuple):
@@ -92,9 +107,9 @@ def _log_trees(stream: rr.RecordingStream, trees: Array) -> None:
 class Scene:
     """Logs one scan after another."""
 
-    def __init__(self, stream: rr.RecordingStream, recording: Recording, scenario: Scenario, held: Ints) -> None:
-        """`held` (K, M) is how many UAVs hold each person."""
-        self._stream, self._recording, self._scenario, self._held = stream, recording, scenario, held
+    def __init__(self, stream: rr.RecordingStream, recording: Recording, scenario: Scenario, holds: Ints) -> None:
+        """`holds` (K, M): states of people to tracks, indices into `HOLDS`."""
+        self._stream, self._recording, self._scenario, self._holds = stream, recording, scenario, holds
         self._step = 1 / scenario.rates.planning
         self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
 
@@ -103,16 +118,15 @@ class Scene:
         snapshot = self._recording.snapshot(k)
         for i in range(len(snapshot.poses)) if k == 0 else ():
             self._log_name(i, f"UAV {i}", uav_colour(i))
-        self._log_people(snapshot, self._held[k])
+        self._log_people(snapshot, [HOLDS[hold] for hold in self._holds[k]])
         for name, poses in (("uav", snapshot.poses), ("camera", snapshot.cameras)):
             for i, pose in enumerate(poses):
                 place = rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.quaternion))
                 self._stream.log(f"world/{name}/{i}", place)
-        worked = self._recording.working[k - 1] if k else np.ones(len(snapshot.poses), dtype=np.bool_)
-        for i in np.flatnonzero(worked & ~self._recording.working[k]).tolist():
+        for i in broken_at(self._recording, k):
             self._log_breakdown(i)
         for i in snapshot.working:
-            self._log_tracks(i, snapshot.tracks[i])
+            self._log_tracks(i, snapshot.tracks[i], named=i == snapshot.working[0])  # as they agree where all is well
         self._log_gaps(gaps_at(self._recording, k))
         if snapshot.plans is not None:
             self._plans = (snapshot.time, snapshot.plans)
@@ -120,23 +134,23 @@ class Scene:
                 self._log_matches(k, i, snapshot)
         self._log_intents(snapshot)
 
-    def _log_people(self, snapshot: Snapshot, held: Ints) -> None:
+    def _log_people(self, snapshot: Snapshot, holds: Sequence[str]) -> None:
         here = np.flatnonzero(~np.isnan(snapshot.people[:, 0])).tolist()
         people = rr.Capsules3D(
             lengths=[2 * TARGET_HEIGHT - 0.6] * len(here),
             radii=[0.3] * len(here),
             translations=_at(snapshot.people[here], 0.3),
-            colors=[PANEL if held[m] else ALARM for m in here],
+            colors=[_UNHELD.get(holds[m], PANEL) for m in here],
             fill_mode="solid",
             labels=[f"person {m}" for m in here],
             show_labels=False,
         )
-        lost = [m for m in here if not held[m]]
+        unheld = [m for m in here if holds[m] in _UNHELD]
         names = rr.Points3D(
-            _at(snapshot.people[lost], 2 * TARGET_HEIGHT),
+            _at(snapshot.people[unheld], 2 * TARGET_HEIGHT),
             radii=0.1,
-            colors=[on_dark(ALARM)],
-            labels=[f"person {m} lost" for m in lost],
+            colors=[on_dark(_UNHELD[holds[m]]) for m in unheld],
+            labels=[f"person {m} {holds[m]}" for m in unheld],
             show_labels=True,
         )
         self._stream.log("world/people", people)
@@ -152,8 +166,8 @@ class Scene:
         name = rr.Points3D([(0, 0, 0)], radii=0.2, colors=[on_dark(colour)], labels=[text], show_labels=True)
         self._stream.log(f"world/uav/{uav}/name", name)
 
-    def _log_tracks(self, uav: int, tracks: Sequence[Track]) -> None:
-        """95 % ellipses of one UAV, at the height of people's middle."""
+    def _log_tracks(self, uav: int, tracks: Sequence[Track], *, named: bool) -> None:
+        """95 % ellipses of one UAV, at the height of people's middle; `named`: tracks show their numbers."""
         numbers = [self._recording.track_numbers[track.id] for track in tracks]
         rings = [ellipse(t.belief.mean[:2], t.belief.covariance[:2, :2]) for t in tracks]
         lines = rr.LineStrips3D(
@@ -169,7 +183,7 @@ class Scene:
             radii=0.15,
             colors=[on_dark(track_colour(number)) for number in numbers],
             labels=[track_name(*pair) for pair in zip(numbers, tracks, strict=True)],
-            show_labels=uav == self._recording.working[0].argmax(),  # once, as they agree where all is well
+            show_labels=named,
         )
         self._stream.log(f"world/tracks/{uav}/ellipses", lines)
         self._stream.log(f"world/tracks/{uav}/means", marks)
@@ -207,6 +221,11 @@ class Scene:
             labels=[f"track {n}, {match.distance:.0f} m" for n, (match, _) in zip(numbers, matches, strict=True)],
         )
         self._stream.log(f"world/mwtp/{uav}", lines)
+
+
+def broken_at(recording: Recording, k: int) -> list[int]:
+    """UAVs that broke down since the scan before scan k; at the first scan, those that never worked."""
+    return [int(i) for i in np.flatnonzero((k == 0 or recording.working[k - 1]) & ~recording.working[k])]
 
 
 def gaps_at(recording: Recording, k: int) -> list[Gap]:

@@ -8,7 +8,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from sim.drawing import palette
-from sim.drawing.palette import Colour, mixed, on_dark, track_colour, uav_colour
+from sim.drawing.palette import Colour, on_dark, pale, track_colour, uav_colour
 from sim.evaluation.holding import HOLDS
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, UNMATCHED, Event
@@ -20,15 +20,19 @@ _PEOPLE = (palette.SKY, palette.ORANGE, palette.VERMILLION, palette.PURPLE, pale
 _STATES = dict(
     zip(
         STATES,
-        (palette.FAINT, palette.OUT_OF_VIEW, palette.HIDDEN, mixed(palette.BLUE, palette.PANEL, 0.45), palette.BLUE),
+        (palette.FAINT, palette.OUT_OF_VIEW, palette.HIDDEN, pale(palette.BLUE), palette.BLUE),
         strict=True,
     )
 )
 _HOLDS = dict(
     zip(HOLDS, (palette.FAINT, palette.NOT_FOUND_YET, palette.LOST, palette.HELD_BY_SOME, palette.HELD), strict=True)
 )
-_PALE = mixed(palette.FALSE, palette.PANEL, 0.45)
-_UNMATCHED = {"none": palette.PANEL, "false": palette.FALSE, "duplicate": _PALE, "false and duplicate": palette.FALSE}
+_UNMATCHED = {
+    "none": palette.PANEL,
+    "false": palette.FALSE,
+    "duplicate": pale(palette.FALSE),
+    "false and duplicate": palette.FALSE,
+}
 _LEVELS = {
     **dict.fromkeys(("breakdown", "fault"), "ERROR"),
     **dict.fromkeys(("contact", "link lost", "person lost", *IDENTITIES, *UNMATCHED), "WARN"),
@@ -94,13 +98,13 @@ def _visible(recording: Recording) -> list[Series]:
 def log_series(stream: rr.RecordingStream, recording: Recording, planning_s: Sequence[float]) -> None:
     """Log OSPA, trace of covariance, disagreement, bytes sent and visibility at each scan.
 
-    The time of each decision follows where it is known.
+    planning_s: seconds that each decision took, or none.
     """
     times, scans = recording.times, np.arange(len(recording.times))
     for series in (*_ospa(recording), *_tracks(recording), *_bytes(recording), *_visible(recording)):
         _log(stream, series, times, scans)
-    made = recording.plan_times
-    if len(planning_s) and len(planning_s) == len(made):
+    if len(planning_s):
+        made = recording.plan_times
         took = Series("planning", "decision of the team", palette.SKY, 1000 * np.array(planning_s))
         _log(stream, took, made, np.searchsorted(times, made))
 

@@ -118,7 +118,10 @@ def _fill(
     log_states(stream, history, events)
     log_events(stream, recording, events)
     with Rerenderer(recording) as again:
-        scene, cameras = Scene(stream, recording, scenario, history.held), Cameras(stream, recording, scenario, again)
+        scene, cameras = (
+            Scene(stream, recording, scenario, history.hold_states),
+            Cameras(stream, recording, scenario, again),
+        )
         for k, time in enumerate(recording.times.tolist()):
             stream.set_time("time", duration=time)
             stream.set_time("scan", sequence=k)

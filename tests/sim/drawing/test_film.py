@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from helpers import synthetic
 from helpers.films import decoded
+from msgspec import structs
 
 from sim.drawing.film import HEIGHT, WIDTH, Film, Video
 from sim.drawing.layout import Box, view_of
@@ -151,6 +152,19 @@ def test_people_are_marked_as_seen_hidden_out_of_view_and_lost(visible, above, h
     assert np.abs(image[y, x].astype(int) - colour).max() < 60
     ring = image[y - 12 : y + 13, x - 12 : x + 13].reshape(-1, 3)
     assert {name for name, c in RINGS.items() if np.any(np.all(ring == c, axis=1))} == {hold} & set(RINGS)
+
+
+def test_a_slow_camera_keeps_no_other_cameras_people_in_view():
+    slow, fast = synthetic.scenario(uavs=2).uavs
+    setting = structs.replace(synthetic.scenario(uavs=2), uavs=(structs.replace(slow, rate=1), fast))
+    view, image = MapView(setting, OPEN, (790, 540)), np.zeros((540, 790, 3), dtype=np.uint8)
+    there = {"people": np.array([[10.0, 5.0]]), "headings": np.zeros(1)}
+    for k, colour in enumerate((INK, FAINT)):
+        above = [Pose.level(-60.0, 0.0, 17.32), Pose.level(10.0 + 50 * k, 5.0, 17.32)]
+        shown = np.array([[0], [1 - k]])
+        view.draw(image, empty(2, time=0.2 * k, poses=above, cameras=above, visible=shown, **there))
+        x, y = pixel(10.0, 5.0)
+        assert np.abs(image[y, x].astype(int) - colour).max() < 60
 
 
 def test_no_name_covers_a_person():

@@ -60,6 +60,11 @@ def test_any_mission_gives_a_png_and_nothing_else(tmp_path, scans, uavs):
     assert os.listdir(tmp_path) == ["ospa.png"]
 
 
+def test_a_single_scan_is_shown_as_dots():
+    lines = ospa_figure(*errors(scans=1)).axes[0].get_lines()
+    assert [line.get_marker() for line in lines if len(line.get_xdata()) == 1] == 4 * ["."]
+
+
 def test_equal_data_give_equal_files_and_a_failure_none(tmp_path):
     for name in ("a.png", "b.png"):
         save(ospa_figure(*errors()), tmp_path / name)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import synthetic
 from helpers.histories import history
 from helpers.recordings import broken, record
 from matplotlib.collections import PolyCollection
@@ -70,6 +71,15 @@ def test_the_figure_shows_each_stretch_at_its_time_and_sums_up_losses():
     lost = history(["x---"], ["x---"], ["x---"], [[1, -1, -1, 1]])
     title = timeline_figure(lost, np.ones((4, 1, 3)), ()).axes[0].get_title("left")
     assert title == "People held 50 % of the time, lost once, longest: person 0 for 0.4 s from 0.2 s"
+
+
+def test_breakdowns_at_one_time_are_named_beneath_one_another():
+    recording, scenario = record(6, uavs=3), synthetic.scenario(uavs=3)
+    recording = broken(broken(recording, 0, 3), 2, 3)
+    figure = timeline_figure(History.of(recording, scenario), recording.ospa, events_of(recording, scenario))
+    figure.draw_without_rendering()
+    one, other = (text.get_window_extent() for text in figure.axes[1].texts if "broke down" in text.get_text())
+    assert not one.overlaps(other)
 
 
 @pytest.mark.parametrize(("uavs", "people", "scans"), [(3, 20, 21), (5, 2, 6), (8, 2, 6), (1, 0, 6), (2, 1, 1)])

@@ -7,7 +7,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
-from helpers.flights import recorded
+from helpers.flights import IDEAL, recorded
 from helpers.histories import history as made_by_hand
 from helpers.recordings import broken
 
@@ -200,6 +200,17 @@ def test_pages_of_any_fleet_can_be_drawn(options):
             assert len(groups) == 1 if (k, m) == (4, 1) else len(groups) >= 5
             page = draw_explanation(observer, facts, groups)
             assert page.shape[1] > 1000 and page.std() > 10
+
+
+def test_a_person_who_leaves_before_being_found_is_not_said_to_be_held_then(tmp_path):
+    (tmp_path / "people.csv").write_text("t,id,x,y\n0,0,40,0\n0.6,0,41,0\n0,1,-28,0\n2,1,-26,0\n", encoding="utf-8")
+    recording, scenario = recorded(
+        *IDEAL, "tracking.initial_tracks=none", f"people.trajectories='{tmp_path / 'people.csv'}'", duration=1
+    )
+    history, events = History.of(recording, scenario), events_of(recording, scenario)
+    with Observer(recording, scenario) as observer:
+        lines = [explanation(PersonFacts.of(observer, history, 0, m), recording, events)[0][1] for m in (0, 1)]
+    assert "absent from 0.8 s on" in lines[0] and "held from 0.2 s on" in lines[1]
 
 
 def test_a_track_that_is_not_reported_is_said_to_be_so(mission, all_facts):

@@ -114,6 +114,13 @@ def test_the_end_of_a_track_stands_beside_the_limits_of_its_tracker(mission):
     assert len(ended) >= 2
 
 
+def test_a_track_whose_uavs_broke_down_was_not_deleted():
+    recording, scenario = recorded(*IDEAL, "uavs=[{start=[-28,-14],fails_at=0.9}]", duration=2)
+    with Observer(recording, scenario) as observer:
+        story = dict(track_story(TrackFacts(observer, 0), events_of(recording, scenario)))
+    assert story["ended"] == ["ended at 1.0 s, as UAV 0 broke down"]
+
+
 def test_the_story_of_an_outside_trackers_track_quotes_no_built_in_limits(mission):
     recording, scenario, *_ = mission
     events = events_of(recording, scenario)

@@ -136,6 +136,19 @@ def test_curves_have_a_value_at_every_scan(recording, entities):
     np.testing.assert_allclose(rows(entities, "/plots/planning", "scalars")[15], [20.0])
 
 
+def test_people_not_found_yet_and_uavs_that_break_down_early_are_shown_as_such(tmp_path):
+    broken = ("uavs.0.fails_at=0.5", "uavs.1.fails_at=0")
+    recording, scenario = recorded("tracking.initial_tracks=none", *broken, duration=1)
+    rerun_view.write(recording, scenario, tmp_path / "a.rrd", progress=lambda k: None)
+    entities = tables(RrdReader(tmp_path / "a.rrd").stream())
+    names = rows(entities, "/world/people/lost", "labels")[0]
+    assert names == [f"person {m} not found yet" for m in range(4)]
+    assert [sorted(rows(entities, f"/world/camera/{i}/image", "blob"))[-1] for i in (0, 1)] == [3, 0]
+    shown = [rows(entities, f"/world/tracks/{i}/means", "show_labels") for i in (0, 2)]
+    assert [shown[0][k] for k in range(3)] == 3 * [[True]]
+    assert [shown[1][k] for k in range(6)] == 3 * [[False]] + 3 * [[True]]
+
+
 def test_events_are_logged_at_their_times_and_it_opens_well_laid_out(recording, entities, written):
     told = sorted((round(row["time"], 6), row["text"][0]) for row in entities["/events"])
     events = events_of(recording, scenario_of(recording))
