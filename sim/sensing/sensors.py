@@ -39,10 +39,9 @@ class Clutter:
         """Mask (count,) of the detections in one frame that are not missed."""
         return np.asarray(self._misses.random(count) >= self._missed)
 
-    def order(self, detections: int, alarms: int) -> NDArray[np.int64]:
-        """An order (detections + alarms,) of one frame's detections and then alarms that does not tell these apart."""
-        count = detections + alarms
-        return self._order.permutation(count) if alarms else np.arange(count)
+    def order(self, count: int) -> NDArray[np.int64]:
+        """An order (count,) of a scan's measurements by chance, which tells nothing of whose they are."""
+        return self._order.permutation(count)
 
     def false_alarms(self, camera: Camera, pose: Pose) -> tuple[Array, Array]:
         """Pixels (K, 2) and ground points (K, 2) m of one frame's false alarms; none above the horizon."""
@@ -124,10 +123,11 @@ class Sensors:
             alarms = self._covariances(scan.uav, scan.pose, ground)
         else:
             alarms = whole_covariances(output.frame, ground)
-        order = self._clutter.order(int(kept.sum()), len(ground))
-        z = np.vstack([scan.measurements[kept], ground])[order]
-        R = np.concatenate([scan.covariances[kept], alarms])[order]
-        pixels = np.zeros((0, 2)) if output.pixels is None else np.vstack([output.pixels[kept], places])[order]
+        z, R = np.vstack([scan.measurements[kept], ground]), np.concatenate([scan.covariances[kept], alarms])
+        pixels = np.zeros((0, 2)) if output.pixels is None else np.vstack([output.pixels[kept], places])
+        if len(ground) or output.frame is None:  # a detector's order is that of its image, a mode's that of people
+            order = self._clutter.order(len(z))
+            z, R, pixels = z[order], R[order], pixels[order] if len(pixels) else pixels
         return replace(scan, measurements=z, covariances=R), pixels
 
     def _sampled(self, uav: int, time: float, pose: Pose, ground: Array) -> Scan:

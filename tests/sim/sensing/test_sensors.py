@@ -62,7 +62,8 @@ def test_ideal_sensing_measures_exactly_the_people_in_view_and_not_hidden():
         inside = np.all(np.abs(people - pose.position[:2]) <= half, axis=1)
         points = np.column_stack([people, np.full(30, TARGET_HEIGHT)])
         free = forest.visible(pose.position, points)[0]
-        np.testing.assert_allclose(look.scan.measurements, people[inside & free], atol=1e-5)
+        found, expected = look.scan.measurements, people[inside & free]
+        np.testing.assert_allclose(found[np.argsort(found[:, 0])], expected[np.argsort(expected[:, 0])], atol=1e-5)
         assert look.matched.tolist() == look.visible.astype(bool).tolist() == (inside & free).tolist()
         assert (look.image, look.scan.uav, look.scan.time, len(look.pixels)) == (None, 0, 0.4, 0)
         counts += [np.sum(inside & free), np.sum(inside & ~free), np.sum(~inside)]
@@ -210,6 +211,12 @@ def test_the_order_of_a_scan_does_not_reveal_false_alarms(mode):
         if alarm.any() and not alarm.all():
             first, places = first + alarm[0], places + alarm.mean()
     assert first == pytest.approx(places, abs=6.5)  # three standard deviations of twenty draws
+
+
+def test_the_order_of_a_scan_without_images_does_not_reveal_who_is_who():
+    scans = [(snapshot.people, snapshot.scans[0].measurements) for snapshot in flown("ideal")]
+    first = [np.linalg.norm(people - z[0], axis=1).argmin() for people, z in scans if len(z) == 2]
+    assert len(first) > 15 and abs(np.mean(first) - 0.5) < 1.5 / math.sqrt(len(first))  # three standard deviations
 
 
 @pytest.mark.parametrize("noise", ["camera", "range_bearing"])
