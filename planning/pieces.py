@@ -116,14 +116,8 @@ class Composed:
 
     @property
     def decentralised(self) -> bool:
-        """True if UAVs need only plans of each other.
-
-        The order "worst-first" compares beliefs. Monte Carlo samples of all UAVs come from one stream, from which each
-        UAV draws the more, the more tracks it has.
-        """
-        if self.propagation == "monte-carlo" or self.coordination == "centralised":
-            return False
-        return self.coordination != "sequential" or self.order != "worst-first"
+        """True if UAVs need only plans of each other; the order "worst-first" compares beliefs."""
+        return self.coordination != "centralised" and (self.coordination != "sequential" or self.order != "worst-first")
 
     @cached_property
     def composition(self) -> Composition:

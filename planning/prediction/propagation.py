@@ -67,6 +67,7 @@ class MonteCarlo:
 
     def predict(self, situation: Situation, horizon: int, rng: np.random.Generator) -> PredictedBelief:
         """As `Propagation.predict`, of `samples` samples."""
+        (rng,) = rng.spawn(1)  # how much is drawn depends on the UAV's tracks, which must not change others' chance
         means, covariances = beliefs_of(situation.tracks)
         S, T = self.samples, len(means)
         states = means + deviations(covariances, rng, (S,))

@@ -31,7 +31,7 @@ def test_every_planner_of_ours_conforms(name):
     assert [str(f) for f in findings if f.passed is False] == []
     assert {f.check for f in findings} == set(CHECKS) - {"other process"}
     untried = {f.check for f in findings if f.passed is None}
-    assert untried == (CLAIM if name in ("centralized", "lawnmower", "mcr") else set())
+    assert untried == (CLAIM if name in ("centralized", "lawnmower") else set())
 
 
 @pytest.mark.parametrize("planner", ["sma-nbo-mwtp", "sma-nbo-mwtp(horizon=1)", "pma-nbo(horizon=1)"])
