@@ -62,6 +62,7 @@ class Tracker:
             check_track(t.id, t.belief, t.existence)
         self.uav, self._camera, self._forest, self.parameters = uav, camera, forest, parameters
         self.max_speed = parameters.max_speed
+        self.motion = parameters.motion  # after what the fleet has seen of people's speeds
         self._link = Link(uav, parameters)
         self._first, self._steps = 0.0, 0  # time of the first scan [s], and steps of motion since then
         self._last_frame: tuple[float, Lens | None] = -math.inf, None  # its time [s], and its camera at its pose
@@ -133,7 +134,7 @@ class Tracker:
         self._waited += elapsed
         means, covariances = self._table.means, self._table.covariances
         for _ in range(elapsed):
-            means, covariances = self.parameters.motion.predict_all(means, covariances)
+            means, covariances = self.motion.predict_all(means, covariances)
         existence = self._table.existence * power(self.parameters.step_survival, elapsed)
         times = self._table.times.copy()
         times[:, 3], before = self._last_frame
@@ -176,6 +177,9 @@ class Tracker:
             order = np.argsort(ids, kind="stable")
             table = table[order[~gone[order]]]
         self._table = self._with_reacquired(table)
+        detected = self._table.sightings[:, 2] >= now
+        if detected.any():
+            self.motion = self.motion.observed(self._table.means[detected, 2:])
 
     def _undetected(self, message: Message) -> tuple[Array, Array]:
         """Means (T, 4) and covariances (T, 4, 4) of the fleet's tracks, with the negative information of all frames."""

@@ -35,9 +35,8 @@ class Knowledge:
     ) -> None:
         """`exchange` is that of the planner's plans; `rng` loses messages of it."""
         self._scenario, self._forest = scenario, forest
-        # Planners get their own copies of map and motion model, so that changes have no effect on sensing.
+        # Planners get their own copy of the map, so that changes have no effect on sensing.
         self._known_forest = Forest(tuple(map(replace, forest.trees)), forest.occlusion)
-        self._known_motion = planned_motion(scenario)
         self._cameras, settings = [view_of(uav, scenario) for uav in scenario.uavs], scenario.tracking
         self._trackers = [  # each with parameters and tracks of its own, as one from outside may change them
             tracker(settings.tracker, i, camera, forest, tracker_parameters(scenario), deepcopy(initial))
@@ -96,7 +95,7 @@ class Knowledge:
                     tracks=self._trackers[i].tracks,
                     forest=self._known_forest,
                     area=self._area,
-                    motion=self._known_motion,
+                    motion=planned_motion(self._scenario, getattr(self._trackers[i], "motion", None)),
                     unseen=self._undetected[i].belief,
                 )
             )

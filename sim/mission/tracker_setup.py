@@ -27,13 +27,17 @@ def tracker_parameters(scenario: Scenario) -> TrackerParameters:
     )
 
 
-def planned_motion(scenario: Scenario) -> NearlyConstantVelocity:
+def planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstantVelocity:
     """Motion model of people over a planning step, as planners use it: the trackers' prediction, scan by scan.
+
+    `learned` is that of a UAV's tracker after its scans, if there is one.
 
     Note: planners know built-in models only, and assume NCV in the place of others.
     """
     rates, name = scenario.rates, scenario.tracking.motion
     model: NearlyConstantVelocity = _motion(scenario, name if name in MOTION_MODELS.built_in else "ncv")
+    if isinstance(learned, NearlyConstantVelocity):
+        model = learned
     return replace(model, dt=1 / rates.planning, scans=rates.sensing // rates.planning)
 
 

@@ -87,7 +87,8 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # m², trace of the position's covariance beyond which a track ends: that of an error as large as GOSPA's cut-off
     max_variance: Variance = 100.0
     max_speed: Speed = 3.0  # m/s, of people, for re-acquisition
-    walking_speed: Speed = 1.75  # m/s, of people, in root mean square, for `motion = "mean-reverting"`
+    # m/s, expected of people while few have been seen, for `motion = "mean-reverting"`
+    walking_speed: Speed = 1.75
     # initiation and deletion of tracks: `"existence"`: each track has a probability of existence, `sure` and `doubt`;
     # `"m_of_n"` counts scans, `confirm` and `delete`, as the paper does
     life: Literal["m_of_n", "existence"] = "existence"
@@ -100,8 +101,8 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     sure: Annotated[float, Meta(gt=0, lt=1)] = 0.99
     # with `"existence"`: probability of existence below which a track ends
     doubt: Annotated[float, Meta(gt=0, lt=1)] = 0.001
-    # motion model of the trackers: `"mean-reverting"`: velocities return to `walking_speed` in the direction in which a
-    # person walks; `"ncv"`: nearly constant velocity, as in the paper; `"module:Class"`: yours
+    # motion model of the trackers: `"mean-reverting"`: speeds return to that at which people were seen to walk;
+    # `"ncv"`: nearly constant velocity, as in the paper; `"module:Class"`: yours
     # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule)). Planners predict by the same model, scan by scan as
     # trackers do, but by `"ncv"` where it is yours, and `thompson` always by constant velocity
     motion: str = "mean-reverting"

@@ -56,9 +56,13 @@ class NearlyConstantVelocity:
         """Process noise (4, 4): over n scans Σ Fᵏ Q F'ᵏ of one scan's, for k from 0 to n - 1."""
         n, dt = self.scans, self.dt / self.scans
         square = dt * dt
-        position, both, velocity = n * (4 * n * n - 1) // 3 * square * square / 4, n * n * dt * square / 2, n * square
-        block = np.array([[position, both], [both, velocity]])
-        return np.asarray(self.sigma_a * self.sigma_a * np.kron(block, np.eye(2)), dtype=float)
+        variance = self.sigma_a * self.sigma_a
+        position = variance * (n * (4 * n * n - 1) // 3 * square * square / 4)
+        both, velocity = variance * (n * n * dt * square / 2), variance * (n * square)
+        return np.array(
+            [[position, 0, both, 0], [0, position, 0, both], [both, 0, velocity, 0], [0, both, 0, velocity]],
+            dtype=float,
+        )
 
     def predict(self, belief: Gaussian) -> Gaussian:
         """Predict a belief one step ahead."""
@@ -68,6 +72,10 @@ class NearlyConstantVelocity:
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
         return predict_linear(np.ascontiguousarray(means), np.ascontiguousarray(covariances), self.transition, self.Q)
+
+    def observed(self, velocities: Array) -> "NearlyConstantVelocity":
+        """The model after a scan in which people of these velocities (N, 2) m/s were detected: the same."""
+        return self
 
     def positions_ahead(self, means: Array, covariances: Array, steps: int) -> Array:
         """Positions (H, T, 2) m of the means (T, 4) of beliefs after 1 to H steps."""

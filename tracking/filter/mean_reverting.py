@@ -1,4 +1,4 @@
-"""Motion model in which velocities return to a walking speed."""
+"""Motion model in which velocities return to a walking speed, which is learned from the people in view."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -10,6 +10,7 @@ from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.filter.linear_prediction import predict_linear
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
+from tracking.numerics.distances import length
 from tracking.numerics.exponential import exp
 
 _Linear = tuple[tuple[float, float], Array]  # the last arguments of `predict_linear`, of one scan
@@ -19,16 +20,18 @@ _MEMORY = 3.0  # s, after which 1/e of a deviation from the walking speed is lef
 
 @dataclass(frozen=True)
 class MeanRevertingVelocity(NearlyConstantVelocity):
-    """Directions stay, and speeds return to that of walking.
+    """Directions stay, and speeds return to that of walking, which people in view teach.
 
     Over a scan v' = u + b (v - u) + a dt and p' = p + u dt + w (v - u) + a dt² / 2, with b = exp(-dt / 3 s) and
     w = (1 - b) 3 s. The long-run velocity u = `walking_speed` E v / √E |v|² is zero while the direction is unknown, and
     is taken anew in each scan. So a running person is expected to slow down out of sight. Deviations of speed fade
     thus; those across the direction would not. The covariance, which treats all directions alike, forgets at the mean
-    of the two rates, in 6 s. Source: [Millefiori16]; that u follows from the belief, and the two rates, are ours.
+    of the two rates, in 6 s. Source: [Millefiori16]; that u follows from the belief and from what the fleet has seen
+    of people, and the two rates, are ours.
     """
 
     walking_speed: float = field(kw_only=True)  # m/s
+    learned_in: float = field(default=20.0, kw_only=True)  # s in view of one person, or of several together
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -50,8 +53,20 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
     @cached_property
     def _scan(self) -> tuple[_Linear, _Reverting]:
         """The last arguments of `_after_scans`."""
-        scan = replace(self, dt=self.dt / self.scans, scans=1)
-        return (scan.transition, scan.Q), (scan.dt, _reversion(scan.dt, _MEMORY), self.walking_speed)
+        dt = self.dt / self.scans
+        linear = _reversion(dt, 2.0 * _MEMORY), NearlyConstantVelocity(dt, self.sigma_a).Q
+        return linear, (dt, _reversion(dt, _MEMORY), self.walking_speed)
+
+    def observed(self, velocities: Array) -> "MeanRevertingVelocity":
+        """The model after a scan in which people of these velocities (N, 2) m/s were detected.
+
+        The walking speed is the mean of their speeds over all scans, and of the first value, which counts as much as
+        one person in view for 20 s.
+        """
+        dt = self.dt / self.scans
+        learned_in = self.learned_in + dt * len(velocities)
+        way = self.learned_in * self.walking_speed + dt * float(length(velocities).sum())
+        return replace(self, walking_speed=way / learned_in, learned_in=learned_in)
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""

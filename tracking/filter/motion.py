@@ -37,6 +37,9 @@ class MotionModel(Protocol):
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
 
+    def observed(self, velocities: Array) -> MotionModel:
+        """The model after a scan in which people of these velocities (N, 2) m/s were detected; built-in models only."""
+
 
 def motion_model(name: str, dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MotionModel:
     """The model of that name or import string; InputError says what is wrong, also with what one from outside gives."""
@@ -66,6 +69,9 @@ class _Checked:
         with MOTION_MODELS.errors(self.name, "predict"):
             moved, spread = self.model.predict_all(means, covariances)
             return _beliefs(moved, spread, len(means))
+
+    def observed(self, velocities: Array) -> _Checked:
+        return self
 
 
 def _beliefs(means: object, covariances: object, count: int) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ import numpy as np
 from sim.mission.snapshot import Bools, Ints
 from sim.mission.tracker_setup import initial_tracks, tracker_parameters
 from sim.recording.recording import Recording
+from sim.replay.recorded_fleet import motion_at
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.filter.negative_information import miss_likelihood, views_of
@@ -36,7 +37,7 @@ class Association:
     def of(recording: Recording, scenario: Scenario, k: int, uav: int) -> "Association | None":
         """The association of one UAV at scan k; None where its camera took no frame or the UAV had broken down.
 
-        Beliefs are those that the fleet agreed on at scan k - 1, predicted by the scenario's motion model. At the
+        Beliefs are those that the fleet agreed on at scan k - 1, predicted by the tracker's motion model. At the
         first scan they are the initial tracks; where that is the only scan, with people taken to stand still.
 
         Note: of more than 10 000 pairs the tracker works on independent gating clusters, which
@@ -51,7 +52,7 @@ class Association:
         means, covariances = beliefs_of(tracks)
         existence = np.array([t.existence for t in tracks], dtype=float)
         if k:
-            means, covariances = p.motion.predict_all(means, covariances)
+            means, covariances = motion_at(recording, scenario, k - 1, uav).predict_all(means, covariances)
             existence = existence * p.step_survival
         scan = recording.scan_at(k, uav)
         camera = view_of(scenario.uavs[uav], scenario)

@@ -13,7 +13,7 @@ from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.history import History
-from sim.replay.recorded_fleet import vehicles_at
+from sim.replay.recorded_fleet import motion_at, vehicles_at
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
@@ -61,7 +61,7 @@ def planned_visibility(
     ahead[: len(known)] = _states(recording, scenario, uav, views, known)
     track = None
     if belief is not None:
-        scan = replace(planned_motion(scenario), dt=1 / rate, scans=1)
+        scan = replace(planned_motion(scenario, motion_at(recording, scenario, k, uav)), dt=1 / rate, scans=1)
         nominal = scan.positions_ahead(belief.mean[None], belief.covariance[None], len(times))
         track = _states(recording, scenario, uav, views, nominal[:, 0])
     return PlannedVisibility(uav, float(recording.plan_times[plan]), times, path, ahead, track)

@@ -9,7 +9,7 @@ from planning.prediction.propagation import Nominal
 from planning.prediction.response import mean_velocities, response
 from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
-from sim.replay.recorded_fleet import vehicles_at
+from sim.replay.recorded_fleet import motion_at, vehicles_at
 from sim.scenario.scenario import Scenario
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
@@ -50,5 +50,5 @@ def situation_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> 
         tracks=recording.tracks_at(k, uav),
         forest=Forest(recording.forest.trees, scenario.sensing.occlusion),
         area=(scenario.area.width, scenario.area.height),
-        motion=planned_motion(scenario),
+        motion=planned_motion(scenario, motion_at(recording, scenario, k, uav)),
     )

@@ -70,9 +70,11 @@ def test_a_mission_tells_planners_how_its_trackers_predict():
     scenario = load("forest", ["duration=1", "sensing.mode=ideal", "dynamics=kinematic", "trees.density=0"])
     planner = Spy()
     list(Mission(scenario, planner, 0).fly())
-    motions = {s.motion for team in planner.teams for s in team}
-    assert motions == {MeanRevertingVelocity(1.0, 0.75, walking_speed=1.75, scans=5)}
     assert tracker_parameters(scenario).motion == MeanRevertingVelocity(0.2, 0.75, walking_speed=1.75)
+    first = planner.teams[0][0]  # after the first scan, at which all tracks that are given count as seen
+    seen = np.array([track.belief.mean[2:] for track in first.tracks])
+    assert first.motion == MeanRevertingVelocity(1.0, 0.75, walking_speed=1.75, scans=5).observed(seen)
+    assert planner.teams[-1][0].motion.learned_in > first.motion.learned_in
     plain = load("forest", ["tracking.motion=ncv", "tracking.sigma_a=0.5"])
     assert planned_motion(plain) == NearlyConstantVelocity(1.0, 0.5, scans=5)
     assert planned_motion(load("forest", ["tracking.motion=mymodels:Standing"])).transition == (1.0, 1.0)
