@@ -19,8 +19,8 @@ from sim.study.trial import fly
 
 # Of the short mission and of images, on any machine: what `python tests/helpers/reproducibility.py --short` prints.
 EXPECTED = [
-    "28a141a4963292f618a0be77d7455a6fa69249703ebe18ee6a3f40197d9d364c",
-    "e81a19bd5c1e2888362b3f0b133131ce295c18691c56b550ca28283890b29039",
+    "0b3a9e2b9de56ea7c75a94dc78559bc1b5b0030489ceb3e1761b1c81bee87651",
+    "15f0d57b6bddf9d2de232334acd11f7a835c649706a37da339862282c8f6e466",
 ]
 # At once, as each alone flies the mission again.
 EVERYTHING = {
