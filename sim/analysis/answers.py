@@ -64,8 +64,11 @@ def holm(chances: Sequence[float]) -> list[bool]:
 
 
 def _judged(found: Sequence[Answer]) -> list[Answer]:
-    kept = iter(holm([a.difference.chance for a in found if a.difference]))
-    return [replace(a, difference=replace(a.difference, survives=next(kept))) if a.difference else a for a in found]
+    """The answers, with marks of the differences that survive; one without a pair is no test."""
+    compared = [a.difference for a in found if a.difference]
+    kept = iter(holm([gap.chance for gap in compared if gap.pairs]))
+    judged = iter([replace(gap, survives=next(kept)) if gap.pairs else gap for gap in compared])
+    return [replace(a, difference=next(judged)) if a.difference else a for a in found]
 
 
 def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
@@ -74,7 +77,7 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
     flown = len({row.seed for row in (*group.done, *group.failed)})
     undefined = np.sum(~np.isfinite(values), axis=0).tolist()
     spread = spreads(values, np.array([seed for seed, _ in runs], dtype=object))
-    return [  # intervals end where values do
+    return [
         Answer(
             *(group.cell, group.planner, metric),
             maps=int(np.isfinite(of_maps[:, j]).sum()),
@@ -83,7 +86,7 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
             failed=len(group.failed),
             undefined=undefined[j],
             faulty=sum(row.metrics.get("faults", 0.0) > 0.0 for row in group.done),
-            mean=replace(mean, low=max(mean.low, metric.least), high=min(mean.high, metric.most)),
+            mean=mean.cut(metric.least, metric.most),
             median=median,
             spread=spread[j],
         )

@@ -44,11 +44,13 @@ def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: in
     seeds = np.array([seed for seed, _ in runs], dtype=object)
     judged = zip(means(gaps), chances(gaps), spreads(values, seeds), maps_needed(gaps), strict=True)
     found = []
-    for j, (mean, chance, spread, needed) in enumerate(judged):
+    for j, (metric, (mean, chance, spread, needed)) in enumerate(zip(metrics, judged, strict=True)):
         below, tied, above = (int(np.sum(np.sign(gaps[:, j]) == sign)) for sign in (-1, 0, 1))
-        won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[metrics[j].better]
+        won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[metric.better]
         paired_maps = below + tied + above
         counts = paired_maps, len(gaps) - paired_maps, won, tied, lost, cells
+        widest = metric.most - metric.least  # that two values can differ by
+        mean = mean.cut(-widest, widest)
         found.append(Difference(mean, *counts, chance=chance, spread=spread, needed=needed))
     return found
 

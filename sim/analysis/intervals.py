@@ -7,7 +7,7 @@ comparisons, one is expected to miss.
 import math
 from bisect import bisect_left
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import bdtrik, nctdtr, stdtr, stdtrit
@@ -32,6 +32,10 @@ class Estimate:
         """The value and, in brackets, the interval if there is one, in the metric's unit, without it."""
         value, low, high = (metric.text(v, signed=signed) for v in (self.value, self.low, self.high))
         return value if math.isnan(self.low) or math.isnan(self.high) else f"{value} [{low}, {high}]"
+
+    def cut(self, least: float, most: float) -> "Estimate":
+        """The estimate with its interval cut off where no value can be."""
+        return replace(self, low=max(self.low, least), high=min(self.high, most))
 
 
 NO_ESTIMATE = Estimate()

@@ -146,7 +146,7 @@ def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> 
 
 def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
     """Verdicts in one metric, a sentence for each planner, and what the numbers leave out."""
-    shown = sum(answer.difference is not None for answer in found)
+    shown = sum(answer.difference is not None and answer.difference.pairs > 0 for answer in found)
     told = [answer for answer in found if answer.metric == metric]
     summed = {answer.planner for answer in told if answer.cell is None}
     sentences = [

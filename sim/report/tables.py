@@ -79,7 +79,8 @@ def _repeated(found: Sequence[Answer]) -> bool:
 def notes(found: Sequence[Answer]) -> list[str]:
     """Notes below the tables of these answers, a line each."""
     sampled = [(answer.metric, answer.maps) for answer in found]
-    compared = [(answer.metric, answer.difference.pairs) for answer in found if answer.difference]
+    gaps = [(answer.metric, answer.difference.pairs) for answer in found if answer.difference]
+    compared = [(metric, pairs) for metric, pairs in gaps if pairs]
     many = f"* survives Holm's correction for all {len(compared)} differences shown ({100 - 100 * LEVEL:.0f} %)."
     said = {_COMPARED: compared, many: len(compared) > 1, _REPEATED: _repeated(found)}
     return [_NOTE, *caveats(sampled + compared), *(text for text, fits in said.items() if fits)]

@@ -105,6 +105,9 @@ def test_intervals_end_where_values_do():
     share = answer(rows, "sma-nbo", SHARE, "sma-nbo").mean
     free = means(np.array([[1.0, 1, 1, 1, 0.2]]).T)[0]
     assert (share.low, share.high) == (0.0, 1.0) and free.low < 0 and free.high > 1
+    rows += flown("greedy", {s: v for s, v in enumerate((0.0, 0.0, 0.0, 0.0, 0.2))}, "ospa.share_under_1m")
+    gap = answer(rows, "sma-nbo", SHARE).difference.mean
+    assert gap.low == -1.0 and means(np.array([[-1.0, -1, -1, -1, 0]]).T)[0].low < -1
     error = answer(flown("sma-nbo", {0: 0.0, 1: 0.1, 2: 9.0}), "sma-nbo", planner="sma-nbo").mean
     assert error.low == 0.0 and error.high > 9.0
 
@@ -119,6 +122,14 @@ def test_all_differences_are_judged_together():
     many = [*rows, *(msgspec.structs.replace(r, planner=f"w{k}") for k in range(6) for r in worse)]
     crowd = [a.difference for a in answers(grouped(many, "base"), [MEAN], "base") if a.difference]
     assert {gap.chance for gap in crowd} == {2 / 2**8} and not any(gap.survives for gap in crowd)  # 7 x 2 / 2⁸ > 5 %
+
+
+def test_differences_without_a_pair_are_no_tests_and_take_no_stars():
+    rows = [row("base", s, metrics={"ospa.mean_m": 1.0}) for s in range(6)]
+    rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s}) for s in range(6)]
+    asked = [MEAN, metric_shown("recall"), metric_shown("precision")]  # which no trial has
+    found = answers(grouped(rows, "base"), asked, "base")
+    assert [a.difference.survives for a in found if a.difference] == [True, False, False]
 
 
 def test_over_all_cells_each_seed_counts_once_whole_and_with_its_baseline():

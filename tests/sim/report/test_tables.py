@@ -151,6 +151,7 @@ def test_stars_mark_what_survives_holms_correction_and_not_what_holds_alone():
         assert re.search(r"greedy .*\* \+3\.", text) and not re.search(r"weak .*\* [+-]", text)
         assert "* survives Holm's correction for all 2 differences shown (5 %)." in text
     assert "Holm" not in shown(repeated(), 120)
+    assert "Holm" not in shown([*repeated(), row("alone", 99)], 120)  # no map in common: no second difference
     rows = [row("base", s, metrics={"ospa.mean_m": 1.0}) for s in range(10)]
     around = np.linspace(-1.0, 1.0, 10)
     for k in range(6):  # the first is a difference of 0.8 standard deviations, the others are none
