@@ -188,7 +188,7 @@ def test_wrong_names_and_trials_that_are_there_twice_are_refused():
         from_outside(["recall", "ospa.maen_m"])
     with pytest.raises(InputError, match="no trials"):
         baseline_of([], None)
-    with pytest.raises(ValueError, match=r"greedy, seed 3 is there twice in λ = 15"):
+    with pytest.raises(InputError, match=r"greedy, seed 3 is there twice in λ = 15; flights with other settings need"):
         grouped([row("greedy", 3, (("lambda", "15"),))] * 2)
 
 
