@@ -116,14 +116,14 @@ def metric(name: str) -> Metric:
 def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | None]:
     """All metrics of the registry, and those asked for by import string; None where there was nothing to count.
 
-    One from outside that raises is None, and a fault is added to the outcome.
+    One from outside that raises, is infinite or NaN is None; if it raises, a fault is added to the outcome.
     """
     found = {name: known(outcome) for name, known in METRICS.items()}
     for name in asked:
         try:
             with contained():
                 value = metric(name)(outcome)
-                found[name] = None if value is None else float(value)
+                found[name] = None if value is None or not math.isfinite(value) else float(value)
         except ForeignError as error:
             text = f"metric {name}: {error.explained}"
             outcome.faults.append(Fault(float(outcome.recording.times[-1]), None, text, error.trace))
