@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.analysis.cell_text import Cell, cell_text, cells_of
+from sim.analysis.cell_text import Cell, cell_text, cells_of, placed
 from sim.analysis.planner_labels import baseline_of, entrant, planner_labels
 from sim.evaluation.metric import Metric
 from sim.scenario.random_streams import numbered
@@ -27,6 +27,11 @@ class Group:
     planner: str  # without the options that vary with the cell
     done: tuple[Row, ...]
     failed: tuple[Row, ...]
+
+    @property
+    def title(self) -> str:
+        """Planner and cell."""
+        return placed(self.planner, self.cell)
 
     def values(self, metric: str) -> Array:
         """The metric of each trial done (n,); NaN where it is undefined."""

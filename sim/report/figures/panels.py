@@ -48,6 +48,11 @@ class Sheet:
     columns: int
 
     @property
+    def groups(self) -> list[Group]:
+        """The group of each curve."""
+        return [curve.group for panel in self.panels for curve in panel.curves]
+
+    @property
     def legend(self) -> dict[str, Style]:
         """Every label with its style."""
         return {curve.label: curve.style for panel in self.panels for curve in panel.curves}

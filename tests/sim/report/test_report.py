@@ -1,5 +1,7 @@
 """The report needs nothing but itself, hides nothing, and its commands fly what it shows."""
 
+import csv
+import io
 import os
 import re
 import shlex
@@ -108,6 +110,20 @@ def test_the_same_rows_in_any_order_give_the_same_files_wrong_names_none(files, 
         with pytest.raises(InputError, match="did you mean"):
             write(study(), tmp_path / "report", about)
     assert os.listdir(tmp_path) == []
+
+
+def test_a_metric_that_is_a_run_time_is_in_the_csv_once(without_pictures):
+    about = About("x", metrics=("planning_s_per_decision", "ospa.mean_m"))
+    lines = list(csv.DictReader(io.StringIO(made(study(), about)["table.csv"].decode())))
+    places = [(line["lambda"], line["planner"], line["metric"]) for line in lines]
+    assert len(places) == len(set(places)) == 3 * (2 * 3 + 2)
+
+
+def test_verdicts_and_figures_name_the_cell_of_what_has_no_mean_over_cells(without_pictures):
+    given = [row("a", s, (("lambda", level),), {"ospa.mean_m": 1.0}) for level in ("15", "75") for s in range(7)]
+    given += [row("b", s, (("lambda", "75"),), {"ospa.mean_m": 2.0 + s / 100}) for s in range(7)]
+    text = made(given, About("x"))["report.html"].decode()
+    assert "<li>b (λ = 75) is worse than a: " in text and "Median OSPA at the last scan: a (λ = 15) 1.00 m; " in text
 
 
 def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
