@@ -51,14 +51,14 @@ def answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: str) -
     return _judged(found)
 
 
-def holm(chances: Sequence[float]) -> list[bool]:
+def holm(p_values: Sequence[float]) -> list[bool]:
     """Marks of the p-values that stay below 5 % when all are judged together.
 
     Source: S. Holm, A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics, 1979.
     """
-    order = np.argsort(chances, kind="stable")
-    adjusted = np.array(chances)[order] * np.arange(len(chances), 0, -1)
-    kept = np.zeros(len(chances), dtype=bool)
+    order = np.argsort(p_values, kind="stable")
+    adjusted = np.array(p_values)[order] * np.arange(len(p_values), 0, -1)
+    kept = np.zeros(len(p_values), dtype=bool)
     kept[order] = np.maximum.accumulate(adjusted) <= 1 - LEVEL
     return kept.tolist()
 
@@ -66,7 +66,7 @@ def holm(chances: Sequence[float]) -> list[bool]:
 def _judged(found: Sequence[Answer]) -> list[Answer]:
     """The answers, with marks of the differences that survive; one without a pair is no test."""
     compared = [a.difference for a in found if a.difference]
-    kept = iter(holm([gap.chance for gap in compared if gap.pairs]))
+    kept = iter(holm([gap.p_value for gap in compared if gap.pairs]))
     judged = iter([replace(gap, survives=next(kept)) if gap.pairs else gap for gap in compared])
     return [replace(a, difference=next(judged)) if a.difference else a for a in found]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.analysis.cell_text import Cell, cell_text, cells_of, placed
+from sim.analysis.cell_text import Cell, cell_text, cells_of, with_cell
 from sim.analysis.planner_labels import baseline_of, entrant, planner_labels
 from sim.evaluation.metric import Metric
 from sim.scenario.random_streams import numbered
@@ -31,7 +31,7 @@ class Group:
     @property
     def title(self) -> str:
         """Planner and cell."""
-        return placed(self.planner, self.cell)
+        return with_cell(self.planner, self.cell)
 
     def values(self, metric: str) -> Array:
         """The metric of each trial done (n,); NaN where it is undefined."""

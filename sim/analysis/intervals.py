@@ -67,14 +67,14 @@ def medians(values: Array) -> list[Estimate]:
     return _by_column(values, _medians)
 
 
-def chances(values: Array) -> list[float]:
+def p_values(values: Array) -> list[float]:
     """For each column of differences (n, M) the p-value of no difference in the mean; 1 where nothing is known.
 
     The interval of `means` at the level 1 - p ends at zero, so p is below 5 % where that of 95 % leaves zero out. It
     is never below 2 / 2ⁿ, the least that n maps can give a test without assumptions on the distribution; so nothing
     is told apart on fewer than six.
     """
-    return [_chance(column[np.isfinite(column)]) for column in values.T]
+    return [_p_value(column[np.isfinite(column)]) for column in values.T]
 
 
 def maps_needed(values: Array) -> list[float]:
@@ -118,7 +118,7 @@ def _medians(values: Array) -> Estimate:
     return Estimate(float(np.median(ordered)), float(ordered[rank - 1]), float(ordered[n - rank]))
 
 
-def _chance(values: Array) -> float:
+def _p_value(values: Array) -> float:
     n = len(values)
     if n < 2:
         return 1.0

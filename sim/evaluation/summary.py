@@ -99,7 +99,7 @@ def _of_uav(score: Score) -> dict[str, Any]:
     return {
         "ospa_m": mean(score.ospa),
         "gospa_m": mean(score.gospa[:, 0]),
-        "ospa2_m": mean([score.ospa2] * (len(score.gospa) > 0)),
+        "ospa2_m": score.ospa2 if len(score.gospa) else None,
         "switches": score.switches,
         "fragmentations": score.fragmentations,
         "position_nees": mean(score.position_nees),

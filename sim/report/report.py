@@ -12,7 +12,7 @@ from html import escape
 from pathlib import Path
 
 from sim.analysis.answers import Answer, answers
-from sim.analysis.cell_text import SYMBOLS, cell_text, placed
+from sim.analysis.cell_text import SYMBOLS, cell_text, with_cell
 from sim.analysis.cells import Group, constant, grouped, trimmed, varying
 from sim.analysis.coverage import COVERED
 from sim.analysis.metric_choice import RUNTIME, available, chosen, metric_shown
@@ -137,9 +137,10 @@ def _figures(pictures: Sequence[Picture]) -> str:
 def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> list[tuple[str, str]]:
     table, places = maps(groups, metric)
     failed = [row for group in every for row in group.failed]
+    heading = "Least and greatest maps" if metric.better == "neither" else "Best and worst maps"
     hint = "A click selects a command for the shell. It leaves film and recording under runs/."
     return [
-        *([("Best and worst maps", paragraph(f"In {metric.title}.") + table)] if places else []),
+        *([(heading, paragraph(f"In {metric.title}.") + table)] if places else []),
         *([(f"Failures: {len(failed)}", failures(failed))] if failed else []),
         *([("Fly them again", paragraph(hint) + places)] if places else []),
     ]
@@ -151,7 +152,7 @@ def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
     told = [answer for answer in found if answer.metric == metric]
     summed = {answer.planner for answer in told if answer.cell is None}
     sentences = [
-        verdict(placed(answer.planner, answer.cell or ()), baseline, metric, answer.difference, shown=shown)
+        verdict(with_cell(answer.planner, answer.cell or ()), baseline, metric, answer.difference, shown=shown)
         for answer in told
         if answer.difference and (answer.cell is None or answer.planner not in summed)
     ]

@@ -6,7 +6,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from sim.analysis.answers import Answer, map_means
-from sim.analysis.cell_text import Cell, cell_text, placed
+from sim.analysis.cell_text import Cell, cell_text, with_cell
 from sim.analysis.cells import Group
 from sim.analysis.coverage import caveats
 from sim.analysis.differences import Difference
@@ -90,7 +90,7 @@ def shortfalls(found: Sequence[Answer]) -> list[str]:
     """Shortfalls of the numbers, one line each: trials that failed, undefined values, faults, maps without a pair."""
     lines: dict[str, None] = {}
     for answer in found:
-        place = placed(answer.planner, answer.cell)
+        place = with_cell(answer.planner, answer.cell)
         if answer.failed:
             lines[f"{place}: {answer.failed} of {answer.trials + answer.failed} trials failed and do not count"] = None
         if answer.faulty:

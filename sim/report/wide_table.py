@@ -18,6 +18,7 @@ from sim.analysis.distributions import share_under
 from sim.analysis.metric_choice import chosen
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
+from sim.report.formats import piped
 from sim.study.store import read_rows
 from sim.study.tasks import Row
 from sim.terminal.commands import run_alone
@@ -54,7 +55,7 @@ def table(
             group, other = places.get((line, level)), places.get(base) if base else None
             entries.append(_entry(group, None if other is group else other, known))
         text.append([*line, *entries])
-    return "\n".join(f"| {' | '.join(parts)} |" for parts in text)
+    return piped(text)
 
 
 def without_start(rows: Sequence[Row], first: int) -> list[Row]:

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sim.analysis.answers import map_means, map_points
-from sim.analysis.cell_text import placed
+from sim.analysis.cell_text import with_cell
 from sim.analysis.cells import Group
 from sim.analysis.distributions import bands, share_under
 from sim.analysis.metric_choice import RUNTIME, metric_shown
@@ -60,7 +60,7 @@ def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
 
 def score_picture(found: Sequence[NormalisedScore], ends: tuple[str, str]) -> Picture:
     """Normalised scores of planners, cell by cell."""
-    lines = [f"{placed(s.planner, s.cell)} {SCORE.text(s.estimate.value)} %" for s in found]
+    lines = [f"{with_cell(s.planner, s.cell)} {SCORE.text(s.estimate.value)} %" for s in found]
     caption = f"0 is {ends[0]}, 100 is {ends[1]}. Lines are 95 % intervals over the maps."
     return _picture("score", "Normalised score", caption, "; ".join(lines), score_figure(found))
 

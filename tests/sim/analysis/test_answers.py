@@ -8,7 +8,7 @@ from helpers.trials import failed, row, study
 from sim.analysis.answers import answers, holm
 from sim.analysis.cells import constant, grouped, trimmed, varying
 from sim.analysis.distributions import spreads
-from sim.analysis.intervals import chances, maps_needed, means, medians
+from sim.analysis.intervals import maps_needed, means, medians, p_values
 from sim.analysis.metric_choice import available, chosen, from_outside, metric_shown
 from sim.analysis.planner_labels import baseline_of
 from tracking.plugins.registry import InputError
@@ -81,7 +81,7 @@ def test_a_map_counts_once_with_the_mean_of_its_repeats():
     assert (base.maps, base.flown, base.trials) == (3, 3, 6)
     gaps = np.array([[1.0], [0.0], [0.5]])
     gap = one.difference
-    assert gap.mean == means(gaps)[0] and gap.chance == chances(gaps)[0] and [gap.needed] == maps_needed(gaps)
+    assert gap.mean == means(gaps)[0] and gap.p_value == p_values(gaps)[0] and [gap.needed] == maps_needed(gaps)
     assert (gap.pairs, gap.unpaired, gap.won, gap.tied, gap.lost) == (3, 0, 0, 1, 2)
     repeats = np.repeat([0, 1, 2], 2)
     assert [gap.spread] == spreads(np.array([2.0, 0, 0, 0, 1, 0])[:, None], repeats)
@@ -117,11 +117,11 @@ def test_all_differences_are_judged_together():
     rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s, "recall": 0.4 + 0.001 * s}) for s in range(8)]
     every = answers(grouped(rows, "base"), [MEAN, metric_shown("recall")], "base")
     found = [a.difference for a in every if a.difference]
-    assert [gap.survives for gap in found] == holm([gap.chance for gap in found]) == [True, True]
+    assert [gap.survives for gap in found] == holm([gap.p_value for gap in found]) == [True, True]
     worse = [r for r in rows if r.planner == "worse"]
     many = [*rows, *(msgspec.structs.replace(r, planner=f"w{k}") for k in range(6) for r in worse)]
     crowd = [a.difference for a in answers(grouped(many, "base"), [MEAN], "base") if a.difference]
-    assert {gap.chance for gap in crowd} == {2 / 2**8} and not any(gap.survives for gap in crowd)  # 7 x 2 / 2⁸ > 5 %
+    assert {gap.p_value for gap in crowd} == {2 / 2**8} and not any(gap.survives for gap in crowd)  # 7 x 2 / 2⁸ > 5 %
 
 
 def test_differences_without_a_pair_are_no_tests_and_take_no_stars():

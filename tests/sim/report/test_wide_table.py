@@ -97,6 +97,12 @@ def test_trials_flown_without_a_factor_stand_beside_the_others():
     assert {group.cell for group in trimmed(grouped(few))} == {(), (("H", "1"),)}
 
 
+def test_names_are_escaped_as_in_other_tables():
+    assert table([row("lab:Mine(style='a|b')", 0, (), {SHARE: 0.5})], "planner").startswith(
+        r"| lab:Mine(style='a\|b') |"
+    )
+
+
 def test_the_start_of_a_mission_can_be_left_out():
     ospa = np.array([50.0, 50.0, 0.5, 2.0, 0.5, 0.5], dtype=np.float32)
     rows = [row("a", 0, (), {SHARE: 0.5}, ospa=ospa), failed("a", 1)]
