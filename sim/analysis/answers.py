@@ -79,7 +79,9 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
     spread = spreads(values, np.array([seed for seed, _ in runs], dtype=object))
     return [
         Answer(
-            *(group.cell, group.planner, metric),
+            group.cell,
+            group.planner,
+            metric,
             maps=int(np.isfinite(of_maps[:, j]).sum()),
             flown=flown,
             trials=len(runs),

@@ -17,7 +17,7 @@ from sim.study.cells import VIEW, with_options
 from sim.study.study import ScoreScale
 from sim.study.tasks import Row
 
-SCORE = Metric("normalised score", unit="%", better="higher", scale=100.0, digits=0, least=-np.inf)
+SCORE = Metric("normalised score", unit="%", better="higher", scale=100.0, digits=0)
 
 
 @dataclass(frozen=True)

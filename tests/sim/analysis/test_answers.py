@@ -11,6 +11,7 @@ from sim.analysis.distributions import spreads
 from sim.analysis.intervals import maps_needed, means, medians, p_values
 from sim.analysis.metric_choice import available, chosen, from_outside, metric_shown
 from sim.analysis.planner_labels import baseline_of
+from sim.evaluation.metric import Metric
 from tracking.plugins.registry import InputError
 
 MEAN, SHARE, NEES = metric_shown("ospa.mean_m"), metric_shown("ospa.share_under_1m"), metric_shown("nees.position")
@@ -110,6 +111,12 @@ def test_intervals_end_where_values_do():
     assert gap.low == -1.0 and means(np.array([[-1.0, -1, -1, -1, 0]]).T)[0].low < -1
     error = answer(flown("sma-nbo", {0: 0.0, 1: 0.1, 2: 9.0}), "sma-nbo", planner="sma-nbo").mean
     assert error.low == 0.0 and error.high > 9.0
+
+
+def test_metrics_from_outside_may_be_negative():
+    lag = Metric("lag", name="mine:LAG")
+    rows = flown("sma-nbo", {0: -3.0, 1: -4.0, 2: -5.0}, lag.name)
+    assert answer(rows, "sma-nbo", lag, "sma-nbo").mean == means(np.array([[-3.0], [-4.0], [-5.0]]))[0]
 
 
 def test_all_differences_are_judged_together():
