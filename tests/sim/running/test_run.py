@@ -131,7 +131,7 @@ def test_a_folder_appears_whole(tmp_path):
     assert names(tmp_path / "a") == ["b"] and names(tmp_path / "a" / "b") == ["file"]
 
 
-def test_a_link_to_a_folder_is_followed_and_the_root_of_a_file_system_refused(tmp_path, monkeypatch):
+def test_links_to_folders_are_followed_and_roots_of_file_systems_refused(tmp_path, monkeypatch):
     (tmp_path / "empty").mkdir()
     for link, place in (("link", "empty"), ("dangling", "new")):
         (tmp_path / link).symlink_to(tmp_path / place)
