@@ -51,21 +51,24 @@ def answers(groups: Sequence[Group], metrics: Sequence[Metric], baseline: str) -
     return _judged(found)
 
 
-def holm(chances: Sequence[float]) -> list[bool]:
+def holm(p_values: Sequence[float]) -> list[bool]:
     """Marks of the p-values that stay below 5 % when all are judged together.
 
     Source: S. Holm, A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics, 1979.
     """
-    order = np.argsort(chances, kind="stable")
-    adjusted = np.array(chances)[order] * np.arange(len(chances), 0, -1)
-    kept = np.zeros(len(chances), dtype=bool)
+    order = np.argsort(p_values, kind="stable")
+    adjusted = np.array(p_values)[order] * np.arange(len(p_values), 0, -1)
+    kept = np.zeros(len(p_values), dtype=bool)
     kept[order] = np.maximum.accumulate(adjusted) <= 1 - LEVEL
     return kept.tolist()
 
 
 def _judged(found: Sequence[Answer]) -> list[Answer]:
-    kept = iter(holm([a.difference.chance for a in found if a.difference]))
-    return [replace(a, difference=replace(a.difference, survives=next(kept))) if a.difference else a for a in found]
+    """The answers, with marks of the differences that survive; one without a pair is no test."""
+    compared = [a.difference for a in found if a.difference]
+    kept = iter(holm([gap.p_value for gap in compared if gap.pairs]))
+    judged = iter([replace(gap, survives=next(kept)) if gap.pairs else gap for gap in compared])
+    return [replace(a, difference=next(judged)) if a.difference else a for a in found]
 
 
 def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
@@ -74,16 +77,18 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
     flown = len({row.seed for row in (*group.done, *group.failed)})
     undefined = np.sum(~np.isfinite(values), axis=0).tolist()
     spread = spreads(values, np.array([seed for seed, _ in runs], dtype=object))
-    return [  # intervals end where values do
+    return [
         Answer(
-            *(group.cell, group.planner, metric),
+            group.cell,
+            group.planner,
+            metric,
             maps=int(np.isfinite(of_maps[:, j]).sum()),
             flown=flown,
             trials=len(runs),
             failed=len(group.failed),
             undefined=undefined[j],
             faulty=sum(row.metrics.get("faults", 0.0) > 0.0 for row in group.done),
-            mean=replace(mean, low=max(mean.low, metric.least), high=min(mean.high, metric.most)),
+            mean=mean.cut(metric.least, metric.most),
             median=median,
             spread=spread[j],
         )

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from sim.analysis.cell_text import Cell, cell_text, cells_of
+from sim.analysis.cell_text import Cell, cell_text, cells_of, with_cell
 from sim.analysis.planner_labels import baseline_of, entrant, planner_labels
 from sim.evaluation.metric import Metric
 from sim.scenario.random_streams import numbered
 from sim.study.tasks import Row
 from tracking.numerics.arrays import Array
+from tracking.plugins.registry import InputError
 
 Run = tuple[int, int]  # of a Monte Carlo study: seed and repeat
 
@@ -26,6 +27,11 @@ class Group:
     planner: str  # without the options that vary with the cell
     done: tuple[Row, ...]
     failed: tuple[Row, ...]
+
+    @property
+    def title(self) -> str:
+        """Planner and cell."""
+        return with_cell(self.planner, self.cell)
 
     def values(self, metric: str) -> Array:
         """The metric of each trial done (n,); NaN where it is undefined."""
@@ -64,7 +70,8 @@ def grouped(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str
     """Every cell's groups, the baseline's first; cells and other planners in natural order, however rows are ordered.
 
     A planner that varies with the cell, such as sma-nbo(horizon=3) where H = 3, goes by what its texts share.
-    given: labels of planners, as from `labels_of`. ValueError where a trial is there twice.
+    given: labels of planners, as from `labels_of`. InputError where a trial is there twice, as from a folder in which
+    the same study was flown with other settings.
     """
     cells = cells_of(rows)
     labels = planner_labels(rows, given)
@@ -75,7 +82,8 @@ def grouped(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str
         run = row.seed, row.repeat
         if run in group:
             place = f" in {cell_text(cell)}" if cell else ""
-            raise ValueError(f"{entrant(row)}, {numbered(*run)} is there twice{place}")
+            text = f"{entrant(row)}, {numbered(*run)} is there twice{place}"
+            raise InputError(f"study: {text}; flights with other settings need a folder of their own")
         group[run] = row
 
     def order(key: tuple[Cell, str]) -> tuple[Any, ...]:
@@ -102,8 +110,7 @@ def varying(groups: Sequence[Group]) -> dict[str, list[str]]:
 
 def constant(groups: Sequence[Group]) -> Cell:
     """The factors that have the same value in all groups."""
-    changing = varying(groups)
-    return tuple((name, value) for name, value in groups[0].cell if name not in changing)
+    return tuple(factor for factor in groups[0].cell if all(factor in group.cell for group in groups))
 
 
 def trimmed(groups: Sequence[Group]) -> list[Group]:

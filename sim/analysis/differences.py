@@ -7,7 +7,7 @@ import numpy as np
 
 from sim.analysis.cells import Group, Run
 from sim.analysis.distributions import NO_SPREAD, Spread, spreads
-from sim.analysis.intervals import LEVEL, Estimate, chances, maps_needed, means
+from sim.analysis.intervals import LEVEL, Estimate, maps_needed, means, p_values
 from sim.evaluation.metric import Metric
 from tracking.numerics.arrays import Array
 
@@ -23,15 +23,15 @@ class Difference:
     tied: int
     lost: int
     cells: int = 1  # over which each map's value is the mean
-    chance: float = 1.0  # p-value of no difference
+    p_value: float = 1.0  # of no difference
     survives: bool = False  # Holm's correction for all differences shown with it
     spread: Spread = NO_SPREAD
     needed: float = np.nan  # maps that tell such a difference apart
 
     @property
-    def told(self) -> bool:
+    def significant(self) -> bool:
         """True if the two can be told apart, this difference taken by itself."""
-        return self.chance <= 1 - LEVEL
+        return self.p_value <= 1 - LEVEL
 
 
 def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: int = 1) -> list[Difference]:
@@ -42,14 +42,16 @@ def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: in
     runs, values = list(pairs), np.array([*pairs.values()]).reshape(len(pairs), len(metrics))
     gaps = map_values(runs, values)
     seeds = np.array([seed for seed, _ in runs], dtype=object)
-    judged = zip(means(gaps), chances(gaps), spreads(values, seeds), maps_needed(gaps), strict=True)
+    judged = zip(means(gaps), p_values(gaps), spreads(values, seeds), maps_needed(gaps), strict=True)
     found = []
-    for j, (mean, chance, spread, needed) in enumerate(judged):
+    for j, (metric, (mean, p_value, spread, needed)) in enumerate(zip(metrics, judged, strict=True)):
         below, tied, above = (int(np.sum(np.sign(gaps[:, j]) == sign)) for sign in (-1, 0, 1))
-        won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[metrics[j].better]
+        won, lost = {"lower": (below, above), "higher": (above, below), "neither": (0, 0)}[metric.better]
         paired_maps = below + tied + above
         counts = paired_maps, len(gaps) - paired_maps, won, tied, lost, cells
-        found.append(Difference(mean, *counts, chance=chance, spread=spread, needed=needed))
+        widest = metric.most - metric.least  # that two values can differ by
+        mean = mean.cut(-widest, widest)
+        found.append(Difference(mean, *counts, p_value=p_value, spread=spread, needed=needed))
     return found
 
 

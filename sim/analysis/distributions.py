@@ -65,7 +65,7 @@ def share_under(values: Array, bound: float) -> float:
 
 
 def bands(curves: Array) -> Array:
-    """Lower quartile, median and upper quartile (3, T) over maps of curves (n, T), of those not NaN then."""
+    """Lower quartile, median and upper quartile (3, T) of curves (n, T) at each scan; NaN is left out."""
     found = np.full((3, curves.shape[1]), np.nan)
     held = ~np.isnan(curves).all(axis=0)
     found[:, held] = np.nanquantile(curves[:, held], [0.25, 0.5, 0.75], axis=0)

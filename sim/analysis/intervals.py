@@ -7,7 +7,7 @@ comparisons, one is expected to miss.
 import math
 from bisect import bisect_left
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import bdtrik, nctdtr, stdtr, stdtrit
@@ -32,6 +32,10 @@ class Estimate:
         """The value and, in brackets, the interval if there is one, in the metric's unit, without it."""
         value, low, high = (metric.text(v, signed=signed) for v in (self.value, self.low, self.high))
         return value if math.isnan(self.low) or math.isnan(self.high) else f"{value} [{low}, {high}]"
+
+    def cut(self, least: float, most: float) -> "Estimate":
+        """The estimate with its interval cut off where no value can be."""
+        return replace(self, low=max(self.low, least), high=min(self.high, most))
 
 
 NO_ESTIMATE = Estimate()
@@ -63,14 +67,14 @@ def medians(values: Array) -> list[Estimate]:
     return _by_column(values, _medians)
 
 
-def chances(values: Array) -> list[float]:
+def p_values(values: Array) -> list[float]:
     """For each column of differences (n, M) the p-value of no difference in the mean; 1 where nothing is known.
 
     The interval of `means` at the level 1 - p ends at zero, so p is below 5 % where that of 95 % leaves zero out. It
     is never below 2 / 2ⁿ, the least that n maps can give a test without assumptions on the distribution; so nothing
     is told apart on fewer than six.
     """
-    return [_chance(column[np.isfinite(column)]) for column in values.T]
+    return [_p_value(column[np.isfinite(column)]) for column in values.T]
 
 
 def maps_needed(values: Array) -> list[float]:
@@ -114,7 +118,7 @@ def _medians(values: Array) -> Estimate:
     return Estimate(float(np.median(ordered)), float(ordered[rank - 1]), float(ordered[n - rank]))
 
 
-def _chance(values: Array) -> float:
+def _p_value(values: Array) -> float:
     n = len(values)
     if n < 2:
         return 1.0

@@ -1,6 +1,5 @@
 """Choice of the metrics that a study's tables show."""
 
-import math
 from collections.abc import Iterable, Sequence
 
 from sim.evaluation.metric import METRICS, Metric, metric
@@ -21,7 +20,7 @@ def metric_shown(name: str) -> Metric:
         return METRICS[name]
     unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "")
     label = name if ":" in name else name.replace("_", " ").replace(".", ": ")
-    return Metric(label, unit=unit, better="neither", digits=3, least=-math.inf, name=name)
+    return Metric(label, unit=unit, better="neither", digits=3, name=name)
 
 
 def from_outside(asked: Iterable[str]) -> tuple[str, ...]:

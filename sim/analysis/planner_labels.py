@@ -20,22 +20,23 @@ def entrant(row: Placed) -> str:
 
 
 def planner_labels(rows: Sequence[Placed], given: Mapping[str, str] = {}) -> dict[str, str]:
-    """The label of each entrant: its text, or what the texts of its planner share if each cell has just one of them.
+    """The label of each entrant, with a remark if it is an upper bound; given: the user's, as from `labels_of`."""
+    flown = [row for row in rows if isinstance(row, Row)]
+    bounds = {entrant(row) for row in flown if row.metrics.get("sees_truth") or VIEW in dict(row.factors)}
+    return {text: given.get(label, label) + BOUND * (text in bounds) for text, label in _own_labels(rows).items()}
 
-    given: labels that replace these, as from `labels_of`.
-    """
+
+def _own_labels(rows: Sequence[Placed]) -> dict[str, str]:
+    """Of each entrant its text, or what the texts of its planner share if each cell has just one of them."""
     texts: dict[Key, dict[str, set[Cell]]] = defaultdict(dict)  # of each planner, with the cells that they fly in
     for row, cell in zip(rows, cells_of(rows), strict=True):
         texts[_key(row)].setdefault(row.planner, set()).add(cell)
-    flown = [row for row in rows if isinstance(row, Row)]
-    bounds = {entrant(row) for row in flown if row.metrics.get("sees_truth") or VIEW in dict(row.factors)}
     shared = {}
     for key, flies in texts.items():
         places = [cell for own in flies.values() for cell in own]
         if len(flies) > 1 and len(set(places)) == len(places):
             shared[key] = _shared(key[0], list(flies))
-    labels = {entrant(row): with_options(shared.get(_key(row), row.planner), _entered(row)) for row in rows}
-    return {text: given.get(label, label) + BOUND * (text in bounds) for text, label in labels.items()}
+    return {entrant(row): with_options(shared.get(_key(row), row.planner), _entered(row)) for row in rows}
 
 
 def _entered(row: Placed) -> dict[str, str]:
@@ -59,20 +60,25 @@ def _shared(name: str, planners: Sequence[str]) -> str:
     return f"{name}({', '.join(common)})" if common else name
 
 
-def baseline_of(rows: Sequence[Placed], baseline: str | None, given: Mapping[str, str] = {}) -> str:
-    """The label of the baseline, named by label, by text, or name of planner or tracker; of the first row if None.
+def baseline_of(
+    rows: Sequence[Placed], baseline: str | None, given: Mapping[str, str] = {}, option: str = "--baseline"
+) -> str:
+    """The label of the baseline, named by label, text, or name of planner or tracker; of the first row if None.
 
-    InputError where there is none such. Trials that are yet to be flown serve as well as rows.
+    InputError about the option where there is none such. Trials that are yet to be flown serve as well as rows.
     """
     if not rows:
         raise InputError("study: it has no trials to compare")
-    labels = planner_labels(rows, given)
-    return labels[entrant(rows[0])] if baseline is None else _named(labels, baseline, "--baseline")
+    own, shown = _own_labels(rows), planner_labels(rows, given)
+    if baseline is None:
+        return shown[entrant(rows[0])]
+    meant = _named(own, baseline.removesuffix(BOUND), option, given)
+    return next(shown[text] for text, label in own.items() if label == meant)
 
 
 def labels_of(rows: Sequence[Placed], asked: Sequence[str]) -> dict[str, str]:
     """Labels that the user gives as "label=planner", by those that they replace; InputError where one cannot be."""
-    labels = planner_labels(rows)
+    labels = _own_labels(rows)
     found: dict[str, str] = {}
     for text in asked:
         label, equals, planner = (part.strip() for part in text.partition("="))
@@ -86,19 +92,20 @@ def labels_of(rows: Sequence[Placed], asked: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _named(labels: dict[str, str], baseline: str, option: str) -> str:
-    known = list(dict.fromkeys(labels.values()))
-    parts = {label: _parts(label.removesuffix(BOUND)) for label in known}
-    named = [label for label, (name, own) in parts.items() if name == baseline or f"{TRACKER}={baseline}" in own]
-    if baseline in known:
-        return baseline
-    if baseline in labels:
-        return labels[baseline]
+def _named(labels: Mapping[str, str], asked: str, option: str, given: Mapping[str, str] = {}) -> str:
+    """The label that is asked for by the user's label for it, by itself, a text, or name of planner or tracker."""
+    own = {label: label for label in labels.values()}
+    shown = {given.get(label, label): label for label in own}
+    exact = {**labels, **own, **shown}
+    if asked in exact:
+        return exact[asked]
+    parts = {label: _parts(label) for label in own}
+    named = [label for label, (name, options) in parts.items() if name == asked or f"{TRACKER}={asked}" in options]
     if len(named) == 1:
         return named[0]
     if named:
-        raise InputError(f"{option}: {baseline!r} is several of the study's planners: {', '.join(named)}")
-    raise InputError(f"{option}: {baseline!r} is none of the study's planners; {did_you_mean(baseline, known)}")
+        raise InputError(f"{option}: {asked!r} is several of the study's planners: {', '.join(named)}")
+    raise InputError(f"{option}: {asked!r} is none of the study's planners; {did_you_mean(asked, shown)}")
 
 
 def short_labels(labels: Sequence[str]) -> dict[str, str]:

@@ -17,7 +17,7 @@ from sim.study.cells import VIEW, with_options
 from sim.study.study import ScoreScale
 from sim.study.tasks import Row
 
-SCORE = Metric("normalised score", unit="%", better="higher", scale=100.0, digits=0, least=-np.inf)
+SCORE = Metric("normalised score", unit="%", better="higher", scale=100.0, digits=0)
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def scored(
 def ends_of(rows: Sequence[Placed], score: ScoreScale, given: Mapping[str, str] = {}) -> tuple[str, str]:
     """Labels of floor and bound; InputError where the rows lack one."""
     bound = with_options(score.bound, {VIEW: "unlimited"})
-    return baseline_of(rows, score.floor, given), baseline_of(rows, bound, given)
+    return baseline_of(rows, score.floor, given, "score.floor"), baseline_of(rows, bound, given, "score.bound")
 
 
 def scores(groups: Sequence[Group], metric: Metric, floor: str, bound: str) -> list[NormalisedScore]:

@@ -11,7 +11,9 @@ import msgspec
 from rich.markup import escape
 
 from sim.analysis.planner_labels import baseline_of, entrant, labels_of
+from sim.analysis.score import ends_of
 from sim.evaluation.machine import versions
+from sim.evaluation.metric import METRICS
 from sim.mission.world_setup import forest_and_people
 from sim.report.report import About, write
 from sim.report.terminal import show
@@ -24,15 +26,18 @@ from sim.study.study import Study
 from sim.study.tasks import Row, Task
 from sim.terminal.console import console, fail, remark
 from sim.terminal.progress import study_progress
-from tracking.plugins.registry import InputError
+from tracking.plugins.registry import InputError, check_known
 
 
 def facts_of(
     study: Study, listed: Sequence[Task], *, baseline: str | None, labels: Sequence[str], metrics: tuple[str, ...]
 ) -> About:
-    """Facts for the report of a study; InputError where its trials have no such baseline, or labels name no planner."""
+    """Facts for the report of a study; InputError where they name what its trials will not have."""
     given = labels_of(listed, labels)
     baseline_of(listed, baseline, given)
+    if study.score:
+        ends_of(listed, study.score, given)
+        check_known("score.metric", study.score.metric, [*METRICS, *metrics])
     return About(study.name, study.description, baseline=baseline, labels=given, metrics=metrics, score=study.score)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.mission.snapshot import Ints
+from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording
 from sim.world.contacts import KINDS
 from tracking.metrics.ospa import ospa
@@ -30,16 +30,18 @@ def contacts(recording: Recording) -> list[dict[str, Any]]:
 
 def bytes_sent(recording: Recording) -> Ints | None:
     """Bytes (N,) of messages for each pair of scan and UAV that works; None where they were not recorded."""
-    sent = recording.bytes_sent
-    known = sent.shape == recording.working.shape and sent.min() >= 0
-    return sent[recording.working] if known else None
+    return _known(recording.bytes_sent, recording.working)
 
 
 def plan_bytes(recording: Recording) -> Ints | None:
     """Bytes (N,) of plans for each pair of decision and UAV that works; None where they were not recorded."""
-    sent, decides = recording.plan_bytes, np.isin(recording.times, recording.plan_times)
-    known = sent.shape == recording.working.shape and decides.any() and sent.min() >= 0
-    return sent[recording.working & decides[:, None]] if known else None
+    decides = np.isin(recording.times, recording.plan_times)
+    return _known(recording.plan_bytes, recording.working & decides[:, None])
+
+
+def _known(sent: Ints, counted: Bools) -> Ints | None:
+    known = sent.shape == counted.shape and counted.any() and sent.min() >= 0
+    return sent[counted] if known else None
 
 
 def disagreement(held: Sequence[Sequence[Track]]) -> float:

@@ -67,7 +67,7 @@ class Metric:
     better: Better = "lower"
     scale: float = 1.0
     digits: int = 2
-    least: float = 0.0  # that a value can be, not in the unit
+    least: float = -math.inf  # that a value can be, not in the unit; intervals end there
     most: float = math.inf
     name: str = ""  # in rows; of a metric from outside, its import string
     key: str | None = None  # dotted, in summary.json, if it is not the name; empty: not there
@@ -116,14 +116,14 @@ def metric(name: str) -> Metric:
 def evaluated(outcome: Outcome, asked: Iterable[str] = ()) -> dict[str, float | None]:
     """All metrics of the registry, and those asked for by import string; None where there was nothing to count.
 
-    One from outside that raises is None, and a fault is added to the outcome.
+    One from outside that raises, is infinite or NaN is None; if it raises, a fault is added to the outcome.
     """
     found = {name: known(outcome) for name, known in METRICS.items()}
     for name in asked:
         try:
             with contained():
                 value = metric(name)(outcome)
-                found[name] = None if value is None else float(value)
+                found[name] = None if value is None or not math.isfinite(value) else float(value)
         except ForeignError as error:
             text = f"metric {name}: {error.explained}"
             outcome.faults.append(Fault(float(outcome.recording.times[-1]), None, text, error.trace))
@@ -151,22 +151,22 @@ def _gospa(column: int, *, counted: bool = False) -> Of:
     return of
 
 
-def _unmatched(what: str, *, duplicate: bool) -> dict[str, Metric]:
-    """Number of false tracks or duplicates, and the share of pairs of a scan and a UAV that works with one."""
+def _unmatched(what: str) -> dict[str, Metric]:
+    """Number of "false" tracks or "duplicate" ones, and the share of pairs of a scan and a UAV that works with one."""
 
-    def count(outcome: Outcome) -> float:
-        return sum(track.duplicate == duplicate for track in outcome.unmatched)
+    def tracks(outcome: Outcome) -> list[Unmatched]:
+        return [track for track in outcome.unmatched if track.duplicate == (what == "duplicate")]
 
     def share(outcome: Outcome) -> float | None:
         on = outcome.recording.working
         found = np.zeros_like(on)
-        for track in outcome.unmatched:
-            if track.duplicate == duplicate:
-                found[track.first : track.last + 1] |= track.alone
+        for track in tracks(outcome):
+            found[track.first : track.last + 1] |= track.alone
         return mean(found[on])
 
+    count = Metric(f"{what} tracks", lambda outcome: len(tracks(outcome)), digits=0)
     shown = Metric(f"scans with a {what} track", share, "%", "lower", 100.0, digits=1, most=1.0)
-    return {f"tracks.{what}": Metric(f"{what} tracks", count, digits=0), f"tracks.{what}_share": shown}
+    return {f"tracks.{what}": count, f"tracks.{what}_share": shown}
 
 
 def _over_uavs(value: Callable[[Score], float]) -> Of:
@@ -243,7 +243,7 @@ def _seconds(stage: str) -> Metric:
 
 
 METRICS = {
-    name: replace(known, name=name)
+    name: replace(known, name=name, least=0.0)
     for name, known in {
         "ospa.share_under_1m": _share("scans with OSPA under 1 m", _ospa(lambda d: np.mean(d < 1.0))),
         "ospa.mean_m": Metric("OSPA mean", _ospa(np.mean), "m"),
@@ -252,8 +252,8 @@ METRICS = {
         "gospa.localisation_m": Metric("GOSPA, localisation", _gospa(1), "m"),
         "gospa.missed": Metric("people missed per scan", _gospa(2, counted=True)),
         "gospa.false": Metric("false tracks per scan", _gospa(3, counted=True)),
-        **_unmatched("false", duplicate=False),
-        **_unmatched("duplicate", duplicate=True),
+        **_unmatched("false"),
+        **_unmatched("duplicate"),
         "ospa2_m": Metric("OSPA(2)", _over_uavs(lambda s: s.ospa2), "m"),
         "identity_switches": Metric("identity switches", _over_uavs(lambda s: s.switches), key="identity.switches"),
         "fragmentations": Metric(

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from sim.evaluation.fleet_facts import contacts, plan_bytes
@@ -98,7 +99,7 @@ def _of_uav(score: Score) -> dict[str, Any]:
     return {
         "ospa_m": mean(score.ospa),
         "gospa_m": mean(score.gospa[:, 0]),
-        "ospa2_m": mean([score.ospa2] * (len(score.gospa) > 0)),
+        "ospa2_m": score.ospa2 if len(score.gospa) else None,
         "switches": score.switches,
         "fragmentations": score.fragmentations,
         "position_nees": mean(score.position_nees),
@@ -140,7 +141,7 @@ def results_table(summary: Mapping[str, Any]) -> Table:
     """The summary as it is shown at the end of a run."""
     flown = numbered(summary["seed"], summary["repeat"])
     title = f"{marked(summary['planner'], summary['sees_truth'])}, {flown}, {summary['duration_s']:.1f} s"
-    table = Table(title=title + (" (interrupted)" if summary["interrupted"] else ""), title_justify="left")
+    table = Table(title=escape(title) + " (interrupted)" * summary["interrupted"], title_justify="left")
     table.add_column("result")
     table.add_column("value", justify="right")
     for names in _SHOWN:
@@ -149,7 +150,7 @@ def results_table(summary: Mapping[str, Any]) -> Table:
         table.add_section()
     for name, told in summary.get("metrics", {}).items():
         value = math.nan if told["value"] is None else told["value"]
-        table.add_row(told["label"] or name, _text(Metric("", unit=told["unit"]), value))
+        table.add_row(escape(told["label"] or name), escape(_text(Metric("", unit=told["unit"]), value)))
     table.add_section()
     for row in (*_unmatched(summary["tracks"]), *_sent(summary["network"])):
         table.add_row(*row)

@@ -56,19 +56,22 @@ def new_folder(out: Path) -> Iterator[Path]:
     """A folder under a temporary name, which takes its own when the block ends and is removed when it raises."""
     if not out.name:
         raise InputError(f"--out: {str(out)!r} is no name for a new folder")
-    part = unfinished(out)
+    place = Path(os.path.realpath(out))  # a link cannot be replaced by a folder
+    part = unfinished(place)
     made: list[Path] = []
     try:
         try:
             if out.exists() and not (out.is_dir() and not any(out.iterdir())):
                 what = "already holds a run" if (out / "summary.json").exists() else "exists and is not an empty folder"
                 raise InputError(f"--out: {out} {what}; name a new folder")
-            made = [folder for folder in out.parents if not folder.exists()]  # innermost first
+            if out.is_mount():  # nor can the root of a file system
+                raise InputError(f"--out: {out} is where a file system is mounted; name a new folder in it")
+            made = [folder for folder in place.parents if not folder.exists()]  # innermost first
             part.mkdir(parents=True)
         except OSError as error:
             raise InputError(f"--out: {out} cannot be written: {error.strerror}") from error
         yield part
-        part.rename(out)
+        part.rename(place)
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         for folder in made:

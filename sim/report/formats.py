@@ -24,8 +24,12 @@ def _markdown_table(table: Table) -> str:
     head = [*names, *table.heads]
     rows = [[*_levels(cell, names), *texts] for cell, texts in table.rows]
     rule = ["---"] * (len(names) + 1) + ["---:"] * (len(head) - len(names) - 1)
-    lines = (f"| {' | '.join(map(_plain, line))} |" for line in (head, rule, *rows))
-    return "\n".join([f"**{table.title}**", "", *([table.note, ""] if table.note else []), *lines])
+    return "\n".join([f"**{table.title}**", "", *([table.note, ""] if table.note else []), piped([head, rule, *rows])])
+
+
+def piped(lines: Iterable[Sequence[str]]) -> str:
+    """Lines of a table in Markdown."""
+    return "\n".join(f"| {' | '.join(map(_plain, line))} |" for line in lines)
 
 
 def _factors(cells: Iterable[Cell | None]) -> list[str]:
@@ -57,7 +61,7 @@ def comma_separated(found: Sequence[Answer], baseline: str) -> str:
         pairs: list[object] = [""] * 9
         if gap is not None:
             counts = (gap.pairs, gap.unpaired, gap.won, gap.tied, gap.lost)
-            pairs = [baseline, *counts, _number(gap.chance), int(gap.survives), _number(gap.needed)]
+            pairs = [baseline, *counts, _number(gap.p_value), int(gap.survives), _number(gap.needed)]
         writer.writerow([*place, *own, *numbers, *pairs])
     return text.getvalue()
 

@@ -72,12 +72,12 @@ def verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, sho
     counted = f"; of {gap.pairs} map{'s' * (gap.pairs > 1)} it won {gap.won}, tied {gap.tied} and lost {gap.lost}"
     ending = counted if metric.better != "neither" else ""
     apart = f"{planner} {_told(metric, gap)} {baseline}"
-    start = apart if gap.told else f"{planner} and {baseline} cannot be told apart"
+    start = apart if gap.significant else f"{planner} and {baseline} cannot be told apart"
     return f"{start}: {metric.label} {mean}{unit}{within}{ending}. {_remark(gap, shown)}".strip()
 
 
 def _remark(gap: Difference, shown: int) -> str:
-    if gap.told:
+    if gap.significant:
         lone = gap.survives or shown == 1
         return "" if lone else f"This does not survive Holm's correction for all {shown} differences."
     few = f"{gap.pairs} map{'s' * (gap.pairs > 1)} cannot tell any planners apart, six at least are needed. "

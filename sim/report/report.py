@@ -12,7 +12,7 @@ from html import escape
 from pathlib import Path
 
 from sim.analysis.answers import Answer, answers
-from sim.analysis.cell_text import cell_text
+from sim.analysis.cell_text import SYMBOLS, cell_text, with_cell
 from sim.analysis.cells import Group, constant, grouped, trimmed, varying
 from sim.analysis.coverage import COVERED
 from sim.analysis.metric_choice import RUNTIME, available, chosen, metric_shown
@@ -95,15 +95,16 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     times = answers(groups, [metric_shown(name) for name in RUNTIME if name in available(rows)], baseline)
     drawn, timing = pictures(groups, baseline, metrics), runtime_pictures(groups)
     scores = scored(rows, groups, about.score, about.labels)
-    placed = [score_picture(scores.scores, scores.ends)] if scores else []
+    scoring = [score_picture(scores.scores, scores.ends)] if scores else []
     table = score_table(scores, groups) if scores else None
     full = {group.cell: other.cell for group, other in zip(groups, every, strict=True)}
-    all_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in (*found, *times)]
+    every_answer = (*found, *(answer for answer in times if answer.metric not in metrics))
+    full_answers = [replace(a, cell=None if a.cell is None else full[a.cell]) for a in every_answer]
     sections = [
         ("", f"<h1>{escape(about.study)}</h1>\n{paragraph(about.description, 'soft')}"),
         ("In short", _in_short(found, baseline, metrics[0])),
         ("What was run", _what_was_run(rows, every, about, baseline)),
-        *([("Scores", paragraph(table.note) + html_table(table) + _figures(placed))] if table else []),
+        *([("Scores", paragraph(table.note) + html_table(table) + _figures(scoring))] if table else []),
         ("Results", f"{listed(notes(found))}\n{result_tables(found, baseline)}"),
         ("Figures", _figures(drawn)),
         *([("Run time", _figures(timing) + runtime_tables(times))] if times else []),
@@ -112,10 +113,10 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
     ]
     files = {
         "report.html": page(f"{about.study}: understory", sections).encode(),
-        "table.csv": comma_separated(all_answers, baseline).encode(),
+        "table.csv": comma_separated(full_answers, baseline).encode(),
         "table.md": markdown(found, baseline, table).encode(),
     }
-    for picture in (*drawn, *timing, *placed):
+    for picture in (*drawn, *timing, *scoring):
         files |= {f"figures/{picture.name}.svg": picture.svg, f"figures/{picture.name}.png": picture.png}
     return files
 
@@ -136,9 +137,10 @@ def _figures(pictures: Sequence[Picture]) -> str:
 def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> list[tuple[str, str]]:
     table, places = maps(groups, metric)
     failed = [row for group in every for row in group.failed]
+    heading = "Least and greatest maps" if metric.better == "neither" else "Best and worst maps"
     hint = "A click selects a command for the shell. It leaves film and recording under runs/."
     return [
-        *([("Best and worst maps", paragraph(f"In {metric.title}.") + table)] if places else []),
+        *([(heading, paragraph(f"In {metric.title}.") + table)] if places else []),
         *([(f"Failures: {len(failed)}", failures(failed))] if failed else []),
         *([("Fly them again", paragraph(hint) + places)] if places else []),
     ]
@@ -146,11 +148,11 @@ def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> 
 
 def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
     """Verdicts in one metric, a sentence for each planner, and what the numbers leave out."""
-    shown = sum(answer.difference is not None for answer in found)
+    shown = sum(answer.difference is not None and answer.difference.pairs > 0 for answer in found)
     told = [answer for answer in found if answer.metric == metric]
     summed = {answer.planner for answer in told if answer.cell is None}
     sentences = [
-        verdict(answer.planner, baseline, metric, answer.difference, shown=shown)
+        verdict(with_cell(answer.planner, answer.cell or ()), baseline, metric, answer.difference, shown=shown)
         for answer in told
         if answer.difference and (answer.cell is None or answer.planner not in summed)
     ]
@@ -169,7 +171,7 @@ def _what_was_run(rows: Sequence[Row], every: Sequence[Group], about: About, bas
         ("scenario", ", ".join(sorted({row.scenario for row in rows}))),
         ("everywhere", cell_text(constant(every))),
         ("set for all trials", ", ".join(sorted(settings))),
-        *((f"{cell_text(((name, ''),)).removesuffix(' = ')} varies", ", ".join(v)) for name, v in changing.items()),
+        *((f"{SYMBOLS.get(name, name)} varies", ", ".join(values)) for name, values in changing.items()),
         ("planners", "; ".join(planners)),
         ("baseline", baseline),
         ("seeds (maps)", f"{len(seeds)}: {ranges(seeds)}"),

@@ -26,22 +26,24 @@ def command(row: Row) -> str:
 
 
 def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
-    """Best and worst maps with links, and what these lead to: the commands.
+    """Best and worst maps with links, and what these lead to: the commands; none of a group without a finite value.
 
-    Where neither way is better, they are the least and the greatest; a group without a finite value has none.
+    Where neither way is better, they are those of the least and the greatest value.
     """
+    names = ("least", "greatest") if metric.better == "neither" else ("best", "worst")
     rows, places = [], []
     for number, (group, *ends) in enumerate(_extremes(groups, metric), start=1):
         cells = []
-        for k, (what, row) in enumerate(zip(("best", "worst"), ends, strict=True)):
+        for k, (what, row) in enumerate(zip(names, ends, strict=True)):
             value, flown = metric.text(row.metrics[metric.name]), numbered(row.seed, row.repeat)
             name = f"map-{2 * number + k}-" + re.sub(r"[^a-z0-9]+", "-", f"{entrant(row)} {flown}".lower()).strip("-")
             cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">{flown}</a></td>')
             text = f"{_label(group.cell, row)}: {what}, {value} {metric.unit}".rstrip()
             places.append(f'<div class="map" id="{name}">{escape(text)}{commanded(command(row))}</div>')
-        first = f'<td>{escape(cell_text(group.cell))}</td><td class="name">{escape(group.planner)}</td>'
-        rows.append(f"<tr>{first}{''.join(cells)}</tr>")
-    heads = ["cell", "planner", f"best [{metric.unit}]" if metric.unit else "best", "map", "worst", "map"]
+        start = f'<td>{escape(cell_text(group.cell))}</td><td class="name">{escape(group.planner)}</td>'
+        rows.append(f"<tr>{start}{''.join(cells)}</tr>")
+    first, last = names
+    heads = ["cell", "planner", f"{first} [{metric.unit}]" if metric.unit else first, "map", last, "map"]
     return table(heads, rows, "left"), "\n".join(places)
 
 

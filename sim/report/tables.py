@@ -6,7 +6,7 @@ from itertools import groupby
 from typing import NamedTuple
 
 from sim.analysis.answers import Answer, map_means
-from sim.analysis.cell_text import Cell, cell_text
+from sim.analysis.cell_text import Cell, cell_text, with_cell
 from sim.analysis.cells import Group
 from sim.analysis.coverage import caveats
 from sim.analysis.differences import Difference
@@ -79,7 +79,8 @@ def _repeated(found: Sequence[Answer]) -> bool:
 def notes(found: Sequence[Answer]) -> list[str]:
     """Notes below the tables of these answers, a line each."""
     sampled = [(answer.metric, answer.maps) for answer in found]
-    compared = [(answer.metric, answer.difference.pairs) for answer in found if answer.difference]
+    gaps = [(answer.metric, answer.difference.pairs) for answer in found if answer.difference]
+    compared = [(metric, pairs) for metric, pairs in gaps if pairs]
     many = f"* survives Holm's correction for all {len(compared)} differences shown ({100 - 100 * LEVEL:.0f} %)."
     said = {_COMPARED: compared, many: len(compared) > 1, _REPEATED: _repeated(found)}
     return [_NOTE, *caveats(sampled + compared), *(text for text, fits in said.items() if fits)]
@@ -89,7 +90,7 @@ def shortfalls(found: Sequence[Answer]) -> list[str]:
     """Shortfalls of the numbers, one line each: trials that failed, undefined values, faults, maps without a pair."""
     lines: dict[str, None] = {}
     for answer in found:
-        place = f"{answer.planner} ({cell_text(answer.cell)})" if answer.cell != () else answer.planner
+        place = with_cell(answer.planner, answer.cell)
         if answer.failed:
             lines[f"{place}: {answer.failed} of {answer.trials + answer.failed} trials failed and do not count"] = None
         if answer.faulty:

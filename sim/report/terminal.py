@@ -42,12 +42,12 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
     if scores := scored(rows, groups, about.score, about.labels):
         table = score_table(scores, groups)
         on.print(_terminal_table(table._replace(heads=[shorts.get(head, head) for head in table.heads])))
-        on.print(table.note, style="dim")
+        on.print(escape(table.note), style="dim")
     for label, short in shorts.items():
         if short != label:
             on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)
     for note in notes(found):
-        on.print(note, style="dim")
+        on.print(escape(note), style="dim")
     for line in shortfalls(found):
         on.print(escape(line), style="bold red")
 

@@ -18,6 +18,7 @@ from sim.analysis.distributions import share_under
 from sim.analysis.metric_choice import chosen
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
+from sim.report.formats import piped
 from sim.study.store import read_rows
 from sim.study.tasks import Row
 from sim.terminal.commands import run_alone
@@ -42,18 +43,19 @@ def table(
     down = [name for name in by if name != columns and len(by[name]) > 1]
     places = {_place(group, columns, down): group for group in groups}
     lines = list(dict.fromkeys(line for line, _ in places))
+    levels = list(dict.fromkeys([*by[columns], *(level for _, level in places)]))
     symbol = "" if columns == "planner" else f"{SYMBOLS.get(columns, columns)} = "
-    head = [*(SYMBOLS.get(name, name) for name in down), *(f"{symbol}{level}" for level in by[columns])]
+    head = [*(SYMBOLS.get(name, name) for name in down), *(f"{symbol}{level}" for level in levels)]
     text = [head, ["---"] * len(head)]
     for before, line in zip([(), *lines], lines, strict=False):
         entries = []
-        for level in by[columns]:
+        for level in levels:
             related = before[:-1] == line[:-1] and len(before) == len(line)
-            base = {"left": (line, by[columns][0]), "above": (before, level) if related else None}[less]
+            base = {"left": (line, levels[0]), "above": (before, level) if related else None}[less]
             group, other = places.get((line, level)), places.get(base) if base else None
             entries.append(_entry(group, None if other is group else other, known))
         text.append([*line, *entries])
-    return "\n".join(f"| {' | '.join(parts)} |" for parts in text)
+    return piped(text)
 
 
 def without_start(rows: Sequence[Row], first: int) -> list[Row]:
@@ -69,9 +71,9 @@ def without_start(rows: Sequence[Row], first: int) -> list[Row]:
 
 
 def _place(group: Group, columns: str, down: Sequence[str]) -> tuple[tuple[str, ...], str]:
-    """Place of a group: the beginning of its line, and its column."""
+    """Place of a group: the beginning of its line, and its column; a dash for a factor that it was flown without."""
     found = {"planner": group.planner, **dict(group.cell)}
-    return tuple(found[name] for name in down), found[columns]
+    return tuple(found.get(name, "-") for name in down), found.get(columns, "-")
 
 
 def _entry(group: Group | None, base: Group | None, metric: Metric) -> str:

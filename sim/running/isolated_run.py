@@ -42,14 +42,13 @@ def fly_apart(
 
     with new_folder(Path(results.place)) as folder:
         arguments = (trial, folder.absolute(), results)
+        expected: dict[str, Any] = {"listening": ScanProgress, "passing": (InputError,)}
         try:
             # The first moment is told after `stop_request`; before it, SIGINT is ignored there.
-            listening, passing = ScanProgress, (InputError,)
-            found = run_isolated(_fly, *arguments, hear=hear, listening=listening, timeout=timeout, passing=passing)
+            summary: dict[str, Any] = run_isolated(_fly, *arguments, hear=hear, timeout=timeout, **expected)
         except IsolationError as error:
             when = f"at {last.time:.1f} s" if last else "before take-off"
             raise IsolationError(f"the mission ended {when}: {error}; nothing is kept") from error
-    summary: dict[str, Any] = found
     return summary
 
 

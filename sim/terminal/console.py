@@ -34,7 +34,7 @@ def remark(*messages: str) -> None:
 
 def say(message: str) -> None:
     """Tell the user what takes so long."""
-    console.print(message, soft_wrap=True)
+    console.print(escape(message), soft_wrap=True)
 
 
 def show_run(summary: Mapping[str, Any], folder: Path) -> None:
@@ -67,4 +67,4 @@ def show_files(folder: Path) -> None:
     """Print the files of a folder that was made; of many, the first and the last."""
     names = sorted(path.name for path in folder.iterdir())
     listed = ", ".join(names) if len(names) < 8 else f"{names[0]} to {names[-1]}, {len(names)} files"
-    console.print(f"Files in [bold]{escape(str(folder))}[/bold]:\n  {listed}", soft_wrap=True)
+    console.print(f"Files in [bold]{escape(str(folder))}[/bold]:\n  {escape(listed)}", soft_wrap=True)

@@ -76,9 +76,8 @@ def pace(flown: int, left: int, failures: int, seconds: float) -> str:
         parts.append(f"{60 * flown / seconds:.1f} a minute")
         if left:
             minutes, rest = divmod(round(left * seconds / flown), 60)
-            parts.append(
-                f"{minutes // 60}:{minutes % 60:02}:{rest:02} left" if minutes >= 60 else f"{minutes}:{rest:02} left"
-            )
+            hours, minutes = divmod(minutes, 60)
+            parts.append(f"{hours}:{minutes:02}:{rest:02} left" if hours else f"{minutes}:{rest:02} left")
     if failures:
         parts.append(f"{failures} failed")
     return "".join(f", {part}" for part in parts)

@@ -48,6 +48,11 @@ class Sheet:
     columns: int
 
     @property
+    def groups(self) -> list[Group]:
+        """The group of each curve."""
+        return [curve.group for panel in self.panels for curve in panel.curves]
+
+    @property
     def legend(self) -> dict[str, Style]:
         """Every label with its style."""
         return {curve.label: curve.style for panel in self.panels for curve in panel.curves}
@@ -96,14 +101,14 @@ def _of_one_planner(groups: Sequence[Group]) -> Sheet:
     factors = varying(groups)
     outer = list(factors)[:1] if len(factors) > 1 else []
     inner = list(factors)[len(outer) :]
-    values = list(factors[inner[-1]]) if inner else []
+    last = list(dict.fromkeys(_some(group.cell, inner[-1:]) for group in groups))
     between = list(dict.fromkeys(_some(group.cell, inner[:-1]) for group in groups))
     panels: dict[Cell, list[Curve]] = {}
     for group in groups:
-        place = values.index(dict(group.cell)[inner[-1]]) if inner else 0
+        colour = COLOURS[last.index(_some(group.cell, inner[-1:])) % len(COLOURS)]
         dash = DASHES[between.index(_some(group.cell, inner[:-1])) % len(DASHES)]
         label = cell_text(_some(group.cell, inner)) or group.planner
-        curve = Curve(label, Style(COLOURS[place % len(COLOURS)], dash), group)
+        curve = Curve(label, Style(colour, dash), group)
         panels.setdefault(_some(group.cell, outer), []).append(curve)
     found = tuple(Panel(cell_text(cell), tuple(curves)) for cell, curves in panels.items())
     return Sheet("", found, min(COLUMNS, len(found)))

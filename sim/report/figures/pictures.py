@@ -9,8 +9,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from sim.analysis.answers import map_points
-from sim.analysis.cell_text import cell_text
+from sim.analysis.answers import map_means, map_points
+from sim.analysis.cell_text import with_cell
 from sim.analysis.cells import Group
 from sim.analysis.distributions import bands, share_under
 from sim.analysis.metric_choice import RUNTIME, metric_shown
@@ -50,7 +50,7 @@ def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
     flown = [group for group in groups if np.any(group.values(timed.name) > 0)]
     if not flown:
         return []
-    lines = [f"{_named(g)} {timed.text(float(np.nanmean(g.values(timed.name))))} {timed.unit}" for g in flown]
+    lines = [f"{g.title} {timed.text(map_means(g, timed).value)} {timed.unit}" for g in flown]
     caption = (
         "Means over the maps with 95 % intervals, on a logarithmic axis; how often these hold was not counted. Times "
         "depend on the machine and its load."
@@ -60,14 +60,14 @@ def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:
 
 def score_picture(found: Sequence[NormalisedScore], ends: tuple[str, str]) -> Picture:
     """Normalised scores of planners, cell by cell."""
-    lines = [f"{cell_text(s.cell)}, {s.planner} {SCORE.text(s.estimate.value)} %" for s in found]
+    lines = [f"{with_cell(s.planner, s.cell)} {SCORE.text(s.estimate.value)} %" for s in found]
     caption = f"0 is {ends[0]}, 100 is {ends[1]}. Lines are 95 % intervals over the maps."
     return _picture("score", "Normalised score", caption, "; ".join(lines), score_figure(found))
 
 
 def _ecdf(sheet: Sheet) -> Picture:
-    shares = [(_named(c.group), share_under(c.group.ospa, 1.0)) for panel in sheet.panels for c in panel.curves]
-    texts = [f"{name} {UNKNOWN if np.isnan(share) else f'{share:.1%}'}" for name, share in shares]
+    shares = [(group.title, share_under(group.ospa, 1.0)) for group in sheet.groups]
+    texts = [f"{title} {UNKNOWN if np.isnan(share) else f'{share:.1%}'}" for title, share in shares]
     alt = "Share of scans with an OSPA under 1 m: " + "; ".join(texts)
     caption = (
         "Share of scans whose OSPA, the mean of the UAVs, is no more than x; all scans of all trials together. Further "
@@ -78,10 +78,10 @@ def _ecdf(sheet: Sheet) -> Picture:
 
 def _over_time(sheet: Sheet) -> Picture:
     ends = []
-    for curve in (curve for panel in sheet.panels for curve in panel.curves):
-        medians = bands(curve.group.curves[1])[1]
+    for group in sheet.groups:
+        medians = bands(group.curves[1])[1]
         last = medians[~np.isnan(medians)][-1:]
-        ends.append(f"{_named(curve.group)} {last[0]:.2f} m" if len(last) else f"{_named(curve.group)} {UNKNOWN}")
+        ends.append(f"{group.title} {last[0]:.2f} m" if len(last) else f"{group.title} {UNKNOWN}")
     caption = (
         "Median over the trials at each scan; shaded, with up to four curves in a panel: lower to upper quartile of "
         "them. The axis is linear below 1 m (dashed) and logarithmic above."
@@ -113,10 +113,6 @@ def content(figure: Figure, kind: str) -> bytes:
     with matplotlib.rc_context(LOOK):
         figure.savefig(drawn, format=kind, dpi=130, metadata={"Date": None} if kind == "svg" else {"Software": None})
     return drawn.getvalue()
-
-
-def _named(group: Group) -> str:
-    return ", ".join([group.planner, *(f"{name} {value}" for name, value in group.cell)])
 
 
 def _plain(text: str) -> str:

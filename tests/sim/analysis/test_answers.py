@@ -8,9 +8,10 @@ from helpers.trials import failed, row, study
 from sim.analysis.answers import answers, holm
 from sim.analysis.cells import constant, grouped, trimmed, varying
 from sim.analysis.distributions import spreads
-from sim.analysis.intervals import chances, maps_needed, means, medians
+from sim.analysis.intervals import maps_needed, means, medians, p_values
 from sim.analysis.metric_choice import available, chosen, from_outside, metric_shown
 from sim.analysis.planner_labels import baseline_of
+from sim.evaluation.metric import Metric
 from tracking.plugins.registry import InputError
 
 MEAN, SHARE, NEES = metric_shown("ospa.mean_m"), metric_shown("ospa.share_under_1m"), metric_shown("nees.position")
@@ -81,7 +82,7 @@ def test_a_map_counts_once_with_the_mean_of_its_repeats():
     assert (base.maps, base.flown, base.trials) == (3, 3, 6)
     gaps = np.array([[1.0], [0.0], [0.5]])
     gap = one.difference
-    assert gap.mean == means(gaps)[0] and gap.chance == chances(gaps)[0] and [gap.needed] == maps_needed(gaps)
+    assert gap.mean == means(gaps)[0] and gap.p_value == p_values(gaps)[0] and [gap.needed] == maps_needed(gaps)
     assert (gap.pairs, gap.unpaired, gap.won, gap.tied, gap.lost) == (3, 0, 0, 1, 2)
     repeats = np.repeat([0, 1, 2], 2)
     assert [gap.spread] == spreads(np.array([2.0, 0, 0, 0, 1, 0])[:, None], repeats)
@@ -105,8 +106,17 @@ def test_intervals_end_where_values_do():
     share = answer(rows, "sma-nbo", SHARE, "sma-nbo").mean
     free = means(np.array([[1.0, 1, 1, 1, 0.2]]).T)[0]
     assert (share.low, share.high) == (0.0, 1.0) and free.low < 0 and free.high > 1
+    rows += flown("greedy", {s: v for s, v in enumerate((0.0, 0.0, 0.0, 0.0, 0.2))}, "ospa.share_under_1m")
+    gap = answer(rows, "sma-nbo", SHARE).difference.mean
+    assert gap.low == -1.0 and means(np.array([[-1.0, -1, -1, -1, 0]]).T)[0].low < -1
     error = answer(flown("sma-nbo", {0: 0.0, 1: 0.1, 2: 9.0}), "sma-nbo", planner="sma-nbo").mean
     assert error.low == 0.0 and error.high > 9.0
+
+
+def test_metrics_from_outside_may_be_negative():
+    lag = Metric("lag", name="mine:LAG")
+    rows = flown("sma-nbo", {0: -3.0, 1: -4.0, 2: -5.0}, lag.name)
+    assert answer(rows, "sma-nbo", lag, "sma-nbo").mean == means(np.array([[-3.0], [-4.0], [-5.0]]))[0]
 
 
 def test_all_differences_are_judged_together():
@@ -114,11 +124,19 @@ def test_all_differences_are_judged_together():
     rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s, "recall": 0.4 + 0.001 * s}) for s in range(8)]
     every = answers(grouped(rows, "base"), [MEAN, metric_shown("recall")], "base")
     found = [a.difference for a in every if a.difference]
-    assert [gap.survives for gap in found] == holm([gap.chance for gap in found]) == [True, True]
+    assert [gap.survives for gap in found] == holm([gap.p_value for gap in found]) == [True, True]
     worse = [r for r in rows if r.planner == "worse"]
     many = [*rows, *(msgspec.structs.replace(r, planner=f"w{k}") for k in range(6) for r in worse)]
     crowd = [a.difference for a in answers(grouped(many, "base"), [MEAN], "base") if a.difference]
-    assert {gap.chance for gap in crowd} == {2 / 2**8} and not any(gap.survives for gap in crowd)  # 7 x 2 / 2⁸ > 5 %
+    assert {gap.p_value for gap in crowd} == {2 / 2**8} and not any(gap.survives for gap in crowd)  # 7 x 2 / 2⁸ > 5 %
+
+
+def test_differences_without_a_pair_are_no_tests_and_take_no_stars():
+    rows = [row("base", s, metrics={"ospa.mean_m": 1.0}) for s in range(6)]
+    rows += [row("worse", s, metrics={"ospa.mean_m": 2.0 + 0.01 * s}) for s in range(6)]
+    asked = [MEAN, metric_shown("recall"), metric_shown("precision")]  # which no trial has
+    found = answers(grouped(rows, "base"), asked, "base")
+    assert [a.difference.survives for a in found if a.difference] == [True, False, False]
 
 
 def test_over_all_cells_each_seed_counts_once_whole_and_with_its_baseline():
@@ -177,7 +195,7 @@ def test_wrong_names_and_trials_that_are_there_twice_are_refused():
         from_outside(["recall", "ospa.maen_m"])
     with pytest.raises(InputError, match="no trials"):
         baseline_of([], None)
-    with pytest.raises(ValueError, match=r"greedy, seed 3 is there twice in λ = 15"):
+    with pytest.raises(InputError, match=r"greedy, seed 3 is there twice in λ = 15; flights with other settings need"):
         grouped([row("greedy", 3, (("lambda", "15"),))] * 2)
 
 

@@ -18,7 +18,7 @@ from sim.analysis.metric_choice import metric_shown
 
 DATA = Path(__file__).parents[2] / "data" / "trials.csv"
 DOC = Path(__file__).parents[3] / "docs" / "how-to" / "reports.md"
-NUMBERS = (3, 5, 8, 10, 20, 50)
+NUMBERS = (2, 3, 5, 8, 10, 20, 50)
 SAMPLES = 4000
 MEAN, MEDIAN = ERRORS["ospa.mean_m"], ERRORS["ospa.median_m"]
 
@@ -110,7 +110,7 @@ def test_what_tables_say_follows_metric_and_number_of_maps():
     told = caveats([(error, 12), (metric_shown("ospa.median_m"), 12)])
     usual, least = MEAN[10]
     assert told == [f"Intervals of mean errors over 12 maps hold in {usual} % of cases, at worst in {least} %."]
-    usual, least = MEAN[3]
+    usual, least = MEAN[2]
     assert caveats([(error, 2)])[0].endswith(f"over 2 maps hold in {usual} % of cases, at worst in {least} %.")
     assert caveats([(error, 1000)])[0].endswith(f"at worst in {MEAN[50][1]} %.")
     assert f"From {ENOUGH} maps on" in COVERED[0]

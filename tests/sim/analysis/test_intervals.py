@@ -9,7 +9,7 @@ from scipy import stats
 from sim.analysis import intervals
 from sim.analysis.answers import holm
 from sim.analysis.distributions import NO_SPREAD, bands, ecdf, share_under, spreads
-from sim.analysis.intervals import chances, maps_needed, means, medians
+from sim.analysis.intervals import maps_needed, means, medians, p_values
 
 
 def skewed(n, columns=1, seed=0):
@@ -66,11 +66,11 @@ def test_intervals_of_means_and_medians_cover_as_often_as_they_say():
 def test_the_p_value_is_that_of_the_interval_that_ends_at_zero(n, monkeypatch):
     for seed, shift in ((1, 0.8), (2, -1.5), (3, 3.0)):
         values = skewed(n, seed=seed) - shift
-        (chance,) = chances(values)
-        if chance in (1.0, 2.0 ** (1 - n)):
+        (p_value,) = p_values(values)
+        if p_value in (1.0, 2.0 ** (1 - n)):
             continue
         with monkeypatch.context() as patch:
-            patch.setattr(intervals, "LEVEL", 1 - chance)
+            patch.setattr(intervals, "LEVEL", 1 - p_value)
             estimate = means(values)[0]
         assert (estimate.low if estimate.value > 0 else estimate.high) == pytest.approx(0, abs=1e-9)
 
@@ -79,15 +79,15 @@ def test_the_p_value_is_that_of_the_interval_that_ends_at_zero(n, monkeypatch):
 def test_p_values_below_5_percent_are_intervals_without_zero(n):
     values = np.random.default_rng(n).gamma(1.0, 1.0, (n, 500)) - np.linspace(0.0, 2.0, 500)
     apart = [not e.low <= 0 <= e.high for e in means(values)]
-    assert [chance <= 0.05 for chance in chances(values)] == apart and 50 < sum(apart) < 450
+    assert [p_value <= 0.05 for p_value in p_values(values)] == apart and 50 < sum(apart) < 450
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 6])
 def test_no_p_value_is_below_what_so_many_maps_can_give(n):
     equal, nearly = np.full((n, 1), 3.0), np.full((n, 1), 3.0) + 1e-6 * np.arange(n)[:, None]
-    assert chances(equal) == [2.0 ** (1 - n)] and chances(nearly) == [2.0 ** (1 - n)]
-    assert chances(np.zeros((n, 1))) == [1.0] and (chances(equal)[0] <= 0.05) == (n >= 6)
-    assert chances(np.full((3, 1), np.nan)) == chances(np.zeros((0, 1))) == [1.0]
+    assert p_values(equal) == [2.0 ** (1 - n)] and p_values(nearly) == [2.0 ** (1 - n)]
+    assert p_values(np.zeros((n, 1))) == [1.0] and (p_values(equal)[0] <= 0.05) == (n >= 6)
+    assert p_values(np.full((3, 1), np.nan)) == p_values(np.zeros((0, 1))) == [1.0]
 
 
 def test_holms_correction_is_that_of_its_definition_and_errs_in_5_percent():
@@ -141,7 +141,7 @@ def test_maps_needed_find_the_difference_in_four_of_five_and_have_ends():
     values = rng.normal(0, 1, (20, 1))
     values = (values - values.mean()) / values.std(ddof=1) + 0.5
     (needed,) = maps_needed(values)
-    told = np.array(chances(rng.normal(0.5, 1.0, (int(needed), 4000)))) <= 0.05
+    told = np.array(p_values(rng.normal(0.5, 1.0, (int(needed), 4000)))) <= 0.05
     assert told.mean() == pytest.approx(0.8, abs=0.03)
     assert maps_needed(np.full((4, 1), 2.0)) == [6.0] and maps_needed(np.array([[1.0], [-1.0]])) == [np.inf]
     assert maps_needed(1e-6 + np.array([[1.0], [-1.0]])) == [np.inf]

@@ -7,7 +7,7 @@ from helpers.trials import failed, row
 from sim.analysis.cells import grouped
 from sim.analysis.intervals import means
 from sim.analysis.metric_choice import metric_shown
-from sim.analysis.planner_labels import planner_labels
+from sim.analysis.planner_labels import baseline_of, labels_of, planner_labels
 from sim.analysis.score import ends_of, scores
 from sim.study.study import ScoreScale
 from tracking.plugins.registry import InputError
@@ -70,6 +70,20 @@ def test_intervals_hold_the_score_of_many_maps():
         (score,) = scored(cell(own.tolist(), floor.tolist(), bound.tolist()))
         held.append(score.estimate.low <= 0.6 <= score.estimate.high)
     assert 0.91 < np.mean(held) < 0.99
+
+
+def test_ends_are_found_where_options_follow_the_cell_and_by_their_own_labels():
+    rows = []
+    for h in "13":
+        factors, planner = (("H", h),), f"sma-nbo(horizon={h})"
+        rows += flown("hover", (8.0,), factors) + flown(planner, (2.0,), (*factors, VIEW))
+    ends = "hover", "sma-nbo(view=unlimited), upper bound"
+    assert ends_of(rows, SCORED) == ends and baseline_of(rows, ends[1]) == ends[1]
+    given = labels_of(rows, ["best=sma-nbo(view=unlimited)"])
+    assert set(planner_labels(rows, given).values()) == {"hover", "best, upper bound"}
+    for named in ("best", "sma-nbo(horizon=3, view=unlimited)"):
+        assert baseline_of(rows, named, given) == "best, upper bound"
+    assert ends_of(rows, SCORED, given) == ("hover", "best, upper bound")
 
 
 def test_the_bound_is_shown_as_one_and_is_no_cell_of_its_own():

@@ -1,5 +1,6 @@
 """`understory compare`: what it says, what it leaves, and how it ends."""
 
+import pytest
 from helpers.studies import Serial, sql
 
 from sim.recording.archive import load
@@ -162,3 +163,16 @@ def test_a_study_with_a_score_flies_its_ends_and_shows_scores(compare, tmp_path)
     assert (code, err) == (0, "") and "12/12 trials" in out and "view=unlimited" in out
     for file in ("report.html", "table.md"):
         assert "upper bound" in (tmp_path / "runs" / "mine" / file).read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("study", "words"),
+    [
+        (SCORED.replace("ospa.mean_m", "opsa.mean_m"), "score.metric: 'opsa.mean_m' is unknown; allowed are"),
+        (SCORED + 'exclude = [{ planner = "hover" }]', "score.floor: 'hover' is none of the study's planners; allowed"),
+    ],
+    ids=["metric", "floor"],
+)
+def test_a_score_that_the_trials_will_not_have_is_refused_before_they_fly(refused, tmp_path, study, words):
+    (tmp_path / "mine.toml").write_text(study)
+    assert words in refused("compare", "mine.toml", *FLAGS[:2])

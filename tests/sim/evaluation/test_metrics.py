@@ -53,6 +53,15 @@ HELD = [
 ]
 
 
+def test_a_fleet_that_never_works_has_no_bytes_rather_than_an_error():
+    zeros = np.zeros((4, 2), dtype=np.int64)
+    found = recorded(walk(), HELD, broken=[(0, 0), (0, 1)])
+    found = dataclasses.replace(found, bytes_sent=zeros, plan_bytes=zeros, plan_times=found.times[:1])
+    result = summary(dataclasses.replace(found, plans=np.zeros((1, 2, 1, 2)), plan_rounds=np.ones(4, dtype=np.int64)))
+    assert result["network"]["bytes_per_scan_max"] is None and result["network"]["plans"]["bytes_total"] is None
+    assert result["ospa"]["mean_m"] is None and shown(result)
+
+
 def test_velocities_are_central_differences_and_tracks_sorted_by_uav_and_scan():
     people = np.array([[0, 1, 4, 9, np.nan, 2], [np.nan, 5, np.nan, 1, 2, 4]], float).T[..., None] * [1.0, -2.0]
     found = velocities(SimpleNamespace(people=people, times=np.arange(6) / 5))

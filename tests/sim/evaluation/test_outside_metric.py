@@ -1,5 +1,6 @@
 """A metric from outside the package: one file, and every place that shows metrics has it."""
 
+import io
 import json
 import math
 import sys
@@ -11,8 +12,12 @@ from helpers.commands import fly_here
 from helpers.pages import DOCS, blocks
 from helpers.studies import Serial
 from helpers.summaries import hand_made, shown, summary
+from helpers.trials import row
+from rich.console import Console
 
 from sim.evaluation.metric import metric
+from sim.report.report import About
+from sim.report.terminal import show
 from sim.study.store import read_rows
 
 FILE = """
@@ -29,6 +34,8 @@ FARTHEST = Metric("farthest from the middle", farthest, "km", better="higher", s
 BROKEN = Metric("broken", lambda outcome: 1 / 0)
 NONE = Metric("of nothing", lambda outcome: None)
 NUMBER = 3
+ODD = Metric("how [/b]", lambda outcome: np.float64("nan"), "[/i]")
+ENDLESS = Metric("endless [/b]", lambda outcome: np.inf)
 """
 
 
@@ -81,6 +88,18 @@ def test_a_metric_that_raises_is_undefined_and_a_fault():
     assert found["metrics"]["mine:BROKEN"]["value"] is None
     (fault,) = found["faults"]
     assert fault["message"].startswith("metric mine:BROKEN: ZeroDivisionError") and math.isfinite(fault["time"])
+
+
+def test_values_that_are_not_finite_are_null_and_labels_are_no_markup():
+    found = summary(hand_made(), asked=["mine:ODD", "mine:ENDLESS"])
+    assert [told["value"] for told in found["metrics"].values()] == [None, None]
+    json.dumps(found, allow_nan=False)
+    text = shown({**found, "planner": "mine:Mine(style='[/red]')"})
+    assert "how [/b]" in text and "mine:Mine(style='[/red]')" in text
+    rows = [row("a", seed, metrics={"mine:ODD": seed / 7}) for seed in range(3)]
+    out = io.StringIO()
+    show(rows, About("tried", metrics=("mine:ODD",)), on=Console(file=out, width=100))
+    assert "not counted for: how [/b]." in out.getvalue()
 
 
 @pytest.mark.parametrize(

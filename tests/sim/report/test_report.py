@@ -1,5 +1,7 @@
 """The report needs nothing but itself, hides nothing, and its commands fly what it shows."""
 
+import csv
+import io
 import os
 import re
 import shlex
@@ -15,7 +17,7 @@ from typer.main import get_command
 from planning.loading import load_planner
 from sim.__main__ import app
 from sim.analysis.differences import Difference
-from sim.analysis.intervals import Estimate, chances, maps_needed, means
+from sim.analysis.intervals import Estimate, maps_needed, means, p_values
 from sim.analysis.metric_choice import metric_shown
 from sim.report.page_tables import verdict
 from sim.report.report import About, duration, made, ranges, write
@@ -110,6 +112,26 @@ def test_the_same_rows_in_any_order_give_the_same_files_wrong_names_none(files, 
     assert os.listdir(tmp_path) == []
 
 
+def test_a_metric_that_is_a_run_time_is_in_the_csv_once(without_pictures):
+    about = About("x", metrics=("planning_s_per_decision", "ospa.mean_m"))
+    lines = list(csv.DictReader(io.StringIO(made(study(), about)["table.csv"].decode())))
+    places = [(line["lambda"], line["planner"], line["metric"]) for line in lines]
+    assert len(places) == len(set(places)) == 3 * (2 * 3 + 2)
+
+
+def test_verdicts_and_figures_name_the_cell_of_what_has_no_mean_over_cells(without_pictures):
+    given = [row("a", s, (("lambda", level),), {"ospa.mean_m": 1.0}) for level in ("15", "75") for s in range(7)]
+    given += [row("b", s, (("lambda", "75"),), {"ospa.mean_m": 2.0 + s / 100}) for s in range(7)]
+    text = made(given, About("x"))["report.html"].decode()
+    assert "<li>b (λ = 75) is worse than a: " in text and "Median OSPA at the last scan: a (λ = 15) 1.00 m; " in text
+
+
+def test_where_neither_way_is_better_no_map_is_called_best(without_pictures):
+    given = [row("a", seed, metrics={"nees.position": 1.0 + seed}) for seed in range(3)]
+    text = made(given, About("x", metrics=("nees.position",)))["report.html"].decode()
+    assert "Least and greatest maps</h2>" in text and "a, seed 0: least, 1.00" in text and "best" not in text.lower()
+
+
 def test_files_are_whole_or_not_there(tmp_path, monkeypatch, files):
     def written():
         return {path.relative_to(tmp_path).as_posix(): path.read_bytes() for path in tmp_path.rglob("*.*")}
@@ -156,10 +178,12 @@ def test_studies_with_nothing_to_compare_have_a_report(given, without_pictures):
 
 
 def gap_of(values, shown=1):
-    (mean,), (chance,) = means(values), chances(values)
+    (mean,), (p_value,) = means(values), p_values(values)
     signs = np.sign(values)
     counts = [int(np.sum(signs == sign)) for sign in (1, 0, -1)]
-    return Difference(mean, len(values), 0, *counts, chance=chance, needed=maps_needed(values)[0], survives=shown == 1)
+    return Difference(
+        mean, len(values), 0, *counts, p_value=p_value, needed=maps_needed(values)[0], survives=shown == 1
+    )
 
 
 def test_verdicts_follow_the_interval():

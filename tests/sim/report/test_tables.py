@@ -146,11 +146,12 @@ def test_stars_mark_what_survives_holms_correction_and_not_what_holds_alone():
     rows = [*repeated(3.0), *weak]
     found = answers(grouped(rows, "sma-nbo"), [MEAN], "sma-nbo")
     strong, weak = (next(a.difference for a in found if a.planner == name) for name in ("greedy", "weak"))
-    assert (strong.told, strong.survives, weak.told, weak.survives) == (True, True, False, False)
+    assert (strong.significant, strong.survives, weak.significant, weak.survives) == (True, True, False, False)
     for text in (shown(rows, 120), markdown(found, "sma-nbo").replace("\\*", "*")):
         assert re.search(r"greedy .*\* \+3\.", text) and not re.search(r"weak .*\* [+-]", text)
         assert "* survives Holm's correction for all 2 differences shown (5 %)." in text
     assert "Holm" not in shown(repeated(), 120)
+    assert "Holm" not in shown([*repeated(), row("alone", 99)], 120)  # no map in common: no second difference
     rows = [row("base", s, metrics={"ospa.mean_m": 1.0}) for s in range(10)]
     around = np.linspace(-1.0, 1.0, 10)
     for k in range(6):  # the first is a difference of 0.8 standard deviations, the others are none
@@ -158,7 +159,7 @@ def test_stars_mark_what_survives_holms_correction_and_not_what_holds_alone():
         rows += [row(f"p{k}", s, metrics={"ospa.mean_m": 1.0 + shift + v}) for s, v in enumerate(around)]
     found = answers(grouped(rows, "base"), [MEAN], "base")
     first = next(a.difference for a in found if a.planner == "p0")
-    assert first.told and not first.survives and 0.05 / 6 < first.chance < 0.05
+    assert first.significant and not first.survives and 0.05 / 6 < first.p_value < 0.05
 
 
 def test_tables_say_what_intervals_of_so_many_maps_or_pairs_cover():
@@ -183,6 +184,6 @@ def test_the_csv_holds_spreads_chances_and_maps_needed():
     base, other = csv.DictReader(io.StringIO(comma_separated(found, "sma-nbo")))
     gap = found[1].difference
     assert (other["maps"], other["flown"], other["trials"], base["holm"], other["holm"]) == ("8", "8", "24", "", "1")
-    assert (other["p"], other["maps_needed"]) == (repr(gap.chance), repr(gap.needed))
+    assert (other["p"], other["maps_needed"]) == (repr(gap.p_value), repr(gap.needed))
     assert other["difference_between_maps"] == repr(gap.spread.between)
     assert base["within_maps"] == repr(found[0].spread.within) and base["difference_within_maps"] == ""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.trials import failed, row, study
 
+from sim.analysis.cells import grouped, trimmed
 from sim.analysis.intervals import means
 from sim.report.wide_table import main, table, without_start
 
@@ -83,6 +84,23 @@ def test_what_is_not_comparable_not_flown_or_failed_is_left_out():
     rows += [row("b", 0, (("H", "3"),), {SHARE: 0.9}), failed("b", 1, (("H", "3"),))]
     _head, lines = parsed(table(rows, "planner"))
     assert lines["1"][1] == "-" and lines["3"][1] == "90.0: +40.0"
+
+
+def test_trials_flown_without_a_factor_stand_beside_the_others():
+    rows = [row("a", s, (("H", h),), {SHARE: 0.5}) for h in ("1", "3") for s in range(3)]
+    rows += [row("a", s, (), {SHARE: 0.25}) for s in range(3)]
+    _, lines = parsed(table(rows, "planner"))
+    assert list(lines) == [("-",), ("1",), ("3",)] and lines["-",] == ["25.0 [25.0, 25.0]"]
+    head, _ = parsed(table(rows, "H"))
+    assert head == ["H = 1", "H = 3", "H = -"]
+    few = [r for r in rows if r.factors != (("H", "3"),)]  # one value, and none: no value of all
+    assert {group.cell for group in trimmed(grouped(few))} == {(), (("H", "1"),)}
+
+
+def test_names_are_escaped_as_in_other_tables():
+    assert table([row("lab:Mine(style='a|b')", 0, (), {SHARE: 0.5})], "planner").startswith(
+        r"| lab:Mine(style='a\|b') |"
+    )
 
 
 def test_the_start_of_a_mission_can_be_left_out():

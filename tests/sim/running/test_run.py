@@ -131,6 +131,19 @@ def test_a_folder_appears_whole(tmp_path):
     assert names(tmp_path / "a") == ["b"] and names(tmp_path / "a" / "b") == ["file"]
 
 
+def test_links_to_folders_are_followed_and_roots_of_file_systems_refused(tmp_path, monkeypatch):
+    (tmp_path / "empty").mkdir()
+    for link, place in (("link", "empty"), ("dangling", "new")):
+        (tmp_path / link).symlink_to(tmp_path / place)
+        with new_folder(tmp_path / link) as part:
+            (part / "file").touch()
+        assert names(tmp_path / place) == ["file"] and (tmp_path / link).is_symlink()
+    (tmp_path / "disk").mkdir()
+    monkeypatch.setattr("pathlib.Path.is_mount", lambda path: True)
+    with pytest.raises(InputError, match="disk is where a file system is mounted"), new_folder(tmp_path / "disk"):
+        pass
+
+
 def test_folders_that_were_there_survive_a_failure_and_runs_are_refused(tmp_path):
     out = tmp_path / "out"
     out.mkdir()
