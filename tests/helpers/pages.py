@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from helpers.commands import called, fly_here
+from sim.cli import study_flight
 from sim.study import backends
 from sim.study.backends import Borrowed
 from sim.terminal import console
@@ -48,7 +49,8 @@ class Shell:
         self.folder, self._monkeypatch, self._capsys = folder, monkeypatch, capsys
         monkeypatch.chdir(folder)
         monkeypatch.setattr(sys, "path", [str(folder), *sys.path])
-        monkeypatch.setattr(backends, "Pool", Here)
+        for module in backends, study_flight:  # each has the name of its own
+            monkeypatch.setattr(module, "Pool", Here)
         fly_here(monkeypatch)
         monkeypatch.setattr(console.console, "width", 200)
 

@@ -134,17 +134,20 @@ def test_a_mission_of_an_oracle_can_be_kept():
     assert hash_of(branch, [*begun, *branch.fly()]) == hash_of(mission, [*begun, *mission.fly()])
 
 
-@pytest.mark.parametrize("copied", [copy.deepcopy, lambda mission: pickle.loads(pickle.dumps(mission))])
 @pytest.mark.parametrize("overrides", BRANCHED.values(), ids=BRANCHED)
-def test_branches_of_a_mission_go_on_as_it_does_and_apart_from_it(overrides, copied):
+def test_branches_of_a_mission_go_on_as_it_does_and_apart_from_it(overrides):
     whole = hash_of(*fly(*overrides, planner=Meeting(), duration=3))
     mission = Mission(load("forest", ["duration=3", *overrides]), Meeting())
     begun = [mission.step() for _ in range(9)]
     assert bool(begun[-1].contacts) == (MEETING in overrides)
-    branch, aside = copied(mission), copied(mission)
-    away = np.full((len(aside.scenario.uavs), 2), -3.0)
-    others = [aside.step(away if aside.team else None) for _ in range(7)]
-    assert hash_of(mission, [*begun, *mission.fly()]) == whole
-    assert hash_of(branch, [*begun, *branch.fly()]) == whole
-    assert not np.array_equal(others[-1].poses[0].position, begun[-1].poses[0].position)
-    aside.close()
+    branches, others = [], []
+    for copied in (copy.deepcopy, lambda mission: pickle.loads(pickle.dumps(mission))):
+        branch, aside = copied(mission), copied(mission)
+        branches.append(branch)
+        away = np.full((len(aside.scenario.uavs), 2), -3.0)
+        others.append([aside.step(away if aside.team else None) for _ in range(7)])
+        aside.close()
+    for flying in (mission, *branches):
+        assert hash_of(flying, [*begun, *flying.fly()]) == whole
+    for other in others:
+        assert not np.array_equal(other[-1].poses[0].position, begun[-1].poses[0].position)
