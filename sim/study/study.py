@@ -7,6 +7,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
+from sim.scenario.loading import STUDY_TABLES
 from sim.scenario.quantities import REPEATS
 from sim.scenario.text_files import located, toml_file
 from sim.study.settings_text import flat, toml
@@ -43,7 +44,7 @@ def read(name: str) -> Study:
     """The packaged study or TOML file `name`; InputError says what is wrong."""
     path = located(name, STUDIES, "study")
     data = toml_file(path, "study")
-    check_keys(data, ("study", "set", "factors", "exclude", "score"), f"{name}: ")
+    check_keys(data, STUDY_TABLES, f"{name}: ")
     for key in ("study", "set"):
         if not isinstance(data.get(key, {}), Mapping):
             raise InputError(f"{name}: {key}: {data[key]!r} is not allowed; expected a table [{key}]")
