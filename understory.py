@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from sim.replay.flight import Flight, load
     from sim.running.run import record
     from sim.scenario.scenario import Scenario
-    from sim.study.study import Study
     from tracking.detection.detector import Detections, Detector, Frame
     from tracking.filter.kalman import Gaussian
     from tracking.fusion.exchange import TrackExchange
@@ -136,23 +135,24 @@ def run(
     Raises:
         InputError: Where scenario, settings, planner or folder cannot be used.
     """
+    from planning.loading import planner_of
     from sim.mission.trial import Trial
     from sim.replay.flight import Flight, load
     from sim.running.flight import fly as flown
     from sim.study.settings_text import chosen
     from tracking.plugins.registry import InputError
 
-    setting = chosen(scenario, settings)
+    setting, numbers = chosen(scenario, settings), _numbers(seed, repeat)
     if out is not None:
         from sim.running.run import run as fly
 
         if not isinstance(planner, str):
             raise InputError(f"out: not allowed with a planner that is an object, {planner!r}; name it as module:Class")
-        fly(Trial(setting, planner, seed, repeat), Path(out))
+        fly(Trial(setting, planner, *numbers), Path(out))
         return load(out)
-    name, made = (planner, None) if isinstance(planner, str) else (type(planner).__qualname__, planner)
-    trial = Trial(setting, name, seed, repeat)
-    return Flight(flown(trial, lambda mission: nullcontext(lambda snapshot: True), planner=made).recording)
+    trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers)
+    watching = nullcontext(lambda snapshot: True)
+    return Flight(flown(trial, lambda mission: watching, planner=planner_of(planner)).recording)
 
 
 def mission(
@@ -175,23 +175,24 @@ def mission(
     Raises:
         InputError: Where scenario, settings or planner cannot be used.
     """
-    from numbers import Integral
-
-    from planning.loading import load_planner
+    from planning.loading import planner_of
     from sim.mission.mission import Mission
     from sim.study.settings_text import chosen
-    from tracking.plugins.registry import InputError
 
-    made = load_planner(planner) if isinstance(planner, str) else planner
-    if made is not None and not callable(getattr(made, "plan", None)):
-        raise InputError(f"planner: {made!r} is not allowed; expected a name or an object with the method plan")
-    if not (isinstance(seed, Integral) and seed >= 0):
-        raise InputError(f"seed: {seed!r} is not allowed; expected an integer of at least 0")
-    return Mission(chosen(scenario, settings), made, seed, repeat)
+    made = None if planner is None else planner_of(planner)
+    return Mission(chosen(scenario, settings), made, *_numbers(seed, repeat))
+
+
+def _numbers(seed: object, repeat: object) -> tuple[int, int]:
+    """Seed and repeat; InputError where they are not such numbers."""
+    from sim.scenario.quantities import MOST_SEED, REPEATS, integer
+
+    number = integer(str(seed), "seed", least=0, most=MOST_SEED)
+    return number, integer(str(repeat), "repeat", least=0, most=REPEATS - 1)
 
 
 def compare(
-    planners: Sequence[str],
+    planners: str | Sequence[str],
     scenarios: str | Sequence[str] = "forest",
     *,
     seeds: Iterable[int] = range(10),
@@ -205,7 +206,8 @@ def compare(
     new processes import it. Nothing is kept on disk: for studies of hours there is the command `understory compare`.
 
     Args:
-        planners: Planners as text, since other processes make them: names with or without options, or "module:Class".
+        planners: One or several planners as text, since other processes make them: names with or without options, or
+            "module:Class".
         scenarios: One or several names of packaged scenarios or .toml files.
         seeds: Maps to fly: each gives one forest and its people, the same for all planners.
         repeats: Flights on each map, with other noise each.
@@ -219,23 +221,39 @@ def compare(
     Raises:
         InputError: Where something cannot be used, or neither pandas nor polars is installed.
     """
+    from sim.scenario.quantities import REPEATS, WORKERS, integer
     from sim.study.backends import Pool
     from sim.study.engine import rows_of
+    from sim.study.settings_text import overrides
     from sim.study.store import frame_of
+    from sim.study.study import Study, adapted
     from sim.study.tasks import tasks
+    from tracking.plugins.registry import InputError
 
     frame_of([])  # complains of a missing library now rather than after the flights
-    study = _study(scenarios, settings, planners=planners, seeds=",".join(map(str, seeds)), repeats=repeats)
-    with Pool(workers or os.cpu_count() or 1) as pool:
+    if isinstance(seeds, str) or not isinstance(seeds, Iterable):
+        raise InputError(f"seeds: {seeds!r} is not allowed; expected several integers, such as range(10)")
+    study = adapted(
+        Study("compare", _several("planners", planners), scenarios=_several("scenarios", scenarios)),
+        seeds=",".join(map(str, seeds)),
+        repeats=integer(str(repeats), "repeats", least=1, most=REPEATS),
+        overrides=overrides(settings),
+    )
+    processes = os.cpu_count() or 1 if workers is None else integer(str(workers), "workers", least=1, most=WORKERS)
+    with Pool(processes) as pool:
         return frame_of(rows_of(tasks(study), pool))
 
 
-def _study(scenarios: str | Sequence[str], settings: Mapping[str, Any] | None, **given: Any) -> Study:  # noqa: ANN401
-    from sim.study.settings_text import overrides
-    from sim.study.study import Study, adapted
+def _several(field: str, given: str | Path | Iterable[str | Path]) -> tuple[str, ...]:
+    """One or several names or paths as text; InputError where one is neither."""
+    from tracking.plugins.registry import InputError
 
-    begun = Study("compare", (), scenarios=(scenarios,) if isinstance(scenarios, str) else tuple(scenarios))
-    return adapted(begun, overrides=overrides(settings), **given)
+    several = given if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
+    names = tuple(str(name) if isinstance(name, Path) else name for name in several)
+    for name in names:
+        if not isinstance(name, str):
+            raise InputError(f"{field}: {name!r} is not allowed; expected text")
+    return names
 
 
 def parallel_env(
