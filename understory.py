@@ -9,8 +9,7 @@ Example:
     print(flight.columns("losses"))
     ```
 
-The functions `run`, `mission`, `compare` and `parallel_env` stand here; all other names are those of classes and
-functions of the packages, imported at their first use.
+`run`, `mission`, `compare` and `parallel_env` stand here; all others are imported from packages at their first use.
 """
 
 from __future__ import annotations
@@ -129,20 +128,20 @@ def run(
         seed: Gives the forest and the people.
         repeat: Gives, with the seed, all other chance: noise, network, wind and planner.
         settings: Keys of the scenario that differ, as {"trees.density": 75}.
-        out: New folder for the files that `understory run` leaves, film and page among them; the planner has to be
-            text then. Nothing is written without it.
+        out: New folder for what `understory run` leaves; the planner has to be text then. Else nothing is written.
 
     Raises:
         InputError: Where scenario, settings, planner or folder cannot be used.
     """
-    from planning.loading import planner_of
+    from planning.contract import planner_of
     from sim.mission.trial import Trial
     from sim.replay.flight import Flight, load
     from sim.running.flight import fly as flown
+    from sim.scenario.quantities import seed_and_repeat
     from sim.study.settings_text import chosen
     from tracking.plugins.registry import InputError
 
-    setting, numbers = chosen(scenario, settings), _numbers(seed, repeat)
+    setting, numbers = chosen(scenario, settings), seed_and_repeat(seed, repeat)
     if out is not None:
         from sim.running.run import run as fly
 
@@ -151,8 +150,7 @@ def run(
         fly(Trial(setting, planner, *numbers), Path(out))
         return load(out)
     trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers)
-    watching = nullcontext(lambda snapshot: True)
-    return Flight(flown(trial, lambda mission: watching, planner=planner_of(planner)).recording)
+    return Flight(flown(trial, lambda _: nullcontext(lambda snapshot: True), planner=planner_of(planner)).recording)
 
 
 def mission(
@@ -175,20 +173,13 @@ def mission(
     Raises:
         InputError: Where scenario, settings or planner cannot be used.
     """
-    from planning.loading import planner_of
+    from planning.contract import planner_of
     from sim.mission.mission import Mission
+    from sim.scenario.quantities import seed_and_repeat
     from sim.study.settings_text import chosen
 
     made = None if planner is None else planner_of(planner)
-    return Mission(chosen(scenario, settings), made, *_numbers(seed, repeat))
-
-
-def _numbers(seed: object, repeat: object) -> tuple[int, int]:
-    """Seed and repeat; InputError where they are not such numbers."""
-    from sim.scenario.quantities import MOST_SEED, REPEATS, integer
-
-    number = integer(str(seed), "seed", least=0, most=MOST_SEED)
-    return number, integer(str(repeat), "repeat", least=0, most=REPEATS - 1)
+    return Mission(chosen(scenario, settings), made, *seed_and_repeat(seed, repeat))
 
 
 def compare(
@@ -206,8 +197,7 @@ def compare(
     new processes import it. Nothing is kept on disk: for studies of hours there is the command `understory compare`.
 
     Args:
-        planners: One or several planners as text, since other processes make them: names with or without options, or
-            "module:Class".
+        planners: One or several names, with or without options, as other processes make them, or "module:Class".
         scenarios: One or several names of packaged scenarios or .toml files.
         seeds: Maps to fly: each gives one forest and its people, the same for all planners.
         repeats: Flights on each map, with other noise each.
@@ -233,26 +223,20 @@ def compare(
     frame_of([])  # complains of a missing library now rather than after the flights
     if isinstance(seeds, str) or not isinstance(seeds, Iterable):
         raise InputError(f"seeds: {seeds!r} is not allowed; expected several integers, such as range(10)")
-    study = adapted(
-        Study("compare", _several("planners", planners), scenarios=_several("scenarios", scenarios)),
-        seeds=",".join(map(str, seeds)),
-        repeats=integer(str(repeats), "repeats", least=1, most=REPEATS),
-        overrides=overrides(settings),
-    )
+    begun = Study("compare", _several("planners", planners), scenarios=_several("scenarios", scenarios))
+    flights = integer(str(repeats), "repeats", least=1, most=REPEATS)
+    study = adapted(begun, seeds=",".join(map(str, seeds)), repeats=flights, overrides=overrides(settings))
     processes = os.cpu_count() or 1 if workers is None else integer(str(workers), "workers", least=1, most=WORKERS)
     with Pool(processes) as pool:
         return frame_of(rows_of(tasks(study), pool))
 
 
-def _several(field: str, given: str | Path | Iterable[str | Path]) -> tuple[str, ...]:
-    """One or several names or paths as text; InputError where one is neither."""
+def _several(field: str, given: str | Iterable[str]) -> tuple[str, ...]:
     from tracking.plugins.registry import InputError
 
-    several = given if isinstance(given, Iterable) and not isinstance(given, str) else (given,)
-    names = tuple(str(name) if isinstance(name, Path) else name for name in several)
-    for name in names:
-        if not isinstance(name, str):
-            raise InputError(f"{field}: {name!r} is not allowed; expected text")
+    names = (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
+    if not all(isinstance(name, str) for name in names):
+        raise InputError(f"{field}: {given!r} is not allowed; expected text")
     return names
 
 

@@ -33,15 +33,6 @@ def planner_errors(name: str, what: str, *passing: type[BaseException]) -> Itera
         raise PlannerError(f"planner: {name!r} cannot {what}: {error.explained}") from error
 
 
-def planner_of(given: object) -> Planner:
-    """A planner given as `load_planner` takes it, or as an object; PlannerError if it is none."""
-    if isinstance(given, str):
-        return load_planner(given)
-    if isinstance(given, type):
-        raise PlannerError(f"planner: {given.__qualname__} is a class; give an object of it")
-    return checked_planner(given, type(given).__qualname__)
-
-
 def load_planner(text: str) -> Planner:
     """The planner "name" or "name(option=value, ...)"; the name may be an import string "package.module:Class".
 
@@ -68,11 +59,6 @@ def checked_planner(planner: object, name: str) -> Planner:
 def planner_target(text: str) -> str:
     """Import string of the class or function that makes a planner; PlannerError if there is no planner of that name."""
     return _spec(_parsed(text)[0]).target
-
-
-def is_built_in_planner(text: str) -> bool:
-    """True if a planner's code comes with this package; PlannerError if there is no planner of that name."""
-    return planner_target(text).partition(".")[0] == __package__
 
 
 def _spec(name: str) -> PlannerSpec:

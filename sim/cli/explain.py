@@ -10,9 +10,10 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from sim.cli.recordings import folder_of
 from sim.recording.atomic_files import check_new, unused, whole
 from sim.scenario.quantities import integer, interval
-from sim.terminal.commands import Recorded, folder_of
+from sim.terminal.commands import Recorded
 from sim.terminal.console import console
 from tracking.plugins.registry import InputError
 

@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from sim.recording.atomic_files import check_new, unused
 from sim.scenario.quantities import integer, interval
-from sim.terminal.commands import Recorded, folder_of
+from sim.terminal.commands import Recorded
 from sim.terminal.console import console, say, show_files
 from sim.terminal.progress import counted_progress
 from tracking.plugins.registry import InputError
@@ -117,6 +117,11 @@ def export(
     folder = out or unused(folder_of(recorded) / f"export-{to}")
     write(recording, to, folder)
     show_files(folder)
+
+
+def folder_of(recorded: Path) -> Path:
+    """The folder of a recording that is named by its folder or its file."""
+    return recorded if recorded.is_dir() else recorded.parent
 
 
 def _check_way(asked: dict[str, bool], given: list[str]) -> None:

@@ -73,6 +73,12 @@ def integer(text: str, field: str, *, least: int, most: int) -> int:
     return int(text)
 
 
+def seed_and_repeat(seed: object, repeat: object, dashes: str = "") -> tuple[int, int]:
+    """Seed and repeat of a mission, as integers or as text; InputError names the one that is wrong."""
+    number = integer(str(seed), f"{dashes}seed", least=0, most=MOST_SEED)
+    return number, integer(str(repeat), f"{dashes}repeat", least=0, most=REPEATS - 1)
+
+
 def integers(text: str, field: str) -> list[int]:
     """Distinct non-negative integers such as 0-9 or 0,3,7-8, in the order given; InputError names the field."""
     found: list[int] = []

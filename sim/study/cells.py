@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from sim.scenario.quantities import integers
 from sim.study.settings_text import flat, option, toml
-from sim.study.study import Study, check_keys, listed
+from sim.study.study import Study, check_keys
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
@@ -89,7 +89,7 @@ def with_trackers(study: Study, trackers: Sequence[str]) -> Study:
 
 
 def _matches(rule: Mapping[str, str | list[str]], place: Mapping[str, str]) -> bool:
-    return all(place[key] in listed(value) for key, value in rule.items())
+    return all(place[key] in ([value] if isinstance(value, str) else value) for key, value in rule.items())
 
 
 def _check_levels(study: Study) -> None:
@@ -108,7 +108,7 @@ def _check_rules(study: Study) -> None:
     for i, rule in enumerate(study.exclude):
         check_keys(rule, (*study.factors, *_OTHER), f"exclude.{i}.")
         for factor, value in rule.items():
-            for level in listed(value):
+            for level in [value] if isinstance(value, str) else value:
                 if factor in study.factors and level not in study.factors[factor]:
                     hint = did_you_mean(level, study.factors[factor])
                     raise InputError(f"exclude.{i}.{factor}: {level!r} is no level; {hint}")

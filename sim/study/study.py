@@ -64,13 +64,13 @@ def read(name: str) -> Study:
         return [str(path.parent / s) if s.endswith(".toml") else s for s in scenarios]
 
     rules = [
-        {key: anchored(listed(value)) if key == "scenario" else value for key, value in rule.items()}
+        {key: anchored(_listed(value)) if key == "scenario" else value for key, value in rule.items()}
         for rule in study.exclude
     ]
     return msgspec.structs.replace(study, scenarios=tuple(anchored(study.scenarios)), exclude=tuple(rules))
 
 
-def listed(value: str | list[str]) -> list[str]:
+def _listed(value: str | list[str]) -> list[str]:
     """The values of an entry of `exclude`, which may be one."""
     return [value] if isinstance(value, str) else value
 
@@ -80,7 +80,7 @@ def _check_excluded(study: Study, where: str) -> None:
     ends = (study.score.floor, study.score.bound) if study.score else ()
     for i, rule in enumerate(study.exclude):
         for key, known in (("planner", (*study.planners, *ends)), ("scenario", study.scenarios)):
-            for name in listed(rule.get(key, [])):
+            for name in _listed(rule.get(key, [])):
                 check_known(f"{where}: exclude.{i}.{key}", name, known)
 
 

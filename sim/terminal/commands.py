@@ -34,11 +34,6 @@ Overrides = Annotated[
 Recorded = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or its mission.npz.")]
 
 
-def folder_of(recorded: Path) -> Path:
-    """The folder of a recording that is named by its folder or its file."""
-    return recorded if recorded.is_dir() else recorded.parent
-
-
 class Command(TyperCommand):
     """A command whose help shows what a value stands for, not its type in Python."""
 

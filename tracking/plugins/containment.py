@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # lists of plug-ins need no arithmetic, whose import takes a 
 _LONGEST = 1000  # characters of a message
 _LAST = 3  # lines of a plug-in's own that are kept of a traceback
 _DEEPEST = 5  # lists in lists
-_PLAIN = ("ValueError", "TypeError", "ImportError")  # kinds of exceptions whose text says all
+_PLAIN = ("ValueError", "TypeError", "ImportError")  # kinds of exceptions that their text explains
 _OURS = tuple(f"{Path(__file__).parents[2] / name}{os.sep}" for name in ("sim", "planning", "tracking"))
 _IMPORT = ("<frozen ", "<string>", f"{Path(importlib.__file__).parent}{os.sep}")
 

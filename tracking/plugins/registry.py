@@ -79,7 +79,7 @@ class Registry:
 
 
 def lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a user's class makes
-    """What a plug-in lacks of a method that is called as "method(argument, ...)" says; empty: nothing."""
+    """Complaint of a plug-in without such a method, "method(argument, ...)", or with other arguments; empty: none."""
     called, _, arguments = method.removesuffix(")").partition("(")
     found = getattr(made, called, None)
     if not callable(found):
