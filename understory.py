@@ -193,8 +193,7 @@ def compare(
 ) -> Any:  # noqa: ANN401 - pandas' or polars' frame, of which neither is needed otherwise
     """Fly every planner in every scenario on the same maps, and return a data frame with a row for each mission.
 
-    Missions fly in processes of this machine. A script has to call this under `if __name__ == "__main__":`, since
-    new processes import it. Nothing is kept on disk: for studies of hours there is the command `understory compare`.
+    A script has to call this under `if __name__ == "__main__":`, as the processes that fly import it. Nothing is kept.
 
     Args:
         planners: One or several names, with or without options, as other processes make them, or "module:Class".
@@ -205,39 +204,24 @@ def compare(
         workers: Number of processes; one for each core if not given.
 
     Returns:
-        A pandas frame, or a polars one where there is no pandas: planner, scenario, seed, repeat, status, and a column
-        for each metric, such as `ospa.mean_m`. A mission that failed has its status, its error and no metrics.
+        A frame of pandas, else of polars: planner, scenario, seed, repeat, status, and a column for each metric,
+        such as `ospa.mean_m`. A mission that failed has its status, its error and no metrics.
 
     Raises:
         InputError: Where something cannot be used, or neither pandas nor polars is installed.
     """
-    from sim.scenario.quantities import REPEATS, WORKERS, integer
+    from sim.scenario.quantities import WORKERS, integer
     from sim.study.backends import Pool
     from sim.study.engine import rows_of
-    from sim.study.settings_text import overrides
+    from sim.study.given import study_of
     from sim.study.store import frame_of
-    from sim.study.study import Study, adapted
     from sim.study.tasks import tasks
-    from tracking.plugins.registry import InputError
 
     frame_of([])  # complains of a missing library now rather than after the flights
-    if isinstance(seeds, str) or not isinstance(seeds, Iterable):
-        raise InputError(f"seeds: {seeds!r} is not allowed; expected several integers, such as range(10)")
-    begun = Study("compare", _several("planners", planners), scenarios=_several("scenarios", scenarios))
-    flights = integer(str(repeats), "repeats", least=1, most=REPEATS)
-    study = adapted(begun, seeds=",".join(map(str, seeds)), repeats=flights, overrides=overrides(settings))
     processes = os.cpu_count() or 1 if workers is None else integer(str(workers), "workers", least=1, most=WORKERS)
+    listed = tasks(study_of(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
     with Pool(processes) as pool:
-        return frame_of(rows_of(tasks(study), pool))
-
-
-def _several(field: str, given: str | Iterable[str]) -> tuple[str, ...]:
-    from tracking.plugins.registry import InputError
-
-    names = (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
-    if not all(isinstance(name, str) for name in names):
-        raise InputError(f"{field}: {given!r} is not allowed; expected text")
-    return names
+        return frame_of(rows_of(listed, pool))
 
 
 def parallel_env(
