@@ -9,8 +9,7 @@ Example:
     print(flight.columns("losses"))
     ```
 
-The functions `run`, `mission`, `compare` and `parallel_env` stand here; all other names are those of classes and
-functions of the packages, imported at their first use.
+`run`, `mission`, `compare` and `parallel_env` stand here; all others are imported from packages at their first use.
 """
 
 from __future__ import annotations
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
     from sim.replay.flight import Flight, load
     from sim.running.run import record
     from sim.scenario.scenario import Scenario
-    from sim.study.study import Study
     from tracking.detection.detector import Detections, Detector, Frame
     from tracking.filter.kalman import Gaussian
     from tracking.fusion.exchange import TrackExchange
@@ -130,29 +128,29 @@ def run(
         seed: Gives the forest and the people.
         repeat: Gives, with the seed, all other chance: noise, network, wind and planner.
         settings: Keys of the scenario that differ, as {"trees.density": 75}.
-        out: New folder for the files that `understory run` leaves, film and page among them; the planner has to be
-            text then. Nothing is written without it.
+        out: New folder for what `understory run` leaves; the planner has to be text then. Else nothing is written.
 
     Raises:
         InputError: Where scenario, settings, planner or folder cannot be used.
     """
+    from planning.contract import planner_of
     from sim.mission.trial import Trial
     from sim.replay.flight import Flight, load
     from sim.running.flight import fly as flown
+    from sim.scenario.quantities import seed_and_repeat
     from sim.study.settings_text import chosen
     from tracking.plugins.registry import InputError
 
-    setting = chosen(scenario, settings)
+    setting, numbers = chosen(scenario, settings), seed_and_repeat(seed, repeat)
     if out is not None:
         from sim.running.run import run as fly
 
         if not isinstance(planner, str):
             raise InputError(f"out: not allowed with a planner that is an object, {planner!r}; name it as module:Class")
-        fly(Trial(setting, planner, seed, repeat), Path(out))
+        fly(Trial(setting, planner, *numbers), Path(out))
         return load(out)
-    name, made = (planner, None) if isinstance(planner, str) else (type(planner).__qualname__, planner)
-    trial = Trial(setting, name, seed, repeat)
-    return Flight(flown(trial, lambda mission: nullcontext(lambda snapshot: True), planner=made).recording)
+    trial = Trial(setting, planner if isinstance(planner, str) else type(planner).__qualname__, *numbers)
+    return Flight(flown(trial, lambda _: nullcontext(lambda snapshot: True), planner=planner_of(planner)).recording)
 
 
 def mission(
@@ -175,23 +173,17 @@ def mission(
     Raises:
         InputError: Where scenario, settings or planner cannot be used.
     """
-    from numbers import Integral
-
-    from planning.loading import load_planner
+    from planning.contract import planner_of
     from sim.mission.mission import Mission
+    from sim.scenario.quantities import seed_and_repeat
     from sim.study.settings_text import chosen
-    from tracking.plugins.registry import InputError
 
-    made = load_planner(planner) if isinstance(planner, str) else planner
-    if made is not None and not callable(getattr(made, "plan", None)):
-        raise InputError(f"planner: {made!r} is not allowed; expected a name or an object with the method plan")
-    if not (isinstance(seed, Integral) and seed >= 0):
-        raise InputError(f"seed: {seed!r} is not allowed; expected an integer of at least 0")
-    return Mission(chosen(scenario, settings), made, seed, repeat)
+    made = None if planner is None else planner_of(planner)
+    return Mission(chosen(scenario, settings), made, *seed_and_repeat(seed, repeat))
 
 
 def compare(
-    planners: Sequence[str],
+    planners: str | Sequence[str],
     scenarios: str | Sequence[str] = "forest",
     *,
     seeds: Iterable[int] = range(10),
@@ -201,11 +193,10 @@ def compare(
 ) -> Any:  # noqa: ANN401 - pandas' or polars' frame, of which neither is needed otherwise
     """Fly every planner in every scenario on the same maps, and return a data frame with a row for each mission.
 
-    Missions fly in processes of this machine. A script has to call this under `if __name__ == "__main__":`, since
-    new processes import it. Nothing is kept on disk: for studies of hours there is the command `understory compare`.
+    A script has to call this under `if __name__ == "__main__":`, as the processes that fly import it. Nothing is kept.
 
     Args:
-        planners: Planners as text, since other processes make them: names with or without options, or "module:Class".
+        planners: One or several names, with or without options, as other processes make them, or "module:Class".
         scenarios: One or several names of packaged scenarios or .toml files.
         seeds: Maps to fly: each gives one forest and its people, the same for all planners.
         repeats: Flights on each map, with other noise each.
@@ -213,29 +204,24 @@ def compare(
         workers: Number of processes; one for each core if not given.
 
     Returns:
-        A pandas frame, or a polars one where there is no pandas: planner, scenario, seed, repeat, status, and a column
-        for each metric, such as `ospa.mean_m`. A mission that failed has its status, its error and no metrics.
+        A frame of pandas, else of polars: planner, scenario, seed, repeat, status, and a column for each metric,
+        such as `ospa.mean_m`. A mission that failed has its status, its error and no metrics.
 
     Raises:
         InputError: Where something cannot be used, or neither pandas nor polars is installed.
     """
+    from sim.scenario.quantities import WORKERS, integer
     from sim.study.backends import Pool
     from sim.study.engine import rows_of
+    from sim.study.given import study_of
     from sim.study.store import frame_of
     from sim.study.tasks import tasks
 
     frame_of([])  # complains of a missing library now rather than after the flights
-    study = _study(scenarios, settings, planners=planners, seeds=",".join(map(str, seeds)), repeats=repeats)
-    with Pool(workers or os.cpu_count() or 1) as pool:
-        return frame_of(rows_of(tasks(study), pool))
-
-
-def _study(scenarios: str | Sequence[str], settings: Mapping[str, Any] | None, **given: Any) -> Study:  # noqa: ANN401
-    from sim.study.settings_text import overrides
-    from sim.study.study import Study, adapted
-
-    begun = Study("compare", (), scenarios=(scenarios,) if isinstance(scenarios, str) else tuple(scenarios))
-    return adapted(begun, overrides=overrides(settings), **given)
+    processes = os.cpu_count() or 1 if workers is None else integer(str(workers), "workers", least=1, most=WORKERS)
+    listed = tasks(study_of(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
+    with Pool(processes) as pool:
+        return frame_of(rows_of(listed, pool))
 
 
 def parallel_env(

@@ -1,14 +1,23 @@
-"""Optional parts of a planner's contract, read from planners of any origin: `exchange`, `knowing` and `stateful`."""
+"""A planner's contract, checked of planners of any origin: `plan`, and optional `exchange`, `knowing`, `stateful`."""
 
 from collections.abc import Callable
 from typing import Any, cast
 
-from planning.loading import planner_errors
+from planning.loading import PlannerError, checked_planner, load_planner, planner_errors
 from planning.planner import Exchange, Planner
 from tracking.numerics.arrays import Array
 from tracking.plugins.containment import Unusable
 
 TruePositions = Callable[[float], Array]  # of people: (M, 2) m at a time [s], NaN where absent
+
+
+def planner_of(given: object) -> Planner:
+    """A planner given as `load_planner` takes it, or as an object; PlannerError if it is none."""
+    if isinstance(given, str):
+        return load_planner(given)
+    if isinstance(given, type):
+        raise PlannerError(f"planner: {given.__qualname__} is a class; give an object of it")
+    return checked_planner(given, type(given).__qualname__)
 
 
 def exchange_of(planner: object) -> Exchange:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from planning.registry import PlannerSpec, installed_planners
 from tracking.plugins.containment import ForeignError, contained
-from tracking.plugins.registry import InputError, imported
+from tracking.plugins.registry import InputError, imported, lack
 from tracking.plugins.spelling import nearest
 
 if TYPE_CHECKING:  # naming planners needs none of their code
@@ -44,33 +44,21 @@ def load_planner(text: str) -> Planner:
     with planner_errors(name, "be made", PlannerError):
         _check(name, make, options)
         planner = make(**{**spec.options, **options})
-        plan = getattr(planner, "plan", None)
-        if not callable(plan):
-            methods = [n for n in dir(planner) if not n.startswith("_") and callable(getattr(planner, n, None))]
-            raise PlannerError(f"planner: {name!r} has no method plan(team, rng){nearest('plan', methods)}")
-        if not _takes_two(plan):
-            raise PlannerError(f"planner: plan of {name!r} takes {inspect.signature(plan)}; it must take (team, rng)")
+    return checked_planner(planner, name)
+
+
+def checked_planner(planner: object, name: str) -> Planner:
+    """The planner, which has that name; PlannerError unless it has the method plan(team, rng)."""
+    with planner_errors(name, "be made"):
+        lacking = lack(name, planner, "plan(team, rng)")
+    if lacking:
+        raise PlannerError(f"planner: {lacking}")
     return cast("Planner", planner)
 
 
 def planner_target(text: str) -> str:
     """Import string of the class or function that makes a planner; PlannerError if there is no planner of that name."""
     return _spec(_parsed(text)[0]).target
-
-
-def is_built_in_planner(text: str) -> bool:
-    """True if a planner's code comes with this package; PlannerError if there is no planner of that name."""
-    return planner_target(text).partition(".")[0] == __package__
-
-
-def _takes_two(plan: Any) -> bool:  # noqa: ANN401 - whatever a user's class holds
-    try:
-        inspect.signature(plan).bind(None, None)
-    except TypeError:
-        return False
-    except ValueError:
-        pass  # written in C, say: calling it will tell
-    return True
 
 
 def _spec(name: str) -> PlannerSpec:
@@ -95,6 +83,8 @@ def _meant(name: str) -> str:
 
 def _parsed(text: str) -> tuple[str, dict[str, Any]]:
     """Name and options of "name(option=value, ...)"; values are Python literals or bare words."""
+    if not isinstance(text, str):
+        raise PlannerError(f"planner: {text!r} is not allowed; expected text, a name or module:Class")
     name, bracket, rest = text.strip().partition("(")
     if not bracket:
         return name, {}

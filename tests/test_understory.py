@@ -12,7 +12,10 @@ from helpers.processes import python
 
 import understory
 from sim.recording.archive import digest
-from sim.scenario.scenario import Scenario
+from sim.scenario.environment import People, Trees
+from sim.scenario.fleet import Uav
+from sim.scenario.perception import Sensing
+from sim.scenario.scenario import Scenario, resolved
 from sim.study import backends
 
 SHORT = {"duration": 1, "sensing.mode": "ideal"}
@@ -91,11 +94,55 @@ def test_a_run_leaves_the_files_of_the_command_in_a_new_folder(tmp_path):
         ({"settings": {"trees.densty": 3}}, "trees.densty: unknown key"),
         ({"scenario": Scenario(), "settings": SHORT}, "settings: not allowed with a Scenario"),
         ({"planner": object(), "out": "new"}, "out: not allowed with a planner that is an object"),
+        ({"scenario": Scenario(trees=Trees(density=-4))}, "trees.density: -4 is not allowed; expected float >= 0"),
+        (
+            {"scenario": Scenario(people=People(group=object))},
+            "scenario: <class 'object'> is not allowed; expected plain values",
+        ),
+        ({"planner": dict}, "planner: dict is a class; give an object of it"),
+        ({"planner": 3}, r"planner: 'int' has no method plan\(team, rng\)"),
+        ({"seed": -1}, "seed: '-1' is not allowed; expected an integer, 0 to "),
+        ({"seed": 1.5}, "seed: '1.5' is not allowed"),
+        ({"repeat": -1}, "repeat: '-1' is not allowed; expected an integer, 0 to 9999"),
     ],
 )
 def test_what_cannot_be_flown_is_refused_in_one_line(arguments, message):
-    with pytest.raises(understory.InputError, match=message):
+    with pytest.raises(understory.InputError, match=f"^{message}"):
         understory.run(**arguments)
+    if "out" not in arguments:
+        with pytest.raises(understory.InputError, match=f"^{message}"):
+            understory.mission(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"planners": [object]}, "planners: .*<class 'object'>.* is not allowed; expected text"),
+        ({"scenarios": Scenario()}, "scenarios: Scenario(.*) is not allowed; expected text"),
+        ({"seeds": "0-9"}, r"seeds: '0-9' is not allowed; expected several integers, such as range\(10\)"),
+        ({"seeds": 3}, "seeds: 3 is not allowed"),
+        ({"repeats": 0}, "repeats: '0' is not allowed; expected an integer, 1 to 10000"),
+        ({"workers": -1}, "workers: '-1' is not allowed; expected an integer, 1 to 1024"),
+        ({"workers": 0}, "workers: '0' is not allowed"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused_in_one_line(arguments, message, monkeypatch):
+    monkeypatch.setattr(backends, "Pool", Here)
+    with pytest.raises(understory.InputError, match=f"^{message}"):
+        understory.compare(**{"planners": "hover", "settings": SHORT, **arguments})
+
+
+@pytest.mark.parametrize("check", [understory.check_detector, understory.check_tracker])
+def test_a_class_in_place_of_its_name_is_refused_in_one_line(check):
+    with pytest.raises(understory.InputError, match=r": <class 'dict'> is not allowed; expected text, a name or"):
+        check(dict)
+
+
+def test_a_scenario_made_in_python_is_that_of_the_command():
+    start = np.array([0.0, 1.0])
+    made = understory.mission(Scenario(duration=np.float64(1), uavs=[Uav(start=start)], sensing=Sensing(mode="ideal")))
+    given = understory.mission(settings={**SHORT, "uavs": [{"start": start}]})
+    assert made.scenario == given.scenario and resolved(made.scenario) == resolved(given.scenario)
 
 
 def test_a_comparison_is_a_frame_of_planners_by_scenarios_by_maps(tmp_path, monkeypatch):

@@ -16,8 +16,9 @@ from planning.conformance.situations import (
     with_other_knowledge,
 )
 from planning.contract import exchange_of, is_stateful, reset
-from planning.loading import PlannerError, load_planner, planner_errors
+from planning.loading import PlannerError, checked_planner, load_planner, planner_errors
 from planning.planner import Planner, Situation
+from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
 
 _DECISIONS = 5  # that are timed
@@ -97,9 +98,17 @@ def check(planner: str | Maker, *, other_process: bool = True) -> list[Finding]:
     """
     if not isinstance(planner, str) and not callable(planner):
         raise PlannerError(f"planner: {planner!r} is an object; expected text, or a class or function that makes one")
-    subject = Subject(partial(load_planner, planner) if isinstance(planner, str) else planner, planner)
+    make = partial(load_planner, planner) if isinstance(planner, str) else partial(_made, planner)
+    subject = Subject(make, planner)
     skipped = () if other_process else ("other process",)
     return [finding(name, partial(ask, subject)) for name, ask in CHECKS.items() if name not in skipped]
+
+
+def _made(maker: Maker) -> Planner:
+    name = getattr(maker, "__qualname__", type(maker).__qualname__)
+    with planner_errors(name, "be made"):
+        planner = maker()
+    return checked_planner(planner, name)
 
 
 def _plans(subject: Subject) -> str:
@@ -149,8 +158,9 @@ def _repeatable(subject: Subject) -> str:
 def _other_process(subject: Subject) -> str:
     subject.comparable()
     try:
-        sent = subject.text or pickle.dumps(subject.make())
-    except Exception as error:  # a plug-in may raise anything
+        with contained():
+            sent = subject.text or pickle.dumps(subject.make())
+    except ForeignError as error:
         raise Untried("it cannot be pickled") from error
     # Arrays lie elsewhere in memory there, and sums of linear algebra may round otherwise for that.
     subject.compare(attempt_in_other_process(sent, subject.team), "in a process with other hashes of strings", ROUNDING)
@@ -191,10 +201,11 @@ def _pickling(subject: Subject) -> str:
     planner = subject.make()
     attempt(planner, subject.team)
     try:
-        data = pickle.dumps(planner)
-        copy = pickle.loads(data)
-    except Exception as error:  # a plug-in may raise anything
-        raise Unfit(f"{type(error).__name__}: {error}") from error
+        with contained():
+            data = pickle.dumps(planner)
+            copy = pickle.loads(data)
+    except ForeignError as error:
+        raise Unfit(str(error)) from error
     found = _difference_of_plans(attempt(planner, subject.team), attempt(copy, subject.team))
     if found:
         raise Unfit(f"of a pickled copy, {found}")

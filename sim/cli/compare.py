@@ -9,9 +9,9 @@ from typing import Annotated
 import typer
 
 from planning.registry import COMPARED
-from sim.scenario.loading import SCENARIOS
+from sim.scenario.loading import SCENARIOS, STUDY_TABLES
 from sim.scenario.perception import SENSOR_MODES
-from sim.scenario.quantities import MOST_LISTED, REPEATS, integer, integers, seconds
+from sim.scenario.quantities import MOST_LISTED, REPEATS, WORKERS, integer, integers, seconds
 from sim.scenario.text_files import toml_file
 from sim.study.cells import with_trackers
 from sim.study.study import STUDIES, Study, adapted, read
@@ -93,7 +93,7 @@ def compare(
     number = None if repeats is None else integer(repeats, "--repeats", least=1, most=REPEATS)
     begun = _study(study, tracker or (), scenario or ())
     chosen = adapted(begun, planners=planner or (), seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
-    processes = integer(workers, "--workers", least=1, most=1024) if workers else os.cpu_count() or 1
+    processes = _workers(workers, dask)
     limit = None if timeout is None else seconds(timeout, "--timeout")
     folder = out or Path("runs") / chosen.name
     kept = _kept(keep, folder)
@@ -118,7 +118,7 @@ def _study(name: str, trackers: Sequence[str], scenarios: Sequence[str]) -> Stud
 
 def _named(name: str) -> Study:
     is_file = name.endswith(".toml")
-    if name in STUDIES or (is_file and Path(name).is_file() and "study" in toml_file(Path(name), "study")):
+    if name in STUDIES or (is_file and Path(name).is_file() and {*STUDY_TABLES} & {*toml_file(Path(name), "study")}):
         return read(name)
     if not is_file:
         check_known("study", name, [*STUDIES, *SCENARIOS], " (or a .toml file)")
@@ -131,6 +131,14 @@ def _kept(keep: str | None, folder: Path) -> Path | None:
         return None
     check_known("--keep", keep, ["recordings"])
     return folder / "recordings"
+
+
+def _workers(workers: str | None, dask: str | None) -> int:
+    if workers is None:
+        return os.cpu_count() or 1
+    if dask is not None:
+        raise InputError("--workers: not allowed together with --dask, whose cluster has workers of its own")
+    return integer(workers, "--workers", least=1, most=WORKERS)
 
 
 def _seeds(seeds: str | None, maps: str | None) -> str | None:

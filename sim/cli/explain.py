@@ -10,6 +10,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from sim.cli.recordings import folder_of
 from sim.recording.atomic_files import check_new, unused, whole
 from sim.scenario.quantities import integer, interval
 from sim.terminal.commands import Recorded
@@ -55,14 +56,13 @@ def explain(
     scan = None if moment is None else scans_between(recording, moment, None)[0]
     people = recording.people.shape[1]
     person = None if target is None else _index(target, "--target", people, "no person walked in this mission")
-    folder = recorded if recorded.is_dir() else recorded.parent
     if track is not None:
         _track_of(flight, _index(track, "--track", len(recording.track_numbers), "this mission had no track"))
     elif scan is None or person is None:
-        _whole(flight, person, out or folder / "timeline.png", recorded)
+        _whole(flight, person, out or folder_of(recorded) / "timeline.png", recorded)
     else:
         name = f"explain-target{person}-{recording.times[scan]:.1f}s"
-        _moment_of(flight, scan, person, out or unused(folder / name, ".png"))
+        _moment_of(flight, scan, person, out or unused(folder_of(recorded) / name, ".png"))
 
 
 def _moment(text: str) -> float:

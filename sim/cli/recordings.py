@@ -56,7 +56,7 @@ def replay(
     fitting = {"--layout": layout, "--speed": speed, "--time": time, "--out": out}
     asked = {"--video": video, "--gui": gui, "--rerun": rerun is not None, "--page": page}
     _check_way(asked, [name for name, value in fitting.items() if value is not None])
-    factor = _speed(speed or "1")
+    factor = 1.0 if speed is None else _speed(speed)
     start, end = (0.0, None) if time is None else _window(time)
     if out is not None:
         check_new(out, ".html" if page else ".mp4", "--out")
@@ -65,7 +65,7 @@ def replay(
 
     recording = find(recorded)
     scenario = scenario_of(recording)
-    folder = _folder(recorded)
+    folder = folder_of(recorded)
     scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
     if rerun is not None:
         _rerun(recording, scenario, rerun, folder / "summary.json")
@@ -96,7 +96,7 @@ def frames(
     number = integer(uav, "--uav", least=0, most=recording.poses.shape[1] - 1)
     scans = scans_between(recording, start, end, number)
     span = f"{start:g}s" if end is None else f"{start:g}-{end:g}s"
-    folder = out or unused(_folder(recorded) / f"frames-uav{number}-{span}")
+    folder = out or unused(folder_of(recorded) / f"frames-uav{number}-{span}")
     with counted_progress(len(scans), "frames") as progress:
         write_frames(recording, scans, number, folder, size=edge, progress=progress)
     show_files(folder)
@@ -114,12 +114,13 @@ def export(
 
     writer(to)
     recording = find(recorded)
-    folder = out or unused(_folder(recorded) / f"export-{to}")
+    folder = out or unused(folder_of(recorded) / f"export-{to}")
     write(recording, to, folder)
     show_files(folder)
 
 
-def _folder(recorded: Path) -> Path:
+def folder_of(recorded: Path) -> Path:
+    """The folder of a recording that is named by its folder or its file."""
     return recorded if recorded.is_dir() else recorded.parent
 
 

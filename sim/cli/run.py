@@ -6,13 +6,13 @@ from typing import Annotated
 
 import typer
 
-from planning.loading import is_built_in_planner, load_planner
+from planning.loading import load_planner, planner_target
 from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
 from sim.recording.atomic_files import unused
 from sim.running.isolated_run import Results, fly_apart
 from sim.scenario.loading import load, remarks
-from sim.scenario.quantities import MOST_SEED, REPEATS, integer, seconds
+from sim.scenario.quantities import seconds, seed_and_repeat
 from sim.terminal.commands import Duration, Overrides, with_duration
 from sim.terminal.console import remark, say, show_run
 from sim.terminal.progress import mission_progress
@@ -48,12 +48,11 @@ def run(
 ) -> None:
     """Fly one mission; leave recording, summary, video, page, OSPA curve and timeline in a new folder."""
     setting = load(scenario, with_duration(overrides, duration))
-    numbers = integer(seed, "--seed", least=0, most=MOST_SEED), integer(repeat, "--repeat", least=0, most=REPEATS - 1)
-    trial = Trial(setting, planner, *numbers)
+    trial = Trial(setting, planner, *seed_and_repeat(seed, repeat, "--"))
     limit = None if timeout is None else seconds(timeout, "--timeout")
     # Other people's code runs in a process of its own, as nothing else holds what it may do.
     theirs = metric or any(name not in registry.built_in for registry, name in setting.plugins)
-    trusted = is_built_in_planner(planner) and not theirs
+    trusted = planner_target(planner).startswith("planning.") and not theirs
     if trusted:
         load_planner(planner)
     remark(*remarks(setting))

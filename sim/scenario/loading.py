@@ -17,14 +17,12 @@ from sim.scenario.text_files import located, toml, toml_file
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
 
-# Settings beside the scenario, and the options that give them.
+STUDY_TABLES = ("study", "set", "factors", "exclude", "score")  # of a study file
+# Keys that do not belong into a scenario, and what they are.
 _ELSEWHERE = {
-    "seed": "--seed",
-    "seeds": "--seeds",
-    "planner": "--planner",
-    "out": "--out",
-    "video": "--no-video",
-    "workers": "--workers",
+    **{name: f"an option: --{name}" for name in ("seed", "seeds", "planner", "out", "workers")},
+    "video": "an option: --no-video",
+    **dict.fromkeys((*STUDY_TABLES, "planners"), "one of a study, which `understory compare` flies"),
 }
 _DEEPEST = 10  # parts of a key that are looked at
 _ROWS = {"uavs": Uav, "cuts": Cut}  # lists of tables
@@ -52,6 +50,21 @@ def decode(data: Mapping[str, Any]) -> Scenario:
         return msgspec.convert(data, Scenario)
     except msgspec.ValidationError as error:
         raise InputError(_readable(str(error), data)) from error
+
+
+def checked(scenario: Scenario) -> Scenario:
+    """A scenario made in Python, checked as a file is: constructors check neither types nor bounds."""
+    try:
+        return decode(msgspec.to_builtins(scenario, enc_hook=_plain))
+    except TypeError as error:
+        raise InputError(f"scenario: {error}") from error
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - an array or number of NumPy's, or anything that may stand in a scenario
+    """NumPy's arrays and numbers as Python's; TypeError for anything else."""
+    if not hasattr(value, "tolist"):
+        raise TypeError(f"{value!r} is not allowed; expected plain values")
+    return value.tolist()
 
 
 def remarks(scenario: Scenario) -> list[str]:
@@ -106,10 +119,11 @@ def _override(data: dict[str, Any], override: str) -> None:
         raise InputError(f"--set: {override!r} is not of the form key=value, for instance trees.density=75")
     *path, last = key.strip().split(".", _DEEPEST)
     node: Any = data
-    fleet = list(msgspec.to_builtins(Scenario().uavs))  # a list of tables, of which an override changes one
+    default: Any = msgspec.json.decode(msgspec.json.encode(Scenario()))
     for i, part in enumerate(path):
         if isinstance(node, dict):
-            node.setdefault(part, fleet if path[: i + 1] == ["uavs"] else {})
+            default = default.get(part) if isinstance(default, dict) else None
+            node.setdefault(part, default if isinstance(default, list) else {})  # an override changes one of a list
         node = node[_place(node, part, key)]
         if not isinstance(node, dict | list):
             raise InputError(f"--set: {key}: {'.'.join(path[: i + 1])} has no keys")
@@ -120,15 +134,17 @@ def _place(node: dict[str, Any] | list[Any], text: str, key: str) -> Any:  # noq
     if isinstance(node, dict):
         return text
     if not re.fullmatch("[0-9]{1,9}", text) or int(text) >= len(node):
-        raise InputError(f"--set: {key}: {text!r} is not an index; allowed are 0 to {len(node) - 1}")
+        allowed = f"allowed are 0 to {len(node) - 1}" if node else "the list is empty, so give all of it"
+        raise InputError(f"--set: {key}: {text!r} is not an index; {allowed}")
     return int(text)
 
 
 def _value(text: str) -> Any:  # noqa: ANN401 - plain TOML data
     try:
-        return toml(f"value = {text}", "--set")["value"]
+        found = toml(f"value = {text}", "--set")
     except InputError:
         return text.strip()
+    return found["value"] if len(found) == 1 else text  # more than one of several lines
 
 
 def _check_keys(data: object, kind: Any, where: str) -> None:  # noqa: ANN401 - a type
@@ -138,9 +154,11 @@ def _check_keys(data: object, kind: Any, where: str) -> None:  # noqa: ANN401 - 
     for key, value in data.items():
         if key not in fields:
             if not where and key in _ELSEWHERE:
-                raise InputError(f"{key}: unknown key; no part of a scenario, but an option: {_ELSEWHERE[key]}")
-            elsewhere = "" if where else _whole(key)
-            hint = f"did you mean {elsewhere}?" if elsewhere else did_you_mean(key, fields)
+                raise InputError(f"{key}: unknown key; no part of a scenario, but {_ELSEWHERE[key]}")
+            elsewhere = _whole(key)
+            hint = did_you_mean(key, fields)
+            if elsewhere:
+                hint = f"allowed are {', '.join(fields)}; " * bool(where) + f"did you mean {elsewhere}?"
             raise InputError(f"{where}{key}: unknown key; {hint}")
         _check_keys(value, fields[key], f"{where}{key}.")
         if key in _ROWS and isinstance(value, list):
@@ -149,8 +167,9 @@ def _check_keys(data: object, kind: Any, where: str) -> None:  # noqa: ANN401 - 
 
 
 def _whole(key: str) -> str:
-    """The whole names of a key that stands in tables of a scenario, joined by "or"."""
+    """The whole names of a key that stands in tables of a scenario, joined by "or"; empty if there are none."""
     tables = {f.name: f.type for f in msgspec.structs.fields(Scenario) if hasattr(f.type, "__struct_fields__")}
+    tables["uavs.0"] = Uav
     return " or ".join(f"{table}.{key}" for table, kind in tables.items() if key in kind.__struct_fields__)
 
 
@@ -158,7 +177,7 @@ def _check_finite(data: object, where: str) -> None:
     if isinstance(data, Mapping):
         for key, value in data.items():
             _check_finite(value, f"{where}.{key}" if where else key)
-    elif isinstance(data, list):
+    elif isinstance(data, list | tuple):
         for i, value in enumerate(data):
             _check_finite(value, f"{where}.{i}")
     elif isinstance(data, float) and not math.isfinite(data):
@@ -169,8 +188,8 @@ def _choices(parts: Sequence[str]) -> tuple[object, ...]:
     """The allowed values of the field that the parts of a path lead to."""
     kind: Any = Scenario
     for part in parts:
-        kind = Uav if part.isdigit() else {f.name: f.type for f in msgspec.structs.fields(kind)}[part]
-        kind = Uav if part == "uavs" else kind
+        if not part.isdigit():
+            kind = _ROWS.get(part) or {f.name: f.type for f in msgspec.structs.fields(kind)}[part]
     return get_args(kind)
 
 
@@ -180,7 +199,7 @@ def _readable(message: str, data: Any) -> str:  # noqa: ANN401 - plain TOML data
     parts = re.findall(r"[^.\[\]`]+", path)
     value = data
     for part in parts:
-        value = value[int(part)] if isinstance(value, list) else value.get(part)
+        value = value[int(part)] if isinstance(value, list | tuple) else value.get(part)
     text = text[0].lower() + text[1:].replace("`", "")
     if text.startswith("invalid enum value"):
         text = did_you_mean(str(value), map(str, _choices(parts)))

@@ -31,6 +31,7 @@ MOST_SEED = 2**128 - 1
 MOST_LISTED = 100_000
 _LONGEST = 366 * 86_400.0  # s
 REPEATS = 10_000  # of one map at most
+WORKERS = 1024  # at most, processes of one study
 _SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 
 
@@ -70,6 +71,12 @@ def integer(text: str, field: str, *, least: int, most: int) -> int:
     if not re.fullmatch(r"\s*[-+]?\d{1,99}\s*", text, flags=re.ASCII) or not least <= int(text) <= most:
         raise InputError(f"{field}: {text!r} is not allowed; expected an integer, {least} to {most}")
     return int(text)
+
+
+def seed_and_repeat(seed: object, repeat: object, dashes: str = "") -> tuple[int, int]:
+    """Seed and repeat of a mission, as integers or as text; InputError names the one that is wrong."""
+    number = integer(str(seed), f"{dashes}seed", least=0, most=MOST_SEED)
+    return number, integer(str(repeat), f"{dashes}repeat", least=0, most=REPEATS - 1)
 
 
 def integers(text: str, field: str) -> list[int]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from sim.scenario.loading import load
+from sim.scenario.loading import checked, load
 from sim.scenario.scenario import Scenario
 from tracking.plugins.registry import InputError
 
@@ -34,14 +34,14 @@ def overrides(settings: Mapping[str, Any] | None) -> list[str]:
 
 
 def chosen(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scenario:
-    """A packaged scenario or .toml file with settings that differ, or a scenario as it is; InputError if neither."""
+    """A packaged scenario or .toml file with settings that differ, or a scenario, checked; InputError if neither."""
     if isinstance(scenario, str | os.PathLike):
         return load(os.fspath(scenario), overrides(settings))
     if not isinstance(scenario, Scenario):
         raise InputError(f"scenario: {scenario!r} is not allowed; expected a name, a .toml file or a Scenario")
     if settings:
         raise InputError("settings: not allowed with a Scenario; set its fields")
-    return scenario
+    return checked(scenario)
 
 
 def option(value: Any) -> str:  # noqa: ANN401 - plain TOML data
@@ -50,6 +50,8 @@ def option(value: Any) -> str:  # noqa: ANN401 - plain TOML data
 
 
 def _toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data
+    if hasattr(value, "tolist"):  # an array or number of NumPy's
+        return _toml(value.tolist())
     if isinstance(value, str | bool):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, Mapping):

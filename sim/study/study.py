@@ -7,6 +7,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
+from sim.scenario.loading import STUDY_TABLES
 from sim.scenario.quantities import REPEATS
 from sim.scenario.text_files import located, toml_file
 from sim.study.settings_text import flat, toml
@@ -43,7 +44,7 @@ def read(name: str) -> Study:
     """The packaged study or TOML file `name`; InputError says what is wrong."""
     path = located(name, STUDIES, "study")
     data = toml_file(path, "study")
-    check_keys(data, ("study", "set", "factors", "exclude", "score"), f"{name}: ")
+    check_keys(data, STUDY_TABLES, f"{name}: ")
     for key in ("study", "set"):
         if not isinstance(data.get(key, {}), Mapping):
             raise InputError(f"{name}: {key}: {data[key]!r} is not allowed; expected a table [{key}]")
@@ -57,10 +58,30 @@ def read(name: str) -> Study:
     except msgspec.ValidationError as error:
         text, _, where = str(error).replace("`", "").partition(" - at $.")
         raise InputError(f"{name}: {where or 'study'}: {text[0].lower()}{text[1:]}") from error
-    if name in STUDIES:
-        return study
-    anchored = (str(path.parent / s) if s.endswith(".toml") else s for s in study.scenarios)
-    return msgspec.structs.replace(study, scenarios=tuple(anchored))
+    _check_excluded(study, name)
+
+    def anchored(scenarios: Sequence[str]) -> list[str]:
+        return [str(path.parent / s) if s.endswith(".toml") else s for s in scenarios]
+
+    rules = [
+        {key: anchored(_listed(value)) if key == "scenario" else value for key, value in rule.items()}
+        for rule in study.exclude
+    ]
+    return msgspec.structs.replace(study, scenarios=tuple(anchored(study.scenarios)), exclude=tuple(rules))
+
+
+def _listed(value: str | list[str]) -> list[str]:
+    """The values of an entry of `exclude`, which may be one."""
+    return [value] if isinstance(value, str) else value
+
+
+def _check_excluded(study: Study, where: str) -> None:
+    """InputError where a study leaves out a planner or a scenario that it has not; of its levels `cells` tells."""
+    ends = (study.score.floor, study.score.bound) if study.score else ()
+    for i, rule in enumerate(study.exclude):
+        for key, known in (("planner", (*study.planners, *ends)), ("scenario", study.scenarios)):
+            for name in _listed(rule.get(key, [])):
+                check_known(f"{where}: exclude.{i}.{key}", name, known)
 
 
 def adapted(

@@ -28,6 +28,7 @@ class Fine:
 class Raising:
     def plan(self, team, rng): raise KeyError("gone")
 class Planless: pass
+object = 3
 class Planned:
     def plans(self, team, rng): pass
 class Narrow:
@@ -72,7 +73,7 @@ def call(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
     for name in MODULES:
         monkeypatch.delitem(sys.modules, name.removesuffix(".py"), raising=False)
-    monkeypatch.setattr(console.console, "width", 200)
+    monkeypatch.setattr(console.console, "width", 300)
     installed_planners.cache_clear()
     yield lambda *arguments: called(arguments, monkeypatch, capsys)
     installed_planners.cache_clear()
@@ -127,6 +128,8 @@ def test_what_is_broken_is_listed_as_such_and_hides_nothing(call, tmp_path, monk
     code, out, err = call("planners")
     assert (code, err) == (0, "")
     listed = dict(line.split(maxsplit=1) for line in out.partition("From theirs 1.2:\n")[2].splitlines()[:7])
+    raising = listed.pop("raising").strip()
+    assert raising.startswith("cannot be used: RuntimeError: two lines (") and raising.endswith(":1, in <module>)")
     assert {name: meaning.strip() for name, meaning in listed.items()} == {
         "bare": "cannot be used: it names no class; write fine:Class",
         "classless": "cannot be used: fine has no class 'Fin'; did you mean Fine?",
@@ -135,7 +138,6 @@ def test_what_is_broken_is_listed_as_such_and_hides_nothing(call, tmp_path, monk
         "moduleless": "cannot be used: No module named 'fin'; did you mean fine?",
         "needy": "cannot be used: needy needs 'torch_that_is_missing', which is not installed: "
         "No module named 'torch_that_is_missing'",
-        "raising": "cannot be used: RuntimeError: two lines",
     }
     lines = [line.split(maxsplit=1) for line in out.splitlines()]
     assert ["fine", "speed=0.5, name=x, turn=False, size=None"] in [[word.strip() for word in line] for line in lines]
@@ -145,8 +147,8 @@ REFUSED = {
     "hoover": ["'hoover' is unknown", "did you mean hover?"],
     "needy": ["'needy' of theirs 1.2, 'needy:Needy', cannot be imported", "needy needs 'torch_that_is_missing'"],
     "moduleless": ["'moduleless' of theirs 1.2", "did you mean fine?"],
-    "partial:X": ["cannot import name 'Plann' from 'planning.planner'"],
-    "raising:X": ["'raising:X' cannot be imported: RuntimeError: two lines"],
+    "partial:X": ["cannot import name 'Plann' from 'planning.planner'", "partial.py:1, in <module>)"],
+    "raising:X": ["'raising:X' cannot be imported: RuntimeError: two lines (", "raising.py:1, in <module>)"],
     "leaving:X": ["'leaving:X' cannot be imported: SystemExit: 3"],
     "wrong:X": ["'wrong:X' cannot be imported: SyntaxError"],
     "fine:Fin": ["fine has no class 'Fin'; did you mean Fine?"],
@@ -154,6 +156,10 @@ REFUSED = {
     "planning.baselnes:Hover": ["No module named 'planning.baselnes'; did you mean baselines?"],
     "needy.sub:X": ["needy.sub needs 'torch_that_is_missing', which is not installed"],
     "fine:": ["it names no class; write fine:Class"],
+    "fine:object": ["'object' of fine is of type int, not a class or function"],
+    "fine.py:Fine": ["'fine.py' is not the name of a module; write fine:Fine\n"],
+    "./folder/fine.py:Fine": ["'./folder/fine.py' is not the name of a module; write folder.fine:Fine\n"],
+    "../fine.py:Fine": ["'../fine.py' is not the name of a module\n"],
     "fine.Fine": ["'fine.Fine' is unknown", "did you mean fine:Fine?"],
     "planning.baselines": ["did you mean planning.baselines:Class?"],
     "partial": ["did you mean partial:Class?"],
@@ -161,7 +167,7 @@ REFUSED = {
     "fine:Planned": ["'fine:Planned' has no method plan(team, rng); did you mean plans?"],
     "fine:Narrow": ["plan of 'fine:Narrow' takes (team); it must take (team, rng)"],
     "fine:Unmakeable": ["'fine:Unmakeable' cannot be made", "missing 1 required positional argument: 'weights'"],
-    "fine:Faulty": ["'fine:Faulty' cannot be made: no table (", "fine.py:19, in __init__)"],
+    "fine:Faulty": ["'fine:Faulty' cannot be made: no table (", "fine.py:20, in __init__)"],
     "fine:Fine(sped=1)": ["'fine:Fine' has no option 'sped'", "did you mean speed?"],
     "fine:Fine(speed=fast)": ["option speed of 'fine:Fine' must be a number, is 'fast'"],
     "fine:Fine(turn=1)": ["option turn of 'fine:Fine' must be True or False, is 1"],

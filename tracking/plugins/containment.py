@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # lists of plug-ins need no arithmetic, whose import takes a 
 _LONGEST = 1000  # characters of a message
 _LAST = 3  # lines of a plug-in's own that are kept of a traceback
 _DEEPEST = 5  # lists in lists
+_PLAIN = ("ValueError", "TypeError", "ImportError")  # kinds of exceptions that their text explains
 _OURS = tuple(f"{Path(__file__).parents[2] / name}{os.sep}" for name in ("sim", "planning", "tracking"))
 _IMPORT = ("<frozen ", "<string>", f"{Path(importlib.__file__).parent}{os.sep}")
 
@@ -39,8 +40,8 @@ class ForeignError(Exception):
 
     @property
     def explained(self) -> str:
-        """Text and place of the error; the kind is left out for errors of values and types."""
-        text = self.text if self.text and self.kind in ("ValueError", "TypeError") else str(self)
+        """Text and place of the error; the kind is left out for errors of values, types and imports."""
+        text = self.text if self.text and self.kind in _PLAIN else str(self)
         return f"{text} ({self.trace[-1].partition(': ')[0]})" if self.trace else text
 
 

@@ -1,6 +1,7 @@
 """Plug-ins: import by import string, registry of those of one kind, and the error of wrong input."""
 
 import importlib
+import inspect
 import pkgutil
 import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -40,6 +41,8 @@ class Registry:
 
     def check(self, name: str) -> None:
         """InputError unless a plug-in is built in or may be an import string, "package.module:Class"."""
+        if not isinstance(name, str):
+            raise InputError(f"{self.field}: {name!r} is not allowed; expected text, a name or package.module:Class")
         if ":" not in name:
             check_known(self.field, name, self.built_in, " (or package.module:Class)")
 
@@ -53,22 +56,42 @@ class Registry:
 
     def make(self, name: str, *arguments: object) -> Any:  # noqa: ANN401 - whatever a user's class makes
         """The plug-in of that name or import string; InputError says what is wrong."""
-        make = self.find(name)
+        make, ours = self.find(name), name in self.built_in
+        methods = () if ours else self.methods
         with self.errors(name, "be made"):
-            made = make() if self.bare and name not in self.built_in else make(*arguments)
-            missing = [m for m in self.methods if not callable(getattr(made, m.partition("(")[0], None))]
-        if missing:
-            raise InputError(f"{self.field}: {name!r} has no method {missing[0]}")
+            made = make() if self.bare and not ours else make(*arguments)
+            lacking = [text for method in methods if (text := lack(name, made, method))]
+        if lacking:
+            raise InputError(f"{self.field}: {lacking[0]}")
         return made
 
     @contextmanager
     def errors(self, name: str, what: str) -> Iterator[None]:
-        """Raise an InputError, "FIELD: NAME cannot WHAT: why", for whatever a plug-in raises in the block."""
+        """Raise an InputError, "FIELD: NAME cannot WHAT: why", for whatever a plug-in raises in the block.
+
+        One of a built-in plug-in, which may be of another plug-in that it makes, passes as it is.
+        """
         try:
-            with contained():
+            with contained(*[InputError] * (name in self.built_in)):
                 yield
         except ForeignError as error:
             raise InputError(f"{self.field}: {name!r} cannot {what}: {error.explained}") from error
+
+
+def lack(name: str, made: Any, method: str) -> str:  # noqa: ANN401 - whatever a user's class makes
+    """Complaint of a plug-in without such a method, "method(argument, ...)", or with other arguments; empty: none."""
+    called, _, arguments = method.removesuffix(")").partition("(")
+    found = getattr(made, called, None)
+    if not callable(found):
+        methods = [n for n in dir(made) if not n.startswith("_") and callable(getattr(made, n, None))]
+        return f"{name!r} has no method {method}{nearest(called, methods)}"
+    try:
+        inspect.signature(found).bind(*arguments.split(", "))
+    except TypeError:
+        return f"{called} of {name!r} takes {inspect.signature(found)}; it must take ({arguments})"
+    except ValueError:
+        pass  # written in C, say: calling it will tell
+    return ""
 
 
 def imported(target: str) -> Any:  # noqa: ANN401 - whatever a user's module holds
@@ -77,14 +100,7 @@ def imported(target: str) -> Any:  # noqa: ANN401 - whatever a user's module hol
     Importing runs the module, which may fail in any way.
     """
     module, _, attribute = target.partition(":")
-    if not all(part.isidentifier() for part in module.split(".")):
-        raise ImportError(f"{module!r} is not the name of a module")
-    if not attribute:
-        raise ImportError(f"it names no class; write {module}:Class")
-    top = module.partition(".")[0]
-    if top in (*_OURS, *sys.stdlib_module_names) and _hidden([module]):
-        owner = "Understory" if top in _OURS else "Python"
-        raise ImportError(f"{top!r} is a module of {owner}, which hides that of the current folder; rename yours")
+    _check_names(module, attribute)
     try:
         with contained(ModuleNotFoundError):
             loaded = importlib.import_module(module)
@@ -95,11 +111,32 @@ def imported(target: str) -> Any:  # noqa: ANN401 - whatever a user's module hol
     except ModuleNotFoundError as error:
         raise ImportError(_missing(module, error) + _clash()) from error
     except ForeignError as error:
-        raise ImportError((error.text if error.kind == "ImportError" else str(error)) + _clash()) from error
+        raise ImportError(error.explained + _clash()) from error
+    if not usable and found is not None:
+        raise ImportError(f"{attribute!r} of {module} is of type {type(found).__name__}, not a class or function")
     if not usable:
         classes = [name for name, value in vars(loaded).items() if isinstance(value, type)]
         raise ImportError(f"{module} has no class {attribute!r}{nearest(attribute, classes)}")
     return found
+
+
+def _check_names(module: str, attribute: str) -> None:
+    """ImportError unless a module and a class are named, and the module is not one that ours or Python's hides."""
+    if module.endswith(".py") or not _is_dotted(module):
+        meant = module.removeprefix("./").removesuffix(".py").replace("/", ".")
+        hint = f"; write {meant}:{attribute or 'Class'}" if _is_dotted(meant) else ""
+        raise ImportError(f"{module!r} is not the name of a module{hint}")
+    if not attribute:
+        raise ImportError(f"it names no class; write {module}:Class")
+    top = module.partition(".")[0]
+    if top in (*_OURS, *sys.stdlib_module_names) and _hidden([module]):
+        owner = "Understory" if top in _OURS else "Python"
+        raise ImportError(f"{top!r} is a module of {owner}, which hides that of the current folder; rename yours")
+
+
+def _is_dotted(text: str) -> bool:
+    """True for identifiers with dots between them."""
+    return all(part.isidentifier() for part in text.split("."))
 
 
 def _hidden(names: Iterable[str]) -> list[str]:

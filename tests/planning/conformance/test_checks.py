@@ -2,6 +2,8 @@
 
 import dataclasses
 import random
+import re
+import sys
 
 import numpy as np
 import pytest
@@ -271,6 +273,7 @@ BROKEN = [
     (Clinging, "memory", "with the same seed and calls, plans differ by"),
     (Gossip, "nothing from the unheard", "UAV 0 is out of contact, but others' tracks change the plan of UAV 0"),
     (kind("Unpicklable", __init__=lambda self: setattr(self, "speed", lambda: 1.0)), "pickling", "pickle"),
+    (kind("Leaving", __getstate__=lambda self: sys.exit(3)), "pickling", "SystemExit: 3"),
     (Forgetful, "pickling", "of a pickled copy, plans differ by"),
     (Eavesdropping, "only plans from others", "UAV 0's plan says nothing, but its tracks change the plan of UAV 2"),
     (Deaf, "only plans from others", "UAV 0's plan is lost, but its tracks change the plan of UAV"),
@@ -314,6 +317,16 @@ def test_without_plans_nothing_is_tried_and_broken_kinds_cover_every_check():
         check("hoover")
     with pytest.raises(PlannerError, match="is an object; expected text, or a class or function that makes one"):
         check(Good())
+
+
+def test_what_makes_no_planner_is_refused_in_one_line():
+    for maker, text in (
+        (kind("Heavy", __init__=lambda self: {}["weights"]), "planner: 'Heavy' cannot be made: KeyError: 'weights'"),
+        (type("Planless", (), {}), "planner: 'Planless' has no method plan(team, rng)"),
+        (type("Narrow", (), {"plan": lambda self, team: []}), "planner: plan of 'Narrow' takes (team); it must take"),
+    ):
+        with pytest.raises(PlannerError, match=f"^{re.escape(text)}"):
+            check(maker)
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,9 @@ def test_files_overrides_and_trajectories_are_read_where_they_are(tmp_path):
     scenario = load("forest", ["trees.density=75", "uavs.1.alpha=0.3", "dynamics=kinematic", "people.count=2"])
     assert scenario.trees.density == 75 and scenario.dynamics == "kinematic" and scenario.people.count == 2
     assert [u.alpha for u in scenario.uavs] == [0.1, 0.3, 0.12]
+    assert load("forest", ["tracking.confirm.0=1", "wind.velocity.1=2"]) == load(
+        "forest", ["tracking.confirm=[1, 3]", "wind.velocity=[0, 2]"]
+    )
     path = tmp_path / "mine.toml"
     path.write_text('[people]\ntrajectories = "walk.csv"\n')
     assert load(str(path)).people.trajectories == str(tmp_path / "walk.csv")

@@ -55,6 +55,16 @@ class Wrong:
         ][self.calls - 2]
 
 
+class Narrow:
+    def detect(self):
+        pass
+
+
+class Near:
+    def detct(self, frame):
+        pass
+
+
 class Unmakeable:
     def __init__(self, weights):
         pass
@@ -86,6 +96,12 @@ def test_what_is_no_detector_is_refused_before_the_mission():
         DETECTORS.make(f"{__name__}:Unmakeable")
     with pytest.raises(InputError, match=r"has no method detect\(frame\)"):
         DETECTORS.make("builtins:dict")
+    with pytest.raises(InputError, match=r"Near' has no method detect\(frame\); did you mean detct\?"):
+        DETECTORS.make(f"{__name__}:Near")
+    with pytest.raises(InputError, match=r"detect of '.*Narrow' takes \(\); it must take \(frame\)"):
+        DETECTORS.make(f"{__name__}:Narrow")
+    with pytest.raises(InputError, match=r"^sensing.detector: .*Unmakeable' cannot be made: .*'weights'$"):
+        Mission(scenario(f"{__name__}:Unmakeable"), load_planner("hover"), 0)
     with pytest.raises(InputError, match="did you mean segmentation"):
         Mission(scenario("segmentatoin"), load_planner("hover"), 0)
 

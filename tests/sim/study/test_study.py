@@ -154,6 +154,13 @@ def test_a_scenario_file_is_found_from_the_study_file_and_tells_cells_apart(tmp_
     assert other.scenario == str(tmp_path / "grove.toml") and other.setting.trees.density == 3
 
 
+def test_a_scenario_file_is_left_out_as_it_is_named(written, tmp_path):
+    (tmp_path / "grove.toml").write_text("trees.density = 3\n")
+    head = '[study]\nplanners = ["hover"]\nseeds = "0"\nscenarios = ["forest", "grove.toml"]\n'
+    (left,) = tasks(read(written(head + '[[exclude]]\nscenario = "grove.toml"')))
+    assert left.scenario == "forest"
+
+
 @pytest.mark.parametrize(
     "value",
     [True, 3, 0.5, 1e-6, "ideal", "true", "two words", 'a "quoted" \\ name', "ä", [[0, 1], [1, 2]], ["a", "b"], "nan"],
@@ -202,6 +209,10 @@ WRONG = {
     "unknown level in exclude": (
         "[study]\nplanners = ['hover']\n[factors.x]\nabc = {}\n[[exclude]]\nx = 'abd'",
         "'abd' is no level; .* did you mean abc",
+    ),
+    "unknown planner in exclude": (
+        "[study]\nplanners = ['hover']\n[[exclude]]\nplanner = 'hoover'",
+        "mine.toml: exclude.0.planner: 'hoover' is unknown; allowed are hover; did you mean hover",
     ),
     "name that is no folder": ("[study]\nname = '../up'\nplanners = ['hover']", "name"),
     "factors without end": (
