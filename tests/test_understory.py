@@ -101,9 +101,9 @@ def test_a_run_leaves_the_files_of_the_command_in_a_new_folder(tmp_path):
         ),
         ({"planner": dict}, "planner: dict is a class; give an object of it"),
         ({"planner": 3}, r"planner: 'int' has no method plan\(team, rng\)"),
-        ({"seed": -1}, "seed: '-1' is not allowed; expected an integer, 0 to "),
-        ({"seed": 1.5}, "seed: '1.5' is not allowed"),
-        ({"repeat": -1}, "repeat: '-1' is not allowed; expected an integer, 0 to 9999"),
+        ({"seed": -1}, "seed: -1 is not allowed; expected an integer, 0 to "),
+        ({"seed": 1.5}, "seed: 1.5 is not allowed"),
+        ({"repeat": -1}, "repeat: -1 is not allowed; expected an integer, 0 to 9999"),
     ],
 )
 def test_what_cannot_be_flown_is_refused_in_one_line(arguments, message):
@@ -121,9 +121,9 @@ def test_what_cannot_be_flown_is_refused_in_one_line(arguments, message):
         ({"scenarios": Scenario()}, "scenarios: Scenario(.*) is not allowed; expected text"),
         ({"seeds": "0-9"}, r"seeds: '0-9' is not allowed; expected several integers, such as range\(10\)"),
         ({"seeds": 3}, "seeds: 3 is not allowed"),
-        ({"repeats": 0}, "repeats: '0' is not allowed; expected an integer, 1 to 10000"),
-        ({"workers": -1}, "workers: '-1' is not allowed; expected an integer, 1 to 1024"),
-        ({"workers": 0}, "workers: '0' is not allowed"),
+        ({"repeats": 0}, "repeats: 0 is not allowed; expected an integer, 1 to 10000"),
+        ({"workers": -1}, "workers: -1 is not allowed; expected an integer, 1 to 1024"),
+        ({"workers": 0}, "workers: 0 is not allowed"),
     ],
 )
 def test_what_cannot_be_compared_is_refused_in_one_line(arguments, message, monkeypatch):

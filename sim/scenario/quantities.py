@@ -66,17 +66,22 @@ def _seconds(text: str, field: str) -> float:
     return value * _SECONDS.get(match[2], 1.0)
 
 
-def integer(text: str, field: str, *, least: int, most: int) -> int:
-    """One integer, `least` or more and `most` or less; InputError names the field."""
+def integer(given: object, field: str, *, least: int, most: int) -> int:
+    """One integer or its text, `least` or more and `most` or less; InputError names the field."""
+    text = str(given)
     if not re.fullmatch(r"\s*[-+]?\d{1,99}\s*", text, flags=re.ASCII) or not least <= int(text) <= most:
-        raise InputError(f"{field}: {text!r} is not allowed; expected an integer, {least} to {most}")
+        raise InputError(f"{field}: {given!r} is not allowed; expected an integer, {least} to {most}")
     return int(text)
 
 
 def seed_and_repeat(seed: object, repeat: object, dashes: str = "") -> tuple[int, int]:
-    """Seed and repeat of a mission, as integers or as text; InputError names the one that is wrong."""
-    number = integer(str(seed), f"{dashes}seed", least=0, most=MOST_SEED)
-    return number, integer(str(repeat), f"{dashes}repeat", least=0, most=REPEATS - 1)
+    """Seed and repeat of a mission, as text of options with dashes, else integers; InputError names what is wrong."""
+    numbers = []
+    for name, given, most in (("seed", seed, MOST_SEED), ("repeat", repeat, REPEATS - 1)):
+        if isinstance(given, str) and not dashes:
+            raise InputError(f"{name}: {given!r} is not allowed; expected an integer, 0 to {most}")
+        numbers.append(integer(given, f"{dashes}{name}", least=0, most=most))
+    return numbers[0], numbers[1]
 
 
 def integers(text: str, field: str) -> list[int]:

@@ -18,7 +18,7 @@ def study_of(
     return adapted(
         Study("compare", _several("planners", planners), scenarios=_several("scenarios", scenarios)),
         seeds=",".join(map(str, seeds)),
-        repeats=integer(str(repeats), "repeats", least=1, most=REPEATS),
+        repeats=integer(repeats, "repeats", least=1, most=REPEATS),
         overrides=overrides(settings),
     )
 

@@ -176,8 +176,8 @@ REFUSED = [
     ("duration: 0.5 s is too short; an episode needs two decisions", TEAM, {"settings": {"duration": 0.5}}),
     ("settings: 'duration=3' is not allowed; expected a mapping", TEAM, {"settings": "duration=3"}),
     ("settings: not allowed with a Scenario; set its", TEAM, {"scenario": understory.Scenario(), "settings": IDEAL}),
-    ("seed: 1.5 is not allowed; expected an integer of at least 0", understory.mission, {"seed": 1.5}),
-    ("seed: '3' is not allowed; expected an integer of at least 0", understory.mission, {"seed": "3"}),
+    ("seed: 1.5 is not allowed; expected an integer, 0 to ", understory.mission, {"seed": 1.5}),
+    ("seed: '3' is not allowed; expected an integer, 0 to ", understory.mission, {"seed": "3"}),
 ]
 
 

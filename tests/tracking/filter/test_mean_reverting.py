@@ -85,7 +85,7 @@ def test_a_walking_speed_is_finite_and_not_negative(speed):
 
 
 def test_the_walking_speed_is_the_mean_of_what_was_expected_and_seen():
-    """What is expected at first counts as much as 20 s in view of one person."""
+    """The first value counts as much as one person in view for 20 s."""
     rng = np.random.default_rng(0)
     seen = [rng.normal(size=(rng.integers(5), 2)) for _ in range(200)]
     model, step = WALKING, MeanRevertingVelocity(1.0, 0.75, walking_speed=1.75, scans=5)
@@ -127,7 +127,7 @@ def hidden(places: np.ndarray, first: NearlyConstantVelocity) -> dict[int, tuple
 
 
 def walkers(way: str) -> np.ndarray:
-    """Positions (81, 120, 2) m of people of the testbed who walk for 16 s."""
+    """Positions (81, 120, 2) m of people of the testbed walking for 16 s."""
     people, found = People(count=6, paths=(), walks=(way,)), []
     for seed in range(100, 120):
         paths = walk(people, Area(), Forest(()), duration=16.2, rng=np.random.default_rng(seed))
