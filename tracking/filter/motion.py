@@ -38,7 +38,10 @@ class MotionModel(Protocol):
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
 
     def observed(self, velocities: Array) -> MotionModel:
-        """The model after a scan in which people of these velocities (N, 2) m/s were detected; built-in models only."""
+        """The model after a scan in which people of these velocities (N, 2) m/s were detected.
+
+        The testbed adds it to models from outside, which stay as they are.
+        """
 
 
 def motion_model(name: str, dt: float, sigma_a: float, max_speed: float, walking_speed: float) -> MotionModel:
