@@ -24,6 +24,14 @@ _ELSEWHERE = {
     "video": "an option: --no-video",
     **dict.fromkeys((*STUDY_TABLES, "planners"), "one of a study, which `understory compare` flies"),
 }
+# Keys that are not used where another one, a part of the same table, has this value.
+_UNUSED = {
+    ("tracking.life", "existence"): ("confirm", "delete"),
+    ("tracking.life", "m_of_n"): ("survival", "birth_density", "sure", "doubt"),
+    ("tracking.motion", "ncv"): ("walking_speed",),
+    ("tracking.initial_tracks", "known"): ("unseen",),
+    ("sensing.mode", "ideal"): ("renderer", "detector"),
+}
 _DEEPEST = 10  # parts of a key that are looked at
 _ROWS = {"uavs": Uav, "cuts": Cut}  # lists of tables
 SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.toml"))}
@@ -82,7 +90,21 @@ def remarks(scenario: Scenario) -> list[str]:
         unused = ", ".join(f"people.{name}" for name in given if name != "trajectories")
         if unused:
             found.append(f"{unused}: not used, as people.trajectories gives all paths")
-    return found + _about_false_alarms(scenario)
+    elif people.group != default.group and "groups" not in people.walks:
+        found.append('people.group: not used, as people.walks lacks "groups"')
+    return found + _unused(scenario) + _about_false_alarms(scenario)
+
+
+def _unused(scenario: Scenario) -> list[str]:
+    """Remarks on keys that are set and that the value of another key leaves without effect."""
+    given, default = msgspec.to_builtins(scenario), msgspec.to_builtins(Scenario())
+    found = []
+    for (key, value), others in _UNUSED.items():
+        table, _, name = key.partition(".")
+        for other in others if given[table][name] == value else ():
+            if given[table][other] != default[table][other]:
+                found.append(f'{table}.{other}: not used with {key} = "{value}"')
+    return found
 
 
 def _about_false_alarms(scenario: Scenario) -> list[str]:

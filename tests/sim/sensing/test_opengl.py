@@ -144,3 +144,21 @@ def test_false_alarms_for_which_the_tracker_is_not_set_are_remarked_on():
     assert remarks(load("forest", ready)) == []
     for duration in ("0.2", "1", "40", "40.6", "3600", "0.6", "100.2"):
         assert remarks(load("forest", [f"duration={duration}", "people.count=7"])) == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "remark"),
+    [
+        (["tracking.confirm=[3, 4]"], 'tracking.confirm: not used with tracking.life = "existence"'),
+        (["tracking.life=m_of_n", "tracking.sure=0.9"], 'tracking.sure: not used with tracking.life = "m_of_n"'),
+        (
+            ["tracking.motion=ncv", "tracking.walking_speed=1"],
+            'tracking.walking_speed: not used with tracking.motion = "ncv"',
+        ),
+        (["tracking.unseen=9"], 'tracking.unseen: not used with tracking.initial_tracks = "known"'),
+        (["sensing.mode=ideal", "sensing.renderer=egl"], 'sensing.renderer: not used with sensing.mode = "ideal"'),
+        (["people.group=2"], 'people.group: not used, as people.walks lacks "groups"'),
+    ],
+)
+def test_settings_that_others_leave_without_effect_are_remarked_on(changes, remark):
+    assert remarks(load("forest", changes)) == [remark]
