@@ -35,9 +35,10 @@ def planned_motion(scenario: Scenario, learned: object = None) -> NearlyConstant
     Note: planners know built-in models only, and assume NCV in the place of others.
     """
     rates, name = scenario.rates, scenario.tracking.motion
-    model: NearlyConstantVelocity = _motion(scenario, name if name in MOTION_MODELS.built_in else "ncv")
     if isinstance(learned, NearlyConstantVelocity):
         model = learned
+    else:
+        model = _motion(scenario, name if name in MOTION_MODELS.built_in else "ncv")
     return replace(model, dt=1 / rates.planning, scans=rates.sensing // rates.planning)
 
 

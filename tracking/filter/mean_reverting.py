@@ -20,7 +20,7 @@ _MEMORY = 3.0  # s, after which 1/e of a deviation from the walking speed is lef
 
 @dataclass(frozen=True)
 class MeanRevertingVelocity(NearlyConstantVelocity):
-    """Directions stay, and speeds return to that of walking, which people in view teach.
+    """Directions stay, and speeds return to that of walking, which is learned from people in view.
 
     Over a scan v' = u + b (v - u) + a dt and p' = p + u dt + w (v - u) + a dt² / 2, with b = exp(-dt / 3 s) and
     w = (1 - b) 3 s. The long-run velocity u = `walking_speed` E v / √E |v|² is zero while the direction is unknown, and
