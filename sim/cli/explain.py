@@ -139,12 +139,12 @@ def _whole(flight: Flight, person: int | None, path: Path, recorded: Path) -> No
     asked = f"understory explain {shlex.quote(str(recorded))}"
     false = _longest([event for event in others if event.kind in UNMATCHED])
     if false:
-        told = f"{asked} --track {false.track}"
-        console.print(f"The longest {false.kind}: [bold]{escape(told)}[/bold]", soft_wrap=True)
+        command = f"{asked} --track {false.track}"
+        console.print(f"The longest {false.kind}: [bold]{escape(command)}[/bold]", soft_wrap=True)
     loss = _longest([event for event in flight.events if event.kind in UNHELD and event.person in people])
     if loss:
-        told = f"{asked} --target {loss.person} --time {loss.time:.1f}"
-        console.print(f"The longest loss: [bold]{escape(told)}[/bold]", soft_wrap=True)
+        command = f"{asked} --target {loss.person} --time {loss.time:.1f}"
+        console.print(f"The longest loss: [bold]{escape(command)}[/bold]", soft_wrap=True)
 
 
 def _longest(events: list[Event]) -> Event | None:

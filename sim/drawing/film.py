@@ -59,8 +59,8 @@ class Film:
         rate = scenario.rates.sensing
         self.cycle = rate // min(uav.rate or rate for uav in scenario.uavs)  # scans in which every camera takes a frame
         self._empty = np.full((HEIGHT, WIDTH, 3), PAPER, dtype=np.uint8)
-        legend, believer = self._empty[-_LEGEND:, GAP:-GAP], first if self._layout.map else None
-        draw_legend(legend, believer=believer, tiles=bool(self._layout.tiles), scale=self._map.scale)
+        legend, owner = self._empty[-_LEGEND:, GAP:-GAP], first if self._layout.map else None
+        draw_legend(legend, owner=owner, tiles=bool(self._layout.tiles), scale=self._map.scale)
 
     @property
     def cameras(self) -> tuple[int, ...]:

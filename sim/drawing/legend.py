@@ -17,20 +17,20 @@ _LOW, _HIGH = 0.1, 50.0  # m, range of the sparkline
 _TURN = np.linspace(0, 2 * math.pi, 32, endpoint=False)
 
 
-def draw_legend(image: Image, *, believer: str | None, tiles: bool, scale: float) -> None:
+def draw_legend(image: Image, *, owner: str | None, tiles: bool, scale: float) -> None:
     """Fill an RGB strip with the marks that are shown; the map's `scale` in pixels per metre gives the scale bar.
 
-    believer: the UAV that has the tracks on the map; None for a film without the map.
+    owner: the UAV that has the tracks on the map; None for a film without the map.
     """
     entries: list[tuple[Callable[[Image, Array], None], str]] = []
-    if believer:
+    if owner:
         entries.append((_tree, "tree"))
         for text, view in (("person", "seen"), ("hidden", "hidden"), ("out of view", "out of view")):
             entries.append((partial(person, heading=0.0, view=view), text))
         for hold in ("lost", "not found yet"):
             entries.append((partial(person, heading=0.0, view="seen", hold=hold), hold))
-    entries.append((_track, f"track of {believer}, 95 %" if believer else "track"))
-    if believer:
+    entries.append((_track, f"track of {owner}, 95 %" if owner else "track"))
+    if owner:
         entries += [(_uav, "UAV, view"), (_intent, "intent")]
     if tiles:
         entries.append((partial(detection, reach=10.0), "detection"))
@@ -39,7 +39,7 @@ def draw_legend(image: Image, *, believer: str | None, tiles: bool, scale: float
         mark(image, np.array([x + 14, middle]))
         write(image, text, (x + 34, middle), _TEXT)
         x += 34 + width(text, _TEXT) + 8
-    if believer:
+    if owner:
         _scale_bar(image, scale, np.array([image.shape[1] - 6.0, middle + 6]))
 
 

@@ -39,11 +39,11 @@ class Holding:
     def step(self, snapshot: Snapshot) -> Ints:
         """The states (M,) at the next scan, indices into `HOLDS`."""
         count = np.zeros(len(snapshot.people), dtype=np.int64)
-        for (matcher, columns), tracks in zip(self._fleet, snapshot.tracks, strict=True):
-            told = reported(tracks)
-            own = [columns.setdefault(track.id, len(columns)) for track in told]
+        for (matcher, columns), known in zip(self._fleet, snapshot.tracks, strict=True):
+            tracks = reported(known)
+            own = [columns.setdefault(track.id, len(columns)) for track in tracks]
             places = np.full((len(columns), 2), np.nan)
-            places[own] = beliefs_of(told)[0][:, :2]
+            places[own] = beliefs_of(tracks)[0][:, :2]
             count += matcher.step(places, snapshot.people) >= 0
         self._found |= count > 0
         return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]))

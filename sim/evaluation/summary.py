@@ -148,9 +148,9 @@ def results_table(summary: Mapping[str, Any]) -> Table:
         for known in map(METRICS.__getitem__, names):
             table.add_row(known.label, _text(known, _value(summary, known)))
         table.add_section()
-    for name, told in summary.get("metrics", {}).items():
-        value = math.nan if told["value"] is None else told["value"]
-        table.add_row(escape(told["label"] or name), escape(_text(Metric("", unit=told["unit"]), value)))
+    for name, own in summary.get("metrics", {}).items():
+        value = math.nan if own["value"] is None else own["value"]
+        table.add_row(escape(own["label"] or name), escape(_text(Metric("", unit=own["unit"]), value)))
     table.add_section()
     for row in (*_unmatched(summary["tracks"]), *_sent(summary["network"])):
         table.add_row(*row)

@@ -167,16 +167,16 @@ def _outcome(
                 raise IsolationError(_ended(process.exitcode))
             continue
         try:
-            told = ours.recv()
+            received = ours.recv()
         except (EOFError, OSError):
             process.join(_TICK)
             raise IsolationError(_ended(process.exitcode)) from None
-        if isinstance(told, _End):
-            if told.error is not None:
-                raise told.error
-            return told.result
-        interruption.listens = interruption.listens or isinstance(told, listening)
-        hear(told)
+        if isinstance(received, _End):
+            if received.error is not None:
+                raise received.error
+            return received.result
+        interruption.listens = interruption.listens or isinstance(received, listening)
+        hear(received)
     raise IsolationError(f"took longer than the timeout of {timeout:g} s")
 
 

@@ -130,8 +130,8 @@ class Recording:
         rows = self._rows(self.track_offsets, k, uav)
         existence = self.existence_at(k, uav)
         certain = np.where(np.isnan(existence), 1.0, existence)
-        told = self.track_sightings[rows]
-        sightings = np.where(told[:, 2:] >= 0.0, told, math.nan)
+        stored = self.track_sightings[rows]
+        sightings = np.where(stored[:, 2:] >= 0.0, stored, math.nan)
         beliefs = self.track_means[rows], self.track_covariances[rows]
         return tracks_of(self.track_ids[rows], *beliefs, certain, sightings)
 

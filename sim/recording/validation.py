@@ -101,8 +101,8 @@ def _believed(r: Recording) -> Iterator[Finding]:
     known = r.track_existence[~np.isnan(r.track_existence)]
     wrong = bool(np.any((known != -1) & ~((known >= 0) & (known <= 1))))
     yield "track_existence", wrong, "is no probability, NaN or -1"
-    told = r.track_sightings[~np.isnan(r.track_sightings).all(axis=1)]
-    wrong = not _finite(told) or bool(np.any((told[:, 2] < 0) & (told != -1).any(axis=1)))
+    stored = r.track_sightings[~np.isnan(r.track_sightings).all(axis=1)]
+    wrong = not _finite(stored) or bool(np.any((stored[:, 2] < 0) & (stored != -1).any(axis=1)))
     yield "track_sightings", wrong, "are no place and time, NaN or -1"
     broken = np.isnan(r.ospa).all(axis=-1)
     yield "ospa", not _finite(r.ospa[~broken]) or bool(np.any(r.ospa < 0)), "is partly NaN, below 0 or not finite"

@@ -149,14 +149,14 @@ def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> 
 def _in_short(found: Sequence[Answer], baseline: str, metric: Metric) -> str:
     """Verdicts in one metric, a sentence for each planner, and what the numbers leave out."""
     shown = sum(answer.difference is not None and answer.difference.pairs > 0 for answer in found)
-    told = [answer for answer in found if answer.metric == metric]
-    summed = {answer.planner for answer in told if answer.cell is None}
+    of_metric = [answer for answer in found if answer.metric == metric]
+    summed = {answer.planner for answer in of_metric if answer.cell is None}
     sentences = [
         verdict(with_cell(answer.planner, answer.cell or ()), baseline, metric, answer.difference, shown=shown)
-        for answer in told
+        for answer in of_metric
         if answer.difference and (answer.cell is None or answer.planner not in summed)
     ]
-    left_out = shortfalls(told)
+    left_out = shortfalls(of_metric)
     lines = sentences or [f"{baseline} alone; there is nothing to compare it with."]
     return listed(lines) + (paragraph("Left out:") + listed(left_out) if left_out else "")
 

@@ -27,7 +27,7 @@ _WIDE_ONLY = ("median", "maps needed")
 def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
     """Print the answers; InputError where a metric or the baseline is unknown.
 
-    Options that all planners of one name share are left out, and told below.
+    Options that all planners of one name share are left out of the tables, and listed below.
     """
     first = baseline_of(rows, about.baseline, about.labels)
     whole = grouped(rows, first, about.labels)

@@ -32,19 +32,19 @@ def fly_apart(
     """
     last = None
 
-    def hear(told: object) -> None:
+    def hear(message: object) -> None:
         nonlocal last
-        if isinstance(told, ScanProgress):
-            last = told
-            progress(told)
+        if isinstance(message, ScanProgress):
+            last = message
+            progress(message)
         else:
-            say(str(told))
+            say(str(message))
 
     with new_folder(Path(results.place)) as folder:
         arguments = (trial, folder.absolute(), results)
         expected: dict[str, Any] = {"listening": ScanProgress, "passing": (InputError,)}
         try:
-            # The first moment is told after `stop_request`; before it, SIGINT is ignored there.
+            # The first scan is reported after `stop_request`; before it, SIGINT is ignored there.
             summary: dict[str, Any] = run_isolated(_fly, *arguments, hear=hear, timeout=timeout, **expected)
         except IsolationError as error:
             when = f"at {last.time:.1f} s" if last else "before take-off"

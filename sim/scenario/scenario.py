@@ -175,8 +175,8 @@ def _loads(scenario: Scenario) -> Iterator[tuple[str, float, str, float]]:
     yield "area and uavs, each of which keeps a map of it,", area * uavs, "m² of maps", 6e8
     if not people.trajectories:
         yield "duration and people.count", scenario.duration * people.count, "seconds of walking", MOST_WALKED
-        told = scans * uavs * people.count
-        yield "duration, rates.sensing, uavs and people.count", told, "looks for a person", 1e7
+        lines_of_sight = scans * uavs * people.count
+        yield "duration, rates.sensing, uavs and people.count", lines_of_sight, "lines of sight to people", 1e7
         lengths = [_length(path) for path in people.paths]
         yield "people.paths, each as long as the longest,", len(lengths) * max(lengths, default=0.0), "m", _MOST_PATHS
 

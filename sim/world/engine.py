@@ -52,8 +52,8 @@ def refusal_of(what: str, trial: str, *arguments: str) -> str:
     except subprocess.TimeoutExpired:
         return f"no answer from {what} in 60 s"
     lines = [line for line in done.stderr.splitlines() if line.strip()]
-    told = lines[-1].strip(" .\t") if lines else f"{what} ends the process with {done.returncode}"
-    return told if done.returncode else ""
+    reason = lines[-1].strip(" .\t") if lines else f"{what} ends the process with {done.returncode}"
+    return reason if done.returncode else ""
 
 
 class Engine:

@@ -35,8 +35,8 @@ def connect(pixels: int, trees: Sequence[Tree]) -> int:
         raise InputError(f"uavs.pixels: {pixels} is not allowed with 'egl'; expected at most {MOST_PIXELS}")
     sizes = len({replace(tree, x=0.0, y=0.0) for tree in trees})
     if sizes > 1:
-        told = f"'egl' draws trees of one size only, not of {sizes} (trees.largest_radius)"
-        raise InputError(f"sensing.renderer: {told}; allowed is tiny")
+        limit = f"'egl' draws trees of one size only, not of {sizes} (trees.largest_radius)"
+        raise InputError(f"sensing.renderer: {limit}; allowed is tiny")
     reason = refusal()
     if reason:
         raise InputError(f"sensing.renderer: 'egl' cannot start here ({reason}); allowed is tiny")

@@ -151,31 +151,32 @@ def _track(holder: HoldingTrack, facts: PersonFacts, recording: Recording) -> li
     lines.append(f"error {error:.2f} m, {math.sqrt(square):.1f} σ (NEES {square:.1f}, 2 expected)")
     lines.append(f"standard deviations {major:.2f} × {minor:.2f} m")
     if not math.isnan(holder.existence):
-        told = "" if holder.existence > UNLIKELY else ", so it is not reported"
-        lines.append(f"existence {holder.existence:.4f}{told}")
+        unreported = "" if holder.existence > UNLIKELY else ", so it is not reported"
+        lines.append(f"existence {holder.existence:.4f}{unreported}")
     return lines
 
 
 def _intents(facts: PersonFacts) -> list[str]:
     lines = []
-    for observation, look in zip(facts.observations, facts.planned, strict=True):
-        if look is None:
+    for observation, planned in zip(facts.observations, facts.planned, strict=True):
+        if planned is None:
             lines.append(f"UAV {observation.uav}: no plan{'' if observation.works else ', as it has broken down'}")
             continue
-        parts = [] if facts.holder is None or look.track is None else [
-            f"track {facts.holder.number} {_ahead(look, look.track)}"
+        parts = [] if facts.holder is None or planned.track is None else [
+            f"track {facts.holder.number} {_ahead(planned, planned.track)}"
         ]  # fmt: skip
-        parts.append(f"the person {_ahead(look, look.person)}")
-        lines.append(f"UAV {look.uav}, plan of {look.made:.1f} s to {look.times[-1]:.1f} s: " + "; ".join(parts))
+        parts.append(f"the person {_ahead(planned, planned.person)}")
+        plan = f"plan of {planned.made:.1f} s to {planned.times[-1]:.1f} s"
+        lines.append(f"UAV {planned.uav}, {plan}: " + "; ".join(parts))
     return lines
 
 
-def _ahead(look: PlannedVisibility, states: Ints) -> str:
+def _ahead(planned: PlannedVisibility, states: Ints) -> str:
     """The first time at which a place is in view on the way, or else its state."""
     for state, words in ((IN_VIEW, "in view"), (HIDDEN, "in the frame, hidden,")):
         ahead = [e for e in episodes(states) if e.value == state]
         if ahead:
-            first, last = (f"{look.times[s]:.1f}" for s in ahead[0][:2])
+            first, last = (f"{planned.times[s]:.1f}" for s in ahead[0][:2])
             return f"{words} at {first} s" if first == last else f"{words} from {first} to {last} s"
     return "not known, as the mission ends" if (states < 0).all() else "out of view"
 

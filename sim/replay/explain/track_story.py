@@ -37,7 +37,7 @@ class Origin(NamedTuple):
     place: Array  # (2,) m
 
 
-class Look(NamedTuple):
+class TrackObservation(NamedTuple):
     """A frame of one UAV, as the track expected it."""
 
     k: int
@@ -47,7 +47,7 @@ class Look(NamedTuple):
     visible: float  # probability of plain view
 
 
-class Feed(NamedTuple):
+class TrackDetection(NamedTuple):
     """A measurement that counts as a detection of the track's person."""
 
     k: int
@@ -85,25 +85,26 @@ class TrackFacts:
         return found
 
     @cached_property
-    def looks(self) -> list[Look]:
+    def observations(self) -> list[TrackObservation]:
         """The frames of UAVs that had the track before them."""
         found = []
         for k, i in product(range(self.scans[0], self.scans[1] + 1), range(self.recording.poses.shape[1])):
             a = self.observer.association(k, i)
             if a is not None and self.id in a.ids:
                 t = a.ids.tolist().index(self.id)
-                found.append(Look(k, i, a.beta[t, 1:], float(1.0 - a.beta[t, 0]), float(a.before.visible[t])))
+                beta, visible = a.beta[t], float(a.before.visible[t])
+                found.append(TrackObservation(k, i, beta[1:], float(1.0 - beta[0]), visible))
         return found
 
     @cached_property
-    def feeds(self) -> list[Feed]:
+    def detections(self) -> list[TrackDetection]:
         """The measurements that count as detections of its person."""
         seen = self.parameters.seen
         return [
-            Feed(look.k, look.uav, int(self.observer.owners(look.k, look.uav)[j]), float(look.weights[j]))
-            for look in self.looks
-            if look.weight >= seen
-            for j in np.flatnonzero(look.weights >= seen).tolist()
+            TrackDetection(o.k, o.uav, int(self.observer.owners(o.k, o.uav)[j]), float(o.weights[j]))
+            for o in self.observations
+            if o.weight >= seen
+            for j in np.flatnonzero(o.weights >= seen).tolist()
         ]
 
     @cached_property
@@ -196,9 +197,9 @@ def _rival(begun: Origin, facts: TrackFacts) -> Iterator[str]:
     t, j = int(gaps.argmin()), begun.measurement
     if gaps[t] <= FAR:
         gate = f"outside its gate of {math.sqrt(facts.parameters.measurement_gate):.1f} σ"
-        told = "" if facts.foreign else ", inside its gate" if a.gated[t, j] else f", {gate}"
+        gated = "" if facts.foreign else ", inside its gate" if a.gated[t, j] else f", {gate}"
         away = f"{gaps[t]:.1f} m from person {begun.person}"
-        yield f"track {a.numbers[t]}, then {away}, was {math.sqrt(a.distances[t, j]):.1f} σ from it{told}"
+        yield f"track {a.numbers[t]}, then {away}, was {math.sqrt(a.distances[t, j]):.1f} σ from it{gated}"
 
 
 def _source(origin: Origin, facts: TrackFacts) -> str:
@@ -210,15 +211,15 @@ def _source(origin: Origin, facts: TrackFacts) -> str:
 
 def _fed(facts: TrackFacts) -> Iterator[str]:
     """Sources of measurements, the most frequent first."""
-    sources: defaultdict[tuple[int, int], list[Feed]] = defaultdict(list)
-    for feed in facts.feeds:
-        sources[feed.person, feed.uav].append(feed)
-    for (person, uav), feeds in sorted(sources.items(), key=lambda item: -len(item[1])):
+    sources: defaultdict[tuple[int, int], list[TrackDetection]] = defaultdict(list)
+    for detection in facts.detections:
+        sources[detection.person, detection.uav].append(detection)
+    for (person, uav), detections in sorted(sources.items(), key=lambda item: -len(item[1])):
         what = f"measurements of person {person}" if person >= 0 else "false alarms"
-        first, last = (f"{facts.recording.times[feed.k]:.1f}" for feed in (feeds[0], feeds[-1]))
+        first, last = (f"{facts.recording.times[detection.k]:.1f}" for detection in (detections[0], detections[-1]))
         when = f"at {first} s" if first == last else f"{first} to {last} s"
-        weight = percent_text(float(np.mean([feed.weight for feed in feeds])))
-        yield f"{what} from UAV {uav}: {_frames(len(feeds))}, {when}, weight {weight} in the mean"
+        weight = percent_text(float(np.mean([detection.weight for detection in detections])))
+        yield f"{what} from UAV {uav}: {_frames(len(detections))}, {when}, weight {weight} in the mean"
     if not sources:
         yield "no measurement once it was confirmed"
 
@@ -229,23 +230,23 @@ def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
     for event in own:
         if event.kind not in UNMATCHED:
             continue
-        looks = [look for look in facts.looks if event.first <= look.k <= event.last]
-        fed = sum(look.weight >= p.seen for look in looks)
-        missed = sum(look.visible >= p.expected and look.weight < p.seen for look in looks)
-        told = f"detected in {fed} of {_frames(len(looks))}, missed in {missed} that should have shown it"
+        observations = [o for o in facts.observations if event.first <= o.k <= event.last]
+        detected = sum(o.weight >= p.seen for o in observations)
+        missed = sum(o.visible >= p.expected and o.weight < p.seen for o in observations)
+        counts = f"detected in {detected} of {_frames(len(observations))}, missed in {missed} that should have shown it"
         first, last = (facts.held_at(k)[2] for k in (event.first, event.last))
         known = "" if math.isnan(first) else f"; existence {first:.4f} at first, {last:.4f} at last"
-        yield f"{event.when}: {told}{known}"
+        yield f"{event.when}: {counts}{known}"
     scans, _ = facts.recording.cells(facts.recording.track_offsets)
     rows = facts.recording.track_ids == facts.id
     without = np.setdiff1d(scans[rows], scans[rows & facts.recording.reported])
     if len(without):
         first, last = facts.recording.times[without[[0, -1]]]
         yield f"not reported in {len(without)} scans, {first:.1f} to {last:.1f} s: existence of one half or less"
-    if facts.feeds:
-        feed = facts.feeds[-1]
-        source = f"of person {feed.person}" if feed.person >= 0 else "of a false alarm"
-        yield f"last detection at {facts.recording.times[feed.k]:.1f} s by UAV {feed.uav}, {source}"
+    if facts.detections:
+        detection = facts.detections[-1]
+        source = f"of person {detection.person}" if detection.person >= 0 else "of a false alarm"
+        yield f"last detection at {facts.recording.times[detection.k]:.1f} s by UAV {detection.uav}, {source}"
 
 
 def _end(facts: TrackFacts) -> Iterator[str]:

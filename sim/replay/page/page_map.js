@@ -3,7 +3,7 @@
 const map = { canvas: $("map"), ctx: $("map").getContext("2d"), scale: 1, x: 0, y: 0 };
 
 // The first UAV that works at a scan, or the one that was chosen; -1 if it has broken down.
-function believer(k) {
+function trackOwner(k) {
   const i = state.who === "" ? data.works[k].indexOf(1) : Number(state.who);
   return i >= 0 && data.works[k][i] ? i : -1;
 }
@@ -41,7 +41,7 @@ function drawMap() {
   drawTrails(ctx, k);
   drawIntents(ctx, k);
   data.uavs[k].forEach((at, i) => drawUav(ctx, at, i, data.works[k][i], data.views[k][i]));
-  const who = believer(k);
+  const who = trackOwner(k);
   if (who >= 0) for (const track of data.tracks[k][who]) drawTrack(ctx, track);
   data.people[k].forEach((at, m) => at && notePerson(at, k, m));
   writeNames(ctx);
@@ -184,7 +184,7 @@ function drawPerson(ctx, [x, y], k, m) {
 // The thing nearest to a pixel of the map, in words; "" if nothing is near.
 function named(u, v) {
   const k = state.k;
-  const who = believer(k);
+  const who = trackOwner(k);
   const found = [];
   const add = (x, y, text, bonus) => found.push([Math.hypot(px(x) - u, py(y) - v) - bonus, text]);
   data.people[k].forEach((at, m) => at && add(...at, `person ${m}: ${views(k, m)}; ${holders(k, m)}`, 6));

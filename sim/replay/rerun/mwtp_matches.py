@@ -15,13 +15,13 @@ from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array
 
 
-def matches_at(recording: Recording, scenario: Scenario, k: int, believer: int) -> tuple[tuple[Match, Array], ...]:
+def matches_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> tuple[tuple[Match, Array], ...]:
     """The matches at the end of the plans made at scan k on what one UAV believed then, the strongest first.
 
     They are by ids of UAVs and tracks, each with where the track is then expected (2,) m. They are what the MWTP would
     make of these plans, [Li22] Algorithm 2, whether or not the planner had it as a cost-to-go.
     """
-    plans, situation = recording.plans_at(k), situation_at(recording, scenario, k, believer)
+    plans, situation = recording.plans_at(k), situation_at(recording, scenario, k, uav)
     if plans is None or not situation.tracks:
         return ()
     planned = [plans[v.id].controls for v in situation.vehicles]

@@ -28,19 +28,19 @@ def test_what_a_plan_has_in_store_is_what_comes_when_it_is_flown(delay):
     scans, uavs, people = history.inside.shape
     kinds = set()
     for k, i, m in ((k, i, m) for k in range(0, scans, 3) for i in range(uavs) for m in range(people)):
-        look = planned_visibility(recording, scenario, k, i, m, None)
+        planned = planned_visibility(recording, scenario, k, i, m, None)
         if recording.times[k] < delay:
-            assert look is None
+            assert planned is None
             continue
         made = 0.0 if k < 5 else (k - round(5 * delay)) // 5
-        assert look.made == made and look.times[-1] == pytest.approx(made + delay + 5.0)
-        left = min(len(look.times), scans - 1 - k)
+        assert planned.made == made and planned.times[-1] == pytest.approx(made + delay + 5.0)
+        left = min(len(planned.times), scans - 1 - k)
         after = slice(k + 1, k + 1 + left)
         came = np.where(history.hidden_by[after, i, m] >= 0, HIDDEN, IN_VIEW)
-        np.testing.assert_array_equal(look.person[:left], np.where(history.inside[after, i, m], came, OUTSIDE))
-        np.testing.assert_array_equal(look.person[left:], -1)
-        np.testing.assert_allclose(look.path[:left], recording.poses[after, i, :2], atol=1e-9)
-        kinds |= set(look.person.tolist())
+        np.testing.assert_array_equal(planned.person[:left], np.where(history.inside[after, i, m], came, OUTSIDE))
+        np.testing.assert_array_equal(planned.person[left:], -1)
+        np.testing.assert_allclose(planned.path[:left], recording.poses[after, i, :2], atol=1e-9)
+        kinds |= set(planned.person.tolist())
     assert kinds == {-1, OUTSIDE, HIDDEN, IN_VIEW}
 
 
@@ -48,8 +48,8 @@ def test_a_track_is_in_store_where_its_velocity_takes_it():
     options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=0", "tracking.motion=ncv")
     recording, scenario = recorded(*options, planner=Straight(), duration=1)
     below = np.concatenate([recording.poses[2, 0, :2], Straight.controls[0]])
-    look = planned_visibility(recording, scenario, 2, 0, 0, Gaussian(below, np.eye(4)))
-    assert look.track.tolist() == [IN_VIEW] * 23  # of 5 s from 0 on, 0.4 s have gone
+    planned = planned_visibility(recording, scenario, 2, 0, 0, Gaussian(below, np.eye(4)))
+    assert planned.track.tolist() == [IN_VIEW] * 23  # of 5 s from 0 on, 0.4 s have gone
     other = planned_visibility(recording, scenario, 2, 0, 0, Gaussian(below * [1, 1, -1, -1], np.eye(4)))
     # They part by 1.2 m east and west a scan; at the height of a person half the view is 9.5 m.
     assert other.track.tolist() == [IN_VIEW] * 7 + [OUTSIDE] * 16
@@ -60,8 +60,8 @@ def test_a_track_out_of_sight_is_where_planners_expect_its_person():
     options = ("sensing.mode=ideal", "dynamics=kinematic", "trees.density=0")
     recording, scenario = recorded(*options, planner=Straight(), duration=1)
     belief = Gaussian(np.concatenate([recording.poses[2, 0, :2], -Straight.controls[0]]), 0.01 * np.eye(4))
-    look, inside = planned_visibility(recording, scenario, 2, 0, 0, belief), []
-    for place in look.path:
+    planned, inside = planned_visibility(recording, scenario, 2, 0, 0, belief), []
+    for place in planned.path:
         belief = tracker_parameters(scenario).motion.predict(belief)
         inside.append(np.abs(belief.mean[:2] - place).max() < 9.5)
-    assert look.track.tolist() == np.where(inside, IN_VIEW, OUTSIDE).tolist() and 7 < sum(inside) < 23
+    assert planned.track.tolist() == np.where(inside, IN_VIEW, OUTSIDE).tolist() and 7 < sum(inside) < 23

@@ -76,13 +76,13 @@ def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
     recording, scenario, observer, _ = mission
     id_ = next(iter(recording.track_numbers))
     facts, count = TrackFacts(observer, 0), 0
-    for feed in facts.feeds:
-        a = Association.of(recording, scenario, feed.k, feed.uav)
+    for detection in facts.detections:
+        a = Association.of(recording, scenario, detection.k, detection.uav)
         weights = a.beta[a.ids.tolist().index(id_), 1:]
-        assert feed.weight in weights[weights >= facts.parameters.seen]
-        assert feed.person < 0 or recording.matched[feed.k, feed.uav, feed.person]
-        count += feed.person >= 0
-    assert count > 10 and len(facts.looks) > len(facts.feeds)
+        assert detection.weight in weights[weights >= facts.parameters.seen]
+        assert detection.person < 0 or recording.matched[detection.k, detection.uav, detection.person]
+        count += detection.person >= 0
+    assert count > 10 and len(facts.observations) > len(facts.detections)
 
 
 def test_the_story_of_a_false_track_has_birth_feeds_reason_and_end(mission):
