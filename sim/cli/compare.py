@@ -15,7 +15,7 @@ from sim.scenario.quantities import MOST_LISTED, REPEATS, WORKERS, integer, inte
 from sim.scenario.text_files import toml_file
 from sim.study.cells import with_trackers
 from sim.study.study import STUDIES, Study, adapted, read
-from sim.terminal.commands import Duration, Overrides, with_duration
+from sim.terminal.commands import Duration, Overrides, with_duration, with_option
 from tracking.fusion.member import TRACKERS
 from tracking.plugins.registry import InputError, check_known
 
@@ -89,7 +89,9 @@ def compare(
     redo: _Redo = False,
 ) -> None:
     """Fly planners or trackers on the same forests, people and seeds; compare them. Goes on where it stopped."""
-    changes = [*_sensing(sensing), *with_duration(overrides, duration)]
+    if sensing is not None:
+        replace(SENSOR_MODES, field="--sensing").check(sensing)
+    changes = with_option(with_duration(overrides, duration), "sensing.mode", sensing, "--sensing")
     number = None if repeats is None else integer(repeats, "--repeats", least=1, most=REPEATS)
     begun = _study(study, tracker or (), scenario or ())
     chosen = adapted(begun, planners=planner or (), seeds=_seeds(seeds, maps), repeats=number, overrides=changes)

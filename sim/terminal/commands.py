@@ -64,10 +64,19 @@ def _untyped(params: list[Any]) -> list[Any]:
     return params
 
 
+def with_option(overrides: list[str], key: str, value: object, option: str) -> list[str]:
+    """The overrides, and that of an option for a key if it was given; InputError if --set changes the key, too."""
+    if value is None:
+        return overrides
+    if any(override.partition("=")[0].strip() == key for override in overrides):
+        raise InputError(f"{option}: not allowed together with --set {key}")
+    return [*overrides, f"{key}={value}"]
+
+
 def with_duration(overrides: list[str] | None, duration: str | None) -> list[str]:
     """The overrides, that of --duration among them."""
-    added = [] if duration is None else [f"duration={seconds(duration, '--duration')}"]
-    return [*(overrides or []), *added]
+    value = None if duration is None else seconds(duration, "--duration")
+    return with_option(overrides or [], "duration", value, "--duration")
 
 
 def new_app() -> typer.Typer:

@@ -3,7 +3,8 @@
 import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain, count
 
 import matplotlib
 import numpy as np
@@ -41,7 +42,17 @@ def pictures(groups: Sequence[Group], baseline: str, metrics: Sequence[Metric]) 
         found += [_ecdf(sheet), _over_time(sheet)]
     compared = [(metric, map_points(flown, baseline, metric)) for metric in metrics]
     drawn = [(metric, points) for metric, points in compared if any(map(len, points.values()))]
-    return found + [_scatter(points, baseline, metric) for metric, points in drawn[:2]]
+    return _apart(found + [_scatter(points, baseline, metric) for metric, points in drawn[:2]])
+
+
+def _apart(found: Sequence[Picture]) -> list[Picture]:
+    """The pictures, with a number where names are equal that differ in signs that file names leave out."""
+    named: dict[str, Picture] = {}
+    for picture in found:
+        numbered = (f"{picture.name}-{k}" for k in count(2))
+        name = next(name for name in chain([picture.name], numbered) if name not in named)
+        named[name] = replace(picture, name=name)
+    return list(named.values())
 
 
 def runtime_pictures(groups: Sequence[Group]) -> list[Picture]:

@@ -42,6 +42,10 @@ COMMANDS = {
     "near unit": (["run", "--duration", "1mins"], ["--duration", "'1mins'", "did you mean min?"]),
     "no duration": (["run", "--duration", "long"], ["--duration", "'long'", "1.5min"]),
     "negative duration": (["run", "--duration", "-5"], ["--duration", "'-5'", "more than 0 s"]),
+    "two durations": (
+        ["run", "--duration", "5", "--set", "duration=4"],
+        ["--duration: not allowed together with --set duration"],
+    ),
     "endless duration": (["run", "--duration", "inf"], ["--duration", "'inf'"]),
     "broken seed": (["run", "--seed", "1.5"], ["--seed", "'1.5'", "an integer, 0 to 3402823669"]),
     "negative seed": (["run", "--seed", "-1"], ["--seed", "'-1'", "an integer, 0 to 3402823669"]),
@@ -97,6 +101,10 @@ COMPARISONS = {
     "workers of a cluster": (
         ["--workers", "2", "--dask", "tcp://a:1"],
         ["--workers: not allowed together with --dask"],
+    ),
+    "two sensings": (
+        ["--sensing", "ideal", "--set", "sensing.mode=camera"],
+        ["--sensing: not allowed together with --set sensing.mode"],
     ),
     "unknown sensing": (["--sensing", "idel"], ["--sensing: 'idel'", "did you mean ideal?"]),
     "unknown thing to keep": (["--keep", "recording"], ["--keep: 'recording'", "did you mean recordings?"]),

@@ -12,7 +12,7 @@ from sim.analysis.distributions import bands
 from sim.analysis.metric_choice import metric_shown
 from sim.report.figures.charts import AT, ecdf_figure, runtime_figure, scatter_figure, time_figure
 from sim.report.figures.panels import sheets
-from sim.report.figures.pictures import content
+from sim.report.figures.pictures import content, pictures
 
 
 def groups(rows=None, baseline="sma-nbo"):
@@ -117,3 +117,11 @@ def test_missing_curves_and_values_do_not_stop_a_figure():
         runtime_figure(found, metric_shown("planning_s_per_decision")),
     ):
         assert content(figure, "svg").startswith(b"<?xml")
+
+
+def test_figures_whose_levels_differ_in_a_sign_have_names_of_their_own():
+    cells = [tuple(zip(("drift", "a", "b"), cell, strict=True)) for cell in product(("-1", "1"), "xy", "xy")]
+    rows = [row(planner, seed, cell) for planner in ("greedy", "hover") for cell in cells for seed in range(2)]
+    drawn = [picture for picture in pictures(groups(rows, "greedy"), "greedy", ()) if picture.name.startswith("ecdf")]
+    assert [picture.name for picture in drawn] == ["ecdf-drift-1", "ecdf-drift-1-2"]
+    assert [picture.title.rpartition(", ")[2] for picture in drawn] == ["drift = -1", "drift = 1"]
