@@ -1,8 +1,9 @@
-"""Parts of the site that are made from the code and from one another: tables of the reference, equations, notebooks.
+"""Parts of pages that are made from the code, and of the site from pages: tables, equations, notebooks.
 
-MkDocs calls the functions `on_...`. A line `<!-- keys: trees -->` in a page becomes the table of these keys of a
-scenario; `<!-- commands -->`, `<!-- planners -->` and `<!-- planner options -->`, of the default planner or of one that
-is named, likewise. A formula between `$$` becomes MathML. Each tutorial is written as a notebook, too.
+`python docs/generate.py` writes the tables of the reference. That of some keys of a scenario stands between the lines
+`<!-- keys: trees -->` and `<!-- end -->`; `<!-- commands -->`, `<!-- planners -->` and `<!-- planner options -->`, of
+the default planner or of one that is named, begin others. MkDocs calls the functions `on_...`: a formula between `$$`
+becomes MathML, and each tutorial is written as a notebook, too.
 """
 
 import ast
@@ -30,11 +31,11 @@ _FENCE = re.compile(r"^```(\w+)\n(.*?)^```\n?", flags=re.M | re.S)
 
 
 def on_page_markdown(markdown: str, page: Any, **_: object) -> str:  # noqa: ANN401 - MkDocs' page
-    """The page with its generated parts."""
+    """The page with its formulas and the link to its notebook."""
     if page.file.src_uri.startswith("tutorials/"):
         name = Path(page.file.src_uri).with_suffix(".ipynb").name
         markdown = markdown.replace("\n", f"\n\n[As a notebook]({name}){{ download }}\n", 1)
-    return math(generated(markdown))
+    return math(markdown)
 
 
 def on_files(files: Any, config: Any, **_: object) -> Any:  # noqa: ANN401 - MkDocs' own
@@ -48,14 +49,15 @@ def on_files(files: Any, config: Any, **_: object) -> Any:  # noqa: ANN401 - MkD
 
 
 def generated(markdown: str) -> str:
-    """A page with tables in the places of its marks."""
+    """A page with the tables that its marks ask for."""
     makers = {"keys": keys_table, "commands": commands_text, "planners": planners_table}
     makers["planner options"] = options_table
 
     def made(mark: re.Match[str]) -> str:
-        return makers[mark[1]](*([mark[2]] if mark[2] else []))
+        return f"{mark[1]}\n\n{makers[mark[2]](*([mark[3]] if mark[3] else []))}\n\n<!-- end -->"
 
-    return re.sub(r"^<!-- ([a-z ]+)(?:: ([\w.-]+))? -->$", made, markdown, flags=re.M)
+    mark = r"^(<!-- ([a-z ]+)(?:: ([\w.-]+))? -->)\n.*?^<!-- end -->$"
+    return re.sub(mark, made, markdown, flags=re.M | re.S)
 
 
 def keys(kind: type = Scenario, prefix: str = "") -> Iterator[tuple[str, msgspec.structs.FieldInfo, str]]:
@@ -111,14 +113,14 @@ def commands_text() -> str:
         parts += [f"## understory {name}", "", inspect.cleandoc(command.help or ""), ""]
         parts += ["| argument or option | meaning | default |", "|---|---|---|"] if command.params else []
         for parameter in command.params:
-            told = "/".join([*parameter.opts, *parameter.secondary_opts])
+            options = "/".join([*parameter.opts, *parameter.secondary_opts])
             value = "" if getattr(parameter, "is_flag", False) else f" {parameter.metavar or ''}"
-            written = parameter.metavar or told if parameter.param_type_name == "argument" else told + value
+            written = parameter.metavar or options if parameter.param_type_name == "argument" else options + value
             default = "" if parameter.default in (None, False) or callable(parameter.default) else parameter.default
             shown = "required" if parameter.required else f"`{default}`" if default != "" else ""
             parts.append(f"| `{written.replace('|', chr(92) + '|')}` | {_escaped(parameter.help or '')} | {shown} |")
         parts.append("")
-    return "\n".join(parts)
+    return "\n".join(parts).rstrip("\n")
 
 
 def math(markdown: str) -> str:
@@ -210,3 +212,8 @@ def _limits(kind: Any) -> str:  # noqa: ANN401 - a type
 
 def _escaped(text: str) -> str:
     return " ".join(text.split()).replace("|", r"\|").replace("<", "&lt;")
+
+
+if __name__ == "__main__":
+    for page in sorted(Path(__file__).parent.glob("reference/*.md")):
+        page.write_text(generated(page.read_text(encoding="utf-8")), encoding="utf-8")

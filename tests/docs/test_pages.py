@@ -18,7 +18,7 @@ from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import tomllib
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-REFERENCE = generator().generated((ROOT / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8"))
+REFERENCE = (ROOT / "docs" / "reference" / "scenarios.md").read_text(encoding="utf-8")
 INSTALL = ("pip install -e . && understory run", "pip install -e '.[test]' && pytest")
 KEYS = {key for key, _, _ in generator().keys()}
 TEXTS = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
@@ -42,6 +42,13 @@ def test_commands_have_the_options_that_the_page_gives_them(page, monkeypatch):
         elif program in ("python", "pytest") and "-c" not in words:
             paths = [word for word in words if "/" in word and not word.startswith("-")]
             assert all((ROOT / path).exists() for path in paths), words
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_tables_made_from_the_code_are_as_docs_generate_writes_them(page):
+    text = page.read_text(encoding="utf-8")
+    assert text == generator().generated(text)
+    assert text.count("<!-- ") == 2 * text.count("<!-- end -->")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
