@@ -65,7 +65,7 @@ def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watc
             with contained():
                 plans = list(islice(planner.plan(situations, rng), len(team) + 1))
         except ForeignError as error:
-            reason = str(error)
+            reason = error.whole
         seconds = perf_counter() - start
     if not reason and len(plans) != len(team):
         reason = f"{len(plans) if len(plans) < len(team) else f'more than {len(team)}'} plans for {len(team)} UAVs"

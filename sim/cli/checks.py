@@ -56,6 +56,9 @@ def _show(check: Callable[[str], Sequence[Finding]], plugin: str) -> None:
     for one in findings:
         console.print(escape(str(one)), soft_wrap=True)
     failed = sum(one.passed is False for one in findings)
-    console.print(f"[red]{failed} of {len(findings)} checks failed[/red]" if failed else "[green]It conforms.[/green]")
+    untried = sum(one.passed is None for one in findings)
+    rest = f", {untried} could not be tried" if untried else ""
+    sum_up = f"[red]{failed} of {len(findings)} checks failed{rest}[/red]"
+    console.print(sum_up if failed else "[green]It conforms.[/green]")
     if failed:
         sys.exit(1)

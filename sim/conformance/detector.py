@@ -104,7 +104,7 @@ class _Subject:
                         return made.detect(frame, view.rendered.people)
                     return deepcopy(usable_detections(made.detect(frame)))
             except ForeignError as error:
-                raise Unfit(error.explained) from error
+                raise Unfit(error.whole) from error
 
         return detect
 
@@ -134,7 +134,7 @@ def _people(subject: _Subject) -> str:
     of_people, shown = _matched(views()["ordinary"], subject.found())
     hits = int(np.sum(of_people >= 0))
     wrong = len(subject.found().ground) - hits
-    seen = f"{hits} of {shown} in plain view, {wrong} detections of none"
+    seen = f"{hits} of {shown} in plain view, {wrong} false detection{'s' * (wrong != 1)}"
     if 2 * hits < shown or wrong > shown:
         raise Unfit(seen)
     return seen

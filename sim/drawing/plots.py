@@ -42,7 +42,7 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
         distances = ospa[:, :, 0][~np.isnan(ospa[:, :, 0])]
         _scale_errors(axes, float(distances.max(initial=0.0)))
         axes.set_xlim(times[0], max(times[-1], times[0] + 1e-3))
-        axes.set_ylabel("OSPA [m]")
+        axes.set_ylabel("OSPA [m], logarithmic above 1")
         axes.set_title(
             f"OSPA: mean {distances.mean():.2f} m, median {np.median(distances):.2f} m, "
             f"under 1 m {100 * np.mean(distances < 1.0):.0f} %",
@@ -98,7 +98,9 @@ def _scale_errors(axes: Axes, largest: float) -> None:
     top = max(1.5, 1.15 * largest)
     axes.set_yscale("symlog", linthresh=1.0, linscale=1.2)
     axes.set_ylim(0, top)
-    axes.set_yticks([tick for tick in _TICKS if tick <= top], [f"{tick:g}" for tick in _TICKS if tick <= top])
+    # One more shows that the axis is logarithmic there.
+    ticks = [tick for tick in (*_TICKS, 1.5 if top < 2.5 else 3) if tick <= top]
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.set_yticks([], minor=True)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="y", lw=0.5, alpha=0.4)

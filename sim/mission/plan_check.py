@@ -105,13 +105,15 @@ def _proposed(plans: Iterable[object], uavs: int) -> list[object]:
 
 def _usable(plan: object) -> Plan:
     """A copy of a plan; `Unusable` says why it is none."""
+    if not hasattr(plan, "controls"):
+        raise Unusable(f"it is no Plan but of type {type(plan).__name__}")
     others = getattr(plan, "others", {})
     if not isinstance(others, Mapping):
         raise Unusable("others is no mapping")
     expected = list(islice(others.items(), _MOST_OTHERS + 1))
     if len(expected) > _MOST_OTHERS:
         raise Unusable(f"others has more than {_MOST_OTHERS} entries")
-    controls = _controls("controls", getattr(plan, "controls", None))
+    controls = _controls("controls", plan.controls)
     return Plan(controls, {j: _controls(f"others[{j!r}]", given) for j, given in expected})
 
 

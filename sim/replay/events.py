@@ -224,7 +224,7 @@ def _track(recording: Recording, history: History, loss: Loss) -> str:
         if track.id == column[uav]:
             gap = np.hypot(*(track.belief.mean[:2] - recording.people[loss.first, loss.person]))
             doubt = "" if is_reported(track) else f", but not reported (existence {track.existence:.2f})"
-            return f"; track {number} is {gap:.1f} m off{doubt}"
+            return f"; track {number} is {gap:.1f} m off at first{doubt}"
     return f"; track {number} is gone"
 
 

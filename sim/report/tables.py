@@ -15,7 +15,10 @@ from sim.analysis.score import SCORE, Scored
 from sim.evaluation.metric import UNKNOWN, Metric
 
 SCORES = "Normalised score of each planner [%]"  # the title of their table
-_NOTE = "In brackets: 95 % intervals over the maps (seeds); expect means of as many others within 1.4 times the width."
+_NOTE = (
+    "In brackets: 95 % intervals over the maps (seeds). Of as many other maps the mean lies, as often, in an interval "
+    "1.4 times as wide."
+)
 _COMPARED = (
     "Differences are means over the maps that both flew; won, tied, lost counts these maps. Maps needed: so many find "
     f"a difference as large with a probability of {100 * POWER:.0f} %."

@@ -35,6 +35,8 @@ _UNUSED = {
 _DEEPEST = 10  # parts of a key that are looked at
 _ROWS = {"uavs": Uav, "cuts": Cut}  # lists of tables
 SCENARIOS = {path.stem: path for path in sorted((ASSETS / "scenarios").glob("*.toml"))}
+# Types in the words of TOML.
+_KINDS = {"object": "a table", "array": "a list", "str": "text", "float": "a number", "int": "an integer"}
 
 
 def load(name: str, overrides: Sequence[str] = ()) -> Scenario:
@@ -223,6 +225,8 @@ def _readable(message: str, data: Any) -> str:  # noqa: ANN401 - plain TOML data
     for part in parts:
         value = value[int(part)] if isinstance(value, list | tuple) else value.get(part)
     text = text[0].lower() + text[1:].replace("`", "")
+    for kind, name in _KINDS.items():
+        text = re.sub(rf"(expected|got) {kind}\b", rf"\1 {name}", text)
     if text.startswith("invalid enum value"):
         text = did_you_mean(str(value), map(str, _choices(parts)))
     if not parts or isinstance(value, Mapping):

@@ -41,6 +41,14 @@ class Command(TyperCommand):
         """Arguments and options."""
         return _untyped(super().get_params(ctx))
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - as above
+        """Read the arguments; InputError where an option that counts once is given again."""
+        _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+        again = [p for i, p in enumerate(given) if p in given[:i] and not p.multiple and p.param_type_name == "option"]
+        if again:
+            raise InputError(f"{again[0].opts[0]}: given more than once; allowed is once")
+        return super().parse_args(ctx, args)
+
 
 class _Commands(TyperGroup):
     """Commands that answer an unknown name with the nearest one."""
@@ -74,7 +82,10 @@ def with_option(overrides: list[str], key: str, value: object, option: str) -> l
 
 
 def with_duration(overrides: list[str] | None, duration: str | None) -> list[str]:
-    """The overrides, that of --duration among them."""
+    """The overrides, that of --duration among them; InputError where two change the same key."""
+    keys = [override.partition("=")[0].strip() for override in overrides or ()]
+    if again := [key for i, key in enumerate(keys) if key in keys[:i]]:
+        raise InputError(f"--set: {again[0]} is given more than once; allowed is once")
     value = None if duration is None else seconds(duration, "--duration")
     return with_option(overrides or [], "duration", value, "--duration")
 

@@ -62,7 +62,7 @@ FLOWN = {
     "controls in words": (flies("[['1', '2']]"), "controls are not numbers"),
     "controls in one row": (flies("[1, 2]"), "shape"),
     "a plan of no steps": (flies("np.zeros((0, 2))"), "shape"),
-    "words in place of plans": (planner("return ['north', None, 'south']"), "shape"),
+    "words in place of plans": (planner("return ['north', None, 'south']"), "it is no Plan but of type "),
     "controls that are a dictionary": (flies("{1: 2}"), "controls are not numbers"),
     "controls that hold themselves": (planner("a = []", "a += [a, a]", "return [Plan(a)] * len(team)"), "not numbers"),
     "controls of ragged rows": (flies("[[1, 2], [3]]"), "controls are not numbers"),

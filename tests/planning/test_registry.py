@@ -200,8 +200,8 @@ def test_the_check_has_a_line_per_check_and_an_exit_code(call):
     code, out, err = call("check-planner", "fine:Raising")
     *lines, last = out.splitlines()
     (failed,) = [line for line in lines if line.startswith("FAILED")]
-    assert (code, err, last) == (1, "", f"1 of {len(lines)} checks failed")
-    assert failed.startswith(f"FAILED  {'plans':<26}KeyError: 'gone'")
+    assert (code, err, last) == (1, "", f"1 of {len(lines)} checks failed, {len(lines) - 1} could not be tried")
+    assert failed.startswith(f"FAILED  {'plans':<26}KeyError: 'gone' (") and failed.endswith(", in plan)")
 
 
 def test_options_are_those_of_the_classes_and_upper_bounds_are_marked(monkeypatch):

@@ -41,7 +41,14 @@ class ForeignError(Exception):
     @property
     def explained(self) -> str:
         """Text and place of the error; the kind is left out for errors of values, types and imports."""
-        text = self.text if self.text and self.kind in _PLAIN else str(self)
+        return self._placed(self.text if self.text and self.kind in _PLAIN else str(self))
+
+    @property
+    def whole(self) -> str:
+        """Kind, text and place of the error."""
+        return self._placed(str(self))
+
+    def _placed(self, text: str) -> str:
         return f"{text} ({self.trace[-1].partition(': ')[0]})" if self.trace else text
 
 

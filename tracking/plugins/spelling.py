@@ -6,8 +6,9 @@ from collections.abc import Iterable
 
 def nearest(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:
     """The end of an error message: the known name nearest to a word; empty if none has the similarity `cutoff`."""
-    near = difflib.get_close_matches(word, list(known), n=1, cutoff=cutoff)
-    return f"; did you mean {near[0]}?" if near else ""
+    names = {name.casefold(): name for name in known}
+    near = difflib.get_close_matches(word.casefold(), names, n=1, cutoff=cutoff)
+    return f"; did you mean {names[near[0]]}?" if near else ""
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

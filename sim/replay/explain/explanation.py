@@ -100,7 +100,7 @@ def _observation(w: PersonObservation, facts: PersonFacts, recording: Recording)
 
 def _view(w: PersonObservation, recording: Recording) -> list[str]:
     sighting = w.sighting
-    lines = [f"{sighting.status}, {w.away:.1f} m from below the camera"]
+    lines = [f"{sighting.status}, {w.away:.1f} m from the point below the camera"]
     for tree in sighting.hidden_by:
         x, y, radius = recording.trees[tree, :3].tolist()
         lines.append(f"tree {tree} stands at ({x:.1f}, {y:.1f}) m, its canopy reaches {radius:.1f} m")

@@ -86,7 +86,7 @@ BROKEN = {
     Silent: {"detections": "pixels"},
     Uncertain: {"detections": "covariances"},
     Blind: {"people": "0 of 6 in plain view"},
-    Seeing: {"people": "detections of none", "no person in view": "20 detections"},
+    Seeing: {"people": "false detection", "no person in view": "20 detections"},
     Sure: {"covariances": "far too small"},
     Random: {"same frame, same result": "otherwise", "no memory": "otherwise"},
     Counting: {"no memory": "after another frame"},
@@ -102,7 +102,7 @@ def named(kind):
 def test_good_detectors_conform(name):
     findings = check(name)
     assert [str(f) for f in findings if not f.passed] == []
-    assert "6 of 6 in plain view, 0 detections of none" in str(findings[1])
+    assert "6 of 6 in plain view, 0 false detections" in str(findings[1])
 
 
 @pytest.mark.parametrize("kind", BROKEN)

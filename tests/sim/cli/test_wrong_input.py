@@ -42,6 +42,8 @@ COMMANDS = {
     "near unit": (["run", "--duration", "1mins"], ["--duration", "'1mins'", "did you mean min?"]),
     "no duration": (["run", "--duration", "long"], ["--duration", "'long'", "1.5min"]),
     "negative duration": (["run", "--duration", "-5"], ["--duration", "'-5'", "more than 0 s"]),
+    "two planners": (["run", "--planner", "hover", "--planner", "greedy"], ["--planner: given more than once"]),
+    "a key twice": (["run", "--set", "duration=4", "--set", "duration=5"], ["--set: duration is given more than once"]),
     "two durations": (
         ["run", "--duration", "5", "--set", "duration=4"],
         ["--duration: not allowed together with --set duration"],
@@ -119,6 +121,7 @@ COMPARISONS = {
     "varied key": (["faults", "--set", "network.loss=0.1"], ["network.loss is what factor 'fault'"]),
     "forest that cannot be": (["--set", "trees.density=160"], ["trees.density = 160"]),
     "newer store": (["--out", "newer"], [f"store of version {SCHEMA + 1}", f"reads {SCHEMA}"]),
+    "folder of a mission": (["--out", "run"], ["--out: run holds a mission; allowed is a new folder"]),
     "file for a folder": (["--out", "empty.toml"], ["--out: empty.toml", "cannot be used"]),
     "folder that cannot be": (["--out", "/proc/study"], ["--out: /proc/study", "cannot be used"]),
     "dask that does not answer": (["--dask", "tcp://127.0.0.1:9"], ["--dask: 'tcp://127.0.0.1:9' does not answer"]),

@@ -66,7 +66,7 @@ def test_losses_say_where_the_track_is_and_finds_how_long_it_took():
     recording = replace(recording, matched=np.zeros_like(recording.matched), visible=np.zeros_like(recording.visible))
     lost, found = [e for e in events_of(recording, SETTING) if e.kind.startswith("person")]
     assert (lost.kind, lost.text, lost.when, lost.person) == ("person lost", "person 0 lost", "0.4 to 0.6 s", 0)
-    assert lost.why.endswith("; track 0 is 3.0 m off")
+    assert lost.why.endswith("; track 0 is 3.0 m off at first")
     assert found.text == "person 0 found again by UAV 0 after 0.4 s" and (found.first, found.uavs) == (4, (0,))
 
 
@@ -75,7 +75,7 @@ def test_a_track_that_is_not_reported_holds_no_person_and_is_not_false():
     recording = recorded([(on, on), (on, on), (off, off)])
     existence = np.where(recording.track_ids == 7, np.repeat([0.51, 0.5, 0.34], 4), np.nan)
     (lost,) = (e for e in events_of(replace(recording, track_existence=existence), SETTING) if e.kind == "person lost")
-    assert lost.why.endswith("; track 0 is 0.0 m off, but not reported (existence 0.50)")
+    assert lost.why.endswith("; track 0 is 0.0 m off at first, but not reported (existence 0.50)")
     assert lost.when == "from 0.2 s to the end"
     likely = [e.kind for e in events_of(recording, SETTING)]
     unlikely = [e.kind for e in events_of(replace(recording, track_existence=existence), SETTING)]
