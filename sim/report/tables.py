@@ -19,10 +19,8 @@ _NOTE = (
     "In brackets: 95 % intervals over the maps (seeds). Of as many other maps the mean lies, as often, in an interval "
     "1.4 times as wide."
 )
-_COMPARED = (
-    "Differences are means over the maps that both flew; won, tied, lost counts these maps. Maps needed: so many find "
-    f"a difference as large with a probability of {100 * POWER:.0f} %."
-)
+_COMPARED = "Differences are means over the maps that both flew; won, tied, lost counts these maps."
+_NEEDED = f"Maps needed: so many find a difference as large with a probability of {100 * POWER:.0f} %."
 _REPEATED = "Each map counts once, with the mean of its repeats. Spreads are standard deviations."
 
 
@@ -79,13 +77,13 @@ def _repeated(found: Sequence[Answer]) -> bool:
     return any(answer.trials + answer.failed > answer.flown for answer in found)
 
 
-def notes(found: Sequence[Answer]) -> list[str]:
-    """Notes below the tables of these answers, a line each."""
+def notes(found: Sequence[Answer], *, wide: bool = True) -> list[str]:
+    """Notes below the tables of these answers, a line each; if not `wide`, these lack the column of maps needed."""
     sampled = [(answer.metric, answer.maps) for answer in found]
     gaps = [(answer.metric, answer.difference.pairs) for answer in found if answer.difference]
     compared = [(metric, pairs) for metric, pairs in gaps if pairs]
     many = f"* survives Holm's correction for all {len(compared)} differences shown ({100 - 100 * LEVEL:.0f} %)."
-    said = {_COMPARED: compared, many: len(compared) > 1, _REPEATED: _repeated(found)}
+    said = {_COMPARED: compared, _NEEDED: compared and wide, many: len(compared) > 1, _REPEATED: _repeated(found)}
     return [_NOTE, *caveats(sampled + compared), *(text for text, fits in said.items() if fits)]
 
 

@@ -46,7 +46,7 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
     for label, short in shorts.items():
         if short != label:
             on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)
-    for note in notes(found):
+    for note in notes(found, wide=on.width >= WIDE):
         on.print(escape(note), style="dim")
     for line in shortfalls(found):
         on.print(escape(line), style="bold red")

@@ -128,6 +128,8 @@ def _check_names(module: str, attribute: str) -> None:
         raise ImportError(f"{module!r} is not the name of a module{hint}")
     if not attribute:
         raise ImportError(f"it names no class; write {module}:Class")
+    if not _is_dotted(attribute):
+        raise ImportError(f"{attribute!r} is not the name of a class; only planners have options in brackets")
     top = module.partition(".")[0]
     if top in (*_OURS, *sys.stdlib_module_names) and _hidden([module]):
         owner = "Understory" if top in _OURS else "Python"

@@ -82,6 +82,7 @@ SETTINGS = {
     "sensing.detector=blop": ["sensing.detector: 'blop' is unknown; allowed are blob", "did you mean blob?"],
     "sensing.detector=no.where:Net": ["'no.where:Net' cannot be imported: No module named 'no'"],
     "sensing.detector=sim.sensing.sensors:Net": ["sim.sensing.sensors has no class 'Net'"],
+    "sensing.detector=net:Net(size=2)": ["'Net(size=2)' is not the name of a class; only planners have options"],
     "sensing.detector=../net:Net": ["'../net' is not the name of a module"],
     "seed=3": ["seed: unknown key", "an option: --seed"],
     "sead=3": ["sead: unknown key", "allowed are version, duration"],

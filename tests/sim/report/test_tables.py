@@ -50,6 +50,7 @@ def test_the_terminal_shows_every_number_whole(width):
             pieces.append("baseline")
         line = r"\s+".join(map(re.escape, pieces))
         assert re.search(rf"^ *{line} *$", text, flags=re.M), line
+    assert ("Maps needed: " in text) == (width >= 100)
     assert text.startswith("Everywhere: R = 5\n") and "λ = 15" in text and "all cells" in text
 
 
