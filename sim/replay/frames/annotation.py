@@ -47,7 +47,9 @@ class _View:
         for tree in sorted({tree for sighting in people for tree in sighting.hidden_by}):
             draw_rim(self._image, self._outlines[tree], hiding=True)
         for sighting in people:
-            draw_truth(self._image, self._person(sighting))
+            outline = self._person(sighting)
+            draw_truth(self._image, outline)
+            self._labels.reserve(outline.mean(axis=0), float(np.ptp(outline, axis=0).max()) / 2)
         self._draw_measurements()
         self._draw_tracks()
         self._draw_scale()

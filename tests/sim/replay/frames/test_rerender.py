@@ -19,7 +19,7 @@ from sim.replay.frames import pages
 from sim.replay.frames.annotation import annotated
 from sim.replay.frames.pages import _draw_panel, _field_of_view, scans_between, write_frames
 from sim.replay.frames.rerender import Rerenderer, scenario_of
-from sim.replay.frames.sightings import Sight
+from sim.replay.frames.sightings import Sight, Sighting
 from sim.world.world import World
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Camera, Pose
@@ -96,6 +96,19 @@ def test_a_track_is_drawn_with_its_ellipse_where_the_camera_would_see_it():
     on_it = 8 * seen.camera.project(seen.pose, points)[0]
     right = [tuple(view[y, x].tolist()) == track_colour(2) for x, y in np.floor(on_it).astype(int)]
     assert np.mean(right) > 0.8 and np.ptp(on_it[:, 0]) == pytest.approx(2 * np.ptp(on_it[:, 1]), rel=0.01)
+
+
+def test_the_name_of_a_track_keeps_off_the_outline_of_a_person_beside_it():
+    """Its first place would be to the right of the track's mark, where the person is."""
+    person, beside = np.array([1.2, 0.0]), Gaussian(np.zeros(4), np.diag([0.01, 0.01, 1.0, 1.0]))
+    seen = bare(scene(people=[person]))
+    seen = dataclasses.replace(seen, people=(Sighting(0, person, True, (), 10, True),))
+    named = dataclasses.replace(seen, snapshot=dataclasses.replace(seen.snapshot, tracks=[(Track(2, beside),)]))
+    without, view = (annotated(np.full((128, 128, 3), 90, np.uint8), each, 1024) for each in (seen, named))
+    x, y = np.round(8 * seen.camera.project(seen.pose, np.array([[*person, TARGET_HEIGHT]]))[0][0]).astype(int)
+    around = slice(y - 12, y + 12), slice(x - 12, x + 12)
+    np.testing.assert_array_equal(view[around], without[around])
+    assert np.any(view != without)
 
 
 def test_the_rim_is_round_what_trees_hide_and_covers_none_of_it():
