@@ -30,8 +30,8 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     # `"camera"`: detections from rendered images; `"ideal"`: a measurement of every person in line of sight, nothing is
     # rendered; `"module:Class"`: yours ([how](../how-to/plugins.md#a-sensor-mode))
     mode: str = "camera"
-    # `"range_bearing"`: noise of [Li22] eq. (4) is added; `"camera"`: none is added, and the covariance is the camera's
-    # own
+    # `"range_bearing"`: noise of [Li22] eq. (4) is added, and its covariance to the detection's; `"camera"`: none is
+    # added
     noise: Literal["range_bearing", "camera"] = "range_bearing"
     # assumption of tracker and planner, and truth of ideal sensing: `"line_of_sight"` past cylinders, or the paper's
     # `"disc"`

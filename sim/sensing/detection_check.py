@@ -42,6 +42,7 @@ def usable_output(output: SensorOutput, people: Array) -> SensorOutput:
         ground=_usable("ground", output.ground, count),
         visible=_visible(output.visible, people),
         covariances=None if output.covariances is None else _usable("covariances", output.covariances, count),
+        errors=None if output.errors is None else _usable("covariances", output.errors, count),
         pixels=None if output.pixels is None else _usable("pixels", output.pixels, count),
         faults=faults,
     )

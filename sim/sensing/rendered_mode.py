@@ -18,15 +18,18 @@ from tracking.plugins.containment import ForeignError, contained
 
 
 class RenderedMode:
-    """Detections from rendered frames, with the detector's own covariances if `sensing.noise` is the camera's."""
+    """Detections from rendered frames, located by the map where a person is seen in part.
+
+    Note: with `sensing.noise` "range_bearing" a sample of [Li22] eq. (4) is added to them, and its covariance to the
+    detector's own. Its images are sharper than that noise, but not at the edge of a canopy.
+    """
 
     def __init__(self, setup: SensorSetup) -> None:
         self._setup = setup
         self._renderer = Renderer(setup.world)
         sensing = setup.scenario.sensing
-        # Note: [Li22]'s noise is added to what a camera measures without a map.
         self._calibrated = sensing.noise == "camera"
-        self._detector = DETECTORS.make(sensing.detector, Forest(setup.forest.trees) if self._calibrated else None)
+        self._detector = DETECTORS.make(sensing.detector, Forest(setup.forest.trees))
 
     def sense(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
         """As `SensorMode.sense`."""
@@ -41,6 +44,7 @@ class RenderedMode:
             matched=lambda kept: matched_people(found.pixels[kept], rendered.people, len(people)),
             visible=visible_pixels(rendered.people, len(people)),
             covariances=found.covariances if self._calibrated else None,
+            errors=found.covariances,
             frame=frame,
             pixels=found.pixels,
             faults=faults,

@@ -38,6 +38,7 @@ class SensorOutput:
     frame: Frame | None = None
     pixels: Array | None = None  # (N, 2) of the detections in the frame, if there is one
     faults: tuple[Fault, ...] = ()
+    errors: Array | None = None  # (N, 2, 2) m²: covariances of the errors of `ground` before that sample; None: none
 
 
 class SensorMode(Protocol):

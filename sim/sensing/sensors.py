@@ -86,6 +86,8 @@ class Sensors:
         with self._clock.measure("detection"):
             if output.covariances is None:
                 scan = self._sampled(uav, time, pose, output.ground)
+                if output.errors is not None:
+                    scan = replace(scan, covariances=scan.covariances + output.errors)
             else:
                 scan = Scan(uav, time, pose, output.ground, output.covariances)
             scan, pixels = self._cluttered(scan, output, kept)
@@ -116,13 +118,12 @@ class Sensors:
     def _cluttered(self, scan: Scan, output: SensorOutput, kept: Flags) -> tuple[Scan, Array]:
         """The scan without missed detections and with false alarms, and its pixels (N, 2), in the same order.
 
-        A false alarm has the covariance of a wholly visible person in the frame, or that of the noise model.
+        A false alarm has the covariance that a person there would have who is in plain view.
         """
         places, ground = self._clutter.false_alarms(self.cameras[scan.uav], scan.pose)
-        if output.frame is None or output.covariances is None:
-            alarms = self._covariances(scan.uav, scan.pose, ground)
-        else:
-            alarms = whole_covariances(output.frame, ground)
+        whole = np.zeros((len(ground), 2, 2)) if output.frame is None else whole_covariances(output.frame, ground)
+        exact = output.frame is not None and output.covariances is not None
+        alarms = whole if exact else whole + self._covariances(scan.uav, scan.pose, ground)
         z, R = np.vstack([scan.measurements[kept], ground]), np.concatenate([scan.covariances[kept], alarms])
         pixels = np.zeros((0, 2)) if output.pixels is None else np.vstack([output.pixels[kept], places])
         if len(ground) or output.frame is None:  # a detector's order is that of its image, a mode's that of people

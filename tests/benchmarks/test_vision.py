@@ -82,11 +82,11 @@ def report(what, seconds, floor, bound, judged):
     assert not judged or seconds <= bound * floor
 
 
-@pytest.mark.parametrize("noise", ["range_bearing", "camera"])
-def test_camera_step_against_the_bare_engine_on_what_is_in_view(flown, judged, noise):
+@pytest.mark.parametrize("located", ["without the map", "with the map"])
+def test_camera_step_against_the_bare_engine_on_what_is_in_view(flown, judged, located):
     """From rendering to detections, against the engine's call alone in a client with nothing but the bodies in view."""
     forest, views = flown
-    detect = BlobDetector(forest if noise == "camera" else None).detect
+    detect = BlobDetector(forest if located == "with the map" else None).detect
     trees, times = len(forest.trees), []
     with World(SCENARIO, forest, len(views[0].people)) as world:
         renderer = Renderer(world)
@@ -109,7 +109,7 @@ def test_camera_step_against_the_bare_engine_on_what_is_in_view(flown, judged, n
                         rounds=10 if judged else 1,
                     )
                 )
-    report(f"camera step, {noise}", *np.mean(times, axis=0), 1.25, judged)
+    report(f"camera step, {located}", *np.mean(times, axis=0), 1.25, judged)
 
 
 def test_frames_among_750_trees_against_75(judged):

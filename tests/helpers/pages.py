@@ -59,8 +59,11 @@ class Shell:
         return called(arguments, self._monkeypatch, self._capsys)
 
     def line(self, text, *options):
-        """Output of a line of a page, with further options; it succeeds."""
+        """Output of a line of a page, with further options, or others than it gives; it succeeds."""
         program, *words = shlex.split(text, comments=True)
+        for name in {"--duration", "--seeds", "--time", "--no-video"}.intersection(words, options):
+            at = words.index(name)
+            del words[at : at + 1 + (name != "--no-video")]
         code, out, err = self.call(*words, *options)
         assert (program, code) == ("understory", 0), (text, err)
         return out

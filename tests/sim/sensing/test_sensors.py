@@ -89,7 +89,8 @@ def test_the_noise_that_is_added_has_the_papers_covariance(mode, offset, draws):
     R = equation_4(DEFAULT_FLEET[uav].alpha, mean - pose.position[:2])
     # What the tracker is told is the covariance at the measurement: the true place would be the truth itself.
     told = [equation_4(DEFAULT_FLEET[uav].alpha, s.measurements[0] - pose.position[:2]) for s in scans]
-    np.testing.assert_allclose([s.covariances[0] for s in scans], told, rtol=1e-9)
+    own = 0.0 if mode == "ideal" else seen.covariances[0]
+    np.testing.assert_allclose([s.covariances[0] - own for s in scans], told, rtol=1e-9)
     error = np.array([s.measurements[0] for s in scans]) - mean
     # Four standard errors of the mean, and of the entries of a Wishart matrix.
     assert np.all(np.abs(error.mean(axis=0)) < 4 * np.sqrt(np.diag(R) / draws))
@@ -231,6 +232,30 @@ def test_false_alarms_have_the_covariance_of_a_person_there(noise):
         else:
             eye, model = pose.position[:2], NoiseModel.range_bearing(Uav(start=(0.0, 0.0)).alpha)
             expected = np.array([model.covariance(eye, z) for z in scan.measurements]).reshape(-1, 2, 2)
+            expected = expected + whole_covariances(frame, scan.measurements)
         np.testing.assert_array_equal(scan.covariances, expected)
         count += len(expected)
     assert count > 20
+
+
+def test_people_at_the_edge_of_a_canopy_are_measured_where_they_are():
+    """Of those seen in part what shows lies away from the tree; the map and the detector's covariance mend it."""
+    setting, pose, rng = scenario(), Pose.level(0.0, 0.0, ALTITUDES[0]), np.random.default_rng(2)
+    tree = np.array([0.0, 5.0])
+    forest, raw, mended, nees = Forest((Tree(*tree, 3.0),)), [], [], []
+    with World(setting, forest, 1) as world:
+        subject = sensors(setting, world, forest)
+        for side in (-1, 1) * 150:
+            angle = rng.uniform(0.0, 0.4)  # beside the tree and beyond it
+            away = np.array([side * math.cos(angle), math.sin(angle)])
+            person = tree + (2.3 * angle + rng.uniform(3.3, 4.0)) * away
+            world.place_people(person[None], rng.uniform(-3, 3, 1))
+            look = subject.look(0, 0.0, pose, person[None])
+            if 0 < look.visible[0] < 7:
+                frame = Frame(0, 0.0, subject.cameras[0], pose, look.image)
+                raw.append((BlobDetector().detect(frame).ground[0] - person) @ away)
+                error, R = look.scan.measurements[0] - person, look.scan.covariances[0]
+                mended.append(error @ away)
+                nees.append(error @ np.linalg.solve(R, error))
+    assert len(raw) > 60 and np.mean(raw) > 0.2
+    assert abs(np.mean(mended)) < 0.1 and 1.5 < np.mean(nees) < 2.5
