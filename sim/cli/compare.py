@@ -15,7 +15,7 @@ from sim.scenario.quantities import MOST_LISTED, REPEATS, WORKERS, integer, inte
 from sim.scenario.text_files import toml_file
 from sim.study.cells import with_trackers
 from sim.study.study import STUDIES, Study, adapted, read
-from sim.terminal.commands import Duration, Overrides, with_duration, with_option
+from sim.terminal.commands import Duration, Overrides, with_options
 from tracking.fusion.member import TRACKERS
 from tracking.plugins.registry import InputError, check_known
 
@@ -89,9 +89,7 @@ def compare(
     redo: _Redo = False,
 ) -> None:
     """Fly planners or trackers on the same forests, people and seeds; compare them. Goes on where it stopped."""
-    if sensing is not None:
-        replace(SENSOR_MODES, field="--sensing").check(sensing)
-    changes = with_option(with_duration(overrides, duration), "sensing.mode", sensing, "--sensing")
+    changes = with_options(overrides, duration, _checked_mode(sensing))
     number = None if repeats is None else integer(repeats, "--repeats", least=1, most=REPEATS)
     begun = _study(study, tracker or (), scenario or ())
     chosen = adapted(begun, planners=planner or (), seeds=_seeds(seeds, maps), repeats=number, overrides=changes)
@@ -141,6 +139,12 @@ def _workers(workers: str | None, dask: str | None) -> int:
     if dask is not None:
         raise InputError("--workers: not allowed together with --dask, whose cluster has workers of its own")
     return integer(workers, "--workers", least=1, most=WORKERS)
+
+
+def _checked_mode(sensing: str | None) -> str | None:
+    if sensing is not None:
+        replace(SENSOR_MODES, field="--sensing").check(sensing)
+    return sensing
 
 
 def _seeds(seeds: str | None, maps: str | None) -> str | None:

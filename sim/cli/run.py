@@ -13,7 +13,7 @@ from sim.recording.atomic_files import unused
 from sim.running.isolated_run import Results, fly_apart
 from sim.scenario.loading import load, remarks
 from sim.scenario.quantities import seconds, seed_and_repeat
-from sim.terminal.commands import Duration, Overrides, with_duration
+from sim.terminal.commands import Duration, Overrides, with_options
 from sim.terminal.console import remark, say, show_run
 from sim.terminal.progress import mission_progress
 
@@ -47,7 +47,7 @@ def run(
     timeout: _Timeout = None,
 ) -> None:
     """Fly one mission; leave recording, summary, video, page, OSPA curve and timeline in a new folder."""
-    setting = load(scenario, with_duration(overrides, duration))
+    setting = load(scenario, with_options(overrides, duration))
     trial = Trial(setting, planner, *seed_and_repeat(seed, repeat, "--"))
     limit = None if timeout is None else seconds(timeout, "--timeout")
     # Other people's code runs in a process of its own, as nothing else holds what it may do.

@@ -118,7 +118,7 @@ class Sensors:
     def _cluttered(self, scan: Scan, output: SensorOutput, kept: Flags) -> tuple[Scan, Array]:
         """The scan without missed detections and with false alarms, and its pixels (N, 2), in the same order.
 
-        A false alarm has the covariance that a person there would have who is in plain view.
+        A false alarm has the covariance that a person in plain view there would have.
         """
         places, ground = self._clutter.false_alarms(self.cameras[scan.uav], scan.pose)
         whole = np.zeros((len(ground), 2, 2)) if output.frame is None else whole_covariances(output.frame, ground)

@@ -72,22 +72,18 @@ def _untyped(params: list[Any]) -> list[Any]:
     return params
 
 
-def with_option(overrides: list[str], key: str, value: object, option: str) -> list[str]:
-    """The overrides, and that of an option for a key if it was given; InputError if --set changes the key, too."""
-    if value is None:
-        return overrides
-    if any(override.partition("=")[0].strip() == key for override in overrides):
-        raise InputError(f"{option}: not allowed together with --set {key}")
-    return [*overrides, f"{key}={value}"]
-
-
-def with_duration(overrides: list[str] | None, duration: str | None) -> list[str]:
-    """The overrides, that of --duration among them; InputError where two change the same key."""
+def with_options(overrides: list[str] | None, duration: str | None, sensing: str | None = None) -> list[str]:
+    """The overrides, with those of --duration and --sensing; InputError where a key is given more than once."""
     keys = [override.partition("=")[0].strip() for override in overrides or ()]
     if again := [key for i, key in enumerate(keys) if key in keys[:i]]:
         raise InputError(f"--set: {again[0]} is given more than once; allowed is once")
-    value = None if duration is None else seconds(duration, "--duration")
-    return with_option(overrides or [], "duration", value, "--duration")
+    found = list(overrides or ())
+    length = None if duration is None else seconds(duration, "--duration")
+    for option, key, value in (("--duration", "duration", length), ("--sensing", "sensing.mode", sensing)):
+        if value is not None and key in keys:
+            raise InputError(f"{option}: not allowed together with --set {key}")
+        found += [] if value is None else [f"{key}={value}"]
+    return found
 
 
 def new_app() -> typer.Typer:
