@@ -16,8 +16,8 @@ from sim.evaluation.metric import UNKNOWN, Metric
 
 SCORES = "Normalised score of each planner [%]"  # the title of their table
 _NOTE = (
-    "In brackets: 95 % intervals over the maps (seeds). Of as many other maps the mean lies, as often, in an interval "
-    "1.4 times as wide."
+    "In brackets: 95 % intervals over the maps (seeds). An interval 1.4 times as wide holds the mean over as many "
+    "other maps as often."
 )
 _COMPARED = "Differences are means over the maps that both flew; won, tied, lost counts these maps."
 _NEEDED = f"Maps needed: so many find a difference as large with a probability of {100 * POWER:.0f} %."
