@@ -145,6 +145,7 @@ def test_what_is_broken_is_listed_as_such_and_hides_nothing(call, tmp_path, monk
 
 REFUSED = {
     "hoover": ["'hoover' is unknown", "did you mean hover?"],
+    "SMA-NBO": ["'SMA-NBO' is unknown", "did you mean sma-nbo?"],
     "needy": ["'needy' of theirs 1.2, 'needy:Needy', cannot be imported", "needy needs 'torch_that_is_missing'"],
     "moduleless": ["'moduleless' of theirs 1.2", "did you mean fine?"],
     "partial:X": ["cannot import name 'Plann' from 'planning.planner'", "partial.py:1, in <module>)"],
