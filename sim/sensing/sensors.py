@@ -85,9 +85,7 @@ class Sensors:
         output, kept, matched = self._sensed(uav, time, pose, people)
         with self._clock.measure("detection"):
             if output.covariances is None:
-                scan = self._sampled(uav, time, pose, output.ground)
-                if output.errors is not None:
-                    scan = replace(scan, covariances=scan.covariances + output.errors)
+                scan = self._sampled(uav, time, pose, output)
             else:
                 scan = Scan(uav, time, pose, output.ground, output.covariances)
             scan, pixels = self._cluttered(scan, output, kept)
@@ -131,16 +129,17 @@ class Sensors:
             z, R, pixels = z[order], R[order], pixels[order] if len(pixels) else pixels
         return replace(scan, measurements=z, covariances=R), pixels
 
-    def _sampled(self, uav: int, time: float, pose: Pose, ground: Array) -> Scan:
-        """Ground points (N, 2) m with a sample of the UAV's noise model added, and its covariances.
+    def _sampled(self, uav: int, time: float, pose: Pose, output: SensorOutput) -> Scan:
+        """Ground points with a sample of the UAV's noise model added, and covariances of both errors.
 
         The sample's covariance is that at the point itself; the scan's is that at the measurement, all that is known.
         """
-        z = np.array(ground, dtype=float).reshape(-1, 2)
+        z = np.array(output.ground, dtype=float).reshape(-1, 2)
         if len(z):
             roots = cholesky(self._covariances(uav, pose, z))
             z = z + applied(roots, standard_normal(self._rng, z.shape))
-        return Scan(uav, time, pose, z, self._covariances(uav, pose, z))
+        R = self._covariances(uav, pose, z)
+        return Scan(uav, time, pose, z, R if output.errors is None else R + output.errors)
 
     def _covariances(self, uav: int, pose: Pose, points: Array) -> Array:
         """R (N, 2, 2) m² of the UAV's noise model at points (N, 2) m."""
