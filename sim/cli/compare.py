@@ -155,10 +155,3 @@ def _seeds(seeds: str | None, maps: str | None) -> str | None:
     if seeds is not None:
         raise InputError("--maps: not allowed together with --seeds; --maps 50 is --seeds 0-49")
     return f"0-{integer(maps, '--maps', least=1, most=MOST_LISTED) - 1}"
-
-
-def _sensing(mode: str | None) -> list[str]:
-    if mode is None:
-        return []
-    replace(SENSOR_MODES, field="--sensing").check(mode)
-    return [f"sensing.mode={mode}"]

@@ -49,7 +49,7 @@ def fly_study(listed: Sequence[Task], folder: Path, options: Options, workers: i
         if not (folder / NAME).exists():
             _check_worlds(listed)
         with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
-            remark(*_of_other_versions(store.versions(), listed[0].version, store.path))
+            remark(*_not_shown(store, listed))
             with study_progress(len(listed)) as tell:
                 try:
                     return complete(
@@ -82,10 +82,14 @@ def _backend(workers: int, dask: str | None) -> AbstractContextManager[Backend]:
     return Pool(workers) if dask is None else connected(dask)
 
 
-def _of_other_versions(versions: dict[str, int], version: str, path: Path) -> list[str]:
-    """A remark on results of other versions of the package, if there are any."""
+def _not_shown(store: Store, listed: Sequence[Task]) -> list[str]:
+    """Remarks on results in the store that are of other versions of the package, or of other trials."""
+    version, versions = listed[0].version, store.versions()
     others = ", ".join(f"{count} of version {other}" for other, count in versions.items() if other != version)
-    return [f"{path}: trials of another version are kept apart, not shown: {others}"] if others else []
+    told = [f"{store.path}: trials of another version are kept apart, not shown: {others}"] if others else []
+    if rest := versions.get(version, 0) - store.held(listed):
+        told.append(f"{store.path}: kept, not shown: {rest} of other planners, scenarios, settings or seeds")
+    return told
 
 
 def show_study(rows: Sequence[Row], folder: Path, about: About) -> None:

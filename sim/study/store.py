@@ -121,6 +121,11 @@ class Store:
         """Number of trials of each version of the package."""
         return dict(self._connection.execute("SELECT version, count(*) FROM trials GROUP BY version ORDER BY version"))
 
+    def held(self, tasks: Sequence[Task]) -> int:
+        """Number of the given tasks whose trials are in the store, failed ones among them."""
+        keys = {key for (key,) in self._connection.execute("SELECT key FROM trials")}
+        return len(keys & {task.key for task in tasks})
+
     @contextmanager
     def _writing(self) -> Iterator[None]:
         try:

@@ -144,6 +144,15 @@ def test_what_was_flown_otherwise_is_flown_again_or_kept_apart(compare, tmp_path
     assert err.endswith("trials of another version are kept apart, not shown: 1 of version 0.0.9\n")
 
 
+def test_trials_in_the_folder_that_the_command_does_not_show_are_counted(compare):
+    first = ["--planner", "hover", "--seeds", "0,1", *FLAGS, "--out", "s"]
+    assert "not shown" not in compare(*first, backend=Serial())[2]
+    code, _, err = compare("--planner", "greedy", "--seeds", "0", *FLAGS, "--out", "s", backend=Serial())
+    told = "understory: s/study.sqlite: kept, not shown: 2 of other planners, scenarios, settings or seeds\n"
+    assert code == 0 and err.endswith(told)
+    assert "not shown" not in compare(*first, "--planner", "greedy", backend=Serial())[2]
+
+
 def test_the_pace_of_a_study_in_words():
     assert pace(0, 10, 0, 3.0) == "" and pace(2, 10, 1, 20.0) == ", 6.0 a minute, 1:40 left, 1 failed"
     assert pace(1, 100, 0, 100.0) == ", 0.6 a minute, 2:46:40 left"
