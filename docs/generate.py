@@ -1,8 +1,9 @@
 """Parts of pages that are made from the code, and of the site from pages: tables, equations, notebooks.
 
-`python docs/generate.py` writes the tables of the reference. That of some keys of a scenario stands between the lines
-`<!-- keys: trees -->` and `<!-- end -->`; `<!-- commands -->`, `<!-- planners -->` and `<!-- planner options -->`, of
-the default planner or of one that is named, begin others. MkDocs calls the functions `on_...`: a formula between `$$`
+`python docs/generate.py` writes tables of reference and results. That of some keys of a scenario stands between the
+lines `<!-- keys: trees -->` and `<!-- end -->`; `<!-- commands -->`, `<!-- planners -->` and `<!-- planner options -->`,
+of the default planner or of one that is named, begin others, and `<!-- scores -->` and `<!-- gaps: METRIC -->`, in some
+or one of the worlds, those of `scores.py`. MkDocs calls the functions `on_...`: a formula between `$$`
 becomes MathML, and each tutorial is written as a notebook, too.
 """
 
@@ -10,6 +11,7 @@ import ast
 import inspect
 import json
 import re
+import sys
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,6 +26,9 @@ from sim.scenario.scenario import Scenario
 from sim.study.settings_text import toml
 from sim.world.appearance import FULL
 from tracking.plugins.registry import imported
+
+sys.path.append(str(Path(__file__).parent))
+from scores import gaps_table, scores_table
 
 _WRITTEN_OUT = ("people.paths", "uavs")  # long defaults, which the page itself shows
 _ROWS = {"uavs": ("uavs.0", Uav), "network.cuts": ("network.cuts", Cut)}
@@ -51,12 +56,13 @@ def on_files(files: Any, config: Any, **_: object) -> Any:  # noqa: ANN401 - MkD
 def generated(markdown: str) -> str:
     """A page with the tables that its marks ask for."""
     makers = {"keys": keys_table, "commands": commands_text, "planners": planners_table}
-    makers["planner options"] = options_table
+    makers |= {"planner options": options_table, "scores": scores_table, "gaps": gaps_table}
 
     def made(mark: re.Match[str]) -> str:
-        return f"{mark[1]}\n\n{makers[mark[2]](*([mark[3]] if mark[3] else []))}\n\n<!-- end -->"
+        table = makers[mark[2]](*(mark[3] or "").split())
+        return f"{mark[1]}\n\n{table}\n\n<!-- end -->"
 
-    mark = r"^(<!-- ([a-z ]+)(?:: ([\w.-]+))? -->)\n.*?^<!-- end -->$"
+    mark = r"^(<!-- ([a-z ]+)(?:: ([\w. -]+))? -->)\n.*?^<!-- end -->$"
     return re.sub(mark, made, markdown, flags=re.M | re.S)
 
 
@@ -215,5 +221,5 @@ def _escaped(text: str) -> str:
 
 
 if __name__ == "__main__":
-    for page in sorted(Path(__file__).parent.glob("reference/*.md")):
+    for page in sorted(Path(__file__).parent.glob("re*/*.md")):  # reference and results
         page.write_text(generated(page.read_text(encoding="utf-8")), encoding="utf-8")

@@ -49,7 +49,7 @@ PLANNERS = {
     "sma-nbo": _composed("SMA-NBO, truncated at the horizon", beta=0.0),
     "pma-nbo": _composed("all UAVs decide at once (parallel), with MWTP", coordination="parallel"),
     "mcr": _composed(
-        "sequential, on 50 trajectories by chance instead of the nominal",
+        "sequential, on 50 sampled trajectories instead of the nominal",
         propagation="monte-carlo",
         beta=0.0,
         evaluations=10_240,
@@ -66,7 +66,7 @@ PLANNERS = {
     "thompson": PlannerSpec("planning.rivals.thompson:Thompson", {}, "each UAV looks where it pays in a drawn world"),
     "lawnmower": PlannerSpec("planning.baselines:Lawnmower", {}, "each UAV mows a strip of the area, whatever it sees"),
     "greedy": PlannerSpec("planning.baselines:Greedy", {}, "each UAV to the most uncertain track within 40 m"),
-    "random": PlannerSpec("planning.baselines:Random", {}, "each UAV at a velocity by chance"),
+    "random": PlannerSpec("planning.baselines:Random", {}, "each UAV at a random velocity"),
     "hover": PlannerSpec("planning.baselines:Hover", {}, "no UAV moves"),
     "oracle": PlannerSpec("planning.oracle:Oracle", _GOSPA, "sees where people are and will be", upper_bound=True),
 }

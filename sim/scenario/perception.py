@@ -86,7 +86,8 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     recovery_after: Time = 0.2
     # m², trace of the position's covariance beyond which a track ends: that of an error as large as GOSPA's cut-off
     max_variance: Variance = 100.0
-    max_speed: Speed = 3.0  # m/s, of people, for re-acquisition
+    # m/s, largest speed of people: reach of lost ones, velocities of new tracks, spread of undetected people
+    max_speed: Speed = 3.0
     # m/s, expected of people while few have been seen, for `motion = "mean-reverting"`
     walking_speed: Speed = 1.75
     # initiation and deletion of tracks: `"existence"`: each track has a probability of existence, `sure` and `doubt`;

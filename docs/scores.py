@@ -1,0 +1,149 @@
+"""Tables and figure of the page of worlds, from a list of the trials behind them, docs/results/worlds.csv.
+
+`python docs/scores.py DIR...` adds the trials of studies of bench-1 to the list and draws the figure;
+`python docs/generate.py` then writes the tables into the page.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from sim.analysis.answers import map_means
+from sim.analysis.cell_text import Cell
+from sim.analysis.cells import Group, grouped
+from sim.analysis.differences import differences, paired
+from sim.analysis.metric_choice import metric_shown
+from sim.analysis.score import SCORE, Scored, scored
+from sim.evaluation.metric import Metric
+from sim.recording.atomic_files import whole
+from sim.report.figures.pictures import score_picture
+from sim.study.cells import VIEW
+from sim.study.store import read_rows
+from sim.study.study import read
+from sim.study.tasks import Row
+
+DOCS = Path(__file__).parent
+TRIALS, FIGURE = DOCS / "results" / "worlds.csv", DOCS / "media" / "scores.png"
+STUDY = read("bench-1")
+FLEET = "fleet"  # takes as long as all other worlds, so it has fewer maps and a table of its own
+DEFAULT, *RIVALS = (
+    "sma-nbo-gospa",
+    "sma-nbo-mwtp",
+    "mcr(samples=10)",
+    "greedy-mi",
+    "dec-mcts",
+    "rsp",
+    "thompson",
+    "greedy",
+)
+ORDER = (DEFAULT, *RIVALS, "lawnmower", "oracle")
+METRICS = ("gospa.mean_m", "ospa.share_under_1m", "share_held", "time_to_find_s")
+
+
+def trials() -> list[Row]:
+    """The trials that are listed."""
+    if not TRIALS.exists():
+        return []
+    with TRIALS.open(encoding="utf-8", newline="") as file:
+        return [_row(line) for line in csv.DictReader(file)]
+
+
+def _row(line: dict[str, str]) -> Row:
+    factors = (("scenario", line["world"]), *([(VIEW, line[VIEW])] if line[VIEW] else []))
+    metrics = {name: float(line[name] or "nan") for name in METRICS}
+    place = {"scenario": line["world"], "factors": factors, "planner": line["planner"], "seed": int(line["seed"])}
+    return Row(**place, version=line["version"], status="done", metrics=metrics)
+
+
+def write(rows: Iterable[Row]) -> None:
+    """Write the list, in the order of worlds, planners and seeds."""
+    listed = [(row.scenario, row.planner, dict(row.factors).get(VIEW, ""), row.seed, row) for row in rows]
+    listed.sort(key=lambda entry: (STUDY.scenarios.index(entry[0]), *entry[1:4]))
+    with whole(TRIALS) as scratch, scratch.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["world", "planner", VIEW, "seed", "version", *METRICS])
+        for *place, row in listed:
+            values = (row.metrics[name] for name in METRICS)
+            writer.writerow([*place, row.version, *("" if math.isnan(value) else f"{value:.6g}" for value in values)])
+
+
+def scores_table(world: str = "") -> str:
+    """Normalised scores in one world, or in all but `fleet` and in the mean over them."""
+    groups = _groups(world)
+    found, metric, ends = _scored(groups)
+    texts = {(score.cell, score.planner): score.estimate.text(SCORE) for score in found}
+    planners = [name for name in ORDER if any(score.planner == name for score in found)]
+    lines = []
+    for cell, own in _by_world(groups):
+        means = (f"{metric.text(map_means(own[end], metric).value)} {metric.unit}" for end in ends)
+        maps = str(max(score.maps for score in found if score.cell == cell))
+        lines.append([_name(cell), maps, *means, *(texts.get((cell, name), "") for name in planners)])
+    if not world:
+        lines.append(["all of these", "", "", "", *(texts.get((None, name), "") for name in planners)])
+    return _markdown(["world", "maps", "`hover`", "bound", *(f"`{name}`" for name in planners)], lines)
+
+
+def gaps_table(name: str, world: str = "") -> str:
+    """A metric of the default, and what others have beyond it, paired by map; bold if the interval leaves out zero."""
+    metric, groups = metric_shown(name), _groups(world)
+    planners = [name for name in ORDER[1:] if any(group.planner == name for group in groups)]
+    lines = []
+    for cell, own in _by_world(groups):
+        base = f"{metric.text(map_means(own[DEFAULT], metric).value)} {metric.unit}"
+        lines.append([_name(cell), base, *(_gap(own.get(name), own[DEFAULT], metric) for name in planners)])
+    return _markdown(["world", *(f"`{name}`" for name in (DEFAULT, *planners))], lines)
+
+
+def _gap(group: Group | None, base: Group, metric: Metric) -> str:
+    if group is None:
+        return ""
+    (gap,) = differences(paired(group, base, [metric]), [metric])
+    text = gap.mean.text(metric, signed=True)
+    return f"**{text}**" if gap.mean.low * gap.mean.high > 0 else text
+
+
+def _groups(world: str = "") -> list[Group]:
+    """The trials in one world, or in all but `fleet`, by world and planner."""
+    return grouped([row for row in trials() if (row.scenario == world if world else row.scenario != FLEET)], DEFAULT)
+
+
+def _scored(groups: Sequence[Group]) -> Scored:
+    found = scored([row for group in groups for row in group.done], groups, STUDY.score)
+    if found is None:
+        raise ValueError(f"{TRIALS} lists no map of both floor and bound")
+    return found
+
+
+def _by_world(groups: Sequence[Group]) -> Iterator[tuple[Cell, dict[str, Group]]]:
+    """The groups of each world by planner, in the order of the study."""
+    for world in STUDY.scenarios:
+        own = {group.planner: group for group in groups if dict(group.cell)["scenario"] == world}
+        if own:
+            yield next(iter(own.values())).cell, own
+
+
+def _name(cell: Cell) -> str:
+    return f"`{dict(cell)['scenario']}`"
+
+
+def _markdown(heads: list[str], lines: list[list[str]]) -> str:
+    return "\n".join("| " + " | ".join(line) + " |" for line in (heads, ["---"] * len(heads), *lines))
+
+
+def draw() -> None:
+    """The figure of scores in all worlds but `fleet`."""
+    found, _, ends = _scored(_groups())
+    with whole(FIGURE) as scratch:
+        scratch.write_bytes(score_picture(found, ends).png)
+
+
+if __name__ == "__main__":
+    flown = {(row.scenario, row.factors, row.planner, row.seed): row for row in trials()}
+    for folder in sys.argv[1:]:
+        flown |= {(row.scenario, row.factors, row.planner, row.seed): row for row in read_rows(Path(folder))}
+    write(flown.values())
+    draw()
