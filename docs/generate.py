@@ -1,9 +1,9 @@
 """Parts of pages that are made from the code, and of the site from pages: tables, equations, notebooks.
 
 `python docs/generate.py` writes tables of reference and results. That of some keys of a scenario stands between the
-lines `<!-- keys: trees -->` and `<!-- end -->`; `<!-- commands -->`, `<!-- planners -->` and `<!-- planner options -->`,
-of the default planner or of one that is named, begin others, and `<!-- scores -->` and `<!-- gaps: METRIC -->`, in some
-or one of the worlds, those of `scores.py`. MkDocs calls the functions `on_...`: a formula between `$$`
+lines `<!-- keys: trees -->` and `<!-- end -->`. Others begin with `<!-- commands -->`, `<!-- planners -->` and, of the
+default planner or of one that is named, `<!-- planner options -->`; those of `scores.py`, of all worlds or one, with
+`<!-- scores -->` and `<!-- gaps: METRIC -->`. MkDocs calls the functions `on_...`: a formula between `$$`
 becomes MathML, and each tutorial is written as a notebook, too.
 """
 
