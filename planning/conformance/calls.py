@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from planning.contract import reset
+from planning.contract import expected_of, reset
 from planning.loading import load_planner
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
 from tracking.numerics.arrays import Array
@@ -47,8 +47,14 @@ class Attempt:
     @property
     def altered(self) -> bool:
         """True if plans changed after they were returned."""
-        pairs = zip(self.plans, self.controls, strict=False)
-        return any(difference(np.asarray(plan.controls, dtype=float), before) > 0.0 for plan, before in pairs)
+        if "plans" in self.defects:
+            return False
+        try:
+            with contained():
+                after = [numbers("controls", plan.controls, 2 * LONGEST_PLAN) for plan in self.plans]
+        except ForeignError:
+            return True
+        return any(difference(now, before) > 0.0 for now, before in zip(after, self.controls, strict=True))
 
 
 def attempt(planner: Planner, team: Sequence[Situation], *, world: int = 0, watched: bool = False) -> Attempt:
@@ -122,6 +128,11 @@ def _controls(plans: Sequence[Any]) -> tuple[tuple[Array, ...], str]:
             problems.append(f"plan {k} is no Plan of numbers but {type(plan).__name__}: {error}")
             continue
         copies.append(controls)
+        try:
+            with contained():
+                expected_of(plan)
+        except ForeignError as error:
+            problems.append(f"plan {k}: {error}")
         if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
             problems.append(f"controls of plan {k} have the shape {controls.shape}, not (H, 2)")
     return tuple(copies), (problems or [""])[0]

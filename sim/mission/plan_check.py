@@ -6,6 +6,7 @@ from itertools import islice
 
 import numpy as np
 
+from planning.contract import usable_plan
 from planning.optimizers.optimizer import speed_limited
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
 from sim.sensing.fault import Fault
@@ -13,8 +14,6 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
 from tracking.plugins.containment import ForeignError, Unusable, contained, numbers
 from tracking.plugins.registry import InputError
-
-_MOST_OTHERS = 1000
 
 
 def checked_plans(
@@ -35,7 +34,7 @@ def checked_plans(
     for situation, given in zip(team, proposed, strict=True):
         try:
             with contained():
-                plan = _usable(given)
+                plan = usable_plan(given)
         except ForeignError as error:
             plans.append(_shifted(last.get(situation.own.id)))
             faults.append(Fault(time, situation.own.id, str(error), error.trace))
@@ -60,7 +59,7 @@ def usable_plans(given: Iterable[Plan | Array], team: Sequence[Situation]) -> tu
     for situation, each in zip(team, proposed, strict=True):
         try:
             with contained():
-                plan = _usable(each if hasattr(each, "controls") else Plan(_velocity(each)))
+                plan = usable_plan(each if hasattr(each, "controls") else Plan(_velocity(each)))
         except ForeignError as error:
             raise InputError(f"plans: of UAV {situation.own.id}: {error}") from error
         plans.append(_limited(plan, situation, faults))
@@ -101,30 +100,6 @@ def _proposed(plans: Iterable[object], uavs: int) -> list[object]:
     if len(found) != uavs:
         raise Unusable(f"{len(found) if len(found) < uavs else f'more than {uavs}'} plans for {uavs} UAVs")
     return found
-
-
-def _usable(plan: object) -> Plan:
-    """A copy of a plan; `Unusable` says why it is none."""
-    if not hasattr(plan, "controls"):
-        raise Unusable(f"it is no Plan but of type {type(plan).__name__}")
-    others = getattr(plan, "others", {})
-    if not isinstance(others, Mapping):
-        raise Unusable("others is no mapping")
-    expected = list(islice(others.items(), _MOST_OTHERS + 1))
-    if len(expected) > _MOST_OTHERS:
-        raise Unusable(f"others has more than {_MOST_OTHERS} entries")
-    controls = _controls("controls", plan.controls)
-    return Plan(controls, {j: _controls(f"others[{j!r}]", given) for j, given in expected})
-
-
-def _controls(name: str, given: object) -> Array:
-    """Controls (H, 2) m/s."""
-    controls = numbers(name, given, 2 * LONGEST_PLAN)
-    if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
-        raise Unusable(f"{name} of shape {controls.shape}, not (H, 2)")
-    if not np.all(np.isfinite(controls)):
-        raise Unusable(f"{name} are not finite")
-    return controls
 
 
 def _shifted(plan: Plan | None) -> Plan:

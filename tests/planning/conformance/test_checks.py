@@ -100,6 +100,18 @@ class Buffering(Good):
         return [Plan(row) for row, _ in zip(self.buffer, team, strict=False)]
 
 
+class Fading(Good):
+    """Has no plan for the first UAV from the second call on."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def plan(self, team, rng):
+        self.calls += 1
+        plans = Good.plan(self, team, rng)
+        return [None, *plans[1:]] if self.calls > 1 else plans
+
+
 class Recurrent(Good):
     """Remembers, by UAV, what it planned before, and its share, which the seed gives."""
 
@@ -258,6 +270,7 @@ BROKEN = [
     (kind("Silent", plan=lambda self, team, rng: None), "plans", "TypeError: 'NoneType' object is not iterable"),
     (kind("Bare", plan=lambda *given: [p.controls for p in Good.plan(*given)]), "plans", BARE),
     (kind("Spatial", one=always(lambda: [[0.0] * 3] * 2)), "plans", "plan 0 have the shape (2, 3), not (H, 2)"),
+    (kind("Presuming", one=lambda *given: Plan(np.zeros((1, 2)), {9: [[np.nan, 0]]})), "plans", "0: others[9] are not"),
     (kind("Endless", one=always(lambda: [[0, 1], [np.nan, 0]])), "finite", "the plan of UAV 0 is not finite"),
     (kind("Fast", one=always(lambda: [[4, 0]])), "speed limit", "the plan of UAV 2 reaches 4 m/s; 3 m/s is what"),
     (Writing, "inputs untouched", "team[0].tracks[3].belief.mean is changed"),
@@ -270,6 +283,7 @@ BROKEN = [
     (kind("Random", one=always(lambda: [[random.uniform(-1, 1), 0]])), CHANCE, f"{GLOBAL} of random"),
     (Counting, "memory", "; a memory needs stateful = True and reset(seed)"),
     (Buffering, "memory", "a later decision changes plans that were returned before"),
+    (Fading, "memory", "no Plan of numbers but NoneType"),
     (Clinging, "memory", "with the same seed and calls, plans differ by"),
     (Gossip, "nothing from the unheard", "UAV 0 is out of contact, but others' tracks change the plan of UAV 0"),
     (kind("Unpicklable", __init__=lambda self: setattr(self, "speed", lambda: 1.0)), "pickling", "pickle"),
