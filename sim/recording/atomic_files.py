@@ -1,6 +1,8 @@
 """Files and folders that appear whole or not at all."""
 
+import errno
 import os
+import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -10,8 +12,8 @@ from tracking.plugins.registry import InputError
 
 
 def unfinished(path: Path) -> Path:
-    """Path of a file until it is whole: a hidden name of this process's own, in the same folder."""
-    return path.with_name(f".{path.name}.{os.getpid()}.part")
+    """Path of a file until it is whole: a hidden name that nothing else has, in the same folder."""
+    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
 
 
 def check_new(path: Path, suffix: str, option: str, *, also: str = "") -> None:
@@ -53,7 +55,10 @@ def whole(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(out: Path) -> Iterator[Path]:
-    """A folder under a temporary name, which takes its own when the block ends and is removed when it raises."""
+    """A folder under a temporary name, which takes its own when the block ends and is removed when it raises.
+
+    If another program has made a folder of that name meanwhile, it takes the next free one, and an InputError says so.
+    """
     if not out.name:
         raise InputError(f"--out: {str(out)!r} is no name for a new folder")
     place = Path(os.path.realpath(out))  # a link cannot be replaced by a folder
@@ -71,10 +76,23 @@ def new_folder(out: Path) -> Iterator[Path]:
         except OSError as error:
             raise InputError(f"--out: {out} cannot be written: {error.strerror}") from error
         yield part
-        part.rename(place)
+        _settle(part, place, out)
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         for folder in made:
             with suppress(OSError):  # never made, or in use by another process meanwhile
                 folder.rmdir()
         raise
+
+
+def _settle(part: Path, place: Path, out: Path) -> None:
+    """Rename a folder that is whole to its place, or to the next free one."""
+    try:
+        part.rename(place)
+    except OSError as error:
+        if error.errno not in (errno.EEXIST, errno.ENOTEMPTY):
+            raise
+        free = unused(place)
+        part.rename(free)
+        text = f"--out: {out} was made by another program meanwhile; the results are in {free.name} beside it"
+        raise InputError(text) from error

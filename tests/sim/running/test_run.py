@@ -131,6 +131,19 @@ def test_a_folder_appears_whole(tmp_path):
     assert names(tmp_path / "a") == ["b"] and names(tmp_path / "a" / "b") == ["file"]
 
 
+def test_of_two_folders_of_one_name_at_a_time_both_are_kept(tmp_path):
+    out = tmp_path / "out"
+    with (
+        pytest.raises(InputError, match="made by another program meanwhile; the results are in out-2"),
+        new_folder(out) as part,
+    ):
+        (part / "mine").touch()
+        with new_folder(out) as other:
+            (other / "theirs").touch()
+    assert names(tmp_path) == ["out", "out-2"]
+    assert names(out) == ["theirs"] and names(tmp_path / "out-2") == ["mine"]
+
+
 def test_links_to_folders_are_followed_and_roots_of_file_systems_refused(tmp_path, monkeypatch):
     (tmp_path / "empty").mkdir()
     for link, place in (("link", "empty"), ("dangling", "new")):
