@@ -14,7 +14,6 @@ Example:
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from importlib import import_module
@@ -218,7 +217,7 @@ def compare(
     from sim.study.tasks import tasks
 
     frame_of([])  # complains of a missing library now rather than after the flights
-    processes = os.cpu_count() or 1 if workers is None else integer(workers, "workers", least=1, most=WORKERS)
+    processes = None if workers is None else integer(workers, "workers", least=1, most=WORKERS)
     listed = tasks(study_of(planners, scenarios, seeds=seeds, repeats=repeats, settings=settings))
     with Pool(processes) as pool:
         return frame_of(rows_of(listed, pool))

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from importlib.machinery import PathFinder
 from typing import TYPE_CHECKING, Any, cast
 
+from planning.planner_text import split_options
 from planning.registry import PlannerSpec, installed_planners
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.registry import InputError, imported, lack
@@ -85,16 +86,16 @@ def _parsed(text: str) -> tuple[str, dict[str, Any]]:
     """Name and options of "name(option=value, ...)"; values are Python literals or bare words."""
     if not isinstance(text, str):
         raise PlannerError(f"planner: {text!r} is not allowed; expected text, a name or module:Class")
-    name, bracket, rest = text.strip().partition("(")
-    if not bracket:
-        return name, {}
-    if not rest.endswith(")"):
+    if "(" in text and not text.strip().endswith(")"):
         raise PlannerError(f"planner: {text!r} is not of the form name(option=value, ...)")
+    name, parts = split_options(text)
     options: dict[str, Any] = {}
-    for item in filter(None, (part.strip() for part in rest.removesuffix(")").split(","))):
-        key, equals, value = (part.strip() for part in item.partition("="))
-        if not equals or not key.isidentifier() or not value or key in options:
+    for part in parts:
+        key, equals, value = (word.strip() for word in part.partition("="))
+        if not equals or not key.isidentifier() or not value:
             raise PlannerError(f"planner: {text!r} is not of the form name(option=value, ...)")
+        if key in options:
+            raise PlannerError(f"planner: {text!r} has the option {key!r} more than once; allowed is once")
         options[key] = _value(value)
     return name, options
 

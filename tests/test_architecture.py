@@ -19,7 +19,8 @@ LAYERS = {
         "measurement_files",
     ),
     "planning": (
-        *("planner", "registry", "loading", "contract", "prediction", "objective", "optimizers", "coordination"),
+        *("planner", "returned_plans", "registry", "planner_text", "loading", "contract", "prediction"),
+        *("objective", "optimizers", "coordination"),
         *("composition", "baselines", "rivals", "pieces", "oracle", "conformance"),
     ),
     "sim": (
@@ -42,7 +43,9 @@ PLANNING = {
     "sim/mission/warmup.py",
     "sim/running/flight.py",
     "sim/running/isolated_run.py",
-    "sim/terminal/commands.py",
+    "sim/analysis/planner_labels.py",
+    "sim/analysis/score.py",
+    "sim/study/cells.py",
     "sim/cli/run.py",
     "sim/cli/checks.py",
     "sim/cli/compare.py",

@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from planning.contract import expected_of, reset
+from planning.contract import reset
 from planning.loading import load_planner
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
+from planning.returned_plans import expected_of
 from tracking.numerics.arrays import Array
 from tracking.plugins.containment import ForeignError, contained, numbers
 from tracking.plugins.results import change, contents

@@ -1,4 +1,4 @@
-"""The policy of intent and the base policy that extends it ([Li22] III-C)."""
+"""The policy of intent and the base policy that extends it ([Li22] III-B)."""
 
 import math
 from collections.abc import Mapping

@@ -4,8 +4,9 @@ import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
+from planning.planner_text import split_options, with_options
 from sim.analysis.cell_text import Cell, Placed, cells_of
-from sim.study.cells import ENTERED, TRACKER, VIEW, with_options
+from sim.study.cells import ENTERED, TRACKER, VIEW
 from sim.study.tasks import Row
 from tracking.plugins.registry import InputError
 from tracking.plugins.spelling import did_you_mean
@@ -45,17 +46,11 @@ def _entered(row: Placed) -> dict[str, str]:
 
 
 def _key(row: Placed) -> Key:
-    return _parts(row.planner)[0], ", ".join(_entered(row).values())
-
-
-def _parts(planner: str) -> tuple[str, list[str]]:
-    name, _, rest = planner.partition("(")
-    inside = rest.strip().removesuffix(")")
-    return name.strip(), [part.strip() for part in re.split(r",(?![^(\[{]*[)\]}])", inside) if part.strip()]
+    return split_options(row.planner)[0], ", ".join(_entered(row).values())
 
 
 def _shared(name: str, planners: Sequence[str]) -> str:
-    options = [_parts(planner)[1] for planner in planners]
+    options = [split_options(planner)[1] for planner in planners]
     common = [option for option in options[0] if all(option in other for other in options)]
     return f"{name}({', '.join(common)})" if common else name
 
@@ -99,7 +94,7 @@ def _named(labels: Mapping[str, str], asked: str, option: str, given: Mapping[st
     exact = {**labels, **own, **shown}
     if asked in exact:
         return exact[asked]
-    parts = {label: _parts(label) for label in own}
+    parts = {label: split_options(label) for label in own}
     named = [label for label, (name, options) in parts.items() if name == asked or f"{TRACKER}={asked}" in options]
     if len(named) == 1:
         return named[0]
@@ -113,7 +108,7 @@ def short_labels(labels: Sequence[str]) -> dict[str, str]:
 
     Trackers of a single planner go by their own names. A label stays as it is where two would look alike.
     """
-    options = {label: _parts(label.removesuffix(BOUND)) for label in labels}
+    options = {label: split_options(label.removesuffix(BOUND)) for label in labels}
     tracker = f"{TRACKER}="
     single = len({(name, *(o for o in own if not o.startswith(tracker))) for name, own in options.values()}) == 1
     shorts = {}

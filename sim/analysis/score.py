@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planning.planner_text import with_options
 from sim.analysis.cell_text import Cell, Placed
 from sim.analysis.cells import Group
 from sim.analysis.differences import common_values
@@ -13,7 +14,7 @@ from sim.analysis.intervals import Estimate, means
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of
 from sim.evaluation.metric import Metric
-from sim.study.cells import VIEW, with_options
+from sim.study.cells import VIEW
 from sim.study.study import ScoreScale
 from sim.study.tasks import Row
 

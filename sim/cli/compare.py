@@ -1,6 +1,5 @@
 """`understory compare`."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -133,9 +132,9 @@ def _kept(keep: str | None, folder: Path) -> Path | None:
     return folder / "recordings"
 
 
-def _workers(workers: str | None, dask: str | None) -> int:
+def _workers(workers: str | None, dask: str | None) -> int | None:
     if workers is None:
-        return os.cpu_count() or 1
+        return None
     if dask is not None:
         raise InputError("--workers: not allowed together with --dask, whose cluster has workers of its own")
     return integer(workers, "--workers", least=1, most=WORKERS)

@@ -34,6 +34,9 @@ _Timeout = Annotated[
 ]
 
 
+_LONGEST = 150  # characters of scenario and planner in the name of a folder, for which 255 are the most
+
+
 def run(
     scenario: _Scenario = "forest",
     planner: _Planner = DEFAULT_PLANNER,
@@ -70,5 +73,5 @@ def run(
 
 def _name(scenario: str, trial: Trial) -> str:
     planner = re.sub(r"[^\w.=-]+", "-", trial.planner.replace(":", ".")).strip("-")  # which no shell minds
-    name = f"{Path(scenario).stem}-{planner}-seed{trial.seed}"
+    name = f"{Path(scenario).stem}-{planner}"[:_LONGEST] + f"-seed{trial.seed}"
     return f"{name}-repeat{trial.repeat}" if trial.repeat else name

@@ -41,20 +41,27 @@ def facts_of(
     return About(study.name, study.description, baseline=baseline, labels=given, metrics=metrics, score=study.score)
 
 
-def fly_study(listed: Sequence[Task], folder: Path, options: Options, workers: int, dask: str | None) -> list[Row]:
+def fly_study(
+    listed: Sequence[Task], folder: Path, options: Options, workers: int | None, dask: str | None
+) -> list[Row]:
     """Rows of all trials; exits with what is kept and how to go on if they cannot all be flown."""
     remark(*dict.fromkeys(line for task in listed for line in remarks(task.setting)))
     kept: int | None = None
+    again = 0
     try:
         if not (folder / NAME).exists():
             _check_worlds(listed)
         with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
             remark(*_not_shown(store, listed))
             with study_progress(len(listed)) as tell:
+
+                def heard(task: Task, row: Row, new: bool) -> None:
+                    nonlocal again
+                    again += new
+                    tell(row.status == "failed", new)
+
                 try:
-                    return complete(
-                        listed, store, backend, options, lambda _, row, new: tell(row.status == "failed", new)
-                    )
+                    return complete(listed, store, backend, options, heard)
                 except (KeyboardInterrupt, StoreError):
                     kept = len(store.done(listed))
                     raise
@@ -64,8 +71,9 @@ def fly_study(listed: Sequence[Task], folder: Path, options: Options, workers: i
         reason = str(error)
     if kept is None:
         fail(f"{reason}; no trial was flown, what {folder} holds stays", code=1)
-    rest = "without --redo, the same command flies the rest" if options.redo else "the same command flies the rest"
-    fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, {rest}", code=1)
+    if options.redo:
+        fail(f"{reason}; {again} of {len(listed)} trials were flown again, others in {folder} are as before", code=1)
+    fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, the same command flies the rest", code=1)
 
 
 def _check_worlds(listed: Sequence[Task]) -> None:
@@ -78,7 +86,7 @@ def _check_worlds(listed: Sequence[Task]) -> None:
             forest_and_people(task.setting, task.seed)
 
 
-def _backend(workers: int, dask: str | None) -> AbstractContextManager[Backend]:
+def _backend(workers: int | None, dask: str | None) -> AbstractContextManager[Backend]:
     return Pool(workers) if dask is None else connected(dask)
 
 

@@ -6,9 +6,9 @@ from itertools import islice
 
 import numpy as np
 
-from planning.contract import usable_plan
 from planning.optimizers.optimizer import speed_limited
 from planning.planner import LONGEST_PLAN, Plan, Planner, Situation
+from planning.returned_plans import usable_plan
 from sim.sensing.fault import Fault
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length

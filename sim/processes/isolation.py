@@ -1,4 +1,4 @@
-"""Signals that ask to stop, and work in a process and session of its own, which can be ended if it hangs."""
+"""Work in a process and session of its own, which can be ended if it hangs."""
 
 import multiprocessing
 import os
@@ -6,48 +6,16 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from multiprocessing.process import BaseProcess
 from types import FrameType
 from typing import Any, NamedTuple
 
+from sim.processes.signals import stop_signals
 from tracking.plugins.containment import ForeignError, contained
-
-Handler = Callable[[int, FrameType | None], None] | signal.Handlers
-
-
-@contextmanager
-def _stop_signals(handler: Handler) -> Iterator[None]:
-    """Let `handler` receive Ctrl-C and SIGTERM in the block; only a main thread can receive signals."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, previous in before.items():
-            signal.signal(number, previous)
-
-
-@contextmanager
-def stop_request() -> Iterator[threading.Event]:
-    """An event that the first signal sets, so that a mission stops at the next scan and its recording is kept.
-
-    The second signal raises KeyboardInterrupt.
-    """
-    stop = threading.Event()
-
-    def handle(number: int, frame: FrameType | None) -> None:
-        if stop.is_set():
-            raise KeyboardInterrupt
-        stop.set()
-
-    with _stop_signals(handle):
-        yield stop
 
 
 def lead_session() -> None:
@@ -113,9 +81,9 @@ def run_isolated(
     ours, theirs = _CONTEXT.Pipe(duplex=False)
     process = _CONTEXT.Process(target=_begin, args=(theirs, work, arguments, passing), daemon=True)
     interruption = _Interruption()
-    with _stop_signals(interruption.note):  # signals do not interrupt the block, so the process is always ended
+    with stop_signals(interruption.note):  # signals do not interrupt the block, so the process is always ended
         try:
-            with _stop_signals(signal.SIG_IGN):  # inherited: the process handles Ctrl-C once it installs a handler
+            with stop_signals(signal.SIG_IGN):  # inherited: the process handles Ctrl-C once it installs a handler
                 process.start()
             theirs.close()
             return _outcome(ours, process, hear, listening, interruption, timeout)

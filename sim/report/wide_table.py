@@ -59,7 +59,10 @@ def table(
 
 
 def without_start(rows: Sequence[Row], first: int) -> list[Row]:
-    """The rows, their share of scans with OSPA under 1 m counted from scan `first` on."""
+    """The rows, their share of scans with OSPA under 1 m counted from scan `first` on.
+
+    Note: a store has the mean over UAVs at each scan alone, so such scans are counted, not pairs of a scan and a UAV.
+    """
     if first == 0:
         return list(rows)
     return [
@@ -93,7 +96,10 @@ def main(
     first: Annotated[
         int,
         typer.Option(
-            "--from-scan", metavar="N", min=0, help="Count OSPA under 1 m from this scan on; the paper's: 10."
+            "--from-scan",
+            metavar="N",
+            min=0,
+            help="Count OSPA under 1 m, the mean over UAVs, from this scan on; the paper's: 10.",
         ),
     ] = 0,
     baseline: Annotated[str | None, typer.Option(metavar="NAME", help="The planner that comes first.")] = None,

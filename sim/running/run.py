@@ -1,7 +1,7 @@
 """One mission from its parts to its folder: recording, summary, video, page, OSPA curve and timeline."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import count
 from pathlib import Path
@@ -15,7 +15,7 @@ from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import ScanProgress, Trial
 from sim.mission.warmup import announced, warm_up
-from sim.processes.isolation import stop_request
+from sim.processes.signals import stop_request
 from sim.recording.archive import save
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recorder, Recording
@@ -33,22 +33,20 @@ def run(
     trial: Trial,
     out: Path,
     *,
-    metrics: Sequence[str] = (),
     video: bool = True,
     progress: Progress = lambda moment: None,
     say: Say = lambda text: None,
 ) -> dict[str, Any]:
     """Fly a mission and leave its files in the new folder `out`; returns the summary.
 
-    metrics: import strings of metrics from outside, for the summary. `progress` is called at each scan, `say` with what
-    is compiled first.
+    `progress` is called at each scan, `say` with what is compiled first.
 
     The folder appears when all is in it. Ctrl-C in flight ends the mission after the present scan, and what was flown
     is kept, marked as interrupted; a second one, or one before take-off, is a KeyboardInterrupt and leaves nothing.
     InputError where the input is wrong.
     """
     with new_folder(out) as folder:
-        return fly(trial, folder, Results(str(out), video, tuple(metrics)), progress=progress, say=say)
+        return fly(trial, folder, Results(str(out), video), progress=progress, say=say)
 
 
 def fly(trial: Trial, folder: Path, results: Results, *, progress: Progress, say: Say) -> dict[str, Any]:

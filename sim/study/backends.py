@@ -6,12 +6,14 @@ import signal
 import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.process import BaseProcess
 from typing import Any, Protocol, cast
 
 from sim.mission.warmup import warm_up
 from sim.processes.isolation import kill_session, lead_session
+from sim.processes.signals import stop_signals
 from sim.study.tasks import Task
 from sim.study.trial import Flown, failed, fly
 from tracking.plugins.registry import InputError
@@ -150,8 +152,9 @@ _ONE_THREAD = dict.fromkeys(
 class Pool:
     """So many processes, each an executor of its own: which trial a death ends is known, and the others fly on."""
 
-    def __init__(self, workers: int) -> None:
-        self._lanes = [_Lane() for _ in range(workers)]
+    def __init__(self, workers: int | None = None) -> None:
+        """`workers`: number of processes, by default one for each core that this process may use."""
+        self._lanes = [_Lane() for _ in range(workers or _cores())]
         self._compiled = False
 
     def __enter__(self) -> "Pool":
@@ -179,6 +182,11 @@ class Pool:
         for lane in self._lanes:
             if lane.future is future:
                 lane.end()
+
+
+def _cores() -> int:
+    """Number of the processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class _Lane:
@@ -215,13 +223,18 @@ class _Lane:
         if self._executor is None:
             self._executor = self._start()
         self._since = None
-        self.future = self._executor.submit(_fly, task, keep=keep, timeout=timeout)
+        try:
+            self.future = self._executor.submit(_fly, task, keep=keep, timeout=timeout)
+        except BrokenProcessPool:  # it died between two tasks
+            self.end()
+            self._executor = self._start()
+            self.future = self._executor.submit(_fly, task, keep=keep, timeout=timeout)
         return self.future
 
     def _start(self) -> ProcessPoolExecutor:
         before = multiprocessing.active_children()
         executor = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
-        with _one_thread():
+        with _one_thread(), stop_signals(signal.SIG_IGN):  # inherited: Ctrl-C is for this process
             self._greeting = executor.submit(os.getpid)
         self._processes = [child for child in multiprocessing.active_children() if child not in before]
         return executor
@@ -237,7 +250,7 @@ class _Lane:
 
 
 def _begin() -> None:
-    """Start of a process: leave Ctrl-C to its parent, not outlive it, and load compiled code."""
+    """Start of a process: leave Ctrl-C to its parent, do not outlive it, and load compiled code."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     lead_session()
     warm_up()

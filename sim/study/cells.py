@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
+from planning.planner_text import with_options
 from sim.scenario.quantities import integers
 from sim.study.settings_text import flat, option, toml
 from sim.study.study import Study, check_keys
@@ -35,16 +36,6 @@ class Cell(Struct, frozen=True):
     def spec(self) -> str:
         """The planner with the options of the cell."""
         return with_options(self.planner, self.options)
-
-
-def with_options(planner: str, options: Mapping[str, str]) -> str:
-    """The text of a planner with further options."""
-    given = ", ".join(f"{name}={value}" for name, value in options.items())
-    if not given:
-        return planner
-    head, bracket, rest = planner.strip().partition("(")
-    inner = rest.removesuffix(")").strip()
-    return f"{head}({inner}, {given})" if bracket and inner else f"{head}({given})"
 
 
 def cells(study: Study) -> list[Cell]:

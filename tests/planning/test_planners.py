@@ -2,6 +2,8 @@
 
 import dataclasses
 import re
+import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from planning.loading import PlannerError, load_planner
 from planning.optimizers.cross_entropy import CrossEntropy
 from planning.optimizers.grid_search import GridSearch
 from planning.optimizers.particle_swarm import ParticleSwarm
+from planning.planner_text import split_options, with_options
 from planning.prediction.propagation import MonteCarlo, Nominal
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -49,7 +52,7 @@ WRONG = {
     "sma-nbo(horizn=3)": ["has no option 'horizn'; allowed are horizon,", "did you mean horizon?"],
     "hover(speed=3)": ["has no option 'speed'; it has none"],
     "sma-nbo(3)": ["is not of the form name(option=value, ...)"],
-    "sma-nbo(horizon=3, horizon=4)": ["is not of the form name(option=value, ...)"],
+    "sma-nbo(horizon=3, horizon=4)": ["has the option 'horizon' more than once; allowed is once"],
     "hover(": ["'hover(' is not of the form name(option=value, ...)"],
     "lawnmower(pace=2)": ["pace must be in (0, 1], is 2"],
     "pma-nbo(order=random)": [
@@ -90,6 +93,15 @@ def test_options_that_cannot_be_or_have_no_effect_are_refused(text):
     for option, value in re.findall(r"(?:set| or) (\w+)=([\w-]+)(?= or|$)", str(error.value)):
         others = [other for other in options.split(", ") if not other.startswith(f"{option}=")]
         assert callable(load_planner(f"{name}({', '.join([*others, f'{option}={value}'])})").plan)
+
+
+def test_values_of_options_may_hold_commas(monkeypatch):
+    made = SimpleNamespace(Made=lambda **options: SimpleNamespace(plan=lambda team, rng: None, options=options))
+    monkeypatch.setitem(sys.modules, "made", made)
+    text = "made:Made(places=[(1, 2), (3, 4)], word='a, b', path=runs/x.npz, pair=(5,))"
+    options = {"places": [(1, 2), (3, 4)], "word": "a, b", "path": "runs/x.npz", "pair": (5,)}
+    assert load_planner(text).options == options
+    assert split_options(with_options(text, {"more": "(6, 7)"}))[1][-2:] == ["pair=(5,)", "more=(6, 7)"]
 
 
 def test_random_velocities_are_spread_evenly_over_the_disc(random_team):

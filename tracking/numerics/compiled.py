@@ -46,6 +46,8 @@ def _kept(compiler: Callable[..., Any], function: Callable[..., Any], **options:
     except RuntimeError:  # neither NUMBA_CACHE_DIR nor the folders of code and user can be written to
         not_kept.append(function.__qualname__)
         return compiler(**options)(function)
+    if made is function:  # as NUMBA_DISABLE_JIT=1 has it, for debugging
+        return made
     # numba checks only the function's own file, but the code contains functions and constants of other files.
     index = made._cache if hasattr(made, "_cache") else made._dispatcher.cache
     kept = index._cache_file

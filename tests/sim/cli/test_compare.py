@@ -88,6 +88,11 @@ def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare
     assert code == 1
     assert err == "understory: interrupted; 2 of 10 trials are kept in s, the same command flies the rest\n"
     assert len(read_rows(tmp_path / "s")) == 2
+    backend = Serial({"hover": [None, KeyboardInterrupt()]})
+    backend.room = lambda: len(backend.flown) < 2
+    options = ["--planner", "hover", "--seeds", "0-1", *FLAGS, "--out", "s", "--redo"]
+    told = "understory: interrupted; 1 of 2 trials were flown again, others in s are as before\n"
+    assert compare(*options, backend=backend)[::2] == (1, told)
 
 
 def test_a_full_disk_is_told_by_the_exit_code_and_loses_nothing(compare, tmp_path, monkeypatch):

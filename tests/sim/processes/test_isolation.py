@@ -10,7 +10,8 @@ import pytest
 from helpers.processes import ended
 
 from sim.processes import isolation as module
-from sim.processes.isolation import IsolationError, run_isolated, stop_request
+from sim.processes.isolation import IsolationError, run_isolated
+from sim.processes.signals import stop_request
 
 
 def compiles(tell):
@@ -74,14 +75,14 @@ def test_a_second_ctrl_c_ends_code_that_ignores_the_first(monkeypatch):
 
 
 def test_ctrl_c_before_isolated_code_has_started_is_not_lost(monkeypatch):
-    stop_signals = module._stop_signals
+    stop_signals = module.stop_signals
 
     def interrupted(handler):
         if handler is signal.SIG_IGN:
             signal.raise_signal(signal.SIGINT)
         return stop_signals(handler)
 
-    monkeypatch.setattr(module, "_stop_signals", interrupted)
+    monkeypatch.setattr(module, "stop_signals", interrupted)
     with pytest.raises(KeyboardInterrupt):
         listened(compiles, print)
 

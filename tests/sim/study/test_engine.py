@@ -214,6 +214,25 @@ def test_processes_that_die_or_hang_lose_no_trial_change_no_row_and_leave_nothin
             os.kill(pid, 0)
 
 
+def test_a_pool_has_a_process_for_each_core_that_it_may_use(monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 64)
+    monkeypatch.setattr("os.sched_getaffinity", lambda process: {3, 5}, raising=False)
+    assert len(Pool()._lanes) == 2
+    monkeypatch.delattr("os.sched_getaffinity")
+    assert len(Pool()._lanes) == 64
+
+
+def test_a_process_that_dies_between_two_trials_is_replaced():
+    first, second = short(["hover"], "0-1")
+    with Pool(1) as flying:
+        assert flying.submit(first, keep=False, timeout=None).result().row.status == "done"
+        (process,) = flying._lanes[0]._processes
+        process.kill()
+        while not flying._lanes[0]._executor._broken:
+            time.sleep(0.01)
+        assert flying.submit(second, keep=False, timeout=None).result().row.status == "done"
+
+
 @pytest.mark.slow
 def test_trials_that_always_die_or_hang_are_recorded_with_their_error(tmp_path, ailing):
     tasks = short([ailing("Dies", once=False), "hover", ailing("Hangs", once=False)], "0-1")

@@ -121,3 +121,9 @@ def test_kept_code_is_of_the_sources_that_it_was_compiled_from(tmp_path):
     kept = universal.exp_each._dispatcher.cache._cache_file, universal.exp._cache._cache_file
     assert kept[0]._source_stamp[1] == subject.digest_of(source)
     assert kept[1]._source_stamp[1] == subject.digest_of(source.with_name("exponential.py"))
+
+
+def test_code_runs_as_python_for_debugging():
+    code = "from tracking.numerics.exponential import exp; print(exp(0.0))"
+    done = python("-c", code, NUMBA_DISABLE_JIT="1")
+    assert (done.returncode, done.stdout) == (0, "1.0\n")

@@ -1,0 +1,40 @@
+"""Plans as planners of any origin return them, copied and checked."""
+
+from collections.abc import Mapping
+from itertools import islice
+
+import numpy as np
+
+from planning.planner import LONGEST_PLAN, Plan
+from tracking.numerics.arrays import Array
+from tracking.plugins.containment import Unusable, numbers
+
+_MOST_OTHERS = 1000
+
+
+def usable_plan(plan: object) -> Plan:
+    """A copy of a plan; `Unusable` says why it is none."""
+    if not hasattr(plan, "controls"):
+        raise Unusable(f"it is no Plan but of type {type(plan).__name__}")
+    return Plan(_controls("controls", plan.controls), expected_of(plan))
+
+
+def expected_of(plan: object) -> dict[int, Array]:
+    """A copy of the controls (H, 2) m/s that a plan expects of other UAVs; `Unusable` where they are none."""
+    others = getattr(plan, "others", {})
+    if not isinstance(others, Mapping):
+        raise Unusable("others is no mapping")
+    expected = list(islice(others.items(), _MOST_OTHERS + 1))
+    if len(expected) > _MOST_OTHERS:
+        raise Unusable(f"others has more than {_MOST_OTHERS} entries")
+    return {j: _controls(f"others[{j!r}]", given) for j, given in expected}
+
+
+def _controls(name: str, given: object) -> Array:
+    """Controls (H, 2) m/s."""
+    controls = numbers(name, given, 2 * LONGEST_PLAN)
+    if controls.ndim != 2 or controls.shape[1] != 2 or len(controls) == 0:
+        raise Unusable(f"{name} of shape {controls.shape}, not (H, 2)")
+    if not np.all(np.isfinite(controls)):
+        raise Unusable(f"{name} are not finite")
+    return controls

@@ -1,0 +1,40 @@
+"""Signals that ask to stop: Ctrl-C and SIGTERM."""
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+Handler = Callable[[int, FrameType | None], None] | signal.Handlers
+
+
+@contextmanager
+def stop_signals(handler: Handler) -> Iterator[None]:
+    """Let `handler` receive Ctrl-C and SIGTERM in the block; only a main thread can receive signals."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, previous in before.items():
+            signal.signal(number, previous)
+
+
+@contextmanager
+def stop_request() -> Iterator[threading.Event]:
+    """An event that the first signal sets, so that a mission stops at the next scan and its recording is kept.
+
+    The second signal raises KeyboardInterrupt.
+    """
+    stop = threading.Event()
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    with stop_signals(handle):
+        yield stop
