@@ -96,9 +96,9 @@ def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
 
 
 def _plans(recording: Recording, scenario: Scenario) -> dict[str, Any]:
-    """Times of plans [s], the seconds of one step, and the velocities [m/s] of each UAV's steps."""
+    """Times from which plans are flown [s], the seconds of one step, and the velocities [m/s] of each UAV's steps."""
     return {
-        "times": _rounded(recording.plan_times, 3),
+        "times": _rounded([scenario.due(time) for time in recording.plan_times.tolist()], 3),
         "step": 1 / scenario.rates.planning,
         "controls": [[_rounded(c[~np.isnan(c[:, 0])]) for c in plans] for plans in recording.plans],
     }
