@@ -136,7 +136,8 @@ def _check_way(asked: dict[str, bool], given: list[str]) -> None:
     }
     for name in given:
         if name not in allowed.get(ways[0], []):
-            raise InputError(f"{name}: not allowed together with {ways[0]}; it belongs to --video")
+            fitting = " and ".join(way for way, options in allowed.items() if name in options)
+            raise InputError(f"{name}: not allowed together with {ways[0]}; it belongs to {fitting}")
 
 
 def _speed(text: str) -> float:
