@@ -112,13 +112,8 @@ class Recording:
     def scan_at(self, k: int, uav: int) -> Scan:
         """Measurements of one UAV at scan k."""
         rows = self._rows(self.measurement_offsets, k, uav)
-        return Scan(
-            uav,
-            float(self.times[k]),
-            self.camera_at(k, uav),
-            self.measurements[rows],
-            self.measurement_covariances[rows],
-        )
+        z, R = self.measurements[rows], self.measurement_covariances[rows]
+        return Scan(uav, float(self.times[k]), self.camera_at(k, uav), z, R)
 
     def pixels_at(self, k: int, uav: int) -> Array:
         """Detections (N, 2) in the image of one UAV at scan k; none in ideal sensing."""
@@ -162,10 +157,15 @@ class Recording:
         rows = self.contacts[self.contacts[:, 0] == k].tolist()
         return tuple(Contact(uav, KINDS[kind], other) for _, uav, kind, other in rows)
 
+    @cached_property
+    def all_faults(self) -> tuple[Fault, ...]:
+        """All faults that were recorded, in order of time."""
+        return read(self.faults)
+
     def faults_at(self, k: int) -> tuple[Fault, ...]:
         """Faults after scan k - 1 and until scan k."""
         before = float(self.times[k - 1]) if k else -math.inf
-        return tuple(fault for fault in read(self.faults) if before < fault.time <= float(self.times[k]))
+        return tuple(fault for fault in self.all_faults if before < fault.time <= float(self.times[k]))
 
     def poses_at(self, k: int) -> list[Pose]:
         """Poses of the UAVs' bodies at scan k."""

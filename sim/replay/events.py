@@ -12,7 +12,6 @@ from sim.evaluation.score import HELD
 from sim.evaluation.unmatched import unmatched_tracks
 from sim.mission.plan_exchange import Links, lost_messages, open_links
 from sim.mission.snapshot import Ints
-from sim.recording.fault_text import read
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event
 from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
@@ -61,7 +60,7 @@ def _breakdowns(recording: Recording, scenario: Scenario) -> Iterator[Event]:
 def _faults(recording: Recording) -> Iterator[Event]:
     """Faults of planner and detectors, each kind once, however often; breakdowns are events of their own."""
     times, grouped = recording.times, defaultdict(list)
-    for fault in read(recording.faults):
+    for fault in recording.all_faults:
         k = min(int(np.searchsorted(times, fault.time - 1e-6)), len(times) - 1)
         if fault.uav is None or recording.working[k, fault.uav]:
             grouped[fault.uav, fault.message].append((fault.time, k))

@@ -21,7 +21,6 @@ from sim.evaluation.fleet_facts import contacts
 from sim.evaluation.metric import METRICS, Outcome
 from sim.evaluation.summary import marked
 from sim.recording.dataframes import dataframe
-from sim.recording.fault_text import read
 from sim.recording.recording import Recording
 from sim.replay.event import Event
 from sim.replay.events import events_of
@@ -118,7 +117,7 @@ class Flight:
             "OSPA": f"mean {errors.mean():.2f} m, {100 * np.mean(errors < 1):.1f} % under 1 m" if len(errors) else "-",
             "people held": "-" if share is None else f"{100 * share:.1f} %",
             "losses": losses,
-            "faults": str(len(read(r.faults))) if r.faults else "not recorded",
+            "faults": str(len(r.all_faults)) if r.faults else "not recorded",
             "contacts": str(len(contacts(r))),
         }
 
