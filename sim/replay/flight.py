@@ -27,7 +27,7 @@ from sim.replay.events import events_of
 from sim.replay.frames.pages import draw
 from sim.replay.frames.rerender import Rerenderer, find, scenario_of
 from sim.replay.history import History
-from sim.replay.tables import TABLES, arrays, columns
+from sim.replay.tables import TABLES, arrays, columns, event_columns
 from sim.replay.timeline import timeline_figure
 from sim.scenario.scenario import Scenario
 from tracking.plugins.registry import InputError, check_known
@@ -67,7 +67,7 @@ class Flight:
     def columns(self, table: str) -> dict[str, NDArray[Any]]:
         """The columns of a table, one of `TABLES`, by names with units; InputError names the nearest."""
         check_known("table", table, TABLES)
-        return columns(table, self.recording, self.scenario, self.history)
+        return event_columns(self.events) if table == "events" else columns(table, self.recording, self.history)
 
     def table(self, table: str) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise
         """A table, one of `TABLES`, as a pandas frame, or a polars one where there is no pandas."""

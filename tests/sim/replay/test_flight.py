@@ -17,6 +17,7 @@ from sim.drawing.labels import with_numbers
 from sim.drawing.map_view import MapView
 from sim.recording.archive import save
 from sim.recording.fault_text import recorded
+from sim.replay import events as events_module
 from sim.replay.flight import Flight, load
 from sim.replay.frames.pages import draw
 from sim.replay.frames.rerender import Rerenderer
@@ -156,6 +157,15 @@ def test_the_summary_is_small_and_escaped_and_shows_the_curve(flight):
     assert mine.facts["losses"] == f"{len(lost)}, the longest {longest:.1f} s"
     assert repr(mine).startswith("<Flight: <b>:Mine, seed 3; 4.0 s, 21 scans; 3 UAVs, 4 people, 45 trees; OSPA mean ")
     assert "\n" not in repr(mine)
+
+
+def test_events_are_worked_out_once_for_list_table_and_timeline(monkeypatch):
+    made, find = [], events_module.unmatched_tracks
+    monkeypatch.setattr(events_module, "unmatched_tracks", lambda recording: made.append(recording) or find(recording))
+    flight = Flight(losing())
+    assert len(flight.columns("events")["kind"]) == len(flight.events) > 0
+    flight.timeline_figure()
+    assert len(made) == 1
 
 
 def test_loading_in_a_notebook_lets_it_show_figures(tmp_path, monkeypatch, flight):
