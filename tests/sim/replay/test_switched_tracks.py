@@ -14,6 +14,7 @@ from sim.drawing.plots import rgb
 from sim.recording.archive import save
 from sim.replay.event import IDENTITIES, UNMATCHED, Event, lanes
 from sim.replay.events import events_of
+from sim.replay.flight import Flight
 from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
 from sim.replay.page.page import page
@@ -73,7 +74,7 @@ def test_the_timeline_has_boxes_of_false_tracks_and_marks_of_switches(mission):
 
 
 def test_the_page_lists_and_marks_them(mission):
-    text = page(*mission, place="runs/one")
+    text = page(Flight(mission[0]), place="runs/one")
     sheet = Page(text)
     items = [(given["data-first"], given["data-last"]) for given, _ in sheet.of("li") if "data-first" in given]
     assert items == [("2", "16"), ("5", "14"), ("20", "20"), ("20", "20")]
@@ -105,7 +106,7 @@ def test_rerun_logs_them_as_warnings_and_as_states(mission, tmp_path):
 
     from sim.replay.rerun.viewer import write
 
-    write(*mission, tmp_path / "a.rrd", progress=lambda k: None)
+    write(Flight(mission[0]), tmp_path / "a.rrd", progress=lambda k: None)
     entities = tables(RrdReader(tmp_path / "a.rrd").stream())
     told = {row["text"][0]: row["level"][0] for row in entities["/events"]}
     for event in found(mission[0]):
