@@ -123,8 +123,7 @@ class Recording:
     def tracks_at(self, k: int, uav: int) -> tuple[Track, ...]:
         """The tracks of one UAV after scan k."""
         rows = self._rows(self.track_offsets, k, uav)
-        existence = self.existence_at(k, uav)
-        certain = np.where(np.isnan(existence), 1.0, existence)
+        certain = np.nan_to_num(self.existence[rows], nan=1.0)
         stored = self.track_sightings[rows]
         sightings = np.where(stored[:, 2:] >= 0.0, stored, math.nan)
         beliefs = self.track_means[rows], self.track_covariances[rows]
@@ -136,21 +135,22 @@ class Recording:
 
     def existence_at(self, k: int, uav: int) -> Array:
         """For each track of one UAV after scan k the existence probability (N,); NaN if unknown."""
-        existence = self.track_existence[self._rows(self.track_offsets, k, uav)]
-        return np.where(existence >= 0.0, existence, math.nan)
+        return self.existence[self._rows(self.track_offsets, k, uav)]
+
+    @cached_property
+    def existence(self) -> Array:
+        """Existence probability of each track (S,); NaN if unknown."""
+        return np.where(self.track_existence >= 0.0, self.track_existence, math.nan)
 
     @property
     def reported(self) -> Bools:
         """Tracks (S,) that are reported, as by `tracking.reporting.reported`; those of unknown existence are."""
-        known = self.track_existence >= 0.0
-        return ~known | (self.track_existence > UNLIKELY)
+        return ~(self.existence <= UNLIKELY)
 
     def plans_at(self, k: int) -> list[Plan] | None:
         """The plans made at scan k, if any were."""
         made = np.flatnonzero(self.plan_times == self.times[k])
-        if len(made) == 0:
-            return None
-        return [Plan(controls[~np.isnan(controls[:, 0])]) for controls in self.plans[made[0]]]
+        return [Plan(u[~np.isnan(u[:, 0])]) for u in self.plans[made[0]]] if len(made) else None
 
     def contacts_at(self, k: int) -> tuple[Contact, ...]:
         """Contacts of UAVs between scan k - 1 and scan k."""

@@ -48,7 +48,7 @@ def arrays(r: Recording) -> dict[str, NDArray[Any]]:
         "track_m": r.track_means[:, :2],
         "track_m_per_s": r.track_means[:, 2:],
         "track_covariance": r.track_covariances,
-        "track_existence": np.where(r.track_existence >= 0, r.track_existence, np.nan),
+        "track_existence": r.existence,
         "track_sighting": np.where(r.track_sightings[:, 2:] >= 0, r.track_sightings, np.nan),
     }
     views = {name: array.view() for name, array in found.items()}
@@ -143,7 +143,7 @@ def _tracks(r: Recording) -> Columns:
         **_pair("", "m", r.track_means),
         **_pair("v", "m_per_s", r.track_means[:, 2:]),
         **_spread(r.track_covariances),
-        "existence": np.where(r.track_existence >= 0, r.track_existence, np.nan),
+        "existence": r.existence,
     }
 
 

@@ -46,7 +46,7 @@ class Sighting:
     @staticmethod
     def all_of(recording: Recording, scenario: Scenario, k: int, uav: int, camera: Camera) -> "tuple[Sighting, ...]":
         """All people to a camera at the pose of a UAV's at scan k."""
-        pose, people, forest = recording.scan_at(k, uav).pose, recording.people[k], recording.forest
+        pose, people, forest = recording.camera_at(k, uav), recording.people[k], recording.forest
         looked = scenario.has_frame(uav, k)
         inside, hiding = inside_and_hiding(camera, pose, people, forest)
         # Without a frame, geometry tells what it would have shown.

@@ -64,7 +64,7 @@ class Cameras:
 
     def _project(self, k: int, uav: int, camera: Camera, places: Array) -> Array:
         """Pixels (N, 2) of people's middle at places (N, 2 or more) m; NaN outside the image."""
-        pose = self._recording.scan_at(k, uav).pose
+        pose = self._recording.camera_at(k, uav)
         points = np.column_stack([places[:, :2], np.full(len(places), TARGET_HEIGHT)])
         return np.where(camera.sees(pose, points)[:, None], camera.project(pose, points)[0], np.nan)
 
