@@ -19,7 +19,7 @@ from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of, view_of
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.visibility import Forest, at_target_height
 from tracking.numerics.arrays import Array
 from tracking.track import Track
 
@@ -176,7 +176,7 @@ class MapView:
         seen, inside = np.zeros((2, len(snapshot.people)), dtype=np.bool_)
         for i in snapshot.working:
             last = self._last.get(i, snapshot)
-            points = np.column_stack([np.nan_to_num(last.people), np.full(len(seen), TARGET_HEIGHT)])
+            points = at_target_height(np.nan_to_num(last.people))
             seen |= last.visible[i] > 0
             inside |= self._views[i].sees(last.cameras[i], points) & ~np.isnan(last.people[:, 0])
         return ["seen" if s else "hidden" if h else "out of view" for s, h in zip(seen, inside, strict=True)]

@@ -15,7 +15,7 @@ from sim.replay.rerun.scene import broken_at
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.camera import Camera
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
 
 _QUALITY = 90  # of JPEG
@@ -65,7 +65,7 @@ class Cameras:
     def _project(self, k: int, uav: int, camera: Camera, places: Array) -> Array:
         """Pixels (N, 2) of people's middle at places (N, 2 or more) m; NaN outside the image."""
         pose = self._recording.camera_at(k, uav)
-        points = np.column_stack([places[:, :2], np.full(len(places), TARGET_HEIGHT)])
+        points = at_target_height(places[:, :2])
         return np.where(camera.sees(pose, points)[:, None], camera.project(pose, points)[0], np.nan)
 
     def _spots(self, k: int, uav: int, camera: Camera) -> Array:
