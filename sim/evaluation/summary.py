@@ -12,7 +12,7 @@ from rich.table import Table
 
 from sim.evaluation.fleet_facts import contacts, plan_bytes
 from sim.evaluation.machine import machine
-from sim.evaluation.metric import METRICS, Metric, Outcome, evaluated, mean, metric
+from sim.evaluation.metric import METRICS, UNKNOWN, Metric, Outcome, evaluated, mean, metric
 from sim.evaluation.score import FAR, HELD, Score
 from sim.recording.archive import digest
 from sim.recording.recording import Recording
@@ -185,4 +185,4 @@ def _sent(network: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
 
 
 def _text(known: Metric, value: float) -> str:
-    return f"{known.text(value)} {known.unit}".strip() if not math.isnan(value) else "-"
+    return f"{known.text(value)} {known.unit}".strip() if not math.isnan(value) else UNKNOWN

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from helpers.recordings import record
+from helpers.recordings import broken, record
 from matplotlib.figure import Figure
 
 from sim.drawing.labels import with_numbers
@@ -129,8 +129,10 @@ def test_map_and_frame_are_those_of_a_film_and_the_annotated_one(flight):
     [
         (lambda f: f.map_figure(4.5), "time: 4.5 s is not in the recording; allowed are 0 to 4 s"),
         (lambda f: f.map_figure(float("nan")), "time: nan s is not in the recording"),
+        (lambda f: f.map_figure(-0.1), "time: -0.1 s is not in the recording; allowed are 0 to 4 s"),
         (lambda f: f.frame_figure(1.0, uav=3), "uav: 3 is not there; allowed are 0 to 2"),
         (lambda f: f.frame_figure(1.0, uav=-1), "uav: -1 is not there"),
+        (lambda f: Flight(broken(f.recording, 1, 4)).frame_figure(1.0, uav=1), "time: at 1 s UAV 1 had broken"),
         (lambda f: f.table("track"), "table: 'track' is unknown; .*did you mean tracks"),
         (lambda f: load("nowhere"), "DIR: nowhere does not exist"),
     ],
