@@ -78,12 +78,12 @@ class Rollout:
 
     def metrics(self, uav: int) -> dict[str, Any]:
         """Time, and OSPA and GOSPA of one UAV's reported tracks, by the truth; the time alone if it has broken down."""
-        told: dict[str, Any] = {"time": self.now.time}
+        metrics: dict[str, Any] = {"time": self.now.time}
         if uav in self.now.working:
-            told["ospa"] = float(self.now.ospa[uav, 0])
+            metrics["ospa"] = float(self.now.ospa[uav, 0])
             means, _ = beliefs_of(reported(self.now.tracks[uav]))
-            told["gospa"] = gospa(means[:, :2], self.people, FAR).distance
-        return told
+            metrics["gospa"] = gospa(means[:, :2], self.people, FAR).distance
+        return metrics
 
     def draw(self) -> NDArray[np.uint8]:
         """This scan as a frame (720, 1280, 3) RGB of a film: map, true people, tracks, and frames of cameras."""

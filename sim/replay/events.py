@@ -1,4 +1,4 @@
-"""Events of a recorded mission, told once for the page, the timeline, `understory explain` and Rerun."""
+"""Events of a recorded mission, worked out once for the page, the timeline, `understory explain` and Rerun."""
 
 import math
 from collections import defaultdict
@@ -157,7 +157,7 @@ def _changes(tracks: Ints, numbers: dict[int, int]) -> Iterator[tuple[int, str, 
                 text = f"person {m} handed over from track {numbers[before]} to track {now}"
                 yield k, "identity switch", m, None, now, text
             elif before != id_:
-                text = f"person {m} swapped track {numbers[before]} for track {now}, that of person {former},"
+                text = f"person {m} switched from track {numbers[before]} to track {now}, that of person {former},"
                 yield k, "identity switch", m, former, now, text
         for m in people:
             last[m], owner[int(row[m])] = int(row[m]), m

@@ -123,8 +123,8 @@ class Flight:
 
     def __repr__(self) -> str:
         facts = self.facts
-        told = ("duration", "fleet", "OSPA", "people held", "losses")
-        rest = "; ".join(facts[name] if name in ("duration", "fleet") else f"{name} {facts[name]}" for name in told)
+        shown = ("duration", "fleet", "OSPA", "people held", "losses")
+        rest = "; ".join(facts[name] if name in ("duration", "fleet") else f"{name} {facts[name]}" for name in shown)
         again = "" if facts["repeat"] == "0" else f", repeat {facts['repeat']}"
         return f"<Flight: {facts['planner']}, seed {facts['seed']}{again}; {rest}>"
 

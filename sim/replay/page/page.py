@@ -80,8 +80,8 @@ def _check(film: bytes, recording: Recording) -> None:
         raise InputError(f"video: cannot be read: {error}") from error
     wanted = (WIDTH, HEIGHT, len(recording.times))
     if found != wanted:
-        told = ["{} x {} with {} frames".format(*size) for size in (found, wanted)]
-        raise InputError(f"video: is {told[0]}, that of the recording is {told[1]}")
+        sizes = ["{} x {} with {} frames".format(*size) for size in (found, wanted)]
+        raise InputError(f"video: is {sizes[0]}, that of the recording is {sizes[1]}")
 
 
 def _asset(name: str) -> str:

@@ -112,7 +112,7 @@ def test_data_have_colours_and_states_of_five_uavs_in_few_bytes():
     data = data_of(page(Flight(five[0])))
     assert len(set(data["colours"]["uavs"][:5])) == 5
     assert data["holds"] == History.of(*five).hold_states.tolist()
-    assert data["texts"][data["told"][0][0]].startswith("seen by UAV")
+    assert data["texts"][data["view_texts"][0][0]].startswith("seen by UAV")
     recording, setting = flown(scans=201)
     data = page_data(recording, setting, History.of(recording, setting), events_of(recording, setting), None)
     assert len(json.dumps(data, separators=(",", ":"))) < 500_000
