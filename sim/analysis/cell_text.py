@@ -1,5 +1,6 @@
 """Cells of a study: a name and a value for each factor, and their text."""
 
+import re
 from collections.abc import Sequence
 
 from sim.study.cells import ENTERED
@@ -30,3 +31,10 @@ def cell_text(cell: Cell | None) -> str:
 def with_cell(planner: str, cell: Cell | None) -> str:
     """A planner and its cell, if the study has cells: greedy (λ = 45, R = 5)."""
     return planner if cell == () else f"{planner} ({cell_text(cell)})"
+
+
+def slug(text: str) -> str:
+    """A text on cells as names of files and anchors have it: lambda-45-r-5."""
+    for name, symbol in SYMBOLS.items():
+        text = text.replace(symbol, name)
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")

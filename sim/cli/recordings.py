@@ -18,7 +18,6 @@ from tracking.plugins.registry import InputError
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.recording.recording import Recording
-    from sim.scenario.scenario import Scenario
 
 _SPEEDS = (0.05, 20.0)  # slowest and fastest
 
@@ -61,16 +60,15 @@ def replay(
     if out is not None:
         check_new(out, ".html" if page else ".mp4", "--out")
     from sim.replay.frames.pages import scans_between
-    from sim.replay.frames.rerender import find, scenario_of
+    from sim.replay.frames.rerender import find
 
     recording = find(recorded)
-    scenario = scenario_of(recording)
     folder = folder_of(recorded)
     scans = list(range(len(recording.times))) if end is None else scans_between(recording, start, end)
     if rerun is not None:
-        _rerun(recording, scenario, rerun, folder / "summary.json")
+        _rerun(recording, rerun, folder / "summary.json")
     elif page:
-        _page(recording, scenario, folder, out or unused(folder / "mission", ".html"))
+        _page(recording, folder, out or unused(folder / "mission", ".html"))
     elif gui:
         from sim.replay.window import show
 
@@ -136,7 +134,8 @@ def _check_way(asked: dict[str, bool], given: list[str]) -> None:
     }
     for name in given:
         if name not in allowed.get(ways[0], []):
-            raise InputError(f"{name}: not allowed together with {ways[0]}; it belongs to --video")
+            fitting = " and ".join(way for way, options in allowed.items() if name in options)
+            raise InputError(f"{name}: not allowed together with {ways[0]}; it belongs to {fitting}")
 
 
 def _speed(text: str) -> float:
@@ -166,7 +165,8 @@ def _film(recording: Recording, scans: list[int], path: Path, *, layout: str | N
     console.print(f"Film: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 
 
-def _page(recording: Recording, scenario: Scenario, folder: Path, path: Path) -> None:
+def _page(recording: Recording, folder: Path, path: Path) -> None:
+    from sim.replay.flight import Flight
     from sim.replay.page.page import write_page
     from sim.replay.redrawn_film import drawn
 
@@ -175,11 +175,13 @@ def _page(recording: Recording, scenario: Scenario, folder: Path, path: Path) ->
     if not beside.is_file():
         with counted_progress(len(recording.times), "scans") as progress:
             film = drawn(recording, progress=progress)
-    write_page(recording, scenario, path, video=film, place=str(folder))
+    write_page(Flight(recording), path, video=film, place=str(folder))
     console.print(f"Page: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
 
 
-def _rerun(recording: Recording, scenario: Scenario, target: str, summary: Path) -> None:
+def _rerun(recording: Recording, target: str, summary: Path) -> None:
+    from sim.replay.flight import Flight
+
     path = Path(target)
     if target != "spawn":
         check_new(path, ".rrd", "--rerun", also=", or spawn")
@@ -189,10 +191,10 @@ def _rerun(recording: Recording, scenario: Scenario, target: str, summary: Path)
         if (error.name or "").split(".")[0] != "rerun":
             raise
         raise InputError("--rerun: needs rerun-sdk: pip install 'rerun-sdk>=0.39,<0.42'") from error
-    took = planning_times(summary)
+    flight, took = Flight(recording), planning_times(summary)
     with counted_progress(len(recording.times), "scans") as progress:
         if target == "spawn":
-            spawn(recording, scenario, progress=progress, planning_s=took)
+            spawn(flight, progress=progress, planning_s=took)
             return
-        write(recording, scenario, path, progress=progress, planning_s=took)
+        write(flight, path, progress=progress, planning_s=took)
     console.print(f"Open it: [bold]rerun {escape(target)}[/bold]", soft_wrap=True)

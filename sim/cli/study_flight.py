@@ -94,10 +94,10 @@ def _not_shown(store: Store, listed: Sequence[Task]) -> list[str]:
     """Remarks on results in the store that are of other versions of the package, or of other trials."""
     version, versions = listed[0].version, store.versions()
     others = ", ".join(f"{count} of version {other}" for other, count in versions.items() if other != version)
-    told = [f"{store.path}: trials of another version are kept apart, not shown: {others}"] if others else []
+    notes = [f"{store.path}: trials of another version are kept apart, not shown: {others}"] if others else []
     if rest := versions.get(version, 0) - store.held(listed):
-        told.append(f"{store.path}: kept, not shown: {rest} of other planners, scenarios, settings or seeds")
-    return told
+        notes.append(f"{store.path}: kept, not shown: {rest} of other planners, scenarios, settings or seeds")
+    return notes
 
 
 def show_study(rows: Sequence[Row], folder: Path, about: About) -> None:

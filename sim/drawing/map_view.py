@@ -2,13 +2,12 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
 
 import cv2
 import numpy as np
 
-from planning.planner import Plan
 from sim.drawing import palette
+from sim.drawing.intents import Intents
 from sim.drawing.labels import OUTSIDE, Labels, numbered, track_name
 from sim.drawing.lettering import Image, TextStyle
 from sim.drawing.marks import broken, cross, person, quadrotor
@@ -20,7 +19,7 @@ from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of, view_of
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.visibility import Forest, at_target_height
 from tracking.numerics.arrays import Array
 from tracking.track import Track
 
@@ -38,12 +37,6 @@ def ellipse(mean: Array, covariance: Array) -> Array:
     return np.asarray(mean + _CIRCLE * (ELLIPSE * np.sqrt(np.maximum(variances, 0.0))) @ axes.T)
 
 
-def intended(position: Array, plan: Plan, age: float, step: float) -> Array:
-    """Path (H + 1, 2) m of a plan made `age` s ago, of steps of `step` s, from where the UAV is now (2,) m."""
-    left = np.clip(step * np.arange(1, len(plan.controls) + 1) - age, 0.0, step)
-    return np.asarray(position + np.vstack([np.zeros(2), np.cumsum(plan.controls * left[:, None], axis=0)]))
-
-
 def aspect(scenario: Scenario) -> float:
     """Width over height of the map, its margin included."""
     return (scenario.area.width + 2 * MARGIN) / (scenario.area.height + 2 * MARGIN)
@@ -55,7 +48,6 @@ class MapView:
     def __init__(self, scenario: Scenario, forest: Forest, size: tuple[int, int]) -> None:
         self._area = (scenario.area.width, scenario.area.height)
         self._cameras = [camera_of(uav) for uav in scenario.uavs]
-        self._step = 1 / scenario.rates.planning
         self._views = [view_of(uav, scenario) for uav in scenario.uavs]
         self._unlimited = scenario.sensing.field_of_view == "unlimited"
         self._size = size
@@ -63,14 +55,15 @@ class MapView:
         self._has_frame, self._rate = scenario.has_frame, scenario.rates.sensing
         self._alert = round(ALERT * self._rate)
         self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * self._rate))
-        self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
+        self._intents = Intents(scenario)
+        # s, of the past on which a picture depends: trails, the plans flown, the last frames of slow cameras
+        self._reach = max(TRAIL, scenario.due(1 / scenario.rates.planning))
         self._last: dict[int, Snapshot] = {}  # at which each camera took its last frame
         self._ground = self._draw_ground(forest)
 
     def follow(self, snapshot: Snapshot) -> None:
         """Take note of one snapshot, for trails and intents, without drawing it."""
-        if snapshot.plans is not None:
-            self._plans = (snapshot.time, snapshot.plans)
+        self._intents.follow(snapshot)
         self._past.append(snapshot)
         k = round(snapshot.time * self._rate)
         self._last |= {i: snapshot for i in snapshot.working if self._has_frame(i, k)}
@@ -110,11 +103,11 @@ class MapView:
         self._draw_people(image, snapshot, holds)
 
     def recorded(self, recording: Recording, k: int, holds: Ints) -> Image:
-        """The map (H, W, 3) of a recording at scan k, with the trails and intents of the seconds before.
+        """The map (H, W, 3) of a recording at scan k, with trails and intents.
 
         holds (K, M): states of people to tracks at each scan.
         """
-        for earlier in range(max(0, k - round(TRAIL * self._rate)), k):
+        for earlier in range(max(0, k - round(self._reach * self._rate)), k):
             self.follow(numbered(recording, earlier))
         image = np.empty_like(self._ground)
         self.draw(image, numbered(recording, k), holds[k])
@@ -166,9 +159,8 @@ class MapView:
 
     def _draw_intents(self, image: Image, snapshot: Snapshot) -> None:
         """Dots along the rest of each plan, from where the UAV is."""
-        made, plans = self._plans
-        for i in snapshot.working if plans else []:
-            path = self.pixels(intended(snapshot.poses[i].position[:2], plans[i], snapshot.time - made, self._step))
+        for i, intent in self._intents.paths(snapshot).items():
+            path = self.pixels(intent)
             for dot in _spaced(path, 7.0)[2:]:
                 disc(image, dot, 2.0, uav_colour(i))
             disc(image, path[-1], 4.0, uav_colour(i), 2)
@@ -184,7 +176,7 @@ class MapView:
         seen, inside = np.zeros((2, len(snapshot.people)), dtype=np.bool_)
         for i in snapshot.working:
             last = self._last.get(i, snapshot)
-            points = np.column_stack([np.nan_to_num(last.people), np.full(len(seen), TARGET_HEIGHT)])
+            points = at_target_height(np.nan_to_num(last.people))
             seen |= last.visible[i] > 0
             inside |= self._views[i].sees(last.cameras[i], points) & ~np.isnan(last.people[:, 0])
         return ["seen" if s else "hidden" if h else "out of view" for s, h in zip(seen, inside, strict=True)]

@@ -1,7 +1,7 @@
 """One mission from decision to decision, as environments fly it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -32,8 +32,8 @@ class Rollout:
         self.team: dict[int, Situation] = {}  # of the UAVs that work at this decision, by id
         self.over = False  # at the last decision, or when all UAVs have broken down
         self.now: Snapshot  # this scan, without its plans
-        self.frames: Sequence[NDArray[np.uint8] | None] = ()  # of this scan
         self.images: dict[int, NDArray[np.uint8]] = {}  # the last frame of each UAV that has taken one
+        self._taken: dict[int, float] = {}  # s, the times of these
         self._flown: list[Snapshot] = []
         self._film: Film | None = None
         self._drawn = -math.inf  # s, the last scan that the film knows
@@ -58,7 +58,7 @@ class Rollout:
             self.team, self.over, self.now = {}, True, self._flown[-1]
             return
         self.team = {situation.own.id: situation for situation in team}
-        self.now, self.frames, self.over = mission.present, mission.frames, mission.time >= self._last
+        self.now, self.over = mission.present, mission.time >= self._last
         if self.over:
             while not mission.over:
                 self._flown.append(mission.step(np.zeros((len(mission.team), 2))))
@@ -66,7 +66,9 @@ class Rollout:
     def _sense(self) -> list[Situation]:
         """The team at the present scan, whose frames are kept: a slow camera takes some between decisions only."""
         team = self.mission.team
-        self.images.update({i: frame for i, frame in enumerate(self.mission.frames) if frame is not None})
+        taken = {i: frame for i, frame in enumerate(self.mission.frames) if frame is not None}
+        self.images |= taken
+        self._taken |= dict.fromkeys(taken, self.mission.time)
         return team
 
     @property
@@ -76,12 +78,12 @@ class Rollout:
 
     def metrics(self, uav: int) -> dict[str, Any]:
         """Time, and OSPA and GOSPA of one UAV's reported tracks, by the truth; the time alone if it has broken down."""
-        told: dict[str, Any] = {"time": self.now.time}
+        metrics: dict[str, Any] = {"time": self.now.time}
         if uav in self.now.working:
-            told["ospa"] = float(self.now.ospa[uav, 0])
+            metrics["ospa"] = float(self.now.ospa[uav, 0])
             means, _ = beliefs_of(reported(self.now.tracks[uav]))
-            told["gospa"] = gospa(means[:, :2], self.people, FAR).distance
-        return told
+            metrics["gospa"] = gospa(means[:, :2], self.people, FAR).distance
+        return metrics
 
     def draw(self) -> NDArray[np.uint8]:
         """This scan as a frame (720, 1280, 3) RGB of a film: map, true people, tracks, and frames of cameras."""
@@ -90,9 +92,14 @@ class Rollout:
         if self._drawn < self.now.time:
             for snapshot in self._flown:
                 if self._drawn < snapshot.time < self.now.time:
-                    self._film.follow(snapshot, None)
-            self._drawn, self._image = self.now.time, self._film.draw(self.now, self.frames or None)
+                    self._film.follow(snapshot, self._last_frames(snapshot.time))
+            self._drawn = self.now.time
+            self._image = self._film.draw(self.now, self._last_frames(self.now.time))
         return self._image.copy()
+
+    def _last_frames(self, time: float) -> list[NDArray[np.uint8] | None]:
+        """The frame of each UAV that has taken its last one at a time [s], None for the others."""
+        return [self.images[i] if self._taken.get(i) == time else None for i in range(len(self.mission.scenario.uavs))]
 
     def flight(self) -> Flight:
         """Recording so far, to look into; ValueError before the first step."""

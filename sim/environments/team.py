@@ -75,9 +75,9 @@ class TeamEnv(Episodes, gymnasium.Env[Observed, NDArray[np.floating[Any]]]):
 
     def _info(self) -> dict[str, Any]:
         """Time, and means of OSPA and GOSPA over the UAVs that work."""
-        told = [self._course.rollout.metrics(i) for i in self._course.uavs]
-        names = {name for each in told for name in each}
-        return {name: float(np.mean([each[name] for each in told if name in each])) for name in sorted(names)}
+        metrics = [self._course.rollout.metrics(i) for i in self._course.uavs]
+        names = {name for each in metrics for name in each}
+        return {name: float(np.mean([each[name] for each in metrics if name in each])) for name in sorted(names)}
 
 
 def _repeated(space: spaces.Space[Any], count: int) -> spaces.Space[Any]:

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from sim.evaluation.fleet_facts import contacts, plan_bytes
 from sim.evaluation.machine import machine
-from sim.evaluation.metric import METRICS, Metric, Outcome, evaluated, mean, metric
+from sim.evaluation.metric import METRICS, UNKNOWN, Metric, Outcome, evaluated, mean, metric
 from sim.evaluation.score import FAR, HELD, Score
 from sim.recording.archive import digest
 from sim.recording.recording import Recording
@@ -50,7 +50,7 @@ def summarise(outcome: Outcome, *, versions: Mapping[str, str], asked: Sequence[
         "duration_s": float(recording.times[-1] - recording.times[0]),
         "interrupted": recording.interrupted,
         **numbers,
-        **({"metrics": {name: _told(metric(name), values[name]) for name in asked}} if asked else {}),
+        **({"metrics": {name: _in_unit(metric(name), values[name]) for name in asked}} if asked else {}),
         "seconds": {stage: float(seconds.get(stage, 0.0)) for stage in dict.fromkeys((*STAGES, *seconds))},
         "faults": [
             {name: value for name, value in asdict(f).items() if name != "trace" or value} for f in outcome.faults
@@ -60,7 +60,7 @@ def summarise(outcome: Outcome, *, versions: Mapping[str, str], asked: Sequence[
     }
 
 
-def _told(asked: Metric, value: float | None) -> dict[str, Any]:
+def _in_unit(asked: Metric, value: float | None) -> dict[str, Any]:
     """A metric from outside, its value in its unit."""
     return {"label": asked.label, "unit": asked.unit, "value": None if value is None else value * asked.scale}
 
@@ -185,4 +185,4 @@ def _sent(network: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
 
 
 def _text(known: Metric, value: float) -> str:
-    return f"{known.text(value)} {known.unit}".strip() if not math.isnan(value) else "-"
+    return f"{known.text(value)} {known.unit}".strip() if not math.isnan(value) else UNKNOWN

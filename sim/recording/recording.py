@@ -112,13 +112,8 @@ class Recording:
     def scan_at(self, k: int, uav: int) -> Scan:
         """Measurements of one UAV at scan k."""
         rows = self._rows(self.measurement_offsets, k, uav)
-        return Scan(
-            uav,
-            float(self.times[k]),
-            self.camera_at(k, uav),
-            self.measurements[rows],
-            self.measurement_covariances[rows],
-        )
+        z, R = self.measurements[rows], self.measurement_covariances[rows]
+        return Scan(uav, float(self.times[k]), self.camera_at(k, uav), z, R)
 
     def pixels_at(self, k: int, uav: int) -> Array:
         """Detections (N, 2) in the image of one UAV at scan k; none in ideal sensing."""
@@ -128,8 +123,7 @@ class Recording:
     def tracks_at(self, k: int, uav: int) -> tuple[Track, ...]:
         """The tracks of one UAV after scan k."""
         rows = self._rows(self.track_offsets, k, uav)
-        existence = self.existence_at(k, uav)
-        certain = np.where(np.isnan(existence), 1.0, existence)
+        certain = np.nan_to_num(self.existence[rows], nan=1.0)
         stored = self.track_sightings[rows]
         sightings = np.where(stored[:, 2:] >= 0.0, stored, math.nan)
         beliefs = self.track_means[rows], self.track_covariances[rows]
@@ -141,31 +135,37 @@ class Recording:
 
     def existence_at(self, k: int, uav: int) -> Array:
         """For each track of one UAV after scan k the existence probability (N,); NaN if unknown."""
-        existence = self.track_existence[self._rows(self.track_offsets, k, uav)]
-        return np.where(existence >= 0.0, existence, math.nan)
+        return self.existence[self._rows(self.track_offsets, k, uav)]
+
+    @cached_property
+    def existence(self) -> Array:
+        """Existence probability of each track (S,); NaN if unknown."""
+        return np.where(self.track_existence >= 0.0, self.track_existence, math.nan)
 
     @property
     def reported(self) -> Bools:
         """Tracks (S,) that are reported, as by `tracking.reporting.reported`; those of unknown existence are."""
-        known = self.track_existence >= 0.0
-        return ~known | (self.track_existence > UNLIKELY)
+        return ~(self.existence <= UNLIKELY)
 
     def plans_at(self, k: int) -> list[Plan] | None:
         """The plans made at scan k, if any were."""
         made = np.flatnonzero(self.plan_times == self.times[k])
-        if len(made) == 0:
-            return None
-        return [Plan(controls[~np.isnan(controls[:, 0])]) for controls in self.plans[made[0]]]
+        return [Plan(u[~np.isnan(u[:, 0])]) for u in self.plans[made[0]]] if len(made) else None
 
     def contacts_at(self, k: int) -> tuple[Contact, ...]:
         """Contacts of UAVs between scan k - 1 and scan k."""
         rows = self.contacts[self.contacts[:, 0] == k].tolist()
         return tuple(Contact(uav, KINDS[kind], other) for _, uav, kind, other in rows)
 
+    @cached_property
+    def all_faults(self) -> tuple[Fault, ...]:
+        """All faults that were recorded, in order of time."""
+        return read(self.faults)
+
     def faults_at(self, k: int) -> tuple[Fault, ...]:
         """Faults after scan k - 1 and until scan k."""
         before = float(self.times[k - 1]) if k else -math.inf
-        return tuple(fault for fault in read(self.faults) if before < fault.time <= float(self.times[k]))
+        return tuple(fault for fault in self.all_faults if before < fault.time <= float(self.times[k]))
 
     def poses_at(self, k: int) -> list[Pose]:
         """Poses of the UAVs' bodies at scan k."""

@@ -59,7 +59,7 @@ def _texts(r: Recording) -> Iterator[Finding]:
     yield "repeat", not 0 <= r.repeat < REPEATS, f"is {r.repeat}, not 0 to {REPEATS - 1}"
     yield "scenario", _fails(msgspec.json.Decoder(dict).decode, r.scenario), "is no JSON object"
     yield "faults", _fails(read, r.faults), "is no list of faults, each with time, uav and message"
-    faults, n = read(r.faults), r.poses.shape[1]
+    faults, n = r.all_faults, r.poses.shape[1]
     yield "faults", len(faults) > MOST, f"are more than {MOST}"
     wrong = any(not f.message.isprintable() or len(f.message) > LONGEST for f in faults)
     yield "faults", wrong, f"have a message that is not one line of at most {LONGEST} characters"

@@ -1,4 +1,4 @@
-"""Events of a recorded mission, told once for the page, the timeline, `understory explain` and Rerun."""
+"""Events of a recorded mission, worked out once for the page, the timeline, `understory explain` and Rerun."""
 
 import math
 from collections import defaultdict
@@ -12,7 +12,6 @@ from sim.evaluation.score import HELD
 from sim.evaluation.unmatched import unmatched_tracks
 from sim.mission.plan_exchange import Links, lost_messages, open_links
 from sim.mission.snapshot import Ints
-from sim.recording.fault_text import read
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event
 from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
@@ -61,7 +60,7 @@ def _breakdowns(recording: Recording, scenario: Scenario) -> Iterator[Event]:
 def _faults(recording: Recording) -> Iterator[Event]:
     """Faults of planner and detectors, each kind once, however often; breakdowns are events of their own."""
     times, grouped = recording.times, defaultdict(list)
-    for fault in read(recording.faults):
+    for fault in recording.all_faults:
         k = min(int(np.searchsorted(times, fault.time - 1e-6)), len(times) - 1)
         if fault.uav is None or recording.working[k, fault.uav]:
             grouped[fault.uav, fault.message].append((fault.time, k))
@@ -158,7 +157,7 @@ def _changes(tracks: Ints, numbers: dict[int, int]) -> Iterator[tuple[int, str, 
                 text = f"person {m} handed over from track {numbers[before]} to track {now}"
                 yield k, "identity switch", m, None, now, text
             elif before != id_:
-                text = f"person {m} swapped track {numbers[before]} for track {now}, that of person {former},"
+                text = f"person {m} switched from track {numbers[before]} to track {now}, that of person {former},"
                 yield k, "identity switch", m, former, now, text
         for m in people:
             last[m], owner[int(row[m])] = int(row[m]), m

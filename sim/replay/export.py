@@ -130,8 +130,7 @@ def _tracks(recording: Recording) -> Rows:
     """Scan, UAV, time, and id, state, covariance and existence (NaN if unknown) of each track of UAVs that work."""
     row, column = np.triu_indices(4)
     covariances = recording.track_covariances[:, row, column]
-    existence = np.where(recording.track_existence >= 0, recording.track_existence, np.nan)
-    columns = recording.track_ids, *recording.track_means.T, *covariances.T, existence
+    columns = recording.track_ids, *recording.track_means.T, *covariances.T, recording.existence
     rows = _rows(recording, recording.cells(recording.track_offsets), *columns)
     return (row for row in rows if recording.working[row[0], row[1]])
 

@@ -18,17 +18,16 @@ from sim.drawing.lettering import Image
 from sim.drawing.map_view import MapView, aspect
 from sim.drawing.plots import draw_mean, new_figure, ospa_figure
 from sim.evaluation.fleet_facts import contacts
-from sim.evaluation.metric import METRICS, Outcome
+from sim.evaluation.metric import METRICS, UNKNOWN, Outcome
 from sim.evaluation.summary import marked
 from sim.recording.dataframes import dataframe
-from sim.recording.fault_text import read
 from sim.recording.recording import Recording
 from sim.replay.event import Event
 from sim.replay.events import events_of
-from sim.replay.frames.pages import draw
+from sim.replay.frames.pages import draw, scans_between
 from sim.replay.frames.rerender import Rerenderer, find, scenario_of
 from sim.replay.history import History
-from sim.replay.tables import TABLES, arrays, columns
+from sim.replay.tables import TABLES, arrays, columns, event_columns
 from sim.replay.timeline import timeline_figure
 from sim.scenario.scenario import Scenario
 from tracking.plugins.registry import InputError, check_known
@@ -68,7 +67,7 @@ class Flight:
     def columns(self, table: str) -> dict[str, NDArray[Any]]:
         """The columns of a table, one of `TABLES`, by names with units; InputError names the nearest."""
         check_known("table", table, TABLES)
-        return columns(table, self.recording, self.scenario, self.history)
+        return event_columns(self.events) if table == "events" else columns(table, self.recording, self.history)
 
     def table(self, table: str) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise
         """A table, one of `TABLES`, as a pandas frame, or a polars one where there is no pandas."""
@@ -84,18 +83,17 @@ class Flight:
 
     def map_figure(self, time: float) -> Figure:
         """The map at the scan nearest to `time` s, with the trails of the seconds before."""
-        k = self._scan(time)
+        (k,) = scans_between(self.recording, time, None, name="time")
         size = (_MAP, round(_MAP / aspect(self.scenario)))
         view = MapView(self.scenario, self.recording.forest, size)
         return _picture(view.recorded(self.recording, k, self.history.hold_states))
 
     def frame_figure(self, time: float, uav: int) -> Figure:
         """The image of a UAV's camera at the scan nearest to `time` s, annotated, rendered again."""
-        k, uavs = self._scan(time), len(self.scenario.uavs)
+        uavs = len(self.scenario.uavs)
         if not 0 <= uav < uavs:
             raise InputError(f"uav: {uav} is not there; allowed are 0 to {uavs - 1}")
-        if not self.recording.working[k, uav]:
-            raise InputError(f"uav: {uav} had broken down at {self.recording.times[k]:g} s")
+        (k,) = scans_between(self.recording, time, None, uav, name="time")
         with Rerenderer(self.recording) as again:
             return _picture(draw(self.recording, again, k, uav, size=640))
 
@@ -107,6 +105,7 @@ class Flight:
         lost = [loss for loss in self.history.losses if loss.found]
         longest = max((r.times[loss.last] - r.times[loss.first] for loss in lost), default=0.0)
         losses = f"{len(lost)}, the longest {longest + 1 / self.scenario.rates.sensing:.1f} s" if lost else "none"
+        ospa = f"mean {errors.mean():.2f} m, {100 * np.mean(errors < 1):.1f} % under 1 m" if len(errors) else UNKNOWN
         ended = " (interrupted)" if r.interrupted else ""
         share = METRICS["share_held"](Outcome(r))
         return {
@@ -115,17 +114,17 @@ class Flight:
             "repeat": str(r.repeat),
             "duration": f"{r.times[-1] - r.times[0]:.1f} s, {len(r.times)} scans{ended}",
             "fleet": f"{r.poses.shape[1]} UAVs, {r.people.shape[1]} people, {len(r.trees)} trees",
-            "OSPA": f"mean {errors.mean():.2f} m, {100 * np.mean(errors < 1):.1f} % under 1 m" if len(errors) else "-",
-            "people held": "-" if share is None else f"{100 * share:.1f} %",
+            "OSPA": ospa,
+            "people held": UNKNOWN if share is None else f"{100 * share:.1f} %",
             "losses": losses,
-            "faults": str(len(read(r.faults))) if r.faults else "not recorded",
+            "faults": str(len(r.all_faults)) if r.faults else "not recorded",
             "contacts": str(len(contacts(r))),
         }
 
     def __repr__(self) -> str:
         facts = self.facts
-        told = ("duration", "fleet", "OSPA", "people held", "losses")
-        rest = "; ".join(facts[name] if name in ("duration", "fleet") else f"{name} {facts[name]}" for name in told)
+        shown = ("duration", "fleet", "OSPA", "people held", "losses")
+        rest = "; ".join(facts[name] if name in ("duration", "fleet") else f"{name} {facts[name]}" for name in shown)
         again = "" if facts["repeat"] == "0" else f", repeat {facts['repeat']}"
         return f"<Flight: {facts['planner']}, seed {facts['seed']}{again}; {rest}>"
 
@@ -143,12 +142,6 @@ class Flight:
             f'<table style="margin:0">{rows}</table>'
             f'<img alt="mean OSPA over time" src="data:image/png;base64,{curve}"></div>'
         )
-
-    def _scan(self, time: float) -> int:
-        times = self.recording.times
-        if not times[0] - 1e-6 <= time <= times[-1] + 1e-6:
-            raise InputError(f"time: {time:g} s is not in the recording; allowed are {times[0]:g} to {times[-1]:g} s")
-        return int(np.argmin(np.abs(times - time)))
 
 
 def _picture(image: Image) -> Figure:

@@ -1,6 +1,7 @@
 """The UAVs of a recording, nearly as planners knew them."""
 
-import numpy as np
+from functools import lru_cache
+from itertools import pairwise
 
 from planning.planner import Vehicle
 from sim.mission.tracker_setup import tracker_parameters
@@ -22,9 +23,18 @@ def vehicles_at(recording: Recording, scenario: Scenario, k: int) -> list[Vehicl
 
 def motion_at(recording: Recording, scenario: Scenario, k: int, uav: int) -> MotionModel:
     """Motion model of one UAV's tracker after scan k, with what it had seen of people's speeds until then."""
-    scans, uavs = recording.cells(recording.track_offsets)
-    seen = (uavs == uav) & (scans <= k) & (recording.track_sightings[:, 2] >= recording.times[scans])
-    motion, velocities = tracker_parameters(scenario).motion, recording.track_means[seen, 2:]
-    for of_one_scan in np.split(velocities, np.flatnonzero(np.diff(scans[seen])) + 1):
-        motion = motion.observed(of_one_scan)
-    return motion
+    return _motions(recording, scenario)[k][uav]
+
+
+@lru_cache(maxsize=1)  # what looks into a mission asks about each of its scans
+def _motions(recording: Recording, scenario: Scenario) -> list[list[MotionModel]]:
+    """Motion model of each UAV's tracker after each scan."""
+    uavs, (k, _) = recording.poses.shape[1], recording.cells(recording.track_offsets)
+    detected = recording.track_sightings[:, 2] >= recording.times[k]
+    motions = [[tracker_parameters(scenario).motion] * uavs]
+    for cell, (first, last) in enumerate(pairwise(recording.track_offsets.tolist())):
+        motions += [motions[-1].copy()] if cell % uavs == 0 else []
+        velocities = recording.track_means[first:last, 2:][detected[first:last]]
+        if len(velocities):
+            motions[-1][cell % uavs] = motions[-1][cell % uavs].observed(velocities)
+    return motions[1:]

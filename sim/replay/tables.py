@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from sim.evaluation.score import velocities
 from sim.recording.recording import Recording
 from sim.replay.event import Event
-from sim.replay.events import events_of
 from sim.replay.history import STATES, History
-from sim.scenario.scenario import Scenario
 
 Column = NDArray[Any]
 Columns = dict[str, Column]
@@ -50,7 +48,7 @@ def arrays(r: Recording) -> dict[str, NDArray[Any]]:
         "track_m": r.track_means[:, :2],
         "track_m_per_s": r.track_means[:, 2:],
         "track_covariance": r.track_covariances,
-        "track_existence": np.where(r.track_existence >= 0, r.track_existence, np.nan),
+        "track_existence": r.existence,
         "track_sighting": np.where(r.track_sightings[:, 2:] >= 0, r.track_sightings, np.nan),
     }
     views = {name: array.view() for name, array in found.items()}
@@ -59,12 +57,10 @@ def arrays(r: Recording) -> dict[str, NDArray[Any]]:
     return views
 
 
-def columns(name: str, recording: Recording, scenario: Scenario, history: History) -> Columns:
-    """The columns of a table, one of `TABLES`."""
+def columns(name: str, recording: Recording, history: History) -> Columns:
+    """The columns of a table, one of `TABLES` but that of events."""
     if name in ("people", "sightings", "losses"):
         return {"people": _people, "sightings": _sightings, "losses": _losses}[name](recording, history)
-    if name == "events":
-        return _events(events_of(recording, scenario, history))
     plain = {"uavs": _uavs, "measurements": _measurements, "tracks": _tracks, "ospa": _ospa, "plans": _plans}
     return {**plain, "trees": _trees}[name](recording)
 
@@ -108,7 +104,8 @@ def _losses(r: Recording, history: History) -> Columns:
     }
 
 
-def _events(events: Sequence[Event]) -> Columns:
+def event_columns(events: Sequence[Event]) -> Columns:
+    """The columns of the table of events."""
     return {
         "time_s": np.array([event.time for event in events], dtype=float),
         "kind": _words([event.kind for event in events]),
@@ -146,7 +143,7 @@ def _tracks(r: Recording) -> Columns:
         **_pair("", "m", r.track_means),
         **_pair("v", "m_per_s", r.track_means[:, 2:]),
         **_spread(r.track_covariances),
-        "existence": np.where(r.track_existence >= 0, r.track_existence, np.nan),
+        "existence": r.existence,
     }
 
 

@@ -1,12 +1,11 @@
 """Single trials on the report's page: best and worst maps, those that failed, and the commands that fly them again."""
 
 import math
-import re
 import shlex
 from collections.abc import Sequence
 from html import escape
 
-from sim.analysis.cell_text import Cell, cell_text, cells_of
+from sim.analysis.cell_text import Cell, cell_text, cells_of, slug
 from sim.analysis.cells import Group
 from sim.analysis.planner_labels import entrant
 from sim.evaluation.metric import Metric
@@ -36,7 +35,7 @@ def maps(groups: Sequence[Group], metric: Metric) -> tuple[str, str]:
         cells = []
         for k, (what, row) in enumerate(zip(names, ends, strict=True)):
             value, flown = metric.text(row.metrics[metric.name]), numbered(row.seed, row.repeat)
-            name = f"map-{2 * number + k}-" + re.sub(r"[^a-z0-9]+", "-", f"{entrant(row)} {flown}".lower()).strip("-")
+            name = f"map-{2 * number + k}-{slug(f'{entrant(row)} {flown}')}"
             cells.append(f'<td>{escape(value)}</td><td><a href="#{name}">{flown}</a></td>')
             text = f"{_label(group.cell, row)}: {what}, {value} {metric.unit}".rstrip()
             places.append(f'<div class="map" id="{name}">{escape(text)}{commanded(command(row))}</div>')

@@ -18,7 +18,7 @@ from sim.mission.warmup import announced, warm_up
 from sim.processes.signals import stop_request
 from sim.recording.archive import save
 from sim.recording.atomic_files import new_folder
-from sim.recording.recording import Recorder, Recording
+from sim.recording.recording import Recorder
 from sim.replay.flight import Flight
 from sim.replay.page.page import write_page
 from sim.running.flight import fly as flown
@@ -70,9 +70,10 @@ def fly(trial: Trial, folder: Path, results: Results, *, progress: Progress, say
 
         outcome = flown(trial, watching, announced(say)(warm_up))
         summary = summarise(outcome, versions=versions(), asked=results.metrics)
-        write_results(folder, outcome.recording, summary)
+        flight = Flight(outcome.recording)
+        write_results(folder, flight, summary)
         if film:
-            write_page(outcome.recording, trial.scenario, folder / "mission.html", video=film, place=results.place)
+            write_page(flight, folder / "mission.html", video=film, place=results.place)
     return summary
 
 
@@ -110,10 +111,9 @@ def record(mission: Mission, snapshots: Iterable[Snapshot], planner: str = "from
     return Flight(recording_of(mission, recorder, planner))
 
 
-def write_results(folder: Path, recording: Recording, summary: dict[str, Any]) -> None:
+def write_results(folder: Path, flight: Flight, summary: dict[str, Any]) -> None:
     """The files of a mission, its video aside."""
-    save(recording, folder / "mission.npz")
+    save(flight.recording, folder / "mission.npz")
     (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    flight = Flight(recording)
     save_figure(flight.ospa_figure(), folder / "ospa.png")
     save_figure(flight.timeline_figure(), folder / "timeline.png")

@@ -123,6 +123,10 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         rates = self.rates
         return k >= round(self.first_decision * rates.sensing) and k % (rates.sensing // rates.planning) == 0
 
+    def due(self, decided: float) -> float:
+        """Time [s] from which plans are flown that were decided at a time [s]."""
+        return decided + self.network.plan_delay
+
     def works(self, uav: int, time: float) -> bool:
         """True if a UAV has not broken down at a time [s]."""
         fails_at = self.uavs[uav].fails_at

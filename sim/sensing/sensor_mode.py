@@ -12,7 +12,7 @@ from sim.sensing.stopwatch import Stopwatch
 from sim.world.world import World
 from tracking.detection.detector import Frame
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.visibility import Forest, at_target_height
 from tracking.numerics.arrays import Array, Flags, Indices
 
 
@@ -57,9 +57,7 @@ class LineOfSightMode:
     def sense(self, uav: int, time: float, pose: Pose, people: Array) -> SensorOutput:
         """As `SensorMode.sense`."""
         with self.setup.clock.measure("detection"):
-            points = np.column_stack([people, np.full(len(people), TARGET_HEIGHT)])
-            present = ~np.isnan(people[:, 0])
-            points[~present] = 0.0
+            points, present = at_target_height(np.nan_to_num(people)), ~np.isnan(people[:, 0])
             camera, forest = self.setup.cameras[uav], self.setup.forest
             seen = present & camera.sees(pose, points) & forest.visible(pose.position, points)[0]
 

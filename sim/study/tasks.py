@@ -117,8 +117,8 @@ def release() -> str:
     """
     digest = hashlib.sha256()
     for name in sorted(file.relative_to(ROOT).as_posix() for pattern in _RELEASED for file in ROOT.glob(pattern)):
-        content = (ROOT / name).read_bytes()
-        digest.update(f"{name} {len(content)}\n".encode() + content)
+        data = (ROOT / name).read_bytes()
+        digest.update(f"{name} {len(data)}\n".encode() + data)
     return f"{version('understory')}+{digest.hexdigest()[:8]}"
 
 

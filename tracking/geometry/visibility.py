@@ -19,6 +19,12 @@ from tracking.numerics.universal import exp_each
 # Half of a walking person's 1.7 m: the height of the one point that stands for a person.
 TARGET_HEIGHT = 0.85
 
+
+def at_target_height(places: Array) -> Array:
+    """Points (N, 3) m at `TARGET_HEIGHT` over places (N, 2) m."""
+    return np.column_stack([places, np.full(len(places), TARGET_HEIGHT)])
+
+
 Occlusion = Literal["line_of_sight", "disc"]
 
 

@@ -45,11 +45,10 @@ def planned_visibility(
 
     None where there is no plan, and where nothing of it is left.
     """
-    due = recording.plan_times + scenario.network.plan_delay <= recording.times[k] + _SLACK
-    plan = int(np.count_nonzero(due)) - 1
+    now, rate = float(recording.times[k]), scenario.rates.sensing
+    plan = sum(scenario.due(time) <= now + _SLACK for time in recording.plan_times.tolist()) - 1
     if plan < 0 or not recording.working[k, uav]:
         return None
-    now, rate = float(recording.times[k]), scenario.rates.sensing
     at, corners, poses = _flight(recording, scenario, plan, uav)
     times = now + np.arange(1, int((at[-1] - now + _SLACK) * rate) + 1) / rate
     if len(times) == 0:
@@ -73,14 +72,14 @@ def _flight(recording: Recording, scenario: Scenario, plan: int, uav: int) -> tu
     The path begins where the UAV was when the plan was due, and follows the commands as planners take it to. The camera
     is held as planners take it to be held.
     """
-    step, begun = 1 / scenario.rates.planning, recording.plan_times[plan] + scenario.network.plan_delay
+    step, begun = 1 / scenario.rates.planning, scenario.due(float(recording.plan_times[plan]))
     controls = recording.plans[plan, uav]
     controls = controls[~np.isnan(controls[:, 0])]
     vehicle = vehicles_at(recording, scenario, int(np.argmin(np.abs(recording.times - begun))))[uav]
     flown = mean_velocities(response([vehicle], step), controls[None, None])[0, 0]
     corners = vehicle.position[:2] + np.vstack([np.zeros(2), step * np.cumsum(flown, axis=0)])
     camera = Pose(vehicle.position, vehicle.attitude)
-    return begun + step * np.arange(len(corners)), corners, camera
+    return begun + step * np.arange(len(corners), dtype=float), corners, camera
 
 
 def _states(recording: Recording, scenario: Scenario, uav: int, views: list[Pose], places: Array) -> Ints:

@@ -10,7 +10,7 @@ from sim.drawing.marks import cross, detection
 from sim.drawing.palette import DETECTION, INK, PANEL, track_colour
 from sim.drawing.strokes import SHIFT, disc, fixed, outlined, stroke
 from sim.replay.frames.sightings import PERSON_RADIUS, Sight, Sighting, hidden_outlines, silhouette
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import TARGET_HEIGHT, at_target_height
 from tracking.numerics.arrays import Array
 
 _LENGTHS = [base * 10.0**power for power in range(-1, 4) for base in (1, 2, 5)]  # m, of scale bars
@@ -60,8 +60,7 @@ class _View:
 
     def _pixels(self, ground: Array) -> Array:
         """Pixels (N, 2) of points (N, 2) m at the height that stands for a person; NaN behind the camera."""
-        points = np.column_stack([ground, np.full(len(ground), TARGET_HEIGHT)])
-        return np.asarray(self._scale * self._sight.camera.project(self._sight.pose, points)[0])
+        return np.asarray(self._scale * self._sight.camera.project(self._sight.pose, at_target_height(ground))[0])
 
     def _person(self, sighting: Sighting) -> Array:
         body = np.array([*sighting.place, PERSON_RADIUS, 0.0, 2 * TARGET_HEIGHT])

@@ -43,11 +43,11 @@ class Rerenderer(ExitStack):
 
     def rendered(self, k: int, uav: int) -> Rendered:
         """The same, and the person in each of its pixels."""
-        snapshot = self._recording.snapshot(k)
-        self._world.place_people(snapshot.people, snapshot.headings)
-        self._world.place_uavs(snapshot.poses)
+        r = self._recording
+        self._world.place_people(r.people[k], r.headings[k])
+        self._world.place_uavs(r.poses_at(k))
         camera = camera_of(self.scenario.uavs[uav])
-        return self._renderer.take(uav, snapshot.time, camera, snapshot.cameras[uav])
+        return self._renderer.take(uav, float(r.times[k]), camera, r.camera_at(k, uav))
 
     def frames(self, k: int, uavs: Sequence[int]) -> list[Image | None]:
         """The images that UAVs of the mission took at scan k, at each one's place; None for the rest, and for others.

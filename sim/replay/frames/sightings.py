@@ -13,7 +13,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from sim.sensing.culling import NEAR
 from tracking.geometry.camera import Camera, Pose
-from tracking.geometry.visibility import TARGET_HEIGHT, Forest
+from tracking.geometry.visibility import TARGET_HEIGHT, Forest, at_target_height
 from tracking.numerics.arrays import Array, Flags
 
 PERSON_RADIUS = 0.25  # m, of the cylinder that stands for a person
@@ -46,7 +46,7 @@ class Sighting:
     @staticmethod
     def all_of(recording: Recording, scenario: Scenario, k: int, uav: int, camera: Camera) -> "tuple[Sighting, ...]":
         """All people to a camera at the pose of a UAV's at scan k."""
-        pose, people, forest = recording.scan_at(k, uav).pose, recording.people[k], recording.forest
+        pose, people, forest = recording.camera_at(k, uav), recording.people[k], recording.forest
         looked = scenario.has_frame(uav, k)
         inside, hiding = inside_and_hiding(camera, pose, people, forest)
         # Without a frame, geometry tells what it would have shown.
@@ -96,7 +96,7 @@ class Sight:
 
 def inside_and_hiding(camera: Camera, pose: Pose, people: Array, forest: Forest) -> tuple[Flags, Flags]:
     """People (M, 2) m, NaN where absent, inside one frame (M,), and the trees (M, T) that hide each of those."""
-    points = np.column_stack([np.nan_to_num(people), np.full(len(people), TARGET_HEIGHT)])
+    points = at_target_height(np.nan_to_num(people))
     inside = ~np.isnan(people[:, 0]) & camera.sees(pose, points)
     return inside, np.asarray(forest.hiding(pose.position, points) & inside[:, None])
 

@@ -30,9 +30,9 @@ def page_data(
 
     Lists run over scans, then UAVs, then people or tracks; null stands for what is absent or does not work.
     """
-    told = [history.view_texts(m) for m in range(recording.people.shape[1])]
+    view_texts = [history.view_texts(m) for m in range(recording.people.shape[1])]
     false = [event for event in events if event.kind in UNMATCHED]
-    texts = {text: n for n, text in enumerate(dict.fromkeys(text for column in told for text in column))}
+    texts = {text: n for n, text in enumerate(dict.fromkeys(text for column in view_texts for text in column))}
     return {
         "area": [scenario.area.width, scenario.area.height],
         "margin": MARGIN,
@@ -47,7 +47,7 @@ def page_data(
         "tracks": _tracks(recording),
         "codes": codes(history).tolist(),
         "texts": list(texts),
-        "told": [[texts[text] for text in column] for column in told],
+        "view_texts": [[texts[text] for text in column] for column in view_texts],
         "holds": history.hold_states.tolist(),
         "holders": recording.numbers_of(history.tracks.ravel()).reshape(history.tracks.shape).tolist(),
         "works": history.working.astype(int).tolist(),
@@ -96,9 +96,9 @@ def _tracks(recording: Recording) -> list[list[list[list[float]]]]:
 
 
 def _plans(recording: Recording, scenario: Scenario) -> dict[str, Any]:
-    """Times of plans [s], the seconds of one step, and the velocities [m/s] of each UAV's steps."""
+    """Times from which plans are flown [s], the seconds of one step, and the velocities [m/s] of each UAV's steps."""
     return {
-        "times": _rounded(recording.plan_times, 3),
+        "times": _rounded([scenario.due(time) for time in recording.plan_times.tolist()], 3),
         "step": 1 / scenario.rates.planning,
         "controls": [[_rounded(c[~np.isnan(c[:, 0])]) for c in plans] for plans in recording.plans],
     }

@@ -21,8 +21,7 @@ from sim.evaluation.summary import titled
 from sim.recording.atomic_files import whole
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
-from sim.replay.events import events_of
-from sim.replay.history import History
+from sim.replay.flight import Flight
 from sim.replay.page.data import css, page_data
 from sim.scenario.scenario import Scenario
 from tracking.plugins.registry import InputError
@@ -33,26 +32,23 @@ _SCRIPTS = ("page_drawing.js", "page_map.js", "page_charts.js", "page.js")
 _VARIABLES = {"ink": INK, "soft": SOFT, "edge": FAINT, "line": LINE, "paper": PAPER, "panel": PANEL, "blue": BLUE}
 
 
-def write_page(
-    recording: Recording, scenario: Scenario, path: Path, *, video: bytes | Path | None = None, place: str = "DIR"
-) -> None:
+def write_page(flight: Flight, path: Path, *, video: bytes | Path | None = None, place: str = "DIR") -> None:
     """Write a mission's page, whole or not at all.
 
     video: the film that a run makes, a frame for each scan, or None for a page without; InputError if it is another's.
     place: the run's folder, as commands on the page name it.
     """
     with whole(path) as part:
-        part.write_text(page(recording, scenario, video=video, place=place), encoding="utf-8")
+        part.write_text(page(flight, video=video, place=place), encoding="utf-8")
 
 
-def page(recording: Recording, scenario: Scenario, *, video: bytes | Path | None = None, place: str = "DIR") -> str:
+def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR") -> str:
     """The text of a mission's page; as for `write_page`."""
+    recording, scenario, events = flight.recording, flight.scenario, flight.events
     film = video.read_bytes() if isinstance(video, Path) else video
     if film is not None:
         _check(film, recording)
-    history = History.of(recording, scenario)
-    events = events_of(recording, scenario, history)
-    data = page_data(recording, scenario, history, events, None if film is None else parts_of(scenario))
+    data = page_data(recording, scenario, flight.history, events, None if film is None else parts_of(scenario))
     data["colours"]["soft"] = css(SOFT)
     lost = [event for event in events if event.kind in (*UNHELD, *UNMATCHED, *IDENTITIES)]
     incidents = [event for event in events if event.kind in INCIDENTS]
@@ -84,8 +80,8 @@ def _check(film: bytes, recording: Recording) -> None:
         raise InputError(f"video: cannot be read: {error}") from error
     wanted = (WIDTH, HEIGHT, len(recording.times))
     if found != wanted:
-        told = ["{} x {} with {} frames".format(*size) for size in (found, wanted)]
-        raise InputError(f"video: is {told[0]}, that of the recording is {told[1]}")
+        sizes = ["{} x {} with {} frames".format(*size) for size in (found, wanted)]
+        raise InputError(f"video: is {sizes[0]}, that of the recording is {sizes[1]}")
 
 
 def _asset(name: str) -> str:

@@ -3,7 +3,7 @@
 const $ = (id) => document.getElementById(id);
 const data = JSON.parse($("data").textContent);
 const OUT = 0, MISSED = 1, SEEN = 2, HIDDEN = 3; // of a person to a camera; see data.py
-const NOT_FOUND = 1, LOST = 2, SOME = 3, HELD = 4; // of a person to all tracks, see history.py
+const NOT_FOUND = 1, LOST = 2, SOME = 3, HELD = 4; // of a person to all tracks: HOLDS of sim/evaluation/holding.py
 const colours = data.colours;
 const scans = data.times.length;
 const state = { k: 0, playing: false, speed: 1, who: "", follow: "", person: null };
@@ -100,7 +100,7 @@ function uavs(numbers) {
 }
 
 // The state of a person to the cameras at a scan, in words.
-const views = (k, m) => data.texts[data.told[m][k]] || "not there";
+const views = (k, m) => data.texts[data.view_texts[m][k]] || "not there";
 
 // The UAVs that hold a person at a scan, and their tracks, in words.
 function holders(k, m) {

@@ -89,7 +89,7 @@ function drawTrails(ctx, k) {
   }
 }
 
-// What is left of the last plans, from where each UAV is.
+// What is left of the plans that are flown, from where each UAV is.
 function drawIntents(ctx, k) {
   const { times, step, controls } = data.plans;
   let e = times.length - 1;

@@ -15,7 +15,7 @@ from sim.replay.rerun.scene import broken_at
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.camera import Camera
-from tracking.geometry.visibility import TARGET_HEIGHT
+from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
 
 _QUALITY = 90  # of JPEG
@@ -35,8 +35,8 @@ class Cameras:
         for i in broken_at(self._recording, k):
             self._log_breakdown(i)
         for i, uav in enumerate(self._scenario.uavs):
-            told = Association.of(self._recording, self._scenario, k, i)
-            if told is None:
+            association = Association.of(self._recording, self._scenario, k, i)
+            if association is None:
                 continue
             root, camera = f"world/camera/{i}", camera_of(uav)
             self._log_image(i, self._again.image(k, i))
@@ -46,8 +46,9 @@ class Cameras:
             frames = rr.Boxes2D(centers=inside, half_sizes=half, radii=rr.Radius.ui_points(1), colors=[DETECTION])
             self._stream.log(f"{root}/detections", frames)
             self._log_tracks(k, i, camera)
-            self._log_weights(f"{root}/association", told, spots, self._project(k, i, camera, told.before.means))
-            self._stream.log(f"association/{i}", rr.TextDocument(table(told), media_type="text/markdown"))
+            expected = self._project(k, i, camera, association.before.means)
+            self._log_weights(f"{root}/association", association, spots, expected)
+            self._stream.log(f"association/{i}", rr.TextDocument(table(association), media_type="text/markdown"))
 
     def _log_image(self, uav: int, image: Image) -> None:
         made, content = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
@@ -64,8 +65,8 @@ class Cameras:
 
     def _project(self, k: int, uav: int, camera: Camera, places: Array) -> Array:
         """Pixels (N, 2) of people's middle at places (N, 2 or more) m; NaN outside the image."""
-        pose = self._recording.scan_at(k, uav).pose
-        points = np.column_stack([places[:, :2], np.full(len(places), TARGET_HEIGHT)])
+        pose = self._recording.camera_at(k, uav)
+        points = at_target_height(places[:, :2])
         return np.where(camera.sees(pose, points)[:, None], camera.project(pose, points)[0], np.nan)
 
     def _spots(self, k: int, uav: int, camera: Camera) -> Array:
@@ -88,29 +89,29 @@ class Cameras:
         )
         self._stream.log(f"world/camera/{uav}/tracks", points)
 
-    def _log_weights(self, path: str, told: Association, spots: Array, marks: Array) -> None:
+    def _log_weights(self, path: str, association: Association, spots: Array, marks: Array) -> None:
         """Lines from where tracks were expected to the measurements that may be theirs, the wider the likelier."""
-        beta = told.beta[:, 1:]
+        beta = association.beta[:, 1:]
         ends = ~np.isnan(marks[:, :1]) & ~np.isnan(spots[:, 0])
         pairs = np.argwhere((beta >= _SLIGHT) & ends).tolist()
         lines = rr.LineStrips2D(
             [np.array([marks[t], spots[n]]) for t, n in pairs],
-            colors=[on_dark(track_colour(int(told.numbers[t]))) for t, _ in pairs],
+            colors=[on_dark(track_colour(int(association.numbers[t]))) for t, _ in pairs],
             radii=rr.Radius.ui_points([0.5 + 1.5 * float(beta[t, n]) for t, n in pairs]),
-            labels=[f"{told.numbers[t]}: {beta[t, n]:.2f}" for t, n in pairs],
+            labels=[f"{association.numbers[t]}: {beta[t, n]:.2f}" for t, n in pairs],
             show_labels=False,
         )
         self._stream.log(path, lines)
 
 
-def table(told: Association) -> str:
+def table(association: Association) -> str:
     """The weights in Markdown: a row for each track, a column for each measurement."""
-    count = len(told.measurements)
+    count = len(association.measurements)
     lines = [
         f"| track | none | {' | '.join(f'detection {n}' for n in range(count))}{' |' if count else ''}",
         "|---" * (2 + count) + "|",
     ]
-    for number, gated, beta in zip(told.numbers.tolist(), told.gated, told.beta, strict=True):
+    for number, gated, beta in zip(association.numbers.tolist(), association.gated, association.beta, strict=True):
         cells = [f"{weight:.2f}" if inside else "-" for weight, inside in zip(beta[1:], gated, strict=True)]
         lines.append(f"| {number} | {beta[0]:.2f} | {' | '.join(cells)}{' |' if cells else ''}")
     return "\n".join(lines)

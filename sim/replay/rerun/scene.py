@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import rerun as rr
 
-from planning.planner import Plan
+from sim.drawing.intents import Intents
 from sim.drawing.labels import track_name
-from sim.drawing.map_view import ellipse, intended
+from sim.drawing.map_view import ellipse
 from sim.drawing.palette import (
     ALARM,
     CANOPY,
@@ -110,8 +110,7 @@ class Scene:
     def __init__(self, stream: rr.RecordingStream, recording: Recording, scenario: Scenario, holds: Ints) -> None:
         """`holds` (K, M): states of people to tracks, indices into `HOLDS`."""
         self._stream, self._recording, self._scenario, self._holds = stream, recording, scenario, holds
-        self._step = 1 / scenario.rates.planning
-        self._plans: tuple[float, Sequence[Plan]] = (0.0, ())
+        self._intents = Intents(scenario)
 
     def log(self, k: int) -> None:
         """Log scan k: the truth, what is intended, and what is believed."""
@@ -129,7 +128,6 @@ class Scene:
             self._log_tracks(i, snapshot.tracks[i], named=i == snapshot.working[0])  # as they agree where all is well
         self._log_gaps(gaps_at(self._recording, k))
         if snapshot.plans is not None:
-            self._plans = (snapshot.time, snapshot.plans)
             for i in snapshot.working:
                 self._log_matches(k, i, snapshot)
         self._log_intents(snapshot)
@@ -201,10 +199,9 @@ class Scene:
 
     def _log_intents(self, snapshot: Snapshot) -> None:
         """The rest of each plan, from where the UAV is."""
-        made, plans = self._plans
-        for i in snapshot.working if plans else []:
-            x, y, z = snapshot.poses[i].position
-            path = _at(intended(np.array([x, y]), plans[i], snapshot.time - made, self._step), z)
+        self._intents.follow(snapshot)
+        for i, intent in self._intents.paths(snapshot).items():
+            path = _at(intent, snapshot.poses[i].position[2])
             line = rr.LineStrips3D([path], colors=[uav_colour(i)], radii=0.08)
             self._stream.log(f"world/intents/{i}", line)
             end = rr.Points3D(path[-1:], radii=0.35, colors=[uav_colour(i)])

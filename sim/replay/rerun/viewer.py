@@ -14,9 +14,8 @@ import rerun.blueprint as rrb
 from sim.evaluation.summary import titled
 from sim.recording.atomic_files import whole
 from sim.recording.recording import Recording
-from sim.replay.events import events_of
+from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
-from sim.replay.history import History
 from sim.replay.rerun.images import Cameras
 from sim.replay.rerun.scene import Scene, log_ground
 from sim.replay.rerun.series import log_events, log_series, log_states
@@ -41,14 +40,12 @@ class _Summary(msgspec.Struct):
     planning_s: list[float] = []
 
 
-def write(
-    recording: Recording, scenario: Scenario, path: Path, *, progress: Progress, planning_s: Sequence[float] = ()
-) -> None:
+def write(flight: Flight, path: Path, *, progress: Progress, planning_s: Sequence[float] = ()) -> None:
     """Write the file, whole or not at all; `progress` is told each scan.
 
     planning_s: seconds that each decision took, which the recording does not hold; `summary.json` does.
     """
-    stream = _stream(recording)
+    stream = _stream(flight.recording)
     with whole(path) as part:
         try:
             part.touch()
@@ -56,7 +53,7 @@ def write(
             raise InputError(f"--rerun: {path} cannot be written: {error.strerror}") from error
         stream.save(part)
         try:
-            _fill(stream, recording, scenario, progress, planning_s)
+            _fill(stream, flight, progress, planning_s)
             _flush(stream, path)
         finally:
             stream.disconnect()  # else the file is closed when the stream is forgotten
@@ -70,17 +67,17 @@ def _flush(stream: rr.RecordingStream, path: Path) -> None:
         raise OSError(errno.EIO, f"cannot be written: {error}", str(path)) from error
 
 
-def spawn(recording: Recording, scenario: Scenario, *, progress: Progress, planning_s: Sequence[float] = ()) -> None:
+def spawn(flight: Flight, *, progress: Progress, planning_s: Sequence[float] = ()) -> None:
     """Open the viewer and show the recording in it; InputError where there is no display or no viewer."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("--rerun: spawn needs a display, and there is none; write a file instead: --rerun FILE.rrd")
-    stream, viewer = _stream(recording), Path(sys.executable).with_name("rerun")
+    stream, viewer = _stream(flight.recording), Path(sys.executable).with_name("rerun")
     try:
         rr.spawn(recording=stream, executable_path=str(viewer) if viewer.exists() else None)
     except (RuntimeError, OSError) as error:
         reason = str(error).strip().splitlines()[0]
         raise InputError(f"--rerun: the viewer does not start: {reason}; write a file instead") from error
-    _fill(stream, recording, scenario, progress, planning_s)
+    _fill(stream, flight, progress, planning_s)
     stream.flush()
 
 
@@ -99,29 +96,20 @@ def _stream(recording: Recording) -> rr.RecordingStream:
     return rr.RecordingStream("understory", recording_id=uuid.uuid5(uuid.NAMESPACE_OID, mission))
 
 
-def _fill(
-    stream: rr.RecordingStream,
-    recording: Recording,
-    scenario: Scenario,
-    progress: Progress,
-    planning_s: Sequence[float],
-) -> None:
+def _fill(stream: rr.RecordingStream, flight: Flight, progress: Progress, planning_s: Sequence[float]) -> None:
+    recording, scenario = flight.recording, flight.scenario
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(titled(recording))
     known = len(planning_s) == len(recording.plan_times) > 0
     stream.send_blueprint(layout(recording, scenario, planning=known))
-    history = History.of(recording, scenario)
     log_ground(stream, recording, scenario)
     log_series(stream, recording, planning_s if known else ())
-    events = events_of(recording, scenario, history)
-    log_states(stream, history, events)
-    log_events(stream, recording, events)
+    log_states(stream, flight.history, flight.events)
+    log_events(stream, recording, flight.events)
     with Rerenderer(recording) as again:
-        scene, cameras = (
-            Scene(stream, recording, scenario, history.hold_states),
-            Cameras(stream, recording, scenario, again),
-        )
+        scene = Scene(stream, recording, scenario, flight.history.hold_states)
+        cameras = Cameras(stream, recording, scenario, again)
         for k, time in enumerate(recording.times.tolist()):
             stream.set_time("time", duration=time)
             stream.set_time("scan", sequence=k)

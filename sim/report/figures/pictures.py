@@ -1,7 +1,6 @@
 """The figures of a report with what is said of each."""
 
 import io
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, count
@@ -11,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sim.analysis.answers import map_means, map_points
-from sim.analysis.cell_text import with_cell
+from sim.analysis.cell_text import slug, with_cell
 from sim.analysis.cells import Group
 from sim.analysis.distributions import bands, share_under
 from sim.analysis.metric_choice import RUNTIME, metric_shown
@@ -108,13 +107,13 @@ def _scatter(points: Mapping[str, Array], baseline: str, shown: Metric) -> Pictu
     caption = f"A point for each map that both flew, of all cells: {baseline} across, the planner up."
     caption += f" {aim} the planner is better." if aim else ""
     figure = scatter_figure(points, baseline, shown)
-    return _picture(f"maps-{_plain(shown.name)}", f"Map by map: {shown.label}", caption, alt, figure)
+    return _picture(f"maps-{slug(shown.name)}", f"Map by map: {shown.label}", caption, alt, figure)
 
 
 def _picture(name: str, title: str, caption: str, alt: str, figure: Figure, shared: str = "") -> Picture:
     """A picture of all cells, or of those that share what a text says."""
     if shared:
-        name, title = f"{name}-{_plain(shared)}", f"{title}, {shared}"
+        name, title = f"{name}-{slug(shared)}", f"{title}, {shared}"
     return Picture(name, title, caption, f"{title}. {alt}.", content(figure, "svg"), content(figure, "png"))
 
 
@@ -124,7 +123,3 @@ def content(figure: Figure, kind: str) -> bytes:
     with matplotlib.rc_context(LOOK):
         figure.savefig(drawn, format=kind, dpi=130, metadata={"Date": None} if kind == "svg" else {"Software": None})
     return drawn.getvalue()
-
-
-def _plain(text: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "-", text.lower().replace("λ", "lambda")).strip("-")

@@ -1,8 +1,11 @@
-"""A rollout that cannot begin leaves no world behind."""
+"""A rollout shows the last frame of each camera, and leaves no world behind if it cannot begin."""
 
+import numpy as np
 import pytest
 from helpers.clients import open_clients
+from helpers.flights import fly
 
+from sim.drawing.film import Film, parts_of
 from sim.environments.rollout import Rollout
 from sim.mission.mission import Mission
 from sim.scenario.loading import load
@@ -17,3 +20,28 @@ def test_a_rollout_closes_its_world_if_its_first_scan_fails(monkeypatch):
     with pytest.raises(MemoryError):
         Rollout(load("forest", ["duration=2", "sensing.mode=ideal"]), 0, 0)
     assert open_clients() == before
+
+
+@pytest.mark.parametrize("drawn", [(0, 2, 4, 6), (4, 6), (6,)])
+def test_a_slow_camera_shows_the_frame_it_took_between_two_decisions(drawn):
+    """As the film of the mission does, whichever decisions are drawn."""
+    options = ["duration=1", "rates.sensing=6", "rates.planning=3", "uavs.0.rate=2"]
+    options.append("dynamics=kinematic")
+    frames, tiles = [], []
+    mission, snapshots = fly(*options, see=lambda mission: frames.append(list(mission.frames)))
+    film = Film(mission.scenario, mission.forest, planner="hover")
+    boxes = parts_of(mission.scenario).tiles.values()
+    for snapshot, images in zip(snapshots, frames, strict=True):
+        image = film.draw(snapshot, images)
+        tiles.append([image[box.slices] for box in boxes])
+    rollout = Rollout(load("forest", options), 0, 0)
+    for k in range(0, 7, 2):
+        assert round(6 * rollout.now.time) == k
+        if k in drawn:
+            image = rollout.draw()
+            for box, tile in zip(boxes, tiles[k], strict=True):
+                np.testing.assert_array_equal(image[box.slices], tile)
+        if k < 6:
+            rollout.step(dict.fromkeys(range(3), np.zeros(2)))
+    rollout.close()
+    assert np.any(tiles[4][0] != tiles[0][0])

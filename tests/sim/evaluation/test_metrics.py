@@ -11,6 +11,7 @@ import pytest
 from helpers.recordings import bare, record
 from helpers.summaries import SECONDS, hand_made, shown, summary
 
+from sim.evaluation.metric import UNKNOWN
 from sim.evaluation.score import held_by, score, velocities
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
@@ -240,3 +241,9 @@ def test_what_went_wrong_is_shown_once_above_the_table_with_its_place(tmp_path, 
     assert "fault" not in after
     show_run(summary(hand_made()), tmp_path)
     assert "fault" not in capsys.readouterr().out
+
+
+def test_one_dash_stands_for_what_is_unknown_wherever_a_mission_is_shown():
+    unpeopled = bare(np.full((2, 1, 2), np.nan), [[{}], [{}]])
+    (line,) = [line for line in shown(summary(unpeopled)).splitlines() if "people held" in line]
+    assert line.split() == ["│", "people", "held", "│", UNKNOWN, "│"]

@@ -15,12 +15,15 @@ from helpers.recordings import assert_same, record, rewritten
 from helpers.summaries import shown, summary
 
 from planning.planner import Plan
+from sim.recording import recording as recording_module
 from sim.recording.archive import load, save
+from sim.recording.fault_text import recorded
 from sim.recording.recording import Recorder, Recording
 from sim.replay.export import export
 from sim.replay.frames.pages import write_frames
 from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
+from sim.sensing.fault import Fault
 from tracking.geometry.visibility import Forest
 from tracking.tracker import Scan
 
@@ -45,6 +48,15 @@ def test_snapshots_and_accessors_give_back_what_was_recorded():
     assert sum(len(scan.measurements) for snapshot in given for scan in snapshot.scans) > 20
     for k, snapshot in enumerate(given):
         np.testing.assert_equal(dataclasses.asdict(recording.snapshot(k)), dataclasses.asdict(snapshot))
+
+
+def test_faults_are_decoded_once_however_many_scans_are_asked_for(monkeypatch):
+    times = (0.3, 0.6, 0.6, 1.9)
+    recording = dataclasses.replace(record(), faults=recorded([Fault(time, 0, "stuck") for time in times]))
+    decoded, read = [], recording_module.read
+    monkeypatch.setattr(recording_module, "read", lambda text: decoded.append(text) or read(text))
+    found = [fault.time for k in range(len(recording.times)) for fault in recording.snapshot(k).faults]
+    assert found == list(times) and len(decoded) == 1
 
 
 def test_plans_of_different_horizons_come_back_at_the_scans_that_made_them():

@@ -54,8 +54,8 @@ def test_tracks_are_born_taken_up_handed_over_swapped_and_deleted_by_number():
     straight, crossed, fresh = held((1, 0.0), (2, 20.0)), held((2, 0.0), (1, 20.0)), held((2, 0.0), (5, 20.0))
     found = told(recorded([(straight, straight), (crossed, straight), (crossed, straight), (fresh, straight)]))
     assert [e[::2] for e in found if e[1] == "identity switch"] == [
-        (0.2, "person 0 swapped track 0 for track 1, that of person 1, for UAV 0"),
-        (0.2, "person 1 swapped track 1 for track 0, that of person 0, for UAV 0"),
+        (0.2, "person 0 switched from track 0 to track 1, that of person 1, for UAV 0"),
+        (0.2, "person 1 switched from track 1 to track 0, that of person 0, for UAV 0"),
         (0.6, "person 1 handed over from track 0 to track 2 for UAV 0"),
     ]
 

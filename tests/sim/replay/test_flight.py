@@ -10,13 +10,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from helpers.recordings import record
+from helpers.recordings import broken, record
 from matplotlib.figure import Figure
 
 from sim.drawing.labels import with_numbers
 from sim.drawing.map_view import MapView
 from sim.recording.archive import save
 from sim.recording.fault_text import recorded
+from sim.replay import events as events_module
 from sim.replay.flight import Flight, load
 from sim.replay.frames.pages import draw
 from sim.replay.frames.rerender import Rerenderer
@@ -128,8 +129,10 @@ def test_map_and_frame_are_those_of_a_film_and_the_annotated_one(flight):
     [
         (lambda f: f.map_figure(4.5), "time: 4.5 s is not in the recording; allowed are 0 to 4 s"),
         (lambda f: f.map_figure(float("nan")), "time: nan s is not in the recording"),
+        (lambda f: f.map_figure(-0.1), "time: -0.1 s is not in the recording; allowed are 0 to 4 s"),
         (lambda f: f.frame_figure(1.0, uav=3), "uav: 3 is not there; allowed are 0 to 2"),
         (lambda f: f.frame_figure(1.0, uav=-1), "uav: -1 is not there"),
+        (lambda f: Flight(broken(f.recording, 1, 4)).frame_figure(1.0, uav=1), "time: at 1 s UAV 1 had broken"),
         (lambda f: f.table("track"), "table: 'track' is unknown; .*did you mean tracks"),
         (lambda f: load("nowhere"), "DIR: nowhere does not exist"),
     ],
@@ -156,6 +159,15 @@ def test_the_summary_is_small_and_escaped_and_shows_the_curve(flight):
     assert mine.facts["losses"] == f"{len(lost)}, the longest {longest:.1f} s"
     assert repr(mine).startswith("<Flight: <b>:Mine, seed 3; 4.0 s, 21 scans; 3 UAVs, 4 people, 45 trees; OSPA mean ")
     assert "\n" not in repr(mine)
+
+
+def test_events_are_worked_out_once_for_list_table_and_timeline(monkeypatch):
+    made, find = [], events_module.unmatched_tracks
+    monkeypatch.setattr(events_module, "unmatched_tracks", lambda recording: made.append(recording) or find(recording))
+    flight = Flight(losing())
+    assert len(flight.columns("events")["kind"]) == len(flight.events) > 0
+    flight.timeline_figure()
+    assert len(made) == 1
 
 
 def test_loading_in_a_notebook_lets_it_show_figures(tmp_path, monkeypatch, flight):

@@ -14,6 +14,7 @@ from sim.drawing.plots import rgb
 from sim.recording.archive import save
 from sim.replay.event import IDENTITIES, UNMATCHED, Event, lanes
 from sim.replay.events import events_of
+from sim.replay.flight import Flight
 from sim.replay.frames.rerender import scenario_of
 from sim.replay.history import History
 from sim.replay.page.page import page
@@ -35,8 +36,8 @@ def found(recording, kinds=(*UNMATCHED, *IDENTITIES)):
 def test_events_and_their_lanes_are_exactly_those_made_by_hand(mission):
     rows = [(e.kind, e.text, e.when, e.first, e.last, e.track, e.person, e.former, e.uavs) for e in found(mission[0])]
     both = "for UAVs 0, 1 and 2"
-    west = f"person 0 swapped track 0 for track 1, that of person 1, {both}"
-    east = f"person 1 swapped track 1 for track 0, that of person 0, {both}"
+    west = f"person 0 switched from track 0 to track 1, that of person 1, {both}"
+    east = f"person 1 switched from track 1 to track 0, that of person 0, {both}"
     assert rows == [
         ("false track", "track 2 stands for no person", "0.4 to 3.2 s", 2, 16, 2, None, None, ALL),
         ("duplicate track", "track 3 is person 1's second one", "1.0 to 2.8 s", 5, 14, 3, 1, None, ALL),
@@ -73,7 +74,7 @@ def test_the_timeline_has_boxes_of_false_tracks_and_marks_of_switches(mission):
 
 
 def test_the_page_lists_and_marks_them(mission):
-    text = page(*mission, place="runs/one")
+    text = page(Flight(mission[0]), place="runs/one")
     sheet = Page(text)
     items = [(given["data-first"], given["data-last"]) for given, _ in sheet.of("li") if "data-first" in given]
     assert items == [("2", "16"), ("5", "14"), ("20", "20"), ("20", "20")]
@@ -95,7 +96,7 @@ def test_explain_tells_them_and_where_to_read_on(mission, tmp_path, call):
     assert "  1.0 to 2.8 s: track 3 is person 1's second one: " in out and out.count("  at 4.0 s: person ") == 2
     assert "The longest false track: understory explain mission.npz --track 2" in out.splitlines()
     out = call("explain", "mission.npz", "--target", "1", "--time", "4", "--out", "a.png")[1]
-    assert out.count("swapped") == 2  # that of the person, and where the person's track went
+    assert out.count("switched from") == 2  # that of the person, and where the person's track went
 
 
 def test_rerun_logs_them_as_warnings_and_as_states(mission, tmp_path):
@@ -105,7 +106,7 @@ def test_rerun_logs_them_as_warnings_and_as_states(mission, tmp_path):
 
     from sim.replay.rerun.viewer import write
 
-    write(*mission, tmp_path / "a.rrd", progress=lambda k: None)
+    write(Flight(mission[0]), tmp_path / "a.rrd", progress=lambda k: None)
     entities = tables(RrdReader(tmp_path / "a.rrd").stream())
     told = {row["text"][0]: row["level"][0] for row in entities["/events"]}
     for event in found(mission[0]):

@@ -14,6 +14,7 @@ from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
 from sim.recording.atomic_files import new_folder
+from sim.replay import events
 from sim.running import run as module
 from sim.running.run import run
 from sim.scenario.loading import load
@@ -82,6 +83,13 @@ def test_ctrl_c_in_flight_keeps_what_was_flown_before_or_twice_nothing(tmp_path,
     with pytest.raises(KeyboardInterrupt):
         run(trial(), tmp_path / "other")
     assert names(tmp_path) == ["out"]
+
+
+def test_history_and_events_are_worked_out_once_for_timeline_and_page(tmp_path, monkeypatch):
+    made, find = [], events.unmatched_tracks
+    monkeypatch.setattr(events, "unmatched_tracks", lambda recording: made.append(recording) or find(recording))
+    run(trial(duration=0.2), tmp_path / "out")
+    assert len(made) == 1
 
 
 def test_ctrl_c_after_landing_changes_nothing_and_is_handled_as_before_a_run(tmp_path, monkeypatch):

@@ -15,6 +15,7 @@ from sim.drawing.lettering import TextStyle
 from sim.drawing.map_view import ellipse
 from sim.drawing.palette import INK, PANEL, track_colour
 from sim.recording.archive import save
+from sim.recording.recording import Recording
 from sim.replay.frames import pages
 from sim.replay.frames.annotation import annotated
 from sim.replay.frames.pages import _draw_panel, _field_of_view, scans_between, write_frames
@@ -48,6 +49,14 @@ def test_other_uavs_in_the_view_are_put_back_too(mission, monkeypatch):
     with Rerenderer(recording) as again:
         flown = [(k, i) for k, row in enumerate(images) for i in range(len(row))]
         assert any(again.image(k, i).tobytes() != images[k][i].tobytes() for k, i in flown)
+
+
+def test_an_image_needs_neither_the_tracks_nor_the_measurements_of_its_scan(mission, monkeypatch):
+    recording, images = mission
+    monkeypatch.delattr(Recording, "tracks_at")
+    monkeypatch.delattr(Recording, "scan_at")
+    with Rerenderer(recording) as again:
+        assert again.image(3, 1).tobytes() == images[3][1].tobytes()
 
 
 def northwards(degrees):

@@ -3,6 +3,7 @@
 import pytest
 from helpers.flown_pages import eventful, film_of
 
+from sim.replay.flight import Flight
 from sim.replay.page.page import write_page
 
 
@@ -16,5 +17,5 @@ def mission():
 def folder(tmp_path_factory, mission):
     folder = tmp_path_factory.mktemp("run")
     film = film_of(folder / "mission.mp4", *mission)
-    write_page(*mission, folder / "mission.html", video=film, place="runs/it's here")
+    write_page(Flight(mission[0]), folder / "mission.html", video=film, place="runs/it's here")
     return folder

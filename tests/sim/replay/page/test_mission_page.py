@@ -19,6 +19,7 @@ from sim.drawing.film import parts_of
 from sim.mission.trial import Trial
 from sim.recording.fault_text import recorded
 from sim.replay.events import events_of
+from sim.replay.flight import Flight
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import History
 from sim.replay.page.data import HIDDEN, OUT, SEEN, page_data
@@ -108,20 +109,20 @@ def test_the_data_are_those_of_the_recording(mission, text):
 
 def test_data_have_colours_and_states_of_five_uavs_in_few_bytes():
     five = flown(uavs=5)
-    data = data_of(page(*five))
+    data = data_of(page(Flight(five[0])))
     assert len(set(data["colours"]["uavs"][:5])) == 5
     assert data["holds"] == History.of(*five).hold_states.tolist()
-    assert data["texts"][data["told"][0][0]].startswith("seen by UAV")
+    assert data["texts"][data["view_texts"][0][0]].startswith("seen by UAV")
     recording, setting = flown(scans=201)
     data = page_data(recording, setting, History.of(recording, setting), events_of(recording, setting), None)
     assert len(json.dumps(data, separators=(",", ":"))) < 500_000
 
 
 def test_a_film_of_another_mission_is_refused_and_leaves_nothing(tmp_path, mission, folder):
-    shorter, setting = flown(scans=20)
+    shorter, _ = flown(scans=20)
     for film in (folder / "mission.mp4", b"no film"):
         with pytest.raises(InputError, match="video: "):
-            write_page(shorter, setting, tmp_path / "mission.html", video=film)
+            write_page(Flight(shorter), tmp_path / "mission.html", video=film)
     assert os.listdir(tmp_path) == []
 
 
@@ -146,8 +147,8 @@ def test_replay_makes_the_page_of_the_run_again(tmp_path, call, refused):
     ids=["no people", "one scan", "many", "ideal", "one UAV"],
 )
 def test_missions_of_any_size_and_sensing_have_a_page(changes):
-    recording, setting = flown(**{"scans": 6, **changes})
-    text = page(dataclasses.replace(recording, interrupted=True), setting)
+    recording, _ = flown(**{"scans": 6, **changes})
+    text = page(Flight(dataclasses.replace(recording, interrupted=True)))
     data = data_of(text)
     assert Page(text).of("h1") and data["film"] is None
     sizes = len(data["times"]), len(data["people"][0]), len(data["uavs"][0])
@@ -156,9 +157,9 @@ def test_missions_of_any_size_and_sensing_have_a_page(changes):
 
 
 def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
-    recording, setting = flown(scans=6)
+    recording, _ = flown(scans=6)
     faults = [Fault(0.2 * k, None, message) for k, message in enumerate(["<i>a</i>", "<i>a</i>", "b", "c", "d"])]
-    text = page(dataclasses.replace(recording, faults=recorded(faults)), setting)
+    text = page(Flight(dataclasses.replace(recording, faults=recorded(faults))))
     header = text.partition("</header>")[0]
     assert re.findall(r'<p class="warning">(.*?)</p>', header) == [
         "2 faults of the team 0.0 to 0.2 s: &lt;i&gt;a&lt;/i&gt;",
@@ -168,5 +169,5 @@ def test_faults_stand_at_the_top_each_kind_once_breakdowns_do_not():
     ]
     broken = Fault(0.0, 1, "broke down, hovers from now on")
     still = dataclasses.replace(recording, ospa=np.where(np.arange(3)[:, None] == 1, np.nan, recording.ospa))
-    header = page(dataclasses.replace(still, faults=recorded([broken])), setting).partition("</header>")[0]
+    header = page(Flight(dataclasses.replace(still, faults=recorded([broken])))).partition("</header>")[0]
     assert 'class="warning"' not in header

@@ -12,7 +12,7 @@ from helpers.flown_pages import EVIL
 from helpers.identities import SWAP, swapping
 
 from sim.drawing.film import parts_of
-from sim.replay.frames.rerender import scenario_of
+from sim.replay.flight import Flight
 from sim.replay.page.page import write_page
 
 SMALL = 24  # pixels of a camera's picture that are compared, across
@@ -122,7 +122,7 @@ def _follows_clicks(browser):
 def _follows_switched_tracks(browser, path):
     """Two people swap their tracks in a mission without a film: each switch leads to its scan and its commands."""
     recording = swapping()
-    write_page(recording, scenario_of(recording), path)
+    write_page(Flight(recording), path)
     browser.open(path)
     for person in (1, 0):
         place = f'[data-first="{SWAP}"][data-person="{person}"]'

@@ -14,6 +14,7 @@ from rerun.chunk import RrdReader  # noqa: E402
 
 from sim.replay.events import events_of  # noqa: E402
 from sim.replay.explain.association import Association  # noqa: E402
+from sim.replay.flight import Flight  # noqa: E402
 from sim.replay.frames.rerender import Rerenderer, scenario_of  # noqa: E402
 from sim.replay.rerun import viewer as rerun_view  # noqa: E402
 from sim.replay.rerun.mwtp_matches import matches_at  # noqa: E402
@@ -33,7 +34,7 @@ def recording():
 def written(recording, tmp_path_factory):
     path, scans = tmp_path_factory.mktemp("rerun") / "a.rrd", []
     took = np.linspace(0.01, 0.02, len(recording.plan_times))
-    rerun_view.write(recording, scenario_of(recording), path, progress=scans.append, planning_s=took.tolist())
+    rerun_view.write(Flight(recording), path, progress=scans.append, planning_s=took.tolist())
     assert scans == list(range(len(recording.times)))
     assert [file.name for file in path.parent.iterdir()] == ["a.rrd"]
     return path
@@ -138,8 +139,8 @@ def test_curves_have_a_value_at_every_scan(recording, entities):
 
 def test_people_not_found_yet_and_uavs_that_break_down_early_are_shown_as_such(tmp_path):
     broken = ("uavs.0.fails_at=0.5", "uavs.1.fails_at=0")
-    recording, scenario = recorded("tracking.initial_tracks=none", *broken, duration=1)
-    rerun_view.write(recording, scenario, tmp_path / "a.rrd", progress=lambda k: None)
+    recording, _ = recorded("tracking.initial_tracks=none", *broken, duration=1)
+    rerun_view.write(Flight(recording), tmp_path / "a.rrd", progress=lambda k: None)
     entities = tables(RrdReader(tmp_path / "a.rrd").stream())
     names = rows(entities, "/world/people/lost", "labels")[0]
     assert names == [f"person {m} not found yet" for m in range(4)]
@@ -170,17 +171,17 @@ def test_what_fails_or_is_not_written_to_its_end_leaves_nothing(recording, tmp_p
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        rerun_view.write(recording, scenario_of(recording), tmp_path / "a.rrd", progress=fail)
+        rerun_view.write(Flight(recording), tmp_path / "a.rrd", progress=fail)
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match=r"--rerun: .*nowhere.*: No such file"):
-        rerun_view.write(recording, scenario_of(recording), tmp_path / "nowhere" / "a.rrd", progress=fail)
+        rerun_view.write(Flight(recording), tmp_path / "nowhere" / "a.rrd", progress=fail)
 
     def full(stream):
         raise RuntimeError("File-writer thread shut down prematurely")  # what a full disk comes to
 
     monkeypatch.setattr(rr.RecordingStream, "flush", full)
     with pytest.raises(OSError, match=r"cannot be written.*a\.rrd"):
-        rerun_view.write(recording, scenario_of(recording), tmp_path / "a.rrd", progress=lambda k: None)
+        rerun_view.write(Flight(recording), tmp_path / "a.rrd", progress=lambda k: None)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -190,4 +191,4 @@ def test_without_a_display_no_viewer_is_started(recording, monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(InputError, match=r"needs a display.*--rerun FILE\.rrd"):
-        rerun_view.spawn(recording, scenario_of(recording), progress=lambda k: None)
+        rerun_view.spawn(Flight(recording), progress=lambda k: None)
