@@ -1,4 +1,4 @@
-"""Gaussian beliefs, the nearly constant velocity model, and the prediction and update of the Kalman filter."""
+"""Gaussian beliefs, the nearly constant velocity model, and the prediction of the Kalman filter."""
 
 import math
 from dataclasses import dataclass, field
@@ -8,8 +8,6 @@ import numpy as np
 
 from tracking.filter.linear_prediction import predict_linear
 from tracking.numerics.arrays import Array
-from tracking.numerics.factorisation import inverse
-from tracking.numerics.matrices import applied, product
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,28 +85,3 @@ def nearly_constant_velocity(
 ) -> NearlyConstantVelocity:
     """The model as `motion.MOTION_MODELS` has it; it needs no speeds."""
     return NearlyConstantVelocity(dt, sigma_a)
-
-
-def innovation(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
-    """Residual of a ground measurement and its covariance.
-
-    z (2,) m, R (2, 2) m². Returns ν (2,) and S = H P Hᵀ + R (2, 2); stacks of all of them broadcast.
-    """
-    return Gaussian(z - predicted.mean[..., :2], predicted.covariance[..., :2, :2] + R)
-
-
-def update(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
-    """Update a belief with a ground measurement z (2,) m of covariance R (2, 2) m², in Joseph's form."""
-    nu = innovation(predicted, z, R)
-    K = product(predicted.covariance[:, :2], inverse(nu.covariance))
-    left = np.eye(4)
-    left[:, :2] -= K
-    return Gaussian(
-        predicted.mean + applied(K, nu.mean), _congruent(left, predicted.covariance) + _congruent(K, np.asarray(R))
-    )
-
-
-def _congruent(outer: Array, inner: Array) -> Array:
-    """A B Aᵀ (n, n), exactly symmetric, of A (n, k) and a symmetric B (k, k)."""
-    made = product(product(outer, inner), outer.T)
-    return 0.5 * (made + made.T)

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from helpers.kalman import update
 from scipy.stats import chi2
 
-from tracking.filter.kalman import Gaussian, NearlyConstantVelocity, update
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.metrics.nees import nees, nees_interval
 
 
