@@ -1,8 +1,8 @@
 """The textbook's update of a Kalman filter, an oracle for what missions call."""
 
 import numpy as np
-from helpers.scenes import H
 
+from helpers.scenes import H
 from tracking.filter.kalman import Gaussian
 
 

@@ -6,8 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from tracking.filter.linear_prediction import predict_linear
 from tracking.numerics.arrays import Array
+from tracking.numerics.compiled import compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,3 +85,22 @@ def nearly_constant_velocity(
 ) -> NearlyConstantVelocity:
     """The model as `motion.MOTION_MODELS` has it; it needs no speeds."""
     return NearlyConstantVelocity(dt, sigma_a)
+
+
+@compiled
+def predict_linear(means: Array, covariances: Array, transition: tuple[float, float], Q: Array) -> tuple[Array, Array]:
+    """F ξ (T, 4) and the symmetric F P Fᵀ + Q (T, 4, 4), with F = [[I, w I], [0, l I]] by `transition` (w, l)."""
+    moved, spread, half = np.empty_like(means), np.empty_like(covariances), np.empty((4, 4))
+    way, left = transition
+    for t in range(len(means)):
+        for i in range(2):
+            moved[t, i] = means[t, i] + way * means[t, 2 + i]
+            moved[t, 2 + i] = left * means[t, 2 + i]
+            for j in range(4):
+                half[i, j] = covariances[t, i, j] + way * covariances[t, 2 + i, j]
+                half[2 + i, j] = left * covariances[t, 2 + i, j]
+        for i in range(4):
+            for j in range(i, 4):
+                total = half[i, j] + way * half[i, j + 2] if j < 2 else left * half[i, j]
+                spread[t, i, j] = spread[t, j, i] = total + Q[i, j]
+    return moved, spread

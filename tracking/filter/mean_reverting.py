@@ -6,8 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tracking.filter.kalman import NearlyConstantVelocity
-from tracking.filter.linear_prediction import predict_linear
+from tracking.filter.kalman import NearlyConstantVelocity, predict_linear
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
