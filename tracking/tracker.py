@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tracking.filter.negative_information import miss_likelihood, negative_information_update, views_of
+from tracking.fusion.checked_tracker import checked_tracks
 from tracking.fusion.exchange import SURE, UNSEEN, Link
 from tracking.fusion.labels import FIRST_LABEL, LABELS_PER_SCAN, UAVS, is_new_label, new_label
 from tracking.fusion.message import Message
@@ -17,7 +18,7 @@ from tracking.geometry.visibility import SAMPLES, Forest, visible_samples
 from tracking.management.deletion import counted_misses, shared_people, without_measurement
 from tracking.management.initiation import Initiator, Tentative
 from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
-from tracking.management.validation import check_track, checked_scan
+from tracking.management.validation import checked_scan
 from tracking.measurement_update import scan_prediction, scan_update
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
@@ -54,12 +55,9 @@ class Tracker:
     ) -> None:
         if not 0 <= uav < UAVS:
             raise ValueError(f"uav must be in [0, {UAVS}), is {uav}")
-        known = sorted(initial, key=lambda track: track.id)
-        ids = [track.id for track in known]
-        if len(set(ids)) < len(ids) or (ids and not 0 <= ids[0] <= ids[-1] < FIRST_LABEL):
-            raise ValueError(f"ids of initial tracks must be distinct and in [0, {FIRST_LABEL}), are {ids}")
-        for t in known:
-            check_track(t.id, t.belief, t.existence)
+        known = checked_tracks(initial)
+        if known and known[-1].id >= FIRST_LABEL:
+            raise ValueError(f"ids of initial tracks must be below {FIRST_LABEL}, are up to {known[-1].id}")
         self.uav, self._camera, self._forest, self.parameters = uav, camera, forest, parameters
         self.max_speed = parameters.max_speed
         self.motion = parameters.motion  # after what the fleet has seen of people's speeds
