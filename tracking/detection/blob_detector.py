@@ -146,15 +146,9 @@ def located_detections(
 
     components (N,): the component that each blob was split from, as from `blobs_of`.
     """
-    found = detections_of(frame, blobs, components)
-    if forest is None:
-        return found
-    parts = [(k, places) for k, blob in enumerate(blobs) if (places := places_of(frame, blob, forest)) is not None]
-    if not parts:
-        return found
-    ground, covariances = found.ground.copy(), found.covariances.copy()
-    split = split_covariances(frame, found.pixels, components)
-    for k, places in parts:
-        mean, covariance, _ = places.posterior()
-        ground[k], covariances[k] = mean, covariance + split[k]
-    return replace(found, ground=ground, covariances=covariances)
+    found = detections_of(frame, blobs)
+    if forest is not None:
+        for k, blob in enumerate(blobs):
+            if (places := places_of(frame, blob, forest)) is not None:
+                found.ground[k], found.covariances[k], _ = places.posterior()
+    return replace(found, covariances=found.covariances + split_covariances(frame, found.pixels, components))
