@@ -24,7 +24,7 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import power
 from tracking.numerics.universal import power_each
-from tracking.parameters import TrackerParameters
+from tracking.parameters import EXPECTED, SEEN, TrackerParameters
 from tracking.track import Scan, Track, TrackTable, tracks_of
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
@@ -93,11 +93,11 @@ class Tracker:
         after = scan_update(before, z, R, turned, p)
         self._predicted = *beliefs, z, after.gates
         detected = 1.0 - after.missed
-        hits = detected >= p.seen
+        hits = detected >= SEEN
         if p.life == "m_of_n":
             hits &= ~without_measurement(after.gates, detected)
         scores = detected, hits, before.visible
-        history = _history((table.times, table.views), scores, after.gates, scan.time, p.expected)
+        history = _history((table.times, table.views), scores, after.gates, scan.time)
         rest = after.existence, *history, table.misses, table.sightings
         self._table = TrackTable(table.ids, after.means, after.covariances, *rest)
         self._initiate(scan, z[~after.explained], R[~after.explained])
@@ -146,7 +146,7 @@ class Tracker:
     def message(self, degree: int) -> Message:
         """Message for the first round, to so many neighbours."""
         table = self._table
-        seen = np.flatnonzero(table.weights[: len(self._predicted[0])] >= self.parameters.seen)
+        seen = np.flatnonzero(table.weights[: len(self._predicted[0])] >= SEEN)
         beliefs = table.means, table.covariances, table.weights
         prior, measured = self._predicted[:2], self._predicted[2:]
         return self._link.message(degree, table, LocalBeliefs(self.uav, *beliefs, prior, *measured, seen))
@@ -212,7 +212,7 @@ class Tracker:
 
 @compiled
 def _history(
-    columns: tuple[Array, Indices], scores: tuple[Array, Flags, Array], gates: Indices, now: float, expected: float
+    columns: tuple[Array, Indices], scores: tuple[Array, Flags, Array], gates: Indices, now: float
 ) -> tuple[Array, Array, Indices]:
     """Weights, times and views of tracks after a scan, from their times and views before.
 
@@ -223,7 +223,7 @@ def _history(
     for t in range(len(times)):
         if hits[t]:
             times[t, 0] = now
-        if visible[t] >= expected:
+        if visible[t] >= EXPECTED:
             times[t, 1] = now
         if detected[t] >= SURE:
             times[t, 2] = now

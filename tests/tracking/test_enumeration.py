@@ -14,7 +14,7 @@ from tracking.measurement_update import associate, scan_prediction
 from tracking.tracker import Scan, Track, TrackerParameters
 
 # No track is confirmed, deleted or joined to another: what is left is the filter.
-FILTER = {"sure": 1 - 1e-12, "doubt": 1e-300, "seen": 1 - 1e-12, "max_variance": 1e9, "recovery_after": math.inf}
+FILTER = {"sure": 1 - 1e-12, "doubt": 1e-300, "max_variance": 1e9, "recovery_after": math.inf}
 
 
 def normal(x, covariance):
@@ -155,8 +155,9 @@ def test_association_probabilities_are_those_of_all_hypotheses(seed):
 
 @pytest.mark.parametrize("fusion", ["kla", "hcmci"])
 @pytest.mark.parametrize("seed", range(4))
-def test_tracks_after_one_to_three_scans_are_the_moments_of_all_hypotheses(seed, fusion):
+def test_tracks_after_one_to_three_scans_are_the_moments_of_all_hypotheses(seed, fusion, monkeypatch):
     """Labels, existence and beliefs; a Gaussian and independence after each scan are part of the definition."""
+    monkeypatch.setattr("tracking.tracker.SEEN", 1 - 1e-12)
     rng = np.random.default_rng([2, seed])
     for _ in range(15):
         people, settings = scene(rng)
