@@ -13,7 +13,7 @@ from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.compiled import elementwise
-from tracking.numerics.distances import length, pair_distances
+from tracking.numerics.distances import length, pair_costs
 from tracking.numerics.exponential import log
 
 _LABELLED = 1.5  # log-likelihood ratio of a common id: partitions give it to one person rather than to two
@@ -79,7 +79,7 @@ def likelihood_ratios(states: LatestTracks, max_speed: float) -> Array:
     people, one is unknown to a UAV that has the other track, at any place and of any velocity.
     Note: of the two densities of one person the larger counts, rather than their weighted sum.
     """
-    _, cost = pair_distances(states[:2], states[:2])
+    cost = pair_costs(states[:2], states[:2])
     elsewhere = log(_UNKNOWN / (math.pi * max_speed * max_speed))
     ratios = -0.5 * cost - 2.0 * log(2.0 * math.pi) - elsewhere
     reach, within = _reach(states, max_speed)

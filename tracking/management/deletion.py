@@ -4,7 +4,7 @@ import numpy as np
 
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
-from tracking.numerics.distances import pair_distances
+from tracking.numerics.distances import squared_distance
 
 # Sum of two probabilities, of existence or of a detection, below which they are rather of one person than of two.
 _ONE = 1.5
@@ -57,7 +57,8 @@ def shared_people(beliefs: tuple[Array, Array], existence: Array, among: Flags, 
     rows = _with_rivals(existence, among)
     if len(rows) < 2:
         return []
-    distance, _ = pair_distances(*[(beliefs[0][rows], beliefs[1][rows])] * 2)
+    means, covariances = beliefs[0][rows], beliefs[1][rows]
+    distance = squared_distance(means[:, None] - means, covariances[:, None] + covariances)
     near = np.triu((distance <= gate) & (existence[rows][:, None] + existence[rows] < _ONE), 1)
     pairs: list[tuple[int, int]] = []
     for a, b in sorted(np.argwhere(near).tolist(), key=lambda pair: distance[pair[0], pair[1]]):

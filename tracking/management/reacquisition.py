@@ -7,7 +7,7 @@ import numpy as np
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.assignment import most_pairs
 from tracking.numerics.compiled import compiled
-from tracking.numerics.distances import length, pair_distances
+from tracking.numerics.distances import length, pair_costs
 from tracking.numerics.exponential import exp
 from tracking.parameters import TrackerParameters
 
@@ -79,6 +79,6 @@ def reacquisitions(
     unknown one, and a belief that did not foresee a turn behind a tree is wrong rather than another person's.
     """
     positions = ((means[:, :2], covariances[:, :2, :2]) for means, covariances in (born, lost))
-    _, cost = pair_distances(*positions)
+    cost = pair_costs(*positions)
     gaps = length(seen[None, :, :2] - born[0][:, None, :2])
     return most_pairs(gaps <= farthest(now - seen[:, 2], max_speed), cost)
