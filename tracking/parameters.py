@@ -64,6 +64,11 @@ class TrackerParameters:
             raise ValueError(f"doubt and sure must be 0 < doubt < sure < 1, are {self.doubt} and {self.sure}")
 
     @cached_property
+    def association(self) -> tuple[float, float, float]:
+        """Probability of a gate, density of clutter [1/m²] and probability of detection, for compiled code."""
+        return self.gate_probability, self.clutter_density, self.detection_probability
+
+    @cached_property
     def measurement_gate(self) -> float:
         """Squared distance of a measurement that `gate_probability` keeps (two degrees of freedom)."""
         return -2.0 * log(1.0 - self.gate_probability)

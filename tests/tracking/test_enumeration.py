@@ -146,7 +146,7 @@ def test_association_probabilities_are_those_of_all_hypotheses(seed):
         empty = 1 - p.detection_probability * seen
         before = scan_prediction(beliefs, np.array([a.r for a in people]), seen, empty, p)
         lost = 10 ** rng.uniform(-6, 0, len(scan.measurements))
-        _, beta, given, existence = associate(before, scan.measurements, scan.covariances, lost, p)
+        _, beta, given, existence = associate(before, scan.measurements, scan.covariances, lost, p.association)
         people, expected = after(people, scan, missed(people, visible, p), p, lost)
         np.testing.assert_allclose(beta, expected, rtol=0, atol=1e-9)
         np.testing.assert_allclose(existence, [a.r for a in people], rtol=0, atol=1.1e-9)
