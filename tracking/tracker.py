@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracking.filter.negative_information import miss_likelihood, negative_information_update, views_of
+from tracking.filter.negative_information import miss_likelihood, negative_information_update
 from tracking.fusion.checked_tracker import checked_tracks
 from tracking.fusion.exchange import SURE, UNSEEN, Link
 from tracking.fusion.labels import FIRST_LABEL, LABELS_PER_SCAN, UAVS, is_new_label, new_label
@@ -16,7 +16,7 @@ from tracking.geometry.camera import Camera
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import SAMPLES, Forest, visible_samples
 from tracking.management.deletion import counted_misses, shared_people, without_measurement
-from tracking.management.initiation import Initiator, Tentative
+from tracking.management.initiation import Tentative, initiated
 from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
 from tracking.management.validation import checked_scan
 from tracking.measurement_update import scan_prediction, scan_update
@@ -68,7 +68,6 @@ class Tracker:
         self._predicted = _NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
         self._tentative: list[Tentative] = []
         self._waited = 0  # steps of motion since tentative tracks were last predicted
-        self._initiator = Initiator(parameters)
 
     @property
     def tracks(self) -> tuple[Track, ...]:
@@ -106,10 +105,11 @@ class Tracker:
         """Begin tracks of new people, from the measurements z (N, 2) m, R (N, 2, 2) m² that tracks do not explain."""
 
         def visible_at(means: Array, covariances: Array) -> Flags:
-            return visible_samples(self._camera, scan.pose, means, covariances[:, :2, :2], self._forest)
+            return visible_samples(self._forest, (means, covariances), self._camera.lens(scan.pose))[:, 0]
 
         elapsed, self._waited = self._waited, 0
-        born, self._tentative = self._initiator.step(self._tentative, z, R, elapsed=elapsed, visible=visible_at)
+        p = self.parameters
+        born, self._tentative = initiated(self._tentative, z, R, elapsed=elapsed, visible=visible_at, p=p)
         # More than there are labels for begin in the next scan.
         born, self._tentative = born[:_BIRTHS], born[_BIRTHS:] + self._tentative
         if born:
@@ -121,7 +121,7 @@ class Tracker:
         self._predict(time, None)
 
     def _predict(self, time: float, frame: Lens | None) -> Flags:
-        """Predict to the time of a scan; what its frame, if there is one, shows of beliefs, as `views_of`."""
+        """Predict to the time of a scan; what its frame, if there is one, shows of beliefs, as `visible_samples`."""
         self._link.begin(time)
         if self._link.scans == 1:  # initial tracks hold now
             self._first = time
@@ -136,7 +136,7 @@ class Tracker:
         existence = self._table.existence * power(self.parameters.step_survival, elapsed)
         times = self._table.times.copy()
         times[:, 3], before = self._last_frame
-        views = views_of(self._forest, (means, covariances), frame, before)
+        views = visible_samples(self._forest, (means, covariances), frame, before)
         self._last_frame = (time, frame) if frame else self._last_frame
         shown, table = (views << _BITS).sum(axis=2), self._table
         rest = existence, table.weights, times, shown, table.misses, table.sightings

@@ -9,7 +9,7 @@ from helpers.scenes import ABOVE, ALONE, AWAY, MOTION, H, tracker
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
-from tracking.management.initiation import Initiator, Tentative
+from tracking.management.initiation import Tentative, initiated
 from tracking.measurement_update import associate, scan_prediction
 from tracking.tracker import Scan, Track, TrackerParameters
 
@@ -188,7 +188,7 @@ def test_a_measurement_without_a_track_is_new_by_the_poisson_intensities(count):
     for j, (z, R) in enumerate(zip(scan.measurements, scan.covariances, strict=True)):
         r = math.fsum(w for kinds, w in weights.items() if kinds[j]) / math.fsum(weights.values())
         people.append(Person(j, r, H.T @ z, H.T @ R @ H + spread))
-    _, born = Initiator(p).step([], scan.measurements, scan.covariances, elapsed=1, visible=in_view)
+    _, born = initiated([], scan.measurements, scan.covariances, elapsed=1, visible=in_view, p=p)
     same(born, people)
 
 
@@ -204,6 +204,7 @@ def test_new_people_are_followed_as_all_hypotheses_say_until_confirmed(seed):
             people, scan = [a.predicted(settings["survival"] ** 0.2) for a in people], measured(rng, k, people, ABOVE)
             misses = [1 - p.detection_probability * p.gate_probability] * len(people)
             people, _ = after(people, scan, misses, p)
-            _, tentative = Initiator(p).step(tentative, scan.measurements, scan.covariances, elapsed=1, visible=in_view)
+            measurements = scan.measurements, scan.covariances
+            _, tentative = initiated(tentative, *measurements, elapsed=1, visible=in_view, p=p)
             same(tentative[: len(people)], people)
             tentative = tentative[: len(people)]

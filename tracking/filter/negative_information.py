@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 
-from tracking.geometry.lens import Lens
-from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, seen_samples
+from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
-from tracking.numerics.stacks import cholesky_factors
 
 # Decrease of the log-likelihood of a second missed detection per width of the belief crossed meanwhile, and the share
 # of the mean velocity in that: a motion of all of the belief crosses one of its edges only. Beliefs are then as wide
@@ -17,26 +15,12 @@ from tracking.numerics.stacks import cholesky_factors
 _AGAIN, _TOGETHER = 8.5, 0.35
 
 
-def views_of(forest: Forest, beliefs: tuple[Array, Array], *frames: Lens | None) -> Flags:
-    """Flags (T, F, K) of the positions `visibility.SAMPLES` of beliefs that F frames show in plain view, None nothing.
-
-    beliefs: means (T, 4) and covariances (T, 4, 4); frames: camera and pose of a UAV, in this scan and before.
-    """
-    means, covariances = beliefs
-    roots = cholesky_factors(np.ascontiguousarray(covariances[:, :2, :2]))
-    views = np.zeros((len(means), len(frames), len(SAMPLES)), np.bool_)
-    for k, lens in enumerate(frames):
-        if lens:
-            views[:, k] = seen_samples(means, roots, lens, forest.blockers, forest.grid)
-    return views
-
-
 @compiled
 def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Array, detection: float) -> Array:
     """Likelihood (T, K) of no detection at the samples of beliefs, means (T, 4) and covariances (T, 4, 4).
 
-    views (T, 2, K): as from `views_of`, of one UAV or of any of several; elapsed (T,) s since the frames before;
-    detection: its probability in plain view.
+    views (T, 2, K): samples that frames of this scan, and those before, show, of one UAV or of any of several; elapsed
+    (T,) s since the frames before; detection: its probability in plain view.
     Negative information of the last frames is already in the belief, but for the tails that a Gaussian has again in the
     empty place. A second look at an empty place says only that no person has come there since. So where frames of both
     times show a place, the likelihood falls with the share of the belief that people cross between them.

@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.lens import Lens, in_image
 from tracking.geometry.line_of_sight import Grid, blocked, gridded, unobstructed
 from tracking.numerics.arrays import Array, Flags
@@ -118,18 +117,23 @@ SAMPLES = np.array([(a, b) for a in _centroids(6) for b in _centroids(6)])
 SAMPLE_VARIANCE = float(1.0 - np.mean(np.square(_centroids(6))))
 
 
-def visible_samples(camera: Camera, pose: Pose, means: Array, covariances: Array, forest: Forest) -> Flags:
-    """Flags (N, 36) of the samples of each Gaussian that are inside the image and not hidden.
+def visible_samples(forest: Forest, beliefs: tuple[Array, Array], *frames: Lens | None) -> Flags:
+    """Flags (N, F, 36) of the samples of each belief that F frames show in plain view: in the image and not hidden.
 
-    means (N, 2 or 4) m, covariances (N, 2, 2) m²; the points are mean + L `SAMPLES`, with L Lᵀ the covariance.
+    beliefs: means (N, 2 or 4) and covariances (N, 2 or 4, 2 or 4) in m; the points are mean + L `SAMPLES`, with L Lᵀ
+    the covariance of the position. frames: as `Camera.lens` has them; None shows nothing.
     """
-    spreads = np.ascontiguousarray(covariances)
-    return seen_samples(means, cholesky_factors(spreads), camera.lens(pose), forest.blockers, forest.grid)
+    means, covariances = beliefs
+    roots = cholesky_factors(np.ascontiguousarray(covariances[:, :2, :2]))
+    views = np.zeros((len(means), len(frames), len(SAMPLES)), np.bool_)
+    for k, lens in enumerate(frames):
+        if lens:
+            views[:, k] = _seen_samples(means, roots, lens, forest.blockers, forest.grid)
+    return views
 
 
 @compiled
-def seen_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
-    """Flags (N, 36) of the points mean + root `SAMPLES` that are inside the image and not hidden, for compiled code."""
+def _seen_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
     origin = lens[0][0], lens[0][1], lens[0][2]
     seen = np.empty((len(means), len(SAMPLES)), dtype=np.bool_)
     for i in range(len(means)):
