@@ -11,8 +11,7 @@ from tracking.association.jpda import existence_association, gated_likelihood, m
 from tracking.filter.negative_information import negative_information_update
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
-from tracking.numerics.exponential import exp
-from tracking.numerics.universal import power_each
+from tracking.numerics.exponential import exp, power_each
 from tracking.parameters import TrackerParameters
 
 _AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating clusters pay

@@ -22,8 +22,7 @@ from tracking.management.validation import checked_scan
 from tracking.measurement_update import scan_prediction, scan_update
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
-from tracking.numerics.exponential import power
-from tracking.numerics.universal import power_each
+from tracking.numerics.exponential import power, power_each
 from tracking.parameters import EXPECTED, SEEN, TrackerParameters
 from tracking.track import Scan, Track, TrackTable, tracks_of
 

@@ -9,8 +9,7 @@ from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.exponential import power
-from tracking.numerics.universal import exp_each
+from tracking.numerics.exponential import exp_each, power
 
 
 class WholeError(NamedTuple):

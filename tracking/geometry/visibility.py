@@ -11,9 +11,9 @@ from tracking.geometry.lens import Lens, in_image
 from tracking.geometry.line_of_sight import Grid, blocked, gridded, unobstructed
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import exp_each
 from tracking.numerics.normal import normal_quantiles
 from tracking.numerics.stacks import cholesky_factors
-from tracking.numerics.universal import exp_each
 
 # Half of a walking person's 1.7 m: the height of the one point that stands for a person.
 TARGET_HEIGHT = 0.85

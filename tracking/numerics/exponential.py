@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled, inlined
+from tracking.numerics.compiled import compiled, elementwise, inlined
 
 _LOG2E = 1.4426950408889634
 # ln 2 as a sum. The first part has so few bits that its products with small integers are exact.
@@ -95,3 +95,8 @@ def power(x: float, y: float) -> float:
     if y == 0.5:
         return math.sqrt(x)
     return exp(y * log(x)) if y != 0.0 else 1.0
+
+
+# Of arrays that broadcast, as universal functions of NumPy's.
+exp_each = elementwise(lambda x: exp(x))
+power_each = elementwise(lambda x, y: power(x, y))
