@@ -43,10 +43,9 @@ class Tracker:
     Poisson process of constant density. Association probabilities are JPDA's. Source: [Williams15]; [Musicki04].
     `initial` tracks hold at the time of the first scan. Their ids are below one million.
 
-    Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `life` = "m_of_n" does. Added here are
-    negative information (`absence_weight`), re-acquisition of lost tracks (`recovery_after`), and, as in the paper's
-    code, deletion of tracks of very large covariance (`max_variance`), each with a parameter that turns it off. Always,
-    tracks of one person become one, and probabilities of detection depend on the view.
+    Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `life` = "m_of_n" does. Added are negative
+    information (`absence_weight`), re-acquisition (`recovery_after`), and, as in the paper's code, deletion at very
+    large covariance (`max_variance`). Always, tracks of one person become one, and detection depends on the view.
     """
 
     def __init__(

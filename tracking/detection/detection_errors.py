@@ -15,9 +15,8 @@ from tracking.numerics.exponential import exp_each, power
 class WholeError(NamedTuple):
     """Error model of people seen whole: constants of the variance at nadir, and their growth off nadir.
 
-    The growths are factors of t and t², t being the tangent of the angle off nadir.
-    Fitted by `python -m sim.calibration` to rendered people in plain view at all headings, from 12 to 34 m above,
-    in images of 96 to 256 pixels that see 60 degrees, so that errors squared over variances average one.
+    The growths are factors of t and t², t being the tangent of the angle off nadir. Fitted by `python -m
+    sim.calibration`, so that errors squared over variances average one; docs/explanation/calibration.md says to what.
     """
 
     posture: float = 0.021  # m, standard deviation: limbs and stride
@@ -61,11 +60,7 @@ WHOLE = WholeError()
 
 
 class SplitError(NamedTuple):
-    """Additional error of detections from one blob that was split: occlusion of one person by another, and a wrong cut.
-
-    Fitted by `python -m sim.calibration` to rendered pairs that touch in the image, so that errors squared over
-    variances average one.
-    """
+    """Additional error of detections from one blob that was split; fitted like `WholeError`, to pairs that touch."""
 
     base: float = 0.196  # m, standard deviation where the parts coincide
     radial: float = 1.487  # m, the same for each unit of the tangent of the angle off nadir

@@ -21,9 +21,8 @@ def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Arr
 
     views (T, 2, K): samples that frames of this scan, and those before, show, of one UAV or of any of several; elapsed
     (T,) s since the frames before; detection: its probability in plain view.
-    Negative information of the last frames is already in the belief, but for the tails that a Gaussian has again in the
-    empty place. A second look at an empty place says only that no person has come there since. So where frames of both
-    times show a place, the likelihood falls with the share of the belief that people cross between them.
+    A second look at an empty place says only that no person has come there since. So where frames of both times show a
+    place, the likelihood falls with the share of the belief that people cross between them.
     Note: this is ours; tests/tracking/filter compares it with particle filters. The last frames are taken to be in the
     belief also if they showed all of it, which is no information, or if the fleet did not hold the track then.
     """
@@ -58,9 +57,7 @@ def negative_information_update(predicted: tuple[Array, Array], missed: Array) -
     """Beliefs after a scan without a detection: Bayes' rule over samples.
 
     predicted: means (T, 4) and covariances (T, 4, 4); missed (T, K): the likelihood of no detection at each of the
-    positions `tracking.geometry.visibility.SAMPLES`.
-    The mass moves out of the visible places, behind trees or out of the field of view, and by correlation the velocity
-    changes, too. The result is the Gaussian of equal moments.
+    positions `tracking.geometry.visibility.SAMPLES`. The result is the Gaussian of equal moments.
     State = mean + G u + a rest independent of the position, with u the standardised position: P_pp = L Lᵀ, G Lᵀ = P_xp.
     Source: [Koch04], with samples where it uses mixtures.
     """

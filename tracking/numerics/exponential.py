@@ -1,10 +1,8 @@
 """Exponential, logarithm and power with the same bits on every processor.
 
 The C library and NumPy choose their code by processor, and results differ in the last bit. The elementary functions of
-this folder use additions, multiplications, divisions and square roots alone, in an order that is written down. IEEE 754
-rounds each of these in one way.
-Each is within two units in the last place of the true value unless its docstring says otherwise
-(tests/tracking/numerics/test_elementary.py).
+this folder use only operations that IEEE 754 rounds in one way, in an order that is written down. Each is within two
+units in the last place of the true value unless its docstring says otherwise.
 """
 
 import math
