@@ -13,7 +13,7 @@ from planning.prediction.field_of_view import aim_point, viewing_range
 from planning.prediction.intent import base_control
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
-from tracking.numerics.universal import cos_each, sin_each
+from tracking.numerics.trigonometry import cos_each, sin_each
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,15 @@ import numpy as np
 
 from tracking.association.clusters import gating_clusters
 from tracking.association.jpda import existence_association, gated_likelihood, mixture_update
-from tracking.association.resolution import unresolved
 from tracking.filter.negative_information import negative_information_update
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
-from tracking.numerics.universal import power_each
+from tracking.numerics.exponential import exp, power_each
 from tracking.parameters import TrackerParameters
 
 _AT_ONCE = 10_000  # pairs of tracks and measurements beyond which gating clusters pay
+# Probability that two people in one place give one measurement, and the distance [m] over which it falls.
+_UNRESOLVED, _RESOLUTION = 0.12, 1.0
 
 
 class ScanPrediction(NamedTuple):
@@ -57,12 +58,28 @@ def scan_prediction(
     existence (T,); seen (T, 36): flags of the samples in view; missed (T, 36) as from
     `tracking.filter.negative_information.miss_likelihood`.
     """
-    tempered = missed if p.absence_weight == 1.0 else power_each(missed, p.absence_weight)
-    undetected = negative_information_update(beliefs, tempered)
+    undetected = negative_information_update(beliefs, power_each(missed, p.absence_weight))
     detectable = (1.0 - missed.mean(axis=1)) / p.detection_probability
     if p.life == "existence":
-        detectable *= 1.0 - unresolved(beliefs[0], existence)
+        detectable *= 1.0 - _unresolved(beliefs[0], existence)
     return ScanPrediction(*beliefs, undetected, existence, seen.mean(axis=1), detectable)
+
+
+@compiled
+def _unresolved(means: Array, existence: Array) -> Array:
+    """Probability (T,) that another person is so near that both give one measurement; means (T, 4), existence (T,).
+
+    Without it, of two people that pass each other one is taken for a false track. Source: [Koch97], for the nearest.
+    Note: in one place it is not 1 but 0.12, as people keep apart: two tracks that stay in one place are of one.
+    """
+    nearest = np.zeros(len(means))
+    for a in range(len(means)):
+        for b in range(len(means)):
+            if a != b:
+                x, y = means[a, 0] - means[b, 0], means[a, 1] - means[b, 1]
+                near = existence[b] * exp(-0.5 / (_RESOLUTION * _RESOLUTION) * (x * x + y * y))
+                nearest[a] = max(nearest[a], near)
+    return _UNRESOLVED * nearest
 
 
 def scan_update(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
@@ -72,44 +89,28 @@ def scan_update(before: ScanPrediction, z: Array, R: Array, lost: Array, p: Trac
     """
     count = len(before.means)
     if count * len(z) <= _AT_ONCE:
-        return _at_once(before, z, R, lost, p)
+        return _updated(before, z, R, lost, p.association)
     means, covariances, existence, missed = (np.empty((count, *n)) for n in ((4,), (4, 4), (), ()))
     explained, gates = np.zeros(len(z), np.bool_), []
     for rows, columns in gating_clusters(before.means, before.covariances, z, R, p.measurement_gate):
-        part = _at_once(before.only(rows), z[columns], R[columns], lost[columns], p)
+        part = _updated(before.only(rows), z[columns], R[columns], lost[columns], p.association)
         means[rows], covariances[rows], existence[rows] = part.means, part.covariances, part.existence
         missed[rows], explained[columns] = part.missed, part.explained
         gates.append(np.column_stack([rows[part.gates[:, 0]], columns[part.gates[:, 1]]]))
     return ScanUpdate(means, covariances, existence, missed, np.concatenate(gates), explained)
 
 
+@compiled
 def associate(
-    before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters
+    before: ScanPrediction, z: Array, R: Array, lost: Array, settings: tuple[float, float, float]
 ) -> tuple[Array, Array, Array, Array]:
     """Associate the measurements z (N, 2) m, R (N, 2, 2) m².
 
     lost (N,) 1/m²: density there of lost people away from their tracks. It adds to that of clutter, which
-    here is the same as to lower the likelihoods.
+    here is the same as to lower the likelihoods. settings: `TrackerParameters.association`.
     Returns the likelihood (T, N) 1/m² of each for each track, zero outside its gate; and the result of
     `tracking.association.jpda.existence_association`.
     """
-    return _updated(before, z, R, lost, (p.gate_probability, p.clutter_density, p.detection_probability))[1]
-
-
-def _at_once(before: ScanPrediction, z: Array, R: Array, lost: Array, p: TrackerParameters) -> ScanUpdate:
-    settings = p.gate_probability, p.clutter_density, p.detection_probability
-    return ScanUpdate(*_updated(before, z, R, lost, settings)[0])
-
-
-_Settings = tuple[float, float, float]  # probability of a gate, density of clutter [1/m²], probability of detection
-_Association = tuple[Array, Array, Array, Array]  # what `associate` returns
-
-
-@compiled
-def _updated(
-    before: ScanPrediction, z: Array, R: Array, lost: Array, settings: _Settings
-) -> tuple[tuple[Array, Array, Array, Array, Indices, Flags], _Association]:
-    """The fields of `ScanUpdate`, and the result of `associate`."""
     gate_probability, clutter, detection = settings
     likelihood = gated_likelihood(before.means, before.covariances, z, R, gate_probability)
     # Where a measurement was made the view is free: only the probability of a miss depends on the whole belief. So a
@@ -119,7 +120,14 @@ def _updated(
         chances[t, 0] *= before.detectable[t]
         for j in range(len(z)):
             likelihood[t, j] *= clutter / (clutter + lost[j])
-    beta, given, existence = existence_association(likelihood, chances, clutter, before.existence)
+    return likelihood, *existence_association(likelihood, chances, clutter, before.existence)
+
+
+@compiled
+def _updated(
+    before: ScanPrediction, z: Array, R: Array, lost: Array, settings: tuple[float, float, float]
+) -> ScanUpdate:
+    likelihood, beta, given, existence = associate(before, z, R, lost, settings)
     means, covariances = mixture_update((before.means, before.covariances), before.undetected, z, R, given)
     gates, count, explained = np.empty((likelihood.size, 2), np.int64), 0, np.zeros(len(z), np.bool_)
     for t in range(len(likelihood)):
@@ -130,10 +138,9 @@ def _updated(
                 count += 1
                 # A wide belief must not take measurements of new people: it explains those that it makes likelier than
                 # clutter.
-                explained[j] |= detection * likelihood[t, j] > clutter
+                explained[j] |= settings[2] * likelihood[t, j] > settings[1]
         for a in range(4 if count == first else 0):
             means[t, a] = before.means[t, a]
             for b in range(4):
                 covariances[t, a, b] = before.covariances[t, a, b]
-    updated = means, covariances, existence, beta[:, 0].copy(), gates[:count].copy(), explained
-    return updated, (likelihood, beta, given, existence)
+    return ScanUpdate(means, covariances, existence, beta[:, 0].copy(), gates[:count].copy(), explained)

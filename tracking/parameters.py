@@ -12,9 +12,11 @@ from tracking.numerics.exponential import log, power
 
 LIVES = ("m_of_n", "existence")
 MOST_SCANS = 62  # that fit into the bits of the integer that counts misses
+EXPECTED = 0.9  # probability of being in plain view from which on a UAV should see the person
+SEEN = 0.1  # probability that a measurement is the person's from which on the person counts as detected
 # Allowed values in words, their test, which NaN fails, and the parameters that it holds for.
 _RANGES: tuple[tuple[str, Callable[[float], bool], tuple[str, ...]], ...] = (
-    ("in (0, 1)", lambda x: 0.0 < x < 1.0, ("detection_probability", "gate_probability", "expected", "seen")),
+    ("in (0, 1)", lambda x: 0.0 < x < 1.0, ("detection_probability", "gate_probability")),
     ("in (0, 1]", lambda x: 0.0 < x <= 1.0, ("survival",)),
     ("positive", lambda x: x > 0.0, ("clutter_density", "birth_density", "max_variance", "max_speed", "forget_after")),
     ("finite", lambda x: x < math.inf, ("clutter_density", "birth_density")),
@@ -33,8 +35,6 @@ class TrackerParameters:
     gate_probability: float = 0.9999
     confirm: tuple[int, int] = (2, 3)  # m of n scans
     delete: tuple[int, int] = (5, 5)  # m of n scans in which the person should have been seen
-    expected: float = 0.9  # probability of being in plain view from which on a UAV should see the person
-    seen: float = 0.1  # probability that a measurement is the person's from which on the person counts as detected
     # exponent of the likelihood of no detection in beliefs, not in association; 0: no negative information
     absence_weight: float = 1.0
     recovery_after: float = 0.2  # s without a sure detection, after which a new track may take the id; inf: never
@@ -62,6 +62,11 @@ class TrackerParameters:
             raise ValueError(f"life must be {' or '.join(LIVES)}, is {self.life!r}")
         if not 0.0 < self.doubt < self.sure < 1.0:
             raise ValueError(f"doubt and sure must be 0 < doubt < sure < 1, are {self.doubt} and {self.sure}")
+
+    @cached_property
+    def association(self) -> tuple[float, float, float]:
+        """Probability of a gate, density of clutter [1/m²] and probability of detection, for compiled code."""
+        return self.gate_probability, self.clutter_density, self.detection_probability
 
     @cached_property
     def measurement_gate(self) -> float:

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tracking.filter.negative_information import miss_likelihood, negative_information_update, views_of
+from tracking.filter.negative_information import miss_likelihood, negative_information_update
+from tracking.fusion.checked_tracker import checked_tracks
 from tracking.fusion.exchange import SURE, UNSEEN, Link
 from tracking.fusion.labels import FIRST_LABEL, LABELS_PER_SCAN, UAVS, is_new_label, new_label
 from tracking.fusion.message import Message
@@ -15,15 +16,14 @@ from tracking.geometry.camera import Camera
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import SAMPLES, Forest, visible_samples
 from tracking.management.deletion import counted_misses, shared_people, without_measurement
-from tracking.management.initiation import Initiator, Tentative
+from tracking.management.initiation import Tentative, initiated
 from tracking.management.reacquisition import lost_tracks, reacquisitions, turned_density
-from tracking.management.validation import check_track, checked_scan
+from tracking.management.validation import checked_scan
 from tracking.measurement_update import scan_prediction, scan_update
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
-from tracking.numerics.exponential import power
-from tracking.numerics.universal import power_each
-from tracking.parameters import TrackerParameters
+from tracking.numerics.exponential import power, power_each
+from tracking.parameters import EXPECTED, SEEN, TrackerParameters
 from tracking.track import Scan, Track, TrackTable, tracks_of
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
@@ -43,10 +43,9 @@ class Tracker:
     Poisson process of constant density. Association probabilities are JPDA's. Source: [Williams15]; [Musicki04].
     `initial` tracks hold at the time of the first scan. Their ids are below one million.
 
-    Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `life` = "m_of_n" does. Added here are
-    negative information (`absence_weight`), re-acquisition of lost tracks (`recovery_after`), and, as in the paper's
-    code, deletion of tracks of very large covariance (`max_variance`), each with a parameter that turns it off. Always,
-    tracks of one person become one, and probabilities of detection depend on the view.
+    Note: [Li22] uses JPDA with initiation and deletion by m of n scans, as `life` = "m_of_n" does. Added are negative
+    information (`absence_weight`), re-acquisition (`recovery_after`), and, as in the paper's code, deletion at very
+    large covariance (`max_variance`). Always, tracks of one person become one, and detection depends on the view.
     """
 
     def __init__(
@@ -54,12 +53,9 @@ class Tracker:
     ) -> None:
         if not 0 <= uav < UAVS:
             raise ValueError(f"uav must be in [0, {UAVS}), is {uav}")
-        known = sorted(initial, key=lambda track: track.id)
-        ids = [track.id for track in known]
-        if len(set(ids)) < len(ids) or (ids and not 0 <= ids[0] <= ids[-1] < FIRST_LABEL):
-            raise ValueError(f"ids of initial tracks must be distinct and in [0, {FIRST_LABEL}), are {ids}")
-        for t in known:
-            check_track(t.id, t.belief, t.existence)
+        known = checked_tracks(initial)
+        if known and known[-1].id >= FIRST_LABEL:
+            raise ValueError(f"ids of initial tracks must be below {FIRST_LABEL}, are up to {known[-1].id}")
         self.uav, self._camera, self._forest, self.parameters = uav, camera, forest, parameters
         self.max_speed = parameters.max_speed
         self.motion = parameters.motion  # after what the fleet has seen of people's speeds
@@ -70,7 +66,6 @@ class Tracker:
         self._predicted = _NOTHING  # prior beliefs, measurements and gates of a scan not yet fused
         self._tentative: list[Tentative] = []
         self._waited = 0  # steps of motion since tentative tracks were last predicted
-        self._initiator = Initiator(parameters)
 
     @property
     def tracks(self) -> tuple[Track, ...]:
@@ -95,11 +90,11 @@ class Tracker:
         after = scan_update(before, z, R, turned, p)
         self._predicted = *beliefs, z, after.gates
         detected = 1.0 - after.missed
-        hits = detected >= p.seen
+        hits = detected >= SEEN
         if p.life == "m_of_n":
             hits &= ~without_measurement(after.gates, detected)
         scores = detected, hits, before.visible
-        history = _history((table.times, table.views), scores, after.gates, scan.time, p.expected)
+        history = _history((table.times, table.views), scores, after.gates, scan.time)
         rest = after.existence, *history, table.misses, table.sightings
         self._table = TrackTable(table.ids, after.means, after.covariances, *rest)
         self._initiate(scan, z[~after.explained], R[~after.explained])
@@ -108,10 +103,11 @@ class Tracker:
         """Begin tracks of new people, from the measurements z (N, 2) m, R (N, 2, 2) m² that tracks do not explain."""
 
         def visible_at(means: Array, covariances: Array) -> Flags:
-            return visible_samples(self._camera, scan.pose, means, covariances[:, :2, :2], self._forest)
+            return visible_samples(self._forest, (means, covariances), self._camera.lens(scan.pose))[:, 0]
 
         elapsed, self._waited = self._waited, 0
-        born, self._tentative = self._initiator.step(self._tentative, z, R, elapsed=elapsed, visible=visible_at)
+        p = self.parameters
+        born, self._tentative = initiated(self._tentative, z, R, elapsed=elapsed, visible=visible_at, p=p)
         # More than there are labels for begin in the next scan.
         born, self._tentative = born[:_BIRTHS], born[_BIRTHS:] + self._tentative
         if born:
@@ -123,7 +119,7 @@ class Tracker:
         self._predict(time, None)
 
     def _predict(self, time: float, frame: Lens | None) -> Flags:
-        """Predict to the time of a scan; what its frame, if there is one, shows of beliefs, as `views_of`."""
+        """Predict to the time of a scan; what its frame, if there is one, shows of beliefs, as `visible_samples`."""
         self._link.begin(time)
         if self._link.scans == 1:  # initial tracks hold now
             self._first = time
@@ -138,7 +134,7 @@ class Tracker:
         existence = self._table.existence * power(self.parameters.step_survival, elapsed)
         times = self._table.times.copy()
         times[:, 3], before = self._last_frame
-        views = views_of(self._forest, (means, covariances), frame, before)
+        views = visible_samples(self._forest, (means, covariances), frame, before)
         self._last_frame = (time, frame) if frame else self._last_frame
         shown, table = (views << _BITS).sum(axis=2), self._table
         rest = existence, table.weights, times, shown, table.misses, table.sightings
@@ -148,7 +144,7 @@ class Tracker:
     def message(self, degree: int) -> Message:
         """Message for the first round, to so many neighbours."""
         table = self._table
-        seen = np.flatnonzero(table.weights[: len(self._predicted[0])] >= self.parameters.seen)
+        seen = np.flatnonzero(table.weights[: len(self._predicted[0])] >= SEEN)
         beliefs = table.means, table.covariances, table.weights
         prior, measured = self._predicted[:2], self._predicted[2:]
         return self._link.message(degree, table, LocalBeliefs(self.uav, *beliefs, prior, *measured, seen))
@@ -214,7 +210,7 @@ class Tracker:
 
 @compiled
 def _history(
-    columns: tuple[Array, Indices], scores: tuple[Array, Flags, Array], gates: Indices, now: float, expected: float
+    columns: tuple[Array, Indices], scores: tuple[Array, Flags, Array], gates: Indices, now: float
 ) -> tuple[Array, Array, Indices]:
     """Weights, times and views of tracks after a scan, from their times and views before.
 
@@ -225,7 +221,7 @@ def _history(
     for t in range(len(times)):
         if hits[t]:
             times[t, 0] = now
-        if visible[t] >= expected:
+        if visible[t] >= EXPECTED:
             times[t, 1] = now
         if detected[t] >= SURE:
             times[t, 2] = now

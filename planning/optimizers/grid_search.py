@@ -10,7 +10,7 @@ import numpy as np
 from planning.optimizers.optimizer import SearchResult, speed_limited
 from planning.prediction.targets_in_reach import Objective, TargetsInReach
 from tracking.numerics.arrays import Array
-from tracking.numerics.universal import cos_each, sin_each
+from tracking.numerics.trigonometry import cos_each, sin_each
 
 
 @dataclass(frozen=True)

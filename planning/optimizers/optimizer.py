@@ -11,7 +11,7 @@ from planning.prediction.field_of_view import IMAGE_POINTS, points_shown
 from planning.prediction.targets_in_reach import Objective, TargetsInReach
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
-from tracking.numerics.universal import cos_each, sin_each
+from tracking.numerics.trigonometry import cos_each, sin_each
 
 
 class SearchResult(NamedTuple):

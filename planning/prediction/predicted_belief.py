@@ -133,7 +133,7 @@ def add_information(
     if not _seen((x, y, p[2]), height, cameras, belief.views[uav], blockers, free):
         return False
     for lane in range(LANES):
-        # R⁻¹ of `noise.ground_covariance` in closed form: its eigenvalues are along and across the line.
+        # R⁻¹ of `NoiseModel.covariance` in closed form: its eigenvalues are along and across the line.
         dx, dy = x - east[lane], y - north[lane]
         square = dx * dx + dy * dy
         r = max(math.sqrt(square), least)

@@ -11,9 +11,10 @@ from planning.prediction.predicted_belief import PredictedBelief, predicted_beli
 from tracking.filter.kalman import NearlyConstantVelocity
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
-from tracking.numerics.factorisation import cholesky, eigen
+from tracking.numerics.factorisation import eigensystems
 from tracking.numerics.matrices import applied
 from tracking.numerics.normal import standard_normal
+from tracking.numerics.stacks import cholesky_factors
 from tracking.track import beliefs_of
 
 # Means of a standard normal's five equally probable pieces from the median up, scaled to a variance of one.
@@ -50,7 +51,7 @@ class Nominal:
         ahead, spread = means, covariances
         for step in range(horizon if self.expected else 0):
             ahead, spread = situation.motion.predict_all(ahead, spread)
-            roots = cholesky(spread[:, :2, :2])
+            roots = cholesky_factors(np.ascontiguousarray(spread[:, :2, :2]))
             points[step, :, :, :2] = points[step, :, :1, :2] + applied(roots[:, None], FIVE_POINTS)
         return predicted_belief(situation, points, covariances)
 
@@ -85,7 +86,7 @@ class MonteCarlo:
 
 def deviations(covariances: Array, rng: np.random.Generator, draws: tuple[int, ...] = ()) -> Array:
     """Deviations (*draws, T, 4) from means, drawn from covariances (T, 4, 4), which may be singular."""
-    values, axes = eigen(covariances)
+    values, axes = eigensystems(np.ascontiguousarray(covariances))
     roots = axes * np.sqrt(np.maximum(values, 0.0))[:, None, :]
     return np.asarray(applied(roots, standard_normal(rng, (*draws, len(covariances), 4))))
 

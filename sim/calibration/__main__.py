@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,8 +34,7 @@ def calibrate() -> None:
 
 
 def _rounded(constants: WholeError | PartError | SplitError) -> str:
-    numbers = [np.round(value, 3).tolist() for value in astuple(constants)]
-    return "\n".join(f"  {field.name} = {value}" for field, value in zip(fields(constants), numbers, strict=True))
+    return "\n".join(f"  {name} = {np.round(value, 3).tolist()}" for name, value in constants._asdict().items())
 
 
 if __name__ == "__main__":

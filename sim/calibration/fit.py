@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, replace
 
 import numpy as np
 from scipy.optimize import brentq, minimize
@@ -40,10 +39,10 @@ def fit_whole(seed: int, frames: int) -> WholeError:
             return math.inf
         return float(np.mean(np.log(along) + radial**2 / along + np.log(across) + tangential**2 / across))
 
-    error = _whole(_minimum(surprise, np.hstack(astuple(WHOLE)[:7]), 12000))
+    error = _whole(_minimum(surprise, np.hstack(WHOLE[:7]), 12000))
     along, across = ((variances * powers).sum(axis=1) for variances in error.variances(gsd))
     excess, _ = _excess(_between(tangent, error.tangents), radial**2 / along + tangential**2 / across)
-    return replace(error, excess=excess)
+    return error._replace(excess=excess)
 
 
 def _errors(sample: Sample) -> tuple[float, float, float, float]:
@@ -79,7 +78,7 @@ def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
 
 def _with_powers(error: WholeError, x: Array) -> WholeError:
     a, b, c, d, stretch = x.tolist()
-    return replace(error, powers=(a, b, c, d), stretch=stretch)
+    return error._replace(powers=(a, b, c, d), stretch=stretch)
 
 
 def fit_split(seed: int, frames: int) -> SplitError:
@@ -100,7 +99,7 @@ def fit_split(seed: int, frames: int) -> SplitError:
     def added_by(x: Array) -> Array:
         return SplitError(*x.tolist()).variances(tangents, gaps)
 
-    likeliest = _minimum(lambda x: _surprise(alone + added_by(x), errors), np.array(astuple(SPLIT)), 2000)
+    likeliest = _minimum(lambda x: _surprise(alone + added_by(x), errors), np.array(SPLIT), 2000)
     added = added_by(likeliest)
     # Few errors are much larger than the rest: the likeliest constants say too little on the average of level cameras.
     base, more, squares = alone[level], added[level], errors[level] ** 2
@@ -137,14 +136,14 @@ def fit_part(seed: int, frames: int) -> PartError:
     def surprise(x: Array) -> float:
         return math.inf if np.min(x) < 0.0 else _with_excess(x, cases[::5])[1]
 
-    start = np.array(PART.constants)
+    start = np.array(PART[:4])
     return _with_excess(np.round(_minimum(surprise, start, 100), 3), cases)[0]
 
 
 def _with_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> tuple[PartError, float]:
     """The constants with the likeliest factors of the covariance, and how unlikely they are."""
     plain = ((1.0,) * len(PART.hidden),) * len(PART.pixel)
-    error = replace(PART, **dict(zip(("posture", "rounding", "fringe", "limb"), x.tolist(), strict=True)), excess=plain)
+    error = PartError(*x.tolist())._replace(excess=plain)
     rows = []
     for places, person in cases:
         mean, covariance, share = places.posterior(error)
@@ -157,7 +156,7 @@ def _with_excess(x: Array, cases: Sequence[tuple[Places, Array]]) -> tuple[PartE
     excess, factor = _excess(basis, squares)
     surprise = float(np.mean(squares / factor + np.log(volume) + 2 * np.log(factor)))
     table = tuple(tuple(row) for row in np.reshape(excess, (len(error.pixel), -1)).tolist())
-    return replace(error, excess=table), surprise
+    return error._replace(excess=table), surprise
 
 
 def _between(where: Array | Sequence[float], knots: Sequence[float]) -> Array:

@@ -8,10 +8,10 @@ from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording
 from tracking.metrics.clearmot import correspondence, fragmentations, switches
 from tracking.metrics.gospa import gospa
-from tracking.metrics.nees import nees
 from tracking.metrics.ospa import ospa2
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import pairs_within
+from tracking.numerics.distances import squared_distance
 
 HELD = 1.0  # m, from a person to the nearest track that holds them
 FAR = 10.0  # m, beyond which a track is of no person: cut-off of GOSPA, and of the errors that NEES counts
@@ -102,6 +102,6 @@ def score(recording: Recording, uav: int) -> Score:
         present=present,
         switches=int(switches(near).sum()),
         fragmentations=int(fragmentations(near, present).sum()),
-        position_nees=nees(errors[:, :2], P[:, :2, :2]),
-        state_nees=nees(errors[moving], P[moving]),
+        position_nees=squared_distance(errors[:, :2], P[:, :2, :2]),
+        state_nees=squared_distance(errors[moving], P[moving]),
     )

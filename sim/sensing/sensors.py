@@ -17,10 +17,10 @@ from tracking.detection.ground_measurement import whole_covariances
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array, Flags, Indices
-from tracking.numerics.factorisation import cholesky
 from tracking.numerics.matrices import applied
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.poisson import poisson
+from tracking.numerics.stacks import cholesky_factors
 from tracking.track import Scan
 
 
@@ -136,7 +136,7 @@ class Sensors:
         """
         z = np.array(output.ground, dtype=float).reshape(-1, 2)
         if len(z):
-            roots = cholesky(self._covariances(uav, pose, z))
+            roots = cholesky_factors(self._covariances(uav, pose, z))
             z = z + applied(roots, standard_normal(self._rng, z.shape))
         R = self._covariances(uav, pose, z)
         return Scan(uav, time, pose, z, R if output.errors is None else R + output.errors)

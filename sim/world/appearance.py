@@ -11,9 +11,9 @@ from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
+from tracking.numerics.exponential import power_each
 from tracking.numerics.normal import standard_normal
 from tracking.numerics.trigonometry import cos, sin
-from tracking.numerics.universal import power_each
 
 # Strengths with `randomise = true`, where the scenario gives no other.
 FULL: dict[str, float | bool] = {

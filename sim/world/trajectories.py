@@ -14,7 +14,7 @@ from sim.scenario.scenario import MOST_WALKED
 from sim.scenario.text_files import text
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import length
-from tracking.numerics.universal import arctan2_each
+from tracking.numerics.trigonometry import arctan2_each
 from tracking.plugins.registry import InputError
 
 SAMPLES_PER_SECOND = 60

@@ -13,10 +13,9 @@ from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
-from tracking.numerics.exponential import power
+from tracking.numerics.exponential import exp_each, power, power_each
 from tracking.numerics.normal import normal_cdf_each, standard_normal
 from tracking.numerics.trigonometry import arctan2
-from tracking.numerics.universal import exp_each, power_each
 from tracking.plugins.registry import InputError
 
 TRUNK_CLEARANCE = 0.4  # m, from a trunk's bark to a person's axis

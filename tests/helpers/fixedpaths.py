@@ -14,7 +14,7 @@ from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.fleet import step
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
-from tracking.metrics.nees import nees
+from tracking.numerics.distances import squared_distance
 from tracking.tracker import Scan, Track, Tracker, TrackerParameters
 
 SCANS = 101  # 20 s
@@ -120,7 +120,7 @@ def errors(mission: Mission, fusion: str) -> tuple[np.ndarray, np.ndarray]:
                 means = np.array([track.belief.mean for track in held])
                 P = np.array([track.belief.covariance for track in held])
                 e = means - mission.truth[k, ids]
-                out[k, u, ids] = np.column_stack([nees(e[:, :2], P[:, :2, :2]), nees(e, P)])
-                as_others = [nees(means - person, P) for person in mission.truth[k]]
+                out[k, u, ids] = np.column_stack([squared_distance(e[:, :2], P[:, :2, :2]), squared_distance(e, P)])
+                as_others = [squared_distance(means - person, P) for person in mission.truth[k]]
                 elsewhere[k, u, ids] = np.min(as_others, axis=0) < out[k, u, ids, 1]
     return out, elsewhere

@@ -9,12 +9,12 @@ from helpers.scenes import ABOVE, ALONE, AWAY, MOTION, H, tracker
 
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
-from tracking.management.initiation import Initiator, Tentative
+from tracking.management.initiation import Tentative, initiated
 from tracking.measurement_update import associate, scan_prediction
 from tracking.tracker import Scan, Track, TrackerParameters
 
 # No track is confirmed, deleted or joined to another: what is left is the filter.
-FILTER = {"sure": 1 - 1e-12, "doubt": 1e-300, "seen": 1 - 1e-12, "max_variance": 1e9, "recovery_after": math.inf}
+FILTER = {"sure": 1 - 1e-12, "doubt": 1e-300, "max_variance": 1e9, "recovery_after": math.inf}
 
 
 def normal(x, covariance):
@@ -146,7 +146,7 @@ def test_association_probabilities_are_those_of_all_hypotheses(seed):
         empty = 1 - p.detection_probability * seen
         before = scan_prediction(beliefs, np.array([a.r for a in people]), seen, empty, p)
         lost = 10 ** rng.uniform(-6, 0, len(scan.measurements))
-        _, beta, given, existence = associate(before, scan.measurements, scan.covariances, lost, p)
+        _, beta, given, existence = associate(before, scan.measurements, scan.covariances, lost, p.association)
         people, expected = after(people, scan, missed(people, visible, p), p, lost)
         np.testing.assert_allclose(beta, expected, rtol=0, atol=1e-9)
         np.testing.assert_allclose(existence, [a.r for a in people], rtol=0, atol=1.1e-9)
@@ -155,8 +155,9 @@ def test_association_probabilities_are_those_of_all_hypotheses(seed):
 
 @pytest.mark.parametrize("fusion", ["kla", "hcmci"])
 @pytest.mark.parametrize("seed", range(4))
-def test_tracks_after_one_to_three_scans_are_the_moments_of_all_hypotheses(seed, fusion):
+def test_tracks_after_one_to_three_scans_are_the_moments_of_all_hypotheses(seed, fusion, monkeypatch):
     """Labels, existence and beliefs; a Gaussian and independence after each scan are part of the definition."""
+    monkeypatch.setattr("tracking.tracker.SEEN", 1 - 1e-12)
     rng = np.random.default_rng([2, seed])
     for _ in range(15):
         people, settings = scene(rng)
@@ -187,7 +188,7 @@ def test_a_measurement_without_a_track_is_new_by_the_poisson_intensities(count):
     for j, (z, R) in enumerate(zip(scan.measurements, scan.covariances, strict=True)):
         r = math.fsum(w for kinds, w in weights.items() if kinds[j]) / math.fsum(weights.values())
         people.append(Person(j, r, H.T @ z, H.T @ R @ H + spread))
-    _, born = Initiator(p).step([], scan.measurements, scan.covariances, elapsed=1, visible=in_view)
+    _, born = initiated([], scan.measurements, scan.covariances, elapsed=1, visible=in_view, p=p)
     same(born, people)
 
 
@@ -203,6 +204,7 @@ def test_new_people_are_followed_as_all_hypotheses_say_until_confirmed(seed):
             people, scan = [a.predicted(settings["survival"] ** 0.2) for a in people], measured(rng, k, people, ABOVE)
             misses = [1 - p.detection_probability * p.gate_probability] * len(people)
             people, _ = after(people, scan, misses, p)
-            _, tentative = Initiator(p).step(tentative, scan.measurements, scan.covariances, elapsed=1, visible=in_view)
+            measurements = scan.measurements, scan.covariances
+            _, tentative = initiated(tentative, *measurements, elapsed=1, visible=in_view, p=p)
             same(tentative[: len(people)], people)
             tentative = tentative[: len(people)]

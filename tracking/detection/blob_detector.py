@@ -17,7 +17,7 @@ from tracking.geometry.visibility import TARGET_HEIGHT, Forest
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
-from tracking.numerics.factorisation import eigen
+from tracking.numerics.factorisation import eigensystems
 from tracking.numerics.matrices import applied, product
 
 # A component of more than this many mean silhouettes is more than one person.
@@ -107,7 +107,7 @@ def _split(lens: Lens, blob: Array) -> list[Array]:
         return [blob]
     people = min(max(2, round(len(blob) / area)), len(blob))
     offset = blob - blob.mean(axis=0)
-    principal = eigen(product(offset.T, offset))[1][:, -1]
+    principal = eigensystems(product(offset.T, offset)[None])[1][0, :, -1]
     order = np.argsort(applied(principal[None], offset)[:, 0], kind="stable")
     means = np.array([blob[part].mean(axis=0) for part in np.array_split(order, people)])
     for _ in range(10):
@@ -146,15 +146,9 @@ def located_detections(
 
     components (N,): the component that each blob was split from, as from `blobs_of`.
     """
-    found = detections_of(frame, blobs, components)
-    if forest is None:
-        return found
-    parts = [(k, places) for k, blob in enumerate(blobs) if (places := places_of(frame, blob, forest)) is not None]
-    if not parts:
-        return found
-    ground, covariances = found.ground.copy(), found.covariances.copy()
-    split = split_covariances(frame, found.pixels, components)
-    for k, places in parts:
-        mean, covariance, _ = places.posterior()
-        ground[k], covariances[k] = mean, covariance + split[k]
-    return replace(found, ground=ground, covariances=covariances)
+    found = detections_of(frame, blobs)
+    if forest is not None:
+        for k, blob in enumerate(blobs):
+            if (places := places_of(frame, blob, forest)) is not None:
+                found.ground[k], found.covariances[k], _ = places.posterior()
+    return replace(found, covariances=found.covariances + split_covariances(frame, found.pixels, components))

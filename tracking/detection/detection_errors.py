@@ -1,8 +1,7 @@
 """Covariance of a detection: error model of people seen whole, and of blobs that were split."""
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,17 +9,14 @@ from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.exponential import power
-from tracking.numerics.universal import exp_each
+from tracking.numerics.exponential import exp_each, power
 
 
-@dataclass(frozen=True)
-class WholeError:
+class WholeError(NamedTuple):
     """Error model of people seen whole: constants of the variance at nadir, and their growth off nadir.
 
-    The growths are factors of t and t², t being the tangent of the angle off nadir.
-    Fitted by `python -m sim.calibration` to rendered people in plain view at all headings, from 12 to 34 m above,
-    in images of 96 to 256 pixels that see 60 degrees, so that errors squared over variances average one.
+    The growths are factors of t and t², t being the tangent of the angle off nadir. Fitted by `python -m
+    sim.calibration`, so that errors squared over variances average one; docs/explanation/calibration.md says to what.
     """
 
     posture: float = 0.021  # m, standard deviation: limbs and stride
@@ -57,27 +53,14 @@ class WholeError:
         footprints (N, 2) m as from `pixel_footprints`, both gsd for a level camera. Up to `corner` these are then the
         polynomials of `variances`, times `excess`; beyond, growths are powers.
         """
-        return _detected(tangents, footprints, self._constants)
-
-    @cached_property
-    def _constants(self) -> tuple[Array, Array, Array]:
-        growths = (self.radial_posture, self.radial_rounding, self.tangential_posture, self.tangential_rounding)
-        numbers = np.array(
-            [self.posture, self.rounding, self.limb, self.corner, *np.ravel(growths), *self.powers, self.stretch]
-        )
-        return numbers, np.array(self.tangents), np.array(self.excess)
+        return _detected(tangents, footprints, self)
 
 
 WHOLE = WholeError()
 
 
-@dataclass(frozen=True)
-class SplitError:
-    """Additional error of detections from one blob that was split: occlusion of one person by another, and a wrong cut.
-
-    Fitted by `python -m sim.calibration` to rendered pairs that touch in the image, so that errors squared over
-    variances average one.
-    """
+class SplitError(NamedTuple):
+    """Additional error of detections from one blob that was split; fitted like `WholeError`, to pairs that touch."""
 
     base: float = 0.196  # m, standard deviation where the parts coincide
     radial: float = 1.487  # m, the same for each unit of the tangent of the angle off nadir
@@ -145,23 +128,23 @@ def pixel_footprints(lens: Lens, ground: Array) -> Array:
 
 
 @compiled
-def _detected(tangents: Array, footprints: Array, constants: tuple[Array, Array, Array]) -> Array:
-    numbers, knots, factors = constants
-    posture, rounding = numbers[0] * numbers[0], numbers[1] * numbers[1] / 12
-    limb, corner = numbers[2] * numbers[2], numbers[3]
+def _detected(tangents: Array, footprints: Array, error: WholeError) -> Array:
+    posture, limb = error.posture * error.posture, error.limb * error.limb
+    rounding = error.rounding * error.rounding / 12
+    growths = error.radial_posture, error.radial_rounding, error.tangential_posture, error.tangential_rounding
     growth = np.empty(4)
-    excess = np.interp(tangents, knots, factors)
+    excess = np.interp(tangents, np.array(error.tangents), np.array(error.excess))
     out = np.empty((len(tangents), 2))
     for k in range(len(tangents)):
-        within, beyond = min(tangents[k], corner), max(tangents[k] / corner, 1.0)
+        within, beyond = min(tangents[k], error.corner), max(tangents[k] / error.corner, 1.0)
         for j in range(4):
-            growth[j] = 1.0 + within * (numbers[4 + 2 * j] + numbers[5 + 2 * j] * within)
-            growth[j] *= power(beyond, numbers[12 + j])
+            growth[j] = 1.0 + within * (growths[j][0] + growths[j][1] * within)
+            growth[j] *= power(beyond, error.powers[j])
         # Rounding averages over a silhouette's pixels; that of its long sides over those in its length, the fewer if
         # they are long themselves.
         area, longer = footprints[k, 0] * footprints[k, 1], footprints[k, 0] / footprints[k, 1]
         for j in range(2):
-            grain = area * power(longer, j * numbers[16])
+            grain = area * power(longer, j * error.stretch)
             pixel = rounding * footprints[k, j] * footprints[k, j] * grain / (limb + grain)
             out[k, j] = excess[k] * (posture * growth[2 * j] + pixel * growth[2 * j + 1])
     return out

@@ -1,6 +1,6 @@
 """The interface of detectors: a camera's frame in, detections of people on the ground out."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -23,16 +23,11 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Detections:
-    """People found in one frame, from the image's top to its bottom.
-
-    A detector may leave out areas and boxes: trackers do not read them.
-    """
+    """People found in one frame, from the image's top to its bottom."""
 
     pixels: Array  # (N, 2) of each person's mid-height in the image, as if the whole person were seen
     ground: Array  # (N, 2) m
     covariances: Array  # (N, 2, 2) m², of `ground`
-    areas: Array = field(default_factory=lambda: np.zeros(0))  # (N,) visible, pixels
-    boxes: Array = field(default_factory=lambda: np.zeros((0, 4)))  # (N, 4) left, top, right, bottom edge, pixels
 
 
 class Detector(Protocol):

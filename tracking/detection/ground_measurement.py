@@ -24,23 +24,16 @@ _OUTLINE = np.array([(r * cos(angle), r * sin(angle), height) for height, r in _
 
 
 @np.errstate(divide="ignore", invalid="ignore")
-def detections_of(frame: Frame, blobs: list[Array], components: Indices | None = None) -> Detections:
-    """Detections of people from blobs, each the pixels (K, 2) of one person; components (N,) as from `blobs_of`.
+def detections_of(frame: Frame, blobs: list[Array]) -> Detections:
+    """Detections of people from blobs, each the pixels (K, 2) of one person who is seen whole.
 
     A silhouette's centroid stands for the person's mid-height, corrected for the part that the image's edge cuts off.
-    The covariance is that of a person seen whole, and wider where one component was split.
     """
     if not blobs:
         return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
     pixels = np.array([_centre(frame, blob) for blob in blobs])
     ground = frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT)
-    return Detections(
-        pixels,
-        ground,
-        whole_covariances(frame, ground) + split_covariances(frame, pixels, components),
-        np.array([float(len(blob)) for blob in blobs]),
-        np.array([[*(blob.min(axis=0) - 0.5), *(blob.max(axis=0) + 0.5)] for blob in blobs]),
-    )
+    return Detections(pixels, ground, whole_covariances(frame, ground))
 
 
 def whole_covariances(frame: Frame, ground: Array) -> Array:

@@ -11,7 +11,6 @@ from tracking.detection.detection_errors import WHOLE
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled
 
 Quadratic = tuple[float, float, float]
 
@@ -47,12 +46,18 @@ class NoiseModel:
 
     @property
     def coefficients(self) -> Array:
-        """Coefficients (7,) for `ground_covariance`: radial, tangential, minimum range."""
+        """Coefficients (7,) for compiled code: radial, tangential, minimum range."""
         return np.array([*self.radial, *self.tangential, self.minimum_range])
 
     def covariance(self, camera: Array, target: Array) -> Array:
         """R (2, 2) m² for a camera above `camera` (2,) m and a target at `target` (2,) m."""
-        xx, xy, yy = ground_covariance(target[0] - camera[0], target[1] - camera[1], self.coefficients)
+        dx, dy = float(target[0] - camera[0]), float(target[1] - camera[1])
+        d = math.sqrt(dx * dx + dy * dy)
+        cos, sin = (dx / d, dy / d) if d > 0.0 else (1.0, 0.0)
+        r = max(d, self.minimum_range)
+        along, across = (c[0] + r * (c[1] + r * c[2]) for c in (self.radial, self.tangential))
+        xx, yy = along * cos * cos + across * sin * sin, along * sin * sin + across * cos * cos
+        xy = (along - across) * cos * sin
         return np.array([[xx, xy], [xy, yy]])
 
 
@@ -60,16 +65,3 @@ def _in_range(polynomial: Array, height: float) -> Quadratic:
     """A polynomial in the tangent of the angle off nadir as one in the planar distance."""
     constant, slope, curve = (polynomial / [1.0, height, height * height]).tolist()
     return constant, slope, curve
-
-
-@compiled
-def ground_covariance(dx: float, dy: float, coefficients: Array) -> tuple[float, float, float]:
-    """R_xx, R_xy, R_yy [m²] for a target at (dx, dy) m from the point below the camera."""
-    c = coefficients
-    d = math.sqrt(dx * dx + dy * dy)
-    cos, sin = (dx / d, dy / d) if d > 0.0 else (1.0, 0.0)
-    r = max(d, c[6])
-    along = c[0] + r * (c[1] + r * c[2])
-    across = c[3] + r * (c[4] + r * c[5])
-    xx, yy = along * cos * cos + across * sin * sin, along * sin * sin + across * cos * cos
-    return xx, (along - across) * cos * sin, yy

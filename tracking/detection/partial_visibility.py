@@ -1,7 +1,6 @@
 """Location of people hidden in part by trees or the image's edge: Bayes' rule over a grid of places."""
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -27,11 +26,8 @@ _LEAST = 0.01
 # Places with a deviance that exceeds the least by more are left out: a probability of e^-10.
 _IMPROBABLE = 20.0
 
-_Constants = tuple[float, float, float, float]
 
-
-@dataclass(frozen=True)
-class PartError:
+class PartError(NamedTuple):
     """Error model of the visible part of a person, compared with that of a mean silhouette.
 
     Fitted by `python -m sim.calibration` so that errors squared over variances average one.
@@ -51,11 +47,6 @@ class PartError:
         (0.537, 0.562, 0.63, 0.642, 0.775, 0.987),
         (1.04, 0.455, 0.728, 0.722, 0.788, 0.972),
     )
-
-    @property
-    def constants(self) -> _Constants:
-        """Constants for compiled code."""
-        return self.posture, self.rounding, self.fringe, self.limb
 
     def factor(self, pixel: float, hidden: float) -> float:
         """Factor of the covariance for a pixel's edge [m] on the ground and the share that is hidden."""
@@ -96,7 +87,7 @@ class Places(NamedTuple):
 
     def posterior(self, error: PartError = PART) -> tuple[Array, Array, float]:
         """Mean (2,) m, covariance (2, 2) m² and the hidden share of a person, with a uniform prior over places."""
-        mean, covariance, hidden = _moments(self, _deviances(self, error.constants))
+        mean, covariance, hidden = _moments(self, _deviances(self, error))
         return mean, error.factor(self.pixel, hidden) * covariance, hidden
 
 
@@ -113,7 +104,7 @@ def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
     if not hidden:
         return None
     whole = whole_covariances(frame, np.array([clearing.origin]))[0]
-    places = _places(clearing, _seen(clearing, whole, area, len(blob)), lens.eye[2], PART.constants)
+    places = _places(clearing, _seen(clearing, whole, area, len(blob)), lens.eye[2], PART)
     return places if places.shares.max() >= _LEAST else None
 
 
@@ -171,16 +162,16 @@ def _all_open(lens: Lens, clearing: Clearing, blob: Array) -> bool:
 
 
 @compiled
-def _places(clearing: Clearing, seen: Seen, altitude: float, constants: _Constants) -> Places:
+def _places(clearing: Clearing, seen: Seen, altitude: float, error: PartError) -> Places:
     """Grid that covers all possible places of the person and no more."""
     silhouette = silhouette_of(clearing.distance, altitude)
-    rounding = constants[1] * constants[1] * max(seen.pixel[0, 0], seen.pixel[1, 1])
-    slack = 4 * math.sqrt(max(seen.whole[0, 0], seen.whole[1, 1]) + constants[0] * constants[0] + rounding)
+    rounding = error.rounding * error.rounding * max(seen.pixel[0, 0], seen.pixel[1, 1])
+    slack = 4 * math.sqrt(max(seen.whole[0, 0], seen.whole[1, 1]) + error.posture * error.posture + rounding)
     half = silhouette.half + slack
     low, high = (-silhouette.high - slack, -half), (slack - silhouette.low, half)
     # `int`, because numba compiles a function anew for each constant that it is given.
     coarse = _grid(clearing, seen, silhouette, (low, high), int(_COARSE))
-    deviances = _deviances(coarse, constants)
+    deviances = _deviances(coarse, error)
     least = deviances.min()
     if least == math.inf:
         return coarse
@@ -214,9 +205,9 @@ def _grid(clearing: Clearing, seen: Seen, silhouette: Silhouette, box: tuple[Pai
 
 
 @compiled
-def _deviances(places: Places, constants: _Constants) -> Array:
+def _deviances(places: Places, error: PartError) -> Array:
     """Deviances (M, N), twice the negative log-likelihoods of places but for a constant; inf where too little shows."""
-    posture, rounding, fringe, limb = constants
+    posture, rounding, fringe, limb = error.posture, error.rounding, error.fringe, error.limb
     seen, cell = places.seen, places.cell
     out = np.full(places.shares.shape, math.inf)
     for i in range(len(places.v)):

@@ -45,13 +45,6 @@ def with_shadows(clearing: Clearing, eye: Vector, cylinders: Array, reach: float
 
 
 @compiled
-def behind(clearing: Clearing, u: float, v: float) -> Clearing:
-    """The clearing with only the shadows that can hide a person at (u, v): no trunk hides people in front of it."""
-    c, distance = clearing, hypot(clearing.distance + u, v)
-    return Clearing(c.origin, c.away, c.distance, c.edges, c.footprint, c.shadows[c.shadows[:, 6] <= distance])
-
-
-@compiled
 def crossing(hull: Hull, v: float) -> Pair:
     """Interval of u in which the hull of two discs covers a row; (inf, -inf) if it does not."""
     u0, v0, r0, u1, v1, r1 = hull

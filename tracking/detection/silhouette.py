@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tracking.detection.clearing import Clearing
-from tracking.detection.shadows import behind, crossing, openings
+from tracking.detection.shadows import crossing, openings
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
@@ -89,11 +89,12 @@ def shown(clearing: Clearing, silhouette: Silhouette, u: Array, v: Array) -> Arr
 
     The moments are those of the coordinates relative to the person.
     """
-    out = np.zeros((len(v), len(u), 3))
+    out, c = np.zeros((len(v), len(u), 3)), clearing
     for i in range(len(v)):
         first = 0
-        while first < len(u):  # together those that the same shadows may hide
-            around = behind(clearing, u[first], v[i])
+        while first < len(u):  # together those that the same shadows may hide: no trunk hides people in front of it
+            near = c.shadows[:, 6] <= hypot(c.distance + u[first], v[i])
+            around = Clearing(c.origin, c.away, c.distance, c.edges, c.footprint, c.shadows[near])
             last = first + 1
             while last < len(u) and _same(clearing, v[i], (u[first], u[last])):
                 last += 1

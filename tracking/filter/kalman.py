@@ -1,4 +1,4 @@
-"""Gaussian beliefs, the nearly constant velocity model, and the prediction and update of the Kalman filter."""
+"""Gaussian beliefs, the nearly constant velocity model, and the prediction of the Kalman filter."""
 
 import math
 from dataclasses import dataclass, field
@@ -6,10 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from tracking.filter.linear_prediction import predict_linear
 from tracking.numerics.arrays import Array
-from tracking.numerics.factorisation import inverse
-from tracking.numerics.matrices import applied, product
+from tracking.numerics.compiled import compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,26 +87,20 @@ def nearly_constant_velocity(
     return NearlyConstantVelocity(dt, sigma_a)
 
 
-def innovation(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
-    """Residual of a ground measurement and its covariance.
-
-    z (2,) m, R (2, 2) m². Returns ν (2,) and S = H P Hᵀ + R (2, 2); stacks of all of them broadcast.
-    """
-    return Gaussian(z - predicted.mean[..., :2], predicted.covariance[..., :2, :2] + R)
-
-
-def update(predicted: Gaussian, z: Array, R: Array) -> Gaussian:
-    """Update a belief with a ground measurement z (2,) m of covariance R (2, 2) m², in Joseph's form."""
-    nu = innovation(predicted, z, R)
-    K = product(predicted.covariance[:, :2], inverse(nu.covariance))
-    left = np.eye(4)
-    left[:, :2] -= K
-    return Gaussian(
-        predicted.mean + applied(K, nu.mean), _congruent(left, predicted.covariance) + _congruent(K, np.asarray(R))
-    )
-
-
-def _congruent(outer: Array, inner: Array) -> Array:
-    """A B Aᵀ (n, n), exactly symmetric, of A (n, k) and a symmetric B (k, k)."""
-    made = product(product(outer, inner), outer.T)
-    return 0.5 * (made + made.T)
+@compiled
+def predict_linear(means: Array, covariances: Array, transition: tuple[float, float], Q: Array) -> tuple[Array, Array]:
+    """F ξ (T, 4) and the symmetric F P Fᵀ + Q (T, 4, 4), with F = [[I, w I], [0, l I]] by `transition` (w, l)."""
+    moved, spread, half = np.empty_like(means), np.empty_like(covariances), np.empty((4, 4))
+    way, left = transition
+    for t in range(len(means)):
+        for i in range(2):
+            moved[t, i] = means[t, i] + way * means[t, 2 + i]
+            moved[t, 2 + i] = left * means[t, 2 + i]
+            for j in range(4):
+                half[i, j] = covariances[t, i, j] + way * covariances[t, 2 + i, j]
+                half[2 + i, j] = left * covariances[t, 2 + i, j]
+        for i in range(4):
+            for j in range(i, 4):
+                total = half[i, j] + way * half[i, j + 2] if j < 2 else left * half[i, j]
+                spread[t, i, j] = spread[t, j, i] = total + Q[i, j]
+    return moved, spread

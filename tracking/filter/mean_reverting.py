@@ -6,8 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tracking.filter.kalman import NearlyConstantVelocity
-from tracking.filter.linear_prediction import predict_linear
+from tracking.filter.kalman import NearlyConstantVelocity, predict_linear
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.distances import length
@@ -24,10 +23,9 @@ class MeanRevertingVelocity(NearlyConstantVelocity):
 
     Over a scan v' = u + b (v - u) + a dt and p' = p + u dt + w (v - u) + a dt² / 2, with b = exp(-dt / 3 s) and
     w = (1 - b) 3 s. The long-run velocity u = `walking_speed` E v / √E |v|² is zero while the direction is unknown, and
-    is taken anew in each scan. So a running person is expected to slow down out of sight. Deviations of speed fade
-    thus; those across the direction would not. The covariance, which treats all directions alike, forgets at the mean
-    of the two rates, in 6 s. Source: [Millefiori16]; that u follows from the belief and from what the fleet has seen
-    of people, and the two rates, are ours.
+    is taken anew in each scan. Deviations of speed fade thus; those across the direction would not. The covariance,
+    which treats all directions alike, forgets at the mean of the two rates, in 6 s.
+    Source: [Millefiori16]; that u follows from the belief and from what was seen of people, and the rates, are ours.
     """
 
     walking_speed: float = field(kw_only=True)  # m/s

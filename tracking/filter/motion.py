@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Protocol
 from tracking.plugins.registry import InputError, Registry
 
 if TYPE_CHECKING:  # checking a name needs no arithmetic
-    from tracking.filter.kalman import Gaussian
     from tracking.numerics.arrays import Array
 
 # Each is called with dt [s], sigma_a [m/s²], max_speed and walking_speed [m/s], the scenario's keys, whether or not it
@@ -20,7 +19,7 @@ MOTION_MODELS = Registry(
         "mean-reverting": "tracking.filter.mean_reverting:mean_reverting_velocity",
         "ncv": "tracking.filter.kalman:nearly_constant_velocity",
     },
-    ("predict(belief)", "predict_all(means, covariances)"),
+    ("predict_all(means, covariances)",),
 )
 
 
@@ -30,9 +29,6 @@ class MotionModel(Protocol):
     @property
     def dt(self) -> float:
         """Duration of a step [s]."""
-
-    def predict(self, belief: Gaussian) -> Gaussian:
-        """Predict a belief one step ahead."""
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         """Predict a stack of beliefs one step ahead: means (T, 4), covariances (T, 4, 4)."""
@@ -61,12 +57,6 @@ class _Checked:
     name: str
     model: MotionModel
     dt: float
-
-    def predict(self, belief: Gaussian) -> Gaussian:
-        with MOTION_MODELS.errors(self.name, "predict"):
-            given = self.model.predict(belief)
-            means, covariances = _beliefs([given.mean], [given.covariance], 1)
-        return type(belief)(means[0], covariances[0])
 
     def predict_all(self, means: Array, covariances: Array) -> tuple[Array, Array]:
         with MOTION_MODELS.errors(self.name, "predict"):

@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 
-from tracking.geometry.lens import Lens
-from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, Forest, seen_samples
+from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import exp
-from tracking.numerics.stacks import cholesky_factors
 
 # Decrease of the log-likelihood of a second missed detection per width of the belief crossed meanwhile, and the share
 # of the mean velocity in that: a motion of all of the belief crosses one of its edges only. Beliefs are then as wide
@@ -17,29 +15,14 @@ from tracking.numerics.stacks import cholesky_factors
 _AGAIN, _TOGETHER = 8.5, 0.35
 
 
-def views_of(forest: Forest, beliefs: tuple[Array, Array], *frames: Lens | None) -> Flags:
-    """Flags (T, F, K) of the positions `visibility.SAMPLES` of beliefs that F frames show in plain view, None nothing.
-
-    beliefs: means (T, 4) and covariances (T, 4, 4); frames: camera and pose of a UAV, in this scan and before.
-    """
-    means, covariances = beliefs
-    roots = cholesky_factors(np.ascontiguousarray(covariances[:, :2, :2]))
-    views = np.zeros((len(means), len(frames), len(SAMPLES)), np.bool_)
-    for k, lens in enumerate(frames):
-        if lens:
-            views[:, k] = seen_samples(means, roots, lens, forest.blockers, forest.grid)
-    return views
-
-
 @compiled
 def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Array, detection: float) -> Array:
     """Likelihood (T, K) of no detection at the samples of beliefs, means (T, 4) and covariances (T, 4, 4).
 
-    views (T, 2, K): as from `views_of`, of one UAV or of any of several; elapsed (T,) s since the frames before;
-    detection: its probability in plain view.
-    Negative information of the last frames is already in the belief, but for the tails that a Gaussian has again in the
-    empty place. A second look at an empty place says only that no person has come there since. So where frames of both
-    times show a place, the likelihood falls with the share of the belief that people cross between them.
+    views (T, 2, K): samples that frames of this scan, and those before, show, of one UAV or of any of several; elapsed
+    (T,) s since the frames before; detection: its probability in plain view.
+    A second look at an empty place says only that no person has come there since. So where frames of both times show a
+    place, the likelihood falls with the share of the belief that people cross between them.
     Note: this is ours; tests/tracking/filter compares it with particle filters. The last frames are taken to be in the
     belief also if they showed all of it, which is no information, or if the fleet did not hold the track then.
     """
@@ -74,9 +57,7 @@ def negative_information_update(predicted: tuple[Array, Array], missed: Array) -
     """Beliefs after a scan without a detection: Bayes' rule over samples.
 
     predicted: means (T, 4) and covariances (T, 4, 4); missed (T, K): the likelihood of no detection at each of the
-    positions `tracking.geometry.visibility.SAMPLES`.
-    The mass moves out of the visible places, behind trees or out of the field of view, and by correlation the velocity
-    changes, too. The result is the Gaussian of equal moments.
+    positions `tracking.geometry.visibility.SAMPLES`. The result is the Gaussian of equal moments.
     State = mean + G u + a rest independent of the position, with u the standardised position: P_pp = L Lᵀ, G Lᵀ = P_xp.
     Source: [Koch04], with samples where it uses mixtures.
     """

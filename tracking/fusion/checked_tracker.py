@@ -126,10 +126,10 @@ def checked_message(given: object) -> Message:
     count = len(given.ids)
     _whole("scan", given.scan, ())
     _instants("time", given.time, ())
-    _instants("partition", given.partition, (2,))
-    _instants("deleted", given.deleted or np.zeros((0, 2)), (len(given.deleted), 2))
     sent = replace(
         given,
+        partition=_numbered("partition", [given.partition])[0],
+        deleted=_numbered("deleted", given.deleted),
         ids=_whole("ids", given.ids, (count,)),
         names=_whole("names", given.names, (count, 2)),
         shares=checked_array("shares", given.shares, (count, INFORMATION + 2)),
@@ -156,9 +156,19 @@ def _whole(name: str, given: object, shape: tuple[int, ...]) -> Indices:
     return found.astype(np.int64)
 
 
+def _numbered(name: str, given: Sequence[Any]) -> tuple[tuple[int, float], ...]:
+    """Pairs of a whole number of at least 0, of a UAV or a track, and a time [s]."""
+    if not len(given):
+        return ()
+    _instants(name, given, (len(given), 2))
+    if any(not 0 <= number < _LARGEST_ID or number != int(number) for number, _ in given):
+        raise Unusable(f"{name} are of other numbers than whole ones of at least 0")
+    return tuple((int(number), float(time)) for number, time in given)
+
+
 def _instants(name: str, given: object, shape: tuple[int, ...]) -> Array:
     """Times, or places and times, of which those that never were are -inf."""
-    found = numbers(name, given, 3 * _MOST)
+    found = numbers(name, given, 4 * _MOST)
     if found.shape != shape or np.isnan(found).any() or np.any(found == np.inf):
         raise Unusable(f"{name} are no table {shape} of numbers")
     return found

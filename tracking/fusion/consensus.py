@@ -16,13 +16,10 @@ _History = tuple[Array, Indices, Indices, Array]  # times, views, misses and sig
 def fuse(members: Sequence[Member], adjacency: Flags, rounds: int, lost: Flags | None = None) -> Indices:
     """Exchange rounds of messages over the undirected graph `adjacency` (n, n), its diagonal aside.
 
-    Each UAV hands a neighbour the share 1 / (1 + max(degrees)) of its information (Metropolis weights) and keeps the
-    rest. So the fleet's sum is conserved, under any ids, where losses are mutual. In any case the ratio of weighted
-    information to weight tends to a weighted average everywhere. Novel information is mixed likewise.
+    Each UAV hands a neighbour the share 1 / (1 + max(degrees)) of its information (Metropolis weights).
     Source: [Battistelli14], with weights that differ by UAV, and [Battistelli15].
     Note: the shares of all UAVs are mixed along, in place of the factor of their number that undoes the mixing of
-    novel information. So nothing counts more than once where messages are lost, though some of it then counts less.
-    UAVs without novel information do not dilute it.
+    novel information, so that nothing counts more than once where messages are lost.
 
     lost (rounds, n, n): flags of the messages from UAV j that are lost on the way to UAV i, unknown beforehand.
     Every scan ends with this, also for one UAV: tracks are deleted here. Returns the bytes sent by each UAV (n,).

@@ -11,7 +11,7 @@ from tracking.fusion.message import INFORMATION, Message
 from tracking.fusion.rule import LocalBeliefs, fusion_rule
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.compiled import compiled
-from tracking.parameters import TrackerParameters
+from tracking.parameters import SEEN, TrackerParameters
 from tracking.track import Track, TrackTable, tracks_of
 
 UNSEEN = 1e-9  # least weight of a belief in the fleet's average: it matters only if no UAV had the person in view
@@ -20,9 +20,8 @@ UNSEEN = 1e-9  # least weight of a belief in the fleet's average: it matters onl
 SURE = 0.99
 _IN_TOUCH = 1.0  # s for which a UAV stays in a partition of the fleet without a message from its leader
 _CERTAIN = 1.0 - 2e-9  # existence from which on it is 1, as log-odds are kept finite
-# Of a track that is new and of one known at the start, which count as sighted in their first scan; the code
-# distinguishes the two by identity.
-_NEW, _UNKNOWN = np.full(7, -np.inf), np.full(7, -np.inf)
+# Of a track that is new or known at the start, which counts as sighted in its first scan.
+_UNSIGHTED = np.full(7, -np.inf)
 
 
 class Link:
@@ -86,17 +85,18 @@ class TrackExchange:
 
     def __init__(self, uav: int, parameters: TrackerParameters, initial: Sequence[Track] = ()) -> None:
         """`initial` tracks are the same on all UAVs."""
-        self._seen, self._link, self._born = parameters.seen, Link(uav, parameters), 0
+        self._link = Link(uav, parameters)
         # Of each track that the fleet knows or that is new: its times and its sighting, as in a message.
-        self._known = {t.id: _UNKNOWN for t in initial}
+        self._known = {t.id: _UNSIGHTED for t in initial}
+        self._new: set[int] = set()  # ids of tracks that begin in this scan, of which the fleet does not know yet
 
     def new_id(self) -> int:
         """An id for a track that begins in this scan."""
-        if self._born == LABELS_PER_SCAN // 2:
-            raise ValueError(f"at most {self._born} tracks may begin in a scan")
-        id = new_label(self._link.scans + 1, self._link.uav, self._born)
-        self._born += 1
-        self._known[id] = _NEW
+        if len(self._new) == LABELS_PER_SCAN // 2:
+            raise ValueError(f"at most {len(self._new)} tracks may begin in a scan")
+        id = new_label(self._link.scans + 1, self._link.uav, len(self._new))
+        self._new.add(id)
+        self._known[id] = _UNSIGHTED
         return id
 
     def message(self, degree: int, time: float, tracks: Sequence[Track], detected: Mapping[int, float]) -> Message:
@@ -110,9 +110,9 @@ class TrackExchange:
         ids = [track.id for track in held]
         self._check(ids, detected)
         self._link.begin(time)
-        self._link.delete(id for id, last in self._known.items() if id not in ids and last is not _NEW)
+        self._link.delete(id for id in self._known if id not in ids and id not in self._new)
         chances = np.array([detected.get(id, 0.0) for id in ids])
-        marks = np.column_stack([chances >= self._seen] * 2 + [chances >= SURE])
+        marks = np.column_stack([chances >= SEEN] * 2 + [chances >= SURE])
         history = np.array([self._known[id] for id in ids], dtype=float).reshape(-1, 7)
         history[:, :3][marks] = time
         table = TrackTable.of(held, np.maximum(chances, UNSEEN), history[:, :4])
@@ -130,7 +130,7 @@ class TrackExchange:
         existence[existence >= _CERTAIN] = 1.0
         sightings = message.sighted()
         self._link.accept(message)
-        self._born = 0
+        self._new = set()
         histories = np.concatenate([message.times, sightings], axis=1)
         self._known = dict(zip(message.ids.tolist(), histories, strict=True))
         return tracks_of(message.ids, means, covariances, existence, sightings)

@@ -80,7 +80,6 @@ def split_information(prior: tuple[Array, Array], posterior: tuple[Array, Array]
 
     prior: means (T, 4) and covariances (T, 4, 4); posterior: information vectors (T, 4, 1) and matrices (T, 4, 4).
     With Ω⁻ = L Lᵀ and Ω⁺ = L diag(λ) Lᵀ the prior part is L diag(min(1, λ)) Lᵀ, the novel one L diag(max(λ - 1, 0)) Lᵀ.
-    Neither is ever indefinite, though association may leave a posterior wider than the prior along some axis.
     The novel part takes the shift of the mean up to that of a measurement with this much information at the distance
     `reach` (T,), in prior standard deviations. The prior part takes the rest.
     Source: [Battistelli15], whose measurements have an information matrix of their own.

@@ -13,7 +13,7 @@ from tracking.management.reacquisition import farthest
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.compiled import elementwise
-from tracking.numerics.distances import length, pair_distances
+from tracking.numerics.distances import length, pair_costs
 from tracking.numerics.exponential import log
 
 _LABELLED = 1.5  # log-likelihood ratio of a common id: partitions give it to one person rather than to two
@@ -74,12 +74,11 @@ def _latest(rows: Sequence[Indices], times: Sequence[Array], count: int) -> Arra
 def likelihood_ratios(states: LatestTracks, max_speed: float) -> Array:
     """Logarithms (G, G) of the likelihood that two tracks are of one person, over that of two people.
 
-    Of one person the states are equal: the density is that of the difference of the beliefs. A person out of
-    sight may have turned: with a small probability the place is anywhere within reach of the last detection. Of two
-    people, one is unknown to a UAV that has the other track, at any place and of any velocity.
+    Of one person the states are equal, or a person out of sight has turned and is anywhere within reach of the last
+    detection. Of two people, one is unknown to a UAV that has the other track, at any place and of any velocity.
     Note: of the two densities of one person the larger counts, rather than their weighted sum.
     """
-    _, cost = pair_distances(states[:2], states[:2])
+    cost = pair_costs(states[:2], states[:2])
     elsewhere = log(_UNKNOWN / (math.pi * max_speed * max_speed))
     ratios = -0.5 * cost - 2.0 * log(2.0 * math.pi) - elsewhere
     reach, within = _reach(states, max_speed)
@@ -133,9 +132,9 @@ def _joined(
     """Group (G,) of each track, named by its first one, and flags (G,) of tracks that end.
 
     labels: those of each track; holders (G, N): flags of the UAVs that hold each; born (G,): flags of tracks begun in
-    this scan. UAV by UAV one assignment joins the tracks that the UAVs before do not hold to groups of others, new
-    tracks after all others: a new track and a lost one of the same UAV may both be of the person that another UAV has.
-    A group out of sight ends if its person was seen later, within reach, as another track of its only id.
+    this scan. UAV by UAV one assignment joins the tracks that the UAVs before do not hold to groups of others; new
+    tracks after all others, as one and a lost one of a UAV may both be of the person that another UAV has. A group out
+    of sight ends if its person was seen later, within reach, as another track of its only id.
     """
     common = np.array([[not one.isdisjoint(other) for other in labels] for one in labels], dtype=np.bool_)
     common = common.reshape(len(labels), len(labels))

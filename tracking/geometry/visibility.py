@@ -7,14 +7,13 @@ from typing import Literal
 
 import numpy as np
 
-from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.lens import Lens, in_image
 from tracking.geometry.line_of_sight import Grid, blocked, gridded, unobstructed
 from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.compiled import compiled
+from tracking.numerics.exponential import exp_each
 from tracking.numerics.normal import normal_quantiles
 from tracking.numerics.stacks import cholesky_factors
-from tracking.numerics.universal import exp_each
 
 # Half of a walking person's 1.7 m: the height of the one point that stands for a person.
 TARGET_HEIGHT = 0.85
@@ -117,25 +116,29 @@ def _centroids(count: int) -> Array:
 
 
 # Equally probable points that stand for a standard normal distribution of the plane (36, 2), and the variance along
-# each axis of the part that each stands for. The averaged functions jump from 0 to 1, where rules for smooth functions
-# fail: three Gauss-Hermite points per axis give 1/6 or 5/6 at an edge through the mean. With an even number per axis
-# no point lies on such an edge, and the moments of either side are exact.
+# each axis of the part that each stands for. With an even number per axis no point lies on an edge through the mean,
+# and the moments of either side are exact; rules for smooth functions, as Gauss and Hermite's, give 1/6 or 5/6 there.
 SAMPLES = np.array([(a, b) for a in _centroids(6) for b in _centroids(6)])
 SAMPLE_VARIANCE = float(1.0 - np.mean(np.square(_centroids(6))))
 
 
-def visible_samples(camera: Camera, pose: Pose, means: Array, covariances: Array, forest: Forest) -> Flags:
-    """Flags (N, 36) of the samples of each Gaussian that are inside the image and not hidden.
+def visible_samples(forest: Forest, beliefs: tuple[Array, Array], *frames: Lens | None) -> Flags:
+    """Flags (N, F, 36) of the samples of each belief that F frames show in plain view: in the image and not hidden.
 
-    means (N, 2 or 4) m, covariances (N, 2, 2) m²; the points are mean + L `SAMPLES`, with L Lᵀ the covariance.
+    beliefs: means (N, 2 or 4) and covariances (N, 2 or 4, 2 or 4) in m; the points are mean + L `SAMPLES`, with L Lᵀ
+    the covariance of the position. frames: as `Camera.lens` has them; None shows nothing.
     """
-    spreads = np.ascontiguousarray(covariances)
-    return seen_samples(means, cholesky_factors(spreads), camera.lens(pose), forest.blockers, forest.grid)
+    means, covariances = beliefs
+    roots = cholesky_factors(np.ascontiguousarray(covariances[:, :2, :2]))
+    views = np.zeros((len(means), len(frames), len(SAMPLES)), np.bool_)
+    for k, lens in enumerate(frames):
+        if lens:
+            views[:, k] = _seen_samples(means, roots, lens, forest.blockers, forest.grid)
+    return views
 
 
 @compiled
-def seen_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
-    """Flags (N, 36) of the points mean + root `SAMPLES` that are inside the image and not hidden, for compiled code."""
+def _seen_samples(means: Array, roots: Array, lens: Lens, cylinders: Array, grid: Grid) -> Flags:
     origin = lens[0][0], lens[0][1], lens[0][2]
     seen = np.empty((len(means), len(SAMPLES)), dtype=np.bool_)
     for i in range(len(means)):

@@ -4,7 +4,7 @@ import numpy as np
 
 from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
-from tracking.numerics.distances import pair_distances
+from tracking.numerics.distances import squared_distance
 
 # Sum of two probabilities, of existence or of a detection, below which they are rather of one person than of two.
 _ONE = 1.5
@@ -32,7 +32,7 @@ def without_measurement(gates: Indices, detected: Array) -> Flags:
 
     gates (G, 2): pairs of a track and a measurement in its gate; detected (T,): probabilities that one of them is the
     person's. Those of two tracks that compete for one measurement add up to one: the first has it if they are about
-    as likely, else the likelier. So by m of n scans, too, one of two tracks of one person ends.
+    as likely, else the likelier.
     """
     inside = np.zeros((len(detected), gates[:, 1].max() + 1 if len(gates) else 0), dtype=np.bool_)
     for g in range(len(gates)):
@@ -49,15 +49,15 @@ def shared_people(beliefs: tuple[Array, Array], existence: Array, among: Flags, 
     """Pairs (kept, other) of tracks that are of one person between them, the nearest pairs first, each track in one.
 
     beliefs: means (T, 4) and covariances (T, 4, 4); existence (T,); among (T,): flags of those that may be; gate: the
-    squared distance allowed. Where two tracks compete for one person's measurements, their probabilities of existence
-    add up to one. One track with the sum of them is nearer to this than two halves. The first is kept of two that are
-    about as likely, else the likelier.
+    squared distance allowed. Probabilities of existence of two tracks that compete for one person's measurements add up
+    to one. The first is kept of two that are about as likely, else the likelier.
     Note: this is ours; [Williams15] approximates by tracks in their order, and lets two halves be.
     """
     rows = _with_rivals(existence, among)
     if len(rows) < 2:
         return []
-    distance, _ = pair_distances(*[(beliefs[0][rows], beliefs[1][rows])] * 2)
+    means, covariances = beliefs[0][rows], beliefs[1][rows]
+    distance = squared_distance(means[:, None] - means, covariances[:, None] + covariances)
     near = np.triu((distance <= gate) & (existence[rows][:, None] + existence[rows] < _ONE), 1)
     pairs: list[tuple[int, int]] = []
     for a, b in sorted(np.argwhere(near).tolist(), key=lambda pair: distance[pair[0], pair[1]]):

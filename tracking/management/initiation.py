@@ -27,80 +27,73 @@ class Tentative:
     unseen: int = 0  # steps of motion since its last measurement
 
 
-@dataclass(frozen=True)
-class Initiator:
-    """Initiator by probability of existence, or by m of n where `life` says so.
+def initiated(
+    tentative: list[Tentative], z: Array, R: Array, *, elapsed: int, visible: VisibleSamples, p: TrackerParameters
+) -> tuple[list[Tentative], list[Tentative]]:
+    """Confirmed and remaining tentative tracks after a scan, `elapsed` steps of motion later.
 
-    A measurement that no track explains is of a new person or clutter: a track starts with the probability
-    birth_density / (birth_density + clutter_density). It is confirmed at `sure`, and ends below `doubt` times its
-    start, or after `PATIENCE` s without a measurement. By m of n, it needs so many measurements within its first n
-    scans. A measurement counts that is the track's with a probability above one half.
-    Source: [Musicki04], [Williams15].
+    z (N, 2) m, R (N, 2, 2) m²: measurements that no track explains; visible: function that flags samples in view.
+    A track starts with the probability of existence birth_density / (birth_density + clutter_density). It is confirmed
+    at `sure`, and ends below `doubt` times its start, or after `PATIENCE` s without a measurement. By m of n, it needs
+    so many measurements within its first n scans. A measurement counts that is the track's with a probability above
+    one half. Source: [Musicki04], [Williams15].
     """
+    if not tentative and not len(z):
+        return [], []
+    grown, known = _updated(tentative, z, R, (elapsed, visible), p)
+    grown += [_started(z[j], R[j], p) for j in np.flatnonzero(~known).tolist()]
+    verdicts = [_verdict(t, p) for t in grown]
+    confirmed = [t for t, verdict in zip(grown, verdicts, strict=True) if verdict]
+    return confirmed, [t for t, verdict in zip(grown, verdicts, strict=True) if verdict is None]
 
-    parameters: TrackerParameters
 
-    def step(
-        self, tentative: list[Tentative], z: Array, R: Array, *, elapsed: int, visible: VisibleSamples
-    ) -> tuple[list[Tentative], list[Tentative]]:
-        """Confirmed and remaining tentative tracks after a scan, `elapsed` steps of motion later.
+def _start(p: TrackerParameters) -> float:
+    return p.birth_density / (p.birth_density + p.clutter_density)
 
-        z (N, 2) m, R (N, 2, 2) m²; visible: function that flags the samples of beliefs in view.
-        """
-        if not tentative and not len(z):
-            return [], []
-        grown, known = self._updated(tentative, z, R, elapsed, visible)
-        grown += [self._started(z[j], R[j]) for j in np.flatnonzero(~known).tolist()]
-        verdicts = [self._verdict(t) for t in grown]
-        confirmed = [t for t, verdict in zip(grown, verdicts, strict=True) if verdict]
-        return confirmed, [t for t, verdict in zip(grown, verdicts, strict=True) if verdict is None]
 
-    def _start(self) -> float:
-        p = self.parameters
-        return p.birth_density / (p.birth_density + p.clutter_density)
+def _started(z: Array, R: Array, p: TrackerParameters) -> Tentative:
+    """Track at a measurement z (2,) m with covariance R (2, 2) m².
 
-    def _started(self, z: Array, R: Array) -> Tentative:
-        """Track at a measurement z (2,) m with covariance R (2, 2) m².
+    Its velocity is zero with the variance of velocities spread evenly up to `max_speed` m/s in all directions, a
+    quarter of its square along each axis.
+    """
+    covariance = np.zeros((4, 4))
+    covariance[:2, :2] = R
+    covariance[2, 2] = covariance[3, 3] = p.max_speed * p.max_speed / 4
+    belief = Gaussian(np.array([z[0], z[1], 0.0, 0.0]), covariance)
+    return Tentative(belief, 1.0 if p.life == "m_of_n" else _start(p))
 
-        Its velocity is zero with the variance of velocities spread evenly up to `max_speed` m/s in all directions, a
-        quarter of its square along each axis.
-        """
-        covariance = np.zeros((4, 4))
-        covariance[:2, :2] = R
-        covariance[2, 2] = covariance[3, 3] = self.parameters.max_speed * self.parameters.max_speed / 4
-        belief = Gaussian(np.array([z[0], z[1], 0.0, 0.0]), covariance)
-        return Tentative(belief, 1.0 if self.parameters.life == "m_of_n" else self._start())
 
-    def _verdict(self, track: Tentative) -> bool | None:
-        """True if the track is confirmed, False if it ends."""
-        p = self.parameters
-        if p.life == "m_of_n":
-            m, n = p.confirm
-            if track.hits >= m:
-                return True
-            return False if track.hits + n - track.scans < m else None
-        if track.existence >= p.sure:
+def _verdict(track: Tentative, p: TrackerParameters) -> bool | None:
+    """True if the track is confirmed, False if it ends."""
+    if p.life == "m_of_n":
+        m, n = p.confirm
+        if track.hits >= m:
             return True
-        late = track.unseen > round(PATIENCE / p.motion.dt)
-        return False if late or track.existence < p.doubt * self._start() else None
+        return False if track.hits + n - track.scans < m else None
+    if track.existence >= p.sure:
+        return True
+    late = track.unseen > round(PATIENCE / p.motion.dt)
+    return False if late or track.existence < p.doubt * _start(p) else None
 
-    def _updated(
-        self, tentative: list[Tentative], z: Array, R: Array, elapsed: int, visible: VisibleSamples
-    ) -> tuple[list[Tentative], Flags]:
-        """Tentative tracks after a scan, and flags (N,) of the measurements that they explain."""
-        p = self.parameters
-        means = np.array([t.belief.mean for t in tentative]).reshape(-1, 4)
-        covariances = np.array([t.belief.covariance for t in tentative]).reshape(-1, 4, 4)
-        for _ in range(elapsed):
-            means, covariances = p.motion.predict_all(means, covariances)
-        existence = np.array([t.existence for t in tentative], dtype=float) * power(p.step_survival, elapsed)
-        detectable = visible(means, covariances).mean(axis=1)
-        before = ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
-        after = scan_update(before, z, R, np.zeros(len(z)), p)
-        seen = after.missed < 0.5
-        rows = zip(tentative, after.means, after.covariances, seen, after.existence.tolist(), strict=True)
-        grown = [
-            Tentative(Gaussian(mean, covariance), r, t.hits + hit, t.scans + 1, 0 if hit else t.unseen + elapsed)
-            for t, mean, covariance, hit, r in rows
-        ]
-        return grown, after.explained
+
+def _updated(
+    tentative: list[Tentative], z: Array, R: Array, step: tuple[int, VisibleSamples], p: TrackerParameters
+) -> tuple[list[Tentative], Flags]:
+    """Tentative tracks after a scan, and flags (N,) of the measurements that they explain."""
+    elapsed, visible = step
+    means = np.array([t.belief.mean for t in tentative]).reshape(-1, 4)
+    covariances = np.array([t.belief.covariance for t in tentative]).reshape(-1, 4, 4)
+    for _ in range(elapsed):
+        means, covariances = p.motion.predict_all(means, covariances)
+    existence = np.array([t.existence for t in tentative], dtype=float) * power(p.step_survival, elapsed)
+    detectable = visible(means, covariances).mean(axis=1)
+    before = ScanPrediction(means, covariances, (means, covariances), existence, detectable, detectable)
+    after = scan_update(before, z, R, np.zeros(len(z)), p)
+    seen = after.missed < 0.5
+    rows = zip(tentative, after.means, after.covariances, seen, after.existence.tolist(), strict=True)
+    grown = [
+        Tentative(Gaussian(mean, covariance), r, t.hits + hit, t.scans + 1, 0 if hit else t.unseen + elapsed)
+        for t, mean, covariance, hit, r in rows
+    ]
+    return grown, after.explained

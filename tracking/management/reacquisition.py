@@ -7,7 +7,7 @@ import numpy as np
 from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.assignment import most_pairs
 from tracking.numerics.compiled import compiled
-from tracking.numerics.distances import length, pair_distances
+from tracking.numerics.distances import length, pair_costs
 from tracking.numerics.exponential import exp
 from tracking.parameters import TrackerParameters
 
@@ -35,9 +35,7 @@ def turned_density(
     """Density (N,) 1/m² of lost people after a turn, at measurements z (N, 2) m with noise R (N, 2, 2) m².
 
     sightings (T, 3) as in `lost_tracks`; existence (T,); times: of the scan before and of this one [s].
-    After a turn a person is about the last place, with a standard deviation of half the distance within reach. So lost
-    people are in part a Poisson process, as unknown ones are. What is rather of this process than of a track starts a
-    new track, which replaces a belief that missed a turn.
+    After a turn a person is about the last place, with a standard deviation of half the distance within reach.
     Source: [Williams15], recycling, here by the time since the last detection.
     Note: the track keeps its whole existence, and a person after a turn is taken to be detected for sure.
     """
@@ -75,10 +73,9 @@ def reacquisitions(
 
     born and lost: means (B or L, 4) and covariances (B or L, 4, 4) at time `now` s; seen (L, 3): sightings of the lost.
     A lost person can have moved from the last sighting at no more than `max_speed` m/s. Among the pairs within reach,
-    one assignment finds the likeliest, however unlikely its beliefs: a lost person is likelier to turn up than an
-    unknown one, and a belief that did not foresee a turn behind a tree is wrong rather than another person's.
+    one assignment finds the likeliest, however unlikely its beliefs, which did not foresee turns behind trees.
     """
     positions = ((means[:, :2], covariances[:, :2, :2]) for means, covariances in (born, lost))
-    _, cost = pair_distances(*positions)
+    cost = pair_costs(*positions)
     gaps = length(seen[None, :, :2] - born[0][:, None, :2])
     return most_pairs(gaps <= farthest(now - seen[:, 2], max_speed), cost)

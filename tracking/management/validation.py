@@ -1,14 +1,13 @@
-"""Validation of scans and initial tracks that a tracker is given."""
+"""Validation of the scans that a tracker is given."""
 
 import math
 
 import numpy as np
 
-from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
-from tracking.numerics.factorisation import eigen
+from tracking.numerics.distances import length
 
 # Rounding may leave this share of a covariance's trace between its off-diagonal elements.
 _ASYMMETRY = 1e-9
@@ -36,35 +35,12 @@ def checked_scan(time: float, pose: Pose, measurements: Array, covariances: Arra
     raise ValueError(f"covariances[{wrong}] must be finite, symmetric and positive definite, is {R[wrong].tolist()}")
 
 
-def check_track(id: int, belief: Gaussian, existence: float) -> None:
-    """Raise ValueError for an initial track that is no Gaussian belief on a person."""
-    mean, covariance = np.asarray(belief.mean), np.asarray(belief.covariance)
-    if mean.shape != (4,) or not np.isfinite(mean).all():
-        raise ValueError(f"mean of track {id} must be four finite numbers, is {mean.tolist()}")
-    if covariance.shape != (4, 4) or not _definite(covariance):
-        what = "finite, symmetric and positive definite (4, 4)"
-        raise ValueError(f"covariance of track {id} must be {what}, is {covariance.tolist()}")
-    if not 0.0 < existence <= 1.0:
-        raise ValueError(f"existence of track {id} must be in (0, 1], is {existence}")
-
-
-def _definite(covariance: Array) -> bool:
-    if not np.isfinite(covariance).all():
-        return False
-    asymmetry = np.abs(covariance - covariance.T).max()
-    return bool(asymmetry <= _ASYMMETRY * np.trace(covariance) and eigen(covariance)[0].min() > 0.0)
-
-
 def _check_pose(pose: Pose) -> None:
     position, quaternion = (_floats(f"pose.{name}", getattr(pose, name)) for name in ("position", "quaternion"))
     if position.shape != (3,) or not all(map(math.isfinite, position.tolist())):
         raise ValueError(f"pose.position of a scan must be three finite numbers, is {position.tolist()}")
-    if quaternion.shape != (4,) or not abs(_norm(*quaternion.tolist()) - 1.0) <= QUATERNION_TOLERANCE:
+    if quaternion.shape != (4,) or not abs(length(quaternion) - 1.0) <= QUATERNION_TOLERANCE:
         raise ValueError(f"pose.quaternion of a scan must be four numbers of norm 1, is {quaternion.tolist()}")
-
-
-def _norm(x: float, y: float, z: float, w: float) -> float:
-    return math.sqrt(x * x + y * y + z * z + w * w)
 
 
 def _floats(name: str, values: Array) -> Array:

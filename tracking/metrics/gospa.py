@@ -8,8 +8,7 @@ from tracking.metrics.ospa import checked_positions
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import least_costs
 from tracking.numerics.distances import length
-from tracking.numerics.exponential import power
-from tracking.numerics.universal import power_each
+from tracking.numerics.exponential import power, power_each
 
 
 class Gospa(NamedTuple):

@@ -2,22 +2,12 @@
 
 from scipy.special import gammaincinv
 
-from tracking.numerics.arrays import Array
-from tracking.numerics.distances import squared_distance
-
-
-def nees(errors: Array, covariances: Array) -> Array:
-    """Normalised estimation error squared (...): e' P^-1 e of errors e (..., d) with covariances P (..., d, d).
-
-    For a consistent Gaussian belief it is chi-square distributed with d degrees of freedom, so d on average.
-    Source: [BarShalom11].
-    """
-    return squared_distance(errors, covariances)
-
 
 def nees_interval(count: int, dof: int) -> tuple[float, float]:
     """Interval of the mean NEES of `count` errors of `dof` dimensions for consistent beliefs, with 95 %.
 
+    The NEES of an error e with covariance P is e' P^-1 e, as `numerics.distances.squared_distance` has it. For a
+    consistent Gaussian belief it is chi-square distributed with `dof` degrees of freedom, so `dof` on average.
     The errors must be independent of one another, as those of different seeds are. Errors of one track at successive
     scans, and of UAVs that share measurements, are not: their mean varies more than the interval.
     Source: [BarShalom11].

@@ -7,8 +7,7 @@ import numpy as np
 from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import least_costs
 from tracking.numerics.distances import length
-from tracking.numerics.exponential import power
-from tracking.numerics.universal import power_each
+from tracking.numerics.exponential import power, power_each
 
 
 class Ospa(NamedTuple):
@@ -35,8 +34,7 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
     A trajectory is a column: its position at each of K instants, NaN where it is absent. The distance of two is the
     mean of their distances, cut off at c, over the instants at which either is present; where only one is, that is c.
     So one pairing holds for all instants: a track that changes from one person to another costs for both. Columns
-    that are never present do not count. For the last instants alone, see `ospa2_over_time`.
-    Source: [Beard20].
+    that are never present do not count. Source: [Beard20].
     """
     X, Y = np.asarray(estimates, dtype=float), np.asarray(truths, dtype=float)
     if X.ndim != 3 or Y.ndim != 3 or len(X) != len(Y):
@@ -47,14 +45,6 @@ def ospa2(estimates: Array, truths: Array, c: float = 50.0, p: float = 2.0) -> O
     both, either = here[:, :, None] & there[:, None], here[:, :, None] | there[:, None]
     total = np.where(both, np.minimum(gaps, c), np.where(either, c, 0.0)).sum(axis=0)
     return _between(total / either.sum(axis=0), c, p)
-
-
-def ospa2_over_time(estimates: Array, truths: Array, window: int, c: float = 50.0, p: float = 2.0) -> Array:
-    """OSPA(2) distance (K,) m over the last `window` instants up to each, fewer at the start; otherwise as `ospa2`."""
-    if window < 1:
-        raise ValueError(f"window must be at least 1 instant, is {window}")
-    slices = [slice(max(0, k - window), k) for k in range(1, len(estimates) + 1)]
-    return np.array([ospa2(estimates[s], truths[s], c, p).distance for s in slices])
 
 
 def checked_positions(name: str, positions: Array) -> Array:

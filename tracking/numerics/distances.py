@@ -21,24 +21,20 @@ def squared_distance(differences: Array, covariances: Array) -> Array:
     return over_stacks(squared_distances, (differences, 1), (covariances, 2))
 
 
-def log_determinant(matrices: Array) -> Array:
-    """Logarithms (...) of the determinants of symmetric positive definite matrices (..., n, n); NaN for others."""
-    return over_stacks(_log_determinants, (matrices, 2))
+def pair_costs(ours: tuple[Array, Array], theirs: tuple[Array, Array]) -> Array:
+    """Twice the negative log-likelihoods (A, B), but for a constant, that Gaussians are of equal states.
 
-
-def pair_distances(ours: tuple[Array, Array], theirs: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Squared Mahalanobis distances (A, B) between Gaussians, and twice their negative log-likelihoods.
-
-    ours: means (A, n) and covariances (A, n, n); theirs: (B, n) and (B, n, n). The log-likelihoods are those of equal
-    states, but for a constant.
+    ours: means (A, n) and covariances (A, n, n); theirs: (B, n) and (B, n, n). NaN where the sum of two covariances is
+    not positive definite.
     """
     spreads = ours[1][:, None] + theirs[1][None]
     distances = squared_distance(ours[0][:, None] - theirs[0][None], spreads)
-    return distances, distances + log_determinant(spreads)
+    return distances + over_stacks(_log_determinants, (spreads, 2))
 
 
 @compiled
 def _log_determinants(matrices: Array) -> Array:
+    """Logarithms (T,) of the determinants of symmetric positive definite matrices (T, n, n); NaN for others."""
     roots, out = cholesky_factors(matrices), np.zeros(len(matrices))
     for t in range(len(matrices)):
         for i in range(matrices.shape[1]):

@@ -1,10 +1,8 @@
 """Exponential, logarithm and power with the same bits on every processor.
 
 The C library and NumPy choose their code by processor, and results differ in the last bit. The elementary functions of
-this folder use additions, multiplications, divisions and square roots alone, in an order that is written down. IEEE 754
-rounds each of these in one way.
-Each is within two units in the last place of the true value unless its docstring says otherwise
-(tests/tracking/numerics/test_elementary.py).
+this folder use only operations that IEEE 754 rounds in one way, in an order that is written down. Each is within two
+units in the last place of the true value unless its docstring says otherwise.
 """
 
 import math
@@ -12,7 +10,7 @@ import math
 import numpy as np
 
 from tracking.numerics.arrays import Array
-from tracking.numerics.compiled import compiled, inlined
+from tracking.numerics.compiled import compiled, elementwise, inlined
 
 _LOG2E = 1.4426950408889634
 # ln 2 as a sum. The first part has so few bits that its products with small integers are exact.
@@ -95,3 +93,8 @@ def power(x: float, y: float) -> float:
     if y == 0.5:
         return math.sqrt(x)
     return exp(y * log(x)) if y != 0.0 else 1.0
+
+
+# Of arrays that broadcast, as universal functions of NumPy's.
+exp_each = elementwise(lambda x: exp(x))
+power_each = elementwise(lambda x, y: power(x, y))

@@ -1,4 +1,4 @@
-"""Cholesky factors, inverses and eigenvalues of stacks of matrices; the method is that of `numerics.matrices`."""
+"""Inverses and eigenvalues of contiguous stacks of matrices; the method is that of `numerics.matrices`."""
 
 import math
 
@@ -7,44 +7,27 @@ import numpy as np
 from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 from tracking.numerics.matrices import products, transposed
-from tracking.numerics.stacks import cholesky_factors, over_stacks, stacked, triangular_inverses
+from tracking.numerics.stacks import cholesky_factors, triangular_inverses
 
 _SWEEPS = 30  # of Jacobi's method, at most; matrices of 4 x 4 take four to six
 
 
-def cholesky(matrices: Array) -> Array:
-    """Lower triangular roots (..., n, n) of symmetric positive definite matrices; NaN where one is indefinite.
-
-    An axis without any variance gives a column of zeros; for other semidefinite matrices rounding decides.
-    """
-    return over_stacks(cholesky_factors, (matrices, 2))
-
-
-def inverse(matrices: Array) -> Array:
-    """Inverses (..., n, n), exactly symmetric, of symmetric positive definite matrices; NaN for others."""
-    return over_stacks(inverses, (matrices, 2))
-
-
-def eigen(matrices: Array) -> tuple[Array, Array]:
-    """Eigenvalues (..., n), ascending, and eigenvectors (..., n, n), in columns, of symmetric matrices.
-
-    By Jacobi's method: Golub and Van Loan, Matrix Computations, 8.5.
-    """
-    matrices = np.asarray(matrices, dtype=float)
-    values, vectors = eigensystems(stacked(matrices, matrices.shape[:-2], 2))
-    return values.reshape(matrices.shape[:-1]), vectors.reshape(matrices.shape)
-
-
 @compiled
 def inverses(matrices: Array) -> Array:
-    """Inverses (T, n, n) of a stack, Yᵀ Y with Y the inverse of the Cholesky factor, for compiled code."""
+    """Inverses (T, n, n), exactly symmetric, of symmetric positive definite matrices; NaN for others.
+
+    They are Yᵀ Y with Y the inverse of the Cholesky factor.
+    """
     halves = triangular_inverses(cholesky_factors(matrices))
     return products(transposed(halves), halves)
 
 
 @compiled
 def eigensystems(matrices: Array) -> tuple[Array, Array]:
-    """Eigenvalues (T, n), ascending, and eigenvectors (T, n, n) in columns."""
+    """Eigenvalues (T, n), ascending, and eigenvectors (T, n, n), in columns, of symmetric matrices.
+
+    By Jacobi's method: Golub and Van Loan, Matrix Computations, 8.5.
+    """
     n = matrices.shape[1]
     values, vectors = np.empty(matrices.shape[:2]), np.zeros_like(matrices)
     for t in range(len(matrices)):

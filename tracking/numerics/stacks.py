@@ -9,7 +9,7 @@ from tracking.numerics.arrays import Array
 from tracking.numerics.compiled import compiled
 
 
-def stacked(array: Array, lead: tuple[int, ...], kept: int) -> Array:
+def _stacked(array: Array, lead: tuple[int, ...], kept: int) -> Array:
     """The array with its leading axes broadcast to `lead` and joined into one, contiguous.
 
     kept: the number of axes that are not leading.
@@ -28,13 +28,13 @@ def over_stacks(function: Callable[..., Array], *arrays: tuple[Array, int]) -> A
     given = [(np.asarray(array, dtype=float), kept) for array, kept in arrays]
     leads = {array.shape[: array.ndim - kept] for array, kept in given}
     lead = leads.pop() if len(leads) == 1 else np.broadcast_shapes(*leads)
-    out = function(*(stacked(array, lead, kept) for array, kept in given))
+    out = function(*(_stacked(array, lead, kept) for array, kept in given))
     return out.reshape(lead + out.shape[1:])
 
 
 @compiled
 def cholesky_factors(matrices: Array) -> Array:
-    """Cholesky factors of a stack (T, n, n); a pivot of zero gives a column of zeros, a negative one NaN."""
+    """Cholesky factors of a contiguous stack (T, n, n): a pivot of zero gives a column of zeros, a negative one NaN."""
     out, n = np.zeros_like(matrices), matrices.shape[1]
     for t in range(len(matrices)):
         for j in range(n):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from tracking.numerics.compiled import compiled
+from tracking.numerics.compiled import compiled, elementwise
 from tracking.numerics.exponential import polynomial
 
 # π/2 as a sum. The first parts have so few bits that their products with small integers are exact.
@@ -93,3 +93,9 @@ def arctan2(y: float, x: float) -> float:
 def hypot(x: float, y: float) -> float:
     """Length of (x, y); both below 1e150 in size."""
     return math.sqrt(x * x + y * y)
+
+
+# Of arrays that broadcast, as universal functions of NumPy's.
+sin_each = elementwise(lambda x: sin(x))
+cos_each = elementwise(lambda x: cos(x))
+arctan2_each = elementwise(lambda y, x: arctan2(y, x))

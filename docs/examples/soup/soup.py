@@ -116,7 +116,8 @@ class SoupJPDA:
             return []
         means = np.array([track.belief.mean[:2] for track in self.tracks])
         spreads = np.array([track.belief.covariance[:2, :2] for track in self.tracks])
-        return (visible_samples(self.camera, pose, means, spreads, self.forest).mean(axis=1) > 0.5).tolist()
+        views = visible_samples(self.forest, (means, spreads), self.camera.lens(pose))
+        return (views.mean(axis=(1, 2)) > 0.5).tolist()
 
 
 def state(track: Track, time: float) -> GaussianState:

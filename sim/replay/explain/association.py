@@ -10,8 +10,8 @@ from sim.recording.recording import Recording
 from sim.replay.recorded_fleet import motion_at
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
-from tracking.filter.negative_information import miss_likelihood, views_of
-from tracking.geometry.visibility import Forest
+from tracking.filter.negative_information import miss_likelihood
+from tracking.geometry.visibility import Forest, visible_samples
 from tracking.management.reacquisition import turned_density
 from tracking.measurement_update import ScanPrediction, associate, scan_prediction
 from tracking.numerics.arrays import Array
@@ -60,14 +60,14 @@ class Association:
         frames = (recording.scan_at(j, uav) for j in range(k - 1, -1, -1) if takes[j] and scenario.has_frame(uav, j))
         last = next(frames, None)
         lenses = camera.lens(scan.pose), camera.lens(last.pose) if last else None
-        views = views_of(forest, (means, covariances), *lenses)
+        views = visible_samples(forest, (means, covariances), *lenses)
         elapsed = np.full(len(means), scan.time - last.time if last else np.inf)
         missed = miss_likelihood(means, covariances, views, elapsed, p.detection_probability)
         before = scan_prediction((means, covariances), existence, views[:, 0], missed, p)
         z, R = (np.ascontiguousarray(table) for table in (scan.measurements, scan.covariances))
         sightings = np.array([t.sighting for t in tracks]).reshape(-1, 3)
         turned = turned_density(sightings, existence, z, R, (float(recording.times[max(k - 1, 0)]), scan.time), p)
-        likelihood, beta, _, after = associate(before, z, R, turned, p)
+        likelihood, beta, _, after = associate(before, z, R, turned, p.association)
         ids = np.array([t.id for t in tracks], dtype=np.int64)
         off, spread = z[None] - before.means[:, None, :2], before.covariances[:, None, :2, :2] + R[None]
         distances = squared_distance(off, spread)

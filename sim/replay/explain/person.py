@@ -19,8 +19,8 @@ from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.metrics.nees import nees
 from tracking.numerics.arrays import Array
+from tracking.numerics.distances import squared_distance
 
 OUTSIDE, HIDDEN, IN_VIEW = 0, 1, 2  # of a place, to a camera
 _SLACK = 1e-6  # s
@@ -115,7 +115,7 @@ class HoldingTrack:
         """Distance [m] of its position from a place (2,) m, and its square in its own standard deviations (NEES)."""
         assert self.belief is not None
         off = self.belief.mean[:2] - place
-        return float(np.hypot(*off)), float(nees(off[None], self.belief.covariance[None, :2, :2])[0])
+        return float(np.hypot(*off)), float(squared_distance(off[None], self.belief.covariance[None, :2, :2])[0])
 
 
 @dataclass(frozen=True, eq=False)

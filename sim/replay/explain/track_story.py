@@ -23,6 +23,7 @@ from tracking.fusion.member import TRACKERS
 from tracking.management.initiation import PATIENCE
 from tracking.numerics.arrays import Array
 from tracking.numerics.distances import squared_distance
+from tracking.parameters import EXPECTED, SEEN
 
 _NOTE = "{} does not tell its associations: births, hits and misses are as the built-in tracker would count them"
 
@@ -99,12 +100,11 @@ class TrackFacts:
     @cached_property
     def detections(self) -> list[TrackDetection]:
         """The measurements that count as detections of its person."""
-        seen = self.parameters.seen
         return [
             TrackDetection(o.k, o.uav, int(self.observer.owners(o.k, o.uav)[j]), float(o.weights[j]))
             for o in self.observations
-            if o.weight >= seen
-            for j in np.flatnonzero(o.weights >= seen).tolist()
+            if o.weight >= SEEN
+            for j in np.flatnonzero(o.weights >= SEEN).tolist()
         ]
 
     @cached_property
@@ -226,13 +226,12 @@ def _fed(facts: TrackFacts) -> Iterator[str]:
 
 def _kept(facts: TrackFacts, own: Sequence[Event]) -> Iterator[str]:
     """Evidence for the track and against it while it stood for no person, and when it was not reported."""
-    p = facts.parameters
     for event in own:
         if event.kind not in UNMATCHED:
             continue
         observations = [o for o in facts.observations if event.first <= o.k <= event.last]
-        detected = sum(o.weight >= p.seen for o in observations)
-        missed = sum(o.visible >= p.expected and o.weight < p.seen for o in observations)
+        detected = sum(o.weight >= SEEN for o in observations)
+        missed = sum(o.visible >= EXPECTED and o.weight < SEEN for o in observations)
         counts = f"detected in {detected} of {_frames(len(observations))}, missed in {missed} that should have shown it"
         first, last = (facts.held_at(k)[2] for k in (event.first, event.last))
         known = "" if math.isnan(first) else f"; existence {first:.4f} at first, {last:.4f} at last"

@@ -167,7 +167,7 @@ def test_only_people_told_apart_are_less_certain_the_more_the_nearer():
     frame = Frame(0, 0.0, CAMERA, posed(), image)
     blobs, components = blobs_of(frame)
     assert len(blobs) > 2 and np.sum(components == components[0]) == 1
-    alone, told = detections_of(frame, blobs), detections_of(frame, blobs, components)
+    alone, told = detections_of(frame, blobs), located_detections(frame, blobs, None, components)
     np.testing.assert_array_equal(alone.ground, told.ground)
     np.testing.assert_array_equal(alone.covariances[0], told.covariances[0])
     wider = told.covariances[1:] - alone.covariances[1:]

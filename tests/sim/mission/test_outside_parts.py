@@ -128,7 +128,7 @@ class Exits:
 
 class Timeless:
     def __init__(self, dt, sigma_a, max_speed, walking_speed):
-        self.predict = self.predict_all = print
+        self.predict_all = print
 """
 
 
@@ -196,6 +196,7 @@ MADE = {"predict_all": "def __init__(self, dt, sigma_a, *speeds):\n        super
         ("message", "return replace(given, misses=given.misses / 2)", "misses are no table (4,) of whole numbers"),
         ("message", "return replace(given, views=given.views[0])", "views are no table (4, 2) of whole numbers"),
         ("message", "return replace(given, partition=None)", "cannot give a message: partition are no"),
+        ("message", "return replace(given, partition=(0.5, 0.0))", "partition are of other numbers than whole ones"),
         ("message", "return replace(given, scan=None)", "scan are no table () of whole numbers"),
         ("message", "return replace(given, scan=9)", "it is of scan 9 at 0.0 s, not of scan 1 at 0.0 s"),
         ("message", "return replace(given, time=9.5)", "it is of scan 1 at 9.5 s, not of scan 1 at 0.0 s"),

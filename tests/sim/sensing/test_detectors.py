@@ -143,11 +143,12 @@ def test_the_mask_detector_detects_exactly_the_people_with_a_visible_pixel():
     forest = Forest(tuple(Tree(x, y, 2.0) for x in (-6.0, 0.0, 6.0) for y in (-6.0, 0.0, 6.0)))
     crowded = 0
     for frame, mask, people in shown(rng, forest, 12):
-        ids, pixels = np.unique(mask[mask >= 0], return_counts=True)
+        ids = np.unique(mask[mask >= 0])
         found = MaskDetector(forest).detect(frame, mask)
         assert matched_people(found.pixels, mask, 12).sum() == len(ids)
-        # Each has its own area and, whatever hides it, lies within a body's length of one person.
-        assert sorted(found.areas.tolist()) == sorted(pixels.tolist())
+        # Each stands on a person of its own and, whatever hides it, lies within a body's length of one person.
+        columns, rows = found.pixels.astype(int).T
+        assert sorted(mask[rows, columns].tolist()) == ids.tolist()
         gaps = np.linalg.norm(found.ground[:, None] - people[ids], axis=2)
         assert gaps.min(axis=1, initial=9.0).max(initial=0.0) < 1.2
         crowded += len(ids) > len(BlobDetector().detect(frame).ground)

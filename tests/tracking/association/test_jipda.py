@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from helpers.fleets import fleet
 from helpers.graphs import graph
+from helpers.kalman import update
 from helpers.scenes import ABOVE, AWAY, MOTION, play, scan, track, tracker
 
 from tracking.association.jpda import existence_association, from_log_odds, gated_likelihood, log_odds
-from tracking.filter.kalman import Gaussian, update
+from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.geometry.visibility import Forest, Tree
 from tracking.tracker import Track

@@ -5,10 +5,11 @@ import math
 
 import numpy as np
 import pytest
+from helpers.kalman import update
 
 from tracking.association.jpda import existence_association, gated_likelihood, mixture_update
 from tracking.association.marginals import EXACT_SIDE, marginals
-from tracking.filter.kalman import Gaussian, update
+from tracking.filter.kalman import Gaussian
 
 
 def associated(likelihood):

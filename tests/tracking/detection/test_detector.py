@@ -9,7 +9,7 @@ from helpers.views import ALTITUDES, CAMERA, random_forest
 
 from sim.scenario.fleet import Uav
 from sim.scenario.scenario import Scenario
-from tracking.detection.blob_detector import BlobDetector
+from tracking.detection.blob_detector import BlobDetector, blobs_of
 from tracking.detection.components import components
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest, Tree
@@ -56,16 +56,16 @@ def test_all_pixels_of_people_and_nothing_else_have_a_persons_colour():
     with photographed(0, random_forest(rng, 40, 3.0), Scenario(uavs=uavs)) as shoot:
         for _ in range(30):
             _, found = shoot(Pose.level(*rng.uniform(-30, 30, 2), 21.7), np.zeros((0, 2)), np.zeros(0))
-            assert found.pixels.shape == (0, 2) and found.ground.shape == (0, 2) and found.boxes.shape == (0, 4)
+            assert found.pixels.shape == (0, 2) and found.ground.shape == (0, 2)
     rng = np.random.default_rng(0)
     with photographed() as shoot:
         for _ in range(50):
             place, heading = rng.uniform(-8, 8, 2), rng.uniform(-math.pi, math.pi)
-            rendered, found = shoot(Pose.level(0.0, 0.0, 19.0), place, heading)
+            pose = Pose.level(0.0, 0.0, 19.0)
+            rendered, found = shoot(pose, place, heading)
             rows, columns = np.nonzero(rendered.people == 0)
-            assert found.areas.tolist() == [len(rows)]
-            box = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
-            assert found.boxes.tolist() == [box]
+            (blob,), _ = blobs_of(frame(rendered.image, pose, CAMERA))
+            assert sorted(blob.tolist()) == sorted((np.column_stack([columns, rows]) + 0.5).tolist())
             assert found.pixels[0] == pytest.approx([columns.mean() + 0.5, rows.mean() + 0.5])
 
 

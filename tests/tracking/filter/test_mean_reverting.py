@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.kalman import update
 
 from sim.scenario.environment import Area, People
 from sim.world.trajectories import read
 from sim.world.walkers import walk
-from tracking.filter.kalman import Gaussian, NearlyConstantVelocity, update
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
 from tracking.filter.mean_reverting import MeanRevertingVelocity
 from tracking.geometry.visibility import Forest
 

@@ -9,9 +9,9 @@ from helpers.particles import hidden, start
 from helpers.scenes import ABOVE, CAMERA, MOTION, play, scan, track, tracker
 from scipy import stats
 
-from tracking.filter.negative_information import miss_likelihood, negative_information_update, share_crossed, views_of
+from tracking.filter.negative_information import miss_likelihood, negative_information_update, share_crossed
 from tracking.geometry.camera import Pose
-from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, TARGET_HEIGHT, Forest, Tree
+from tracking.geometry.visibility import SAMPLE_VARIANCE, SAMPLES, TARGET_HEIGHT, Forest, Tree, visible_samples
 from tracking.measurement_update import scan_prediction
 from tracking.tracker import Scan, TrackerParameters
 
@@ -184,7 +184,7 @@ def test_a_frame_counts_in_full_beyond_the_last_frames_view():
     assert (there & before).any() and (there & ~before).any()
 
     def looked(time, last):
-        views = views_of(tree, beliefs, CAMERA.lens(ABOVE), last)
+        views = visible_samples(tree, beliefs, CAMERA.lens(ABOVE), last)
         return views[:, 0], miss_likelihood(*beliefs, views, np.array([time - 1.0]), 0.9)
 
     seen, missed = looked(1.2, CAMERA.lens(beside))

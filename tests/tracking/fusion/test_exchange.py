@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from helpers.kalman import update
 from helpers.scenes import ALONE, CAMERA, MOTION, OPEN, track
 
-from tracking.filter.kalman import Gaussian, update
+from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.fusion.exchange import TrackExchange
 from tracking.fusion.labels import new_label

@@ -5,11 +5,11 @@ import pytest
 from helpers.fleets import fleet, ids
 from helpers.scenes import play, scan, track, tracker
 
-from tracking.association.resolution import unresolved
 from tracking.filter.kalman import Gaussian
 from tracking.fusion.consensus import fuse
 from tracking.geometry.visibility import Forest, Tree
 from tracking.management.deletion import shared_people, without_measurement
+from tracking.measurement_update import _unresolved
 from tracking.tracker import Track
 
 PAIR = np.ones((2, 2), bool)
@@ -39,8 +39,8 @@ def test_a_faint_track_beside_a_certain_one_takes_neither_its_id_nor_its_belief(
 def test_people_within_a_metre_may_give_one_measurement():
     means = np.array([[0.0, 0, 0, 0], [1.0, 0, 0, 0], [9.0, 0, 0, 0]])
     near = 0.12 * np.exp(-0.5)
-    np.testing.assert_allclose(unresolved(means, np.array([1.0, 0.5, 1.0])), [near / 2, near, 0.0], atol=1e-12)
-    assert unresolved(means[:1], np.ones(1)).tolist() == [0.0]
+    np.testing.assert_allclose(_unresolved(means, np.array([1.0, 0.5, 1.0])), [near / 2, near, 0.0], atol=1e-12)
+    assert _unresolved(means[:1], np.ones(1)).tolist() == [0.0]
 
 
 def fed_apart(**settings) -> list[tuple[int, ...]]:

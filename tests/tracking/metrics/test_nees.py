@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from helpers.kalman import update
 from scipy.stats import chi2
 
-from tracking.filter.kalman import Gaussian, NearlyConstantVelocity, update
-from tracking.metrics.nees import nees, nees_interval
+from tracking.filter.kalman import Gaussian, NearlyConstantVelocity
+from tracking.metrics.nees import nees_interval
+from tracking.numerics.distances import squared_distance
 
 
 def test_nees_equals_a_direct_loop():
@@ -13,8 +15,8 @@ def test_nees_equals_a_direct_loop():
     roots = rng.normal(size=(5, 7, 4, 4))
     P, e = roots @ np.swapaxes(roots, -1, -2) + 0.1 * np.eye(4), rng.normal(size=(5, 7, 4))
     expected = [[e[i, j] @ np.linalg.inv(P[i, j]) @ e[i, j] for j in range(7)] for i in range(5)]
-    np.testing.assert_allclose(nees(e, P), expected, rtol=1e-10)
-    assert nees(np.zeros((0, 2)), np.zeros((0, 2, 2))).shape == (0,)
+    np.testing.assert_allclose(squared_distance(e, P), expected, rtol=1e-10)
+    assert squared_distance(np.zeros((0, 2)), np.zeros((0, 2, 2))).shape == (0,)
 
 
 def test_the_interval_holds_95_percent_of_means():
@@ -45,5 +47,5 @@ def test_a_kalman_filter_is_consistent_on_its_own_model_but_not_overconfident():
     errors, covariances = np.array(errors), np.array(covariances)
     for dof in (2, 4):
         low, high = nees_interval(400, dof)
-        assert low <= nees(errors[:, :dof], covariances[:, :dof, :dof]).mean() <= high
-        assert nees(errors[:, :dof], 0.7 * covariances[:, :dof, :dof]).mean() > high
+        assert low <= squared_distance(errors[:, :dof], covariances[:, :dof, :dof]).mean() <= high
+        assert squared_distance(errors[:, :dof], 0.7 * covariances[:, :dof, :dof]).mean() > high

@@ -9,7 +9,7 @@ from helpers.processes import python
 
 from sim.mission.warmup import announced
 from tracking.numerics import compiled as subject
-from tracking.numerics import universal
+from tracking.numerics import normal
 
 
 def twice(x):
@@ -117,8 +117,8 @@ def test_kept_code_is_of_the_sources_that_it_was_compiled_from(tmp_path):
     below.write_text("SCALE = 2.0\n")
     subject.digest_of.cache_clear()
     assert subject.digest_of(above, tmp_path) != before
-    source = Path(universal.__file__)
-    kept = universal.exp_each._dispatcher.cache._cache_file, universal.exp._cache._cache_file
+    source = Path(normal.__file__)
+    kept = normal.normal_cdf_each._dispatcher.cache._cache_file, normal.exp._cache._cache_file
     assert kept[0]._source_stamp[1] == subject.digest_of(source)
     assert kept[1]._source_stamp[1] == subject.digest_of(source.with_name("exponential.py"))
 

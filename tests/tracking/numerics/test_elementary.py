@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from tracking.numerics import exponential, trigonometry, universal
+from tracking.numerics import exponential, trigonometry
 
 _RNG = np.random.default_rng(20261122)
 _WIDE = np.concatenate([_RNG.normal(0, 1, 1000), _RNG.normal(0, 100, 1000), _RNG.uniform(-1e-6, 1e-6, 200)])
@@ -28,17 +28,17 @@ def _units(found, function, *arguments):
 @pytest.mark.parametrize("name", ["sin", "cos"])
 def test_sine_and_cosine_are_exact_to_three_ten_quadrillionths(name):
     angles = np.concatenate([_WIDE, _RNG.uniform(-1e5, 1e5, 1000), np.arange(-40, 41) * (math.pi / 4)])
-    found = getattr(universal, f"{name}_each")(angles)
+    found = getattr(trigonometry, f"{name}_each")(angles)
     with mpmath.workdps(40):
         true = np.array([getattr(mpmath, name)(mpmath.mpf(x)) for x in angles.tolist()])
     assert np.abs(found - true).max() < 3e-16
 
 
 PRECISE = {
-    "exponential": (universal.exp_each, mpmath.exp, _WIDE),
+    "exponential": (exponential.exp_each, mpmath.exp, _WIDE),
     "logarithm": (lambda xs: np.array([exponential.log(x) for x in xs.tolist()]), mpmath.log, _POSITIVE),
-    "sine of small angles": (universal.sin_each, mpmath.sin, _SMALL),
-    "direction": (universal.arctan2_each, mpmath.atan2, *_DIRECTIONS.T),
+    "sine of small angles": (trigonometry.sin_each, mpmath.sin, _SMALL),
+    "direction": (trigonometry.arctan2_each, mpmath.atan2, *_DIRECTIONS.T),
 }
 
 
@@ -67,12 +67,12 @@ def test_tangents_have_fifteen_digits_and_directions_along_axes_are_exact():
 @pytest.mark.parametrize("exponent", [2.0, 1.0, 0.5, 0.0])
 def test_powers_with_simple_exponents_are_exact(exponent):
     bases = _RNG.uniform(0, 50, 500)
-    assert np.array_equal(universal.power_each(bases, exponent), bases**exponent)
+    assert np.array_equal(exponential.power_each(bases, exponent), bases**exponent)
 
 
 def test_error_of_a_power_grows_with_its_logarithm():
     bases, exponents = _RNG.uniform(1e-3, 50, 2000), _RNG.uniform(-5, 5, 2000)
-    errors = _units(universal.power_each(bases, exponents), mpmath.power, bases, exponents)
+    errors = _units(exponential.power_each(bases, exponents), mpmath.power, bases, exponents)
     assert np.all(errors < 2 + 3 * np.abs(exponents * np.log(bases)))
 
 

@@ -14,7 +14,7 @@ from seedling.features import View, described
 from seedling.policy import chosen, scores
 from seedling.weights import LEARNED, Weights, load
 from tracking.numerics.arrays import Array
-from tracking.numerics.universal import cos_each, sin_each
+from tracking.numerics.trigonometry import cos_each, sin_each
 from tracking.track import Track, beliefs_of
 
 _NOWHERE = np.zeros((1, 1))

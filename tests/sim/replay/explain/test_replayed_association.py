@@ -26,7 +26,8 @@ def flown(case, monkeypatch):
     spied = []
 
     def updated(before, z, R, lost, p):
-        spied.append((before, z, R, lost, scan_update(before, z, R, lost, p), associate(before, z, R, lost, p)[1]))
+        beta = associate(before, z, R, lost, p.association)[1]
+        spied.append((before, z, R, lost, scan_update(before, z, R, lost, p), beta))
         return spied[-1][4]
 
     monkeypatch.setattr(tracking.tracker, "scan_update", updated)

@@ -14,6 +14,7 @@ from sim.replay.explain.observation import Observer
 from sim.replay.explain.track_story import TrackFacts, track_story
 from sim.replay.frames.rerender import scenario_of
 from tracking.metrics.ospa import ospa
+from tracking.parameters import SEEN
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +80,7 @@ def test_a_track_is_fed_by_what_its_trackers_counted_as_detections(mission):
     for detection in facts.detections:
         a = Association.of(recording, scenario, detection.k, detection.uav)
         weights = a.beta[a.ids.tolist().index(id_), 1:]
-        assert detection.weight in weights[weights >= facts.parameters.seen]
+        assert detection.weight in weights[weights >= SEEN]
         assert detection.person < 0 or recording.matched[detection.k, detection.uav, detection.person]
         count += detection.person >= 0
     assert count > 10 and len(facts.observations) > len(facts.detections)
