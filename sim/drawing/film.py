@@ -19,11 +19,12 @@ from sim.drawing.map_view import MapView, aspect
 from sim.drawing.palette import FAINT, PAPER
 from sim.drawing.tiles import draw_broken, draw_tile
 from sim.evaluation.holding import Holding
-from sim.mission.snapshot import Ints, Snapshot
+from sim.mission.snapshot import Snapshot
 from sim.recording.atomic_files import unfinished
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import Forest
+from tracking.numerics.arrays import Indices
 
 WIDTH, HEIGHT = 1280, 720
 _HEADER, _LEGEND = 48, 40
@@ -98,7 +99,7 @@ class Film:
                 self._last[i] = image[tile.slices].copy()
             image[tile.slices] = self._last[i]
 
-    def _taken(self, snapshot: Snapshot) -> tuple[Snapshot, Ints]:
+    def _taken(self, snapshot: Snapshot) -> tuple[Snapshot, Indices]:
         """The snapshot with numbered tracks, and the states of people to these (M,), which depend on the past."""
         self._holding = self._holding or Holding(len(snapshot.people), len(snapshot.poses))
         self._sparkline.add(snapshot.time, snapshot.error)

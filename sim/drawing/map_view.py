@@ -14,13 +14,13 @@ from sim.drawing.marks import broken, cross, person, quadrotor
 from sim.drawing.palette import INK, PANEL, Colour, mixed, track_colour, uav_colour
 from sim.drawing.strokes import SHIFT, disc, fixed, stroke
 from sim.evaluation.holding import HOLDS
-from sim.mission.snapshot import Ints, Snapshot
+from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of, view_of
 from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.visibility import Forest, at_target_height
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.track import Track
 
 MARGIN = 4.0  # m shown beyond the area
@@ -68,7 +68,7 @@ class MapView:
         k = round(snapshot.time * self._rate)
         self._last |= {i: snapshot for i in snapshot.working if self._has_frame(i, k)}
 
-    def draw(self, image: Image, snapshot: Snapshot, holds: Ints | None = None) -> None:
+    def draw(self, image: Image, snapshot: Snapshot, holds: Indices | None = None) -> None:
         """Draw one snapshot into an RGB image of the map's size.
 
         holds (M,): states of people to tracks, indices into `HOLDS`; None marks no person as lost.
@@ -102,7 +102,7 @@ class MapView:
         self._put_names(snapshot, holds, labels)
         self._draw_people(image, snapshot, holds)
 
-    def recorded(self, recording: Recording, k: int, holds: Ints) -> Image:
+    def recorded(self, recording: Recording, k: int, holds: Indices) -> Image:
         """The map (H, W, 3) of a recording at scan k, with trails and intents.
 
         holds (K, M): states of people to tracks at each scan.
@@ -165,7 +165,7 @@ class MapView:
                 disc(image, dot, 2.0, uav_colour(i))
             disc(image, path[-1], 4.0, uav_colour(i), 2)
 
-    def _draw_people(self, image: Image, snapshot: Snapshot, holds: Ints) -> None:
+    def _draw_people(self, image: Image, snapshot: Snapshot, holds: Indices) -> None:
         views = self._people_views(snapshot)
         for place, heading, view, hold in zip(snapshot.people, snapshot.headings, views, holds, strict=True):
             if not np.isnan(place[0]):
@@ -189,7 +189,7 @@ class MapView:
             disc(image, centre, 15.0, palette.ALARM, 3)
             labels.put(f"touched {contact.kind} {contact.other}", centre, TextStyle(13, palette.ALARM, True, PANEL))
 
-    def _put_names(self, snapshot: Snapshot, holds: Ints, labels: Labels) -> None:
+    def _put_names(self, snapshot: Snapshot, holds: Indices, labels: Labels) -> None:
         """Name UAVs, tracks and lost people, clear of all marks."""
         for track in _shown(snapshot):
             at, style = self.pixels(track.belief.mean[:2]), TextStyle(13, track_colour(track.id), True, PANEL)

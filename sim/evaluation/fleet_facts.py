@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording
 from sim.world.contacts import KINDS
 from tracking.metrics.ospa import ospa
+from tracking.numerics.arrays import Flags, Indices
 from tracking.track import Track
 
 
@@ -28,18 +28,18 @@ def contacts(recording: Recording) -> list[dict[str, Any]]:
     return found
 
 
-def bytes_sent(recording: Recording) -> Ints | None:
+def bytes_sent(recording: Recording) -> Indices | None:
     """Bytes (N,) of messages for each pair of scan and UAV that works; None where they were not recorded."""
     return _known(recording.bytes_sent, recording.working)
 
 
-def plan_bytes(recording: Recording) -> Ints | None:
+def plan_bytes(recording: Recording) -> Indices | None:
     """Bytes (N,) of plans for each pair of decision and UAV that works; None where they were not recorded."""
     decides = np.isin(recording.times, recording.plan_times)
     return _known(recording.plan_bytes, recording.working & decides[:, None])
 
 
-def _known(sent: Ints, counted: Bools) -> Ints | None:
+def _known(sent: Indices, counted: Flags) -> Indices | None:
     known = sent.shape == counted.shape and counted.any() and sent.min() >= 0
     return sent[counted] if known else None
 

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.evaluation.score import HELD
-from sim.mission.snapshot import Bools, Ints, Snapshot
+from sim.mission.snapshot import Snapshot
 from tracking.metrics.clearmot import Matcher
+from tracking.numerics.arrays import Flags, Indices
 from tracking.reporting import reported
 from tracking.track import beliefs_of
 
@@ -19,7 +20,7 @@ class Episode(NamedTuple):
     value: int
 
 
-def episodes(values: Ints) -> list[Episode]:
+def episodes(values: Indices) -> list[Episode]:
     """Episodes of equal values (K,), in order."""
     edges = np.flatnonzero(np.diff(values)).tolist()
     firsts, lasts = [0, *(k + 1 for k in edges)], [*edges, len(values) - 1]
@@ -36,7 +37,7 @@ class Holding:
         self._fleet = [(Matcher(people, HELD), dict[int, int]()) for _ in range(uavs)]  # and columns by id
         self._found = np.zeros(people, dtype=np.bool_)
 
-    def step(self, snapshot: Snapshot) -> Ints:
+    def step(self, snapshot: Snapshot) -> Indices:
         """The states (M,) at the next scan, indices into `HOLDS`."""
         count = np.zeros(len(snapshot.people), dtype=np.int64)
         for (matcher, columns), known in zip(self._fleet, snapshot.tracks, strict=True):
@@ -49,7 +50,7 @@ class Holding:
         return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]))
 
 
-def hold_states(held: Ints, found: Bools, fleet: int | Ints, present: Bools) -> Ints:
+def hold_states(held: Indices, found: Flags, fleet: int | Indices, present: Flags) -> Indices:
     """States of people, indices into `HOLDS`.
 
     held: by how many UAVs; found: they have been held before; fleet: UAVs that work.

@@ -16,11 +16,10 @@ from sim.evaluation.fleet_facts import bytes_sent, contacts, disagreement, plan_
 from sim.evaluation.score import FAR, Score, score
 from sim.evaluation.searching import times_to_find
 from sim.evaluation.unmatched import Unmatched, unmatched_tracks
-from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.containment import ForeignError, contained
 from tracking.plugins.registry import InputError, check_known, imported
 
@@ -206,7 +205,11 @@ def _disagreement(outcome: Outcome) -> float | None:
 
 
 def _sent(
-    label: str, sent: Callable[[Recording], Ints | None], reduced: Callable[[Ints], np.generic], unit: str, key: str
+    label: str,
+    sent: Callable[[Recording], Indices | None],
+    reduced: Callable[[Indices], np.generic],
+    unit: str,
+    key: str,
 ) -> Metric:
     """Metric of what UAVs sent; None where a recording does not tell."""
 

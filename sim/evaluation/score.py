@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording
 from tracking.metrics.clearmot import correspondence, fragmentations, switches
 from tracking.metrics.gospa import gospa
 from tracking.metrics.ospa import ospa2
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import squared_distance
 
@@ -21,7 +20,7 @@ FAR = 10.0  # m, beyond which a track is of no person: cut-off of GOSPA, and of 
 class Held:
     """Tracks that one UAV reports at K scans: a column for each of A ids, NaN where it reports none."""
 
-    ids: Ints  # (A,) ascending
+    ids: Indices  # (A,) ascending
     means: Array  # (K, A, 4)
     covariances: Array  # (K, A, 4, 4)
 
@@ -33,8 +32,8 @@ class Score:
     ospa: Array  # (K,) m, distance
     gospa: Array  # (K, 4) m: distance, localisation, missed, false
     ospa2: float  # m; NaN without a scan
-    held: Bools  # (K, M)
-    present: Bools  # (K, M)
+    held: Flags  # (K, M)
+    present: Flags  # (K, M)
     switches: int
     fragmentations: int
     position_nees: Array  # (E,), a number for each pair of a track and a person
@@ -63,7 +62,7 @@ def velocities(recording: Recording) -> Array:
     return np.where(both[0], after, np.where(both[1], before, (before + after) / 2))
 
 
-def _paired(tracks: Array, people: Array, near: Ints) -> tuple[Ints, Ints, Ints]:
+def _paired(tracks: Array, people: Array, near: Indices) -> tuple[Indices, Indices, Indices]:
     """Scans, tracks and people of the pairs that errors are of; tracks (K, A, 2) m, people (K, M, 2) m.
 
     near (K, M): tracks that hold people, -1 for none. The others are paired as GOSPA pairs them, scan by scan. Whether

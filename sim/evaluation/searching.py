@@ -6,9 +6,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sim.evaluation.score import Score
-from sim.mission.snapshot import Bools
 from sim.recording.recording import Recording
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags
 
 
 def times_to_find(recording: Recording, scores: Sequence[Score]) -> Array:
@@ -30,7 +29,7 @@ def times_to_find(recording: Recording, scores: Sequence[Score]) -> Array:
     return np.array(found)
 
 
-def _in_the_open(people: Array, trees: Array) -> Bools:
+def _in_the_open(people: Array, trees: Array) -> Flags:
     """Flags (K, M) of people (K, M, 2) m, NaN where absent, under no canopy; trees (T, 6) as recorded."""
     free = ~np.isnan(people[..., 0])
     rows = np.flatnonzero(free)

@@ -8,10 +8,9 @@ import numpy as np
 
 from sim.evaluation.holding import episodes
 from sim.evaluation.score import FAR, HELD, Held, held_by
-from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording
 from tracking.metrics.clearmot import correspondence
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags, Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +22,7 @@ class Unmatched:
     last: int
     nearest: int | None  # person, over these scans
     gap: float  # m to them, the median; infinite without people
-    alone: Bools  # (last - first + 1, n), the UAVs for which it stands for no person
+    alone: Flags  # (last - first + 1, n), the UAVs for which it stands for no person
 
     @property
     def duplicate(self) -> bool:
@@ -31,7 +30,7 @@ class Unmatched:
         return self.gap <= HELD
 
 
-def standing(held: Held, people: Array) -> Ints:
+def standing(held: Held, people: Array) -> Indices:
     """Ids (K, M) of the tracks of one UAV that stand for people (K, M, 2) m, by CLEAR MOT; -1 for none."""
     columns = correspondence(held.means[:, :, :2], people, HELD)
     return np.where(columns >= 0, np.append(held.ids, -1)[columns], -1)
@@ -43,7 +42,7 @@ def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
     One within `HELD` m of a person, that another track stands for, is a duplicate.
     """
     people, working = recording.people, recording.working
-    alone: defaultdict[int, Bools] = defaultdict(lambda: np.zeros(working.shape, dtype=np.bool_))
+    alone: defaultdict[int, Flags] = defaultdict(lambda: np.zeros(working.shape, dtype=np.bool_))
     places: defaultdict[int, Array] = defaultdict(lambda: np.full((*working.shape, 2), np.nan))
     for i in range(working.shape[1]):
         held = held_by(recording, i)
@@ -62,7 +61,7 @@ def unmatched_tracks(recording: Recording) -> Iterator[Unmatched]:
                 yield Unmatched(id_, first, last, *_nearest(gaps[span]), table[span])
 
 
-def _unmatched_by(held: Held, standing: Ints, people: Array) -> Bools:
+def _unmatched_by(held: Held, standing: Indices, people: Array) -> Flags:
     """Tracks (K, A) of one UAV that stand for no person; standing (K, M): ids of those that do, -1 for none."""
     stands = (held.ids == standing[:, :, None]).any(axis=1)
     places = np.where(stands[:, :, None], np.nan, held.means[:, :, :2])

@@ -4,17 +4,13 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planning.planner import Plan
 from sim.sensing.fault import Fault
 from sim.world.contacts import Contact
 from tracking.geometry.camera import Pose
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import Scan, Track
-
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +28,11 @@ class Snapshot:
     tracks: list[tuple[Track, ...]]
     plans: list[Plan] | None  # those made at this instant
     ospa: Array  # (n, 3) m: distance, localisation, cardinality
-    visible: Ints  # (n, M) pixels that the renderer shows of each person
-    matched: Bools  # (n, M) True if the person was detected in that camera
+    visible: Indices  # (n, M) pixels that the renderer shows of each person
+    matched: Flags  # (n, M) True if the person was detected in that camera
     contacts: tuple[Contact, ...] = ()  # since the scan before
-    bytes_sent: Ints = field(kw_only=True)  # (n,) to neighbours, in all rounds of consensus; -1 if unknown
-    plan_bytes: Ints = field(kw_only=True)  # (n,) to neighbours, of plans made at this instant; -1 if unknown
+    bytes_sent: Indices = field(kw_only=True)  # (n,) to neighbours, in all rounds of consensus; -1 if unknown
+    plan_bytes: Indices = field(kw_only=True)  # (n,) to neighbours, of plans made at this instant; -1 if unknown
     plan_rounds: int = field(kw_only=True)  # in which these were sent
     faults: tuple[Fault, ...] = ()  # of planner and detectors at this instant, and breakdowns since the scan before
 

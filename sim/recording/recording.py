@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.planner import Plan
-from sim.mission.snapshot import Bools, Ints, Snapshot
+from sim.mission.snapshot import Snapshot
 from sim.recording.fault_text import read, recorded
 from sim.sensing.fault import Fault
 from sim.world.contacts import KINDS, Contact
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import Forest, Tree
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.reporting import UNLIKELY
 from tracking.track import Scan, Track, tracks_of
 
@@ -47,26 +47,26 @@ class Recording:
     poses: Annotated[Array, "<f8", "K n 7"]
     cameras: Annotated[Array, "<f8", "K n 7"]
     commands: Annotated[Array, "<f8", "K n 2"]  # m/s
-    measurement_offsets: Annotated[Ints, "<i8", "K*n+1"]
+    measurement_offsets: Annotated[Indices, "<i8", "K*n+1"]
     measurements: Annotated[Array, "<f8", "D 2"]  # m
     measurement_covariances: Annotated[Array, "<f8", "D 2 2"]  # m²
     pixels: Annotated[Array, "<f8", "D 2"]  # NaN in ideal sensing
-    track_offsets: Annotated[Ints, "<i8", "K*n+1"]
-    track_ids: Annotated[Ints, "<i8", "S"]
+    track_offsets: Annotated[Indices, "<i8", "K*n+1"]
+    track_ids: Annotated[Indices, "<i8", "S"]
     track_means: Annotated[Array, "<f8", "S 4"]  # m, m/s
     track_covariances: Annotated[Array, "<f8", "S 4 4"]  # m², m²/s, m²/s²
     plan_times: Annotated[Array, "<f8", "E"]  # s
     plans: Annotated[Array, "<f8", "E n H 2"]  # m/s, NaN beyond a shorter horizon
     ospa: Annotated[Array, "<f8", "K n 3"]  # m: distance, localisation, cardinality
-    visible: Annotated[Ints, "<i8", "K n M"]  # pixels that the renderer shows of each person
-    matched: Annotated[Bools, "|b1", "K n M"]  # whether the person was detected
+    visible: Annotated[Indices, "<i8", "K n M"]  # pixels that the renderer shows of each person
+    matched: Annotated[Flags, "|b1", "K n M"]  # whether the person was detected
     # Scan, UAV, kind of what it touched since the scan before (in `KINDS`), and its index among them; by scan.
-    contacts: Annotated[Ints, "<i8", "C 4"] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
+    contacts: Annotated[Indices, "<i8", "C 4"] = field(default_factory=lambda: np.zeros((0, 4), dtype=np.int64))
     # To neighbours, in all rounds of consensus of a scan; -1 where it was not recorded.
-    bytes_sent: Annotated[Ints, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
+    bytes_sent: Annotated[Indices, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
     # To neighbours, of plans, in all rounds of a decision, and these rounds; -1 where it was not recorded.
-    plan_bytes: Annotated[Ints, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
-    plan_rounds: Annotated[Ints, "<i8", "K"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    plan_bytes: Annotated[Indices, "<i8", "K n"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
+    plan_rounds: Annotated[Indices, "<i8", "K"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     sees_truth: Annotated[bool, "|b1", ""] = field(default_factory=bool)  # whether the planner does: an upper bound
     # Existence probability; NaN where the tracker has none, as in life m_of_n; -1 where it was not recorded.
     track_existence: Annotated[Array, "<f8", "S"] = field(default_factory=lambda: np.zeros(0))
@@ -81,7 +81,7 @@ class Recording:
         return Forest(tuple(Tree(*row) for row in self.trees.tolist()))
 
     @property
-    def working(self) -> Bools:
+    def working(self) -> Flags:
         """Mask (K, n) of the UAVs that had not broken down at each scan."""
         return ~np.isnan(self.ospa[:, :, 0])
 
@@ -90,17 +90,17 @@ class Recording:
         """The number under which each track is shown, by id: tracks count by first appearance."""
         return {id_: n for n, id_ in enumerate(dict.fromkeys(self.track_ids.tolist()))}
 
-    def numbers_of(self, ids: Ints) -> Ints:
+    def numbers_of(self, ids: Indices) -> Indices:
         """The numbers under which tracks of these ids (N,) are shown; -1 for those that were never recorded."""
         return np.array([self.track_numbers.get(id_, -1) for id_ in ids.tolist()], dtype=np.int64)
 
-    def cells(self, offsets: Ints) -> tuple[Ints, Ints]:
+    def cells(self, offsets: Indices) -> tuple[Indices, Indices]:
         """Scan and UAV of each row of the table of these offsets."""
         scans, uavs = self.poses.shape[:2]
         k, uav = np.divmod(np.repeat(np.arange(scans * uavs), np.diff(offsets)), uavs)
         return k, uav
 
-    def _rows(self, offsets: Ints, k: int, uav: int) -> slice:
+    def _rows(self, offsets: Indices, k: int, uav: int) -> slice:
         cell = k * self.poses.shape[1] + uav
         return slice(int(offsets[cell]), int(offsets[cell + 1]))
 
@@ -129,7 +129,7 @@ class Recording:
         beliefs = self.track_means[rows], self.track_covariances[rows]
         return tracks_of(self.track_ids[rows], *beliefs, certain, sightings)
 
-    def track_ids_at(self, k: int, uav: int) -> Ints:
+    def track_ids_at(self, k: int, uav: int) -> Indices:
         """Ids (N,) of the tracks of one UAV after scan k."""
         return self.track_ids[self._rows(self.track_offsets, k, uav)]
 
@@ -143,7 +143,7 @@ class Recording:
         return np.where(self.track_existence >= 0.0, self.track_existence, math.nan)
 
     @property
-    def reported(self) -> Bools:
+    def reported(self) -> Flags:
         """Tracks (S,) that are reported, as by `tracking.reporting.reported`; those of unknown existence are."""
         return ~(self.existence <= UNLIKELY)
 
@@ -282,7 +282,7 @@ def _existence(tracks: Sequence[Track]) -> Array:
     return np.array([track.existence if track.existence < 1.0 else math.nan for track in tracks], dtype=float)
 
 
-def _offsets(counts: Iterable[int]) -> Ints:
+def _offsets(counts: Iterable[int]) -> Indices:
     return np.concatenate([[0], np.cumsum(np.fromiter(counts, dtype=np.int64))]).astype(np.int64)
 
 

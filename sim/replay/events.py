@@ -11,12 +11,12 @@ from sim.evaluation.fleet_facts import contacts
 from sim.evaluation.score import HELD
 from sim.evaluation.unmatched import unmatched_tracks
 from sim.mission.plan_exchange import Links, lost_messages, open_links
-from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.event import KINDS, Event
 from sim.replay.history import STATES, History, Loss, fleet_text, view_text, views_at
 from sim.scenario.random_streams import stream
 from sim.scenario.scenario import Scenario
+from tracking.numerics.arrays import Indices
 from tracking.reporting import is_reported
 
 _TOUCHED = {"uav": "UAV", "canopy": "the canopy of tree", "trunk": "the trunk of tree"}
@@ -139,7 +139,7 @@ def _identities(recording: Recording, history: History) -> Iterator[Event]:
         yield _at(recording, k, kind, text, person=person, former=former, track=track, uavs=tuple(uavs))
 
 
-def _changes(tracks: Ints, numbers: dict[int, int]) -> Iterator[tuple[int, str, int, int | None, int, str]]:
+def _changes(tracks: Indices, numbers: dict[int, int]) -> Iterator[tuple[int, str, int, int | None, int, str]]:
     """Scan, kind, person, former person, number of the track and words of each change in the tracks (K, M) of one UAV.
 
     Switches are those that `tracking.metrics.clearmot.switches` counts.

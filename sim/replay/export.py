@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 
 from sim.evaluation.score import velocities
-from sim.mission.snapshot import Ints
 from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import frames_taken, scenario_of
 from sim.sensing.cameras import view_of
 from sim.world.trajectories import COLUMNS as PEOPLE_COLUMNS
 from tracking.measurement_files import CAMERA_COLUMNS, SCAN_COLUMNS, TREE_COLUMNS
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.registry import check_known
 from tracking.reporting import UNLIKELY
 
@@ -141,7 +140,7 @@ def _truth(recording: Recording) -> Rows:
     return _rows(recording, cells, *recording.people[cells].T, *velocities(recording)[cells].T)
 
 
-def _rows(recording: Recording, cells: tuple[Ints, ...], *columns: Array | Ints) -> Rows:
+def _rows(recording: Recording, cells: tuple[Indices, ...], *columns: Array | Indices) -> Rows:
     """Scan, index among UAVs or people, time [s] and further columns (N,), row by row, as Python's numbers."""
     table = (*cells, recording.times[cells[0]], *columns)
     return zip(*(column.tolist() for column in table), strict=True)

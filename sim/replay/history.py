@@ -10,13 +10,12 @@ import numpy as np
 from sim.evaluation.holding import episodes, hold_states
 from sim.evaluation.score import held_by
 from sim.evaluation.unmatched import standing
-from sim.mission.snapshot import Bools, Ints
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import frames_taken
 from sim.replay.frames.sightings import inside_and_hiding
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags, Indices
 
 STATES = ("absent", "out of view", "hidden", "missed", "seen")
 BROKEN = -1  # stands for a UAV that has broken down where others have a state
@@ -38,14 +37,16 @@ class History:
     """M people at K scans, as n UAVs had them."""
 
     times: Array  # (K,) s
-    present: Bools  # (K, M)
-    working: Bools  # (K, n)
-    looked: Bools  # (K, n), frames taken
-    inside: Bools  # (K, n, M), a frame was taken with the mid-height in it, occlusion aside
-    hidden_by: Ints  # (K, n, M), the first tree between a camera with the person inside and the mid-height; -1 for none
-    shown: Bools  # (K, n, M), the frame showed some of the person
-    detected: Bools  # (K, n, M)
-    tracks: Ints  # (K, n, M), id of the track within `HELD` m that stands for the person; -1 for none
+    present: Flags  # (K, M)
+    working: Flags  # (K, n)
+    looked: Flags  # (K, n), frames taken
+    inside: Flags  # (K, n, M), a frame was taken with the mid-height in it, occlusion aside
+    hidden_by: (
+        Indices  # (K, n, M), the first tree between a camera with the person inside and the mid-height; -1 for none
+    )
+    shown: Flags  # (K, n, M), the frame showed some of the person
+    detected: Flags  # (K, n, M)
+    tracks: Indices  # (K, n, M), id of the track within `HELD` m that stands for the person; -1 for none
 
     @staticmethod
     def of(recording: Recording, scenario: Scenario) -> "History":
@@ -72,12 +73,12 @@ class History:
         )
 
     @cached_property
-    def held(self) -> Ints:
+    def held(self) -> Indices:
         """Number of UAVs that hold each person at each scan (K, M)."""
         return np.asarray(np.count_nonzero(self.tracks >= 0, axis=1), dtype=np.int64)
 
     @cached_property
-    def states(self) -> Ints:
+    def states(self) -> Indices:
         """State of each person to all cameras of a scan (K, M), an index into `STATES`.
 
         The best that any UAV has: seen if one detected them, missed if a frame showed them without a detection, hidden
@@ -87,7 +88,7 @@ class History:
         return np.where(self.present, best, STATES.index("absent"))
 
     @cached_property
-    def _frame_states(self) -> Ints:
+    def _frame_states(self) -> Indices:
         """State of each person in the frame of each camera at each scan (K, n, M), out of view where none was taken."""
         found = np.full(self.inside.shape, STATES.index("out of view"))
         for name, having in (("hidden", self.inside), ("missed", self.shown), ("seen", self.detected)):
@@ -95,13 +96,13 @@ class History:
         return found
 
     @cached_property
-    def last_frames(self) -> Ints:
+    def last_frames(self) -> Indices:
         """The last scan up to each at which a UAV's camera took a frame (K, n); 0 before the first."""
         scans = np.arange(len(self.times))[:, None]
         return np.asarray(np.maximum.accumulate(np.where(self.looked, scans, 0), axis=0), dtype=np.int64)
 
     @cached_property
-    def camera_states(self) -> Ints:
+    def camera_states(self) -> Indices:
         """State of each person in the last frame of each camera (K, n, M), an index into `STATES`, or `BROKEN`."""
         found = np.take_along_axis(self._frame_states, self.last_frames[:, :, None], axis=0)
         found[np.broadcast_to(~self.present[:, None], found.shape)] = STATES.index("absent")
@@ -109,12 +110,12 @@ class History:
         return found
 
     @cached_property
-    def hiding_trees(self) -> Ints:
+    def hiding_trees(self) -> Indices:
         """The tree between each camera and each person in its last frame (K, n, M); -1 for none."""
         return np.asarray(np.take_along_axis(self.hidden_by, self.last_frames[:, :, None], axis=0), dtype=np.int64)
 
     @cached_property
-    def hold_states(self) -> Ints:
+    def hold_states(self) -> Indices:
         """State of each person to the tracks of the UAVs that work (K, M), an index into `HOLDS`."""
         fleet = np.count_nonzero(self.working, axis=1)[:, None]
         return hold_states(self.held, np.maximum.accumulate(self.held > 0, axis=0), fleet, self.present)
@@ -142,7 +143,7 @@ class History:
         return texts
 
 
-def views_at(states: Ints, trees: Ints) -> list[_View]:
+def views_at(states: Indices, trees: Indices) -> list[_View]:
     """States that cameras have of one person, the best first; out of view only if no camera has another.
 
     states (n,) and trees (n,) as in `History.camera_states` and `History.hiding_trees`.

@@ -15,10 +15,9 @@ from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COL
 from sim.drawing.plots import draw_mean, new_figure, rgb
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
-from sim.mission.snapshot import Ints
 from sim.replay.event import IDENTITIES, UNHELD, UNMATCHED, Event, lanes
 from sim.replay.history import BROKEN, STATES, History
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 
 _WIDTH = 11.0  # inches
 _BAR, _GAP = 1.0, 0.8  # of a person's rows: the bar of the tracks, and the gap to the next, in lanes
@@ -112,7 +111,7 @@ def _box(times: Array, event: Event, top: float) -> tuple[Box, Shade]:
     return (*_ends(times, event.first, event.last), top + 0.2, _BAR - 0.2), rgb(_EVENTS[event.kind])
 
 
-def _lane(times: Array, states: Ints, top: float, uav: int) -> list[tuple[Box, Shade]]:
+def _lane(times: Array, states: Indices, top: float, uav: int) -> list[tuple[Box, Shade]]:
     colour, boxes = uav_colour(uav), []
     shades = {"out of view": OUT_OF_VIEW, "hidden": HIDDEN, "missed": pale(colour), "seen": colour}
     for first, last, value in episodes(states):
@@ -122,7 +121,7 @@ def _lane(times: Array, states: Ints, top: float, uav: int) -> list[tuple[Box, S
     return boxes
 
 
-def _bar(times: Array, states: Ints, top: float) -> list[tuple[Box, Shade]]:
+def _bar(times: Array, states: Indices, top: float) -> list[tuple[Box, Shade]]:
     spans = [(e, _BARS[HOLDS[e.value]]) for e in episodes(states) if HOLDS[e.value] in _BARS]
     return [((*_ends(times, e.first, e.last), top + 0.2, _BAR - 0.2), rgb(colour)) for e, colour in spans]
 

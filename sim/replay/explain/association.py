@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.mission.snapshot import Bools, Ints
 from sim.mission.tracker_setup import initial_tracks, tracker_parameters
 from sim.recording.recording import Recording
 from sim.replay.recorded_fleet import motion_at
@@ -14,7 +13,7 @@ from tracking.filter.negative_information import miss_likelihood
 from tracking.geometry.visibility import Forest, visible_samples
 from tracking.management.reacquisition import turned_density
 from tracking.measurement_update import ScanPrediction, associate, scan_prediction
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.distances import squared_distance
 from tracking.track import beliefs_of
 
@@ -23,13 +22,13 @@ from tracking.track import beliefs_of
 class Association:
     """T tracks, predicted to the time of a scan, and its N measurements."""
 
-    ids: Ints  # (T,)
-    numbers: Ints  # (T,), as tracks are shown: by first appearance; -1 for one that ended before it was recorded
+    ids: Indices  # (T,)
+    numbers: Indices  # (T,), as tracks are shown: by first appearance; -1 for one that ended before it was recorded
     before: ScanPrediction  # beliefs and existence before the scan, and the probability to be in plain view
     measurements: Array  # (N, 2) m
     covariances: Array  # (N, 2, 2) m²
     distances: Array  # (T, N), squared, of measurements in the innovation's standard deviations
-    gated: Bools  # (T, N)
+    gated: Flags  # (T, N)
     beta: Array  # (T, N + 1), probability that none of the measurements is the person's, and that each is
     existence: Array  # (T,), after the scan, before the fleet's fusion
 

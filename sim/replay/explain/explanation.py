@@ -9,14 +9,13 @@ import numpy as np
 
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
-from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.event import UNHELD, UNMATCHED, Event
 from sim.replay.explain.association import Association
 from sim.replay.explain.observation import PersonMeasurement, PersonObservation
 from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts, PlannedVisibility
 from sim.replay.history import History, fleet_text
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.reporting import UNLIKELY
 
 Group = tuple[str, list[str]]  # a heading, and facts under it
@@ -171,7 +170,7 @@ def _intents(facts: PersonFacts) -> list[str]:
     return lines
 
 
-def _ahead(planned: PlannedVisibility, states: Ints) -> str:
+def _ahead(planned: PlannedVisibility, states: Indices) -> str:
     """The first time at which a place is in view on the way, or else its state."""
     for state, words in ((IN_VIEW, "in view"), (HIDDEN, "in the frame, hidden,")):
         ahead = [e for e in episodes(states) if e.value == state]

@@ -6,7 +6,6 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.explain.association import Association
 from sim.replay.frames.rerender import Rerenderer
@@ -14,7 +13,7 @@ from sim.replay.frames.sightings import Sighting
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import view_of
 from sim.sensing.detection_truth import matched_detections, visible_pixels
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.assignment import pairs_within
 from tracking.numerics.distances import squared_distance
 
@@ -40,7 +39,7 @@ class PersonObservation:
     away: float  # m on the ground, from below the camera to the person; NaN where absent
     whole: int | None  # pixels that the frame would show of the person without trees; None where it was not rendered
     found: PersonMeasurement | None
-    owners: Ints  # (N,), the person of each measurement; -1 for a false alarm
+    owners: Indices  # (N,), the person of each measurement; -1 for a false alarm
     association: Association | None  # of all tracks and measurements; None where the camera took no frame
 
 
@@ -73,7 +72,7 @@ class Observer(ExitStack):
             association=association,
         )
 
-    def owners(self, k: int, uav: int) -> Ints:
+    def owners(self, k: int, uav: int) -> Indices:
         """The person of each measurement (N,) of one UAV at scan k; -1 for a false alarm."""
         return _owners(self._measured(k, uav), len(self.recording.scan_at(k, uav).measurements))
 
@@ -90,7 +89,7 @@ class Observer(ExitStack):
         people = self._bare.rendered(k, uav).people
         return int(visible_pixels(people, self.recording.people.shape[1])[sighting.person])
 
-    def _measured(self, k: int, uav: int) -> Ints:
+    def _measured(self, k: int, uav: int) -> Indices:
         """The measurement of each person (M,); -1 for people not detected.
 
         Rendered frames tell as they did in flight, by the detection's pixel. In ideal sensing it is the nearest.
@@ -122,7 +121,7 @@ class Observer(ExitStack):
         )
 
 
-def _owners(rows: Ints, count: int) -> Ints:
+def _owners(rows: Indices, count: int) -> Indices:
     owners = np.full(count, -1)
     people = np.flatnonzero(rows >= 0)
     owners[rows[people]] = people

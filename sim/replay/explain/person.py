@@ -8,7 +8,6 @@ import numpy as np
 
 from planning.prediction.response import mean_velocities, response
 from sim.evaluation.score import velocities
-from sim.mission.snapshot import Ints
 from sim.mission.tracker_setup import planned_motion
 from sim.recording.recording import Recording
 from sim.replay.explain.observation import Observer, PersonObservation
@@ -19,7 +18,7 @@ from sim.sensing.cameras import view_of
 from tracking.filter.kalman import Gaussian
 from tracking.geometry.camera import Pose
 from tracking.geometry.visibility import TARGET_HEIGHT, Forest
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.numerics.distances import squared_distance
 
 OUTSIDE, HIDDEN, IN_VIEW = 0, 1, 2  # of a place, to a camera
@@ -34,8 +33,8 @@ class PlannedVisibility:
     made: float  # s, when the plan was made
     times: Array  # (S,) s
     path: Array  # (S, 2) m, of the UAV
-    person: Ints  # (S,), the true person in the view: `OUTSIDE`, `HIDDEN`, `IN_VIEW`; -1 after the mission
-    track: Ints | None  # (S,), the same of the track, if its person walks as planners expect; None without a track
+    person: Indices  # (S,), the true person in the view: `OUTSIDE`, `HIDDEN`, `IN_VIEW`; -1 after the mission
+    track: Indices | None  # (S,), the same of the track, if its person walks as planners expect; None without a track
 
 
 def planned_visibility(
@@ -82,7 +81,7 @@ def _flight(recording: Recording, scenario: Scenario, plan: int, uav: int) -> tu
     return begun + step * np.arange(len(corners), dtype=float), corners, camera
 
 
-def _states(recording: Recording, scenario: Scenario, uav: int, views: list[Pose], places: Array) -> Ints:
+def _states(recording: Recording, scenario: Scenario, uav: int, views: list[Pose], places: Array) -> Indices:
     """States (S,) of places (S, 2) m to the camera at as many poses, or more; outside if not a number."""
     camera, trees = view_of(scenario.uavs[uav], scenario), Forest(recording.forest.trees, scenario.sensing.occlusion)
     found = np.full(len(places), OUTSIDE)

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.evaluation.score import FAR
-from sim.mission.snapshot import Bools
 from sim.mission.tracker_setup import tracker_parameters
 from sim.replay.event import UNMATCHED, Event
 from sim.replay.explain.explanation import Group, percent_text, place_text
@@ -21,7 +20,7 @@ from tracking.filter.kalman import Gaussian
 from tracking.fusion.labels import LABELS_PER_SCAN, new_label
 from tracking.fusion.member import TRACKERS
 from tracking.management.initiation import PATIENCE
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Flags
 from tracking.numerics.distances import squared_distance
 from tracking.parameters import EXPECTED, SEEN
 
@@ -144,7 +143,7 @@ class TrackFacts:
         p = self.parameters
         return count >= p.confirm[0] if p.life == "m_of_n" else count > 1 and odds >= p.sure / (1.0 - p.sure)
 
-    def _explained(self, k: int, uav: int) -> Bools:
+    def _explained(self, k: int, uav: int) -> Flags:
         """Flags (N,) of the measurements that are rather another track's, one that is new perhaps, than of no track."""
         a, scan = self.observer.association(k, uav), self.recording.scan_at(k, uav)
         found = np.zeros(len(scan.measurements), dtype=np.bool_)

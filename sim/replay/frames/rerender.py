@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from sim.drawing.lettering import Image
-from sim.mission.snapshot import Bools
 from sim.recording.archive import load
 from sim.recording.npz import line
 from sim.recording.recording import Recording
@@ -18,6 +17,7 @@ from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from sim.sensing.renderer import Rendered, Renderer
 from sim.world.world import World
+from tracking.numerics.arrays import Flags
 from tracking.plugins.registry import InputError
 
 
@@ -62,7 +62,7 @@ class Rerenderer(ExitStack):
         return taken
 
 
-def frames_taken(recording: Recording, scenario: Scenario) -> Bools:
+def frames_taken(recording: Recording, scenario: Scenario) -> Flags:
     """Flags (K, n) of the scans at which the camera of a UAV that works took a frame."""
     scans, uavs = recording.working.shape
     due = [[scenario.has_frame(i, k) for i in range(uavs)] for k in range(scans)]

@@ -12,13 +12,12 @@ from sim.drawing import palette
 from sim.drawing.film import HEIGHT, WIDTH
 from sim.drawing.layout import View
 from sim.drawing.map_view import ELLIPSE, MARGIN, TRAIL, looks_down
-from sim.mission.snapshot import Ints
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, UNMATCHED, Event, lanes
 from sim.replay.history import STATES, History
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 
 OUT, MISSED, SEEN, HIDDEN = 0, 1, 2, 3  # codes of a person before a camera; above HIDDEN by 1 + the tree that hides
 
@@ -62,7 +61,7 @@ def page_data(
     }
 
 
-def codes(history: History) -> Ints:
+def codes(history: History) -> Indices:
     """State of each person to the last frame of each UAV (K, n, M), one of the codes above; `OUT` to a broken one."""
     states = history.camera_states
     found = np.where(states == STATES.index("hidden"), HIDDEN + 1 + history.hiding_trees, OUT)

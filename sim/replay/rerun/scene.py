@@ -27,13 +27,13 @@ from sim.drawing.palette import (
     uav_colour,
 )
 from sim.evaluation.holding import HOLDS
-from sim.mission.snapshot import Ints, Snapshot
+from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
 from sim.replay.rerun.mwtp_matches import matches_at
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.arrays import Array
+from tracking.numerics.arrays import Array, Indices
 from tracking.track import Track
 
 _ARM = 0.6  # m, of the drawn quadrotor: twice its size, to be seen from afar
@@ -107,7 +107,7 @@ def _log_trees(stream: rr.RecordingStream, trees: Array) -> None:
 class Scene:
     """Logs one scan after another."""
 
-    def __init__(self, stream: rr.RecordingStream, recording: Recording, scenario: Scenario, holds: Ints) -> None:
+    def __init__(self, stream: rr.RecordingStream, recording: Recording, scenario: Scenario, holds: Indices) -> None:
         """`holds` (K, M): states of people to tracks, indices into `HOLDS`."""
         self._stream, self._recording, self._scenario, self._holds = stream, recording, scenario, holds
         self._intents = Intents(scenario)
