@@ -27,9 +27,8 @@ from sim.study.settings_text import toml
 from sim.world.appearance import FULL
 from tracking.plugins.registry import imported
 
-sys.path.append(str(Path(__file__).parent))
-from scores import gaps_table, scores_table
-
+DOCS = Path(__file__).parent
+sys.path.append(str(DOCS))
 _WRITTEN_OUT = ("people.paths", "uavs")  # long defaults, which the page itself shows
 _ROWS = {"uavs": ("uavs.0", Uav), "network.cuts": ("network.cuts", Cut)}
 _FENCE = re.compile(r"^```(\w+)\n(.*?)^```\n?", flags=re.M | re.S)
@@ -55,6 +54,8 @@ def on_files(files: Any, config: Any, **_: object) -> Any:  # noqa: ANN401 - MkD
 
 def generated(markdown: str) -> str:
     """A page with the tables that its marks ask for."""
+    from scores import gaps_table, scores_table
+
     makers = {"keys": keys_table, "commands": commands_text, "planners": planners_table}
     makers |= {"planner options": options_table, "scores": scores_table, "gaps": gaps_table}
 
@@ -221,5 +222,5 @@ def _escaped(text: str) -> str:
 
 
 if __name__ == "__main__":
-    for page in sorted(Path(__file__).parent.glob("re*/*.md")):  # reference and results
+    for page in [*DOCS.glob("reference/*.md"), *DOCS.glob("results/*.md")]:
         page.write_text(generated(page.read_text(encoding="utf-8")), encoding="utf-8")

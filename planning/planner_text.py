@@ -4,7 +4,10 @@ from collections.abc import Mapping
 
 
 def split_options(text: str) -> tuple[str, list[str]]:
-    """Name and parts of "name(part, ...)"; commas in brackets or quotes part nothing."""
+    """Name and parts of "name(part, ...)"; commas in brackets or quotes part nothing.
+
+    A text with brackets or quotes that do not match is one part.
+    """
     name, _, rest = text.strip().partition("(")
     parts, depth, quote = [""], 0, ""
     for sign in rest.removesuffix(")"):
@@ -18,6 +21,8 @@ def split_options(text: str) -> tuple[str, list[str]]:
             parts.append("")
         else:
             parts[-1] += sign
+    if depth or quote:
+        parts = [",".join(parts)]
     return name.strip(), [part.strip() for part in parts if part.strip()]
 
 

@@ -24,6 +24,7 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.numerics.compiled import compiled
 from tracking.numerics.exponential import power, power_each
 from tracking.parameters import EXPECTED, SEEN, TrackerParameters
+from tracking.plugins.containment import Unusable
 from tracking.track import Scan, Track, TrackTable, tracks_of
 
 __all__ = ["Scan", "Track", "Tracker", "TrackerParameters"]
@@ -53,6 +54,11 @@ class Tracker:
     ) -> None:
         if not 0 <= uav < UAVS:
             raise ValueError(f"uav must be in [0, {UAVS}), is {uav}")
+        for track in initial:
+            try:
+                checked_tracks([track])
+            except Unusable as error:
+                raise ValueError(f"initial track {track.id}: {error}") from error
         known = checked_tracks(initial)
         if known and known[-1].id >= FIRST_LABEL:
             raise ValueError(f"ids of initial tracks must be below {FIRST_LABEL}, are up to {known[-1].id}")

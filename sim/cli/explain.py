@@ -11,7 +11,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from sim.cli.recordings import folder_of
-from sim.recording.atomic_files import check_new, unused, whole
+from sim.recording.atomic_files import whole
+from sim.recording.new_paths import check_new, unused
 from sim.scenario.quantities import integer, interval
 from sim.terminal.commands import Recorded
 from sim.terminal.console import console

@@ -9,7 +9,7 @@ import typer
 from planning.loading import load_planner, planner_target
 from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
-from sim.recording.atomic_files import unused
+from sim.recording.new_paths import unused
 from sim.running.isolated_run import Results, fly_apart
 from sim.scenario.loading import load, remarks
 from sim.scenario.quantities import seconds, seed_and_repeat
@@ -19,6 +19,7 @@ from sim.terminal.progress import mission_progress
 
 # Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
 
+_LONGEST = 150  # characters of scenario and planner in the name of a folder, for which 255 are the most
 
 _Scenario = Annotated[str, typer.Argument(metavar="SCENARIO", help="Name (see `understory scenarios`) or .toml file.")]
 _Planner = Annotated[str, typer.Option(metavar="NAME", help="Name (see `understory planners`) or yours, module:Class.")]
@@ -32,9 +33,6 @@ _Video = Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, o
 _Timeout = Annotated[
     str | None, typer.Option(metavar="TIME", help="Wall time beyond which the run has failed: 90, 5min.")
 ]
-
-
-_LONGEST = 150  # characters of scenario and planner in the name of a folder, for which 255 are the most
 
 
 def run(
@@ -72,6 +70,8 @@ def run(
 
 
 def _name(scenario: str, trial: Trial) -> str:
-    planner = re.sub(r"[^\w.=-]+", "-", trial.planner.replace(":", ".")).strip("-")  # which no shell minds
+    planner = re.sub(r"[^\w.=-]+", "-", trial.planner.replace(":", "."), flags=re.ASCII).strip(
+        "-"
+    )  # which no shell minds
     name = f"{Path(scenario).stem}-{planner}"[:_LONGEST] + f"-seed{trial.seed}"
     return f"{name}-repeat{trial.repeat}" if trial.repeat else name

@@ -72,7 +72,8 @@ def fly_study(
     if kept is None:
         fail(f"{reason}; no trial was flown, what {folder} holds stays", code=1)
     if options.redo:
-        fail(f"{reason}; {again} of {len(listed)} trials were flown again, others in {folder} are as before", code=1)
+        rest = "without --redo, the same command flies what is missing"
+        fail(f"{reason}; {again} of {len(listed)} trials were flown now and are kept in {folder}, {rest}", code=1)
     fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, the same command flies the rest", code=1)
 
 

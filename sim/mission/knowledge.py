@@ -80,9 +80,9 @@ class Knowledge:
         time = k / self._scenario.rates.sensing
         fleet = [vehicle_of(i, body, velocity, self._scenario) for i, (body, velocity) in enumerate(bodies)]
         self.plans.begin(fleet, links, working, 1 / self._scenario.rates.planning)
-        contact, others = links.contact, [fleet[j] for j in working]
+        contact, team = links.contact, [fleet[j] for j in working]
         for i in working:
-            known = [v for v in others if v.id == i or contact[i, v.id]]
+            known = [v for v in team if v.id == i or contact[i, v.id]]
             looks = [
                 (self._cameras[v.id], Pose(v.position, v.attitude)) for v in known if self._scenario.has_frame(v.id, k)
             ]

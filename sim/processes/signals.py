@@ -24,6 +24,16 @@ def stop_signals(handler: Handler) -> Iterator[None]:
 
 
 @contextmanager
+def ctrl_c_deferred() -> Iterator[None]:
+    """Let Ctrl-C in the block reach this process behind it, and processes that start in it once they ask for it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
 def stop_request() -> Iterator[threading.Event]:
     """An event that the first signal sets, so that a mission stops at the next scan and its recording is kept.
 

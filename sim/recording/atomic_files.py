@@ -2,43 +2,17 @@
 
 import errno
 import os
-import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from sim.recording.new_paths import unfinished, unused
 from tracking.plugins.registry import InputError
 
 
-def unfinished(path: Path) -> Path:
-    """Path of a file until it is whole: a hidden name that nothing else has, in the same folder."""
-    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
-
-
-def check_new(path: Path, suffix: str, option: str, *, also: str = "") -> None:
-    """InputError unless a new file that ends in `suffix` can be written at `path`, which is tried."""
-    if path.suffix != suffix:
-        raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
-    part = unfinished(path)
-    try:
-        if path.exists():
-            raise InputError(f"{option}: {path} exists; name a new file")
-        if not path.parent.is_dir():
-            raise InputError(f"{option}: {path} cannot be written: there is no folder {path.parent}")
-        part.touch()
-        part.unlink()
-    except OSError as error:
-        raise InputError(f"{option}: {path} cannot be written: {error.strerror}") from error
-
-
-def unused(path: Path, suffix: str = "") -> Path:
-    """The path with a suffix such as .mp4 added, or its first numbered sibling, that does not exist yet."""
-    number, free = 1, path.with_name(f"{path.name}{suffix}")
-    while free.exists():
-        number += 1
-        free = path.with_name(f"{path.name}-{number}{suffix}")
-    return free
+class PlaceTaken(Exception):
+    """Results that are not where they were asked for; the message is one line that says where they are."""
 
 
 @contextmanager
@@ -57,7 +31,7 @@ def whole(path: Path) -> Iterator[Path]:
 def new_folder(out: Path) -> Iterator[Path]:
     """A folder under a temporary name, which takes its own when the block ends and is removed when it raises.
 
-    If another program has made a folder of that name meanwhile, it takes the next free one, and an InputError says so.
+    If another program has made a folder of that name meanwhile, it takes the next free one, and a PlaceTaken says so.
     """
     if not out.name:
         raise InputError(f"--out: {str(out)!r} is no name for a new folder")
@@ -90,9 +64,10 @@ def _settle(part: Path, place: Path, out: Path) -> None:
     try:
         part.rename(place)
     except OSError as error:
-        if error.errno not in (errno.EEXIST, errno.ENOTEMPTY):
+        if error.errno not in (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR):
             raise
         free = unused(place)
         part.rename(free)
-        text = f"--out: {out} was made by another program meanwhile; the results are in {free.name} beside it"
-        raise InputError(text) from error
+        raise PlaceTaken(
+            f"{out} was made by another program meanwhile; the results are in {free.name} beside it"
+        ) from error

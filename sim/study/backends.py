@@ -13,7 +13,7 @@ from typing import Any, Protocol, cast
 
 from sim.mission.warmup import warm_up
 from sim.processes.isolation import kill_session, lead_session
-from sim.processes.signals import stop_signals
+from sim.processes.signals import ctrl_c_deferred
 from sim.study.tasks import Task
 from sim.study.trial import Flown, failed, fly
 from tracking.plugins.registry import InputError
@@ -234,7 +234,7 @@ class _Lane:
     def _start(self) -> ProcessPoolExecutor:
         before = multiprocessing.active_children()
         executor = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
-        with _one_thread(), stop_signals(signal.SIG_IGN):  # inherited: Ctrl-C is for this process
+        with _one_thread(), ctrl_c_deferred():
             self._greeting = executor.submit(os.getpid)
         self._processes = [child for child in multiprocessing.active_children() if child not in before]
         return executor
@@ -252,6 +252,7 @@ class _Lane:
 def _begin() -> None:
     """Start of a process: leave Ctrl-C to its parent, do not outlive it, and load compiled code."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     lead_session()
     warm_up()
 

@@ -13,6 +13,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from sim.processes.isolation import IsolationError
+from sim.recording.atomic_files import PlaceTaken
 from sim.scenario.quantities import seconds
 from sim.terminal.console import fail
 from tracking.plugins.registry import InputError, check_known
@@ -105,8 +106,8 @@ def concluded(app: Callable[..., Any]) -> None:
     try:
         if app(standalone_mode=False):  # typer's exit code, which only Ctrl-C makes other than zero
             fail("interrupted; nothing is kept", code=1)
-    except (InputError, IsolationError) as error:
-        fail(str(error), code=1 if isinstance(error, IsolationError) else 2)
+    except (InputError, IsolationError, PlaceTaken) as error:
+        fail(str(error), code=2 if isinstance(error, InputError) else 1)
     except (KeyboardInterrupt, typer.Abort):
         fail("interrupted; nothing is kept", code=1)
     except OSError as error:

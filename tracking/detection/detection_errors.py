@@ -16,7 +16,7 @@ class WholeError(NamedTuple):
     """Error model of people seen whole: constants of the variance at nadir, and their growth off nadir.
 
     The growths are factors of t and t², t being the tangent of the angle off nadir. Fitted by `python -m
-    sim.calibration`, so that errors squared over variances average one; docs/explanation/calibration.md says to what.
+    sim.calibration`, so that errors squared over variances average one; the images: docs/explanation/calibration.md.
     """
 
     posture: float = 0.021  # m, standard deviation: limbs and stride

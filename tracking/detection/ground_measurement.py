@@ -46,7 +46,7 @@ def whole_covariances(frame: Frame, ground: Array) -> Array:
     return covariances_along(axes, np.minimum(variances, distances[:, None]))
 
 
-@np.errstate(invalid="ignore")
+@np.errstate(divide="ignore", invalid="ignore")
 def split_covariances(frame: Frame, pixels: Array, components: Indices | None) -> Array:
     """Additional covariances (N, 2, 2) m² of detections at pixels (N, 2); zero but for split components."""
     if components is None or len(np.unique(components)) == len(components):

@@ -21,7 +21,8 @@ def miss_likelihood(means: Array, covariances: Array, views: Flags, elapsed: Arr
 
     views (T, 2, K): samples that frames of this scan, and those before, show, of one UAV or of any of several; elapsed
     (T,) s since the frames before; detection: its probability in plain view.
-    A second look at an empty place says only that no person has come there since. So where frames of both times show a
+    Negative information of the last frames is already in the belief, but for the tails that a Gaussian has again in the
+    empty place. A second look there says only that no person has come since. So where frames of both times show a
     place, the likelihood falls with the share of the belief that people cross between them.
     Note: this is ours; tests/tracking/filter compares it with particle filters. The last frames are taken to be in the
     belief also if they showed all of it, which is no information, or if the fleet did not hold the track then.

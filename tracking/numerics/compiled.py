@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 
 from tracking.numerics.arrays import Array
 
@@ -36,6 +37,8 @@ def elementwise(function: Callable[..., float]) -> Callable[..., Array]:
 
     It must not be `compiled` too: on disk numba would take one for the other.
     """
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # for debugging; vectorize would compile all the same
+        return cast("Callable[..., Array]", np.vectorize(function, otypes=[float]))
     return cast("Callable[..., Array]", _kept(numba.vectorize, function))
 
 

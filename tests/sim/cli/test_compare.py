@@ -91,7 +91,8 @@ def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare
     backend = Serial({"hover": [None, KeyboardInterrupt()]})
     backend.room = lambda: len(backend.flown) < 2
     options = ["--planner", "hover", "--seeds", "0-1", *FLAGS, "--out", "s", "--redo"]
-    told = "understory: interrupted; 1 of 2 trials were flown again, others in s are as before\n"
+    rest = "without --redo, the same command flies what is missing"
+    told = f"understory: interrupted; 1 of 2 trials were flown now and are kept in s, {rest}\n"
     assert compare(*options, backend=backend)[::2] == (1, told)
 
 

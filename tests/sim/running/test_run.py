@@ -13,7 +13,7 @@ from helpers.processes import python
 from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
 from sim.recording.archive import load as load_recording
-from sim.recording.atomic_files import new_folder
+from sim.recording.atomic_files import PlaceTaken, new_folder
 from sim.replay import events
 from sim.running import run as module
 from sim.running.run import run
@@ -142,7 +142,7 @@ def test_a_folder_appears_whole(tmp_path):
 def test_of_two_folders_of_one_name_at_a_time_both_are_kept(tmp_path):
     out = tmp_path / "out"
     with (
-        pytest.raises(InputError, match="made by another program meanwhile; the results are in out-2"),
+        pytest.raises(PlaceTaken, match="made by another program meanwhile; the results are in out-2"),
         new_folder(out) as part,
     ):
         (part / "mine").touch()

@@ -146,9 +146,15 @@ def test_the_mask_detector_detects_exactly_the_people_with_a_visible_pixel():
         ids = np.unique(mask[mask >= 0])
         found = MaskDetector(forest).detect(frame, mask)
         assert matched_people(found.pixels, mask, 12).sum() == len(ids)
-        # Each stands on a person of its own and, whatever hides it, lies within a body's length of one person.
+        # Each stands on a person of its own, at the pixel nearest to the middle of all of them, and, whatever hides it,
+        # lies within a body's length of one person.
         columns, rows = found.pixels.astype(int).T
-        assert sorted(mask[rows, columns].tolist()) == ids.tolist()
+        own = mask[rows, columns]
+        assert sorted(own.tolist()) == ids.tolist()
+        for m, pixel in zip(own, found.pixels, strict=True):
+            pixels = np.argwhere(mask == m)[:, ::-1] + 0.5
+            nearest = np.linalg.norm(pixels - pixels.mean(axis=0), axis=1).min()
+            assert np.linalg.norm(pixel - pixels.mean(axis=0)) == pytest.approx(nearest, abs=1e-9)
         gaps = np.linalg.norm(found.ground[:, None] - people[ids], axis=2)
         assert gaps.min(axis=1, initial=9.0).max(initial=0.0) < 1.2
         crowded += len(ids) > len(BlobDetector().detect(frame).ground)

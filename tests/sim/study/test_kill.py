@@ -127,9 +127,9 @@ def test_ctrl_c_while_a_worker_starts_is_one_line(tmp_path):
     (tmp_path / "killed.toml").write_text(FILE.format(seeds="0-99"))
     out = tmp_path / "out"
     started = start(["-c", PROCESSES, "compare", str(tmp_path / "killed.toml"), "--out", str(out), "--workers", "1"])
-    while not (out / "study.sqlite").exists() and started.poll() is None:
+    while len(started_with("KILLED_BY", os.getpid())) < 2 and started.poll() is None:  # the command and its worker
         time.sleep(0.02)
-    time.sleep(0.5)  # the worker is importing
+    time.sleep(0.2)  # the worker is importing
     os.killpg(started.pid, signal.SIGINT)
     _, err = started.communicate(timeout=30)
     assert err == f"understory: interrupted; 0 of 200 trials are kept in {out}, the same command flies the rest\n"

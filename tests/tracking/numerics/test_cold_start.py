@@ -124,6 +124,6 @@ def test_kept_code_is_of_the_sources_that_it_was_compiled_from(tmp_path):
 
 
 def test_code_runs_as_python_for_debugging():
-    code = "from tracking.numerics.exponential import exp; print(exp(0.0))"
+    code = "from tracking.numerics.exponential import exp, exp_each; print(exp(0.0), exp_each([0.0])[0])"
     done = python("-c", code, NUMBA_DISABLE_JIT="1")
-    assert (done.returncode, done.stdout) == (0, "1.0\n")
+    assert (done.returncode, done.stdout) == (0, "1.0 1.0\n")
