@@ -12,9 +12,11 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from sim.analysis.answers import map_means
 from sim.analysis.cell_text import Cell
-from sim.analysis.cells import Group, grouped
+from sim.analysis.cells import Group, Run, grouped
 from sim.analysis.differences import differences, paired
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.score import SCORE, Scored, scored
@@ -25,6 +27,7 @@ from sim.study.cells import VIEW
 from sim.study.store import read_rows
 from sim.study.study import read
 from sim.study.tasks import Row
+from tracking.numerics.arrays import Array
 
 DOCS = Path(__file__).parent
 TRIALS, FIGURE = DOCS / "results" / "worlds.csv", DOCS / "media" / "scores.png"
@@ -41,6 +44,7 @@ DEFAULT, *RIVALS = (
     "greedy",
 )
 ORDER = (DEFAULT, *RIVALS, "lawnmower", "oracle")
+_DIGITS = 16  # of the hash of a recording
 METRICS = ("gospa.mean_m", "ospa.share_under_1m", "share_held", "time_to_find_s")
 
 
@@ -56,7 +60,7 @@ def _row(line: dict[str, str]) -> Row:
     factors = (("scenario", line["world"]), *([(VIEW, line[VIEW])] if line[VIEW] else []))
     metrics = {name: float(line[name] or "nan") for name in METRICS}
     place = {"scenario": line["world"], "factors": factors, "planner": line["planner"], "seed": int(line["seed"])}
-    return Row(**place, version=line["version"], status="done", metrics=metrics)
+    return Row(**place, version=line["version"], recording=line["recording"], status="done", metrics=metrics)
 
 
 def write(rows: Iterable[Row]) -> None:
@@ -65,10 +69,11 @@ def write(rows: Iterable[Row]) -> None:
     listed.sort(key=lambda entry: (STUDY.scenarios.index(entry[0]), *entry[1:4]))
     with whole(TRIALS) as scratch, scratch.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["world", "planner", VIEW, "seed", "version", *METRICS])
+        writer.writerow(["world", "planner", VIEW, "seed", "version", "recording", *METRICS])
         for *place, row in listed:
             values = (row.metrics[name] for name in METRICS)
-            writer.writerow([*place, row.version, *("" if math.isnan(value) else f"{value:.6g}" for value in values)])
+            facts = row.version, row.recording[:_DIGITS]
+            writer.writerow([*place, *facts, *("" if math.isnan(value) else f"{value:.6g}" for value in values)])
 
 
 def scores_table(world: str = "") -> str:
@@ -83,25 +88,32 @@ def scores_table(world: str = "") -> str:
         maps = str(max(score.maps for score in found if score.cell == cell))
         lines.append([_name(cell), maps, *means, *(texts.get((cell, name), "") for name in planners)])
     if not world:
-        lines.append(["all of these", "", "", "", *(texts.get((None, name), "") for name in planners)])
+        lines.append(["mean of these", "", "", "", *(texts.get((None, name), "") for name in planners)])
     return _markdown(["world", "maps", "`hover`", "bound", *(f"`{name}`" for name in planners)], lines)
 
 
 def gaps_table(name: str, world: str = "") -> str:
     """A metric of the default, and what others have beyond it, paired by map; bold if the interval leaves out zero."""
     metric, groups = metric_shown(name), _groups(world)
-    planners = [name for name in ORDER[1:] if any(group.planner == name for group in groups)]
+    planners = [planner for planner in ORDER[1:] if any(group.planner == planner for group in groups)]
+    gaps: dict[str, list[dict[Run, Array]]] = {planner: [] for planner in planners}
     lines = []
     for cell, own in _by_world(groups):
+        for planner in planners:
+            gaps[planner].append(paired(own[planner], own[DEFAULT], [metric]) if planner in own else {})
         base = f"{metric.text(map_means(own[DEFAULT], metric).value)} {metric.unit}"
-        lines.append([_name(cell), base, *(_gap(own.get(name), own[DEFAULT], metric) for name in planners)])
+        lines.append([_name(cell), base, *(_gap(gaps[planner][-1:], metric) for planner in planners)])
+    if not world:
+        lines.append(["mean of these", "", *(_gap(gaps[planner], metric) for planner in planners)])
     return _markdown(["world", *(f"`{name}`" for name in (DEFAULT, *planners))], lines)
 
 
-def _gap(group: Group | None, base: Group, metric: Metric) -> str:
-    if group is None:
+def _gap(worlds: Sequence[dict[Run, Array]], metric: Metric) -> str:
+    """The difference on the runs that all worlds have, the mean over worlds; empty without such a run."""
+    runs = [run for run in worlds[0] if all(np.isfinite(gaps.get(run, np.nan)).all() for gaps in worlds)]
+    if not runs:
         return ""
-    (gap,) = differences(paired(group, base, [metric]), [metric])
+    (gap,) = differences({run: np.mean([gaps[run] for gaps in worlds], axis=0) for run in runs}, [metric])
     text = gap.mean.text(metric, signed=True)
     return f"**{text}**" if gap.mean.low * gap.mean.high > 0 else text
 
@@ -142,8 +154,7 @@ def draw() -> None:
 
 
 if __name__ == "__main__":
-    flown = {(row.scenario, row.factors, row.planner, row.seed): row for row in trials()}
-    for folder in sys.argv[1:]:
-        flown |= {(row.scenario, row.factors, row.planner, row.seed): row for row in read_rows(Path(folder))}
-    write(flown.values())
+    flown = [row for folder in sys.argv[1:] for row in read_rows(Path(folder))]
+    flown = [row for row in flown if row.study == STUDY.name and row.status == "done" and row.repeat == 0]
+    write({(row.scenario, row.factors, row.planner, row.seed): row for row in [*trials(), *flown]}.values())
     draw()

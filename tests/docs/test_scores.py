@@ -1,0 +1,73 @@
+"""docs/results/worlds.md: what it says in words is what the listed trials show."""
+
+import re
+import sys
+from collections import defaultdict
+
+import numpy as np
+import pytest
+from helpers.pages import DOCS
+
+from sim.study.study import adapted
+from sim.study.tasks import tasks
+from sim.study.trial import fly
+
+sys.path.append(str(DOCS))
+import scores
+
+WORLDS = 9
+
+
+@pytest.fixture(scope="module")
+def page():
+    """The page as one line of words."""
+    return " ".join((DOCS / "results" / "worlds.md").read_text(encoding="utf-8").split())
+
+
+def columns(table):
+    """Texts of a table by the name of the column, line by line."""
+    heads, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines())
+    return {head.strip("`"): [line[i] for line in lines] for i, head in enumerate(heads)}
+
+
+def value(text):
+    return float(re.match(r"\**([-+]?[\d.]+)", text)[1])
+
+
+def test_the_default_is_first_over_all_worlds_and_no_rival_ahead_in_one(page):
+    assert "the default has the lowest mean GOSPA among planners that do not know the truth, map by map" in page
+    assert "No rival but the oracle is ahead of the default by more than its interval, in any world." in page
+    gaps = columns(scores.gaps_table("gospa.mean_m"))
+    rivals = {name: texts for name, texts in gaps.items() if name in scores.RIVALS}
+    assert len(gaps["world"]) == WORLDS + 1 and list(rivals) == scores.RIVALS
+    assert all(value(texts[-1]) > 0 for texts in rivals.values())
+    assert not [text for texts in rivals.values() for text in texts if text.startswith("**-")]
+
+
+def test_no_planner_is_ahead_of_the_oracle(page):
+    assert "The oracle is an upper bound: no planner is ahead of it by more than an interval." in page
+    gaps = columns(scores.gaps_table("gospa.mean_m"))["oracle"]
+    assert len(gaps) == WORLDS + 1 and not [text for text in gaps if text.startswith("**+")]
+
+
+def test_the_list_has_the_maps_that_the_commands_fly(page):
+    flown = defaultdict(set)
+    for row in scores.trials():
+        flown[row.scenario, row.planner, dict(row.factors).get("view", "")].add(row.seed)
+    maps = {world: list(range(20)) for world in scores.STUDY.scenarios} | {"fleet": list(range(6))}
+    assert "compare bench-1 --maps 20 --metric" in page and "compare bench-1 --maps 10 --metric" in page
+    for (world, planner, _), seeds in flown.items():
+        half = planner in ("dec-mcts", "rsp", "thompson", "greedy")
+        assert sorted(seeds) == maps[world][: 10 if half else 20], (world, planner)
+    assert len(flown) == 9 * (7 + 4) + 1 + 7  # all worlds but fleet, lawnmower in search, fleet
+
+
+@pytest.mark.docs
+@pytest.mark.parametrize(("world", "planner"), [("forest", "sma-nbo-gospa"), ("patchwork", "hover"), ("paper", "rsp")])
+def test_trials_of_the_list_are_those_of_this_program(world, planner):
+    listed = next(row for row in scores.trials() if (row.scenario, row.planner, row.seed) == (world, planner, 4))
+    study = adapted(scores.STUDY, scenarios=[world], planners=[planner], seeds="4")
+    row = fly(next(task for task in tasks(study) if task.planner == planner)).row
+    assert row.recording.startswith(listed.recording) and len(listed.recording) == 16
+    shown = [[metrics[name] for name in scores.METRICS] for metrics in (row.metrics, listed.metrics)]
+    np.testing.assert_allclose(*shown, rtol=1e-5)
