@@ -6,7 +6,7 @@ from collections.abc import Mapping
 def split_options(text: str) -> tuple[str, list[str]]:
     """Name and parts of "name(part, ...)"; commas in brackets or quotes part nothing.
 
-    A text with brackets or quotes that do not match is one part.
+    A text with brackets or quotes that do not match is one part, which begins with a bracket.
     """
     name, _, rest = text.strip().partition("(")
     parts, depth, quote = [""], 0, ""
@@ -22,7 +22,7 @@ def split_options(text: str) -> tuple[str, list[str]]:
         else:
             parts[-1] += sign
     if depth or quote:
-        parts = [",".join(parts)]
+        parts = [f"({rest}"]
     return name.strip(), [part.strip() for part in parts if part.strip()]
 
 

@@ -72,8 +72,8 @@ def fly_study(
     if kept is None:
         fail(f"{reason}; no trial was flown, what {folder} holds stays", code=1)
     if options.redo:
-        rest = "without --redo, the same command flies what is missing"
-        fail(f"{reason}; {again} of {len(listed)} trials were flown now and are kept in {folder}, {rest}", code=1)
+        rest = f"{kept} are there; without --redo, the same command flies what is missing"
+        fail(f"{reason}; {again} of {len(listed)} trials were flown now, in {folder} {rest}", code=1)
     fail(f"{reason}; {kept} of {len(listed)} trials are kept in {folder}, the same command flies the rest", code=1)
 
 
@@ -97,7 +97,7 @@ def _not_shown(store: Store, listed: Sequence[Task]) -> list[str]:
     others = ", ".join(f"{count} of version {other}" for other, count in versions.items() if other != version)
     notes = [f"{store.path}: trials of another version are kept apart, not shown: {others}"] if others else []
     if rest := versions.get(version, 0) - store.held(listed):
-        notes.append(f"{store.path}: kept, not shown: {rest} of other planners, scenarios, settings or seeds")
+        notes.append(f"{store.path}: kept, not shown: {rest} trials of other planners, scenarios, settings or seeds")
     return notes
 
 
@@ -106,8 +106,8 @@ def show_study(rows: Sequence[Row], folder: Path, about: About) -> None:
     command, wall = shlex.join(["understory", *sys.argv[1:]]), sum(row.metrics.get("wall_s", 0.0) for row in rows)
     reason = ""
     try:
-        show(rows, about)
         write(rows, folder, replace(about, command=command, versions=versions(), wall_s=wall))
+        show(rows, about)  # last, as what reads it may go away
     except KeyboardInterrupt:
         reason = "interrupted"
     except InputError as error:  # names were checked before, so the disk is full or the like

@@ -54,6 +54,8 @@ WRONG = {
     "sma-nbo(3)": ["is not of the form name(option=value, ...)"],
     "sma-nbo(horizon=3, horizon=4)": ["has the option 'horizon' more than once; allowed is once"],
     "hover(": ["'hover(' is not of the form name(option=value, ...)"],
+    "sma-nbo(horizon=(3, 4)": ["is not of the form name(option=value, ...)"],
+    "sma-nbo(occlusion='disc)": ["is not of the form name(option=value, ...)"],
     "lawnmower(pace=2)": ["pace must be in (0, 1], is 2"],
     "pma-nbo(order=random)": [
         "order=random has no effect with coordination 'parallel'; set order=fixed or coordination=sequential"

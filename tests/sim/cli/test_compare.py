@@ -91,8 +91,8 @@ def test_failures_and_ctrl_c_are_told_by_the_exit_code_and_keep_the_rest(compare
     backend = Serial({"hover": [None, KeyboardInterrupt()]})
     backend.room = lambda: len(backend.flown) < 2
     options = ["--planner", "hover", "--seeds", "0-1", *FLAGS, "--out", "s", "--redo"]
-    rest = "without --redo, the same command flies what is missing"
-    told = f"understory: interrupted; 1 of 2 trials were flown now and are kept in s, {rest}\n"
+    rest = "in s 2 are there; without --redo, the same command flies what is missing"
+    told = f"understory: interrupted; 1 of 2 trials were flown now, {rest}\n"
     assert compare(*options, backend=backend)[::2] == (1, told)
 
 
@@ -154,7 +154,7 @@ def test_trials_in_the_folder_that_the_command_does_not_show_are_counted(compare
     first = ["--planner", "hover", "--seeds", "0,1", *FLAGS, "--out", "s"]
     assert "not shown" not in compare(*first, backend=Serial())[2]
     code, _, err = compare("--planner", "greedy", "--seeds", "0", *FLAGS, "--out", "s", backend=Serial())
-    told = "understory: s/study.sqlite: kept, not shown: 2 of other planners, scenarios, settings or seeds\n"
+    told = "understory: s/study.sqlite: kept, not shown: 2 trials of other planners, scenarios, settings or seeds\n"
     assert code == 0 and err.endswith(told)
     assert "not shown" not in compare(*first, "--planner", "greedy", backend=Serial())[2]
 
