@@ -32,7 +32,7 @@ from tracking.numerics.arrays import Array
 DOCS = Path(__file__).parent
 TRIALS, FIGURE = DOCS / "results" / "worlds.csv", DOCS / "media" / "scores.png"
 STUDY = read("bench-1")
-FLEET = "fleet"  # takes as long as all other worlds, so it has fewer maps and a table of its own
+FLEET = "fleet"  # takes half as long as all others together, so it has fewer maps and a table of its own
 DEFAULT, *RIVALS = (
     "sma-nbo-gospa",
     "sma-nbo-mwtp",

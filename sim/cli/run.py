@@ -70,8 +70,7 @@ def run(
 
 
 def _name(scenario: str, trial: Trial) -> str:
-    planner = re.sub(r"[^\w.=-]+", "-", trial.planner.replace(":", "."), flags=re.ASCII).strip(
-        "-"
-    )  # which no shell minds
-    name = f"{Path(scenario).stem}-{planner}"[:_LONGEST] + f"-seed{trial.seed}"
+    """Name of a folder, of signs that no shell minds."""
+    planner = re.sub(r"[^\w.=-]+", "-", trial.planner.replace(":", "."), flags=re.ASCII)
+    name = f"{Path(scenario).stem}-{planner.strip('-')}"[:_LONGEST] + f"-seed{trial.seed}"
     return f"{name}-repeat{trial.repeat}" if trial.repeat else name

@@ -57,7 +57,7 @@ class MapView:
         self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * self._rate))
         self._intents = Intents(scenario)
         # s, of the past on which a picture depends: trails, the plans flown, the last frames of slow cameras
-        self._reach = max(TRAIL, scenario.due(1 / scenario.rates.planning))
+        self._reach = max(TRAIL, scenario.network.plan_delay + 1 / scenario.rates.planning)
         self._last: dict[int, Snapshot] = {}  # at which each camera took its last frame
         self._ground = self._draw_ground(forest)
 

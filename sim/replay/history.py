@@ -41,9 +41,8 @@ class History:
     working: Flags  # (K, n)
     looked: Flags  # (K, n), frames taken
     inside: Flags  # (K, n, M), a frame was taken with the mid-height in it, occlusion aside
-    hidden_by: (
-        Indices  # (K, n, M), the first tree between a camera with the person inside and the mid-height; -1 for none
-    )
+    # (K, n, M), the first tree between a camera with the person inside and the mid-height; -1 for none
+    hidden_by: Indices
     shown: Flags  # (K, n, M), the frame showed some of the person
     detected: Flags  # (K, n, M)
     tracks: Indices  # (K, n, M), id of the track within `HELD` m that stands for the person; -1 for none

@@ -33,7 +33,8 @@ def _motions(recording: Recording, scenario: Scenario) -> list[list[MotionModel]
     detected = recording.track_sightings[:, 2] >= recording.times[k]
     motions = [[tracker_parameters(scenario).motion] * uavs]
     for cell, (first, last) in enumerate(pairwise(recording.track_offsets.tolist())):
-        motions += [motions[-1].copy()] if cell % uavs == 0 else []
+        if cell % uavs == 0:
+            motions.append(motions[-1].copy())
         velocities = recording.track_means[first:last, 2:][detected[first:last]]
         if len(velocities):
             motions[-1][cell % uavs] = motions[-1][cell % uavs].observed(velocities)
