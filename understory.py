@@ -212,8 +212,8 @@ def compare(
     from sim.scenario.quantities import WORKERS, integer
     from sim.study.backends import Pool
     from sim.study.engine import rows_of
-    from sim.study.given import study_of
     from sim.study.store import frame_of
+    from sim.study.study import study_of
     from sim.study.tasks import tasks
 
     frame_of([])  # complains of a missing library now rather than after the flights

@@ -2,6 +2,7 @@
 
 import sys
 import typing
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -121,6 +122,7 @@ def test_what_cannot_be_flown_is_refused_in_one_line(arguments, message):
         ({"scenarios": Scenario()}, "scenarios: Scenario(.*) is not allowed; expected text"),
         ({"seeds": "0-9"}, r"seeds: '0-9' is not allowed; expected several integers, such as range\(10\)"),
         ({"seeds": 3}, "seeds: 3 is not allowed"),
+        ({"seeds": count()}, "seeds: .* at most 100000 are allowed"),
         ({"repeats": 0}, "repeats: 0 is not allowed; expected an integer, 1 to 10000"),
         ({"workers": -1}, "workers: -1 is not allowed; expected an integer, 1 to 1024"),
         ({"workers": 0}, "workers: 0 is not allowed"),

@@ -21,7 +21,7 @@ from sim.scenario.loading import remarks
 from sim.scenario.random_streams import numbered
 from sim.study.backends import Backend, Pool, connected
 from sim.study.engine import Options, complete
-from sim.study.store import NAME, Store, StoreError
+from sim.study.store import Store, StoreError
 from sim.study.study import Study
 from sim.study.tasks import Row, Task
 from sim.terminal.console import console, fail, remark
@@ -49,8 +49,7 @@ def fly_study(
     kept: int | None = None
     again = 0
     try:
-        if not (folder / NAME).exists():
-            _check_worlds(listed)
+        _check_worlds(listed)
         with _backend(workers, dask) as backend, Store.opened(folder, listed[0].study) as store:
             remark(*_not_shown(store, listed))
             with study_progress(len(listed)) as tell:
@@ -65,10 +64,8 @@ def fly_study(
                 except (KeyboardInterrupt, StoreError):
                     kept = len(store.done(listed))
                     raise
-    except KeyboardInterrupt:
-        reason = "interrupted"
-    except StoreError as error:
-        reason = str(error)
+    except (KeyboardInterrupt, StoreError) as error:
+        reason = str(error) or "interrupted"
     if kept is None:
         fail(f"{reason}; no trial was flown, what {folder} holds stays", code=1)
     if options.redo:
@@ -79,12 +76,9 @@ def fly_study(
 
 def _check_worlds(listed: Sequence[Task]) -> None:
     """InputError unless forest and people of each setting can be placed, tried with its first seed."""
-    tried: set[bytes] = set()
-    for task in listed:
-        setting = msgspec.json.encode(task.setting)
-        if setting not in tried:
-            tried.add(setting)
-            forest_and_people(task.setting, task.seed)
+    first = {msgspec.json.encode(task.setting): task for task in reversed(listed)}
+    for task in first.values():
+        forest_and_people(task.setting, task.seed)
 
 
 def _backend(workers: int | None, dask: str | None) -> AbstractContextManager[Backend]:
@@ -93,10 +87,11 @@ def _backend(workers: int | None, dask: str | None) -> AbstractContextManager[Ba
 
 def _not_shown(store: Store, listed: Sequence[Task]) -> list[str]:
     """Remarks on results in the store that are of other versions of the package, or of other trials."""
-    version, versions = listed[0].version, store.versions()
-    others = ", ".join(f"{count} of version {other}" for other, count in versions.items() if other != version)
-    notes = [f"{store.path}: trials of another version are kept apart, not shown: {others}"] if others else []
-    if rest := versions.get(version, 0) - store.held(listed):
+    others = store.others(listed)
+    rest = others.pop(listed[0].version, 0)
+    text = ", ".join(f"{count} of version {version}" for version, count in others.items())
+    notes = [f"{store.path}: trials of another version are kept apart, not shown: {text}"] if others else []
+    if rest:
         notes.append(f"{store.path}: kept, not shown: {rest} trials of other planners, scenarios, settings or seeds")
     return notes
 
@@ -104,15 +99,11 @@ def _not_shown(store: Store, listed: Sequence[Task]) -> list[str]:
 def show_study(rows: Sequence[Row], folder: Path, about: About) -> None:
     """Print tables and write the report; exit with code 1 if that cannot be done or trials have failed."""
     command, wall = shlex.join(["understory", *sys.argv[1:]]), sum(row.metrics.get("wall_s", 0.0) for row in rows)
-    reason = ""
     try:
         write(rows, folder, replace(about, command=command, versions=versions(), wall_s=wall))
         show(rows, about)  # last, as what reads it may go away
-    except KeyboardInterrupt:
-        reason = "interrupted"
-    except InputError as error:  # names were checked before, so the disk is full or the like
-        reason = str(error)
-    if reason:
+    except (KeyboardInterrupt, InputError) as error:  # names were checked before: the disk is full or the like
+        reason = str(error) or "interrupted"
         fail(f"{reason}; all {len(rows)} trials are kept in {folder}, the same command writes the report", code=1)
     failures = [row for row in rows if row.status == "failed"]
     missing = "; the same command flies again what failed" if failures else ""

@@ -9,18 +9,15 @@ import msgspec
 from msgspec import Struct
 
 from planning.planner_text import with_options
-from sim.scenario.quantities import integers
-from sim.study.settings_text import flat, option, toml
-from sim.study.study import Study, check_keys
+from sim.study.settings_text import flat, texts
+from sim.study.study import Study
 from tracking.plugins.registry import InputError
-from tracking.plugins.spelling import did_you_mean
 
 TRACKER = "tracker"
 VIEW = "view"  # which the trials of the bound alone have
 _UNLIMITED = {"sensing.mode": "ideal", "sensing.field_of_view": "unlimited"}  # their settings
 ENTERED = (TRACKER, VIEW)  # factors whose levels are compared as planners are
 _MOST_CELLS = 10_000
-_OTHER = ("planner", "scenario")  # what trials are left out by, beside factors
 
 
 class Cell(Struct, frozen=True):
@@ -45,15 +42,17 @@ def cells(study: Study) -> list[Cell]:
     count = math.prod([len(study.scenarios), len(planners) + bool(study.score), *map(len, study.factors.values())])
     if count > _MOST_CELLS:  # before they are listed: factors multiply
         raise InputError(f"study: {study.name} has {count:g} cells; at most {_MOST_CELLS} are allowed")
+    stems = [Path(scenario).stem for scenario in study.scenarios]
+    shown_as = dict(zip(study.scenarios, stems if len(set(stems)) == len(stems) else study.scenarios, strict=True))
     found = []
     for scenario, *chosen in product(study.scenarios, *study.factors.values()):
         levels = tuple(zip(study.factors, chosen, strict=True))
-        shown = (("scenario", Path(scenario).stem), *levels) if len(study.scenarios) > 1 else levels
+        shown = (("scenario", shown_as[scenario]), *levels) if len(stems) > 1 else levels
         settings, options = dict(study.settings), dict[str, str]()
         for factor, level in levels:
             values = dict(study.factors[factor][level])
-            options |= {key: option(value) for key, value in values.pop("planner", {}).items()}
-            settings |= {key: toml(value) for key, value in flat(values).items()}
+            options |= {key: str(value) for key, value in values.pop("planner", {}).items()}
+            settings |= texts(values)
         made = [Cell(scenario, shown, settings, planner, options) for planner in planners]
         if study.score:
             seen = (*shown, (VIEW, "unlimited"))
@@ -62,8 +61,8 @@ def cells(study: Study) -> list[Cell]:
             place = {"planner": cell.planner, "scenario": scenario, **dict(levels)}
             if not any(_matches(rule, place) for rule in study.exclude):
                 found.append(cell)
-    if not found or not integers(study.seeds, "seeds"):
-        raise InputError(f"study: {study.name} has no trial: no planner, no seed, no level, or all is excluded")
+    if not found:
+        raise InputError(f"study: {study.name} has no trial: no planner, no level, or all is excluded")
     return found
 
 
@@ -85,21 +84,10 @@ def _matches(rule: Mapping[str, str | list[str]], place: Mapping[str, str]) -> b
 
 def _check_levels(study: Study) -> None:
     for factor, levels in study.factors.items():
-        if factor in _OTHER:
+        if factor in ("planner", "scenario"):  # by which trials are left out, too
             raise InputError(f"factors.{factor}: is no name for a factor; list them as {factor}s of [study]")
         for level, values in levels.items():
             if not isinstance(values.get("planner", {}), Mapping):
                 raise InputError(f"factors.{factor}.{level}.planner: expected options such as {{horizon = 3}}")
     if study.score and VIEW in study.factors:
         raise InputError(f"factors.{VIEW}: is no name for a factor beside [score], whose bound has an unlimited view")
-    _check_rules(study)
-
-
-def _check_rules(study: Study) -> None:
-    for i, rule in enumerate(study.exclude):
-        check_keys(rule, (*study.factors, *_OTHER), f"exclude.{i}.")
-        for factor, value in rule.items():
-            for level in [value] if isinstance(value, str) else value:
-                if factor in study.factors and level not in study.factors[factor]:
-                    hint = did_you_mean(level, study.factors[factor])
-                    raise InputError(f"exclude.{i}.{factor}: {level!r} is no level; {hint}")

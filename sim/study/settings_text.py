@@ -26,11 +26,16 @@ def toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data
     return value if isinstance(value, str) and _PLAIN.fullmatch(value) else _toml(value)
 
 
+def texts(settings: Mapping[str, Any]) -> dict[str, str]:
+    """Settings by dotted key, their values as `--set` reads them."""
+    return {key: toml(value) for key, value in flat(settings).items()}
+
+
 def overrides(settings: Mapping[str, Any] | None) -> list[str]:
     """Settings as `--set` takes them, each `key=value`; InputError if they are no mapping."""
     if not isinstance(settings, Mapping | None):
         raise InputError(f"settings: {settings!r} is not allowed; expected a mapping, as {{'duration': 10}}")
-    return [f"{key}={toml(value)}" for key, value in flat(settings or {}).items()]
+    return [f"{key}={value}" for key, value in texts(settings or {}).items()]
 
 
 def chosen(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scenario:
@@ -42,11 +47,6 @@ def chosen(scenario: str | Scenario, settings: Mapping[str, Any] | None) -> Scen
     if settings:
         raise InputError("settings: not allowed with a Scenario; set its fields")
     return checked(scenario)
-
-
-def option(value: Any) -> str:  # noqa: ANN401 - plain TOML data
-    """A value as an option of a planner."""
-    return value if isinstance(value, str) else repr(value)
 
 
 def _toml(value: Any) -> str:  # noqa: ANN401 - plain TOML data

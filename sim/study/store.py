@@ -3,6 +3,7 @@
 import errno
 import math
 import sqlite3
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -30,7 +31,7 @@ _TABLES = (
         finished TEXT NOT NULL DEFAULT (datetime('now')), {", ".join(_DECLARED)}
     )""",
     "CREATE VIEW metrics AS SELECT t.key, j.key AS name, j.value FROM trials t, json_each(t.metrics) j",
-    "CREATE VIEW factors AS SELECT t.key, j.value ->> 0 AS name, j.value ->> 1 AS level"
+    "CREATE VIEW factors AS SELECT t.key, json_extract(j.value, '$[0]') AS name, json_extract(j.value, '$[1]') AS level"
     " FROM trials t, json_each(t.factors) j",
 )
 
@@ -117,27 +118,20 @@ class Store:
                 f"INSERT OR REPLACE INTO trials (key, {_COLUMNS}) VALUES ({', '.join('?' * len(values))})", values
             )
 
-    def versions(self) -> dict[str, int]:
-        """Number of trials of each version of the package."""
-        return dict(self._connection.execute("SELECT version, count(*) FROM trials GROUP BY version ORDER BY version"))
-
-    def held(self, tasks: Sequence[Task]) -> int:
-        """Number of the given tasks whose trials are in the store, failed ones among them."""
-        keys = {key for (key,) in self._connection.execute("SELECT key FROM trials")}
-        return len(keys & {task.key for task in tasks})
+    def others(self, tasks: Sequence[Task]) -> Counter[str]:
+        """Number of trials, failed ones among them, that are none of these tasks', by version of the package."""
+        keys = {task.key for task in tasks}
+        rows = self._connection.execute("SELECT key, version FROM trials ORDER BY version")
+        return Counter(version for key, version in rows if key not in keys)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
         try:
-            self._connection.execute("BEGIN IMMEDIATE")
-            yield
-            self._connection.execute("COMMIT")
-        except BaseException as error:
-            if self._connection.in_transaction:
-                self._connection.execute("ROLLBACK")
-            if isinstance(error, sqlite3.Error):
-                raise StoreError(f"{self.path}: {error}") from error
-            raise
+            with self._connection:  # commits, or rolls back
+                self._connection.execute("BEGIN IMMEDIATE")
+                yield
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path}: {error}") from error
 
 
 def read_rows(path: Path) -> list[Row]:

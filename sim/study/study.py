@@ -1,6 +1,7 @@
 """Studies: scenarios by overrides by planners by seeds, from TOML or flags."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from itertools import islice
 from typing import Annotated, Any
 
 import msgspec
@@ -8,9 +9,9 @@ from msgspec import Meta, Struct
 
 from sim.installation import ASSETS
 from sim.scenario.loading import STUDY_TABLES
-from sim.scenario.quantities import REPEATS
+from sim.scenario.quantities import MOST_LISTED, REPEATS, integer
 from sim.scenario.text_files import located, toml_file
-from sim.study.settings_text import flat, toml
+from sim.study.settings_text import flat, overrides, texts
 from tracking.plugins.registry import InputError, check_known
 from tracking.plugins.spelling import did_you_mean
 
@@ -44,14 +45,13 @@ def read(name: str) -> Study:
     """The packaged study or TOML file `name`; InputError says what is wrong."""
     path = located(name, STUDIES, "study")
     data = toml_file(path, "study")
-    check_keys(data, STUDY_TABLES, f"{name}: ")
+    _check_keys(data, STUDY_TABLES, f"{name}: ")
     for key in ("study", "set"):
         if not isinstance(data.get(key, {}), Mapping):
             raise InputError(f"{name}: {key}: {data[key]!r} is not allowed; expected a table [{key}]")
     table = data.get("study", {})
-    check_keys(table, ("name", "description", "scenarios", "seeds", "repeats", "planners"), f"{name}: study.")
-    settings = {key: toml(value) for key, value in flat(data.get("set", {})).items()}
-    content = {"name": path.stem, **table, "settings": settings}
+    _check_keys(table, ("name", "description", "scenarios", "seeds", "repeats", "planners"), f"{name}: study.")
+    content = {"name": path.stem, **table, "settings": texts(data.get("set", {}))}
     content |= {key: data[key] for key in ("factors", "exclude", "score") if key in data}
     try:
         study = msgspec.convert(content, Study)
@@ -76,12 +76,14 @@ def _listed(value: str | list[str]) -> list[str]:
 
 
 def _check_excluded(study: Study, where: str) -> None:
-    """InputError where a study leaves out a planner or a scenario that it has not; of its levels `cells` tells."""
+    """InputError where a study leaves out a planner, scenario or level that it has not."""
     ends = (study.score.floor, study.score.bound) if study.score else ()
+    known = {"planner": (*study.planners, *ends), "scenario": study.scenarios, **study.factors}
     for i, rule in enumerate(study.exclude):
-        for key, known in (("planner", (*study.planners, *ends)), ("scenario", study.scenarios)):
-            for name in _listed(rule.get(key, [])):
-                check_known(f"{where}: exclude.{i}.{key}", name, known)
+        _check_keys(rule, known, f"{where}: exclude.{i}.")
+        for key, value in rule.items():
+            for name in _listed(value):
+                check_known(f"{where}: exclude.{i}.{key}", name, known[key])
 
 
 def adapted(
@@ -119,7 +121,28 @@ def adapted(
     )
 
 
-def check_keys(data: Mapping[str, Any], known: Sequence[str], where: str) -> None:
+def study_of(
+    planners: object, scenarios: object, *, seeds: Iterable[int], repeats: int, settings: Mapping[str, Any] | None
+) -> Study:
+    """A comparison of one or several planners in one or several scenarios; InputError where something is wrong."""
+    if isinstance(seeds, str) or not isinstance(seeds, Iterable):
+        raise InputError(f"seeds: {seeds!r} is not allowed; expected several integers, such as range(10)")
+    return adapted(
+        Study("compare", _several("planners", planners), scenarios=_several("scenarios", scenarios)),
+        seeds=",".join(map(str, islice(seeds, MOST_LISTED + 1))),  # one too many is refused where they are read
+        repeats=integer(repeats, "repeats", least=1, most=REPEATS),
+        overrides=overrides(settings),
+    )
+
+
+def _several(field: str, given: object) -> tuple[str, ...]:
+    names = (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
+    if not all(isinstance(name, str) for name in names):
+        raise InputError(f"{field}: {given!r} is not allowed; expected text")
+    return names
+
+
+def _check_keys(data: Iterable[str], known: Collection[str], where: str) -> None:
     """Raise InputError at a key that is not one of the known; `where` is the text before it."""
     for key in data:
         if key not in known:

@@ -3,8 +3,8 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from math import isnan
-from statistics import fmean
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
@@ -20,18 +20,19 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], No
     """A bar with the simulated time and the running mean of the OSPA distance."""
     last = scenario.scan_times[-1]
     columns = (SpinnerColumn(), BarColumn(bar_width=20), TextColumn("{task.description}"), TimeRemainingColumn())
-    distances: list[float] = []
+    total, count = 0.0, 0  # of the distances so far
     progress = Progress(*columns, console=console)
     task = progress.add_task("", total=len(scenario.scan_times))
     with console.status(START_UP) as status:  # which goes away, whether a mission follows or a complaint
 
         def show(moment: ScanProgress) -> None:
-            if not distances:
+            nonlocal total, count
+            if not count:
                 status.stop()
                 progress.start()
-            distances.extend(moment.distances)
+            total, count = total + sum(moment.distances), count + len(moment.distances)
             error = "-" if isnan(moment.error) else f"{moment.error:.2f} m"
-            now = f"{moment.time:.1f} of {last:g} s, OSPA {error}, mean {fmean(distances):.2f} m"
+            now = f"{moment.time:.1f} of {last:g} s, OSPA {error}, mean {total / count:.2f} m"
             progress.update(task, completed=moment.scans, description=now)
 
         try:
@@ -70,14 +71,12 @@ def study_progress(total: int) -> Iterator[Callable[[bool, bool], None]]:
 
 
 def pace(flown: int, left: int, failures: int, seconds: float) -> str:
-    """Rate, remaining time and failures in words: ", 12.0 a minute, 1:40 left, 2 failed"."""
+    """Rate, remaining time and failures in words: ", 12.0 a minute, 0:01:40 left, 2 failed"."""
     parts = []
     if flown and seconds > 0:
         parts.append(f"{60 * flown / seconds:.1f} a minute")
         if left:
-            minutes, rest = divmod(round(left * seconds / flown), 60)
-            hours, minutes = divmod(minutes, 60)
-            parts.append(f"{hours}:{minutes:02}:{rest:02} left" if hours else f"{minutes}:{rest:02} left")
+            parts.append(f"{timedelta(seconds=round(left * seconds / flown))} left")
     if failures:
         parts.append(f"{failures} failed")
     return "".join(f", {part}" for part in parts)

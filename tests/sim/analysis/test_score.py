@@ -1,5 +1,6 @@
 """Normalised scores are those that a count by hand gives, and their intervals hold."""
 
+import msgspec
 import numpy as np
 import pytest
 from helpers.trials import failed, row
@@ -9,6 +10,7 @@ from sim.analysis.intervals import means
 from sim.analysis.metric_choice import metric_shown
 from sim.analysis.planner_labels import baseline_of, labels_of, planner_labels
 from sim.analysis.score import ends_of, scores
+from sim.analysis.score import scored as scored_study
 from sim.study.study import ScoreScale
 from tracking.plugins.registry import InputError
 
@@ -44,6 +46,17 @@ def test_a_score_is_the_share_of_the_way_from_floor_to_bound():
     assert worse.estimate.value == pytest.approx(-0.25)
     (higher,) = scored(cell((0.5, 0.7), (0.2, 0.2), (1.0, 1.0), name=SHARE.name), SHARE)
     assert higher.estimate.value == pytest.approx(0.5)
+
+
+def test_a_score_on_a_metric_of_the_users_goes_the_way_that_the_metric_says(tmp_path, monkeypatch):
+    text = (
+        'from sim.evaluation.metric import Metric\n\nFOUND = Metric("found", better="higher", name="ownscore:FOUND")\n'
+    )
+    (tmp_path / "ownscore.py").write_text(text)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    rows = cell((0.5, 0.7), (0.2, 0.2), (1.0, 1.0), name="ownscore:FOUND")
+    found = scored_study(rows, grouped(rows, "hover"), msgspec.structs.replace(SCORED, metric="ownscore:FOUND"))
+    assert [score.estimate.value for score in found.scores] == [pytest.approx(0.5)]
 
 
 def test_maps_without_floor_or_bound_do_not_count_nor_do_cells_without_room():

@@ -25,7 +25,7 @@ def test_rows_come_back_as_they_were(filled):
     folder, tasks, rows = filled
     with Store.opened(folder, "short") as opened:
         found = opened.done(tasks)
-        assert opened.versions() == {tasks[0].version: len(tasks)}
+        assert opened.others([]) == {tasks[0].version: len(tasks)}
     assert [plain(found[task.key]) for task in tasks] == list(map(plain, rows))
     assert sorted(map(str, map(plain, read_rows(folder)))) == sorted(map(str, map(plain, rows)))
     assert found[tasks[0].key].metrics["wall_s"] == rows[0].metrics["wall_s"]
@@ -69,7 +69,7 @@ def test_another_version_is_kept_apart(tmp_path):
     store(tmp_path, [msgspec.structs.replace(t, version="0.0.9", key=f"old{t.seed}") for t in short(["hover"])])
     with Store.opened(tmp_path, "short") as opened:
         rows = complete(short(["hover"]), opened, Serial({"hover": [None, None]}))
-        assert opened.versions() == {"0.0.9": 2, rows[0].version: 2}
+        assert opened.others([]) == {"0.0.9": 2, rows[0].version: 2}
     assert {row.version for row in rows} == {short()[0].version}
 
 

@@ -12,8 +12,8 @@ from planning.loading import PlannerError, load_planner
 from planning.registry import DEFAULT_PLANNER
 from sim.scenario.loading import _value, load
 from sim.scenario.scenario import Scenario
-from sim.study.cells import cells
-from sim.study.settings_text import flat, option, toml
+from sim.study.cells import cells, with_trackers
+from sim.study.settings_text import flat, toml
 from sim.study.study import STUDIES, Study, adapted, read
 from sim.study.tasks import tasks
 from tracking.geometry.visibility import TARGET_HEIGHT
@@ -154,6 +154,27 @@ def test_a_scenario_file_is_found_from_the_study_file_and_tells_cells_apart(tmp_
     assert other.scenario == str(tmp_path / "grove.toml") and other.setting.trees.density == 3
 
 
+def test_scenarios_whose_files_have_one_name_are_shown_with_their_folders(written, tmp_path):
+    for folder, density in (("sparse", 3), ("dense", 9)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "grove.toml").write_text(f"trees.density = {density}\n")
+    names = ["sparse/grove.toml", "dense/grove.toml"]
+    made = tasks(read(written(f'[study]\nplanners = ["hover"]\nseeds = "0"\nscenarios = {names}')))
+    assert [dict(task.factors)["scenario"] for task in made] == [str(tmp_path / name) for name in names]
+
+
+def test_trackers_given_by_flag_take_the_place_of_those_that_a_study_leaves_out(written):
+    levels = "[factors.tracker]\njpda = {}\nother = {tracking = {sigma_a = 0.5}}\n"
+    rule = '[[exclude]]\nplanner = "hover"\ntracker = "other"'
+    study = read(written(f"[study]\nplanners = ['hover', 'greedy']\nseeds = '0'\n{levels}{rule}"))
+    assert [(cell.planner, dict(cell.factors)["tracker"]) for cell in cells(study)] == [
+        ("hover", "jpda"),
+        ("greedy", "jpda"),
+        ("greedy", "other"),
+    ]
+    assert [cell.planner for cell in cells(with_trackers(study, ["jpda"]))] == ["hover", "greedy"]
+
+
 def test_a_scenario_file_is_left_out_as_it_is_named(written, tmp_path):
     (tmp_path / "grove.toml").write_text("trees.density = 3\n")
     head = '[study]\nplanners = ["hover"]\nseeds = "0"\nscenarios = ["forest", "grove.toml"]\n'
@@ -174,7 +195,6 @@ def test_settings_as_text_reproduce_each_trial_of_the_packaged_studies():
     cuts = [{"links": [[0, 1]], "start": 3.5}]
     assert load("forest", [f"network.cuts={toml(cuts)}"]).network.cuts[0].start == 3.5
     assert flat({"a": {"b": {"c": 1}, "d": [1]}, "e": 2}) == {"a.b.c": 1, "a.d": [1], "e": 2}
-    assert [option(v) for v in (3, 0.5, True, "grid")] == ["3", "0.5", "True", "grid"]
     for name in STUDIES:
         for task in tasks(adapted(read(name), seeds="0")):
             words = [word for key, value in task.settings.items() for word in ("--set", f"{key}={value}")]
@@ -208,7 +228,7 @@ WRONG = {
     "unknown factor in exclude": ("[study]\nplanners = ['hover']\n[[exclude]]\nH = '1'", "exclude.0.H: unknown key"),
     "unknown level in exclude": (
         "[study]\nplanners = ['hover']\n[factors.x]\nabc = {}\n[[exclude]]\nx = 'abd'",
-        "'abd' is no level; .* did you mean abc",
+        "'abd' is unknown; .* did you mean abc",
     ),
     "unknown planner in exclude": (
         "[study]\nplanners = ['hover']\n[[exclude]]\nplanner = 'hoover'",
