@@ -1,13 +1,14 @@
 """Entry of the command line: `understory COMMAND`, whose commands are functions of `sim.cli`."""
 
+import os
 import sys
 from collections.abc import Callable
 
-from sim.installation import ROOT, is_current_folder
+from sim.installation import ROOT
 
 # Our packages before those of the current folder, so that `python -m sim` imports nothing of the user's instead.
 sys.path.append(str(ROOT))
-sys.path.sort(key=is_current_folder)
+sys.path.sort(key=lambda place: os.path.abspath(place) == os.getcwd())
 
 from sim.cli.checks import check_detector, check_planner, check_tracker
 from sim.cli.compare import compare

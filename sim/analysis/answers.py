@@ -72,11 +72,11 @@ def _judged(found: Sequence[Answer]) -> list[Answer]:
 
 
 def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
-    runs, values = group.runs, group.table(metrics)
-    of_maps = map_values(runs, values)
+    values, maps = group.table(metrics), np.array([row.seed for row in group.done], dtype=object)
+    of_maps = map_values(values, maps)
     flown = len({row.seed for row in (*group.done, *group.failed)})
     undefined = np.sum(~np.isfinite(values), axis=0).tolist()
-    spread = spreads(values, np.array([seed for seed, _ in runs], dtype=object))
+    spread = spreads(values, maps)
     return [
         Answer(
             group.cell,
@@ -84,7 +84,7 @@ def _own(group: Group, metrics: Sequence[Metric]) -> list[Answer]:
             metric,
             maps=int(np.isfinite(of_maps[:, j]).sum()),
             flown=flown,
-            trials=len(runs),
+            trials=len(group.done),
             failed=len(group.failed),
             undefined=undefined[j],
             faulty=sum(row.metrics.get("faults", 0.0) > 0.0 for row in group.done),

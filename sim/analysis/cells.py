@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sim.analysis.cell_text import Cell, cell_text, cells_of, with_cell
-from sim.analysis.planner_labels import baseline_of, entrant, planner_labels
+from sim.analysis.planner_labels import entrant, planner_labels
 from sim.evaluation.metric import Metric
 from sim.scenario.random_streams import numbered
 from sim.study.tasks import Row
@@ -69,13 +69,13 @@ class Group:
 def grouped(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str, str] = {}) -> list[Group]:
     """Every cell's groups, the baseline's first; cells and other planners in natural order, however rows are ordered.
 
+    baseline: its label, as from `baseline_of`.
     A planner that varies with the cell, such as sma-nbo(horizon=3) where H = 3, goes by what its texts share.
     given: labels of planners, as from `labels_of`. InputError where a trial is there twice, as from a folder in which
     the same study was flown with other settings.
     """
     cells = cells_of(rows)
     labels = planner_labels(rows, given)
-    first = None if baseline is None else baseline_of(rows, baseline, given)
     found: dict[tuple[Cell, str], dict[Run, Row]] = defaultdict(dict)
     for row, cell in zip(rows, cells, strict=True):
         group = found[cell, labels[entrant(row)]]
@@ -88,7 +88,7 @@ def grouped(rows: Sequence[Row], baseline: str | None = None, given: Mapping[str
 
     def order(key: tuple[Cell, str]) -> tuple[Any, ...]:
         cell, planner = key
-        return [(name, _natural(value)) for name, value in cell], planner != first, _natural(planner)
+        return [(name, _natural(value)) for name, value in cell], planner != baseline, _natural(planner)
 
     return [_group(*key, found[key]) for key in sorted(found, key=order)]
 

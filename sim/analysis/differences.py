@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.analysis.cells import Group, Run
 from sim.analysis.distributions import NO_SPREAD, Spread, spreads
@@ -39,10 +40,10 @@ def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: in
 
     pairs: as from `paired`, or their means over so many cells.
     """
-    runs, values = list(pairs), np.array([*pairs.values()]).reshape(len(pairs), len(metrics))
-    gaps = map_values(runs, values)
-    seeds = np.array([seed for seed, _ in runs], dtype=object)
-    judged = zip(means(gaps), p_values(gaps), spreads(values, seeds), maps_needed(gaps), strict=True)
+    values = np.array([*pairs.values()]).reshape(len(pairs), len(metrics))
+    maps = np.array([seed for seed, _ in pairs], dtype=object)
+    gaps = map_values(values, maps)
+    judged = zip(means(gaps), p_values(gaps), spreads(values, maps), maps_needed(gaps), strict=True)
     found = []
     for j, (metric, (mean, p_value, spread, needed)) in enumerate(zip(metrics, judged, strict=True)):
         below, tied, above = (int(np.sum(np.sign(gaps[:, j]) == sign)) for sign in (-1, 0, 1))
@@ -55,13 +56,11 @@ def differences(pairs: Mapping[Run, Array], metrics: Sequence[Metric], cells: in
     return found
 
 
-def map_values(runs: Sequence[Run], values: Array) -> Array:
-    """Means (maps, metrics) over the repeats of each map that have a finite value; NaN where none has."""
-    maps = list(dict.fromkeys(seed for seed, _ in runs))
-    places = {seed: i for i, seed in enumerate(maps)}
-    place = np.array([places[seed] for seed, _ in runs], dtype=np.int64)
+def map_values(values: Array, maps: NDArray[np.object_]) -> Array:
+    """Means (maps, metrics) of values (N, metrics) over the repeats of each map that are finite; NaN where none is."""
+    seeds, place = np.unique(maps, return_inverse=True)
     counted = np.isfinite(values)
-    sums, counts = np.zeros((len(maps), values.shape[1])), np.zeros((len(maps), values.shape[1]))
+    sums, counts = np.zeros((2, len(seeds), values.shape[1]))
     np.add.at(sums, place, np.where(counted, values, 0.0))
     np.add.at(counts, place, counted)
     found: Array = np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
@@ -83,5 +82,5 @@ def common_values(groups: Sequence[Group | None], metric: Metric) -> tuple[list[
     runs = sorted(set.intersection(*(set(table) for table in tables)))
     values = np.array([[table[run][0] for table in tables] for run in runs]).reshape(-1, len(groups))
     finite = np.isfinite(values).all(axis=1)
-    counted = [run for run, kept in zip(runs, finite, strict=True) if kept]
-    return list(dict.fromkeys(seed for seed, _ in counted)), map_values(counted, values[finite])
+    maps = np.array([seed for seed, _ in runs], dtype=object)[finite]
+    return np.unique(maps).tolist(), map_values(values[finite], maps)

@@ -8,7 +8,6 @@ from tracking.plugins.registry import check_known
 
 DEFAULT = ("ospa.share_under_1m", "ospa.mean_m", "ospa.median_m")
 RUNTIME = ("planning_s_per_decision", "wall_s", "real_time_factor")
-_UNITS = {"_m": "m", "_s": "s"}  # by how a name ends
 
 
 def metric_shown(name: str) -> Metric:
@@ -18,7 +17,7 @@ def metric_shown(name: str) -> Metric:
     """
     if name in METRICS:
         return METRICS[name]
-    unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "")
+    unit = name[-1] if name.endswith(("_m", "_s")) else ""
     label = name if ":" in name else name.replace("_", " ").replace(".", ": ")
     return Metric(label, unit=unit, better="neither", digits=3, name=name)
 

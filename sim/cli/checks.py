@@ -55,10 +55,9 @@ def _show(check: Callable[[str], Sequence[Finding]], plugin: str) -> None:
         findings = check(plugin)
     for one in findings:
         console.print(escape(str(one)), soft_wrap=True)
-    failed = sum(one.passed is False for one in findings)
-    untried = sum(one.passed is None for one in findings)
-    rest = f", {untried} could not be tried" if untried else ""
-    sum_up = f"[red]{failed} of {len(findings)} checks failed{rest}[/red]"
-    console.print(sum_up if failed else "[green]It conforms.[/green]")
-    if failed:
+    if failed := sum(one.passed is False for one in findings):
+        untried = sum(one.passed is None for one in findings)
+        rest = f", {untried} could not be tried" if untried else ""
+        console.print(f"[red]{failed} of {len(findings)} checks failed{rest}[/red]")
         sys.exit(1)
+    console.print("[green]It conforms.[/green]")

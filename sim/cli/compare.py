@@ -14,7 +14,7 @@ from sim.scenario.quantities import MOST_LISTED, REPEATS, WORKERS, integer, inte
 from sim.scenario.text_files import toml_file
 from sim.study.cells import with_trackers
 from sim.study.study import STUDIES, Study, adapted, read
-from sim.terminal.commands import Duration, Overrides, with_options
+from sim.terminal.commands import Duration, Overrides, Timeout, with_options
 from tracking.fusion.member import TRACKERS
 from tracking.plugins.registry import InputError, check_known
 
@@ -59,9 +59,6 @@ _Metrics = Annotated[
 ]
 _Workers = Annotated[str | None, typer.Option(metavar="N", help="Processes to fly in. Default: one a core.")]
 _Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask cluster: tcp://host:8786.")]
-_Timeout = Annotated[
-    str | None, typer.Option(metavar="TIME", help="Wall time beyond which a trial has failed: 90, 5min.")
-]
 _Keep = Annotated[str | None, typer.Option(metavar="WHAT", help="recordings: keep each mission.npz.")]
 _Redo = Annotated[bool, typer.Option("--redo", help="Fly again what is there already.")]
 
@@ -83,7 +80,7 @@ def compare(
     metric: _Metrics = None,
     workers: _Workers = None,
     dask: _Dask = None,
-    timeout: _Timeout = None,
+    timeout: Timeout = None,
     keep: _Keep = None,
     redo: _Redo = False,
 ) -> None:

@@ -10,12 +10,11 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from sim.cli.recordings import folder_of
-from sim.recording.atomic_files import whole
-from sim.recording.new_paths import check_new, unused
+from sim.cli.recordings import check_new, folder_of
+from sim.recording.atomic_files import unused, whole
 from sim.scenario.quantities import integer, interval
 from sim.terminal.commands import Recorded
-from sim.terminal.console import console
+from sim.terminal.console import console, show_place
 from tracking.plugins.registry import InputError
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
@@ -94,7 +93,7 @@ def _moment_of(flight: Flight, scan: int, person: int, path: Path) -> None:
     with whole(path) as part:
         part.write_bytes(png(page))
     _print(groups)
-    console.print(f"Picture: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
+    show_place("Picture", path)
 
 
 def _track_of(flight: Flight, number: int) -> None:
@@ -136,16 +135,14 @@ def _whole(flight: Flight, person: int | None, path: Path, recorded: Path) -> No
     _print([("events", [f"{event.when}: {event.sentence}" for event in others])] if others else [])
     if not path.exists():
         save(flight.timeline_figure(), path)
-    console.print(f"Timeline: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
+    show_place("Timeline", path)
     asked = f"understory explain {shlex.quote(str(recorded))}"
     false = _longest([event for event in others if event.kind in UNMATCHED])
     if false:
-        command = f"{asked} --track {false.track}"
-        console.print(f"The longest {false.kind}: [bold]{escape(command)}[/bold]", soft_wrap=True)
+        show_place(f"The longest {false.kind}", f"{asked} --track {false.track}")
     loss = _longest([event for event in flight.events if event.kind in UNHELD and event.person in people])
     if loss:
-        command = f"{asked} --target {loss.person} --time {loss.time:.1f}"
-        console.print(f"The longest loss: [bold]{escape(command)}[/bold]", soft_wrap=True)
+        show_place("The longest loss", f"{asked} --target {loss.person} --time {loss.time:.1f}")
 
 
 def _longest(events: list[Event]) -> Event | None:

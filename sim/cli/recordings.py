@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
 
-from sim.recording.new_paths import check_new, unused
+from sim.recording.atomic_files import unfinished, unused
 from sim.scenario.quantities import integer, interval
 from sim.terminal.commands import Recorded
-from sim.terminal.console import console, say, show_files
+from sim.terminal.console import say, show_files, show_place
 from sim.terminal.progress import counted_progress
-from tracking.plugins.registry import InputError
+from tracking.plugins.registry import InputError, check_known
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
     from sim.recording.recording import Recording
@@ -106,11 +105,11 @@ def export(
     out: _Folder = None,
 ) -> None:
     """Write a recorded mission's scans, tracks and truth as text for other tools."""
+    from sim.replay.export import TARGETS
     from sim.replay.export import export as write
-    from sim.replay.export import writer
     from sim.replay.frames.rerender import find
 
-    writer(to)
+    check_known("--to", to, TARGETS)
     recording = find(recorded)
     folder = out or unused(folder_of(recorded) / f"export-{to}")
     write(recording, to, folder)
@@ -120,6 +119,22 @@ def export(
 def folder_of(recorded: Path) -> Path:
     """The folder of a recording that is named by its folder or its file."""
     return recorded if recorded.is_dir() else recorded.parent
+
+
+def check_new(path: Path, suffix: str, option: str, *, also: str = "") -> None:
+    """InputError unless a new file that ends in `suffix` can be written at `path`, which is tried."""
+    if path.suffix != suffix:
+        raise InputError(f"{option}: {str(path)!r} is not allowed; expected a new file that ends in {suffix}{also}")
+    part = unfinished(path)
+    try:
+        if path.exists():
+            raise InputError(f"{option}: {path} exists; name a new file")
+        if not path.parent.is_dir():
+            raise InputError(f"{option}: {path} cannot be written: there is no folder {path.parent}")
+        part.touch()
+        part.unlink()
+    except OSError as error:
+        raise InputError(f"{option}: {path} cannot be written: {error.strerror}") from error
 
 
 def _check_way(asked: dict[str, bool], given: list[str]) -> None:
@@ -162,7 +177,7 @@ def _film(recording: Recording, scans: list[int], path: Path, *, layout: str | N
     check_layout(layout or AS_FLOWN, scenario_of(recording))
     with counted_progress(len(scans), "scans") as progress:
         write_film(recording, scans, path, layout=layout or AS_FLOWN, speed=speed, progress=progress)
-    console.print(f"Film: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
+    show_place("Film", path)
 
 
 def _page(recording: Recording, folder: Path, path: Path) -> None:
@@ -176,7 +191,7 @@ def _page(recording: Recording, folder: Path, path: Path) -> None:
         with counted_progress(len(recording.times), "scans") as progress:
             film = drawn(recording, progress=progress)
     write_page(Flight(recording), path, video=film, place=str(folder))
-    console.print(f"Page: [bold]{escape(str(path))}[/bold]", soft_wrap=True)
+    show_place("Page", path)
 
 
 def _rerun(recording: Recording, target: str, summary: Path) -> None:
@@ -197,4 +212,4 @@ def _rerun(recording: Recording, target: str, summary: Path) -> None:
             spawn(flight, progress=progress, planning_s=took)
             return
         write(flight, path, progress=progress, planning_s=took)
-    console.print(f"Open it: [bold]rerun {escape(target)}[/bold]", soft_wrap=True)
+    show_place("Open it", f"rerun {target}")

@@ -1,24 +1,28 @@
 """`understory run`."""
 
 import re
+import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from planning.loading import load_planner, planner_target
 from planning.registry import DEFAULT_PLANNER
 from sim.mission.trial import Trial
-from sim.recording.new_paths import unused
+from sim.recording.atomic_files import unused
 from sim.running.isolated_run import Results, fly_apart
 from sim.scenario.loading import load, remarks
 from sim.scenario.quantities import seconds, seed_and_repeat
-from sim.terminal.commands import Duration, Overrides, with_options
-from sim.terminal.console import remark, say, show_run
+from sim.terminal.commands import Duration, Overrides, Timeout, with_options
+from sim.terminal.console import console, remark, say, show_files, show_place
 from sim.terminal.progress import mission_progress
 
 # Engine, compiler and linear algebra take a second to import: commands that fly do so themselves.
 
+_SHOWN = 3  # faults of different kinds
 _LONGEST = 150  # characters of scenario and planner in the name of a folder, for which 255 are the most
 
 _Scenario = Annotated[str, typer.Argument(metavar="SCENARIO", help="Name (see `understory scenarios`) or .toml file.")]
@@ -30,9 +34,6 @@ _Repeat = Annotated[
 _Metrics = Annotated[list[str] | None, typer.Option(metavar="NAME", help="A metric of yours, module:NAME; repeatable.")]
 _Out = Annotated[Path | None, typer.Option(metavar="DIR", help="New folder for the results. Default: one under runs/.")]
 _Video = Annotated[bool, typer.Option(help="Make mission.mp4 and mission.html, or not.")]
-_Timeout = Annotated[
-    str | None, typer.Option(metavar="TIME", help="Wall time beyond which the run has failed: 90, 5min.")
-]
 
 
 def run(
@@ -45,7 +46,7 @@ def run(
     metric: _Metrics = None,
     out: _Out = None,
     video: _Video = True,
-    timeout: _Timeout = None,
+    timeout: Timeout = None,
 ) -> None:
     """Fly one mission; leave recording, summary, video, page, OSPA curve and timeline in a new folder."""
     setting = load(scenario, with_options(overrides, duration))
@@ -67,6 +68,31 @@ def run(
             results = Results(str(folder), video, tuple(metric or ()))
             summary = fly_apart(trial, results, timeout=limit, progress=progress, say=say)
     show_run(summary, folder)
+
+
+def show_run(summary: Mapping[str, Any], folder: Path) -> None:
+    """Print the results of a mission and where its files are."""
+    from sim.evaluation.summary import results_table  # late, as it needs NumPy
+
+    _show_faults(summary["faults"])
+    console.print(results_table(summary))
+    show_files(folder)
+    show_place("People lost, when and why", f"understory explain {shlex.quote(str(folder))}")
+
+
+def _show_faults(faults: Sequence[Mapping[str, Any]]) -> None:
+    alike: dict[tuple[object, str], list[Mapping[str, Any]]] = {}
+    for fault in faults:
+        alike.setdefault((fault["uav"], fault["message"]), []).append(fault)
+    for first, *more in list(alike.values())[:_SHOWN]:
+        place = "team" if first["uav"] is None else f"UAV {first['uav']}"
+        often = f", {1 + len(more)} times until {more[-1]['time']:.1f} s" if more else ""
+        text = f"at {first['time']:.1f} s{often}, {place}: {first['message']}"
+        console.print(f"[bold red]fault[/bold red] {escape(text)}", soft_wrap=True)
+        for line in first.get("trace", ()):
+            console.print(f"  {escape(line)}", soft_wrap=True)
+    if len(faults) > _SHOWN:
+        console.print(f"All {len(faults)} faults are in summary.json.")
 
 
 def _name(scenario: str, trial: Trial) -> str:

@@ -20,7 +20,7 @@ from sim.drawing.palette import FAINT, PAPER
 from sim.drawing.tiles import draw_broken, draw_tile
 from sim.evaluation.holding import Holding
 from sim.mission.snapshot import Snapshot
-from sim.recording.new_paths import unfinished
+from sim.recording.atomic_files import unfinished
 from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import Forest

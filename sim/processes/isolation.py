@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 from sim.processes.signals import stop_signals
 from tracking.plugins.containment import ForeignError, contained
+from tracking.plugins.registry import InputError
 
 
 def lead_session() -> None:
@@ -62,24 +63,16 @@ class _End(NamedTuple):
     error: BaseException | None = None
 
 
-def run_isolated(
-    work: Work,
-    *arguments: object,
-    hear: Tell,
-    listening: type,
-    timeout: float | None,
-    passing: tuple[type[BaseException], ...] = (),
-) -> Any:  # noqa: ANN401 - what `work` returns
+def run_isolated(work: Work, *arguments: object, hear: Tell, listening: type, timeout: float | None) -> Any:  # noqa: ANN401 - what `work` returns
     """Result of `work(*arguments, tell)` in a new process, which is killed afterwards with all that it has started.
 
     work: a module's function; it, its arguments and its result can be pickled. Messages given to `tell` there are given
-    to `hear` here. Exceptions of the classes `passing` and KeyboardInterrupt are raised here as they are; others become
-    an IsolationError, as do an early end of the process and `timeout` [s]. Ctrl-C and SIGTERM end the process until it
-    has sent a message of the class `listening`; from then on they are passed on, and the second one ends it a while
-    later.
+    to `hear` here. InputErrors and KeyboardInterrupt are raised here as they are; others become an IsolationError, as
+    do an early end of the process and `timeout` [s]. Ctrl-C and SIGTERM end the process until it has sent a message of
+    the class `listening`; from then on they are passed on, and the second one ends it a while later.
     """
     ours, theirs = _CONTEXT.Pipe(duplex=False)
-    process = _CONTEXT.Process(target=_begin, args=(theirs, work, arguments, passing), daemon=True)
+    process = _CONTEXT.Process(target=_begin, args=(theirs, work, arguments), daemon=True)
     interruption = _Interruption()
     with stop_signals(interruption.note):  # signals do not interrupt the block, so the process is always ended
         try:
@@ -157,9 +150,7 @@ def _ended(code: int | None) -> str:
     return f"the process it ran in ended by itself, with exit code {code}"
 
 
-def _begin(
-    theirs: Connection, work: Work, arguments: tuple[object, ...], passing: tuple[type[BaseException], ...]
-) -> None:
+def _begin(theirs: Connection, work: Work, arguments: tuple[object, ...]) -> None:
     """Main function of the process; its end does not wait for threads."""
     lead_session()
     multiprocessing.current_process().daemon = False  # daemons may start no processes
@@ -170,17 +161,17 @@ def _begin(
             os._exit(1)
         theirs.send(message)
 
-    tell(_outcome_of(lambda: work(*arguments, tell), passing))
+    tell(_outcome_of(lambda: work(*arguments, tell)))
     for stream in (sys.stdout, sys.stderr):
         with suppress(Exception):
             stream.flush()
     os._exit(0)
 
 
-def _outcome_of(work: Callable[[], Any], passing: tuple[type[BaseException], ...]) -> _End:
+def _outcome_of(work: Callable[[], Any]) -> _End:
     """Result or failure of the work, as a message."""
     try:
-        with contained(MemoryError, OSError, *passing):
+        with contained(MemoryError, OSError, InputError):
             return _End(work())
     except MemoryError:
         return _End(error=IsolationError("there is not enough memory"))
@@ -188,5 +179,5 @@ def _outcome_of(work: Callable[[], Any], passing: tuple[type[BaseException], ...
         return _End(error=IsolationError(f"{error.filename or 'a file'}: {error.strerror or error}"))
     except ForeignError as error:
         return _End(error=IsolationError(error.explained))
-    except BaseException as error:  # KeyboardInterrupt, or of the classes `passing`
+    except BaseException as error:  # KeyboardInterrupt, or an InputError
         return _End(error=error)

@@ -6,11 +6,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-Handler = Callable[[int, FrameType | None], None] | signal.Handlers
-
 
 @contextmanager
-def stop_signals(handler: Handler) -> Iterator[None]:
+def stop_signals(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> Iterator[None]:
     """Let `handler` receive Ctrl-C and SIGTERM in the block; only a main thread can receive signals."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +25,9 @@ _LONGEST = 2**20  # characters of a text
 
 
 def save(recording: Recording, path: str | os.PathLike[str]) -> None:
-    """Write the recording whole or not at all; equal content gives equal bytes.
-
-    They are not compressed: versions of the compression library differ in what they write.
-    """
+    """Write the recording whole or not at all; equal content gives equal bytes."""
     with whole(Path(path)) as part:
-        _write(recording, part)
+        part.write_bytes(content(recording))
 
 
 def digest(recording: Recording) -> str:
@@ -39,13 +36,8 @@ def digest(recording: Recording) -> str:
 
 
 def content(recording: Recording) -> bytes:
-    """The bytes that `save` writes."""
+    """The bytes that `save` writes, not compressed: versions of the compression library differ in what they write."""
     file = io.BytesIO()
-    _write(recording, file)
-    return file.getvalue()
-
-
-def _write(recording: Recording, file: Path | BinaryIO) -> None:
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
         for name, (_, dtype, _) in FIELDS.items():
             value = getattr(recording, name)
@@ -56,6 +48,7 @@ def _write(recording: Recording, file: Path | BinaryIO) -> None:
             info = zipfile.ZipInfo(f"{name}.npy", date_time=_EPOCH)
             info.create_system = 3
             archive.writestr(info, member.getvalue())
+    return file.getvalue()
 
 
 def load(path: str | os.PathLike[str]) -> Recording:

@@ -1,18 +1,32 @@
-"""Files and folders that appear whole or not at all."""
+"""Files and folders that appear whole or not at all, and names that are free for them."""
 
 import errno
 import os
+import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from sim.recording.new_paths import unfinished, unused
 from tracking.plugins.registry import InputError
 
 
 class PlaceTaken(Exception):
     """Results that are not where they were asked for; the message is one line that says where they are."""
+
+
+def unfinished(path: Path) -> Path:
+    """Path of a file until it is whole: a hidden name that nothing else has, in the same folder."""
+    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+
+
+def unused(path: Path, suffix: str = "") -> Path:
+    """The path with a suffix such as .mp4 added, or its first numbered sibling, that does not exist yet."""
+    number, free = 1, path.with_name(f"{path.name}{suffix}")
+    while free.exists():
+        number += 1
+        free = path.with_name(f"{path.name}-{number}{suffix}")
+    return free
 
 
 @contextmanager

@@ -1,6 +1,8 @@
 """Columns as a data frame of whichever library there is."""
 
 from collections.abc import Mapping
+from contextlib import suppress
+from importlib import import_module
 from typing import Any
 
 from tracking.plugins.registry import InputError
@@ -8,11 +10,7 @@ from tracking.plugins.registry import InputError
 
 def dataframe(columns: Mapping[str, Any]) -> Any:  # noqa: ANN401 - pandas' or polars', of which neither is needed otherwise
     """Columns of equal length as a pandas frame, or a polars one where there is no pandas; InputError without both."""
-    try:
-        from pandas import DataFrame
-    except ImportError:
-        try:
-            from polars import DataFrame
-        except ImportError as error:
-            raise InputError("tables need pandas or polars; neither is installed: pip install pandas") from error
-    return DataFrame(dict(columns))
+    for library in ("pandas", "polars"):
+        with suppress(ImportError):
+            return import_module(library).DataFrame(dict(columns))
+    raise InputError("tables need pandas or polars; neither is installed: pip install pandas")

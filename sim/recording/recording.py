@@ -283,7 +283,7 @@ def _existence(tracks: Sequence[Track]) -> Array:
 
 
 def _offsets(counts: Iterable[int]) -> Indices:
-    return np.concatenate([[0], np.cumsum(np.fromiter(counts, dtype=np.int64))]).astype(np.int64)
+    return np.cumsum([0, *counts], dtype=np.int64)
 
 
 def _joined(blocks: Iterable[Array], *shape: int) -> Array:

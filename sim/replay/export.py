@@ -31,15 +31,9 @@ def export(recording: Recording, target: str, out: Path) -> None:
 
     target: `csv`, `stonesoup` or `mot`; docs/how-to/tracking.md tells files and columns.
     """
-    write = writer(target)
-    with new_folder(out) as folder:
-        write(recording, folder)
-
-
-def writer(target: str) -> Callable[[Recording, Path], None]:
-    """The writer of a target's files; InputError names the nearest target if there is no such."""
     check_known("--to", target, TARGETS)
-    return TARGETS[target]
+    with new_folder(out) as folder:
+        TARGETS[target](recording, folder)
 
 
 def _csv(recording: Recording, folder: Path) -> None:

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 from sim.mission.trial import ScanProgress, Trial
 from sim.processes.isolation import IsolationError, run_isolated
 from sim.recording.atomic_files import new_folder
-from tracking.plugins.registry import InputError
 
 
 class Results(NamedTuple):
@@ -41,11 +40,11 @@ def fly_apart(
             say(str(message))
 
     with new_folder(Path(results.place)) as folder:
-        arguments = (trial, folder.absolute(), results)
-        expected: dict[str, Any] = {"listening": ScanProgress, "passing": (InputError,)}
         try:
             # The first scan is reported after `stop_request`; before it, SIGINT is ignored there.
-            summary: dict[str, Any] = run_isolated(_fly, *arguments, hear=hear, timeout=timeout, **expected)
+            summary: dict[str, Any] = run_isolated(
+                _fly, trial, folder.absolute(), results, hear=hear, listening=ScanProgress, timeout=timeout
+            )
         except IsolationError as error:
             when = f"at {last.time:.1f} s" if last else "before take-off"
             raise IsolationError(f"the mission ended {when}: {error}; nothing is kept") from error

@@ -218,17 +218,14 @@ class _Lane:
         return time.monotonic() - self._since
 
     def submit(self, task: Task, keep: bool, timeout: float | None) -> Future[Flown]:
-        if self.future is not None and self.future.exception() is not None:
-            self.end()  # `fly` raises nothing, so the process is dead
         if self._executor is None:
             self._executor = self._start()
         self._since = None
         try:
             self.future = self._executor.submit(_fly, task, keep=keep, timeout=timeout)
-        except BrokenProcessPool:  # it died between two tasks
+        except BrokenProcessPool:  # it died in its last task, or since
             self.end()
-            self._executor = self._start()
-            self.future = self._executor.submit(_fly, task, keep=keep, timeout=timeout)
+            return self.submit(task, keep, timeout)
         return self.future
 
     def _start(self) -> ProcessPoolExecutor:

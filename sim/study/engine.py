@@ -16,13 +16,8 @@ from sim.study.trial import Flown, failed
 ATTEMPTS = 2
 _TICK = 0.5  # s, between looks at what has started and what hangs
 _GRACE = 2.0  # s beyond the timeout, in which a trial that is merely slow ends by itself
+_Flying = dict[Future[Flown], tuple[Task, int]]  # trials with the number of the attempt
 Heard = Callable[[Task, Row, bool], None]  # a task, its row, and whether it was flown just now
-
-
-@dataclass
-class _Flight:
-    task: Task
-    attempt: int
 
 
 @dataclass(frozen=True)
@@ -64,39 +59,39 @@ def complete(
         rows[task.key] = flown.row
         heard(task, flown.row, True)
 
-    fly_all([task for task in tasks if task.key not in rows], backend, keep, options)
+    _fly_all([task for task in tasks if task.key not in rows], backend, keep, options)
     return [rows[task.key] for task in tasks]
 
 
 def rows_of(tasks: Sequence[Task], backend: Backend) -> list[Row]:
     """Rows of all tasks, in order, kept nowhere."""
     rows: dict[str, Row] = {}
-    fly_all(tasks, backend, lambda task, flown: rows.update({task.key: flown.row}))
+    _fly_all(tasks, backend, lambda task, flown: rows.update({task.key: flown.row}))
     return [rows[task.key] for task in tasks]
 
 
-def fly_all(
+def _fly_all(
     tasks: Sequence[Task], backend: Backend, keep: Callable[[Task, Flown], None], options: Options = Options()
 ) -> None:
     """Fly tasks; `keep` hears of each that is complete, or has failed for the second time."""
-    waiting = deque(_Flight(task, 1) for task in tasks)
-    flying: dict[Future[Flown], _Flight] = {}
+    waiting = deque((task, 1) for task in tasks)
+    flying: _Flying = {}
     ended: SimpleQueue[Future[Flown]] = SimpleQueue()
     try:
         while waiting or flying:
             while waiting and backend.room():
-                future = _submitted(backend, waiting[0].task, options)
+                future = _submitted(backend, waiting[0][0], options)
                 flying[future] = waiting.popleft()
                 future.add_done_callback(ended.put)
             for future in _over(ended, flying, backend, options.timeout):
-                flight = flying.pop(future)
-                flown = _outcome(future, flight.task, options.timeout)
+                task, attempt = flying.pop(future)
+                flown = _outcome(future, task, options.timeout)
                 if not future.done():
                     backend.drop(future)
-                if flown.row.status == "failed" and flight.attempt < ATTEMPTS:
-                    waiting.append(_Flight(flight.task, flight.attempt + 1))
+                if flown.row.status == "failed" and attempt < ATTEMPTS:
+                    waiting.append((task, attempt + 1))
                 else:
-                    keep(flight.task, flown)
+                    keep(task, flown)
     finally:
         for future in flying:
             future.cancel()
@@ -110,7 +105,7 @@ def _submitted(backend: Backend, task: Task, options: Options) -> Future[Flown]:
 
 
 def _over(
-    ended: SimpleQueue[Future[Flown]], flying: dict[Future[Flown], _Flight], backend: Backend, timeout: float | None
+    ended: SimpleQueue[Future[Flown]], flying: _Flying, backend: Backend, timeout: float | None
 ) -> list[Future[Flown]]:
     """The next flight to end, and those that hang; none if nothing happens for a while."""
     try:

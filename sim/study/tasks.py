@@ -89,7 +89,7 @@ def tasks(study: Study, metrics: Sequence[str] = ()) -> list[Task]:
         found.append((cell, setting, _digest_of(setting, cell.spec)))
     made = [
         Task(
-            key=_key(digest, seed, repeat),
+            key=hashlib.sha256(f"{digest} {seed} {repeat}".encode()).hexdigest()[:32],
             study=study.name,
             scenario=cell.scenario,
             factors=cell.factors,
@@ -149,11 +149,6 @@ def _digest(path: Path) -> str:
         return hashlib.sha256(content(path, "people.trajectories", MOST_BYTES)).hexdigest()
     except InputError:
         return ""  # building the world says what is wrong with it
-
-
-def _key(digest: str, seed: int, repeat: int) -> str:
-    place = f"{seed} {repeat}" if repeat else f"{seed}"
-    return hashlib.sha256(f"{digest} {place}".encode()).hexdigest()[:32]
 
 
 def _check_distinct(first: Sequence[Task]) -> None:

@@ -26,6 +26,9 @@ _NO_PLACE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR
 Duration = Annotated[
     str | None, typer.Option(metavar="TIME", help="Simulated time: 40, 40s, 1.5min. Default: the scenario's.")
 ]
+Timeout = Annotated[
+    str | None, typer.Option(metavar="TIME", help="Wall time beyond which a mission has failed: 90, 5min.")
+]
 Overrides = Annotated[
     list[str] | None,
     typer.Option(

@@ -170,7 +170,7 @@ def test_labels_keep_what_tells_planners_apart_in_natural_order():
         for h in ("1", "3")
         for s in (0, 1)
     ] + [row("greedy", s, (("H", h),)) for h in ("1", "3") for s in (0, 1)]
-    groups = grouped(rows, "sma-nbo")
+    groups = grouped(rows, baseline_of(rows, "sma-nbo"))
     assert [g.planner for g in groups] == ["sma-nbo(optimizer=swarm)", "greedy"] * 2
     for baseline in ("sma-nbo", rows[0].planner, "sma-nbo(optimizer=swarm)", None):
         assert baseline_of(rows, baseline) == "sma-nbo(optimizer=swarm)"

@@ -11,11 +11,11 @@ import pytest
 from helpers.recordings import bare, record
 from helpers.summaries import SECONDS, hand_made, shown, summary
 
+from sim.cli.run import show_run
 from sim.evaluation.metric import UNKNOWN
 from sim.evaluation.score import held_by, score, velocities
 from sim.sensing.fault import Fault
 from sim.sensing.stopwatch import STAGES
-from sim.terminal.console import show_run
 from tracking.metrics.gospa import gospa
 from tracking.metrics.nees import nees_interval
 from tracking.metrics.ospa import ospa2

@@ -18,7 +18,7 @@ from helpers.recordings import record
 from sim.drawing.film import Film, Video
 from sim.mission.trial import Trial
 from sim.recording.archive import load, save
-from sim.recording.new_paths import unused
+from sim.recording.atomic_files import unused
 from sim.replay import redrawn_film as module
 from sim.replay import window
 from sim.replay.redrawn_film import write_film
