@@ -10,7 +10,7 @@ from typing import Any, get_args
 import msgspec
 
 from sim.installation import ASSETS
-from sim.scenario.environment import TRAJECTORIES, People
+from sim.scenario.environment import TRAJECTORIES, People, Wind
 from sim.scenario.fleet import Cut, Uav
 from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import located, toml, toml_file
@@ -92,8 +92,11 @@ def remarks(scenario: Scenario) -> list[str]:
         unused = ", ".join(f"people.{name}" for name in given if name != "trajectories")
         if unused:
             found.append(f"{unused}: not used, as people.trajectories gives all paths")
-    elif people.group != default.group and "groups" not in people.walks:
-        found.append('people.group: not used, as people.walks lacks "groups"')
+    for key, walk in (("group", "groups"), ("paths", "levy")) if not people.trajectories else ():
+        if getattr(people, key) != getattr(default, key) and walk not in people.walks:
+            found.append(f'people.{key}: not used, as people.walks lacks "{walk}"')
+    if scenario.wind.gust_time != Wind().gust_time and not scenario.wind.gust:
+        found.append("wind.gust_time: not used, as wind.gust is 0")
     return found + _unused(scenario) + _about_false_alarms(scenario)
 
 

@@ -118,10 +118,11 @@ class Sensors:
 
         A false alarm has the covariance that a person in plain view there would have.
         """
-        places, ground = self._clutter.false_alarms(self.cameras[scan.uav], scan.pose)
-        whole = np.zeros((len(ground), 2, 2)) if output.frame is None else whole_covariances(output.frame, ground)
+        camera, pose = self.cameras[scan.uav], scan.pose
+        places, ground = self._clutter.false_alarms(camera, pose)
+        whole = np.zeros((len(ground), 2, 2)) if output.frame is None else whole_covariances(camera, pose, ground)
         exact = output.frame is not None and output.covariances is not None
-        alarms = whole if exact else whole + self._covariances(scan.uav, scan.pose, ground)
+        alarms = whole if exact else whole + self._covariances(scan.uav, pose, ground)
         z, R = np.vstack([scan.measurements[kept], ground]), np.concatenate([scan.covariances[kept], alarms])
         pixels = np.zeros((0, 2)) if output.pixels is None else np.vstack([output.pixels[kept], places])
         if len(ground) or output.frame is None:  # a detector's order is that of its image, a mode's that of people
@@ -134,10 +135,8 @@ class Sensors:
 
         The sample's covariance is that at the point itself; the scan's is that at the measurement, all that is known.
         """
-        z = np.array(output.ground, dtype=float).reshape(-1, 2)
-        if len(z):
-            roots = cholesky_factors(self._covariances(uav, pose, z))
-            z = z + applied(roots, standard_normal(self._rng, z.shape))
+        roots = cholesky_factors(self._covariances(uav, pose, output.ground))
+        z = output.ground + applied(roots, standard_normal(self._rng, output.ground.shape))
         R = self._covariances(uav, pose, z)
         return Scan(uav, time, pose, z, R if output.errors is None else R + output.errors)
 

@@ -74,7 +74,9 @@ def _check(made: Sequence[Itinerary], half: Array, paces: Array) -> None:
     """ValueError unless these are itineraries of so many people, in the area."""
     if len(made) != paces.shape[1]:
         raise ValueError(f"it made {len(made)} itineraries for {paces.shape[1]} people")
-    for waypoints, pace, _ in made:
+    for waypoints, pace, room in made:
+        if not math.isfinite(room):
+            raise ValueError(f"room {room!r} is no finite number")
         if np.shape(pace) != paces.shape[:1] or not np.all((np.asarray(pace) > 0) & np.isfinite(pace)):
             raise ValueError(f"a pace is no {len(paces)} finite numbers above zero")
         points = np.asarray(waypoints, dtype=float)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tracking.detection.detection_errors import SPLIT, WHOLE, covariances_along, pixel_footprints, sight_axes
 from tracking.detection.detector import Detections, Frame
 from tracking.detection.person_size import sizes_at
+from tracking.geometry.camera import Camera, Pose
 from tracking.geometry.lens import Lens
 from tracking.geometry.visibility import TARGET_HEIGHT
 from tracking.numerics.arrays import Array, Indices
@@ -33,16 +34,16 @@ def detections_of(frame: Frame, blobs: list[Array]) -> Detections:
         return Detections(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2, 2)))
     pixels = np.array([_centre(frame, blob) for blob in blobs])
     ground = frame.camera.ground_points(frame.pose, pixels, TARGET_HEIGHT)
-    return Detections(pixels, ground, whole_covariances(frame, ground))
+    return Detections(pixels, ground, whole_covariances(frame.camera, frame.pose, ground))
 
 
-def whole_covariances(frame: Frame, ground: Array) -> Array:
+def whole_covariances(camera: Camera, pose: Pose, ground: Array) -> Array:
     """Covariances (N, 2, 2) m² of people seen whole at ground points (N, 2) m."""
-    lens = frame.camera.lens(frame.pose)
+    lens = camera.lens(pose)
     axes, tangents = sight_axes(lens, ground)
     variances = WHOLE.detected(tangents, pixel_footprints(lens, ground))
     # Towards the horizon a pixel's ground grows without bounds; a person's distance bounds the standard deviation.
-    distances = np.sum(np.square(ground - frame.pose.position[:2]), axis=1) + np.square(frame.pose.position[2])
+    distances = np.sum(np.square(ground - pose.position[:2]), axis=1) + np.square(pose.position[2])
     return covariances_along(axes, np.minimum(variances, distances[:, None]))
 
 

@@ -103,7 +103,7 @@ def places_of(frame: Frame, blob: Array, forest: Forest) -> Places | None:
     hidden, clearing, area = _surroundings(lens, blob, forest.blockers)
     if not hidden:
         return None
-    whole = whole_covariances(frame, np.array([clearing.origin]))[0]
+    whole = whole_covariances(frame.camera, frame.pose, np.array([clearing.origin]))[0]
     places = _places(clearing, _seen(clearing, whole, area, len(blob)), lens.eye[2], PART)
     return places if places.shares.max() >= _LEAST else None
 

@@ -244,6 +244,16 @@ def test_nonsense_in_flight_ends_the_run_in_one_line(tmp_path, module, call, lin
     assert not (tmp_path / "out").exists()
 
 
+def test_of_the_frame_of_a_sensor_mode_the_image_alone_is_used(tmp_path, module):
+    key, code, base, arguments = METHODS["sense"]
+    code += f"import numpy as np\n\n\nclass Bare({base}):\n    {MADE.get('sense', '')}def sense(self, {arguments}):\n"
+    frame = "Frame(uav, time, None, None, np.zeros((8, 8, 3), np.uint8))"
+    code += f"        return replace(super().sense({arguments}), frame={frame})\n"
+    module("bare", code)
+    flown(tmp_path / "out", *SHORT, "sensing.false_alarms=2", f"{key}=bare:Bare", planner="hover")
+    assert (tmp_path / "out" / "mission.npz").exists()
+
+
 def test_a_tracker_that_changes_what_it_is_given_changes_nothing(module):
     module("mytracker", NEAREST)
     code = "class Spoils(Nearest):\n    def step(self, scan):\n        super().step(scan)\n"

@@ -157,6 +157,11 @@ def test_false_alarms_for_which_the_tracker_is_not_set_are_remarked_on():
         ),
         (["tracking.unseen=9"], 'tracking.unseen: not used with tracking.initial_tracks = "known"'),
         (["sensing.mode=ideal", "sensing.renderer=egl"], 'sensing.renderer: not used with sensing.mode = "ideal"'),
+        (
+            ["people.walks=['waypoints']", "people.paths=[[[0, 0], [9, 9]]]"],
+            'people.paths: not used, as people.walks lacks "levy"',
+        ),
+        (["wind.gust_time=2"], "wind.gust_time: not used, as wind.gust is 0"),
         (["people.group=2"], 'people.group: not used, as people.walks lacks "groups"'),
     ],
 )

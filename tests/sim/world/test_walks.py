@@ -99,6 +99,17 @@ class Backwards(Levy):
         return [Itinerary(np.zeros((0, 2)), -pace) for pace in paces.T]
 
 
+class Roomless(Levy):
+    room = "wide"
+
+    def itineraries(self, people, half, paces, rng):
+        return [Itinerary(np.zeros((0, 2)), pace, self.room) for pace in paces.T]
+
+
+class Endless(Roomless):
+    room = float("nan")
+
+
 class Broken:
     def itineraries(self, people, half, paces, rng):
         raise KeyError("no way")
@@ -116,6 +127,8 @@ def test_a_way_of_walking_from_outside_says_where_people_go():
         ("Fewer", "made 2 itineraries for 3 people"),
         ("Outside", r"waypoints are no n x 2 finite numbers within \[74.0, 49.0\] m"),
         ("Backwards", "a pace is no 61 finite numbers above zero"),
+        ("Roomless", "must be real number, not str"),
+        ("Endless", "room nan is no finite number"),
         ("Broken", "KeyError: 'no way'"),
         ("Missing", "cannot be imported"),
     ],
