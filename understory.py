@@ -135,7 +135,7 @@ def run(
     from planning.contract import planner_of
     from sim.mission.trial import Trial
     from sim.replay.flight import Flight, load
-    from sim.running.flight import fly as flown
+    from sim.running.flight import flown
     from sim.scenario.quantities import seed_and_repeat
     from sim.study.settings_text import chosen
     from tracking.plugins.registry import InputError
@@ -259,9 +259,10 @@ def parallel_env(
     for name in ("gymnasium", "pettingzoo"):
         if find_spec(name) is None:
             raise InputError(f"{name} is not installed; environments need: pip install gymnasium pettingzoo")
+    from sim.environments.course import Course
     from sim.environments.parallel import TeamParallelEnv
 
-    return TeamParallelEnv(scenario, settings=settings, reward=reward, observe=observe, render_mode=render_mode)
+    return TeamParallelEnv(Course(scenario, settings, reward, observe, render_mode))
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - what the name stands for

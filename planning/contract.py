@@ -28,7 +28,7 @@ def exchange_of(planner: object) -> Exchange:
         return Exchange(exchange.rounds, exchange.centre is True) if isinstance(exchange, Exchange) else Exchange()
 
 
-def with_truth(planner: Planner, people: TruePositions) -> tuple[Planner, bool]:
+def with_truth(planner: Planner | None, people: TruePositions) -> tuple[Planner | None, bool]:
     """The planner to fly, and True if it is an oracle, which is given the true positions first.
 
     PlannerError if that fails.

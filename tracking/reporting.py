@@ -1,7 +1,10 @@
 """Reporting: the tracks that are given as estimates, by their probability of existence."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
+import numpy as np
+
+from tracking.numerics.arrays import Array
 from tracking.track import Track
 
 # Probability of existence up to which a track is not reported. For its existence r, the square e of its error and the
@@ -21,3 +24,8 @@ def is_reported(track: Track) -> bool:
 def reported(tracks: Iterable[Track]) -> list[Track]:
     """The tracks that are reported, in their order."""
     return [track for track in tracks if is_reported(track)]
+
+
+def positions_of(tracks: Sequence[Track]) -> Array:
+    """Mean positions (T, 2) m of tracks."""
+    return np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2)

@@ -1,8 +1,6 @@
 """`python -m sim.calibration`: constants of the camera's covariance, fitted anew, and the NEES of those in force."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from rich.table import Table
@@ -10,16 +8,13 @@ from rich.table import Table
 from sim.terminal.commands import run_alone
 from sim.terminal.console import console
 
-if TYPE_CHECKING:  # help needs no arithmetic
-    from tracking.detection.detection_errors import SplitError, WholeError
-    from tracking.detection.partial_visibility import PartError
-
 
 def calibrate() -> None:
     """Fit the camera's covariance to rendered people and print its constants.
 
     A table of the NEES of the constants in force, on 5000 other detections, follows.
     """
+    # Here, as help needs no arithmetic.
     from sim.calibration.fit import fit_part, fit_powers, fit_split, fit_whole, people_in_forests
     from sim.calibration.nees import nees_bins, pair_bins, tilt_bins
 
@@ -33,7 +28,7 @@ def calibrate() -> None:
     console.print(table)
 
 
-def _rounded(constants: WholeError | PartError | SplitError) -> str:
+def _rounded(constants: NamedTuple) -> str:
     return "\n".join(f"  {name} = {np.round(value, 3).tolist()}" for name, value in constants._asdict().items())
 
 

@@ -48,12 +48,10 @@ def fit_whole(seed: int, frames: int) -> WholeError:
 def _errors(sample: Sample) -> tuple[float, float, float, float]:
     """Size of a pixel on the ground, tangent off nadir, radial and tangential error [m] of a person seen whole."""
     pose, camera = sample.frame.pose, sample.frame.camera
-    ground = detections_of(sample.frame, [sample.blob]).ground[0]
-    height = float(pose.position[2]) - TARGET_HEIGHT
-    offset, error = ground - pose.position[:2], ground - sample.person
-    distance = max(float(np.linalg.norm(offset)), 1e-9)
-    u, v = offset / distance
-    return height / camera.focal, distance / height, float(error @ [u, v]), float(error @ [-v, u])
+    ground = detections_of(sample.frame, [sample.blob]).ground
+    axes, tangent = sight_axes(camera.lens(pose), ground)
+    radial, tangential = ((ground[0] - sample.person) @ axes[0]).tolist()
+    return (float(pose.position[2]) - TARGET_HEIGHT) / camera.focal, float(tangent[0]), radial, tangential
 
 
 def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
@@ -63,8 +61,7 @@ def fit_powers(error: WholeError, seed: int, frames: int) -> WholeError:
         rng = np.random.default_rng([seed, 3, k])
         views = tilted(rng, tilt, frames, sway)
         for sample in samples(rng, Forest(()), frames=frames, altitudes=ALTITUDES + _OTHERS, attitudes=views):
-            whole = len(sample.blobs) == 1 and places_of(sample.frame, sample.blob, sample.forest) is None
-            if whole:
+            if len(sample.blobs) == 1 and places_of(sample.frame, sample.blob, sample.forest) is None:
                 pose, ground = sample.frame.pose, detections_of(sample.frame, [sample.blob]).ground
                 lens = sample.frame.camera.lens(pose)
                 axes, tangent = sight_axes(lens, ground)
@@ -121,7 +118,7 @@ def people_in_forests(seed: int, frames: int, pixels: int = 128, attitudes: Sequ
     out: list[Sample] = []
     for k, (density, radius) in enumerate(((60.0, 1.5), (40.0, 2.5), (15.0, 5.0), (15.0, 5.0))):
         trees = Trees(density=density, canopy_radius=radius)
-        forest = Forest(grow(trees, Area(80.0, 80.0), np.random.default_rng([seed, k])).trees)
+        forest = grow(trees, Area(80.0, 80.0), np.random.default_rng([seed, k]))
         rng = np.random.default_rng([seed, 1, k])
         out += samples(rng, forest, frames=frames, pixels=pixels, attitudes=attitudes)
     return out

@@ -25,6 +25,7 @@ from tracking.plugins.containment import ForeignError, Unusable, contained
 from tracking.plugins.findings import Finding, Unfit, Untried, finding
 from tracking.plugins.registry import InputError
 from tracking.plugins.results import change, check_positive_definite, contents
+from tracking.reporting import positions_of
 from tracking.track import Scan, Track
 
 _SCANS, _STEP = 25, 0.2  # and s between them
@@ -149,7 +150,7 @@ class _Flight:
 
     def people(self) -> tuple[int, int]:
         """People with a track in the end, and tracks of no person."""
-        places = np.array([t.belief.mean[:2] for t in self.tracks[-1][0]]).reshape(-1, 2)
+        places = positions_of(self.tracks[-1][0])
         gaps = length(places[:, None] - _people(_SCANS - 1))
         return int(np.sum((gaps < _FAR).any(axis=0))), int(np.sum((gaps >= _FAR).all(axis=1)))
 

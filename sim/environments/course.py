@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim.environments.observations import NEIGHBOUR, OWN, TRACK, TREE, Observations, Observed
 from sim.environments.rewards import ON_BELIEF, Reward, reward_of
-from sim.environments.rollout import Rollout, decision_times
+from sim.environments.rollout import Rollout
 from sim.replay.flight import Flight
 from sim.scenario.quantities import REPEATS
 from sim.scenario.scenario import Scenario
@@ -38,7 +38,7 @@ class Course:
     ) -> None:
         """As `understory.parallel_env` takes them; InputError says what is wrong."""
         self.scenario = chosen(scenario, settings)
-        if len(decision_times(self.scenario)) < 2:
+        if len(self.scenario.decision_times) < 2:
             raise InputError(f"duration: {self.scenario.duration:g} s is too short; an episode needs two decisions")
         given = _observed(observe)
         self.image: bool = given["image"]

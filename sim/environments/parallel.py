@@ -11,8 +11,6 @@ from pettingzoo import ParallelEnv
 
 from sim.environments.course import RENDER_MODES, Course, Episodes
 from sim.environments.observations import Observed
-from sim.environments.rewards import Reward
-from sim.scenario.scenario import Scenario
 from tracking.plugins.spelling import did_you_mean
 
 
@@ -21,22 +19,13 @@ class TeamParallelEnv(Episodes, ParallelEnv[str, Observed, NDArray[np.floating[A
 
     metadata: dict[str, Any] = {"name": "understory_v0", "render_modes": RENDER_MODES}  # noqa: RUF012 - PettingZoo's
 
-    def __init__(
-        self,
-        scenario: str | Scenario = "forest",
-        *,
-        settings: Mapping[str, Any] | None = None,
-        reward: str | Reward = "gospa",
-        observe: Mapping[str, Any] | None = None,
-        render_mode: str | None = None,
-    ) -> None:
-        """As `understory.parallel_env`."""
-        self._course = Course(scenario, settings, reward, observe, render_mode)
-        self.render_mode = render_mode
-        self.metadata = {**self.metadata, **self._course.metadata}
-        self.possible_agents = [f"uav_{i}" for i in self._course.uavs]
+    def __init__(self, course: Course) -> None:
+        """Fly the missions of a course."""
+        self._course, self.render_mode = course, course.render_mode
+        self.metadata = {**self.metadata, **course.metadata}
+        self.possible_agents = [f"uav_{i}" for i in course.uavs]
         self.agents: list[str] = []
-        self.observation_spaces = {f"uav_{i}": self._course.spaces[i] for i in self._course.uavs}
+        self.observation_spaces = dict(zip(self.possible_agents, course.spaces, strict=True))
         self.action_spaces = {agent: spaces.Box(-1.0, 1.0, (2,), np.float32) for agent in self.possible_agents}
         self._last: dict[str, Observed] = {}
         self._rng: np.random.Generator | None = None

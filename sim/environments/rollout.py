@@ -17,8 +17,7 @@ from sim.running.run import record
 from sim.scenario.scenario import Scenario
 from tracking.metrics.gospa import gospa
 from tracking.numerics.arrays import Array
-from tracking.reporting import reported
-from tracking.track import beliefs_of
+from tracking.reporting import positions_of, reported
 
 NAME = "environment"  # of what decides, on films and in recordings
 
@@ -38,7 +37,7 @@ class Rollout:
         self._film: Film | None = None
         self._drawn = -math.inf  # s, the last scan that the film knows
         self._image: NDArray[np.uint8]  # of that scan
-        self._last = decision_times(scenario)[-1]
+        self._last = scenario.decision_times[-1]
         try:
             self._go_on()
         except BaseException:
@@ -81,8 +80,7 @@ class Rollout:
         metrics: dict[str, Any] = {"time": self.now.time}
         if uav in self.now.working:
             metrics["ospa"] = float(self.now.ospa[uav, 0])
-            means, _ = beliefs_of(reported(self.now.tracks[uav]))
-            metrics["gospa"] = gospa(means[:, :2], self.people, FAR).distance
+            metrics["gospa"] = gospa(positions_of(reported(self.now.tracks[uav])), self.people, FAR).distance
         return metrics
 
     def draw(self) -> NDArray[np.uint8]:
@@ -108,8 +106,3 @@ class Rollout:
     def close(self) -> None:
         """End the mission."""
         self.mission.close()
-
-
-def decision_times(scenario: Scenario) -> list[float]:
-    """Times of the decisions of a mission [s]."""
-    return [time for k, time in enumerate(scenario.scan_times) if scenario.decides(k)]

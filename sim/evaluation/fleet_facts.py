@@ -10,6 +10,7 @@ from sim.recording.recording import Recording
 from sim.world.contacts import KINDS
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Flags, Indices
+from tracking.reporting import positions_of
 from tracking.track import Track
 
 
@@ -49,6 +50,5 @@ def disagreement(held: Sequence[Sequence[Track]]) -> float:
 
     held: tracks of each UAV.
     """
-    places = [np.array([track.belief.mean[:2] for track in tracks]) for tracks in held]
-    gaps = [ospa(one, other).distance for one, other in combinations(places, 2)]
+    gaps = [ospa(one, other).distance for one, other in combinations(map(positions_of, held), 2)]
     return float(np.mean(gaps)) if gaps else 0.0

@@ -8,8 +8,7 @@ from sim.evaluation.score import HELD
 from sim.mission.snapshot import Snapshot
 from tracking.metrics.clearmot import Matcher
 from tracking.numerics.arrays import Flags, Indices
-from tracking.reporting import reported
-from tracking.track import beliefs_of
+from tracking.reporting import positions_of, reported
 
 
 class Episode(NamedTuple):
@@ -44,7 +43,7 @@ class Holding:
             tracks = reported(known)
             own = [columns.setdefault(track.id, len(columns)) for track in tracks]
             places = np.full((len(columns), 2), np.nan)
-            places[own] = beliefs_of(tracks)[0][:, :2]
+            places[own] = positions_of(tracks)
             count += matcher.step(places, snapshot.people) >= 0
         self._found |= count > 0
         return hold_states(count, self._found, len(snapshot.working), ~np.isnan(snapshot.people[:, 0]))

@@ -14,11 +14,6 @@ def machine() -> dict[str, str]:
     return {"processor": _processor(), "blas": _blas()}
 
 
-def machine_line() -> str:
-    """The same in one line."""
-    return ", ".join(machine().values())
-
-
 def _processor() -> str:
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()

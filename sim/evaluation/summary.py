@@ -11,13 +11,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from sim.evaluation.fleet_facts import contacts, plan_bytes
-from sim.evaluation.machine import machine
+from sim.evaluation.machine import machine, versions
 from sim.evaluation.metric import METRICS, UNKNOWN, Metric, Outcome, evaluated, mean, metric
 from sim.evaluation.score import FAR, HELD, Score
 from sim.recording.archive import digest
 from sim.recording.recording import Recording
 from sim.scenario.random_streams import numbered
-from sim.sensing.stopwatch import STAGES
 from tracking.metrics.nees import nees_interval
 from tracking.numerics.arrays import Array
 
@@ -28,13 +27,13 @@ _SHOWN = (
 )
 
 
-def summarise(outcome: Outcome, *, versions: Mapping[str, str], asked: Sequence[str] = ()) -> dict[str, Any]:
+def summarise(outcome: Outcome, asked: Sequence[str] = ()) -> dict[str, Any]:
     """The content of `summary.json`: all metrics, and what they cannot say.
 
     asked: import strings of metrics from outside. Shares and means are over all pairs of scan and UAV that works; null
     stands where there was nothing to count.
     """
-    recording, seconds = outcome.recording, outcome.seconds
+    recording = outcome.recording
     values = evaluated(outcome, asked)
     own = {known.name if known.key is None else known.key: values[known.name] for known in METRICS.values()}
     numbers = _nested({**_parts(outcome), **{key: value for key, value in own.items() if key}})
@@ -46,12 +45,12 @@ def summarise(outcome: Outcome, *, versions: Mapping[str, str], asked: Sequence[
         "scenario": json.loads(recording.scenario),
         "recording_sha256": digest(recording),
         "machine": machine(),
-        "versions": dict(versions),
+        "versions": versions(),
         "duration_s": float(recording.times[-1] - recording.times[0]),
         "interrupted": recording.interrupted,
         **numbers,
         **({"metrics": {name: _in_unit(metric(name), values[name]) for name in asked}} if asked else {}),
-        "seconds": {stage: float(seconds.get(stage, 0.0)) for stage in dict.fromkeys((*STAGES, *seconds))},
+        "seconds": dict(outcome.seconds),
         "faults": [
             {name: value for name, value in asdict(f).items() if name != "trace" or value} for f in outcome.faults
         ],

@@ -50,25 +50,21 @@ class Knowledge:
         ]
         self.plans = PlanExchange(scenario.network, exchange, rng)
 
-    def tracks(self, working: Sequence[int]) -> list[tuple[Track, ...]]:
-        """Tracks of each UAV, none of those that do not work."""
-        return [tracker.tracks if i in working else () for i, tracker in enumerate(self._trackers)]
-
-    def track(self, time: float, looks: Sequence[Observation], links: Links, working: Sequence[int]) -> Indices:
-        """Update each tracker with its observation, fuse, and count the bytes that each UAV sends (n,)."""
-        lost = links.lost
+    def track(
+        self, time: float, looks: Sequence[Observation], links: Links, working: Sequence[int]
+    ) -> tuple[list[tuple[Track, ...]], Indices]:
+        """Tracks of each UAV that works after its observation and fusion, and the bytes (n,) that each sends."""
         for i in working:
             if looks[i].taken:
                 self._trackers[i].step(looks[i].scan)
             else:
                 self._trackers[i].coast(time)
-        if lost is not None:
-            lost = lost[:, working][:, :, working]
         sent = np.zeros(len(looks), dtype=np.int64)
         if working:
-            members = [self._trackers[i] for i in working]
+            members, lost = [self._trackers[i] for i in working], links.lost
+            lost = None if lost is None else lost[:, working][:, :, working]
             sent[working] = fuse(members, links.up[np.ix_(working, working)], self._scenario.network.rounds, lost)
-        return sent
+        return [tracker.tracks if i in working else () for i, tracker in enumerate(self._trackers)], sent
 
     def situations(
         self, k: int, bodies: Sequence[tuple[Pose, Array]], links: Links, working: Sequence[int]

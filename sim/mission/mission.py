@@ -1,6 +1,5 @@
 """The mission loop: sense, track, communicate, plan, fly."""
 
-from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planning.contract import exchange_of, is_stateful, reset, with_truth
-from planning.planner import Exchange, Plan, Planner, Situation
+from planning.planner import Plan, Planner, Situation
 from sim.mission.knowledge import Knowledge
 from sim.mission.plan_check import checked_plans, handed, usable_plans
 from sim.mission.plan_exchange import Links, lost_messages, open_links
@@ -26,12 +25,11 @@ from sim.sensing.sensors import Sensors
 from sim.sensing.stopwatch import Stopwatch
 from sim.world.trajectories import Trajectories
 from sim.world.world import World
-from tracking.geometry.camera import Pose
 from tracking.metrics.ospa import ospa
 from tracking.numerics.arrays import Array, Indices
 from tracking.plugins.registry import InputError
-from tracking.reporting import reported
-from tracking.track import Track, beliefs_of
+from tracking.reporting import positions_of, reported
+from tracking.track import Track
 
 
 class Mission:
@@ -51,7 +49,9 @@ class Mission:
         self.faults: list[Fault] = []
         self.frames: list[NDArray[np.uint8] | None] = []  # of the last scan, one per UAV; None without rendering
         self.forest, self.people = forest_and_people(scenario, seed)
-        self.planner, self.sees_truth, exchange = self._known_of(planner)
+        # The planner to fly; an oracle is given the truth here.
+        self.planner, self.sees_truth = with_truth(planner, partial(_places, self.people))
+        exchange = exchange_of(self.planner)
         chance = partial(stream, seed, repeat=repeat)
         self.rng = chance("planner")  # the planner's only source of chance, but for what it is reset with
         self._reset = is_stateful(self.planner)  # is due before the first decision
@@ -61,7 +61,7 @@ class Mission:
         )
         self._rounds = exchange.rounds
         self._delay = round(scenario.network.plan_delay * scenario.rates.sensing)  # scans
-        self._coming: deque[tuple[int, list[Plan]]] = deque()  # plans that are not flown yet, by scan
+        self._coming: dict[int, list[Plan]] = {}  # plans that are not flown yet, by scan
         self._working = list(range(len(scenario.uavs)))  # UAVs that have not broken down, at the last scan
         self._radio = chance("network")
         self._air = None if scenario.wind.calm else Air(scenario.wind, scenario.rates.physics, chance("wind"))
@@ -77,13 +77,6 @@ class Mission:
             self._world.close()
             raise
 
-    def _known_of(self, planner: Planner | None) -> tuple[Planner | None, bool, Exchange]:
-        """The planner to fly, whether it is an oracle, and what it sends. An oracle is given the truth here."""
-        if planner is None:
-            return None, False, Exchange()
-        flown, sees_truth = with_truth(planner, partial(_places, self.people))
-        return flown, sees_truth, exchange_of(flown)
-
     @property
     def over(self) -> bool:
         """True after the last scan, and once closed."""
@@ -91,7 +84,7 @@ class Mission:
 
     @property
     def time(self) -> float:
-        """Time of the present scan, or, when the mission is over, of the last one [s]."""
+        """Time of the present scan; of the scenario's last one when the mission is over, closed early or not [s]."""
         return self._times[min(self._k, len(self._times) - 1)]
 
     @property
@@ -161,8 +154,8 @@ class Mission:
         Plans are due `network.plan_delay` after their decision. UAVs that broke down hover.
         """
         if plans is not None:
-            self._coming.append((self._k + self._delay, plans))
-        due = self._coming.popleft()[1] if self._coming and self._coming[0][0] == self._k else None
+            self._coming[self._k + self._delay] = plans
+        due = self._coming.pop(self._k, None)
         commands = np.zeros_like(self._commands)
         for i in self._working:
             commands[i] = self._commands[i] if due is None else due[i].controls[0]
@@ -203,12 +196,12 @@ class Mission:
             (self._sensors.look if takes[i] else self._sensors.rest)(i, time, pose, people)
             for i, pose in enumerate(cameras)
         ]
+        network, places = self.scenario.network, np.array([body.position for body in bodies])
+        links = Links(open_links(network, time, places), lost_messages(network, len(bodies), self._radio))
         self.frames = [look.image for look in looks]
         self.faults += [fault for look in looks for fault in look.faults]
-        links = self._links(time, bodies)
         with self.clock.measure("tracking"):
-            sent = self._knowledge.track(time, looks, links, self._working)
-        tracks = self._knowledge.tracks(self._working)
+            tracks, sent = self._knowledge.track(time, looks, links, self._working)
         snapshot = Snapshot(
             time=time,
             people=people,
@@ -230,16 +223,11 @@ class Mission:
         )
         return _Sensed(snapshot, links, known)
 
-    def _links(self, time: float, bodies: list[Pose]) -> Links:
-        """Links between UAVs with bodies at these poses, and the messages that get lost."""
-        network, places = self.scenario.network, np.array([body.position for body in bodies])
-        return Links(open_links(network, time, places), lost_messages(network, len(bodies), self._radio))
-
     def _errors(self, tracks: list[tuple[Track, ...]], present: Array) -> Array:
         """OSPA and its parts (n, 3) m of each UAV's reported tracks against people (P, 2) m; NaN for broken UAVs."""
         errors = np.full((len(tracks), 3), np.nan)
         for i in self._working:
-            errors[i] = ospa(beliefs_of(reported(tracks[i]))[0][:, :2], present)
+            errors[i] = ospa(positions_of(reported(tracks[i])), present)
         return errors
 
     def _decide(self, given: Sequence[Plan | Array] | Array | None) -> tuple[list[Plan] | None, Indices]:

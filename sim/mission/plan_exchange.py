@@ -1,7 +1,7 @@
 """Radio links between UAVs, and the exchange of plans over them: what each UAV knows of the others."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import permutations
 from typing import NamedTuple
 
@@ -60,16 +60,11 @@ def _adjacency(links: Sequence[Link], uavs: int) -> Flags:
 _NOTHING = Plan(np.zeros((0, 2)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Known:
+class _Known(NamedTuple):
     """Knowledge of one UAV about another."""
 
     vehicle: Vehicle
     plan: Plan  # as made at the last instant of planning
-
-    def later(self, step: float) -> "_Known":
-        """The same `step` s later, if it has flown as planned."""
-        return replace(self, vehicle=vehicle_after(self.vehicle, self.plan.controls[0], step))
 
 
 class PlanExchange:
@@ -95,15 +90,14 @@ class PlanExchange:
         both = works[:, None] & works
         self._fleet, self._up, self._contact = fleet, links.up & both, links.contact & both
         self.own = {i: plan for i, plan in self.own.items() if works[i]}
-        kept = {pair: known for pair, known in self._known.items() if both[pair]}
-        self._known = {
-            p: known if self._contact[p] else known.later(step)
-            for p, known in kept.items()
-            if self._contact[p] or len(known.plan.controls) > 1
+        before = self._known
+        self._known = {  # those out of contact are taken to have flown as planned
+            pair: _Known(vehicle_after(known.vehicle, known.plan.controls[0], step), known.plan)
+            for pair, known in before.items()
+            if both[pair] and not self._contact[pair] and len(known.plan.controls) > 1
         }
         for i, j in np.argwhere(self._contact).tolist():
-            plan = self._known[i, j].plan if (i, j) in self._known else _NOTHING
-            self._known[i, j] = _Known(fleet[j], plan)
+            self._known[i, j] = _Known(fleet[j], before[i, j].plan if (i, j) in before else _NOTHING)
         self._received = self._receptions()
 
     def _receptions(self) -> list[Flags]:
@@ -137,7 +131,7 @@ class PlanExchange:
             elif self._contact[i, j] and j in plans[i].others:
                 self._known[i, j] = _Known(self._fleet[j], Plan(plans[i].others[j]))
             elif known:
-                self._known[i, j] = replace(known, plan=Plan(known.plan.controls[1:]))
+                self._known[i, j] = known._replace(plan=Plan(known.plan.controls[1:]))
         return self._sent(plans)
 
     def _sent(self, plans: Mapping[int, Plan]) -> Indices:

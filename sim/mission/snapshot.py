@@ -1,7 +1,7 @@
 """The mission at one scan, ground truth included."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from tracking.numerics.arrays import Array, Flags, Indices
 from tracking.track import Scan, Track
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Snapshot:
     """Truth, measurements, tracks, plans and commands at one scan: for recording, video and metrics alone."""
 
@@ -31,15 +31,15 @@ class Snapshot:
     visible: Indices  # (n, M) pixels that the renderer shows of each person
     matched: Flags  # (n, M) True if the person was detected in that camera
     contacts: tuple[Contact, ...] = ()  # since the scan before
-    bytes_sent: Indices = field(kw_only=True)  # (n,) to neighbours, in all rounds of consensus; -1 if unknown
-    plan_bytes: Indices = field(kw_only=True)  # (n,) to neighbours, of plans made at this instant; -1 if unknown
-    plan_rounds: int = field(kw_only=True)  # in which these were sent
+    bytes_sent: Indices  # (n,) to neighbours, in all rounds of consensus; -1 if unknown
+    plan_bytes: Indices  # (n,) to neighbours, of plans made at this instant; -1 if unknown
+    plan_rounds: int  # in which these were sent
     faults: tuple[Fault, ...] = ()  # of planner and detectors at this instant, and breakdowns since the scan before
 
     @property
     def working(self) -> list[int]:
         """UAVs that have not broken down; the others have neither tracks nor an error."""
-        return [int(i) for i in np.flatnonzero(~np.isnan(self.ospa[:, 0]))]
+        return np.flatnonzero(~np.isnan(self.ospa[:, 0])).tolist()
 
     @property
     def error(self) -> float:

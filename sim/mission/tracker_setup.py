@@ -3,7 +3,6 @@
 from dataclasses import fields, replace
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from sim.scenario.perception import Tracking
@@ -19,7 +18,7 @@ def tracker_parameters(scenario: Scenario) -> TrackerParameters:
     """Parameters of a scenario's trackers."""
     settings = scenario.tracking
     parameters = {field.name for field in fields(TrackerParameters)} - {"motion"}
-    shared = sorted(parameters & {field.name for field in msgspec.structs.fields(Tracking)})
+    shared = sorted(parameters & {*Tracking.__struct_fields__})
     return TrackerParameters(
         motion=_motion(scenario, settings.motion),
         fusion=scenario.network.fusion,

@@ -1,5 +1,6 @@
 """A mission to fly and its progress, as values that can be sent to any process."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,6 +21,8 @@ class ScanProgress(NamedTuple):
     """Progress at one scan."""
 
     time: float  # s
-    scans: int  # so far
     distances: list[float]  # OSPA [m] of each UAV that works
-    error: float  # their mean; NaN if none works
+
+
+Progress = Callable[[ScanProgress], None]
+Say = Callable[[str], None]

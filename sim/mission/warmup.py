@@ -1,7 +1,7 @@
 """Compiles the numerical kernels before the clock starts."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 
@@ -11,6 +11,7 @@ from numba.core import event
 from planning.loading import load_planner
 from planning.registry import DEFAULT_PLANNER
 from sim.mission.mission import Mission
+from sim.mission.trial import Say
 from sim.scenario.environment import Trees, Wind
 from sim.scenario.perception import Sensing, Tracking
 from sim.scenario.scenario import Scenario
@@ -23,8 +24,6 @@ from tracking.numerics.compiled import not_kept
 
 _BEFORE = "Compiling the numerical code, which takes up to about a minute"  # on one idle core
 _LOST = "no folder for it can be written to, so it is compiled anew each time; NUMBA_CACHE_DIR may name one that can"
-
-Say = Callable[[str], None]
 
 
 class _Watch(event.Listener):

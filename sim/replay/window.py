@@ -63,8 +63,8 @@ def _world(recording: Recording, scenario: Scenario) -> Iterator[World]:
     with quiet():
         client = pybullet.connect(pybullet.GUI, options=options)
         pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, 0, physicsClientId=client)
-        people, chance = recording.people.shape[1], recording.repeat
-        world = World(scenario, recording.forest, people, recording.seed, client, repeat=chance)
+        people = recording.people.shape[1]
+        world = World(scenario, recording.forest, people, recording.seed, recording.repeat, client=client)
         world.engine.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, 1)
     try:
         yield world

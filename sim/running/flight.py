@@ -16,7 +16,7 @@ from sim.scenario.scenario import resolved
 Watch = Callable[[Snapshot], bool]  # sees each scan, and says whether the mission goes on
 
 
-def fly(
+def flown(
     trial: Trial,
     watching: Callable[[Mission], AbstractContextManager[Watch]],
     prepare: Callable[[], object] = lambda: None,

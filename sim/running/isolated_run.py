@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sim.mission.trial import ScanProgress, Trial
+from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.processes.isolation import IsolationError, run_isolated
 from sim.recording.atomic_files import new_folder
 
@@ -17,14 +17,7 @@ class Results(NamedTuple):
     metrics: tuple[str, ...] = ()  # from outside, for the summary
 
 
-def fly_apart(
-    trial: Trial,
-    results: Results,
-    *,
-    timeout: float | None,
-    progress: Callable[[ScanProgress], None],
-    say: Callable[[str], None],
-) -> dict[str, Any]:
+def fly_apart(trial: Trial, results: Results, *, timeout: float | None, progress: Progress, say: Say) -> dict[str, Any]:
     """Fly a mission as `run.run` does, in a process of its own.
 
     IsolationError if it ends otherwise or is not done after `timeout` s.

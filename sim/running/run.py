@@ -3,17 +3,15 @@
 import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from itertools import count
 from pathlib import Path
 from typing import Any
 
 from sim.drawing.film import Film, Video
 from sim.drawing.plots import save as save_figure
-from sim.evaluation.machine import versions
 from sim.evaluation.summary import marked, summarise
 from sim.mission.mission import Mission
 from sim.mission.snapshot import Snapshot
-from sim.mission.trial import ScanProgress, Trial
+from sim.mission.trial import Progress, Say, ScanProgress, Trial
 from sim.mission.warmup import announced, warm_up
 from sim.processes.signals import stop_request
 from sim.recording.archive import save
@@ -21,12 +19,8 @@ from sim.recording.atomic_files import new_folder
 from sim.recording.recording import Recorder
 from sim.replay.flight import Flight
 from sim.replay.page.page import write_page
-from sim.running.flight import fly as flown
-from sim.running.flight import recording_of
+from sim.running.flight import flown, recording_of
 from sim.running.isolated_run import Results
-
-Progress = Callable[[ScanProgress], None]
-Say = Callable[[str], None]
 
 
 def run(
@@ -57,19 +51,17 @@ def fly(trial: Trial, folder: Path, results: Results, *, progress: Progress, say
         @contextmanager
         def watching(mission: Mission) -> Iterator[Callable[[Snapshot], bool]]:
             stop = catching.enter_context(stop_request())
-            scans = count(1)
             with _film(trial, mission, film) as add:
 
                 def watch(snapshot: Snapshot) -> bool:
                     add(snapshot)
-                    distances = snapshot.ospa[snapshot.working, 0].tolist()
-                    progress(ScanProgress(snapshot.time, next(scans), distances, snapshot.error))
+                    progress(ScanProgress(snapshot.time, snapshot.ospa[snapshot.working, 0].tolist()))
                     return not stop.is_set()
 
                 yield watch
 
         outcome = flown(trial, watching, announced(say)(warm_up))
-        summary = summarise(outcome, versions=versions(), asked=results.metrics)
+        summary = summarise(outcome, results.metrics)
         flight = Flight(outcome.recording)
         write_results(folder, flight, summary)
         if film:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from sim.scenario.quantities import DAY, Footprint, Point, Speed, Time
+from sim.scenario.quantities import DAY, Point, Probability, Speed, Time
 
 
 class Uav(Struct, frozen=True, forbid_unknown_fields=True):
@@ -14,7 +14,7 @@ class Uav(Struct, frozen=True, forbid_unknown_fields=True):
 
     start: Point  # m, place above which it hovers at the start, `[x, y]`
     # m, edge of the square field of view on the ground; with `fov_deg` it gives the altitude
-    footprint: Footprint = 20.0
+    footprint: Annotated[float, Meta(ge=0.01, le=10_000)] = 20.0
     # quality factor of its measurements, [Li22] eq. (4); smaller is better
     alpha: Annotated[float, Meta(ge=1e-6, le=100)] = 0.1
     fov_deg: Annotated[float, Meta(ge=1, lt=180)] = 60.0  # deg, full angle of the field of view
@@ -68,7 +68,7 @@ class Cut(Struct, frozen=True, forbid_unknown_fields=True):
     """Links that are down for a while."""
 
     links: Annotated[tuple[Link, ...], Meta(min_length=1)]  # links that are down: pairs of UAVs
-    start: Annotated[float, Meta(ge=0, le=DAY)] = 0.0  # s, from then on they are down
+    start: Time = 0.0  # s, from then on they are down
     end: Annotated[float, Meta(le=DAY)] | None = None  # s, when they are up again; for good without it
 
     def __post_init__(self) -> None:
@@ -87,13 +87,13 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True):
     # ([how](../how-to/plugins.md#a-motion-model-a-fusion-rule))
     fusion: str = "hcmci"
     # probability that a message is lost, per round and direction, drawn by seed and repeat
-    loss: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    loss: Probability = 0.0
     links: tuple[Link, ...] = ()  # the only links there are, as pairs of UAVs: `[[0, 1], [1, 2]]`; without any, all
     # links that are down for a while: `[{links = [[0, 2], [1, 2]], start = 10, end = 20}]`
     cuts: Annotated[tuple[Cut, ...], Meta(max_length=1000)] = ()
     # s, from a decision until the first control of its plan is flown; until then UAVs go on as before, and hover at the
     # start; a multiple of the time between scans
-    plan_delay: Annotated[float, Meta(ge=0, le=DAY)] = 0.0
+    plan_delay: Time = 0.0
 
     def check(self, uavs: int) -> None:
         """ValueError if links are not between two UAVs of a fleet of so many, each named once."""

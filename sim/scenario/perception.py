@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from sim.scenario.quantities import Density, Expected, Probability, Scans, Speed, Time, Variance, Weight
+from sim.scenario.quantities import Density, Expected, Probability, Scans, Speed, Time
 from tracking.plugins.registry import Registry
 
 SENSOR_MODES = Registry(
@@ -12,7 +12,6 @@ SENSOR_MODES = Registry(
     {"camera": "sim.sensing.rendered_mode:RenderedMode", "ideal": "sim.sensing.sensor_mode:LineOfSightMode"},
     ("sense(uav, time, pose, people)",),
 )
-_RENDERED = ("camera",)  # modes whose frames recordings can show again
 DETECTORS = Registry(
     "sensing.detector",
     {
@@ -61,7 +60,7 @@ class Sensing(Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def renders(self) -> bool:
         """True if frames are rendered, which films, pages and explanations then show."""
-        return self.mode in _RENDERED
+        return self.mode == "camera"
 
 
 class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
@@ -81,11 +80,11 @@ class Tracking(Struct, frozen=True, forbid_unknown_fields=True):
     # `confirm`
     delete: tuple[Scans, Scans] = (5, 5)
     # exponent of the likelihood of negative information; 0: a place seen empty says nothing of where people are
-    absence_weight: Weight = 1.0
+    absence_weight: Annotated[float, Meta(ge=0, le=100)] = 1.0
     # s, after which an unseen person's track may be re-acquired by a detection within that person's reach
     recovery_after: Time = 0.2
     # m², trace of the position's covariance beyond which a track ends: that of an error as large as GOSPA's cut-off
-    max_variance: Variance = 100.0
+    max_variance: Annotated[float, Meta(ge=1e-3, le=1e8)] = 100.0
     # m/s, largest speed of people: reach of lost ones, velocities of new tracks, spread of undetected people
     max_speed: Speed = 3.0
     # m/s, expected of people while few have been seen, for `motion = "mean-reverting"`

@@ -113,6 +113,11 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True):
         """Times of the scans, the first at zero [s]."""
         return [k / self.rates.sensing for k in range(int(self.duration * self.rates.sensing + 1e-9) + 1)]
 
+    @property
+    def decision_times(self) -> list[float]:
+        """Times of the decisions [s]."""
+        return [time for k, time in enumerate(self.scan_times) if self.decides(k)]
+
     def has_frame(self, uav: int, k: int) -> bool:
         """True if a UAV's camera takes a frame at scan k; all do at the first."""
         rate = self.uavs[uav].rate or self.rates.sensing

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tracking.detection.blob_detector import located_detections
 from tracking.detection.detector import Detections, Frame
 from tracking.geometry.visibility import Forest
-from tracking.numerics.arrays import Array, Flags
+from tracking.numerics.arrays import Array
 from tracking.numerics.assignment import most_pairs
 from tracking.numerics.distances import length
 
@@ -18,11 +18,6 @@ GATE = 3.0  # pixels from a detection to the nearest pixel of the person it may 
 def visible_pixels(people: NDArray[np.int32], count: int) -> NDArray[np.int64]:
     """Pixels (M,) of each of `count` people in a mask (P, P)."""
     return np.bincount(people[people >= 0], minlength=count).astype(np.int64)
-
-
-def matched_people(pixels: Array, people: NDArray[np.int32], count: int) -> Flags:
-    """Mask (M,) of the `count` people found by detections (N, 2) at pixels (u, v), at most one by each."""
-    return np.asarray(matched_detections(pixels, people, count) >= 0, dtype=np.bool_)
 
 
 def matched_detections(pixels: Array, people: NDArray[np.int32], count: int) -> NDArray[np.int64]:

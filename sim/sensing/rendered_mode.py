@@ -6,7 +6,7 @@ import numpy as np
 
 from sim.scenario.perception import DETECTORS
 from sim.sensing.detection_check import usable_detections
-from sim.sensing.detection_truth import MaskDetector, matched_people, visible_pixels
+from sim.sensing.detection_truth import MaskDetector, matched_detections, visible_pixels
 from sim.sensing.fault import Fault
 from sim.sensing.renderer import Rendered, Renderer
 from sim.sensing.sensor_mode import SensorOutput, SensorSetup
@@ -41,7 +41,7 @@ class RenderedMode:
             found, faults = self._detected(frame, rendered)
         return SensorOutput(
             ground=found.ground,
-            matched=lambda kept: matched_people(found.pixels[kept], rendered.people, len(people)),
+            matched=lambda kept: matched_detections(found.pixels[kept], rendered.people, len(people)) >= 0,
             visible=visible_pixels(rendered.people, len(people)),
             covariances=found.covariances if self._calibrated else None,
             errors=found.covariances,

@@ -8,13 +8,13 @@ from contextlib import nullcontext
 import numpy as np
 from msgspec import Struct
 
-from sim.evaluation.machine import machine_line
+from sim.evaluation.machine import machine
 from sim.evaluation.metric import Outcome, evaluated
 from sim.mission.snapshot import Snapshot
 from sim.mission.trial import Trial
 from sim.mission.warmup import warm_up
 from sim.recording.archive import content, digest
-from sim.running.flight import fly as flown
+from sim.running.flight import flown
 from sim.study.tasks import Row, Task, release
 from tracking.plugins.containment import ForeignError, contained
 
@@ -71,7 +71,7 @@ def _flown(task: Task, keep: bool, timeout: float | None) -> Flown:
         ospa=np.array(ospa, dtype=np.float32),
         times=recording.times,
         recording=digest(recording),
-        machine=machine_line(),
+        machine=", ".join(machine().values()),
     )
     return Flown(row, content(recording) if keep else b"")
 

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import timedelta
-from math import isnan
+from statistics import fmean
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 
@@ -31,9 +31,9 @@ def mission_progress(scenario: Scenario) -> Iterator[Callable[[ScanProgress], No
                 status.stop()
                 progress.start()
             total, count = total + sum(moment.distances), count + len(moment.distances)
-            error = "-" if isnan(moment.error) else f"{moment.error:.2f} m"
+            error = f"{fmean(moment.distances):.2f} m" if moment.distances else "-"
             now = f"{moment.time:.1f} of {last:g} s, OSPA {error}, mean {total / count:.2f} m"
-            progress.update(task, completed=moment.scans, description=now)
+            progress.update(task, advance=1, description=now)
 
         try:
             yield show

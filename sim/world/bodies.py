@@ -86,9 +86,8 @@ class Bodies:
         for kind in ("canopy", "trunk"):
             for k, tree in enumerate(trees):
                 canopy = kind == "canopy"
-                base = tree.canopy_base if canopy else 0.0
-                height = tree.canopy_top - base if canopy else tree.canopy_base
-                radius = tree.canopy_radius if canopy else tree.trunk_radius
+                base, top = (tree.canopy_base, tree.canopy_top) if canopy else (0.0, tree.canopy_base)
+                radius, height = tree.canopy_radius if canopy else tree.trunk_radius, top - base
                 key = (kind, radius, height)
                 if key not in shapes:
                     shapes[key] = (self._cylinder(radius, height), self._mesh(kind, (radius, radius, height)))
@@ -119,8 +118,7 @@ class Bodies:
 def _foliage(k: int) -> tuple[float, float, float]:
     """Tint of the k-th tree: hues and shades spread evenly over the forest, without chance."""
     spread = (k * _GOLDEN) % 1.0
-    red, green, blue = colorsys.hsv_to_rgb(0.16 + 0.14 * spread, 0.22, 0.82 + 0.18 * ((7 * spread) % 1.0))
-    return red, green, blue
+    return colorsys.hsv_to_rgb(0.16 + 0.14 * spread, 0.22, 0.82 + 0.18 * ((7 * spread) % 1.0))
 
 
 def _times(tint: tuple[float, float, float], factors: Array) -> tuple[float, float, float]:

@@ -80,6 +80,4 @@ def _place(radii: Array, trees: Trees, area: Area, rng: np.random.Generator, kee
 
 def _apart(points: Array, others: Array, distance: float) -> Flags:
     """Mask (n,) of points (n, 2) that keep a distance [m] from all others (m, 2)."""
-    if len(others) == 0:
-        return np.ones(len(points), dtype=np.bool_)
     return np.asarray(cKDTree(others).query(points)[0] >= distance)

@@ -145,16 +145,15 @@ def glide(positions: Array, quaternions: Array, commands: Array, dt: float, step
     At zero velocity the heading is kept. The engine turns a quaternion into a matrix and back, as `settled` does, at
     each step; those returned are what it would be given at the last one.
     """
-    moved, turned, put = positions.copy(), quaternions, quaternions
+    moved, put = positions.copy(), quaternions
     for _ in range(steps):
-        put = np.zeros_like(turned)
+        turned, put = settled(put), np.zeros_like(quaternions)
         for i in range(len(moved)):
             east, north = commands[i]
             moved[i, 0] += east * dt
             moved[i, 1] += north * dt
             yaw = arctan2(north, east) if east != 0.0 or north != 0.0 else 2 * arctan2(turned[i, 2], turned[i, 3])
             put[i, 2], put[i, 3] = sin(yaw / 2), cos(yaw / 2)
-        turned = settled(put)
     return moved, put
 
 

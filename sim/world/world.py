@@ -40,20 +40,20 @@ class World:
         forest: Forest,
         people: int,
         seed: int = 0,
-        client: int | None = None,
-        *,
         repeat: int = 0,
+        *,
+        client: int | None = None,
     ) -> None:
         """`client` is the engine's client to build in, such as one with a window; without it a new one."""
         self.opengl = client is None and scenario.sensing.renders and scenario.sensing.renderer == "egl"
         self.style = sample_appearance(scenario, seed, trees=len(forest.trees), people=people, repeat=repeat)
-        self._scenario = scenario
+        self._scenario, self._dt = scenario, 1.0 / scenario.rates.physics  # s, of the engine
         self._origin = scenario, forest, people, seed, repeat
         self.trees = forest.trees
         self._given = client
         self._altitudes = [uav.altitude for uav in scenario.uavs]
         starts = [(*uav.start, uav.altitude) for uav in scenario.uavs]
-        self._positions = np.array(starts, dtype=float)  # of UAVs without a client
+        self._positions = np.array(starts, dtype=float)  # of kinematic UAVs, as they are put into the engine
         self._quaternions = np.tile([0.0, 0.0, 0.0, 1.0], (len(starts), 1))
         self._commands = np.zeros((len(starts), 2))
         centres = [(t.x, t.y, (t.canopy_base + t.canopy_top) / 2) for t in forest.trees]
@@ -121,20 +121,21 @@ class World:
 
     def place_uavs(self, poses: Sequence[Pose]) -> None:
         """Put each UAV at a recorded pose of its body; its velocity stays."""
+        self._positions = np.array([pose.position for pose in poses])
+        self._quaternions = np.array([pose.quaternion for pose in poses])
         for body, pose in zip(self._bodies.uavs, poses, strict=True):
             self.engine.resetBasePositionAndOrientation(body.id, pose.position.tolist(), pose.quaternion.tolist())
 
     def poses(self) -> list[Pose]:
         """Poses of the UAVs' bodies: x forward, which is east at yaw 0, y left, z up."""
-        if not self._made:
-            turned = settled(self._quaternions)
-            return [Pose(p.copy(), q) for p, q in zip(self._positions, turned, strict=True)]
+        if self._kinematic:
+            return [Pose(*pose) for pose in zip(self._positions.copy(), settled(self._quaternions), strict=True)]
         found = [self.engine.getBasePositionAndOrientation(body.id) for body in self._bodies.uavs]
         return [Pose(*map(np.array, pose)) for pose in found]
 
     def velocities(self) -> Array:
         """Velocities of the UAVs (n, 3) m/s."""
-        if not self._made:
+        if self._kinematic:
             return np.pad(self._commands, ((0, 0), (0, 1)))
         return np.array([self.engine.getBaseVelocity(b.id)[0] for b in self._bodies.uavs])
 
@@ -190,10 +191,11 @@ class World:
                 path = Path(folder, "world.bullet")
                 self.engine.saveBullet(str(path))
                 engine = path.read_bytes()
-        return _made_again, (self._origin, {name: vars(self)[name] for name in _STATE}, engine)
+        return World, self._origin, ({name: vars(self)[name] for name in _STATE}, engine)
 
-    def restore(self, state: dict[str, Any], engine: bytes | None) -> None:
-        """Take over the state of a world of the same scenario and forest; engine: of its client, if it has one."""
+    def __setstate__(self, given: tuple[dict[str, Any], bytes | None]) -> None:
+        """Take over the state of a world of the same scenario and forest, and of its client, if it has one."""
+        state, engine = given
         if state["_closed"]:
             self.close()
         vars(self).update(state)
@@ -221,9 +223,7 @@ class World:
         if wind is None:
             given = rotor_thrusts(state, target, _CALM)
         else:
-            given, self._memories[uav] = steady_thrusts(
-                state, target, self._memories[uav], 1.0 / self._scenario.rates.physics
-            )
+            given, self._memories[uav] = steady_thrusts(state, target, self._memories[uav], self._dt)
             force = drag(state[7:10], wind).tolist()
             self.engine.applyExternalForce(body.id, -1, force, position, pybullet.WORLD_FRAME)
         *thrusts, yaw = given.tolist()
@@ -236,7 +236,7 @@ class World:
         """Turn a body after a step of the engine from its quaternion (4,) before, the same on every processor."""
         position, _ = self.engine.getBasePositionAndOrientation(body.id)
         velocity, spin = self.engine.getBaseVelocity(body.id)
-        quaternion = rotated(before, np.array(spin), 1.0 / self._scenario.rates.physics)
+        quaternion = rotated(before, np.array(spin), self._dt)
         self.engine.resetBasePositionAndOrientation(body.id, position, quaternion.tolist())
         self.engine.resetBaseVelocity(body.id, velocity, spin)
 
@@ -248,25 +248,17 @@ class World:
 
     def _apart(self, commands: Array, steps: int) -> bool:
         """True if UAVs stay clear of one another for so many steps."""
-        places = np.array([pose.position for pose in self.poses()]) if self._made else self._positions
-        return nearest(places, commands, steps / self._scenario.rates.physics) > _CLEAR
+        return nearest(self._positions, commands, steps / self._scenario.rates.physics) > _CLEAR
 
     def _glide(self, commands: Array, steps: int) -> None:
         """Move UAVs by [Li22] eq. (5); at zero velocity the heading is kept."""
-        if self._made:
-            poses = self.poses()
-            self._positions = np.array([pose.position for pose in poses])
-            turned = np.array([pose.quaternion for pose in poses])
-        else:
-            turned = settled(self._quaternions)
-        dt = 1.0 / self._scenario.rates.physics
-        self._positions, self._quaternions = glide(self._positions, turned, commands, dt, steps)
+        self._positions, self._quaternions = glide(self._positions, self._quaternions, commands, self._dt, steps)
         self._commands = commands
         if self._made:
             self._put_uavs(self._bodies)
 
     def _put_uavs(self, bodies: Bodies) -> None:
-        """Put UAVs where they are without a client."""
+        """Put kinematic UAVs where they are, and all at the start."""
         rows = (bodies.uavs, self._positions.tolist(), self._quaternions.tolist(), self._commands.tolist())
         for body, position, quaternion, command in zip(*rows, strict=True):
             bodies.engine.resetBasePositionAndOrientation(body.id, position, quaternion)
@@ -283,13 +275,6 @@ def _put_people(bodies: Bodies, centres: Array, headings: Array) -> None:
 
 
 _STATE = ("_positions", "_quaternions", "_commands", "_people_centres", "_headings", "_memories", "_touched", "_closed")
-
-
-def _made_again(origin: tuple[Any, ...], state: dict[str, Any], engine: bytes | None) -> World:
-    *made_of, repeat = origin
-    made = World(*made_of, repeat=repeat)
-    made.restore(state, engine)
-    return made
 
 
 _ROTORS: list[list[float]] = ROTORS.tolist()

@@ -33,7 +33,7 @@ def hand_made():
 def summary(recording, *, asked=(), **known):
     """A summary of what was flown, its metrics computed anew."""
     outcome = Outcome(recording, **{"seconds": SECONDS, "wall_s": 14.0, **known})
-    return summarise(outcome, versions={"numpy": "2"}, asked=asked)
+    return summarise(outcome, asked)
 
 
 def shown(result):
