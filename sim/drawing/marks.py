@@ -5,12 +5,11 @@ import math
 import numpy as np
 
 from sim.drawing.lettering import Image
-from sim.drawing.palette import ALARM, DETECTION, FAINT, INK, LOST, NOT_FOUND_YET, PANEL, Colour
+from sim.drawing.palette import ALARM, DETECTION, FAINT, INK, PANEL, UNHELD, Colour
 from sim.drawing.strokes import disc, stroke
 from tracking.numerics.arrays import Array
 
 _ARMS = np.array([[(5.0 * x, 5.0 * y), (8.5 * x, 8.5 * y)] for x in (-1, 1) for y in (-1, 1)])
-_RINGS = {"lost": LOST, "not found yet": NOT_FOUND_YET}
 
 
 def cross(image: Image, centre: Array, colour: Colour) -> None:
@@ -54,11 +53,10 @@ def person(image: Image, centre: Array, heading: float, *, view: str, hold: str 
     hold: one of `HOLDS`.
     """
     ink = FAINT if view == "out of view" else INK
-    stroke(
-        image, np.array([centre, centre + 9.0 * np.array([math.cos(heading), -math.sin(heading)])]), ink, thickness=2
-    )
+    ahead = centre + 9.0 * np.array([math.cos(heading), -math.sin(heading)])
+    stroke(image, np.array([centre, ahead]), ink, thickness=2)
     disc(image, centre, 3.4, ink)
     if view == "hidden":
         disc(image, centre, 2.0, PANEL)
-    if hold in _RINGS:
-        disc(image, centre, 11.0, _RINGS[hold], 2)
+    if hold in UNHELD:
+        disc(image, centre, 11.0, UNHELD[hold], 2)

@@ -30,6 +30,16 @@ HELD_BY_SOME = FAINT
 LOST = ALARM
 NOT_FOUND_YET: Colour = (238, 170, 160)
 FALSE: Colour = (136, 34, 85)
+SOFT: Colour = (102, 97, 90)  # of text that steps back: FAINT is too light to read
+UNHELD: dict[str, Colour] = {"lost": LOST, "not found yet": NOT_FOUND_YET}
+# By names of `HOLDS`, in their order.
+HOLD_COLOURS: dict[str, Colour] = {
+    "absent": FAINT,
+    "not found yet": NOT_FOUND_YET,
+    "lost": LOST,
+    "held by some": HELD_BY_SOME,
+    "held": HELD,
+}
 
 UAV_COLOURS = (BLUE, ORANGE, PURPLE, SKY, VIOLET, BROWN)
 # Darker than most colours of UAVs, so that a track is read as one on paper, under a canopy and in a camera tile.

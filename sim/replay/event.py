@@ -61,12 +61,12 @@ class Event:
         return f"{self.time:.1f} to {self.until:.1f} s"
 
 
-def lanes(events: Sequence[Event]) -> list[int]:
-    """A lane for each of some events in order of time, the first that is free, so that none covers another."""
+def lanes(events: Sequence[Event]) -> list[tuple[Event, int]]:
+    """Tracks that stand for no person, of events in order of time, each with a lane: the first that is free."""
     ends: list[int] = []
     found = []
-    for event in events:
+    for event in (event for event in events if event.kind in UNMATCHED):
         lane = next((n for n, end in enumerate(ends) if end < event.first), len(ends))
         ends[lane : lane + 1] = [event.last]
-        found.append(lane)
+        found.append((event, lane))
     return found

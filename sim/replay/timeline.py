@@ -15,7 +15,7 @@ from sim.drawing.palette import FAINT, HIDDEN, INK, ORANGE, OUT_OF_VIEW, UAV_COL
 from sim.drawing.plots import draw_mean, new_figure, rgb
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
-from sim.replay.event import IDENTITIES, UNHELD, UNMATCHED, Event, lanes
+from sim.replay.event import IDENTITIES, Event, lanes
 from sim.replay.history import BROKEN, STATES, History
 from tracking.numerics.arrays import Array, Indices
 
@@ -23,19 +23,9 @@ _WIDTH = 11.0  # inches
 _BAR, _GAP = 1.0, 0.8  # of a person's rows: the bar of the tracks, and the gap to the next, in lanes
 _VEIL = rgb((250, 214, 212))
 _SWITCHED: Any = {"marker": "D", "ms": 6, "color": rgb(ORANGE), "mec": rgb(INK), "mew": 0.8, "ls": ""}  # a track
-_BARS = {"held": palette.HELD, "held by some": palette.HELD_BY_SOME}
-_EVENTS = {
-    "person lost": palette.LOST,
-    "person not found yet": palette.NOT_FOUND_YET,
-    "false track": palette.FALSE,
-    "duplicate track": pale(palette.FALSE),
-}
-_MEANT = {
-    "held": f"held within {HELD:g} m by all",
-    "held by some": "held by some UAVs",
-    "person lost": "lost",
-    "person not found yet": "not found yet",
-}
+_HOLDS = {hold: colour for hold, colour in reversed(palette.HOLD_COLOURS.items()) if hold != "absent"}
+_UNMATCHED = {"false track": palette.FALSE, "duplicate track": pale(palette.FALSE)}
+_MEANT = {"held": f"held within {HELD:g} m by all", "held by some": "held by some UAVs"}
 
 Shade = tuple[float, float, float]
 Box = tuple[float, float, float, float]  # left, right [s], top, height [lanes]
@@ -48,8 +38,7 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
     tracks that stand for no person, if there are any, those at one time beneath one another.
     """
     uavs, people = history.tracks.shape[1:]
-    free = [event for event in events if event.kind in UNMATCHED]
-    unmatched = list(zip(free, lanes(free), strict=True))
+    unmatched = lanes(events)
     deep = 1 + max((lane for _, lane in unmatched), default=-1)
     rows = max(people, 1) * (uavs + _BAR + _GAP) + (deep * _BAR + _GAP) * bool(deep)
     lane = float(np.clip(0.5 / (uavs + 1), 0.06, 0.12)) * (1.0 if people <= 8 else 0.75)  # inches
@@ -57,14 +46,15 @@ def timeline_figure(history: History, ospa: Array, events: Sequence[Event]) -> F
     with new_figure(_WIDTH, height + 3.1, letters=10) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[max(height, 0.5), 1.5])
         _draw_people(above, history, events, unmatched)
-        _name_rows(above, history, len(free), deep)
+        _name_rows(above, history, len(unmatched), deep)
         above.set_ylim(rows - _GAP / 2, -_GAP / 2)
         above.set_title(_title(history), loc="left", fontsize=12, fontweight="bold")
         draw_mean(below, history.times, ospa, width=1.5)
         for axes in (above, below):
             _mark_breakdowns(axes, history, events, named=axes is below)
         below.set_xlim(*_span(history.times))
-        figure.legend(handles=_legend(uavs, free), loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+        handles = _legend(uavs, [event for event, _ in unmatched])
+        figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
     return figure
 
 
@@ -73,14 +63,10 @@ def _draw_people(axes: Axes, history: History, events: Sequence[Event], unmatche
     pitch, times = uavs + _BAR + _GAP, history.times
     boxes = [_box(times, event, max(people, 1) * pitch + lane * _BAR) for event, lane in unmatched]
     for event in events:
-        if event.kind in UNHELD and event.person is not None:
-            top, ends = event.person * pitch, _ends(times, event.first, event.last)
-            boxes += [((*ends, top - 0.15, uavs + _BAR + 0.3), _VEIL)] * (event.kind == "person lost")
-            boxes.append(_box(times, event, top + uavs))
-        elif event.kind in IDENTITIES and event.person is not None:
+        if event.kind in IDENTITIES and event.person is not None:
             axes.plot([times[event.first]], [event.person * pitch + uavs + _BAR / 2], **_SWITCHED)
     for m in range(people):
-        boxes += _bar(times, history.hold_states[:, m], m * pitch + uavs)
+        boxes += _bar(times, history.hold_states[:, m], m * pitch, uavs)
         for i in range(uavs):
             boxes += _lane(times, history.camera_states[:, i, m], m * pitch + i, i)
     corners = [[(a, y), (b, y), (b, y + h), (a, y + h)] for (a, b, y, h), _ in boxes]
@@ -108,7 +94,7 @@ def _name_rows(axes: Axes, history: History, unmatched: int, deep: int) -> None:
 
 
 def _box(times: Array, event: Event, top: float) -> tuple[Box, Shade]:
-    return (*_ends(times, event.first, event.last), top + 0.2, _BAR - 0.2), rgb(_EVENTS[event.kind])
+    return (*_ends(times, event.first, event.last), top + 0.2, _BAR - 0.2), rgb(_UNMATCHED[event.kind])
 
 
 def _lane(times: Array, states: Indices, top: float, uav: int) -> list[tuple[Box, Shade]]:
@@ -121,9 +107,15 @@ def _lane(times: Array, states: Indices, top: float, uav: int) -> list[tuple[Box
     return boxes
 
 
-def _bar(times: Array, states: Indices, top: float) -> list[tuple[Box, Shade]]:
-    spans = [(e, _BARS[HOLDS[e.value]]) for e in episodes(states) if HOLDS[e.value] in _BARS]
-    return [((*_ends(times, e.first, e.last), top + 0.2, _BAR - 0.2), rgb(colour)) for e, colour in spans]
+def _bar(times: Array, states: Indices, top: float, uavs: int) -> list[tuple[Box, Shade]]:
+    """The states of a person to the tracks, below the lanes of so many UAVs; on a veil over all while lost."""
+    boxes: list[tuple[Box, Shade]] = []
+    for first, last, value in episodes(states):
+        ends, hold = _ends(times, first, last), HOLDS[value]
+        boxes += [((*ends, top - 0.15, uavs + _BAR + 0.3), _VEIL)] * (hold == "lost")
+        if hold in _HOLDS:
+            boxes.append(((*ends, top + uavs + 0.2, _BAR - 0.2), rgb(_HOLDS[hold])))
+    return boxes
 
 
 def _mark_breakdowns(axes: Axes, history: History, events: Sequence[Event], *, named: bool) -> None:
@@ -142,7 +134,7 @@ def _legend(uavs: int, unmatched: Sequence[Event]) -> list[Patch | Line2D]:
     else:
         seen = [Patch(color=rgb(uav_colour(0)), label="seen: lanes are UAVs, the first on top")]
     kinds = {event.kind for event in unmatched}
-    bars = {kind: colour for kind, colour in {**_BARS, **_EVENTS}.items() if kind not in UNMATCHED or kind in kinds}
+    bars = _HOLDS | {kind: colour for kind, colour in _UNMATCHED.items() if kind in kinds}
     return [
         *seen,
         Patch(color=rgb(pale(uav_colour(0))), label="shown, not detected"),

@@ -9,23 +9,11 @@ from typing import NamedTuple
 import numpy as np
 import rerun as rr
 
+from sim.drawing import palette
 from sim.drawing.intents import Intents
 from sim.drawing.labels import track_name
 from sim.drawing.map_view import ellipse
-from sim.drawing.palette import (
-    ALARM,
-    CANOPY,
-    FAINT,
-    INK,
-    LOST,
-    NOT_FOUND_YET,
-    PANEL,
-    TRUNK,
-    Colour,
-    on_dark,
-    track_colour,
-    uav_colour,
-)
+from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, PANEL, TRUNK, Colour, on_dark, track_colour, uav_colour
 from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
@@ -39,7 +27,6 @@ from tracking.track import Track
 _ARM = 0.6  # m, of the drawn quadrotor: twice its size, to be seen from afar
 _TURN = np.linspace(0.0, 2 * math.pi, 25)
 _SEE_THROUGH = 150  # of 255, opacity of canopies
-_UNHELD = {"lost": LOST, "not found yet": NOT_FOUND_YET}
 
 
 class Gap(NamedTuple):
@@ -138,16 +125,16 @@ class Scene:
             lengths=[2 * TARGET_HEIGHT - 0.6] * len(here),
             radii=[0.3] * len(here),
             translations=_at(snapshot.people[here], 0.3),
-            colors=[_UNHELD.get(holds[m], PANEL) for m in here],
+            colors=[palette.UNHELD.get(holds[m], PANEL) for m in here],
             fill_mode="solid",
             labels=[f"person {m}" for m in here],
             show_labels=False,
         )
-        unheld = [m for m in here if holds[m] in _UNHELD]
+        unheld = [m for m in here if holds[m] in palette.UNHELD]
         names = rr.Points3D(
             _at(snapshot.people[unheld], 2 * TARGET_HEIGHT),
             radii=0.1,
-            colors=[on_dark(_UNHELD[holds[m]]) for m in unheld],
+            colors=[on_dark(palette.UNHELD[holds[m]]) for m in unheld],
             labels=[f"person {m} {holds[m]}" for m in unheld],
             show_labels=True,
         )

@@ -24,9 +24,6 @@ _STATES = dict(
         strict=True,
     )
 )
-_HOLDS = dict(
-    zip(HOLDS, (palette.FAINT, palette.NOT_FOUND_YET, palette.LOST, palette.HELD_BY_SOME, palette.HELD), strict=True)
-)
 _UNMATCHED = {
     "none": palette.PANEL,
     "false": palette.FALSE,
@@ -121,7 +118,7 @@ def log_states(stream: rr.RecordingStream, history: History, events: Sequence[Ev
     for m in range(history.present.shape[1]):
         for name, values, colours in (
             ("cameras", np.array(STATES)[history.states[:, m]], _STATES),
-            ("tracks", np.array(HOLDS)[history.hold_states[:, m]], _HOLDS),
+            ("tracks", np.array(HOLDS)[history.hold_states[:, m]], palette.HOLD_COLOURS),
         ):
             _log_states(stream, f"people/{m}/{name}", history.times, values, colours)
     kinds = np.zeros(len(history.times), dtype=np.int64)

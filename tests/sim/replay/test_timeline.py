@@ -7,7 +7,7 @@ from helpers.histories import history
 from helpers.recordings import broken, record
 from matplotlib.collections import PolyCollection
 
-from sim.drawing.palette import FALSE, HIDDEN, LOST, UAV_COLOURS, uav_colour
+from sim.drawing.palette import FALSE, HIDDEN, HOLD_COLOURS, LOST, UAV_COLOURS, uav_colour
 from sim.drawing.plots import rgb
 from sim.evaluation.holding import HOLDS, Episode, episodes
 from sim.replay.event import Event
@@ -18,6 +18,7 @@ from sim.replay.timeline import timeline_figure
 
 
 def test_stretches_states_and_holds_are_those_counted_by_hand():
+    assert tuple(HOLD_COLOURS) == HOLDS
     assert episodes(np.array([3])) == [Episode(0, 0, 3)]
     assert episodes(np.array([1, 1, 0, 2, 2])) == [Episode(0, 1, 1), Episode(2, 2, 0), Episode(3, 4, 2)]
     working = np.ones((6, 2), bool)
@@ -58,7 +59,7 @@ def event(kind, first, last, **concerned):
 
 def test_the_figure_shows_each_stretch_at_its_time_and_sums_up_losses():
     made = history(["--xx", "xx--"], ["----", "xx--"], ["----", "xx--"], [[1, -1, -1, 1], [1, -1, -1, 1]])
-    events = [event("person lost", 1, 2, person=0), event("false track", 0, 2, track=3)]
+    events = [event("false track", 0, 2, track=3)]
     found = shades(timeline_figure(made, np.ones((4, 2, 3)), events))
     spans = {colour: [edge[:2] for shade, edge in found if shade == pytest.approx(rgb(colour))]
              for colour in (LOST, HIDDEN, FALSE, uav_colour(0), uav_colour(1))}  # fmt: skip
