@@ -47,12 +47,10 @@ class MapView:
 
     def __init__(self, scenario: Scenario, forest: Forest, size: tuple[int, int]) -> None:
         self._area = (scenario.area.width, scenario.area.height)
-        self._cameras = [camera_of(uav) for uav in scenario.uavs]
         self._views = [view_of(uav, scenario) for uav in scenario.uavs]
-        self._unlimited = scenario.sensing.field_of_view == "unlimited"
         self._size = size
         self.scale = min(size[0] / (self._area[0] + 2 * MARGIN), size[1] / (self._area[1] + 2 * MARGIN))
-        self._has_frame, self._rate = scenario.has_frame, scenario.rates.sensing
+        self._scenario, self._rate = scenario, scenario.rates.sensing
         self._alert = round(ALERT * self._rate)
         self._past: deque[Snapshot] = deque(maxlen=round(TRAIL * self._rate))
         self._intents = Intents(scenario)
@@ -66,7 +64,7 @@ class MapView:
         self._intents.follow(snapshot)
         self._past.append(snapshot)
         k = round(snapshot.time * self._rate)
-        self._last |= {i: snapshot for i in snapshot.working if self._has_frame(i, k)}
+        self._last |= {i: snapshot for i in snapshot.working if self._scenario.has_frame(i, k)}
 
     def draw(self, image: Image, snapshot: Snapshot, holds: Indices | None = None) -> None:
         """Draw one snapshot into an RGB image of the map's size.
@@ -77,9 +75,9 @@ class MapView:
         self.follow(snapshot)
         image[:] = self._ground
         for i in snapshot.working:
-            if not self._unlimited and looks_down(self._cameras[i], snapshot.cameras[i]):
-                outline = self.pixels(self._cameras[i].footprint(snapshot.cameras[i]))
-                self._draw_view(image, outline, uav_colour(i))
+            corners = footprint(self._scenario, i, snapshot.cameras[i])
+            if corners is not None:
+                self._draw_view(image, self.pixels(corners), uav_colour(i))
         self._draw_trails(image, snapshot)
         self._draw_intents(image, snapshot)
         labels = Labels(image, veil=False)
@@ -196,13 +194,13 @@ class MapView:
             labels.put(track_name(track.id, track), at, style, gap=11.0)
         for m in np.flatnonzero(holds == HOLDS.index("lost")).tolist():
             labels.put(f"person {m}", self.pixels(snapshot.people[m]), TextStyle(13, palette.LOST, True, PANEL))
-        for i, (camera, pose) in enumerate(zip(self._cameras, snapshot.cameras, strict=True)):
+        for i, pose in enumerate(snapshot.cameras):
+            corners = footprint(self._scenario, i, pose)
             at, style = self.pixels(pose.position[:2]), TextStyle(13, mixed(uav_colour(i), INK, 0.7), True, PANEL)
             if i not in snapshot.working:
                 labels.put(f"UAV {i}: broken down", at, TextStyle(13, INK, True, PANEL), gap=18.0)
-            elif not self._unlimited and looks_down(camera, pose):
-                corner = self.pixels(camera.footprint(pose)).min(axis=0)
-                labels.put(f"UAV {i}", corner, style, gap=1.0, sides=OUTSIDE)
+            elif corners is not None:
+                labels.put(f"UAV {i}", self.pixels(corners).min(axis=0), style, gap=1.0, sides=OUTSIDE)
             else:
                 labels.put(f"UAV {i}", at, style)
 
@@ -210,6 +208,13 @@ class MapView:
 def _shown(snapshot: Snapshot) -> tuple[Track, ...]:
     """The tracks that are drawn: those of the first UAV that works."""
     return snapshot.tracks[snapshot.working[0]] if snapshot.working else ()
+
+
+def footprint(scenario: Scenario, uav: int, pose: Pose) -> Array | None:
+    """Corners (4, 2) m of what a UAV's camera shows of the ground; None where it has no bounds nearby."""
+    camera = camera_of(scenario.uavs[uav])
+    bounded = scenario.sensing.field_of_view != "unlimited" and looks_down(camera, pose)
+    return camera.footprint(pose) if bounded else None
 
 
 def looks_down(camera: Camera, pose: Pose, pixels: Array | None = None) -> bool:

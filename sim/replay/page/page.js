@@ -118,14 +118,10 @@ function onKey(event) {
   action();
 }
 
-function option(select, value) {
-  select.add(new Option(value, value));
-}
-
 function fillChoices() {
-  data.people[0].forEach((_, m) => option($("follow"), `person ${m}`));
+  data.people[0].forEach((_, m) => $("follow").add(new Option(`person ${m}`)));
   data.uavs[0].forEach((_, i) => {
-    option($("follow"), `UAV ${i}`);
+    $("follow").add(new Option(`UAV ${i}`));
     $("who").add(new Option(`UAV ${i}`, i));
   });
   for (const name of ["follow", "who"]) $(name).addEventListener("change", () => { state[name] = $(name).value; drawMap(); });
@@ -203,7 +199,7 @@ for (const li of lists) li.querySelector("button").addEventListener("click", () 
 addEventListener("keydown", onKey);
 addEventListener("resize", layOut);
 const box = (colour) => (ctx) => { ctx.fillStyle = colour; ctx.fillRect(2, 4, 22, 12); };
-const mark = (code, colour) => (ctx) => { personMark(ctx, 11, 10, 0, [code]); if (colour) ring(ctx, 11, 10, 8, colour, 2.5); };
+const mark = (view, colour) => (ctx) => { personMark(ctx, 11, 10, 0, [view]); if (colour) ring(ctx, 11, 10, 8, colour, 2.5); };
 legend("map-legend", [
   ["person", mark(SEEN)], ["hidden", mark(HIDDEN)], ["outside every view", mark(OUT)],
   ["lost", mark(SEEN, colours.lost)], ["not found yet", mark(SEEN, colours.not_found_yet)],

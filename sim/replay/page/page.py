@@ -16,20 +16,17 @@ import av
 import numpy as np
 
 from sim.drawing.film import HEIGHT, WIDTH, parts_of
-from sim.drawing.palette import ALARM, BLUE, FAINT, INK, LINE, PANEL, PAPER, Colour
 from sim.evaluation.summary import titled
 from sim.recording.atomic_files import whole
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, INCIDENTS, UNHELD, UNMATCHED, Event
 from sim.replay.flight import Flight
-from sim.replay.page.data import css, page_data
+from sim.replay.page.data import colours, page_data
 from sim.scenario.scenario import Scenario
 from tracking.plugins.registry import InputError
 
-SOFT: Colour = (102, 97, 90)  # of text that steps back: FAINT is too light to read
 _SHOWN = 3  # faults at the top, of different kinds
 _SCRIPTS = ("page_drawing.js", "page_map.js", "page_charts.js", "page.js")
-_VARIABLES = {"ink": INK, "soft": SOFT, "edge": FAINT, "line": LINE, "paper": PAPER, "panel": PANEL, "blue": BLUE}
 
 
 def write_page(flight: Flight, path: Path, *, video: bytes | Path | None = None, place: str = "DIR") -> None:
@@ -48,8 +45,7 @@ def page(flight: Flight, *, video: bytes | Path | None = None, place: str = "DIR
     film = video.read_bytes() if isinstance(video, Path) else video
     if film is not None:
         _check(film, recording)
-    data = page_data(recording, scenario, flight.history, events, None if film is None else parts_of(scenario))
-    data["colours"]["soft"] = css(SOFT)
+    data = page_data(flight, None if film is None else parts_of(scenario))
     lost = [event for event in events if event.kind in (*UNHELD, *UNMATCHED, *IDENTITIES)]
     incidents = [event for event in events if event.kind in INCIDENTS]
     style, script = _style(), _script()
@@ -89,7 +85,7 @@ def _asset(name: str) -> str:
 
 
 def _style() -> str:
-    variables = "".join(f" --{name}: {css(colour)};" for name, colour in {**_VARIABLES, "alarm": ALARM}.items())
+    variables = "".join(f" --{name}: {colour};" for name, colour in colours().items())
     return f":root {{ color-scheme: light;{variables} }}{_asset('page.css')}"
 
 

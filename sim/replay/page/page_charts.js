@@ -61,11 +61,10 @@ function stretches(of, draw) {
 
 // The states of one person to one camera: nothing while the person is absent or the UAV has broken down.
 function drawLane(ctx, i, m, top) {
-  const code = (k) => (data.people[k][m] === null || !data.works[k][i] ? -1 : Math.min(data.codes[k][i][m], HIDDEN));
   const shades = { [MISSED]: pale(uavColour(i)), [SEEN]: uavColour(i), [HIDDEN]: colours.hidden };
-  stretches(code, (first, until, value) => {
+  stretches((k) => data.states[k][i][m], (first, until, value) => {
     if (value === OUT) span(ctx, first, until, top + lane / 3, lane / 3, colours.out_of_view);
-    else if (value > 0) span(ctx, first, until, top, Math.max(lane - 0.5, 1.5), shades[value]);
+    else if (value > OUT) span(ctx, first, until, top, Math.max(lane - 0.5, 1.5), shades[value]);
   });
 }
 

@@ -2,7 +2,8 @@
 
 const $ = (id) => document.getElementById(id);
 const data = JSON.parse($("data").textContent);
-const OUT = 0, MISSED = 1, SEEN = 2, HIDDEN = 3; // of a person to a camera; see data.py
+// Of a person to a camera: STATES of sim/replay/history.py; 0 stands for absent, -1 for a UAV that has broken down.
+const OUT = 1, HIDDEN = 2, MISSED = 3, SEEN = 4;
 const NOT_FOUND = 1, LOST = 2, SOME = 3, HELD = 4; // of a person to all tracks: HOLDS of sim/evaluation/holding.py
 const colours = data.colours;
 const scans = data.times.length;

@@ -155,9 +155,9 @@ function drawTrack(ctx, [number, x, y, a, b, turn, reported]) {
 }
 
 // A person that a frame shows is a full disc, one that something hides is hollow, one outside every view is grey.
-function personMark(ctx, u, v, turn, codes) {
-  const shown = codes.some((code) => code === SEEN || code === MISSED);
-  const hidden = !shown && codes.some((code) => code >= HIDDEN);
+function personMark(ctx, u, v, turn, states) {
+  const shown = states.some((view) => view >= MISSED);
+  const hidden = !shown && states.includes(HIDDEN);
   const ink = shown || hidden ? colours.ink : colours.faint;
   ctx.strokeStyle = ink;
   ctx.lineWidth = 2;
@@ -176,7 +176,7 @@ function notePerson([x, y], k, m) {
 
 function drawPerson(ctx, [x, y], k, m) {
   const [u, v] = [px(x), py(y)];
-  personMark(ctx, u, v, data.headings[k][m], data.codes[k].map((row) => row[m]));
+  personMark(ctx, u, v, data.headings[k][m], data.states[k].map((row) => row[m]));
   if (lost(k, m)) ring(ctx, u, v, 11, colours.lost, 2.5);
   if (unfound(k, m)) ring(ctx, u, v, 11, colours.not_found_yet, 2.5);
 }

@@ -9,7 +9,7 @@ from sim.drawing.intents import Intents
 from sim.drawing.map_view import MapView
 from sim.drawing.palette import uav_colour
 from sim.evaluation.holding import HOLDS
-from sim.replay.events import events_of
+from sim.replay.flight import Flight
 from sim.replay.history import History
 from sim.replay.page.data import page_data
 
@@ -73,9 +73,8 @@ def test_the_map_rings_the_end_of_what_is_flown(delayed):
 
 
 def test_the_page_has_the_times_when_plans_are_due(delayed):
-    delay, recording, scenario = delayed
-    history, events = History.of(recording, scenario), events_of(recording, scenario)
-    times = page_data(recording, scenario, history, events, None)["plans"]["times"]
+    delay, recording, _ = delayed
+    times = page_data(Flight(recording), None)["plans"]["times"]
     np.testing.assert_allclose(times, np.arange(7) + delay)
 
 

@@ -18,11 +18,10 @@ from sim.__main__ import app
 from sim.drawing.film import parts_of
 from sim.mission.trial import Trial
 from sim.recording.fault_text import recorded
-from sim.replay.events import events_of
 from sim.replay.flight import Flight
 from sim.replay.frames.sightings import Sight
-from sim.replay.history import History
-from sim.replay.page.data import HIDDEN, OUT, SEEN, page_data
+from sim.replay.history import BROKEN, STATES, History
+from sim.replay.page.data import page_data
 from sim.replay.page.page import page, write_page
 from sim.running.run import run
 from sim.scenario.loading import load
@@ -97,10 +96,11 @@ def test_the_data_are_those_of_the_recording(mission, text):
             assert bool(row[6]) == is_reported(track)
             assert row[3] >= row[4] and row[3] == pytest.approx(np.sqrt(5.991 * spread), abs=0.02)
         for m, person in enumerate(Sight.of(recording, setting, k, i).people):
-            hidden = HIDDEN + 1 + min(person.hidden_by, default=-1)
-            assert data["codes"][k][i][m] == (SEEN if person.detected else hidden if person.inside else OUT)
-    assert max(code for rows in data["codes"] for row in rows for code in row) > HIDDEN
-    assert {row[2][m] for row in data["codes"][10:] for m in range(4)} == {OUT}  # of a UAV that broke down
+            shown = "seen" if person.detected else "hidden" if person.inside else "out of view"
+            state = "absent" if person.status == "absent" else shown
+            assert STATES[data["states"][k][i][m]] == state
+    assert STATES.index("hidden") in {state for rows in data["states"] for row in rows for state in row}
+    assert {row[2][m] for row in data["states"][10:] for m in range(4)} == {BROKEN}
     assert [people[3] is None for people in data["people"]] == [k < 5 for k in range(21)]
     assert data["works"] == [[1, 1, int(k < 10)] for k in range(21)]
     assert data["ospa"][10][2] is None and data["ospa"][9][2] is not None
@@ -113,8 +113,7 @@ def test_data_have_colours_and_states_of_five_uavs_in_few_bytes():
     assert len(set(data["colours"]["uavs"][:5])) == 5
     assert data["holds"] == History.of(*five).hold_states.tolist()
     assert data["texts"][data["view_texts"][0][0]].startswith("seen by UAV")
-    recording, setting = flown(scans=201)
-    data = page_data(recording, setting, History.of(recording, setting), events_of(recording, setting), None)
+    data = page_data(Flight(flown(scans=201)[0]), None)
     assert len(json.dumps(data, separators=(",", ":"))) < 500_000
 
 
