@@ -71,27 +71,17 @@ def _mot(recording: Recording, folder: Path) -> None:
     scenario, found, tracks = scenario_of(recording), list(_measurements(recording)), list(_tracks(recording))
     reported = [row for row in tracks if not row[-1] <= UNLIKELY]
     truth = [_mot_row(k, m + 1, xy) for k, m, _, *xy, _, _ in _truth(recording)]
-    (folder / "tracks").mkdir()
     for uav in range(recording.poses.shape[1]):
         sequence = folder / f"uav{uav}"
-        for name in ("gt", "det"):
-            (sequence / name).mkdir(parents=True)
         _table(sequence / "gt" / "gt.txt", (), truth)
         own = (_mot_row(k, -1, row[:2]) for k, i, _, *row in found if i == uav)
         _table(sequence / "det" / "det.txt", (), own)
         own = (_mot_row(k, id_ + 1, row[:2]) for k, i, _, id_, *row in reported if i == uav)
         _table(folder / "tracks" / f"uav{uav}.txt", (), own)
-        facts = {
-            "name": f"uav{uav}",
-            "imDir": "img1",
-            "frameRate": scenario.rates.sensing,
-            "seqLength": len(recording.times),
-            "imWidth": scenario.uavs[uav].pixels,
-            "imHeight": scenario.uavs[uav].pixels,
-            "imExt": ".png",
-        }
-        lines = ["[Sequence]", *(f"{key}={value}" for key, value in facts.items())]
-        (sequence / "seqinfo.ini").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        pixels = scenario.uavs[uav].pixels
+        facts = [f"name=uav{uav}", "imDir=img1", f"frameRate={scenario.rates.sensing}"]
+        facts += [f"seqLength={len(recording.times)}", f"imWidth={pixels}", f"imHeight={pixels}", "imExt=.png"]
+        (sequence / "seqinfo.ini").write_text("\n".join(["[Sequence]", *facts]) + "\n", encoding="utf-8")
 
 
 def _mot_row(k: int, id: int, position: Sequence[float]) -> Row:
@@ -142,6 +132,7 @@ def _rows(recording: Recording, cells: tuple[Indices, ...], *columns: Array | In
 
 def _table(path: Path, header: Sequence[str], rows: Iterable[Row]) -> None:
     """A CSV file; Python writes a float with as many digits as it takes to read the same float again."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerows([header] if header else [])
