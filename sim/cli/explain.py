@@ -18,8 +18,8 @@ from sim.terminal.console import console, show_place
 from tracking.plugins.registry import InputError
 
 if TYPE_CHECKING:  # a complaint about the input needs none of what these import
+    from sim.drawing.lettering import Group
     from sim.replay.event import Event
-    from sim.replay.explain.explanation import Group
     from sim.replay.flight import Flight
 
 _STYLES = {"lost": "red", "not found yet": "red", "held by some": "yellow"}

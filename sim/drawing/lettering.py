@@ -15,6 +15,7 @@ from sim.drawing.palette import FAINT, INK, Colour
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.float32]
+Group = tuple[str, list[str]]  # a heading, and sentences under it
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class TextStyle:
     halo: Colour | None = None
 
 
-HEADING, _TEXT = TextStyle(13, FAINT), TextStyle(13)
+_HEADING, _TEXT = TextStyle(13, FAINT), TextStyle(13)
 _LINE, _GAP = 19, 12  # pixels: height of a line, and the gap between groups
 
 
@@ -49,7 +50,7 @@ def wrapped(text: str, room: int, style: TextStyle) -> list[str]:
 
 
 def listed(
-    groups: Sequence[tuple[str, Sequence[str]]], room: int, top: float, heading: TextStyle = HEADING
+    groups: Sequence[Group], room: int, top: float, heading: TextStyle = _HEADING
 ) -> tuple[list[tuple[str, float, TextStyle]], float]:
     """Lines of headed groups of sentences from `top` down, each with the height of its middle; and that below all.
 
@@ -59,7 +60,7 @@ def listed(
     y = top
     for head, texts in groups:
         lines = [(line, _TEXT) for text in texts for line in wrapped(text, room, _TEXT)]
-        for text, style in ((head, HEADING if found else heading), *lines):
+        for text, style in ((head, _HEADING if found else heading), *lines):
             found.append((text, y + _LINE / 2, style))
             y += _LINE
         y += _GAP
@@ -99,7 +100,7 @@ def _mask(text: str, size: int, bold: bool) -> tuple[Mask, float]:
     font.set_text(text, 0.0)
     font.draw_glyphs_to_bitmap(antialiased=True)
     mask = np.pad(np.asarray(font.get_image(), dtype=np.float32) / np.float32(255), 2)
-    return mask.astype(np.float32), font.get_descent() / 64
+    return mask, font.get_descent() / 64
 
 
 @lru_cache(maxsize=2)

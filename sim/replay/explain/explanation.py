@@ -7,6 +7,7 @@ from operator import itemgetter
 
 import numpy as np
 
+from sim.drawing.lettering import Group
 from sim.evaluation.holding import HOLDS, episodes
 from sim.evaluation.score import HELD
 from sim.recording.recording import Recording
@@ -17,8 +18,6 @@ from sim.replay.explain.person import HIDDEN, IN_VIEW, HoldingTrack, PersonFacts
 from sim.replay.history import History, fleet_text
 from tracking.numerics.arrays import Array, Indices
 from tracking.reporting import UNLIKELY
-
-Group = tuple[str, list[str]]  # a heading, and facts under it
 
 _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
 _LEAST = 0.005  # probability below which a measurement is not worth a line
@@ -101,8 +100,8 @@ def _view(w: PersonObservation, recording: Recording) -> list[str]:
     sighting = w.sighting
     lines = [f"{sighting.status}, {w.away:.1f} m from the point below the camera"]
     for tree in sighting.hidden_by:
-        x, y, radius = recording.trees[tree, :3].tolist()
-        lines.append(f"tree {tree} stands at ({x:.1f}, {y:.1f}) m, its canopy reaches {radius:.1f} m")
+        trunk, radius = recording.trees[tree, :2], recording.trees[tree, 2]
+        lines.append(f"tree {tree} stands at {place_text(trunk)}, its canopy reaches {radius:.1f} m")
     if w.whole:
         share = 100 * sighting.pixels / w.whole
         lines.append(f"shows {sighting.pixels} of {w.whole} pixels that it would show without trees, {share:.0f} %")

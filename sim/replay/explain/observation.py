@@ -2,7 +2,7 @@
 
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
@@ -50,31 +50,31 @@ class Observer(ExitStack):
         super().__init__()
         self.recording, self.scenario = recording, scenario
         self.again = self.enter_context(Rerenderer(recording))
-        self._bare: Rerenderer | None = None
         # Of a scan k and a UAV; stories ask for some of the last again.
         self.association = lru_cache(1024)(partial(Association.of, recording, scenario))
+        self.owners = lru_cache(1024)(self._owners)
 
     def observe(self, k: int, uav: int, person: int) -> PersonObservation:
         """The observation of one person by one UAV at scan k."""
         recording, view = self.recording, view_of(self.scenario.uavs[uav], self.scenario)
         sighting = Sighting.all_of(recording, self.scenario, k, uav, view)[person]
         works = bool(recording.working[k, uav])
-        association = self.association(k, uav)
-        rows = self._measured(k, uav) if association else np.full(recording.people.shape[1], -1)
+        owners = self.owners(k, uav)
         return PersonObservation(
             uav=uav,
             works=works,
             sighting=sighting,
             away=float(np.hypot(*(recording.people[k, person] - recording.cameras[k, uav, :2]))),
             whole=self._whole(k, uav, sighting) if works else None,
-            found=self._found(k, uav, person, int(rows[person])),
-            owners=_owners(rows, len(recording.scan_at(k, uav).measurements)),
-            association=association,
+            found=self._found(k, uav, person, owners),
+            owners=owners,
+            association=self.association(k, uav),
         )
 
-    def owners(self, k: int, uav: int) -> Indices:
-        """The person of each measurement (N,) of one UAV at scan k; -1 for a false alarm."""
-        return _owners(self._measured(k, uav), len(self.recording.scan_at(k, uav).measurements))
+    @cached_property
+    def _treeless(self) -> Rerenderer:
+        """The same world without its trees."""
+        return self.enter_context(Rerenderer(replace(self.recording, trees=np.zeros((0, 6)))))
 
     def _renders(self, k: int, uav: int) -> bool:
         return self.scenario.sensing.renders and self.scenario.has_frame(uav, k)
@@ -83,32 +83,29 @@ class Observer(ExitStack):
         """Pixels of the person in the same frame of the same world without its trees."""
         if not self._renders(k, uav) or not (sighting.inside or sighting.pixels):
             return None
-        if self._bare is None:
-            treeless = replace(self.recording, trees=np.zeros((0, 6)))
-            self._bare = self.enter_context(Rerenderer(treeless))
-        people = self._bare.rendered(k, uav).people
+        people = self._treeless.rendered(k, uav).people
         return int(visible_pixels(people, self.recording.people.shape[1])[sighting.person])
 
-    def _measured(self, k: int, uav: int) -> Indices:
-        """The measurement of each person (M,); -1 for people not detected.
+    def _owners(self, k: int, uav: int) -> Indices:
+        """The person of each measurement (N,) of one UAV at scan k; -1 for a false alarm.
 
         Rendered frames tell as they did in flight, by the detection's pixel. In ideal sensing it is the nearest.
         """
-        recording = self.recording
-        detected, people = recording.matched[k, uav], recording.people[k]
-        rows = np.full(len(people), -1)
-        if self._renders(k, uav):
+        recording, z = self.recording, self.recording.scan_at(k, uav).measurements
+        seen, found = np.flatnonzero(recording.matched[k, uav]), np.full(len(z), -1)
+        if len(seen) and self._renders(k, uav):
             mask = self.again.rendered(k, uav).people
-            rows = matched_detections(recording.pixels_at(k, uav), mask, len(people))
-        elif detected.any():
-            gaps = recording.scan_at(k, uav).measurements[None] - people[detected][:, None]
-            seen = np.flatnonzero(detected)
-            for target, found in pairs_within(np.sum(gaps**2, axis=2), np.inf):
-                rows[seen[target]] = found
-        return np.where(detected, rows, -1)
+            rows = matched_detections(recording.pixels_at(k, uav), mask, recording.people.shape[1])[seen]
+            found[rows[rows >= 0]] = seen[rows >= 0]
+        elif len(seen):
+            gaps = z[None] - recording.people[k][seen][:, None]
+            for target, j in pairs_within(np.sum(gaps**2, axis=2), np.inf):
+                found[j] = seen[target]
+        return found
 
-    def _found(self, k: int, uav: int, person: int, row: int) -> PersonMeasurement | None:
-        if row < 0:
+    def _found(self, k: int, uav: int, person: int, owners: Indices) -> PersonMeasurement | None:
+        row = next(iter(np.flatnonzero(owners == person).tolist()), None)
+        if row is None:
             return None
         scan, pixels = self.recording.scan_at(k, uav), self.recording.pixels_at(k, uav)
         error = scan.measurements[row] - self.recording.people[k, person]
@@ -119,10 +116,3 @@ class Observer(ExitStack):
             error=float(np.hypot(*error)),
             sigmas=float(np.sqrt(squared_distance(error, scan.covariances[row]))),
         )
-
-
-def _owners(rows: Indices, count: int) -> Indices:
-    owners = np.full(count, -1)
-    people = np.flatnonzero(rows >= 0)
-    owners[rows[people]] = people
-    return owners

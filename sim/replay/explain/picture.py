@@ -7,12 +7,11 @@ import cv2
 import numpy as np
 
 from sim.drawing.labels import Labels
-from sim.drawing.lettering import Image, TextStyle, listed, write
+from sim.drawing.lettering import Group, Image, TextStyle, listed, write
 from sim.drawing.map_view import MARGIN, MapView
 from sim.drawing.palette import INK, PANEL, PAPER, uav_colour
 from sim.drawing.strokes import disc, stroke
 from sim.evaluation.holding import HOLDS
-from sim.replay.explain.explanation import Group
 from sim.replay.explain.observation import Observer, PersonObservation
 from sim.replay.explain.person import PersonFacts
 from sim.replay.frames.annotation import annotated

@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sim.drawing.lettering import Group
 from sim.evaluation.score import FAR
 from sim.mission.tracker_setup import tracker_parameters
 from sim.replay.event import UNMATCHED, Event
-from sim.replay.explain.explanation import Group, percent_text, place_text
+from sim.replay.explain.explanation import percent_text, place_text
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import track_at
 from sim.replay.history import fleet_text
@@ -66,7 +67,7 @@ class TrackFacts:
         self.id = list(recording.track_numbers)[number]
         self.parameters = tracker_parameters(observer.scenario)
         # The name of a tracker from outside, of which recordings tell no associations, births and limits.
-        self.foreign = "" if tracking.tracker in TRACKERS.built_in else tracking.tracker
+        self.plugin = "" if tracking.tracker in TRACKERS.built_in else tracking.tracker
         scans, _ = recording.cells(recording.track_offsets)
         own = scans[recording.track_ids == self.id]
         first, last = int(own[0]), int(own[-1])
@@ -75,7 +76,7 @@ class TrackFacts:
         uavs = range(recording.poses.shape[1])
         holders = tuple(i for i in uavs if self.id in recording.track_ids_at(first, i))
         confirmed = tuple(i for i in holders if 0 <= self.id - new_label(first + 1, i, 0) < LABELS_PER_SCAN // 2)
-        # UAVs that had it first; the one that confirmed it, if its label tells.
+        # UAVs that had it first; the one that confirmed it, by its label.
         self.makers = confirmed or holders
 
     def held_at(self, k: int) -> tuple[int, Gaussian, float]:
@@ -161,7 +162,7 @@ def track_story(facts: TrackFacts, events: Sequence[Event]) -> list[Group]:
     """Groups of sentences on one track over the whole mission."""
     own = [event for event in events if event.track == facts.number]
     groups = [
-        ("note", [_NOTE.format(facts.foreign)] if facts.foreign else []),
+        ("note", [_NOTE.format(facts.plugin)] if facts.plugin else []),
         (f"track {facts.number}", [f"{event.when}: {event.text}" for event in own]),
         ("born", list(_birth(facts))),
         ("fed by", list(_fed(facts))),
@@ -196,7 +197,7 @@ def _rival(begun: Origin, facts: TrackFacts) -> Iterator[str]:
     t, j = int(gaps.argmin()), begun.measurement
     if gaps[t] <= FAR:
         gate = f"outside its gate of {math.sqrt(facts.parameters.measurement_gate):.1f} σ"
-        gated = "" if facts.foreign else ", inside its gate" if a.gated[t, j] else f", {gate}"
+        gated = "" if facts.plugin else ", inside its gate" if a.gated[t, j] else f", {gate}"
         away = f"{gaps[t]:.1f} m from person {begun.person}"
         yield f"track {a.numbers[t]}, then {away}, was {math.sqrt(a.distances[t, j]):.1f} σ from it{gated}"
 
@@ -259,7 +260,7 @@ def _end(facts: TrackFacts) -> Iterator[str]:
         yield f"ended at {times[last + 1]:.1f} s, as {fleet_text(holders)} broke down"
         return
     yield f"deleted at {times[last + 1]:.1f} s"
-    if not facts.foreign:
+    if not facts.plugin:
         if math.isnan(existence):
             yield f"a track ends after {p.delete[0]} misses in {p.delete[1]} scans that should have shown it"
         else:

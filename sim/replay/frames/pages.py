@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.drawing.labels import track_name
 from sim.drawing.layout import GAP
-from sim.drawing.lettering import Image, TextStyle, listed, write
+from sim.drawing.lettering import Group, Image, TextStyle, listed, write
 from sim.drawing.map_view import ellipse, looks_down
 from sim.drawing.marks import detection
 from sim.drawing.palette import PANEL, PAPER, uav_colour
@@ -28,7 +28,6 @@ MARK = 36  # pixels: height of a mark in the legend
 _TITLE = TextStyle(20, bold=True)
 _MOST = 12  # people or tracks that are listed
 
-Section = tuple[str, list[str]]
 Mark = tuple[Callable[[Image, Array], None], str]
 _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 6]  # less than half the size of OpenCV's default
 _SLACK = 1e-6  # s, for times that were typed
@@ -134,7 +133,7 @@ def _draw_panel(sight: Sight, notes: list[str], *, height: int) -> Image:
     return image
 
 
-def _sections(sight: Sight, notes: list[str]) -> list[Section]:
+def _sections(sight: Sight, notes: list[str]) -> list[Group]:
     distance, localisation, cardinality = sight.snapshot.ospa[sight.uav]
     error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
     ideal = not sight.scenario.sensing.renders

@@ -17,6 +17,7 @@ from sim.replay.explain.explanation import explanation, percent_text, stretches
 from sim.replay.explain.observation import Observer
 from sim.replay.explain.person import PersonFacts
 from sim.replay.explain.picture import draw_explanation
+from sim.replay.explain.track_story import TrackFacts
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.history import History
 
@@ -73,6 +74,15 @@ def test_detections_are_found_where_they_were_with_the_error_that_they_had(missi
             assert w.owners[w.found.measurement] == facts.person
             count += 1
     assert count > 15
+
+
+def test_stories_of_tracks_render_each_frame_once(mission, monkeypatch):
+    recording, scenario, *_ = mission
+    asked, rendered = [], Rerenderer.rendered
+    monkeypatch.setattr(Rerenderer, "rendered", lambda self, *frame: asked.append(frame) or rendered(self, *frame))
+    with Observer(recording, scenario) as observer:
+        detections = [d for n in range(len(recording.track_numbers)) for d in TrackFacts(observer, n).detections]
+    assert len(detections) > len(asked) == len(set(asked)) > 5
 
 
 def test_in_ideal_sensing_measurements_are_the_nearest_persons_who_are_in_view():
