@@ -31,9 +31,9 @@ def with_numbers(snapshot: Snapshot, numbers: dict[int, int]) -> Snapshot:
     return replace(snapshot, tracks=tracks)
 
 
-def track_name(number: int, track: Track) -> str:
-    """A track's number, with a question mark if the track is not reported."""
-    return str(number) if is_reported(track) else f"{number}?"
+def track_name(track: Track) -> str:
+    """The name of a track under its number, with a question mark if it is not reported."""
+    return f"{track.id}{'' if is_reported(track) else '?'}"
 
 
 def numbered(recording: Recording, k: int) -> Snapshot:

@@ -191,7 +191,7 @@ class MapView:
         """Name UAVs, tracks and lost people, clear of all marks."""
         for track in _shown(snapshot):
             at, style = self.pixels(track.belief.mean[:2]), TextStyle(13, track_colour(track.id), True, PANEL)
-            labels.put(track_name(track.id, track), at, style, gap=11.0)
+            labels.put(track_name(track), at, style, gap=11.0)
         for m in np.flatnonzero(holds == HOLDS.index("lost")).tolist():
             labels.put(f"person {m}", self.pixels(snapshot.people[m]), TextStyle(13, palette.LOST, True, PANEL))
         for i, pose in enumerate(snapshot.cameras):

@@ -66,4 +66,4 @@ def _draw_tracks(view: Image, labels: Labels, snapshot: Snapshot, uav: int, came
         cross(view, at, track_colour(track.id))
         labels.reserve(at, 6.0)
     for track, at in shown:
-        labels.put(track_name(track.id, track), at, TextStyle(13, track_colour(track.id), True, PANEL), gap=11.0)
+        labels.put(track_name(track), at, TextStyle(13, track_colour(track.id), True, PANEL), gap=11.0)

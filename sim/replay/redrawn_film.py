@@ -34,13 +34,13 @@ def write_film(
     speed: float = 1.0,
     progress: Callable[[int], None],
 ) -> None:
-    """Write the film of successive scans to the new file `out`, whole or not at all; `progress` is told each scan.
+    """Write the film of successive scans to the new file `out`, whole or not at all.
 
     It has one picture for each scan, shown `speed` times as fast as flown. Those of the whole mission in the layout
     flown are what `understory run` drew; those of a part are the same pictures, with trails and intents of before.
+    `progress` is called with each scan.
     """
     scenario = scenario_of(recording)
-    check_layout(layout, scenario)
     film = Film(scenario, recording.forest, planner=marked(recording.planner, recording.sees_truth), layout=layout)
     with ExitStack() as stack:
         again = stack.enter_context(Rerenderer(recording)) if film.cameras else None

@@ -96,9 +96,8 @@ class _View:
         for track in self._sight.snapshot.tracks[self._sight.uav]:
             at = self._pixels(track.belief.mean[None, :2])[0]
             if np.all(np.isfinite(at) & (at >= 0) & (at <= self._image.shape[0])):
-                self._labels.put(
-                    f"track {track_name(track.id, track)}", at, TextStyle(13, track_colour(track.id), True, PANEL)
-                )
+                style = TextStyle(13, track_colour(track.id), True, PANEL)
+                self._labels.put(f"track {track_name(track)}", at, style)
 
     def _name_trees(self) -> None:
         for tree, parts in enumerate(self._outlines):

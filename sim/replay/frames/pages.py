@@ -63,7 +63,7 @@ def png(image: Image) -> bytes:
 def write_frames(
     recording: Recording, scans: list[int], uav: int, out: Path, *, size: int, progress: Callable[[int], None]
 ) -> None:
-    """Annotated frames of one UAV as PNG files in the new folder `out`, all or none; `progress` is told each scan."""
+    """Annotated frames of one UAV as PNG files in the new folder `out`, all or none; `progress` is called with each."""
     with new_folder(out) as folder, Rerenderer(recording) as again:
         for k in scans:
             name = f"uav{uav}-scan{k:04d}-{recording.times[k]:.1f}s.png"
@@ -138,7 +138,7 @@ def _sections(sight: Sight, notes: list[str]) -> list[Group]:
     error = [f"OSPA {distance:.2f} m", f"localisation {localisation:.2f} m, cardinality {cardinality:.2f} m"]
     ideal = not sight.scenario.sensing.renders
     tracks = [
-        f"track {track_name(track.id, track)}: ± {ring.max():.2f} × {ring.min():.2f} m"
+        f"track {track_name(track)}: ± {ring.max():.2f} × {ring.min():.2f} m"
         for track in sight.snapshot.tracks[sight.uav]
         for ring in [np.hypot(*ellipse(np.zeros(2), track.belief.covariance[:2, :2]).T)]
     ]

@@ -4,19 +4,19 @@ import cv2
 import numpy as np
 import rerun as rr
 
-from sim.drawing.labels import track_name
+from sim.drawing.labels import numbered, track_name
 from sim.drawing.lettering import Image
 from sim.drawing.palette import DETECTION, on_dark, track_colour
 from sim.drawing.tiles import draw_broken
-from sim.recording.recording import Recording
 from sim.replay.explain.association import Association
+from sim.replay.flight import Flight
 from sim.replay.frames.rerender import Rerenderer
 from sim.replay.rerun.scene import broken_at
-from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.camera import Camera
 from tracking.geometry.visibility import at_target_height
 from tracking.numerics.arrays import Array
+from tracking.track import beliefs_of
 
 _QUALITY = 90  # of JPEG
 _BOX = 0.035  # of the image, half the width of what marks a detection
@@ -27,8 +27,9 @@ _SLIGHT = 0.01  # a weight below which no line is drawn
 class Cameras:
     """Logs the images of one scan after another."""
 
-    def __init__(self, stream: rr.RecordingStream, recording: Recording, scenario: Scenario, again: Rerenderer) -> None:
-        self._stream, self._recording, self._scenario, self._again = stream, recording, scenario, again
+    def __init__(self, stream: rr.RecordingStream, flight: Flight, again: Rerenderer) -> None:
+        self._stream, self._again = stream, again
+        self._recording, self._scenario = flight.recording, flight.scenario
 
     def log(self, k: int) -> None:
         """Log scan k: images of cameras that took one, and of those that broke down what stands for one."""
@@ -76,15 +77,14 @@ class Cameras:
         return pixels if len(pixels) == len(places) else self._project(k, uav, camera, places)
 
     def _log_tracks(self, k: int, uav: int, camera: Camera) -> None:
-        tracks = self._recording.tracks_at(k, uav)
-        marks = self._project(k, uav, camera, np.array([t.belief.mean for t in tracks]).reshape(-1, 4))
+        tracks = numbered(self._recording, k).tracks[uav]
+        marks = self._project(k, uav, camera, beliefs_of(tracks)[0])
         shown = np.flatnonzero(~np.isnan(marks[:, 0])).tolist()
-        numbers = [self._recording.track_numbers[tracks[j].id] for j in shown]
         points = rr.Points2D(
             marks[shown],
             radii=rr.Radius.ui_points(3),
-            colors=[on_dark(track_colour(number)) for number in numbers],
-            labels=[track_name(number, tracks[j]) for number, j in zip(numbers, shown, strict=True)],
+            colors=[on_dark(track_colour(tracks[j].id)) for j in shown],
+            labels=[track_name(tracks[j]) for j in shown],
             show_labels=True,
         )
         self._stream.log(f"world/camera/{uav}/tracks", points)
@@ -106,12 +106,9 @@ class Cameras:
 
 def table(association: Association) -> str:
     """The weights in Markdown: a row for each track, a column for each measurement."""
-    count = len(association.measurements)
-    lines = [
-        f"| track | none | {' | '.join(f'detection {n}' for n in range(count))}{' |' if count else ''}",
-        "|---" * (2 + count) + "|",
-    ]
+    heads = ["track", "none", *(f"detection {n}" for n in range(len(association.measurements)))]
+    lines = [heads, ["---"] * len(heads)]
     for number, gated, beta in zip(association.numbers.tolist(), association.gated, association.beta, strict=True):
         cells = [f"{weight:.2f}" if inside else "-" for weight, inside in zip(beta[1:], gated, strict=True)]
-        lines.append(f"| {number} | {beta[0]:.2f} | {' | '.join(cells)}{' |' if cells else ''}")
-    return "\n".join(lines)
+        lines.append([str(number), f"{beta[0]:.2f}", *cells])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

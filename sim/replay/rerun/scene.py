@@ -11,18 +11,18 @@ import rerun as rr
 
 from sim.drawing import palette
 from sim.drawing.intents import Intents
-from sim.drawing.labels import track_name
+from sim.drawing.labels import numbered, track_name
 from sim.drawing.map_view import ellipse
 from sim.drawing.palette import ALARM, CANOPY, FAINT, INK, PANEL, TRUNK, Colour, on_dark, track_colour, uav_colour
 from sim.evaluation.holding import HOLDS
 from sim.mission.snapshot import Snapshot
 from sim.recording.recording import Recording
+from sim.replay.flight import Flight
 from sim.replay.rerun.mwtp_matches import matches_at
-from sim.scenario.scenario import Scenario
 from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import TARGET_HEIGHT
-from tracking.numerics.arrays import Array, Indices
-from tracking.track import Track
+from tracking.numerics.arrays import Array
+from tracking.track import Track, beliefs_of
 
 _ARM = 0.6  # m, of the drawn quadrotor: twice its size, to be seen from afar
 _TURN = np.linspace(0.0, 2 * math.pi, 25)
@@ -38,8 +38,9 @@ class Gap(NamedTuple):
     other: Array
 
 
-def log_ground(stream: rr.RecordingStream, recording: Recording, scenario: Scenario) -> None:
+def log_ground(stream: rr.RecordingStream, flight: Flight) -> None:
     """Log everything static: the area, the trees, and the camera models."""
+    recording, scenario = flight.recording, flight.scenario
     half = np.array([scenario.area.width, scenario.area.height]) / 2
     corners = half * [(-1, -1), (1, -1), (1, 1), (-1, 1)]
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -94,14 +95,13 @@ def _log_trees(stream: rr.RecordingStream, trees: Array) -> None:
 class Scene:
     """Logs one scan after another."""
 
-    def __init__(self, stream: rr.RecordingStream, recording: Recording, scenario: Scenario, holds: Indices) -> None:
-        """`holds` (K, M): states of people to tracks, indices into `HOLDS`."""
-        self._stream, self._recording, self._scenario, self._holds = stream, recording, scenario, holds
-        self._intents = Intents(scenario)
+    def __init__(self, stream: rr.RecordingStream, flight: Flight) -> None:
+        self._stream, self._recording, self._scenario = stream, flight.recording, flight.scenario
+        self._holds, self._intents = flight.history.hold_states, Intents(flight.scenario)
 
     def log(self, k: int) -> None:
         """Log scan k: the truth, what is intended, and what is believed."""
-        snapshot = self._recording.snapshot(k)
+        snapshot = numbered(self._recording, k)
         for i in range(len(snapshot.poses)) if k == 0 else ():
             self._log_name(i, f"UAV {i}", uav_colour(i))
         self._log_people(snapshot, [HOLDS[hold] for hold in self._holds[k]])
@@ -153,21 +153,20 @@ class Scene:
 
     def _log_tracks(self, uav: int, tracks: Sequence[Track], *, named: bool) -> None:
         """95 % ellipses of one UAV, at the height of people's middle; `named`: tracks show their numbers."""
-        numbers = [self._recording.track_numbers[track.id] for track in tracks]
+        colours = [on_dark(track_colour(track.id)) for track in tracks]
         rings = [ellipse(t.belief.mean[:2], t.belief.covariance[:2, :2]) for t in tracks]
         lines = rr.LineStrips3D(
             [_at(np.vstack([ring, ring[:1]]), TARGET_HEIGHT) for ring in rings],
-            colors=[on_dark(track_colour(number)) for number in numbers],
+            colors=colours,
             radii=0.08,
-            labels=[f"track {number}" for number in numbers],
+            labels=[f"track {track.id}" for track in tracks],
             show_labels=False,
         )
-        means = np.array([track.belief.mean[:2] for track in tracks]).reshape(-1, 2)
         marks = rr.Points3D(
-            _at(means, TARGET_HEIGHT),
+            _at(beliefs_of(tracks)[0][:, :2], TARGET_HEIGHT),
             radii=0.15,
-            colors=[on_dark(track_colour(number)) for number in numbers],
-            labels=[track_name(*pair) for pair in zip(numbers, tracks, strict=True)],
+            colors=colours,
+            labels=[*map(track_name, tracks)],
             show_labels=named,
         )
         self._stream.log(f"world/tracks/{uav}/ellipses", lines)
@@ -219,10 +218,7 @@ def gaps_at(recording: Recording, k: int) -> list[Gap]:
         for track in recording.tracks_at(k, i):
             held[track.id].append(track.belief.mean[:2])
     return [
-        max(
-            (Gap(id_, math.dist(one, other), one, other) for one, other in combinations(means, 2)),
-            key=lambda gap: gap.metres,
-        )
+        max((Gap(id_, math.dist(a, b), a, b) for a, b in combinations(means, 2)), key=lambda gap: gap.metres)
         for id_, means in held.items()
         if len(means) > 1
     ]

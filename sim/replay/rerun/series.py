@@ -12,7 +12,8 @@ from sim.drawing.palette import Colour, on_dark, pale, track_colour, uav_colour
 from sim.evaluation.holding import HOLDS
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, UNMATCHED, Event
-from sim.replay.history import STATES, History
+from sim.replay.flight import Flight
+from sim.replay.history import STATES
 from sim.replay.rerun.scene import gaps_at
 from tracking.numerics.arrays import Array
 
@@ -113,8 +114,9 @@ def _log(stream: rr.RecordingStream, series: Series, times: Array, scans: NDArra
     stream.send_columns(path, indexes=indexes, columns=rr.Scalars.columns(scalars=series.values))
 
 
-def log_states(stream: rr.RecordingStream, history: History, events: Sequence[Event]) -> None:
+def log_states(stream: rr.RecordingStream, flight: Flight) -> None:
     """Log the states of each person to the cameras and to the tracks, and tracks that stand for no person."""
+    history = flight.history
     for m in range(history.present.shape[1]):
         for name, values, colours in (
             ("cameras", np.array(STATES)[history.states[:, m]], _STATES),
@@ -122,7 +124,7 @@ def log_states(stream: rr.RecordingStream, history: History, events: Sequence[Ev
         ):
             _log_states(stream, f"people/{m}/{name}", history.times, values, colours)
     kinds = np.zeros(len(history.times), dtype=np.int64)
-    for event in events:
+    for event in flight.events:
         if event.kind in UNMATCHED:
             kinds[event.first : event.last + 1] |= 1 + UNMATCHED.index(event.kind)
     _log_states(stream, "people/none/tracks", history.times, np.array(list(_UNMATCHED))[kinds], _UNMATCHED)
@@ -138,10 +140,9 @@ def _log_states(
     stream.send_columns(path, indexes=indexes, columns=rr.StateChange.columns(state=values[changes].tolist()))
 
 
-def log_events(stream: rr.RecordingStream, recording: Recording, events: Sequence[Event]) -> None:
+def log_events(stream: rr.RecordingStream, events: Sequence[Event]) -> None:
     """Log each event at its time, and at the first scan that shows it."""
     for event in events:
-        k = min(int(np.searchsorted(recording.times, event.time - 1e-9)), len(recording.times) - 1)
         stream.set_time("time", duration=event.time)
-        stream.set_time("scan", sequence=k)
+        stream.set_time("scan", sequence=event.first)
         stream.log("events", rr.TextLog(f"{event.time:.1f} s: {event.sentence}", level=_LEVELS.get(event.kind, "INFO")))

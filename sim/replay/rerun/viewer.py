@@ -19,7 +19,6 @@ from sim.replay.frames.rerender import Rerenderer
 from sim.replay.rerun.images import Cameras
 from sim.replay.rerun.scene import Scene, log_ground
 from sim.replay.rerun.series import log_events, log_series, log_states
-from sim.scenario.scenario import Scenario
 from sim.scenario.text_files import content
 from tracking.plugins.registry import InputError
 
@@ -41,16 +40,12 @@ class _Summary(msgspec.Struct):
 
 
 def write(flight: Flight, path: Path, *, progress: Progress, planning_s: Sequence[float] = ()) -> None:
-    """Write the file, whole or not at all; `progress` is told each scan.
+    """Write the file, whole or not at all; `progress` is called with each scan.
 
     planning_s: seconds that each decision took, which the recording does not hold; `summary.json` does.
     """
     stream = _stream(flight.recording)
     with whole(path) as part:
-        try:
-            part.touch()
-        except OSError as error:
-            raise InputError(f"--rerun: {path} cannot be written: {error.strerror}") from error
         stream.save(part)
         try:
             _fill(stream, flight, progress, planning_s)
@@ -97,19 +92,18 @@ def _stream(recording: Recording) -> rr.RecordingStream:
 
 
 def _fill(stream: rr.RecordingStream, flight: Flight, progress: Progress, planning_s: Sequence[float]) -> None:
-    recording, scenario = flight.recording, flight.scenario
+    recording = flight.recording
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(titled(recording))
     known = len(planning_s) == len(recording.plan_times) > 0
-    stream.send_blueprint(layout(recording, scenario, planning=known))
-    log_ground(stream, recording, scenario)
+    stream.send_blueprint(layout(flight, planning=known))
+    log_ground(stream, flight)
     log_series(stream, recording, planning_s if known else ())
-    log_states(stream, flight.history, flight.events)
-    log_events(stream, recording, flight.events)
+    log_states(stream, flight)
+    log_events(stream, flight.events)
     with Rerenderer(recording) as again:
-        scene = Scene(stream, recording, scenario, flight.history.hold_states)
-        cameras = Cameras(stream, recording, scenario, again)
+        scene, cameras = Scene(stream, flight), Cameras(stream, flight, again)
         for k, time in enumerate(recording.times.tolist()):
             stream.set_time("time", duration=time)
             stream.set_time("scan", sequence=k)
@@ -118,9 +112,9 @@ def _fill(stream: rr.RecordingStream, flight: Flight, progress: Progress, planni
             progress(k)
 
 
-def layout(recording: Recording, scenario: Scenario, *, planning: bool) -> rrb.Blueprint:
+def layout(flight: Flight, *, planning: bool) -> rrb.Blueprint:
     """The arrangement of all views; `planning`: the time of decisions is known."""
-    uavs = range(len(scenario.uavs))
+    uavs = range(len(flight.scenario.uavs))
     images = [rrb.Spatial2DView(origin=f"world/camera/{i}", name=f"Camera of UAV {i}") for i in uavs]
     weights = [rrb.TextDocumentView(origin=f"association/{i}", name=f"Weights, UAV {i}") for i in uavs]
     curves = [
@@ -137,9 +131,7 @@ def layout(recording: Recording, scenario: Scenario, *, planning: bool) -> rrb.B
     )
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(
-                _forest(recording, scenario), rrb.Horizontal(rrb.Tabs(people, *curves), events), row_shares=[5, 3]
-            ),
+            rrb.Vertical(_forest(flight), rrb.Horizontal(rrb.Tabs(people, *curves), events), row_shares=[5, 3]),
             rrb.Vertical(
                 rrb.Vertical(*images) if len(images) <= _COLUMN else rrb.Grid(*images),
                 rrb.Tabs(*weights),
@@ -153,17 +145,17 @@ def layout(recording: Recording, scenario: Scenario, *, planning: bool) -> rrb.B
     )
 
 
-def _forest(recording: Recording, scenario: Scenario) -> rrb.Spatial3DView:
+def _forest(flight: Flight) -> rrb.Spatial3DView:
     """From the south and above, all places where UAVs have been in sight.
 
     What lies in the planes of images is left to the images.
     """
-    places = recording.poses[:, :, :2].reshape(-1, 2)
+    places = flight.recording.poses[:, :, :2].reshape(-1, 2)
     low, high = places.min(axis=0), places.max(axis=0)
     (x, y), away = (low + high) / 2, _AWAY * max(*(high - low), _NEAREST)
     hidden = [
         f"- /world/camera/{i}/{name}"
-        for i in range(len(scenario.uavs))
+        for i in range(len(flight.scenario.uavs))
         for name in ("detections", "tracks", "association")
     ]
     return rrb.Spatial3DView(

@@ -10,7 +10,6 @@ from sim.drawing.map_view import MapView
 from sim.drawing.palette import uav_colour
 from sim.evaluation.holding import HOLDS
 from sim.replay.flight import Flight
-from sim.replay.history import History
 from sim.replay.page.data import page_data
 
 DELAYS = [0.0, 1.0, 3.4]
@@ -87,9 +86,9 @@ class Logged(dict):
 
 def test_rerun_shows_what_is_flown(delayed):
     scene = pytest.importorskip("sim.replay.rerun.scene")
-    recording, scenario = delayed[1:]
+    recording = delayed[1]
     stream = Logged()
-    logged = scene.Scene(stream, recording, scenario, History.of(recording, scenario).hold_states)
+    logged = scene.Scene(stream, Flight(recording))
     for k in range(len(recording.times) - 5):
         logged.log(k)
         for uav in range(3):

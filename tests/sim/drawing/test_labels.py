@@ -23,4 +23,4 @@ def test_the_name_of_a_view_lies_above_or_left_of_its_corner(crowd):
 
 def test_names_of_tracks_that_are_not_reported_have_a_question_mark():
     belief = Gaussian(np.zeros(4), np.eye(4))
-    assert [track_name(3, Track(7, belief, r)) for r in (1.0, 0.51, 0.5, 0.01)] == ["3", "3", "3?", "3?"]
+    assert [track_name(Track(3, belief, r)) for r in (1.0, 0.51, 0.5, 0.01)] == ["3", "3", "3?", "3?"]
