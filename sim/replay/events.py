@@ -85,13 +85,9 @@ def _links(recording: Recording, scenario: Scenario) -> Iterator[Event]:
     uavs = recording.poses.shape[1]
     up, silent = ~np.eye(uavs, dtype=np.bool_), np.zeros((uavs, uavs), dtype=np.bool_)
     for k, (works, now) in enumerate(zip(recording.working, links_of(recording, scenario), strict=True)):
-        quiet = now.up & ~now.contact
+        quiet, both = now.up & ~now.contact, works & works[:, None]
         for kind, changed, words in (
-            (
-                "link lost",
-                np.triu(up & ~now.up & works & works[:, None]),
-                "UAV {} and UAV {}: too far, cut or not there",
-            ),
+            ("link lost", np.triu(up & ~now.up & both), "UAV {} and UAV {}: too far, cut or not there"),
             ("link restored", np.triu(now.up & ~up), "UAV {} and UAV {}"),
             ("messages lost", quiet & ~silent, "UAV {} hears nothing of UAV {}"),
             ("messages heard", silent & now.contact, "UAV {} hears UAV {} again"),

@@ -131,15 +131,10 @@ class History:
 
     def view_texts(self, person: int) -> list[str]:
         """The states of one person to the cameras in words, scan by scan; empty where the person is absent."""
-        known: dict[bytes, str] = {}
-        texts = []
-        for k, present in enumerate(self.present[:, person].tolist()):
-            states, trees = self.camera_states[k, :, person], self.hiding_trees[k, :, person]
-            key = states.tobytes() + trees.tobytes()
-            if key not in known:
-                known[key] = "; ".join(view_text(*view) for view in views_at(states, trees))
-            texts.append(known[key] if present else "")
-        return texts
+        rows = np.hstack([self.camera_states[:, :, person], self.hiding_trees[:, :, person]])
+        kinds, which = np.unique(rows, axis=0, return_inverse=True)
+        texts = ["; ".join(view_text(*view) for view in views_at(*np.split(kind, 2))) for kind in kinds]
+        return [texts[n] if there else "" for n, there in zip(which.ravel(), self.present[:, person], strict=True)]
 
 
 def views_at(states: Indices, trees: Indices) -> list[_View]:
