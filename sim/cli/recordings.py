@@ -171,8 +171,9 @@ def _window(text: str) -> tuple[float, float]:
 
 
 def _film(recording: Recording, scans: list[int], path: Path, *, layout: str | None, speed: float) -> None:
+    from sim.drawing.film import AS_FLOWN
     from sim.replay.frames.rerender import scenario_of
-    from sim.replay.redrawn_film import AS_FLOWN, check_layout, write_film
+    from sim.replay.redrawn_film import check_layout, write_film
 
     check_layout(layout or AS_FLOWN, scenario_of(recording))
     with counted_progress(len(scans), "scans") as progress:

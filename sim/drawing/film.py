@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from sim.drawing.labels import with_numbers
-from sim.drawing.layout import GAP, Box, View, view_of
+from sim.drawing.layout import GAP, Box, Parts, parts_in
 from sim.drawing.legend import Sparkline, draw_legend
 from sim.drawing.lettering import Image, TextStyle, write
 from sim.drawing.map_view import MapView, aspect
@@ -26,17 +26,18 @@ from sim.sensing.cameras import camera_of
 from tracking.geometry.visibility import Forest
 from tracking.numerics.arrays import Indices
 
+AS_FLOWN = "map+cameras"  # the layout of a run's film
 WIDTH, HEIGHT = 1280, 720
 _HEADER, _LEGEND = 48, 40
 _PANEL = Box(GAP, _HEADER, WIDTH - 2 * GAP, HEIGHT - _HEADER - _LEGEND)
 _OPTIONS = {"preset": "veryfast", "crf": "23"}
-_BT601 = 6  # the matrix OpenCV converts with; players must be told, they assume another for HD
+_BT601 = 6  # the matrix OpenCV converts with; players need it, they assume another for HD
 
 
-def parts_of(scenario: Scenario, layout: str = "map+cameras") -> View:
-    """Boxes of the map and the cameras in a film; `layout` as in `sim.drawing.layout.view_of`."""
+def parts_of(scenario: Scenario, layout: str = AS_FLOWN) -> Parts:
+    """Boxes of the map and the cameras in a film; `layout` as in `sim.drawing.layout.parts_in`."""
     renders = scenario.sensing.renders
-    return view_of(_PANEL, aspect(scenario), len(scenario.uavs), layout if renders else "map")
+    return parts_in(_PANEL, aspect(scenario), len(scenario.uavs), layout if renders else "map")
 
 
 class Film:
@@ -45,8 +46,8 @@ class Film:
     Tracks are numbered in the order of their appearance, as their ids are too long to read.
     """
 
-    def __init__(self, scenario: Scenario, forest: Forest, *, planner: str, layout: str = "map+cameras") -> None:
-        """`layout` as in `sim.drawing.layout.view_of`; a mission with ideal sensing has no cameras to show."""
+    def __init__(self, scenario: Scenario, forest: Forest, *, planner: str, layout: str = AS_FLOWN) -> None:
+        """`layout` as in `sim.drawing.layout.parts_in`; a mission with ideal sensing has no cameras to show."""
         self._cameras = [camera_of(uav) for uav in scenario.uavs]
         self._layout = parts_of(scenario, layout)
         room = self._layout.map or _PANEL  # the map follows what happens, shown or not
@@ -124,9 +125,8 @@ class Video(AbstractContextManager["Video"]):
     As a context manager it closes at the end of the block, and leaves nothing if the block raises.
     """
 
-    def __init__(self, path: str | os.PathLike[str], film: Film, *, fps: int | Fraction) -> None:
-        self._path = Path(path)
-        self._part = unfinished(self._path)
+    def __init__(self, path: Path, film: Film, *, fps: int | Fraction) -> None:
+        self._path, self._part = path, unfinished(path)
         self._film = film
         self._container = av.open(str(self._part), "w", format="mp4", options={"movflags": "faststart"})
         self._stream = self._container.add_stream("libx264", rate=fps, options=_OPTIONS)

@@ -14,11 +14,10 @@ from tracking.numerics.arrays import Array
 from tracking.reporting import is_reported
 from tracking.track import Track
 
-Side = tuple[float, float]
-_BESIDE: tuple[Side, ...] = ((1.0, 0.5), (-1.0, 0.5), (0.0, 1.0), (0.0, -1.0))
-_SIDES = (*_BESIDE, (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))
+Side = tuple[int, int]  # rightwards and upwards
+_SIDES: tuple[Side, ...] = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 # Of the top left corner of a view, so that no edge of the view runs through the name.
-OUTSIDE: tuple[Side, ...] = ((1.0, 1.0), (0.0, 1.0), (-1.0, 1.0), (-1.0, 0.5), (-1.0, -1.0))
+OUTSIDE: tuple[Side, ...] = ((1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1))
 _VEIL = 0.65  # opacity of what lies behind a name
 _GAP, _FARTHER = 14.0, (16.0, 36.0, 61.0)  # pixels from the mark, and more where it is crowded
 
@@ -58,7 +57,7 @@ class Labels:
     ) -> None:
         """Write a name where it covers least, with a line to its mark if that is not beside it, `gap` pixels away.
 
-        sides: those of the mark where it may stand, rightwards and upwards; upwards 0.5 is the middle.
+        sides: those of the mark where it may stand.
         """
         size = np.array([width(text, style), style.size + 4.0])
         away = [gap, *(gap + more for more in _FARTHER)]
@@ -85,9 +84,8 @@ class Labels:
 
 def _box(anchor: Array, size: Array, gap: float, side: Side) -> Array:
     """Left, top, right, bottom of a text of a size (2,) on one side of its mark."""
-    sideways, upright = side
-    shift = np.array([sideways * (gap + size[0] / 2), 0.0 if upright == 0.5 else -upright * (gap + size[1] / 2)])
-    return np.concatenate([anchor + shift - size / 2, anchor + shift + size / 2])
+    middle = anchor + np.array(side) * (1.0, -1.0) * (gap + size / 2)
+    return np.concatenate([middle - size / 2, middle + size / 2])
 
 
 def _overlap(one: Array, other: Array) -> float:

@@ -22,23 +22,23 @@ class Box:
 
 
 @dataclass(frozen=True)
-class View:
+class Parts:
     """The parts of a film that are shown, and where: the map, and tiles by UAV."""
 
     map: Box | None
     tiles: dict[int, Box]
 
 
-def view_of(panel: Box, aspect: float, uavs: int, layout: str) -> View:
+def parts_in(panel: Box, aspect: float, uavs: int, layout: str) -> Parts:
     """Boxes of a layout: map+cameras, map, cameras, or uav1 for one large camera beside the map."""
     if layout == "cameras":
-        return View(None, dict(enumerate(_grid(panel, uavs))))
+        return Parts(None, dict(enumerate(_grid(panel, uavs))))
     if layout.startswith("uav"):
         side = min(panel.height, 2 * panel.width // 3)
         room = Box(panel.x, panel.y, panel.width - side - GAP, panel.height)
-        return View(_fitted(room, aspect), {int(layout[3:]): Box(panel.x + panel.width - side, panel.y, side, side)})
-    if layout == "map" or uavs == 0:
-        return View(_fitted(panel, aspect), {})
+        return Parts(_fitted(room, aspect), {int(layout[3:]): Box(panel.x + panel.width - side, panel.y, side, side)})
+    if layout == "map":
+        return Parts(_fitted(panel, aspect), {})
     return _arranged(panel, aspect, uavs)
 
 
@@ -62,7 +62,7 @@ def _grid(panel: Box, tiles: int) -> list[Box]:
     return boxes
 
 
-def _arranged(panel: Box, aspect: float, tiles: int) -> View:
+def _arranged(panel: Box, aspect: float, tiles: int) -> Parts:
     """The arrangement of a map (width over height `aspect`) and square tiles that shows both large, the map first.
 
     Tiles stand in columns right of the map or in rows below it; whichever is better, right if equal.
@@ -80,7 +80,7 @@ def _arranged(panel: Box, aspect: float, tiles: int) -> View:
         return float(room.width * room.height * (tiles * boxes[0].width ** 2) ** 0.75)
 
     room, boxes = max(options, key=merit)
-    return View(room, dict(enumerate(boxes)))
+    return Parts(room, dict(enumerate(boxes)))
 
 
 def _beside(panel: Box, aspect: float, grid: tuple[int, int, int], below: bool) -> tuple[Box, list[Box]]:

@@ -103,12 +103,12 @@ class MapView:
     def recorded(self, recording: Recording, k: int, holds: Indices) -> Image:
         """The map (H, W, 3) of a recording at scan k, with trails and intents.
 
-        holds (K, M): states of people to tracks at each scan.
+        holds (M,): states of people to tracks then, indices into `HOLDS`.
         """
         for earlier in range(max(0, k - round(self._reach * self._rate)), k):
             self.follow(numbered(recording, earlier))
         image = np.empty_like(self._ground)
-        self.draw(image, numbered(recording, k), holds[k])
+        self.draw(image, numbered(recording, k), holds)
         return image
 
     def pixels(self, points: Array) -> Array:

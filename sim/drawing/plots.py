@@ -1,6 +1,5 @@
 """Figures of a mission."""
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,7 +7,6 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sim.drawing.palette import FAINT, INK, ORANGE, SKY, Colour, uav_colour
@@ -58,9 +56,7 @@ def ospa_figure(times: Array, ospa: Array) -> Figure:
 def new_figure(width: float, height: float, *, letters: int) -> Iterator[Figure]:
     """A figure of so many inches with letters of so many points, to be drawn in the block."""
     with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": letters}):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)
-        yield figure
+        yield Figure(figsize=(width, height), layout="constrained")
 
 
 def draw_mean(axes: Axes, times: Array, ospa: Array, *, width: float) -> None:
@@ -84,9 +80,9 @@ def _fleet_mean(ospa: Array) -> Array:
     return mean
 
 
-def save(figure: Figure, path: str | os.PathLike[str]) -> None:
+def save(figure: Figure, path: Path) -> None:
     """Write a figure as PNG, whole or not at all."""
-    with whole(Path(path)) as part:
+    with whole(path) as part:
         # Without the version of matplotlib, equal figures are equal files.
         figure.savefig(part, format="png", dpi=150, metadata={"Software": None})
 

@@ -19,7 +19,7 @@ def stroke(image: Image, points: Array, colour: Colour, *, thickness: int = 1, c
 def disc(image: Image, centre: Array, radius: float, colour: Colour, thickness: int = -1) -> None:
     """An anti-aliased circle at a pixel (2,); filled by default."""
     x, y = fixed(centre).tolist()
-    cv2.circle(image, (x, y), round(radius * 16), colour, thickness, cv2.LINE_AA, SHIFT)
+    cv2.circle(image, (x, y), round(radius * 2**SHIFT), colour, thickness, cv2.LINE_AA, SHIFT)
 
 
 def outlined(image: Image, points: Array, colour: Colour, halo: Colour, *, closed: bool = False) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -86,7 +85,7 @@ class Flight:
         (k,) = scans_between(self.recording, time, None, name="time")
         size = (_MAP, round(_MAP / aspect(self.scenario)))
         view = MapView(self.scenario, self.recording.forest, size)
-        return _picture(view.recorded(self.recording, k, self.history.hold_states))
+        return _picture(view.recorded(self.recording, k, self.history.hold_states[k]))
 
     def frame_figure(self, time: float, uav: int) -> Figure:
         """The image of a UAV's camera at the scan nearest to `time` s, annotated, rendered again."""
@@ -148,7 +147,6 @@ def _picture(image: Image) -> Figure:
     """An image (H, W, 3) as a figure of its own size, pixel by pixel."""
     height, width = image.shape[:2]
     figure = Figure(figsize=(width / 100, height / 100), dpi=100)
-    FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.imshow(image, interpolation="none", aspect="auto")
     axes.set_axis_off()

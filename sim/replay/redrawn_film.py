@@ -6,15 +6,13 @@ from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from sim.drawing.film import Film, Video
+from sim.drawing.film import AS_FLOWN, Film, Video
 from sim.drawing.lettering import Image
 from sim.evaluation.summary import marked
 from sim.recording.recording import Recording
 from sim.replay.frames.rerender import Rerenderer, scenario_of
 from sim.scenario.scenario import Scenario
 from tracking.plugins.registry import InputError, check_known
-
-AS_FLOWN = "map+cameras"
 
 
 def check_layout(layout: str, scenario: Scenario) -> None:

@@ -96,8 +96,8 @@ def _map(observer: Observer, facts: PersonFacts) -> Image:
     scale = min(_SCALE, _LARGEST / float(extent.max()))
     width, height = np.ceil(scale * extent).astype(int).tolist()
     view = MapView(observer.scenario, recording.forest, (width, height))
-    holds = facts.history.hold_states.copy()
-    holds[:, facts.person] = HOLDS.index("held")  # has a ring and a name of its own
+    holds = facts.history.hold_states[facts.k].copy()
+    holds[facts.person] = HOLDS.index("held")  # has a ring and a name of its own
     image = view.recorded(recording, facts.k, holds)
     pixels = view.pixels
     if np.isnan(facts.place[0]):

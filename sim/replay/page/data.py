@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sim.drawing import palette
-from sim.drawing.layout import View
+from sim.drawing.layout import Parts
 from sim.drawing.map_view import ELLIPSE, MARGIN, TRAIL, footprint
 from sim.recording.recording import Recording
 from sim.replay.event import IDENTITIES, lanes
@@ -17,7 +17,7 @@ from sim.scenario.scenario import Scenario
 from tracking.numerics.arrays import Array
 
 
-def page_data(flight: Flight, parts: View | None) -> dict[str, Any]:
+def page_data(flight: Flight, parts: Parts | None) -> dict[str, Any]:
     """The content of the page's JSON; `parts` are those of the film, None where there is none.
 
     Lists run over scans, then UAVs, then people or tracks; null stands for what is absent or does not work.

@@ -11,7 +11,7 @@ from helpers.films import decoded
 from msgspec import structs
 
 from sim.drawing.film import HEIGHT, WIDTH, Film, Video
-from sim.drawing.layout import Box, view_of
+from sim.drawing.layout import Box, parts_in
 from sim.drawing.lettering import TextStyle, width, write
 from sim.drawing.map_view import MARGIN, MapView
 from sim.drawing.palette import FAINT, INK, LOST, NOT_FOUND_YET, PANEL, track_colour, uav_colour
@@ -208,8 +208,8 @@ def test_any_team_and_area_can_be_drawn(options, area):
 @pytest.mark.parametrize("layout", ["map+cameras", "map", "cameras", "last"])
 def test_map_and_tiles_stay_inside_the_panel_and_apart(aspect, layout):
     panel = Box(10, 48, 1260, 632)
-    for uavs in range(layout in ("cameras", "last"), 21):
-        view = view_of(panel, aspect, uavs, layout.replace("last", f"uav{uavs - 1}"))
+    for uavs in range(1, 21):
+        view = parts_in(panel, aspect, uavs, layout.replace("last", f"uav{uavs - 1}"))
         assert list(view.tiles) == {"map": [], "last": [uavs - 1]}.get(layout, list(range(uavs)))
         assert (view.map is None) == (layout == "cameras")
         taken = np.zeros((720, 1280), dtype=np.int8)
