@@ -15,7 +15,7 @@ from sim.report.tables import Table, tables
 
 def result_tables(found: Sequence[Answer], baseline: str) -> str:
     """The tables of each metric."""
-    return "\n".join(f"<h3>{escape(t.title)}{_aim(t.metric)}</h3>\n{html_table(t)}" for t in tables(found, baseline))
+    return _headed(tables(found, baseline))
 
 
 def html_table(shown: Table) -> str:
@@ -23,39 +23,35 @@ def html_table(shown: Table) -> str:
     rows = []
     for cell, lines in groupby(shown.rows, lambda row: row[0]):
         if cell != ():
-            rows.append(f'<tr><th colspan="{len(shown.heads)}">{escape(_place(cell))}</th></tr>')
+            rows.append(f'<tr><th colspan="{len(shown.heads)}">{escape(cell_text(cell))}</th></tr>')
         for _, (first, *rest) in lines:
-            rows.append(f'<tr><td class="name">{escape(first)}</td>{_entries(rest)}</tr>')
+            entries = "".join(f"<td>{escape(text)}</td>" for text in rest)
+            rows.append(f'<tr><td class="name">{escape(first)}</td>{entries}</tr>')
     return table(shown.heads, rows)
-
-
-def _entries(texts: Iterable[str]) -> str:
-    return "".join(f"<td>{escape(text)}</td>" for text in texts)
 
 
 def runtime_tables(found: Sequence[Answer]) -> str:
     """A line for each cell and a column for each planner, as in the table of [Li22]."""
     own = [answer for answer in found if answer.cell is not None]
     planners = list(dict.fromkeys(answer.planner for answer in own))
-    return "\n".join(_pivot(metric, list(lines), planners) for metric, lines in groupby(own, lambda a: a.metric))
+    return _headed(_pivot(metric, list(lines), planners) for metric, lines in groupby(own, lambda a: a.metric))
 
 
-def _pivot(metric: Metric, found: Sequence[Answer], planners: Sequence[str]) -> str:
-    rows = []
+def _pivot(metric: Metric, found: Sequence[Answer], planners: Sequence[str]) -> Table:
+    rows: list[tuple[Cell | None, list[str]]] = []
     for cell, lines in groupby(found, lambda answer: answer.cell):
         means = {answer.planner: answer.mean.text(metric) for answer in lines}
-        rows.append(f"<tr>{_entries([_place(cell) or 'all missions', *(means.get(p, '') for p in planners)])}</tr>")
-    return f"<h3>{escape(metric.title)}{_aim(metric)}</h3>\n{table(['cell', *planners], rows)}"
+        rows.append(((), [cell_text(cell) or "all missions", *(means.get(planner, "") for planner in planners)]))
+    return Table(metric.title, ["cell", *planners], rows, metric)
+
+
+def _headed(tables: Iterable[Table]) -> str:
+    return "\n".join(f"<h3>{escape(t.title)}{_aim(t.metric)}</h3>\n{html_table(t)}" for t in tables)
 
 
 def _aim(metric: Metric | None) -> str:
     """Way in which the metric is better, behind a title; nothing behind that of another table."""
-    aim = "" if metric is None or metric.better == "neither" else f": {metric.better} is better"
-    return f'<span class="soft">{aim}</span>' if metric else ""
-
-
-def _place(cell: Cell | None) -> str:
-    return "all cells, seed by seed" if cell is None else cell_text(cell)
+    return f'<span class="soft">: {metric.better} is better</span>' if metric and metric.better != "neither" else ""
 
 
 def verdict(planner: str, baseline: str, metric: Metric, gap: Difference, *, shown: int = 1) -> str:

@@ -31,7 +31,7 @@ from sim.study.tasks import Row
 from tracking.plugins.registry import InputError
 
 _FIGURES = r"(ecdf|time|maps|runtime|score)(-[a-z0-9-]+)?\.(svg|png)"  # what a report calls them
-HOW_TO_READ = (
+_HOW_TO_READ = (
     "A map is the forest and the people that one seed gives; every planner flies the same ones. A cell is a setting of "
     "what the study varies.",
     "Brackets hold 95 % intervals over the maps of a cell: Student's, lengthened for skewness, for means and mean "
@@ -109,7 +109,7 @@ def made(rows: Sequence[Row], about: About) -> dict[str, bytes]:
         ("Figures", _figures(drawn)),
         *([("Run time", _figures(timing) + runtime_tables(times))] if times else []),
         *_trials(groups, every, metrics[0]),
-        ("How to read this", listed(HOW_TO_READ)),
+        ("How to read this", listed(_HOW_TO_READ)),
     ]
     files = {
         "report.html": page(f"{about.study}: understory", sections).encode(),

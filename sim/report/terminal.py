@@ -20,7 +20,7 @@ from sim.report.tables import Table, notes, score_table, shortfalls, tables
 from sim.study.tasks import Row
 from sim.terminal.console import console
 
-WIDE = 100  # columns from which on there is room for all columns
+_WIDE = 100  # columns from which on there is room for all columns
 _WIDE_ONLY = ("median", "maps needed")
 
 
@@ -38,7 +38,7 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
     if everywhere:
         on.print(f"Everywhere: {escape(cell_text(everywhere))}")
     for table in tables(found, shorts[first]):
-        on.print(_terminal_table(table, on.width >= WIDE))
+        on.print(_terminal_table(table, on.width >= _WIDE))
     if scores := scored(rows, groups, about.score, about.labels):
         table = score_table(scores, groups)
         on.print(_terminal_table(table._replace(heads=[shorts.get(head, head) for head in table.heads])))
@@ -46,7 +46,7 @@ def show(rows: Sequence[Row], about: About, *, on: Console = console) -> None:
     for label, short in shorts.items():
         if short != label:
             on.print(f"{escape(short)} is {escape(label)}", style="dim", soft_wrap=True)
-    for note in notes(found, wide=on.width >= WIDE):
+    for note in notes(found, wide=on.width >= _WIDE):
         on.print(escape(note), style="dim")
     for line in shortfalls(found):
         on.print(escape(line), style="bold red")
