@@ -136,12 +136,12 @@ def _figures(pictures: Sequence[Picture]) -> str:
 
 def _trials(groups: Sequence[Group], every: Sequence[Group], metric: Metric) -> list[tuple[str, str]]:
     table, places = maps(groups, metric)
-    failed = [row for group in every for row in group.failed]
+    failed = sum(len(group.failed) for group in every)
     heading = "Least and greatest maps" if metric.better == "neither" else "Best and worst maps"
     hint = "A click selects a command for the shell. It leaves film and recording under runs/."
     return [
         *([(heading, paragraph(f"In {metric.title}.") + table)] if places else []),
-        *([(f"Failures: {len(failed)}", failures(failed))] if failed else []),
+        *([(f"Failures: {failed}", failures(every))] if failed else []),
         *([("Fly them again", paragraph(hint) + places)] if places else []),
     ]
 

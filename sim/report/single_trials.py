@@ -5,7 +5,7 @@ import shlex
 from collections.abc import Sequence
 from html import escape
 
-from sim.analysis.cell_text import Cell, cell_text, cells_of, slug
+from sim.analysis.cell_text import Cell, cell_text, slug
 from sim.analysis.cells import Group
 from sim.analysis.planner_labels import entrant
 from sim.evaluation.metric import Metric
@@ -59,12 +59,13 @@ def _extremes(groups: Sequence[Group], metric: Metric) -> list[tuple[Group, Row,
     return found
 
 
-def failures(rows: Sequence[Row]) -> str:
+def failures(groups: Sequence[Group]) -> str:
     """Every trial that failed, with its error and command."""
+    failed = [(group.cell, row) for group in groups for row in group.failed]
     return "\n".join(
-        f'<div class="map failed" id="failure-{number}">{escape(_label(cells_of([row])[0], row))}: '
+        f'<div class="map failed" id="failure-{number}">{escape(_label(cell, row))}: '
         f"<strong>{escape(row.error or 'no error')}</strong>{commanded(command(row))}</div>"
-        for number, row in enumerate(rows, start=1)
+        for number, (cell, row) in enumerate(failed, start=1)
     )
 
 

@@ -126,6 +126,13 @@ def test_verdicts_and_figures_name_the_cell_of_what_has_no_mean_over_cells(witho
     assert "<li>b (λ = 75) is worse than a: " in text and "Median OSPA at the last scan: a (λ = 15) 1.00 m; " in text
 
 
+def test_labels_of_failures_name_scenario_and_version_where_they_differ(without_pictures):
+    places = {"scenario": "dense", "version": "0.2.0"}
+    given = [row("a", 0), row("a", 1), row("a", 0, **places), failed("a", 1, error="ValueError: full", **places)]
+    (shown,) = Page(made(given, About("x"))["report.html"].decode()).of("div", class_="map failed")
+    assert shown[1].startswith("scenario = dense, version = 0.2.0, a, seed 1: ValueError: full")
+
+
 def test_where_neither_way_is_better_no_map_is_called_best(without_pictures):
     given = [row("a", seed, metrics={"nees.position": 1.0 + seed}) for seed in range(3)]
     text = made(given, About("x", metrics=("nees.position",)))["report.html"].decode()
