@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 
 from helpers import synthetic
+from helpers.flights import IDEAL
+from helpers.flights import recorded as recorded_in_flight
 from helpers.recordings import broken, record
 from sim.drawing.film import Film, Video
 from sim.recording.fault_text import recorded
@@ -30,6 +32,15 @@ def eventful():
     for person, first, last in LOST:
         means[(recording.track_ids == person + 1) & (first <= scan) & (scan <= last), :2] += 4.0
     return dataclasses.replace(broken(recording, 2, 10), track_means=means, faults=recorded(FAULTS)), setting
+
+
+def lost_between_tenths():
+    """A mission at 20 scans a second in which all people are lost at scan 3, at 0.15 s, until scan 6."""
+    recording, _ = recorded_in_flight(*IDEAL, "rates.sensing=20", "sensing.field_of_view=unlimited", duration=1)
+    means, uavs = recording.track_means.copy(), recording.poses.shape[1]
+    scan = np.repeat(np.arange(len(recording.track_offsets) - 1), np.diff(recording.track_offsets)) // uavs
+    means[(scan >= 3) & (scan <= 5), :2] += 30.0
+    return dataclasses.replace(recording, track_means=means)
 
 
 def film_of(path, recording, setting):

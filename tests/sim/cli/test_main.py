@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from helpers.commands import fly_here
+from helpers.flown_pages import lost_between_tenths
 from helpers.processes import python
 from helpers.recordings import record
 
@@ -82,6 +83,12 @@ def test_a_mission_without_people_is_explained(call, tmp_path):
     code, out, err = call("explain", ".")
     assert (code, err) == (0, "") and out.startswith("No person walked in this mission.\n")
     assert (tmp_path / "timeline.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_command_to_the_longest_loss_names_its_scan(call, tmp_path):
+    save(lost_between_tenths(), tmp_path / "mission.npz")
+    code, out, err = call("explain", ".")
+    assert (code, err) == (0, "") and "understory explain . --target 0 --time 0.15\n" in out
 
 
 def test_commands_that_fly_nothing_import_no_engine_which_says_nothing(tmp_path):

@@ -10,7 +10,7 @@ import shlex
 
 import numpy as np
 import pytest
-from helpers.flown_pages import EVIL, LOST, flown
+from helpers.flown_pages import EVIL, LOST, flown, lost_between_tenths
 from helpers.html_pages import Page
 from typer.main import get_command
 
@@ -19,6 +19,7 @@ from sim.drawing.film import parts_of
 from sim.mission.trial import Trial
 from sim.recording.fault_text import recorded
 from sim.replay.flight import Flight
+from sim.replay.frames.pages import scans_between
 from sim.replay.frames.sightings import Sight
 from sim.replay.history import BROKEN, STATES, History
 from sim.replay.page.data import page_data
@@ -78,7 +79,17 @@ def test_losses_are_those_made_and_commands_lead_to_them(mission, text):
         allowed = {option for parameter in known[name].params for option in parameter.opts}
         assert set(options[::2]) in OPTIONS[name] and set(options[::2]) <= allowed
     explained = [line[4::2] for line in lines if line[1] == "explain" and "--target" in line]
-    assert explained == [["1.0", "2"], ["1.6", "1"], ["3.0", "0"]]
+    assert explained == [["1", "2"], ["1.6", "1"], ["3", "0"]]
+
+
+def test_commands_name_the_scan_of_an_event_at_any_rate():
+    recording = lost_between_tenths()
+    sheet = Page(page(Flight(recording)))
+    lines = [shlex.split(shown) for _, shown in sheet.of("code")]
+    times = {line[line.index("--time") + 1] for line in lines if "--time" in line}
+    assert "0.15" in times
+    firsts = {int(given["data-first"]) for given, _ in sheet.of("li") if "data-person" in given}
+    assert {scans_between(recording, float(time), None)[0] for time in times} == firsts
 
 
 def test_the_data_are_those_of_the_recording(mission, text):
